@@ -1,0 +1,44 @@
+"""Certified minimum distances between models: the library, usable without ROS.
+
+Lengths are metres, poses 4×4 float64 matrices from model to world. Every answer holds certified
+bounds: `lower <= true distance <= upper`.
+"""
+
+from .load import load
+from .mesh import ModelError, TriangleMesh, points, polyline
+from .pair import Pair
+from .poses import check_pose
+from .query import closest_points, collide, distance, distances, within
+from .result import (
+    Clearance,
+    ClosestPoints,
+    Collision,
+    Distance,
+    Distances,
+    Feature,
+    Status,
+)
+from .tree import check_tree
+
+__all__ = [
+    "Clearance",
+    "ClosestPoints",
+    "Collision",
+    "Distance",
+    "Distances",
+    "Feature",
+    "ModelError",
+    "Pair",
+    "Status",
+    "TriangleMesh",
+    "check_pose",
+    "check_tree",
+    "closest_points",
+    "collide",
+    "distance",
+    "distances",
+    "load",
+    "points",
+    "polyline",
+    "within",
+]

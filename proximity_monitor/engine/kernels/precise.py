@@ -1,0 +1,112 @@
+"""Arithmetic with twice the precision of float64, for the few signs and normals that need it.
+
+A number is a pair (high, low) with high = fl(high + low). The error-free transformations are those
+of Dekker 1971 and Knuth (as in Shewchuk 1997, sections 2.3 and 2.4); they hold under strict IEEE
+arithmetic, so nothing here is compiled with fast-math flags.
+"""
+
+from __future__ import annotations
+
+from ..tolerances import DOUBLE_EPS
+from .jit import kernel
+from .vectors import sub
+
+_SPLITTER = 134217729.0  # 2^27 + 1
+
+
+@kernel
+def two_sum(a, b):
+    """a + b exactly, as (rounded sum, rounding error)."""
+    s = a + b
+    v = s - a
+    return s, (a - (s - v)) + (b - v)
+
+
+@kernel
+def two_product(a, b):
+    """a * b exactly, as (rounded product, rounding error)."""
+    p = a * b
+    t = _SPLITTER * a
+    ah = t - (t - a)
+    al = a - ah
+    t = _SPLITTER * b
+    bh = t - (t - b)
+    bl = b - bh
+    return p, al * bl - (((p - ah * bh) - al * bh) - ah * bl)
+
+
+@kernel
+def difference_of_products(a, b, c, d):
+    """a b - c d, correctly rounded to about one unit in the last place (Kahan's method)."""
+    p, e = two_product(a, b)
+    q, f = two_product(c, d)
+    s, g = two_sum(p, -q)
+    return s + (g + (e - f))
+
+
+@kernel
+def cross_precise(a, b):
+    """Vector product whose components are all accurate, however close to parallel a and b are."""
+    return (
+        difference_of_products(a[1], b[2], a[2], b[1]),
+        difference_of_products(a[2], b[0], a[0], b[2]),
+        difference_of_products(a[0], b[1], a[1], b[0]),
+    )
+
+
+@kernel
+def _times(a, b):
+    p, e = two_product(a[0], b[0])
+    return two_sum(p, e + (a[0] * b[1] + a[1] * b[0]))
+
+
+@kernel
+def _plus(a, b):
+    s, e = two_sum(a[0], b[0])
+    return two_sum(s, e + (a[1] + b[1]))
+
+
+@kernel
+def _minus(a, b):
+    return _plus(a, (-b[0], -b[1]))
+
+
+@kernel
+def _minor(a, b, c, d):
+    return _minus(_times(a, b), _times(c, d))
+
+
+@kernel
+def orientation(a, b, c, d):
+    """Sign of (a - d) . ((b - d) x (c - d)): which side of the plane through a, b, c holds d.
+
+    Returns -1, 0 or 1. A float64 filter decides nearly always; else the determinant is taken with
+    twice the precision, and 0 means that it vanishes to 2^-96 of its terms: the four points are
+    coplanar for every purpose.
+    """
+    ad, bd, cd = sub(a, d), sub(b, d), sub(c, d)
+    m0 = bd[1] * cd[2]
+    m1 = bd[2] * cd[1]
+    m2 = bd[2] * cd[0]
+    m3 = bd[0] * cd[2]
+    m4 = bd[0] * cd[1]
+    m5 = bd[1] * cd[0]
+    value = ad[0] * (m0 - m1) + ad[1] * (m2 - m3) + ad[2] * (m4 - m5)
+    terms = (
+        abs(ad[0]) * (abs(m0) + abs(m1))
+        + abs(ad[1]) * (abs(m2) + abs(m3))
+        + abs(ad[2]) * (abs(m4) + abs(m5))
+    )
+    # Shewchuk 1997, section 4.3: 7 u (1 + 8 u) of the terms suffices; 8 u is simpler.
+    if abs(value) > 8.0 * DOUBLE_EPS * terms:
+        return 1 if value > 0.0 else -1
+    ax, ay, az = two_sum(a[0], -d[0]), two_sum(a[1], -d[1]), two_sum(a[2], -d[2])
+    bx, by, bz = two_sum(b[0], -d[0]), two_sum(b[1], -d[1]), two_sum(b[2], -d[2])
+    cx, cy, cz = two_sum(c[0], -d[0]), two_sum(c[1], -d[1]), two_sum(c[2], -d[2])
+    precise = _plus(
+        _plus(_times(ax, _minor(by, cz, bz, cy)), _times(ay, _minor(bz, cx, bx, cz))),
+        _times(az, _minor(bx, cy, by, cx)),
+    )
+    if abs(precise[0]) <= 2.0**-96 * terms:
+        return 0
+    return 1 if precise[0] > 0.0 else -1

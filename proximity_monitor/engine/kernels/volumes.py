@@ -1,0 +1,185 @@
+"""Certified lower bounds between one swept sphere volume and the sixteen of a wide node.
+
+A volume is {c + s u + t v : |s|, |t| <= 1} swept by a ball of radius r: a rectangle swept sphere
+with half edges u and v, a line swept sphere where v = 0, a point swept sphere where both vanish
+(Larsen et al. 1999, section 4). One kernel serves the three, in any mixture.
+
+The bound is a support gap, not a distance between closest points: for *any* direction n the gap
+between the two volumes' projections on n is a lower bound of their distance (section 4.3.2 calls
+it the separating axis variation). Good directions come from a few alternating projections between
+the rectangles and from the two rectangles' normals. Nothing here can make the bound wrong: a poor
+direction makes it weaker, and single precision is paid for by a margin (`single_margin`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import float32, uint64
+
+from ..tolerances import SINGLE_EPS, SINGLE_LIMIT, SINGLE_MARGIN, SINGLE_TINY
+from .jit import kernel, loop16
+from .vectors import cross, dot, moved, rotated, scaled
+
+WIDTH = 16
+"""Lanes of a node: one AVX-512 register of float32. LLVM does not vectorise a loop over 8."""
+
+FIELDS = 12
+"""Numbers of a lane: centre 3, u 3, v 3, radius, 1/|u|², 1/|v|² (0 where the edge vanishes)."""
+
+STRIDE = WIDTH * FIELDS
+"""Numbers of a node: field f of lane k stands at `node * STRIDE + f * WIDTH + k`."""
+
+EMPTY_RADIUS = -1e30
+"""Radius of an unused lane: its bound is beyond every distance, so it never survives."""
+
+_F1 = uint64(1 * WIDTH)
+_F2 = uint64(2 * WIDTH)
+_F3 = uint64(3 * WIDTH)
+_F4 = uint64(4 * WIDTH)
+_F5 = uint64(5 * WIDTH)
+_F6 = uint64(6 * WIDTH)
+_F7 = uint64(7 * WIDTH)
+_F8 = uint64(8 * WIDTH)
+_F9 = uint64(9 * WIDTH)
+_F10 = uint64(10 * WIDTH)
+_F11 = uint64(11 * WIDTH)
+_ONE = float32(1.0)
+_TINY = float32(SINGLE_TINY)
+
+
+@loop16
+def lower_bounds(nodes, base, single, bounds):
+    """Lower bounds between `single` and each lane of the node at `base`, into `bounds` (16,).
+
+    `nodes` is the flat float32 array of all lanes, `base` a uint64 (a signed index would add a
+    wrap-around test to each load and keep the loop scalar), `single` the 15 numbers of `place`.
+    """
+    ax, ay, az = single[0], single[1], single[2]
+    Ux, Uy, Uz = single[3], single[4], single[5]
+    Vx, Vy, Vz = single[6], single[7], single[8]
+    iU, iV = single[9], single[10]
+    Wx, Wy, Wz = single[11], single[12], single[13]
+    radius = single[14]
+    for k in range(WIDTH):
+        i = base + uint64(k)
+        dx = ax - nodes[i]
+        dy = ay - nodes[i + _F1]
+        dz = az - nodes[i + _F2]
+        ux, uy, uz = nodes[i + _F3], nodes[i + _F4], nodes[i + _F5]
+        vx, vy, vz = nodes[i + _F6], nodes[i + _F7], nodes[i + _F8]
+        iu, iv = nodes[i + _F10], nodes[i + _F11]
+        # Alternating projections between the rectangles, on inner products alone.
+        Du = dx * ux + dy * uy + dz * uz
+        Dv = dx * vx + dy * vy + dz * vz
+        DU = dx * Ux + dy * Uy + dz * Uz
+        DV = dx * Vx + dy * Vy + dz * Vz
+        uU = ux * Ux + uy * Uy + uz * Uz
+        uV = ux * Vx + uy * Vy + uz * Vz
+        vU = vx * Ux + vy * Uy + vz * Uz
+        vV = vx * Vx + vy * Vy + vz * Vz
+        p = min(max(Du * iu, -_ONE), _ONE)
+        q = min(max(Dv * iv, -_ONE), _ONE)
+        for _ in range(2):
+            S = min(max((p * uU + q * vU - DU) * iU, -_ONE), _ONE)
+            T = min(max((p * uV + q * vV - DV) * iV, -_ONE), _ONE)
+            p = min(max((Du + S * uU + T * uV) * iu, -_ONE), _ONE)
+            q = min(max((Dv + S * vU + T * vV) * iv, -_ONE), _ONE)
+        S = min(max((p * uU + q * vU - DU) * iU, -_ONE), _ONE)
+        T = min(max((p * uV + q * vV - DV) * iV, -_ONE), _ONE)
+        nx = dx + S * Ux + T * Vx - p * ux - q * vx
+        ny = dy + S * Uy + T * Vy - p * uy - q * vy
+        nz = dz + S * Uz + T * Vz - p * uz - q * vz
+        # The support gap along that direction, each product taken afresh: the inner products
+        # above would cancel where the volumes are close.
+        gap = (
+            nx * dx + ny * dy + nz * dz
+            - abs(nx * Ux + ny * Uy + nz * Uz)
+            - abs(nx * Vx + ny * Vy + nz * Vz)
+            - abs(nx * ux + ny * uy + nz * uz)
+            - abs(nx * vx + ny * vy + nz * vz)
+        ) / np.sqrt(max(nx * nx + ny * ny + nz * nz, _TINY))  # fmt: skip
+        # ... along the lane's normal (zero where an edge vanishes: then the gap is 0 or less;
+        # perpendicular to its own edges up to rounding, which the margin covers) ...
+        wx = uy * vz - uz * vy
+        wy = uz * vx - ux * vz
+        wz = ux * vy - uy * vx
+        gap_lane = (
+            abs(wx * dx + wy * dy + wz * dz)
+            - abs(wx * Ux + wy * Uy + wz * Uz)
+            - abs(wx * Vx + wy * Vy + wz * Vz)
+        ) / np.sqrt(max(wx * wx + wy * wy + wz * wz, _TINY))  # fmt: skip
+        # ... and along the single volume's.
+        gap_single = (
+            abs(Wx * dx + Wy * dy + Wz * dz)
+            - abs(Wx * ux + Wy * uy + Wz * uz)
+            - abs(Wx * vx + Wy * vy + Wz * vz)
+        )
+        bounds[k] = max(max(gap, gap_lane), gap_single) - nodes[i + _F9] - radius
+
+
+@kernel
+def place(nodes, node, lane, centre, unit, motion, target_centre, target_unit, extent, slack, out):
+    """Move one lane into the frame of another tree's node, as the `single` of `lower_bounds`.
+
+    `centre`, `target_centre` are the two nodes' centres in their own units; `motion` the twelve
+    numbers of the pose from the lane's model to the target's; `extent` the target node's reach;
+    `slack` what the motion may err by, in metres. Writes 15 float32 and returns True; or returns
+    False where the volume is too far away or too large for single precision (see `far_bound`).
+    """
+    c = read_vector(nodes, node, lane, 0)
+    radius = np.float64(nodes[uint64(node * STRIDE + lane + 9 * WIDTH)])
+    ratio = unit / target_unit
+    c = moved(motion, scaled((c[0] + centre[0], c[1] + centre[1], c[2] + centre[2]), unit))
+    x = c[0] / target_unit - target_centre[0]
+    y = c[1] / target_unit - target_centre[1]
+    z = c[2] / target_unit - target_centre[2]
+    u = scaled(rotated(motion, read_vector(nodes, node, lane, 3)), ratio)
+    v = scaled(rotated(motion, read_vector(nodes, node, lane, 6)), ratio)
+    uu, vv = dot(u, u), dot(v, v)
+    radius *= ratio
+    reach = abs(x) + abs(y) + abs(z) + np.sqrt(uu) + np.sqrt(vv) + radius
+    if not reach < SINGLE_LIMIT:
+        return False
+    out[0], out[1], out[2] = np.float32(x), np.float32(y), np.float32(z)
+    out[3], out[4], out[5] = np.float32(u[0]), np.float32(u[1]), np.float32(u[2])
+    out[6], out[7], out[8] = np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
+    out[9] = np.float32(1.0 / uu) if uu > SINGLE_TINY else np.float32(0.0)
+    out[10] = np.float32(1.0 / vv) if vv > SINGLE_TINY else np.float32(0.0)
+    w = cross(u, v)
+    ww = dot(w, w)
+    w = scaled(w, 1.0 / np.sqrt(ww)) if ww > SINGLE_TINY * uu else (0.0, 0.0, 0.0)
+    out[11], out[12], out[13] = np.float32(w[0]), np.float32(w[1]), np.float32(w[2])
+    margin = SINGLE_MARGIN * (reach + extent) + slack / target_unit
+    out[14] = np.float32((radius + margin) * (1.0 + 2.0 * SINGLE_EPS))
+    return True
+
+
+@kernel
+def far_bound(nodes, node, lane, centre, unit, motion, target_centre, target_unit, extent, slack):
+    """Lower bound in metres between one lane's sphere and a whole node's, in float64.
+
+    Serves where `place` refuses: some 1e15 node units away or larger, where spheres are as good.
+    """
+    c = read_vector(nodes, node, lane, 0)
+    u = read_vector(nodes, node, lane, 3)
+    v = read_vector(nodes, node, lane, 6)
+    radius = np.float64(nodes[uint64(node * STRIDE + lane + 9 * WIDTH)])
+    c = moved(motion, scaled((c[0] + centre[0], c[1] + centre[1], c[2] + centre[2]), unit))
+    d = (
+        c[0] - target_centre[0] * target_unit,
+        c[1] - target_centre[1] * target_unit,
+        c[2] - target_centre[2] * target_unit,
+    )
+    reach = unit * (np.sqrt(dot(u, u)) + np.sqrt(dot(v, v)) + radius) + extent * target_unit
+    return (np.sqrt(dot(d, d)) - reach) * (1.0 - 1e-12) - slack
+
+
+@kernel
+def read_vector(nodes, node, lane, field):
+    """Three consecutive fields of a lane, as float64."""
+    base = uint64(node * STRIDE + lane + field * WIDTH)
+    return (
+        np.float64(nodes[base]),
+        np.float64(nodes[base + uint64(WIDTH)]),
+        np.float64(nodes[base + uint64(2 * WIDTH)]),
+    )

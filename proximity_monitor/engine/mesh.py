@@ -1,0 +1,144 @@
+"""Triangle meshes: the model that the hierarchy is built for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .tolerances import DOUBLE_EPS, LARGEST_COORDINATE
+from .tree import build
+
+if TYPE_CHECKING:
+    from .kernels.search import Tree
+
+
+class ModelError(ValueError):
+    """A model's file or arrays are not what they should be; the message names which and where."""
+
+
+class TriangleMesh:
+    """A triangle mesh with its bounding volume hierarchy, ready for queries.
+
+    The arrays are copied, checked and frozen; degenerate triangles (segments, points) are kept and
+    take part like any others.
+
+    Args:
+        vertices: (n, 3) metres, model frame.
+        faces: (m, 3) integers, indices of vertices; m >= 1.
+        name: what messages call this mesh.
+
+    Raises:
+        ModelError: wrong shapes, no faces, a vertex that is not finite or beyond 1e45 m, a face
+            that names no vertex; the message says which.
+    """
+
+    __slots__ = ("_face_of", "_tree", "centre", "depth", "faces", "name", "radius", "vertices")
+
+    vertices: NDArray[np.float64]
+    """(n, 3) metres, model frame; read-only."""
+    faces: NDArray[np.int32]
+    """(m, 3) indices of vertices; read-only."""
+    centre: NDArray[np.float64]
+    """(3,) metres, model frame: centre of a sphere that holds every used vertex."""
+    radius: float
+    """Metres: radius of that sphere, rounding included."""
+
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -> None:
+        self.name = name
+        self.vertices = _checked_vertices(vertices, name)
+        self.faces = _checked_faces(faces, len(self.vertices), name)
+        corners = np.ascontiguousarray(self.vertices[self.faces].reshape(-1, 9))
+        self.centre, self.radius = _bounding_sphere(corners.reshape(-1, 3))
+        self._tree: Tree
+        self._tree, self._face_of, self.depth = build(corners)
+
+    def __repr__(self) -> str:
+        """Name and size."""
+        return f"TriangleMesh({self.name!r}, {len(self.vertices)} vertices, {len(self.faces)} faces)"
+
+
+def _checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:
+    try:
+        array = np.array(vertices, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"{name}: vertices: not an array of numbers: {error}") from None
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ModelError(f"{name}: vertices: shape {array.shape}, expected (n, 3)")
+    if len(array) == 0:
+        raise ModelError(f"{name}: vertices: there are none")
+    bad = ~(np.abs(array) <= LARGEST_COORDINATE).all(axis=1)
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise ModelError(
+            f"{name}: vertices[{first}] = {array[first].tolist()}: every coordinate must be finite "
+            f"and at most {LARGEST_COORDINATE:g} m ({int(bad.sum())} such vertices)"
+        )
+    array.setflags(write=False)
+    return array
+
+
+def _checked_faces(faces: ArrayLike, vertex_count: int, name: str) -> NDArray[np.int32]:
+    try:
+        given = np.asarray(faces)
+    except ValueError as error:
+        raise ModelError(f"{name}: faces: not an array: {error}") from None
+    if given.size == 0:
+        raise ModelError(f"{name}: faces: there are none; a model needs at least one triangle")
+    if given.ndim != 2 or given.shape[1] != 3:
+        raise ModelError(f"{name}: faces: shape {given.shape}, expected (m, 3)")
+    if given.dtype.kind not in "iu":
+        raise ModelError(f"{name}: faces: dtype {given.dtype}, expected integers")
+    bad = ((given < 0) | (given >= vertex_count)).any(axis=1)
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise ModelError(
+            f"{name}: faces[{first}] = {given[first].tolist()}: names no vertex; there are "
+            f"{vertex_count}, numbered from 0 ({int(bad.sum())} such faces)"
+        )
+    array = np.array(given, dtype=np.int32, order="C")
+    array.setflags(write=False)
+    return array
+
+
+def _bounding_sphere(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Centre of the bounding box and the largest distance from it, rounded up."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    centre = 0.5 * low + 0.5 * high
+    radius = float(np.sqrt(((points - centre) ** 2).sum(axis=1).max()))
+    centre.setflags(write=False)
+    rounding = 8.0 * DOUBLE_EPS * (radius + float(np.abs(centre).sum()))
+    return centre, radius + rounding
+
+
+def points(coordinates: ArrayLike, *, name: str = "points") -> TriangleMesh:
+    """Points as a model: each is a degenerate triangle.
+
+    Args:
+        coordinates: (n, 3) metres, model frame; n >= 1.
+        name: what messages call it.
+
+    Raises:
+        ModelError: as for TriangleMesh.
+    """
+    array = _checked_vertices(coordinates, name)
+    index = np.arange(len(array), dtype=np.int32)
+    return TriangleMesh(array, np.stack((index, index, index), axis=1), name=name)
+
+
+def polyline(coordinates: ArrayLike, *, name: str = "polyline") -> TriangleMesh:
+    """A polyline as a model: each segment is a degenerate triangle.
+
+    Args:
+        coordinates: (n, 3) metres, model frame; n >= 2; repeat the first point to close it.
+        name: what messages call it.
+
+    Raises:
+        ModelError: fewer than two points; else as for TriangleMesh.
+    """
+    array = _checked_vertices(coordinates, name)
+    if len(array) < 2:
+        raise ModelError(f"{name}: a polyline needs at least two points, got {len(array)}")
+    index = np.arange(len(array) - 1, dtype=np.int32)
+    return TriangleMesh(array, np.stack((index, index + 1, index + 1), axis=1), name=name)

@@ -1,0 +1,60 @@
+"""Poses: 4×4 matrices that map a model into the world."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .kernels.motion import pose_deviation
+from .tolerances import LARGEST_COORDINATE, RIGID_TOLERANCE
+
+
+def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
+    """The pose as the kernels take it, (4, 4) float64 and contiguous; its content is not checked.
+
+    Raises:
+        ValueError: not numbers, or another shape.
+    """
+    if type(pose) is np.ndarray and pose.dtype == np.float64 and pose.flags.c_contiguous:
+        array = pose
+    else:
+        try:
+            array = np.ascontiguousarray(pose, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{name}: not a matrix of numbers: {error}") from None
+    if array.shape != (4, 4):
+        raise ValueError(f"{name}: shape {array.shape}, expected a (4, 4) homogeneous matrix")
+    return array
+
+
+def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
+    """The pose as a (4, 4) float64 array, proven to be a rigid motion.
+
+    Args:
+        pose: 4×4 homogeneous matrix, model to world; translation in metres.
+        name: what an error calls it.
+
+    Raises:
+        ValueError: another shape, not finite, a last row other than (0, 0, 0, 1), a rotation that
+            scales, shears or mirrors by more than 1e-6; the message says which.
+    """
+    array = as_pose(pose, name)
+    if pose_deviation(array) <= 2.0 * RIGID_TOLERANCE:
+        return array
+    if not np.isfinite(array).all():
+        row, column = np.argwhere(~np.isfinite(array))[0].tolist()
+        raise ValueError(f"{name}[{row}, {column}] = {array[row, column]}: must be finite")
+    if np.abs(array[3] - (0.0, 0.0, 0.0, 1.0)).max() > 2.0 * RIGID_TOLERANCE:
+        raise ValueError(
+            f"{name}: last row {array[3].tolist()}, expected [0, 0, 0, 1] (is it transposed?)"
+        )
+    if np.abs(array[:3, 3]).max() >= LARGEST_COORDINATE / 3.0:
+        raise ValueError(f"{name}: translation {array[:3, 3].tolist()} m is beyond any world")
+    rotation = array[:3, :3]
+    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max()) / 2.0
+    if error > RIGID_TOLERANCE:
+        raise ValueError(
+            f"{name}: no rigid motion: its rotation changes lengths by {error:.3g} "
+            f"(up to {RIGID_TOLERANCE:g} is allowed); scale the model, not the pose"
+        )
+    raise ValueError(f"{name}: no rigid motion: its rotation mirrors (determinant below 0)")

@@ -1,0 +1,193 @@
+"""The questions, asked once; `Pair` asks them again and again."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .kernels import closest as closest_kernel
+from .kernels import search as kernel
+from .mesh import TriangleMesh
+from .pair import Pair, check_tolerance, new_state
+from .poses import check_pose
+from .result import Clearance, ClosestPoints, Collision, Distance, Distances
+
+_CHUNK = 256
+"""Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
+answers are the same however many threads there are."""
+
+
+def distance(
+    a: TriangleMesh,
+    pose_a: NDArray[np.float64],
+    b: TriangleMesh,
+    pose_b: NDArray[np.float64],
+    *,
+    rel_err: float = 0.0,
+    abs_err: float = 0.0,
+    budget_s: float | None = None,
+) -> Distance:
+    """Minimum distance between two surfaces, with certified bounds and witness points.
+
+    Zero where the surfaces touch or cross. A search goes on until the bounds meet to rounding, or
+    a tolerance or the budget allows it to stop (Larsen et al. 1999, sections 3 and 5.3, eq. 4).
+
+    Args:
+        a: first model.
+        pose_a: (4, 4) model to world, metres.
+        b: second model.
+        pose_b: (4, 4) model to world, metres.
+        rel_err: stop when upper <= (1 + rel_err) · true distance.
+        abs_err: metres; stop when upper <= true distance + abs_err, whichever is reached first.
+        budget_s: seconds; stop with certified bounds when they are over. None: no limit.
+
+    Returns:
+        The bounds, in metres, witness points and why the search stopped.
+
+    Raises:
+        ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
+    """
+    return Pair(a, b).distance(
+        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
+    )
+
+
+def within(
+    a: TriangleMesh,
+    pose_a: NDArray[np.float64],
+    b: TriangleMesh,
+    pose_b: NDArray[np.float64],
+    clearance: float,
+) -> Clearance:
+    """Whether two surfaces may be as near as `clearance` metres (a tolerance query).
+
+    Cheaper than `distance`: the first witness ends the search. False is certain; True where a
+    witness is as near, or rounding cannot exclude it.
+
+    Raises:
+        ValueError: a pose that is no rigid motion, a clearance that is negative or NaN.
+    """
+    return Pair(a, b).within(pose_a, pose_b, clearance)
+
+
+def collide(
+    a: TriangleMesh,
+    pose_a: NDArray[np.float64],
+    b: TriangleMesh,
+    pose_b: NDArray[np.float64],
+    *,
+    all_contacts: bool = False,
+) -> Collision:
+    """Whether two surfaces touch or cross, and which triangles do.
+
+    False is certain. With `all_contacts` every pair of touching triangles is returned, else one.
+
+    Raises:
+        ValueError: a pose that is no rigid motion.
+    """
+    return Pair(a, b).collide(pose_a, pose_b, all_contacts=all_contacts)
+
+
+def closest_points(
+    model: TriangleMesh, pose: NDArray[np.float64], points: ArrayLike
+) -> ClosestPoints:
+    """The points of a surface nearest to many given points.
+
+    Args:
+        model: the surface.
+        pose: (4, 4) model to world, metres.
+        points: (k, 3) metres, world.
+
+    Raises:
+        ValueError: a pose that is no rigid motion; points of another shape or not finite.
+    """
+    pose = check_pose(pose)
+    given = np.ascontiguousarray(points, dtype=np.float64)
+    if given.ndim != 2 or given.shape[1] != 3:
+        raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
+    if not np.isfinite(given).all():
+        first = int(np.argwhere(~np.isfinite(given))[0, 0])
+        raise ValueError(f"points[{first}] = {given[first].tolist()}: must be finite")
+    k = len(given)
+    bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
+    capacity = 1 + model.depth * 15
+    closest_kernel.closest_points(
+        model._tree, pose, given, np.empty(capacity, np.int32), np.empty(capacity),
+        bounds, nearest, triangles,
+    )  # fmt: skip
+    return ClosestPoints(bounds[:, 0], bounds[:, 1], nearest, model._face_of[triangles])
+
+
+def distances(
+    a: TriangleMesh,
+    poses_a: ArrayLike,
+    b: TriangleMesh,
+    poses_b: ArrayLike,
+    *,
+    rel_err: float = 0.0,
+    abs_err: float = 0.0,
+    threads: int = 1,
+) -> Distances:
+    """Minimum distances at many poses, in one call.
+
+    Successive poses help each other, so a path is cheaper than the same poses shuffled.
+
+    Args:
+        a: first model.
+        poses_a: (k, 4, 4) model to world, metres.
+        b: second model.
+        poses_b: (k, 4, 4) model to world, metres.
+        rel_err: as for `distance`.
+        abs_err: as for `distance`; metres.
+        threads: how many threads share the work; the answers do not depend on it.
+
+    Raises:
+        ValueError: other shapes, a pose that is no rigid motion (naming it), a negative tolerance.
+    """
+    check_tolerance("rel_err", rel_err)
+    check_tolerance("abs_err", abs_err)
+    if threads < 1:
+        raise ValueError(f"threads = {threads}: must be at least 1")
+    many_a, many_b = _as_poses(poses_a, "poses_a"), _as_poses(poses_b, "poses_b")
+    if len(many_a) != len(many_b):
+        raise ValueError(f"{len(many_a)} poses_a but {len(many_b)} poses_b")
+    k = len(many_a)
+    answers, triangles = np.empty((k, kernel.ANSWER)), np.empty((k, 2), np.int32)
+    tests = np.empty((k, 2), np.int64)
+
+    def answer(first: int) -> None:
+        last = min(first + _CHUNK, k)
+        code, at = kernel.search_many(
+            a._tree, b._tree, new_state(a, b), many_a, many_b, rel_err, abs_err,
+            first, last, answers, triangles, tests,
+        )  # fmt: skip
+        if code == kernel.BAD_POSE_A:
+            check_pose(many_a[at], f"poses_a[{at}]")
+        if code == kernel.BAD_POSE_B:
+            check_pose(many_b[at], f"poses_b[{at}]")
+
+    if threads == 1:
+        for first in range(0, k, _CHUNK):
+            answer(first)
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(answer, range(0, k, _CHUNK)))
+    faces = np.stack((a._face_of[triangles[:, 0]], b._face_of[triangles[:, 1]]), axis=1)
+    return Distances(
+        answers[:, kernel.LOWER],
+        answers[:, kernel.UPPER],
+        answers[:, 2:5],
+        answers[:, 5:8],
+        faces,
+        tests[:, 0],
+        tests[:, 1],
+    )
+
+
+def _as_poses(poses: ArrayLike, name: str) -> NDArray[np.float64]:
+    array = np.ascontiguousarray(poses, dtype=np.float64)
+    if array.ndim != 3 or array.shape[1:] != (4, 4):
+        raise ValueError(f"{name}: shape {array.shape}, expected (k, 4, 4)")
+    return array

@@ -1,0 +1,158 @@
+"""The answers. Every one is certified: what it says holds whatever stopped the search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class Status(Enum):
+    """Why a distance search stopped."""
+
+    EXACT = "exact"
+    """The bounds differ by rounding alone."""
+    WITHIN_TOLERANCE = "within tolerance"
+    """upper <= (1 + rel_err) · true, or upper <= true + abs_err."""
+    OUT_OF_TIME = "out of time"
+    """The budget ended first; the bounds hold, and the same Pair can go on."""
+    INTERSECTING = "intersecting"
+    """The surfaces cross or touch, or are so close that rounding cannot tell: lower is 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """Where a witness point lies on its mesh.
+
+    Attributes:
+        triangle: index into the mesh's faces.
+        barycentric: (3,) weights of the triangle's corners; they are not negative and sum to 1.
+    """
+
+    triangle: int
+    barycentric: NDArray[np.float64]
+
+    @property
+    def kind(self) -> str:
+        """`"vertex"`, `"edge"` or `"face"`: by how many weights are not zero."""
+        return ("vertex", "edge", "face")[int(np.count_nonzero(self.barycentric)) - 1]
+
+
+@dataclass(frozen=True, slots=True)
+class Distance:
+    """Minimum distance of two surfaces: lower <= true distance <= upper.
+
+    Attributes:
+        lower: metres; certified lower bound, never negative.
+        upper: metres; certified upper bound, the distance of the witness points plus what rounding
+            may have done to it.
+        point_a: (3,) metres, world; the witness point on a.
+        point_b: (3,) metres, world; the witness point on b.
+        feature_a: where point_a lies on a.
+        feature_b: where point_b lies on b.
+        status: why the search stopped.
+        bound_tests: bounding volume pairs tested.
+        primitive_tests: triangle pairs tested.
+        elapsed_s: seconds the search took.
+    """
+
+    lower: float
+    upper: float
+    point_a: NDArray[np.float64]
+    point_b: NDArray[np.float64]
+    feature_a: Feature
+    feature_b: Feature
+    status: Status
+    bound_tests: int
+    primitive_tests: int
+    elapsed_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """The answer to "is anything nearer than this?".
+
+    Attributes:
+        within: False only where it is certain that the surfaces are farther apart than asked.
+        lower: metres; certified lower bound of the distance, greater than the clearance asked for
+            where `within` is False.
+        upper: metres; certified upper bound, attained by the witness points.
+        point_a: (3,) metres, world; witness on a, nearer than asked where `within` is True.
+        point_b: (3,) metres, world; witness on b.
+        bound_tests: bounding volume pairs tested.
+        primitive_tests: triangle pairs tested.
+    """
+
+    within: bool
+    lower: float
+    upper: float
+    point_a: NDArray[np.float64]
+    point_b: NDArray[np.float64]
+    bound_tests: int
+    primitive_tests: int
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """Whether two surfaces touch or cross.
+
+    Attributes:
+        colliding: False only where it is certain that they do neither.
+        contacts: (k, 2) int32; triangles of a and of b, indices into their faces, that touch or
+            cross. One pair, or every pair where all of them were asked for.
+        point: (3,) metres, world; a point of the first contact (meaningless without one).
+        bound_tests: bounding volume pairs tested.
+        primitive_tests: triangle pairs tested.
+    """
+
+    colliding: bool
+    contacts: NDArray[np.int32]
+    point: NDArray[np.float64]
+    bound_tests: int
+    primitive_tests: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClosestPoints:
+    """The point of a surface nearest to each of many points.
+
+    Attributes:
+        lower: (k,) metres; certified lower bounds of the distances.
+        upper: (k,) metres; certified upper bounds.
+        points: (k, 3) metres, world; the nearest points of the surface.
+        triangles: (k,) int32; the triangles they lie on, indices into the faces.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+
+
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """Minimum distances at many poses, one row a pose; see `Distance`.
+
+    Attributes:
+        lower: (k,) metres.
+        upper: (k,) metres.
+        points_a: (k, 3) metres, world.
+        points_b: (k, 3) metres, world.
+        triangles: (k, 2) int32; the witness points' triangles, indices into the faces.
+        bound_tests: (k,) bounding volume pairs tested.
+        primitive_tests: (k,) triangle pairs tested.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    points_a: NDArray[np.float64]
+    points_b: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    bound_tests: NDArray[np.int64]
+    primitive_tests: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """How many poses were asked about."""
+        return len(self.lower)
