@@ -11,7 +11,7 @@ from .tolerances import DOUBLE_EPS, LARGEST_COORDINATE
 from .tree import build
 
 if TYPE_CHECKING:
-    from .kernels.search import Tree
+    from .kernels.state import Tree
 
 
 class ModelError(ValueError):
@@ -56,7 +56,8 @@ class TriangleMesh:
 
     def __repr__(self) -> str:
         """Name and size."""
-        return f"TriangleMesh({self.name!r}, {len(self.vertices)} vertices, {len(self.faces)} faces)"
+        size = f"{len(self.vertices)} vertices, {len(self.faces)} faces"
+        return f"TriangleMesh({self.name!r}, {size})"
 
 
 def _checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:

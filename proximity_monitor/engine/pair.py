@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import search as kernel
+from .kernels import state
 from .mesh import TriangleMesh
 from .poses import as_pose, check_pose
 from .result import Clearance, Collision, Distance, Feature, Status
@@ -40,7 +41,7 @@ class Pair:
         self.a = a
         self.b = b
         self._state = new_state(a, b)
-        self._answer = np.zeros(kernel.ANSWER)
+        self._answer = np.zeros(state.ANSWER)
         self._asked: tuple[bytes, bytes, float, float] | None = None
 
     def distance(
@@ -70,28 +71,28 @@ class Pair:
             code = self._run(pose_a, pose_b, rel_err, abs_err, 0.0, math.inf, deadline, fresh)
             self._asked = asked
         answer, counts = self._answer.copy(), self._state.counts
-        weights = self._state.reals[kernel.WEIGHTS_A :].copy()
+        weights = self._state.reals[state.WEIGHTS_A :].copy()
         return Distance(
             float(answer[0]),
             float(answer[1]),
             answer[2:5],
             answer[5:8],
-            Feature(int(self.a._face_of[counts[kernel.TRIANGLE_A]]), weights[:3]),
-            Feature(int(self.b._face_of[counts[kernel.TRIANGLE_B]]), weights[3:]),
+            Feature(int(self.a._face_of[counts[state.TRIANGLE_A]]), weights[:3]),
+            Feature(int(self.b._face_of[counts[state.TRIANGLE_B]]), weights[3:]),
             self._status(code),
-            int(counts[kernel.BOUND_TESTS]),
-            int(counts[kernel.PRIMITIVE_TESTS]),
+            int(counts[state.BOUND_TESTS]),
+            int(counts[state.PRIMITIVE_TESTS]),
             perf_counter() - start,
         )
 
     def _status(self, code: int) -> Status:
         """Why a distance search that returned `code` stopped."""
-        certain = self._state.reals[kernel.DISTANCE] - self._state.reals[kernel.SLACK]
+        certain = self._state.reals[state.DISTANCE] - self._state.reals[state.SLACK]
         if certain <= 0.0:
             return Status.INTERSECTING
-        if code == kernel.CUT:
+        if code == state.CUT:
             return Status.OUT_OF_TIME
-        if self._state.reals[kernel.LIMIT] < certain:
+        if self._state.reals[state.LIMIT] < certain:
             return Status.WITHIN_TOLERANCE
         return Status.EXACT
 
@@ -105,15 +106,15 @@ class Pair:
         beyond = math.nextafter(clearance, math.inf)
         self._run(pose_a, pose_b, 0.0, 0.0, clearance, beyond, None, True)
         answer, counts = self._answer.copy(), self._state.counts
-        lower = float(answer[kernel.LOWER])
+        lower = float(answer[state.LOWER])
         return Clearance(
             lower <= clearance,
             lower,
-            float(answer[kernel.UPPER]),
+            float(answer[state.UPPER]),
             answer[2:5],
             answer[5:8],
-            int(counts[kernel.BOUND_TESTS]),
-            int(counts[kernel.PRIMITIVE_TESTS]),
+            int(counts[state.BOUND_TESTS]),
+            int(counts[state.PRIMITIVE_TESTS]),
         )
 
     def collide(
@@ -128,16 +129,14 @@ class Pair:
         self._asked = None
         self._run(pose_a, pose_b, 0.0, 0.0, 0.0, _TINY, None, True)
         counts = self._state.counts
-        colliding = bool(self._answer[kernel.LOWER] == 0.0)
+        colliding = bool(self._answer[state.LOWER] == 0.0)
         point = self._answer[2:5].copy()
-        tests = counts[kernel.BOUND_TESTS], counts[kernel.PRIMITIVE_TESTS]
-        contacts = counts[None, kernel.TRIANGLE_A : kernel.TRIANGLE_B + 1][: int(colliding)]
+        tests = counts[state.BOUND_TESTS], counts[state.PRIMITIVE_TESTS]
+        contacts = counts[None, state.TRIANGLE_A : state.TRIANGLE_B + 1][: int(colliding)]
         if colliding and all_contacts:
             contacts, more = self._all_contacts(pose_a, pose_b)
             tests = tests[0] + more[0], tests[1] + more[1]
-        faces = np.stack(
-            (self.a._face_of[contacts[:, 0]], self.b._face_of[contacts[:, 1]]), axis=1
-        )
+        faces = np.stack((self.a._face_of[contacts[:, 0]], self.b._face_of[contacts[:, 1]]), axis=1)
         return Collision(colliding, faces, point, int(tests[0]), int(tests[1]))
 
     def _all_contacts(
@@ -145,18 +144,18 @@ class Pair:
     ) -> tuple[NDArray[np.int32], tuple[int, int]]:
         """Every pair of triangles in contact, in tree order; and the tests that it took."""
         found = []
-        state = self._state._replace(contacts=np.zeros((1024, 2), np.int32))
-        code, fresh = kernel.CONTACTS_FULL, True
-        while code in (kernel.CONTACTS_FULL, kernel.CUT):
-            state.counts[kernel.CONTACTS] = 0
+        gathering = self._state._replace(contacts=np.zeros((1024, 2), np.int32))
+        code, fresh = state.CONTACTS_FULL, True
+        while code in (state.CONTACTS_FULL, state.CUT):
+            gathering.counts[state.CONTACTS] = 0
             code = kernel.search(
-                self.a._tree, self.b._tree, state, pose_a, pose_b, 0.0, 0.0, -math.inf, _TINY,
+                self.a._tree, self.b._tree, gathering, pose_a, pose_b, 0.0, 0.0, -math.inf, _TINY,
                 _LONG_SLICE, fresh, self._answer,
             )  # fmt: skip
-            found.append(state.contacts[: state.counts[kernel.CONTACTS]].copy())
+            found.append(gathering.contacts[: gathering.counts[state.CONTACTS]].copy())
             fresh = False
-        counts = state.counts
-        return np.concatenate(found), (counts[kernel.BOUND_TESTS], counts[kernel.PRIMITIVE_TESTS])
+        counts = gathering.counts
+        return np.concatenate(found), (counts[state.BOUND_TESTS], counts[state.PRIMITIVE_TESTS])
 
     def _run(
         self,
@@ -178,25 +177,25 @@ class Pair:
                 self.a._tree, self.b._tree, self._state, pose_a, pose_b,
                 rel_err, abs_err, stop, limit, steps, fresh, self._answer,
             )  # fmt: skip
-            if code == kernel.BAD_POSE_A:
+            if code == state.BAD_POSE_A:
                 check_pose(pose_a, "pose_a")
-            if code == kernel.BAD_POSE_B:
+            if code == state.BAD_POSE_B:
                 check_pose(pose_b, "pose_b")
-            if code != kernel.CUT:
+            if code != state.CUT:
                 return code
             if deadline is not None and perf_counter() >= deadline:
                 return code
             fresh = False
 
 
-def new_state(a: TriangleMesh, b: TriangleMesh) -> kernel.State:
+def new_state(a: TriangleMesh, b: TriangleMesh) -> state.State:
     """An empty search over two models, whose stack is as deep as a descent can ever need."""
     # Opening a volume replaces one pair by at most sixteen, once for each level of either model.
     capacity = 1 + (a.depth + b.depth) * 15
-    return kernel.State(
+    return state.State(
         np.zeros((2, 12)),
-        np.zeros(kernel.REALS),
-        np.zeros(kernel.COUNTS, np.int64),
+        np.zeros(state.REALS),
+        np.zeros(state.COUNTS, np.int64),
         np.zeros((capacity, 2), np.int32),
         np.zeros(capacity),
         np.zeros((0, 2), np.int32),

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .kernels import closest as closest_kernel
 from .kernels import search as kernel
+from .kernels import state
 from .mesh import TriangleMesh
 from .pair import Pair, check_tolerance, new_state
 from .poses import check_pose
@@ -49,9 +50,7 @@ def distance(
     Raises:
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
-    return Pair(a, b).distance(
-        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
-    )
+    return Pair(a, b).distance(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s)
 
 
 def within(
@@ -154,7 +153,7 @@ def distances(
     if len(many_a) != len(many_b):
         raise ValueError(f"{len(many_a)} poses_a but {len(many_b)} poses_b")
     k = len(many_a)
-    answers, triangles = np.empty((k, kernel.ANSWER)), np.empty((k, 2), np.int32)
+    answers, triangles = np.empty((k, state.ANSWER)), np.empty((k, 2), np.int32)
     tests = np.empty((k, 2), np.int64)
 
     def answer(first: int) -> None:
@@ -163,9 +162,9 @@ def distances(
             a._tree, b._tree, new_state(a, b), many_a, many_b, rel_err, abs_err,
             first, last, answers, triangles, tests,
         )  # fmt: skip
-        if code == kernel.BAD_POSE_A:
+        if code == state.BAD_POSE_A:
             check_pose(many_a[at], f"poses_a[{at}]")
-        if code == kernel.BAD_POSE_B:
+        if code == state.BAD_POSE_B:
             check_pose(many_b[at], f"poses_b[{at}]")
 
     if threads == 1:
@@ -176,8 +175,8 @@ def distances(
             list(pool.map(answer, range(0, k, _CHUNK)))
     faces = np.stack((a._face_of[triangles[:, 0]], b._face_of[triangles[:, 1]]), axis=1)
     return Distances(
-        answers[:, kernel.LOWER],
-        answers[:, kernel.UPPER],
+        answers[:, state.LOWER],
+        answers[:, state.UPPER],
         answers[:, 2:5],
         answers[:, 5:8],
         faces,

@@ -75,3 +75,6 @@ POINT_FLOOR = 1e-70
 
 LARGEST_COORDINATE = 1e45
 """Metres. Products of six lengths below it do not overflow; a model beyond it is refused."""
+
+LARGEST_INVERSE = 1e30
+"""Cap on 1/|u|², in node units: above it float32 would overflow. Serves directions alone."""

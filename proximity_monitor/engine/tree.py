@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels.build import EMPTY, build_tree
-from .kernels.search import Tree
+from .kernels.state import Tree
 from .kernels.volumes import FIELDS, STRIDE, WIDTH
 
 
@@ -24,7 +24,7 @@ def build(corners: NDArray[np.float64]) -> tuple[Tree, NDArray[np.int32], int]:
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
     nodes, centres, children, sizes, order, depth = build_tree(corners, unit)
     norms = np.sqrt((corners.reshape(-1, 3) ** 2).sum(axis=1))
-    scale = np.array([unit, norms.max()])
+    scale = np.array([unit, 1.0 / unit, norms.max()])
     triangles = np.ascontiguousarray(corners[order])
     tree = Tree(nodes, centres, children, sizes, triangles, scale)
     for array in tree:

@@ -151,8 +151,8 @@ def write_radius(points, n, nodes, centre, node, lane, sizes):
         centre[1] + nodes[base + uint64(WIDTH)],
         centre[2] + nodes[base + uint64(2 * WIDTH)],
     )
-    u = read_vector(nodes, node, lane, 3)
-    v = read_vector(nodes, node, lane, 6)
+    u = read_vector(nodes, base + uint64(3 * WIDTH))
+    v = read_vector(nodes, base + uint64(6 * WIDTH))
     radius = enclosing_radius(points, n, c, u, v)
     uu, vv = dot(u, u), dot(v, v)
     nodes[base + uint64(9 * WIDTH)] = radius

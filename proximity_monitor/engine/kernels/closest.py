@@ -8,7 +8,7 @@ from numba import float32, uint64
 from ..tolerances import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN, SINGLE_LIMIT, SINGLE_MARGIN
 from .jit import entry, kernel, loop16
 from .motion import deviation
-from .search import corners
+from .primitives import corners
 from .triangles import triangle_distance
 from .volumes import STRIDE, WIDTH
 
@@ -48,9 +48,7 @@ def _push(tree, node, p, best, slack, stack, bounds, top, found):
     if size < SINGLE_LIMIT:
         margin = np.float32(SINGLE_MARGIN * size + slack / unit)
         base = uint64(node * STRIDE)
-        point_bounds(
-            tree.nodes, base, np.float32(x), np.float32(y), np.float32(z), margin, found
-        )
+        point_bounds(tree.nodes, base, np.float32(x), np.float32(y), np.float32(z), margin, found)
     else:
         # Too far away for float32: then every lane is as good as the next.
         for k in range(WIDTH):
@@ -87,7 +85,7 @@ def closest_points(tree, pose, points, stack, bounds, answers, nearest, triangle
             pose[0, 1] * d[0] + pose[1, 1] * d[1] + pose[2, 1] * d[2],
             pose[0, 2] * d[0] + pose[1, 2] * d[1] + pose[2, 2] * d[2],
         )
-        size = abs(p[0]) + abs(p[1]) + abs(p[2]) + tree.scale[1]
+        size = abs(p[0]) + abs(p[1]) + abs(p[2]) + tree.scale[2]
         slack = POINT_MARGIN * size + POINT_FLOOR
         reach_slack = slack + POSE_MARGIN * error * size
         squared, weights, _ = triangle_distance(corners(tree.triangles, nearby), (p, p, p), np.inf)

@@ -16,7 +16,7 @@ _SPLITTER = 134217729.0  # 2^27 + 1
 
 @kernel
 def two_sum(a, b):
-    """a + b exactly, as (rounded sum, rounding error)."""
+    """A + b exactly, as (rounded sum, rounding error)."""
     s = a + b
     v = s - a
     return s, (a - (s - v)) + (b - v)
@@ -24,7 +24,7 @@ def two_sum(a, b):
 
 @kernel
 def two_product(a, b):
-    """a * b exactly, as (rounded product, rounding error)."""
+    """A * b exactly, as (rounded product, rounding error)."""
     p = a * b
     t = _SPLITTER * a
     ah = t - (t - a)
@@ -37,7 +37,7 @@ def two_product(a, b):
 
 @kernel
 def difference_of_products(a, b, c, d):
-    """a b - c d, correctly rounded to about one unit in the last place (Kahan's method)."""
+    """A b - c d, correctly rounded to about one unit in the last place (Kahan's method)."""
     p, e = two_product(a, b)
     q, f = two_product(c, d)
     s, g = two_sum(p, -q)

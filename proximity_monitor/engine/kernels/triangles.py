@@ -147,6 +147,37 @@ def _meeting_point(p, q, t):
 
 
 @kernel
+def _certainly_pierces(p, q, t, margin):
+    """Whether p q meets triangle t for every choice of volumes within `margin` of the computed."""
+    vp, vq = _volume(t[0], t[1], t[2], p), _volume(t[0], t[1], t[2], q)
+    if not ((vp > margin and vq < -margin) or (vp < -margin and vq > margin)):
+        return False
+    x, y, z = _volume(p, q, t[0], t[1]), _volume(p, q, t[1], t[2]), _volume(p, q, t[2], t[0])
+    return (x > margin and y > margin and z > margin) or (
+        x < -margin and y < -margin and z < -margin
+    )
+
+
+@kernel
+def certainly_cross(a, b, slack):
+    """Whether two triangles cross however their corners are moved by `slack`.
+
+    A determinant of three edges no longer than L then changes by less than 8 slack L²; what
+    rounding does to it is less than that again, slack being 32 u of the coordinates.
+    """
+    length = 0.0
+    for i in range(3):
+        length += _size(sub(a[i], b[0])) + _size(sub(b[i], a[0]))
+    margin = 16.0 * slack * length * length
+    for i in range(3):
+        if _certainly_pierces(a[i], a[(i + 1) % 3], b, margin):
+            return True
+        if _certainly_pierces(b[i], b[(i + 1) % 3], a, margin):
+            return True
+    return False
+
+
+@kernel
 def _face_weights(p, a, e, f, n, nn):
     """Barycentric weights of the foot of p on a triangle, none negative, their sum one."""
     _, v, w, _ = point_face(p, a, e, f, n, nn)

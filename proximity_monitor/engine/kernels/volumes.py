@@ -16,9 +16,15 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, uint64
 
-from ..tolerances import SINGLE_EPS, SINGLE_LIMIT, SINGLE_MARGIN, SINGLE_TINY
+from ..tolerances import (
+    LARGEST_INVERSE,
+    SINGLE_EPS,
+    SINGLE_LIMIT,
+    SINGLE_MARGIN,
+    SINGLE_TINY,
+)
 from .jit import kernel, loop16
-from .vectors import cross, dot, moved, rotated, scaled
+from .vectors import add, cross, dot, moved, rotated, scaled, sub
 
 WIDTH = 16
 """Lanes of a node: one AVX-512 register of float32. LLVM does not vectorise a loop over 8."""
@@ -118,68 +124,71 @@ def lower_bounds(nodes, base, single, bounds):
 
 
 @kernel
-def place(nodes, node, lane, centre, unit, motion, target_centre, target_unit, extent, slack, out):
-    """Move one lane into the frame of another tree's node, as the `single` of `lower_bounds`.
+def place(fixed, lane, motion, tree, node, slack, out):
+    """Move one lane of `fixed` into the frame of a node of `tree`, as `single` of `lower_bounds`.
 
-    `centre`, `target_centre` are the two nodes' centres in their own units; `motion` the twelve
-    numbers of the pose from the lane's model to the target's; `extent` the target node's reach;
-    `slack` what the motion may err by, in metres. Writes 15 float32 and returns True; or returns
-    False where the volume is too far away or too large for single precision (see `far_bound`).
+    `motion` is the twelve numbers of the pose from fixed's model to tree's; `slack` what it may err
+    by, in metres. Writes 15 float32 and returns True; or returns False where the volume is too far
+    away or too large for single precision (see `far_bound`).
     """
-    c = read_vector(nodes, node, lane, 0)
-    radius = np.float64(nodes[uint64(node * STRIDE + lane + 9 * WIDTH)])
-    ratio = unit / target_unit
-    c = moved(motion, scaled((c[0] + centre[0], c[1] + centre[1], c[2] + centre[2]), unit))
-    x = c[0] / target_unit - target_centre[0]
-    y = c[1] / target_unit - target_centre[1]
-    z = c[2] / target_unit - target_centre[2]
-    u = scaled(rotated(motion, read_vector(nodes, node, lane, 3)), ratio)
-    v = scaled(rotated(motion, read_vector(nodes, node, lane, 6)), ratio)
-    uu, vv = dot(u, u), dot(v, v)
-    radius *= ratio
-    reach = abs(x) + abs(y) + abs(z) + np.sqrt(uu) + np.sqrt(vv) + radius
+    own = lane // WIDTH
+    base = uint64(own * STRIDE + lane % WIDTH)
+    nodes = fixed.nodes
+    ratio = fixed.scale[0] * tree.scale[1]
+    c = scaled(add(read_vector(nodes, base), row(fixed.centres, own)), fixed.scale[0])
+    c = scaled(moved(motion, c), tree.scale[1])
+    x = c[0] - tree.centres[node, 0]
+    y = c[1] - tree.centres[node, 1]
+    z = c[2] - tree.centres[node, 2]
+    size = fixed.sizes[lane] * ratio
+    # 1.5 times the diagonal exceeds the sum of both half edges and the radius.
+    reach = abs(x) + abs(y) + abs(z) + 1.5 * size
     if not reach < SINGLE_LIMIT:
         return False
+    u = scaled(rotated(motion, read_vector(nodes, base + _F3)), ratio)
+    v = scaled(rotated(motion, read_vector(nodes, base + _F6)), ratio)
+    shrink = 1.0 / (ratio * ratio)
+    iu = min(nodes[base + _F10] * shrink, LARGEST_INVERSE)
+    iv = min(nodes[base + _F11] * shrink, LARGEST_INVERSE)
+    w = scaled(cross(u, v), np.sqrt(iu * iv))
     out[0], out[1], out[2] = np.float32(x), np.float32(y), np.float32(z)
     out[3], out[4], out[5] = np.float32(u[0]), np.float32(u[1]), np.float32(u[2])
     out[6], out[7], out[8] = np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
-    out[9] = np.float32(1.0 / uu) if uu > SINGLE_TINY else np.float32(0.0)
-    out[10] = np.float32(1.0 / vv) if vv > SINGLE_TINY else np.float32(0.0)
-    w = cross(u, v)
-    ww = dot(w, w)
-    w = scaled(w, 1.0 / np.sqrt(ww)) if ww > SINGLE_TINY * uu else (0.0, 0.0, 0.0)
+    out[9], out[10] = np.float32(iu), np.float32(iv)
     out[11], out[12], out[13] = np.float32(w[0]), np.float32(w[1]), np.float32(w[2])
-    margin = SINGLE_MARGIN * (reach + extent) + slack / target_unit
-    out[14] = np.float32((radius + margin) * (1.0 + 2.0 * SINGLE_EPS))
+    margin = SINGLE_MARGIN * (reach + tree.centres[node, 3]) + slack * tree.scale[1]
+    out[14] = np.float32((nodes[base + _F9] * ratio + margin) * (1.0 + 2.0 * SINGLE_EPS))
     return True
 
 
 @kernel
-def far_bound(nodes, node, lane, centre, unit, motion, target_centre, target_unit, extent, slack):
+def far_bound(fixed, lane, motion, tree, node, slack):
     """Lower bound in metres between one lane's sphere and a whole node's, in float64.
 
     Serves where `place` refuses: some 1e15 node units away or larger, where spheres are as good.
     """
-    c = read_vector(nodes, node, lane, 0)
-    u = read_vector(nodes, node, lane, 3)
-    v = read_vector(nodes, node, lane, 6)
-    radius = np.float64(nodes[uint64(node * STRIDE + lane + 9 * WIDTH)])
-    c = moved(motion, scaled((c[0] + centre[0], c[1] + centre[1], c[2] + centre[2]), unit))
-    d = (
-        c[0] - target_centre[0] * target_unit,
-        c[1] - target_centre[1] * target_unit,
-        c[2] - target_centre[2] * target_unit,
-    )
-    reach = unit * (np.sqrt(dot(u, u)) + np.sqrt(dot(v, v)) + radius) + extent * target_unit
+    own = lane // WIDTH
+    base = uint64(own * STRIDE + lane % WIDTH)
+    own_centre = read_vector(fixed.nodes, base)
+    own_centre = add(own_centre, row(fixed.centres, own))
+    c = moved(motion, scaled(own_centre, fixed.scale[0]))
+    unit = tree.scale[0]
+    d = sub(c, scaled(row(tree.centres, node), unit))
+    reach = 1.5 * fixed.sizes[lane] * fixed.scale[0] + tree.centres[node, 3] * unit
     return (np.sqrt(dot(d, d)) - reach) * (1.0 - 1e-12) - slack
 
 
 @kernel
-def read_vector(nodes, node, lane, field):
+def row(array, i):
+    """The first three numbers of a row."""
+    return (array[i, 0], array[i, 1], array[i, 2])
+
+
+@kernel
+def read_vector(nodes, base):
     """Three consecutive fields of a lane, as float64."""
-    base = uint64(node * STRIDE + lane + field * WIDTH)
     return (
         np.float64(nodes[base]),
-        np.float64(nodes[base + uint64(WIDTH)]),
-        np.float64(nodes[base + uint64(2 * WIDTH)]),
+        np.float64(nodes[base + _F1]),
+        np.float64(nodes[base + _F2]),
     )

@@ -1,0 +1,124 @@
+"""Triangle pairs of a search: sixteen are gathered, filtered together, and the rest tested."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import float32
+
+from .gaps import BATCH, gaps, gather, shift
+from .jit import kernel
+from .lanes import lowest, not_above
+from .state import (
+    ABS_ERR,
+    CONTACTS,
+    DISTANCE,
+    LIMIT,
+    REL_ERR,
+    SLACK,
+    TRIANGLE_A,
+    TRIANGLE_B,
+    UPPER_SLACK,
+    WEIGHTS_A,
+    WEIGHTS_B,
+)
+from .triangles import certainly_cross, triangle_distance
+from .vectors import moved
+
+
+@kernel
+def _limit(reals):
+    """Bound from which a pair cannot improve the answer by more than was asked for."""
+    distance, slack = reals[DISTANCE], reals[SLACK]
+    upper = distance + slack
+    limit = distance - slack
+    limit = min(limit, upper / (1.0 + reals[REL_ERR]))
+    return min(limit, upper - reals[ABS_ERR])
+
+
+@kernel
+def corners(triangles, t):
+    """The three corners of a triangle."""
+    return (
+        (triangles[t, 0], triangles[t, 1], triangles[t, 2]),
+        (triangles[t, 3], triangles[t, 4], triangles[t, 5]),
+        (triangles[t, 6], triangles[t, 7], triangles[t, 8]),
+    )
+
+
+@kernel
+def _both(tree_a, tree_b, state, ta, tb):
+    """The corners of two triangles in a's frame."""
+    motion = state.motions[0]
+    b = corners(tree_b.triangles, tb)
+    b = (moved(motion, b[0]), moved(motion, b[1]), moved(motion, b[2]))
+    return corners(tree_a.triangles, ta), b
+
+
+@kernel
+def test_triangles(tree_a, tree_b, state, ta, tb):
+    """Exact distance of two triangles; keeps it where it is the smallest. Returns it."""
+    reals, counts = state.reals, state.counts
+    a, b = _both(tree_a, tree_b, state, ta, tb)
+    known = reals[DISTANCE]
+    squared, wa, wb = triangle_distance(a, b, known * known)
+    distance = np.sqrt(squared)
+    if distance < known:
+        if distance == 0.0 and certainly_cross(a, b, reals[SLACK]):
+            reals[UPPER_SLACK] = 0.0
+        reals[DISTANCE] = distance
+        counts[TRIANGLE_A], counts[TRIANGLE_B] = ta, tb
+        reals[WEIGHTS_A], reals[WEIGHTS_A + 1], reals[WEIGHTS_A + 2] = wa
+        reals[WEIGHTS_B], reals[WEIGHTS_B + 1], reals[WEIGHTS_B + 2] = wb
+        reals[LIMIT] = min(reals[LIMIT], _limit(reals))
+    return distance
+
+
+@kernel
+def _test_contact(tree_a, tree_b, state, ta, tb):
+    """Note two triangles whose contact cannot be excluded."""
+    counts, contacts, slack = state.counts, state.contacts, state.reals[SLACK]
+    a, b = _both(tree_a, tree_b, state, ta, tb)
+    squared, _, _ = triangle_distance(a, b, np.inf)
+    if np.sqrt(squared) <= slack:
+        contacts[counts[CONTACTS], 0], contacts[counts[CONTACTS], 1] = ta, tb
+        counts[CONTACTS] += 1
+
+
+@kernel
+def _nearest(values, lanes):
+    """The lane whose value is smallest among the bits of `lanes`, which is not zero."""
+    best = lowest(lanes)
+    lanes &= lanes - 1
+    while lanes:
+        k = lowest(lanes)
+        lanes &= lanes - 1
+        if values[k] < values[best]:
+            best = k
+    return best
+
+
+@kernel
+def test_batch(tree_a, tree_b, state, pairs, count, corners, local, found):
+    """Test the first `count` pairs (BATCH, 2) whose corners have been gathered.
+
+    The pair with the smallest lower bound comes first: what it makes of the distance often
+    dismisses the others.
+    """
+    reals = state.reals
+    scale = min(tree_a.scale[1], tree_b.scale[1])
+    for k in range(count, BATCH):
+        gather(tree_a.triangles, pairs[0, 0], tree_b.triangles, pairs[0, 1], k, corners)
+    shift(corners, state.motions[0], scale, local)
+    gaps(local, float32(reals[SLACK] * scale * (1.0 + 1e-6)), found)
+    remaining = (1 << count) - 1
+    while True:
+        reach = np.float32(min(reals[LIMIT] * scale * (1.0 + 1e-6), 3e38))
+        remaining &= not_above(found, reach)
+        if not remaining:
+            break
+        k = _nearest(found, remaining)
+        remaining &= ~(1 << k)
+        if state.contacts.shape[0] > 0:
+            _test_contact(tree_a, tree_b, state, pairs[k, 0], pairs[k, 1])
+        else:
+            test_triangles(tree_a, tree_b, state, pairs[k, 0], pairs[k, 1])

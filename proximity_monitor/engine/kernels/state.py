@@ -1,0 +1,37 @@
+"""What a hierarchy and a search consist of, as the kernels see them."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+Tree = namedtuple("Tree", "nodes centres children sizes triangles scale")
+"""A hierarchy as the kernels see it.
+
+nodes (float32, flat) the volumes; centres (k, 4) each node's centre and reach in node units;
+children (int32, k × 16) a node, ~triangle or EMPTY; sizes (float32, k × 16) each volume's extent
+in node units; triangles (m, 9) in tree order, metres; scale (3,) metres in a node unit, its
+inverse, and the largest norm of a vertex in metres.
+"""
+
+State = namedtuple("State", "motions reals counts stack bounds contacts")
+"""A search. motions (2, 12): b to a, a to b; reals and counts by the indices below; stack (int32,
+n × 2) the pairs of volumes still to be looked at, as lanes 16 node + lane, and their lower bounds
+(n,) in metres; contacts (int32, n × 2) the triangles that touch, where they are asked for (n > 0).
+"""
+
+DISTANCE, SLACK, BOUND_SLACK, LIMIT, REL_ERR, ABS_ERR, STOP, UPPER_SLACK = 0, 1, 2, 3, 4, 5, 6, 7
+"""Reals: smallest distance found; what rounding may have done to it, and to a moved volume; bound
+from which a pair is pruned; the tolerances; distance at which the search may end; rounding of
+the upper bound, 0 where triangles certainly cross. All metres."""
+WEIGHTS_A, WEIGHTS_B, REALS = 8, 11, 14
+"""Reals: barycentric weights of the nearest points, three each."""
+
+DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, CONTACTS, COUNTS = 0, 1, 2, 3, 4, 5, 6
+"""Counts: pairs on the stack; the nearest triangles so far, in tree order; tests made; contacts
+found."""
+
+LOWER, UPPER, POINT_A, POINT_B, ANSWER = 0, 1, 2, 5, 8
+"""An answer: the certified bounds, metres, and the witness points in the world."""
+
+ENDED, CUT, BAD_POSE_A, BAD_POSE_B, CONTACTS_FULL = 0, 1, 2, 3, 4
+"""What a slice of a search returns."""

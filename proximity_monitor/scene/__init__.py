@@ -1,0 +1,37 @@
+"""The scene: its file, its bodies and the pairs to watch."""
+
+from proximity_monitor.scene.description import (
+    UNITS,
+    Body,
+    Box,
+    Cylinder,
+    Primitive,
+    Scene,
+    Sphere,
+    Thresholds,
+    Unit,
+    WatchedPair,
+)
+from proximity_monitor.scene.file import load_scene
+from proximity_monitor.scene.paths import bundled
+from proximity_monitor.scene.poses import pose_matrix
+from proximity_monitor.scene.primitives import load_model
+from proximity_monitor.scene.report import SceneError
+
+__all__ = [
+    "UNITS",
+    "Body",
+    "Box",
+    "Cylinder",
+    "Primitive",
+    "Scene",
+    "SceneError",
+    "Sphere",
+    "Thresholds",
+    "Unit",
+    "WatchedPair",
+    "bundled",
+    "load_model",
+    "load_scene",
+    "pose_matrix",
+]

@@ -1,0 +1,95 @@
+"""The `bodies` section: from checked data to Body records."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from proximity_monitor.scene.description import Body, Box, Cylinder, Primitive, Sphere, Unit
+from proximity_monitor.scene.paths import model_path
+from proximity_monitor.scene.poses import pose_matrix
+from proximity_monitor.scene.report import Keys, Report, SceneError
+
+_GREY = (0.7, 0.7, 0.7, 1.0)
+_TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+
+
+def read_bodies(
+    section: list[dict[str, Any]], folder: Path, unit: Unit, report: Report
+) -> tuple[Body, ...]:
+    """Make the bodies; what is wrong with them goes to the report."""
+    bodies = []
+    names: dict[str, int] = {}
+    topics: dict[str, int] = {}
+    for index, data in enumerate(section):
+        keys = ("bodies", index)
+        body = _body(data, keys, folder, unit, report)
+        # Two bodies of one name share their default topic too; that is one problem, not two.
+        if _unique(body.name, names, (*keys, "name"), report) and body.topic is not None:
+            _unique(body.topic, topics, (*keys, "topic"), report)
+        bodies.append(body)
+    return tuple(bodies)
+
+
+def _unique(name: str, seen: dict[str, int], keys: Keys, report: Report) -> bool:
+    if name in seen:
+        report.add(keys, f"'{name}' is taken on line {seen[name]}; each body needs its own")
+        return False
+    seen[name] = report.line(keys)
+    return True
+
+
+def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Report) -> Body:
+    model = None
+    if "model" in data:
+        try:
+            model = model_path(data["model"], folder)
+        except SceneError as error:
+            report.add((*keys, "model"), str(error))
+    primitive = _primitive(data["primitive"], unit) if "primitive" in data else None
+    pose = topic = None
+    if "pose" in data:
+        pose = _pose(data["pose"], (*keys, "pose"), unit, report)
+    else:
+        topic = data.get("topic", f"bodies/{data['name']}/pose")
+        if not _TOPIC.fullmatch(topic):
+            report.add(
+                (*keys, "topic"),
+                "must be a topic name: words of letters, digits and underscores, none with a digit "
+                f"in front, joined by single slashes (got '{topic}')",
+            )
+    red, green, blue, *opacity = data.get("colour", _GREY)
+    return Body(
+        name=data["name"],
+        model=model,
+        primitive=primitive,
+        scale=float(data.get("scale", 1.0)),
+        pose=pose,
+        topic=topic,
+        colour=(float(red), float(green), float(blue), float(opacity[0]) if opacity else 1.0),
+    )
+
+
+def _primitive(data: dict[str, Any], unit: Unit) -> Primitive:
+    ((kind, values),) = data.items()
+    if kind == "box":
+        x, y, z = (unit.to_metre * length for length in values["size"])
+        return Box((x, y, z))
+    radius = unit.to_metre * values["radius"]
+    if kind == "cylinder":
+        return Cylinder(radius, unit.to_metre * values["height"], int(values.get("segments", 64)))
+    return Sphere(radius, int(values.get("subdivisions", 3)))
+
+
+def _pose(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> np.ndarray | None:
+    position = [unit.to_metre * length for length in data["position"]]
+    try:
+        pose = pose_matrix(position, data.get("quaternion", (0.0, 0.0, 0.0, 1.0)))
+    except ValueError as error:
+        report.add((*keys, "quaternion"), str(error))
+        return None
+    pose.setflags(write=False)
+    return pose

@@ -1,0 +1,68 @@
+"""Reads scene files: text → data with lines → schema → meaning."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from pathlib import Path
+from typing import Any
+
+from proximity_monitor.scene import schema
+from proximity_monitor.scene.bodies import read_bodies
+from proximity_monitor.scene.description import UNITS, Scene
+from proximity_monitor.scene.effects import read_motion
+from proximity_monitor.scene.pairs import Limits, read_limits, read_pairs
+from proximity_monitor.scene.report import Report, shown
+from proximity_monitor.scene.source import read
+
+_VERSION = 1
+
+
+def load_scene(path: str | os.PathLike[str]) -> Scene:
+    """Read a scene file; the model files themselves are not opened yet (see `load_model`).
+
+    Returns:
+        The scene in SI units.
+
+    Raises:
+        SceneError: one line for each problem, as ``FILE:LINE: KEY: what is wrong (got VALUE)``,
+            sorted by line. What the schema forbids comes first; only a file that obeys it is
+            checked for unknown names, missing model files and the like.
+    """
+    data, report = read(path)
+    _check_version(data, report)
+    schema.check(data, report)
+    report.check()
+    scene = _scene(data, Path(os.path.abspath(os.fspath(path))), report)
+    report.check()
+    return scene
+
+
+def _check_version(data: Any, report: Report) -> None:
+    """Another version may mean anything by its keys, so nothing else is said about them."""
+    if isinstance(data, dict) and "version" in data and ("version",) not in report.places():
+        version = data["version"]
+        if type(version) is not int or version != _VERSION:
+            report.fail(
+                f"version: {shown(version)} is not supported; "
+                f"this release reads version {_VERSION}",
+                report.line(("version",)),
+            )
+
+
+def _scene(data: dict[str, Any], path: Path, report: Report) -> Scene:
+    unit = UNITS[data["unit"]]
+    limits = read_limits(data, (), Limits(), unit, report)
+    defaults = dataclasses.replace(limits, own_thresholds=False)
+    bodies = read_bodies(data["bodies"], path.parent, unit, report)
+    return Scene(
+        path=path,
+        frame=data.get("frame", "world"),
+        unit=unit,
+        rate_hz=float(data.get("rate_hz", 30.0)),
+        budget_s=data.get("budget_ms", 8.0) / 1000.0,
+        bodies=bodies,
+        pairs=read_pairs(data.get("pairs", "all"), bodies, defaults, unit, report),
+        motion=read_motion(data["motion"], bodies, unit, report) if "motion" in data else None,
+        thresholds=defaults.thresholds,
+    )

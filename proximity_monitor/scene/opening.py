@@ -1,0 +1,43 @@
+"""From what a user types to a scene with its models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from proximity_monitor import engine
+from proximity_monitor.scene.paths import bundled
+from proximity_monitor.scene.primitives import load_model
+
+if TYPE_CHECKING:
+    from proximity_monitor.scene.description import Scene
+
+
+def find_scene(text: str) -> Path:
+    """Return the scene file that `text` means: a path, or the name of a bundled scene.
+
+    What ends in .yaml or .yml, or has a folder in it, or is a file here, is a path.
+
+    Raises:
+        SceneError: it is no path, and no scene of that name is bundled.
+    """
+    path = Path(text).expanduser()
+    if path.suffix in (".yaml", ".yml") or len(path.parts) > 1 or path.is_file():
+        return path
+    return bundled(text)
+
+
+def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:
+    """Return each body's model in metres by name; bodies that look the same share one.
+
+    Raises:
+        FileNotFoundError, engine.ModelError: as `scene.load_model`.
+    """
+    shared: dict[tuple, engine.TriangleMesh] = {}
+    models = {}
+    for body in scene.bodies:
+        look = (body.model, body.primitive, body.scale)
+        if look not in shared:
+            shared[look] = load_model(body, scene.unit)
+        models[body.name] = shared[look]
+    return models

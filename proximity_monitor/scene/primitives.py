@@ -1,0 +1,47 @@
+"""From a scene's body to a triangle mesh."""
+
+from __future__ import annotations
+
+import math
+
+from proximity_monitor import engine
+from proximity_monitor.scene.description import Body, Box, Cylinder, Primitive, Unit
+
+
+def load_model(body: Body, unit: Unit) -> engine.TriangleMesh:
+    """Load a body's model file, or make the mesh of its primitive.
+
+    Args:
+        body: of a loaded scene, or made by hand; its scale must be greater than 0.
+        unit: the length unit of model files.
+
+    Returns:
+        The mesh in metres, in the body's own frame.
+
+    Raises:
+        ValueError: the scale is not a number greater than 0.
+        FileNotFoundError: the model file is gone.
+        engine.ModelError: it holds no usable mesh.
+    """
+    if not (math.isfinite(body.scale) and body.scale > 0.0):
+        raise ValueError(f"body '{body.name}': scale must be greater than 0 (got {body.scale})")
+    if body.primitive is None:
+        return engine.load(body.model, scale=unit.to_metre * body.scale)
+    vertices, faces = _mesh(body.primitive)
+    return engine.TriangleMesh(vertices * body.scale, faces, name=body.name)
+
+
+def _mesh(primitive: Primitive) -> tuple:
+    """Vertices (n, 3) in metres and faces (m, 3)."""
+    # trimesh is slow to import, and a scene of other shapes can do without it.
+    from trimesh import creation
+
+    if isinstance(primitive, Box):
+        mesh = creation.box(primitive.size)
+    elif isinstance(primitive, Cylinder):
+        mesh = creation.cylinder(
+            primitive.radius, height=primitive.height, sections=primitive.segments
+        )
+    else:
+        mesh = creation.icosphere(primitive.subdivisions, primitive.radius)
+    return mesh.vertices, mesh.faces

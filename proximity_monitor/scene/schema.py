@@ -1,0 +1,106 @@
+"""Checks a scene file's data against `schema.json`, in words that a person can act on."""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from jsonschema import Draft202012Validator, ValidationError
+
+from proximity_monitor.scene.report import Keys, Report, shown
+
+_TYPES = {
+    "array": "a list",
+    "integer": "a whole number",
+    "number": "a number",
+    "object": "a mapping",
+    "string": "text",
+}
+_LIMITS = {
+    "minimum": "must be at least {}",
+    "maximum": "must be at most {}",
+    "exclusiveMinimum": "must be greater than {}",
+}
+
+
+@functools.cache
+def _validator() -> Draft202012Validator:
+    path = Path(__file__).with_name("schema.json")
+    return Draft202012Validator(json.loads(path.read_text(encoding="utf-8")))
+
+
+def check(data: Any, report: Report) -> None:
+    """Add to the report whatever the schema forbids."""
+    unreadable = report.places()
+    for error in _validator().iter_errors(data):
+        for keys, message in _problems(error):
+            if keys not in unreadable:
+                report.add(keys, message)
+
+
+def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
+    """Translate one finding of the validator; unknown keys are one finding for all of them."""
+    keys, got = tuple(error.absolute_path), error.instance
+    rule, value = error.validator, error.validator_value
+    if "propertyNames" in error.absolute_schema_path:
+        keys = (*keys, got)
+    if rule == "additionalProperties":
+        known = list(error.schema["properties"])
+        for key in got:
+            if key not in known:
+                yield (*keys, key), f"unknown key{_meant(key, known)}"
+    elif rule == "required":
+        for key in value:
+            if key not in got:
+                yield keys, f"needs the key '{key}'"
+    elif rule == "oneOf":
+        if isinstance(got, dict):  # or else its type is a finding of its own
+            choices = [branch["required"][0] for branch in value]
+            given = [f"'{key}'" for key in choices if key in got]
+            names = ", ".join(f"'{key}'" for key in choices)
+            yield keys, f"needs exactly one of {names} (got {' and '.join(given) or 'none'})"
+    elif rule == "type":
+        kinds = [value] if isinstance(value, str) else value
+        yield keys, f"must be {' or '.join(_TYPES[kind] for kind in kinds)} (got {shown(got)})"
+    elif rule in _LIMITS:
+        yield keys, f"{_LIMITS[rule].format(value)} (got {shown(got)})"
+    elif rule == "enum":
+        yield keys, f"must be one of {', '.join(map(shown, value))} (got {shown(got)})"
+    elif rule == "const":
+        yield keys, f"must be {shown(value)} (got {shown(got)})"
+    elif rule == "pattern":
+        yield keys, f"must {error.schema['x-must']} (got {shown(got)})"
+    elif rule in ("minItems", "maxItems"):
+        yield keys, f"must have {_count(error.schema, 'Items')} (got {len(got)})"
+    elif rule in ("minProperties", "maxProperties"):
+        known = ", ".join(error.schema.get("properties", ()))
+        among = f" of {known}" if known else ""
+        yield keys, f"must have {_count(error.schema, 'Properties')}{among} (got {len(got)})"
+    elif rule == "minLength":
+        yield keys, "must not be empty"
+    elif rule == "uniqueItems":
+        yield keys, "must not name anything twice"
+    else:
+        yield keys, error.message
+
+
+def _count(schema: dict[str, Any], what: str) -> str:
+    noun = {"Items": ("entry", "entries"), "Properties": ("key", "keys")}[what]
+    low, high = schema.get(f"min{what}"), schema.get(f"max{what}")
+    if low == high:
+        return f"exactly {low} {noun[low != 1]}"
+    if high is None:
+        return f"at least {low} {noun[low != 1]}"
+    return f"{low} to {high} {noun[1]}"
+
+
+def _meant(key: str, known: list[str]) -> str:
+    """Suggest the nearest known key, or name them all."""
+    near = difflib.get_close_matches(key, known, n=1)
+    if near:
+        return f"; did you mean '{near[0]}'?"
+    return f"; known here: {', '.join(known)}" if known else ""

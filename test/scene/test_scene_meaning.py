@@ -1,0 +1,187 @@
+"""Faults that the form alone does not show: names, poses, thresholds, files."""
+
+import pytest
+
+from proximity_monitor.scene import SceneError, bundled, load_scene
+
+TEXT = """\
+version: 1
+unit: mm
+thresholds:
+  warn: 5
+  stop: 1
+bodies:
+  - name: base
+    model: part.stl
+    pose:
+      position: [0, 0, 0]
+      quaternion: [0, 0, 0, 1]
+  - name: arm
+    primitive: {box: {size: [1, 1, 1]}}
+    moving: true
+  - name: tool
+    primitive: {box: {size: [1, 1, 1]}}
+    topic: tool_pose
+pairs:
+  groups:
+    both: [arm, tool]
+  watch:
+    - between: [both, base]
+      thresholds: {warn: 3}
+    - between: [arm, tool]
+"""
+
+FAULTS = {
+    "name taken": ("name: tool\n", "name: arm\n", "15: bodies[2].name: 'arm' is taken on line 12"),
+    "topic taken": (
+        "topic: tool_pose",
+        "topic: bodies/arm/pose",
+        "17: bodies[2].topic: 'bodies/arm/pose' is taken on line 12",
+    ),
+    "no file": ("part.stl", "meshes/part.stl", "8: bodies[0].model: no such file: /"),
+    "a folder": ("part.stl", ".", "8: bodies[0].model: no such file: /"),
+    "a name too long": ("part.stl", "p" * 5000, "8: bodies[0].model: no such file: /"),
+    "package without path": ("part.stl", "package://x", "8: bodies[0].model: must read package:"),
+    "unknown package": (
+        "part.stl",
+        "package://no_such/a.stl",
+        "8: bodies[0].model: package 'no_such' is in no prefix of AMENT_PREFIX_PATH",
+    ),
+    "quaternion": (
+        "[0, 0, 0, 1]",
+        "[0, 0, 1, 1]",
+        "11: bodies[0].pose.quaternion: must have length 1 (got 1.41421)",
+    ),
+    "quaternion of zeros": (
+        "[0, 0, 0, 1]",
+        "[0, 0, 0, 0]",
+        "11: bodies[0].pose.quaternion: must have length 1 (got 0)",
+    ),
+    "thresholds crossed": (
+        "stop: 1",
+        "stop: 9",
+        "3: thresholds: warn must not be less than stop (got warn 5, stop 9 mm)",
+    ),
+    "a pair's thresholds crossed": (
+        "{warn: 3}",
+        "{warn: 0.5}",
+        "23: pairs.watch[0].thresholds: warn must not be less than stop (got warn 0.5, stop 1 mm)",
+    ),
+    "unknown name": (
+        "[arm, tool]\n  w",
+        "[arm, tol]\n  w",
+        "20: pairs.groups.both[1]: nothing is named 'tol'; did you mean 'tool'?",
+    ),
+    "unknown name in watch": (
+        "[both, base]",
+        "[both, q]",
+        "22: pairs.watch[0].between[1]: nothing is named 'q'; known are base, arm, tool, both",
+    ),
+    "group named as a body": ("both:", "arm:", "20: pairs.groups.arm: 'arm' is a body"),
+    "group of illegal name": ("both:", "Both:", "20: pairs.groups.Both: must be lower-case"),
+    "a name twice in a group": (
+        "[arm, tool]\n  w",
+        "[arm, arm]\n  w",
+        "20: pairs.groups.both: must not name anything twice",
+    ),
+    "body against itself": (
+        "between: [arm, tool]",
+        "between: [arm, arm]",
+        "24: pairs.watch[1].between: 'arm' and 'arm' are one body",
+    ),
+    "three names": (
+        "between: [arm, tool]",
+        "between: [arm, tool, base]",
+        "24: pairs.watch[1].between: must have exactly 2 entries (got 3)",
+    ),
+    "unknown name in exclude": (
+        "  watch:",
+        "  exclude:\n    - [arm, bse]\n  watch:",
+        "22: pairs.exclude[0][1]: nothing is named 'bse'; did you mean 'base'?",
+    ),
+    "everything excluded": (
+        "  watch:",
+        "  exclude: [[both, base], [arm, tool]]\n  watch:",
+        "18: pairs: leaves no pair to watch",
+    ),
+    "another word for pairs": (
+        TEXT[TEXT.index("pairs:") :],
+        "pairs: everything\n",
+        "18: pairs: must be 'all' (got 'everything')",
+    ),
+}
+
+
+@pytest.mark.parametrize("old, new, expected", FAULTS.values(), ids=FAULTS)
+def test_faults(problems, old, new, expected):
+    assert old in TEXT
+    found = problems(TEXT.replace(old, new))
+    assert any(line.startswith(expected) for line in found), found
+
+
+def test_the_text_is_sound_without_a_fault(load):
+    assert len(load(TEXT).pairs) == 3
+
+
+def test_two_fixed_bodies_cannot_be_watched(problems):
+    text = TEXT.replace("moving: true", "pose: {position: [0, 0, 0]}")
+    found = problems(text.replace("between: [arm, tool]", "between: [arm, base]"))
+    (fixed,) = [line for line in found if "fixed" in line]
+    assert fixed.startswith("24: pairs.watch[1].between: 'arm' and 'base' are fixed")
+
+
+def test_all_faults_of_meaning_are_told_together(problems):
+    text = TEXT.replace("part.stl", "gone.stl").replace("name: tool\n", "name: arm\n")
+    assert [int(line.partition(":")[0]) for line in problems(text)] == [8, 15, 20, 24]
+
+
+@pytest.mark.parametrize("topic", ["/a", "~/a", "a/b_1", "_a/B", "/cell_1/arm/pose"])
+def test_legal_topics(load, topic):
+    assert load(TEXT.replace("tool_pose", topic)).bodies[2].topic == topic
+
+
+@pytest.mark.parametrize(
+    "topic", ["a b", "/", "a/", "a//b", "1a", "a/1", "a~b", "~a", "{node}", "é"]
+)
+def test_illegal_topics(problems, topic):
+    (found,) = problems(TEXT.replace("tool_pose", f"'{topic}'"))
+    assert found.startswith("17: bodies[2].topic: must be a topic name")
+
+
+def test_model_in_another_package(load, tmp_path, monkeypatch):
+    share = tmp_path / "overlay" / "share" / "robot_parts" / "meshes"
+    share.mkdir(parents=True)
+    (share / "base.stl").write_text("")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/nonexistent::{tmp_path / 'overlay'}")
+    text = TEXT.replace("part.stl", "package://robot_parts/meshes/base.stl")
+    assert load(text).bodies[0].model == share / "base.stl"
+    with pytest.raises(SceneError, match=r"no such file: /.*/share/robot_parts/gone\.stl"):
+        load(text.replace("meshes/base", "gone"))
+
+
+def test_the_own_package_is_found_without_a_workspace(load, monkeypatch):
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    model = (
+        load(TEXT.replace("part.stl", "package://proximity_monitor/package.xml")).bodies[0].model
+    )
+    assert model.name == "package.xml"
+    path = "package://proximity_monitor/scene/bundled/engine/scene.yaml"
+    assert load(TEXT.replace("part.stl", path)).bodies[0].model == bundled("engine")
+
+
+def test_absolute_model_path(load, tmp_path):
+    (tmp_path / "elsewhere.stl").write_text("")
+    model = load(TEXT.replace("part.stl", f"{tmp_path}/elsewhere.stl")).bodies[0].model
+    assert model == tmp_path / "elsewhere.stl"
+
+
+def test_bundled_scenes_load():
+    scene = load_scene(bundled("engine"))
+    assert scene.path == bundled("engine")
+    assert all(body.model.is_file() for body in scene.bodies)
+
+
+@pytest.mark.parametrize("name", ["nope", "", "../bundled/engine"])
+def test_unknown_bundled_scene(name):
+    with pytest.raises(SceneError, match=r"no bundled scene '.*'; there is .*\bengine\b"):
+        bundled(name)

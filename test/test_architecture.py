@@ -1,0 +1,259 @@
+"""The arrows between the rooms, read from the imports: data flows one way, nothing points back."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+NAME = "proximity_monitor"
+PACKAGE = Path(__file__).resolve().parents[1] / NAME
+MAX_LINES = 400
+
+# What each room may import of the package; a room not listed here has to be thought about first.
+# Constants are a room of their own, because kernels take them and know nothing else of the engine.
+KNOWS = {
+    "engine/kernels": {"engine/kernels", "engine/tolerances"},
+    "engine/tolerances": set(),
+    "engine": {"engine", "engine/kernels", "engine/tolerances"},
+    "scene": {"scene", "engine"},
+    "motion": {"motion", "scene", "engine"},
+    "study": {"study", "motion", "scene", "engine"},
+    "ros": {"ros", "motion", "scene", "engine"},
+    "display": {"display", "scene", "engine"},
+    "__main__": {"ros", "motion", "scene", "engine"},
+    "": set(),  # the package's own __init__.py, which everybody may know
+}
+# Third-party packages of the engine; other rooms take what they need, ROS apart.
+ENGINE_NEEDS = {"numpy", "numba"}
+ROS_ROOMS = {"ros", "display"}
+ROS_PACKAGES = {
+    "rclpy",
+    "builtin_interfaces",
+    "ament_index_python",
+    "launch",
+    "launch_ros",
+    "tf2_ros",
+}
+ROS_SUFFIXES = ("_msgs", "_srvs", "_interfaces")
+
+
+def room_of(path: tuple[str, ...]) -> str:
+    """The room of a module, given by its path within the package without suffix."""
+    pair = "/".join(path[:2])
+    return pair if pair in KNOWS else path[0] if path else ""
+
+
+def is_ros(name: str) -> bool:
+    return name in ROS_PACKAGES or name.endswith(ROS_SUFFIXES) or name.startswith("rosidl_")
+
+
+def imports(tree: ast.Module, package: tuple[str, ...]) -> Iterator[tuple[int, tuple[str, ...]]]:
+    """Line and dotted path of everything that is imported; `package` is what a lone dot means."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, tuple(alias.name.split("."))
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: len(package) - node.level + 1] if node.level else ()
+            base += tuple(node.module.split(".")) if node.module else ()
+            for alias in node.names:
+                yield node.lineno, (*base, alias.name)
+
+
+def target_room(path: tuple[str, ...], root: Path) -> str:
+    """The room of what is imported: a folder, a module, or a name that one of them has."""
+    inner = path[1:]
+    while inner and not (
+        root.joinpath(*inner).is_dir() or root.joinpath(*inner).with_suffix(".py").is_file()
+    ):
+        inner = inner[:-1]
+    return room_of(inner)
+
+
+def broken_rules(room: str, is_loader: bool, path: tuple[str, ...], root: Path) -> Iterator[str]:
+    """What is wrong with one import."""
+    top = path[0]
+    if top == root.name:
+        target = target_room(path, root)
+        if target and target not in KNOWS[room]:
+            yield f"must not know {target}"
+    elif is_ros(top):
+        if room not in ROS_ROOMS:
+            yield f"must not import {top}"
+    elif room.startswith("engine"):
+        allowed = ENGINE_NEEDS | sys.stdlib_module_names | ({"trimesh"} if is_loader else set())
+        if top not in allowed:
+            yield f"must not import {top}"
+
+
+def violations(root: Path) -> list[str]:
+    """Everything in a package folder that breaks a rule, as ``file:line: room what``."""
+    found = []
+    for file in sorted(root.rglob("*.py")):
+        where = file.relative_to(root).as_posix()
+        inner = file.relative_to(root).with_suffix("").parts
+        room = room_of(inner[:-1] if inner[-1] == "__init__" else inner)
+        text = file.read_text(encoding="utf-8")
+        if text.count("\n") > MAX_LINES:
+            found.append(f"{where}:{MAX_LINES}: longer than {MAX_LINES} lines")
+        if room not in KNOWS:
+            found.append(f"{where}:1: unknown room {room}")
+            continue
+        is_loader = where == "engine/load.py"
+        for line, path in imports(ast.parse(text), (root.name, *inner[:-1])):
+            for rule in broken_rules(room, is_loader, path, root):
+                found.append(f"{where}:{line}: {room} {rule}")
+    return list(dict.fromkeys(found))
+
+
+def test_the_package_keeps_the_rules():
+    assert violations(PACKAGE) == []
+
+
+def test_every_room_is_a_package_that_gets_installed():
+    missing = [
+        str(folder.relative_to(PACKAGE))
+        for folder in {file.parent for file in PACKAGE.rglob("*.py")}
+        if not (folder / "__init__.py").is_file()
+    ]
+    assert missing == []
+
+
+BROKEN = {
+    "kernels know the engine": (
+        "engine/kernels/a.py",
+        "from proximity_monitor.engine import mesh",
+        "must not know engine",
+    ),
+    "kernels climb up": ("engine/kernels/a.py", "from .. import mesh", "must not know engine"),
+    "kernels climb up to a name": (
+        "engine/kernels/a.py",
+        "from ..mesh import X",
+        "must not know engine",
+    ),
+    "constants know a kernel": (
+        "engine/tolerances.py",
+        "from .kernels.a import f",
+        "must not know engine/kernels",
+    ),
+    "kernels use trimesh": ("engine/kernels/a.py", "import trimesh", "must not import trimesh"),
+    "engine uses trimesh elsewhere": (
+        "engine/mesh.py",
+        "import trimesh.util",
+        "must not import trimesh",
+    ),
+    "engine uses yaml": ("engine/mesh.py", "import yaml", "must not import yaml"),
+    "engine uses ROS": (
+        "engine/mesh.py",
+        "from geometry_msgs.msg import Pose",
+        "must not import geometry_msgs",
+    ),
+    "engine knows scene": (
+        "engine/mesh.py",
+        "from proximity_monitor import scene",
+        "must not know scene",
+    ),
+    "engine knows scene, relatively": (
+        "engine/mesh.py",
+        "from ..scene.file import x",
+        "must not know scene",
+    ),
+    "within a function": (
+        "engine/mesh.py",
+        "def f():\n    import yaml",
+        ":2: engine must not import yaml",
+    ),
+    "scene knows kernels": (
+        "scene/file.py",
+        "from proximity_monitor.engine.kernels.a import f",
+        "must not know engine/kernels",
+    ),
+    "scene knows motion": (
+        "scene/file.py",
+        "import proximity_monitor.motion",
+        "must not know motion",
+    ),
+    "scene uses rclpy": ("scene/file.py", "import rclpy.node", "must not import rclpy"),
+    "motion knows ros": (
+        "motion/m.py",
+        "from proximity_monitor.ros.node import main",
+        "must not know ros",
+    ),
+    "ros knows kernels": (
+        "ros/node.py",
+        "from proximity_monitor.engine import kernels",
+        "must not know engine/kernels",
+    ),
+    "display knows ros": (
+        "display/page.py",
+        "from proximity_monitor import ros",
+        "must not know ros",
+    ),
+    "the root uses ROS": ("__init__.py", "import rclpy", "must not import rclpy"),
+    "ros knows the command line": (
+        "ros/node.py",
+        "from proximity_monitor.__main__ import main",
+        "must not know",
+    ),
+    "a new room": ("attic/a.py", "", "unknown room attic"),
+    "a long file": ("scene/file.py", "\n" * 401, "longer than 400 lines"),
+}
+SOUND = {
+    "__init__.py": "",
+    "__main__.py": "from proximity_monitor.ros import node",
+    "engine/__init__.py": "from proximity_monitor.engine.mesh import X\nfrom .kernels import a",
+    "engine/mesh.py": "import numba\nimport numpy as np\nimport math\n\nX = 1",
+    "engine/load.py": "import trimesh",
+    "engine/kernels/__init__.py": "",
+    "engine/tolerances.py": "EPS = 1e-16",
+    "engine/kernels/a.py": "from ..tolerances import EPS\nfrom . import b\nfrom .b import g",
+    "engine/kernels/b.py": "from proximity_monitor.engine.kernels import a",
+    "scene/__init__.py": "",
+    "scene/file.py": "import yaml\nfrom proximity_monitor import engine\nfrom ..engine import X",
+    "motion/__init__.py": "",
+    "motion/m.py": "from proximity_monitor.scene.file import Scene",
+    "ros/__init__.py": "",
+    "ros/node.py": "import rclpy, std_msgs.msg\nfrom proximity_monitor import __version__",
+    "display/__init__.py": "",
+    "display/page.py": "import viser\nfrom proximity_monitor.scene.file import Scene",
+}
+
+
+@pytest.fixture
+def house(tmp_path: Path) -> Path:
+    """A package that keeps the rules."""
+    root = tmp_path / NAME
+    for name, text in SOUND.items():
+        file = root / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    return root
+
+
+def test_a_sound_house_is_found_sound(house):
+    assert violations(house) == []
+
+
+@pytest.mark.parametrize("file, text, expected", BROKEN.values(), ids=BROKEN)
+def test_a_broken_rule_is_found(house, file, text, expected):
+    (house / file).parent.mkdir(exist_ok=True)
+    (house / file).write_text(text)
+    (found,) = violations(house)
+    assert found.startswith(f"{file}:")
+    assert expected in found
+
+
+@pytest.mark.parametrize("room", ["engine", "scene", "motion"])
+def test_the_library_imports_without_ros(room):
+    code = (
+        "import importlib, sys\n"
+        f"importlib.import_module('{NAME}.{room}')\n"
+        "print(*{name.partition('.')[0] for name in sys.modules})"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert [name for name in done.stdout.split() if is_ros(name)] == []

@@ -1,0 +1,59 @@
+"""The command line, where it needs no ROS."""
+
+import subprocess
+import sys
+
+import pytest
+
+from proximity_monitor.__main__ import main
+
+
+def test_without_a_command_it_teaches(capsys):
+    assert main([]) == 0
+    assert "demo" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["demo", "--help"], ["scene", "check", "--help"]]
+)
+def test_help_is_help(arguments, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 0
+    assert "usage: proximity_monitor" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "soon"])
+@pytest.mark.parametrize("option", ["--seconds", "--speed"])
+def test_a_duration_or_speed_that_is_none_is_refused(option, value, capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["demo", f"{option}={value}"])
+    assert ended.value.code == 2
+    assert option in capsys.readouterr().err
+
+
+def test_without_rclpy_the_demo_says_how_to_install_it():
+    code = (
+        "import sys; sys.modules['rclpy'] = None\n"
+        "from proximity_monitor.__main__ import main; sys.exit(main(['demo']))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 1
+    assert "pip install '.[ros]'" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_a_scene_is_checked_with_its_models(capsys):
+    assert main(["scene", "check", "engine"]) == 0
+    said = capsys.readouterr().out
+    assert "body block" in said
+    assert "pair piston_1 - piston_2" in said
+
+
+def test_what_is_wrong_with_a_scene_is_said(tmp_path, capsys):
+    path = tmp_path / "torn.yaml"
+    path.write_text("version: 1\n")
+    assert main(["scene", "check", str(path)]) == 1
+    assert "torn.yaml" in capsys.readouterr().err
+    assert main(["scene", "check", str(tmp_path / "none.yaml")]) == 1
+    assert "none.yaml" in capsys.readouterr().err
