@@ -37,6 +37,10 @@ SINGLE_LIMIT = 1e15
 A volume farther away, or larger, than that is bounded by spheres in float64 instead.
 """
 
+FILTER_LIMIT = 1e9
+"""Largest coordinate of a triangle pair, in the larger model's node units, that is filtered in
+float32: a normal's length squared, times a coordinate squared, stays below 1e38."""
+
 POINT_MARGIN = 32.0 * DOUBLE_EPS
 """What a distance between moved triangles may err by, as a share of the coordinates' magnitude.
 

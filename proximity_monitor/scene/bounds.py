@@ -1,11 +1,9 @@
 """Certified bounds for pairs of bodies that have moved since they were last searched.
 
 A search answers for the poses that it was given. When the bodies move on, that answer is still
-worth
-something: no point of B comes nearer to A than it moved relative to A, and the two closest points
-    of then, carried along by their bodies, are still two points of the models. So every pair has a
-    certified interval at every moment, at the cost of a few array operations for all pairs
-    together.
+worth something: no point of B comes nearer to A than it moved relative to A, and the two closest
+points of then, carried along by their bodies, are still two points of the models. So every pair has
+a certified interval at every moment, at the cost of a few array operations for all pairs together.
 
 Everything here is an array with one row a pair: lengths in metres, poses (k, 4, 4) model to world.
 """

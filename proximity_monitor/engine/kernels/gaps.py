@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, uint64
 
-from ..tolerances import SINGLE_MARGIN, SINGLE_TINY
-from .jit import inlined, kernel, loop16
+from ..tolerances import FILTER_LIMIT, SINGLE_MARGIN, SINGLE_TINY
+from .jit import inlined, loop16
 
 BATCH = 16
 """Pairs that are filtered together."""
@@ -25,9 +25,10 @@ _ZERO = float32(0.0)
 _ONE = float32(1.0)
 _TINY = float32(SINGLE_TINY)
 _MARGIN = float32(SINGLE_MARGIN)
+_LIMIT = float32(FILTER_LIMIT)
 
 
-@kernel
+@inlined
 def gather(triangles_a, ta, triangles_b, tb, slot, corners):
     """Put the corners of two triangles, each in its own frame, into a slot of a batch."""
     for i in range(9):
@@ -144,4 +145,5 @@ def gaps(local, slack, bounds):
             + abs(ax) + abs(ay) + abs(az) + abs(bx) + abs(by) + abs(bz)
             + abs(cx) + abs(cy) + abs(cz)
         )  # fmt: skip
-        bounds[k] = bound - size * _MARGIN - slack
+        # Beyond the limit products overflow (and NaN compares as false): then nothing is known.
+        bounds[k] = bound - size * _MARGIN - slack if size < _LIMIT else -_ONE

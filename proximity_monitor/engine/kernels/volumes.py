@@ -23,7 +23,7 @@ from ..tolerances import (
     SINGLE_MARGIN,
     SINGLE_TINY,
 )
-from .jit import kernel, loop16
+from .jit import inlined, kernel, loop16
 from .vectors import add, cross, dot, moved, rotated, scaled, sub
 
 WIDTH = 16
@@ -123,7 +123,7 @@ def lower_bounds(nodes, base, single, bounds):
         bounds[k] = max(max(gap, gap_lane), gap_single) - nodes[i + _F9] - radius
 
 
-@kernel
+@inlined
 def place(fixed, lane, motion, tree, node, slack, out):
     """Move one lane of `fixed` into the frame of a node of `tree`, as `single` of `lower_bounds`.
 
