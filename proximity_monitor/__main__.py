@@ -8,8 +8,8 @@ import sys
 from collections.abc import Sequence
 
 _INSTALL_ROS = """\
-proximity_monitor demo needs rclpy, and it cannot be imported: {error}
-Either install ROS 2's wheels beside this package, in the checkout:
+proximity_monitor demo needs ROS 2's Python packages: {error}
+Either install their wheels beside this package, in the checkout:
     pip install '.[ros]'
 or, on a machine with ROS 2 Jazzy, source it first:
     . /opt/ros/jazzy/setup.sh"""
@@ -76,12 +76,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _demo(chosen: argparse.Namespace) -> int:
     try:
-        import rclpy  # noqa: F401
+        from proximity_monitor.ros.demo import run
     except ImportError as error:
+        if (error.name or "").startswith("proximity_monitor"):
+            raise  # our own fault, that no installation mends
         print(_INSTALL_ROS.format(error=error), file=sys.stderr)
         return 1
-    from proximity_monitor.ros.demo import run
-
     return run(chosen.scene, seconds=chosen.seconds, speed=chosen.speed)
 
 

@@ -14,8 +14,9 @@ from .mesh import TriangleMesh
 from .poses import as_pose, check_pose
 from .result import Clearance, Collision, Distance, Feature, Status
 
-_SLICE = 64
-"""Steps between two looks at the clock, about 10 µs: what a budget may be overrun by."""
+_SLICE = 256
+"""Steps between two looks at the clock, some 30 µs: what a budget may be overrun by. With 64 a
+search under a budget takes half as long again."""
 
 _LONG_SLICE = 1 << 18
 """Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""

@@ -15,11 +15,12 @@ def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
     Raises:
         ValueError: not numbers, or another shape.
     """
-    if type(pose) is np.ndarray and pose.dtype == np.float64 and pose.flags.c_contiguous:
+    if type(pose) is np.ndarray and pose.dtype == np.float64 and pose.flags.carray:
         array = pose
     else:
-        try:
-            array = np.ascontiguousarray(pose, dtype=np.float64)
+        try:  # a copy: the kernels are compiled for writable arrays, and a read-only one would
+            # have them compiled again
+            array = np.array(pose, dtype=np.float64, order="C")
         except (TypeError, ValueError) as error:
             raise ValueError(f"{name}: not a matrix of numbers: {error}") from None
     if array.shape != (4, 4):

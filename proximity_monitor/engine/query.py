@@ -103,7 +103,10 @@ def closest_points(
         ValueError: a pose that is no rigid motion; points of another shape or not finite.
     """
     pose = check_pose(pose)
-    given = np.ascontiguousarray(points, dtype=np.float64)
+    try:
+        given = np.require(points, dtype=np.float64, requirements="CAW")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"points: not an array of numbers: {error}") from None
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
     if not np.isfinite(given).all():
@@ -186,7 +189,10 @@ def distances(
 
 
 def _as_poses(poses: ArrayLike, name: str) -> NDArray[np.float64]:
-    array = np.ascontiguousarray(poses, dtype=np.float64)
+    try:
+        array = np.require(poses, dtype=np.float64, requirements="CAW")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: not an array of numbers: {error}") from None
     if array.ndim != 3 or array.shape[1:] != (4, 4):
         raise ValueError(f"{name}: shape {array.shape}, expected (k, 4, 4)")
     return array

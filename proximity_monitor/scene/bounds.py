@@ -136,12 +136,12 @@ def place(pose_a: np.ndarray, pose_b: np.ndarray, spheres: Extents) -> Placement
 def widen(answers: Answers, now: Placement, spheres: Extents) -> Bounds:
     """Return bounds for the bodies' present placement from the answers of another one.
 
-    A point of B at y in B's frame moves relative to A by at most
-    ``|T1 c - T0 c| + 2 sin(angle / 2) |y - c|``, where T0 and T1 are the relative poses, c is B's
-    centre and the angle is that of the rotation between them. ``2 sin(angle / 2)`` is the Frobenius
-    norm of R1 - R0 over sqrt 2, which unlike an arc cosine loses no digits for small angles. The
-    same holds with A and B exchanged; the smaller of the two counts. The bounding spheres give a
-    second lower bound that does not need an earlier answer.
+    A point of B at y in B's frame moves relative to A by at most ``|T1 c - T0 c| + 2 sin(angle /
+    2) |y - c|``, where T0 and T1 are the relative poses, c is B's centre and the angle is that of
+    the rotation between them. ``2 sin(angle / 2)`` is the Frobenius norm of R1 - R0 over sqrt 2,
+    which unlike an arc cosine loses no digits for small angles. The same holds with A and B
+    exchanged; the smaller of the two counts. The bounding spheres give a second lower bound that
+    does not need an earlier answer.
     """
     slack = _slack(np.maximum(now.size, answers.size), np.maximum(now.defect, answers.defect))
     before, after = answers.relative, now.relative

@@ -86,7 +86,7 @@ class Monitor:
         self._levels = np.array([(t.warn, t.stop) for t in thresholds]).reshape(-1, 2)
 
     def set_tolerance(self, rel_err: float | None = None, abs_err: float | None = None) -> None:
-        """Take tolerances for all pairs, abs_err in metres; None: each pair's own from the scene."""
+        """Take tolerances for all pairs, abs_err in metres; None: each pair's own of the scene."""
         self._tolerance = [
             (own_rel if rel_err is None else rel_err, own_abs if abs_err is None else abs_err)
             for own_rel, own_abs in self._scene_tolerance

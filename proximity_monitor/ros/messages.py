@@ -1,0 +1,150 @@
+"""Results as messages: points in the fixed frame, lengths in metres.
+
+``~/closest_points`` is a `diagnostic_msgs/DiagnosticArray` with one `DiagnosticStatus` a pair,
+because of the types in common_interfaces it is the only one that carries named values for each of
+many named things, and that ``ros2 topic echo`` and every diagnostics viewer show readably:
+
+====================  ==================================================================
+``header.stamp``      the tick; ``header.frame_id`` the fixed frame
+``name``              ``piston_1 - block``: the names of bodies A and B
+``level``             OK, WARN, ERROR or STALE for clear, warn, stop or stale
+``message``           the clearance in the scene's unit and what it is: ``0.0254 mm exact``
+``hardware_id``       the fixed frame
+``point_a, point_b``  the closest points ``x y z``, the first on A; the upper bound's witnesses
+``lower_m, upper_m``  certified bounds, every digit of the float64
+``status``            exact, within tolerance, bounded, intersecting, unknown pose
+``state``             clear, warn, stop or stale
+``stamp``             the older stamp of the two bodies' poses: the moment that is spoken of
+``age_s``             seconds since the numbers answered the present poses; 0 while they do
+``direction``         unit vector from A's point to B's; empty where they coincide
+``session_min_m``     the smallest upper bound since the last reset: surely reached
+``session_min_lower_m``  the smallest lower bound since then: at no tick could it be nearer
+====================  ==================================================================
+
+Values of a pair without a pose are ``nan``; its points and direction are empty. A custom message
+would be lighter, and would tie every consumer to building this package.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from proximity_monitor.scene import Unit
+from proximity_monitor.scene.alerts import Alert, Level
+from proximity_monitor.scene.state import PairState, PairStatus
+
+SEVERITY = {
+    Level.CLEAR: DiagnosticStatus.OK,
+    Level.WARN: DiagnosticStatus.WARN,
+    Level.STOP: DiagnosticStatus.ERROR,
+    Level.STALE: DiagnosticStatus.STALE,
+}
+
+
+def pair_name(a: str, b: str) -> str:
+    """Return the name of a pair as it is published."""
+    return f"{a} - {b}"
+
+
+def clearance_text(pair: PairState, unit: Unit) -> str:
+    """Return a pair's clearance for people: one number where it is known, else both bounds."""
+    if pair.status is PairStatus.UNKNOWN:
+        return f"no pose yet of {' and '.join(pair.silent)}"
+    number = f"{pair.upper / unit.to_metre:.4g}"
+    if pair.status is PairStatus.BOUNDED:
+        number = f"{pair.lower / unit.to_metre:.4g}..{number}"
+    stale = f", no recent pose of {' and '.join(pair.silent)}" if pair.silent else ""
+    return f"{number} {unit.symbol} {pair.status.value}{stale}"
+
+
+def closest_points(
+    pairs: Sequence[PairState],
+    levels: Sequence[Level],
+    *,
+    stamp: Time,
+    frame: str,
+    unit: Unit,
+    pose_stamp_ns: Callable[[str], int | None],
+) -> DiagnosticArray:
+    """Return all pairs of a tick as one message (see the module's table)."""
+    message = DiagnosticArray()
+    message.header.stamp = stamp
+    message.header.frame_id = frame
+    message.status = [
+        DiagnosticStatus(
+            level=SEVERITY[level],
+            name=pair_name(pair.a, pair.b),
+            message=clearance_text(pair, unit),
+            hardware_id=frame,
+            values=_values(_pair_values(pair, level, pose_stamp_ns)),
+        )
+        for pair, level in zip(pairs, levels, strict=True)
+    ]
+    return message
+
+
+def alert(change: Alert, *, stamp: Time, frame: str) -> DiagnosticStatus:
+    """Return one change of level: its reason as message, old and new level and bounds as values."""
+    return DiagnosticStatus(
+        level=SEVERITY[change.new],
+        name=pair_name(change.a, change.b),
+        message=f"{change.old.value} -> {change.new.value}: {change.reason}",
+        hardware_id=frame,
+        values=_values(
+            {
+                "old": change.old.value,
+                "new": change.new.value,
+                "lower_m": repr(change.lower),
+                "upper_m": repr(change.upper),
+                "reason": change.reason,
+                "stamp": seconds(stamp.sec * 1_000_000_000 + stamp.nanosec),
+            }
+        ),
+    )
+
+
+def seconds(nanoseconds: int) -> str:
+    """Return a time in seconds with all nine decimals."""
+    return f"{nanoseconds // 1_000_000_000}.{nanoseconds % 1_000_000_000:09d}"
+
+
+def _pair_values(
+    pair: PairState, level: Level, pose_stamp_ns: Callable[[str], int | None]
+) -> dict[str, str]:
+    stamps = [s for s in (pose_stamp_ns(pair.a), pose_stamp_ns(pair.b)) if s is not None]
+    known = pair.status is not PairStatus.UNKNOWN
+    return {
+        "point_a": _vector(pair.point_a) if known else "",
+        "point_b": _vector(pair.point_b) if known else "",
+        "lower_m": repr(pair.lower),
+        "upper_m": repr(pair.upper),
+        "status": pair.status.value,
+        "state": level.value,
+        "stamp": seconds(min(stamps)) if known and stamps else "nan",
+        "age_s": f"{pair.age_s:.4f}" if known else "nan",
+        "direction": _direction(pair) if known else "",
+        "session_min_m": repr(pair.session_min if pair.session_min < math.inf else math.nan),
+        "session_min_lower_m": repr(
+            pair.session_min_lower if pair.session_min_lower < math.inf else math.nan
+        ),
+    }
+
+
+def _direction(pair: PairState) -> str:
+    between = pair.point_b - pair.point_a
+    length = float(np.sqrt(between @ between))
+    return _vector(between / length) if length > 0.0 else ""
+
+
+def _vector(values: np.ndarray) -> str:
+    x, y, z = values.tolist()
+    return f"{x:.9g} {y:.9g} {z:.9g}"
+
+
+def _values(items: dict[str, str]) -> list[KeyValue]:
+    return [KeyValue(key=key, value=value) for key, value in items.items()]

@@ -1,0 +1,183 @@
+"""The monitor as a lifecycle node; what it does while configured is in `session`."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Callable, Sequence
+from functools import wraps
+
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterException
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+
+from proximity_monitor.ros import parameters
+from proximity_monitor.ros.session import Session, compile_search
+from proximity_monitor.ros.spin import interruptible, ros, spin
+from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.opening import find_scene, load_models
+
+RCLError = rclpy_implementation.RCLError
+
+Transition = Callable[["ProximityMonitor", LifecycleState], TransitionCallbackReturn]
+
+
+def _told(transition: Transition) -> Transition:
+    """Log what went wrong in a transition; rclpy itself drops the exception without a word."""
+
+    @wraps(transition)
+    def run(self: ProximityMonitor, state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            return transition(self, state)
+        except (
+            OSError,
+            ValueError,
+        ) as error:  # of a scene, a model or a parameter: the user's to mend
+            self.get_logger().fatal(str(error))
+            return TransitionCallbackReturn.FAILURE
+        except Exception:
+            self.get_logger().fatal(traceback.format_exc())
+            return TransitionCallbackReturn.ERROR
+
+    return run
+
+
+class ProximityMonitor(LifecycleNode):
+    """Watches the clearances of a scene; the README lists topics, parameters and services."""
+
+    def __init__(self, **node_options) -> None:
+        """Declare the parameters; everything else is made when the node is configured.
+
+        Args:
+            node_options: for `rclpy.node.Node`, such as parameter_overrides.
+
+        Raises:
+            rclpy.exceptions.ParameterException: a parameter given at start is of another type or no
+                legal value.
+        """
+        super().__init__("proximity_monitor", **node_options)
+        self._session: Session | None = None
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+        parameters.declare(self)
+        self._survive_impossible_transitions()
+
+    def start(self) -> bool:
+        """Configure and activate, as `autostart` asks for; return whether both succeeded."""
+        return all(
+            trigger() is TransitionCallbackReturn.SUCCESS
+            for trigger in (self.trigger_configure, self.trigger_activate)
+        )
+
+    def destroy_node(self) -> None:
+        """Take down what is shown, free everything and leave the graph."""
+        self._free()
+        super().destroy_node()
+
+    @_told
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Load the scene, prepare the search, create publishers, subscriptions and services."""
+        scene = load_scene(find_scene(self.get_parameter("scene").value))
+        self.get_logger().info(
+            f"{scene.path}: {len(scene.bodies)} bodies, {len(scene.pairs)} pairs; preparing the"
+            " search (the first start on a machine compiles it, which can take a minute)"
+        )
+        with interruptible():
+            models = load_models(scene)
+            compile_search()
+        parameters.declare_thresholds(self, scene)
+        try:
+            self._session = Session(self, scene, models, parameters.read(self, scene))
+        except BaseException:
+            parameters.undeclare_thresholds(self, scene)
+            raise
+        return super().on_configure(state)
+
+    @_told
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start ticking."""
+        result = super().on_activate(state)
+        self._session.start()
+        settings = self._session.settings
+        self.get_logger().info(
+            f"watching at {settings.rate_hz:g} Hz, {settings.budget_s * 1e3:g} ms a tick,"
+            f" frame {settings.frame}"
+        )
+        return result
+
+    @_told
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop ticking; poses are still taken in."""
+        self._session.stop()
+        return super().on_deactivate(state)
+
+    @_told
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Free what was made when the node was configured."""
+        self._free()
+        return TransitionCallbackReturn.SUCCESS
+
+    @_told
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Free everything, from whatever state."""
+        self._free()
+        return TransitionCallbackReturn.SUCCESS
+
+    @_told
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Free everything after an unexpected error, so that the node can be configured again."""
+        self._free()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _survive_impossible_transitions(self) -> None:
+        """Answer a request for a transition that the present state does not have with "no".
+
+        rclpy raises out of the service's callback instead, which ends the process.
+        """
+        service = self._service_change_state
+        change = service.callback
+
+        def answer(
+            request: ChangeState.Request, response: ChangeState.Response
+        ) -> ChangeState.Response:
+            try:
+                return change(request, response)
+            except RCLError as error:
+                self.get_logger().warning(f"no such transition from the present state: {error}")
+                response.success = False
+                return response
+
+        service.callback = answer
+
+    def _free(self) -> None:
+        session, self._session = self._session, None
+        if session is not None:
+            session.close()
+            parameters.undeclare_thresholds(self, session.scene)
+
+    def _check_parameters(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        return parameters.check(self, self._session and self._session.scene, changes)
+
+    def _apply_parameters(self, changes: Sequence[Parameter]) -> None:
+        if self._session is not None:
+            self._session.apply(parameters.read(self, self._session.scene))
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node until SIGINT or SIGTERM; return 1 if it cannot start."""
+    with ros(args) as stop:
+        try:
+            node = ProximityMonitor()
+        except ParameterException as error:
+            print(f"proximity_monitor: {error}", file=sys.stderr)
+            return 1
+        try:
+            if node.get_parameter("autostart").value and not node.start():
+                return 1
+            spin([node], stop)
+        finally:
+            node.destroy_node()
+    return 0

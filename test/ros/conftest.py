@@ -1,0 +1,361 @@
+"""A monitor in a process of its own, and a peer that talks to it over DDS.
+
+Nothing here sleeps: whoever waits spins the peer until a condition holds or a deadline passes.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+SCENE = """
+version: 1
+frame: cell
+unit: mm
+rate_hz: 50
+budget_ms: 15
+thresholds: {warn: 100, stop: 20, hysteresis: 10}
+bodies:
+  - {name: table, primitive: {box: {size: [2000, 2000, 100]}}, pose: {position: [0, 0, -50]}}
+  - {name: ball, primitive: {sphere: {radius: 100}}, moving: true, colour: [1, 0, 0, 0.5]}
+  - {name: die, primitive: {box: {size: [200, 200, 200]}}, moving: true}
+pairs:
+  watch:
+    - {between: [table, ball]}
+    - {between: [table, die]}
+    - {between: [ball, die], thresholds: {warn: 50, stop: 5}}
+"""
+APART = {"ball": (0.0, 0.0, 0.5), "die": (0.8, 0.1, 0.9)}
+DEADLINE_S = 20.0
+START_DEADLINE_S = 180.0  # the first start on a machine compiles the kernels
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_environment(tmp_path_factory):
+    """A DDS domain of our own, on this machine alone, with logs out of the way."""
+    pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+    os.environ.update(
+        ROS_DOMAIN_ID=str(random.SystemRandom().randint(1, 100)),
+        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
+        FASTDDS_BUILTIN_TRANSPORTS="UDPv4",  # shared memory of a killed peer would stay behind
+        ROS_LOG_DIR=str(tmp_path_factory.mktemp("ros_log")),
+        PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        PYTHONSAFEPATH="1",
+    )
+
+
+def _executable(name):
+    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if p]
+    for prefix in [*prefixes, sys.prefix]:
+        path = Path(prefix) / "lib" / "proximity_monitor" / name
+        if path.is_file():
+            return path
+    pytest.fail(f"lib/proximity_monitor/{name} is not installed: install the package first")
+
+
+class Process:
+    """An installed executable that runs, and what it prints."""
+
+    def __init__(self, command, log, environment):
+        self.log = log
+        with log.open("w") as out:
+            self.popen = subprocess.Popen(
+                [str(part) for part in command],
+                stdout=out,
+                stderr=subprocess.STDOUT,
+                env=os.environ | environment,
+            )
+
+    def ended(self, timeout_s=START_DEADLINE_S):
+        return self.popen.wait(timeout_s)
+
+    def stop(self, kind=signal.SIGINT):
+        """Signal the process; return its exit code and how many seconds it took to end."""
+        began = time.monotonic()
+        if self.popen.poll() is None:
+            self.popen.send_signal(kind)
+        try:
+            code = self.popen.wait(DEADLINE_S)
+        except subprocess.TimeoutExpired:
+            self.popen.kill()
+            raise
+        return code, time.monotonic() - began
+
+    @property
+    def text(self):
+        return self.log.read_text()
+
+
+@pytest.fixture(scope="session")
+def launch(ros_environment, tmp_path_factory):
+    """Start an installed executable with ROS parameters; it is killed in the end."""
+    started = []
+    folder = tmp_path_factory.mktemp("processes")
+
+    def start(name, /, *arguments, environment=None, **parameters):
+        given = [part for k, v in parameters.items() for part in ("-p", f"{k}:={v}")]
+        command = [_executable(name), "--ros-args", *given, *arguments]
+        log = folder / f"{len(started)}_{name}.log"
+        process = Process(command, log, environment or {})
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.stop(signal.SIGKILL)
+
+
+@pytest.fixture(scope="session")
+def scene_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "cell.yaml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture(scope="session")
+def world(scene_file):
+    """The scene and its models, loaded here as a user of the library would."""
+    from proximity_monitor.scene import load_scene
+    from proximity_monitor.scene.opening import load_models
+
+    scene = load_scene(scene_file)
+    return scene, load_models(scene)
+
+
+class Peer:
+    """A node that publishes poses to a monitor and keeps what the monitor publishes."""
+
+    def __init__(self, monitor, namespace=""):
+        import rclpy
+        from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+        from geometry_msgs.msg import PoseStamped
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from std_msgs.msg import Float64
+        from visualization_msgs.msg import MarkerArray
+
+        self.monitor = monitor
+        self.node = rclpy.create_node("peer", namespace=namespace)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.held = {}
+        self.received = {}
+        self.since = 0.0
+        self._publishers = {
+            name: self.node.create_publisher(PoseStamped, f"bodies/{name}/pose", 1)
+            for name in APART
+        }
+        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        kinds = {
+            "closest_points": (DiagnosticArray, 10),
+            "clearance": (Float64, 10),
+            "markers": (MarkerArray, 10),
+            "parts": (MarkerArray, latched),
+            "alerts": (DiagnosticStatus, latched),
+        }
+        for topic, (kind, qos) in kinds.items():
+            name = f"proximity_monitor/{topic}"
+            self.node.create_subscription(kind, name, self._keeper(topic), qos)
+        self.node.create_subscription(DiagnosticArray, "/diagnostics", self._diagnosed, 10)
+        self.node.create_timer(0.02, lambda: self.publish(**self.held))
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+
+    def _keeper(self, topic):
+        def keep(message):
+            self.received.setdefault(topic, []).append(message)
+
+        return keep
+
+    def _diagnosed(self, message):
+        prefix = self.node.get_namespace().strip("/")
+        name = f"{prefix}/proximity_monitor" if prefix else "proximity_monitor"
+        if message.status and message.status[0].name.startswith(f"{name}: "):
+            self.received.setdefault("diagnostics", []).append(message)
+
+    # Talking
+
+    def pose(self, position, quaternion=(0.0, 0.0, 0.0, 1.0), frame="cell", late_s=0.0):
+        """A PoseStamped of now, or of `late_s` seconds ago."""
+        from geometry_msgs.msg import PoseStamped
+        from rclpy.duration import Duration
+
+        message = PoseStamped()
+        message.header.frame_id = frame
+        stamp = self.node.get_clock().now() - Duration(nanoseconds=int(late_s * 1e9))
+        message.header.stamp = stamp.to_msg()
+        place, turn = message.pose.position, message.pose.orientation
+        place.x, place.y, place.z = (float(value) for value in position)
+        turn.x, turn.y, turn.z, turn.w = (float(value) for value in quaternion)
+        return message
+
+    def publish(self, **poses):
+        """Publish a position, a position and a quaternion, or a message, for each body."""
+        for name, pose in poses.items():
+            if isinstance(pose, tuple):
+                pose = self.pose(*pose) if len(pose) == 2 else self.pose(pose)
+            self._publishers[name].publish(pose)
+
+    def hold(self, **positions):
+        """Go on publishing these poses, and no others, whenever someone waits."""
+        self.held = positions
+
+    def call(self, kind, name, request):
+        client = self.node.create_client(kind, f"proximity_monitor/{name}")
+        self.wait(client.service_is_ready, f"service {name}")
+        future = client.call_async(request)
+        self.wait(future.done, f"an answer of {name}")
+        self.node.destroy_client(client)
+        return future.result()
+
+    def set_parameters(self, atomically=True, **values):
+        """Set parameters by service (`__` stands for a dot); return success and reason."""
+        from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+        from rclpy.parameter import Parameter
+
+        messages = [
+            Parameter(name.replace("__", "."), value=value).to_parameter_msg()
+            for name, value in values.items()
+        ]
+        if atomically:
+            request = SetParametersAtomically.Request(parameters=messages)
+            kind = SetParametersAtomically
+            result = self.call(kind, "set_parameters_atomically", request).result
+        else:
+            request = SetParameters.Request(parameters=messages)
+            result = self.call(SetParameters, "set_parameters", request).results[-1]
+        return result.successful, result.reason
+
+    # Listening
+
+    def wait(self, condition, what, timeout_s=DEADLINE_S):
+        """Spin until the condition returns something true, and return that."""
+        deadline = time.monotonic() + timeout_s
+        while not (found := condition()):
+            state = "is dead" if self.monitor.popen.poll() is not None else "runs"
+            trouble = f"waited for {what}; the monitor {state} and said:\n{self.monitor.text}"
+            assert state == "runs" and time.monotonic() < deadline, trouble
+            self.executor.spin_once(timeout_sec=0.02)
+        return found
+
+    def last(self, topic):
+        return self.received[topic][-1] if self.received.get(topic) else None
+
+    def forget(self):
+        self.received.clear()
+        self.since = self.node.get_clock().now().nanoseconds * 1e-9
+
+    def alerts(self, pair):
+        """The alerts of a pair that were given since the last `forget`, whenever they arrived."""
+        return [
+            status
+            for status in self.received.get("alerts", ())
+            if status.name == pair
+            and any(v.key == "stamp" and float(v.value) > self.since for v in status.values)
+        ]
+
+    def next(self, topic, timeout_s=DEADLINE_S):
+        """The next message of a topic that is published from now on."""
+        self.received.pop(topic, None)
+        return self.wait(lambda: self.last(topic), f"a message on {topic}", timeout_s)
+
+    def pairs(self, message=None):
+        """The pairs of a closest-points message: values by key, with level and text."""
+        message = message or self.last("closest_points")
+        return {
+            status.name: {each.key: each.value for each in status.values}
+            | {"level": status.level, "text": status.message}
+            for status in (message.status if message else ())
+        }
+
+    def health(self, message=None):
+        """The values of a diagnostics message by task, with level and text."""
+        message = message or self.last("diagnostics")
+        return {
+            status.name.rpartition(": ")[2]: {each.key: each.value for each in status.values}
+            | {"level": status.level, "text": status.message}
+            for status in (message.status if message else ())
+        }
+
+    def settle(self, **positions):
+        """Hold positions until all pairs are answered exactly for them; return the pairs."""
+        self.hold(**(APART | positions))
+        began = self.node.get_clock().now().nanoseconds * 1e-9
+
+        def answered():
+            pairs = self.pairs()
+            fresh = [float(p["stamp"]) > began and p["age_s"] == "0.0000" for p in pairs.values()]
+            known = [p["state"] != "stale" and p["status"] != "bounded" for p in pairs.values()]
+            return pairs if pairs and all(fresh) and all(known) else None
+
+        return self.wait(answered, f"answers to {positions}", START_DEADLINE_S)
+
+
+@pytest.fixture(scope="session")
+def rclpy_context(ros_environment):
+    import rclpy
+
+    rclpy.init(args=[])
+    yield
+    rclpy.try_shutdown()
+
+
+@pytest.fixture(scope="session")
+def shared_monitor(launch, scene_file):
+    """One monitor for all tests that leave it as they found it."""
+    return launch("node", scene=scene_file, pose_timeout_s=1.0)
+
+
+@pytest.fixture(scope="session")
+def shared_peer(rclpy_context, shared_monitor):
+    peer = Peer(shared_monitor)
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def peer(shared_peer):
+    """The peer of the shared monitor; all is apart and clear when a test begins."""
+    pairs = shared_peer.settle()
+    assert {pair["state"] for pair in pairs.values()} == {"clear"}
+    shared_peer.forget()
+    return shared_peer
+
+
+@pytest.fixture
+def new_peer(rclpy_context):
+    """Make a peer of a monitor, in a namespace of its own."""
+    made = []
+
+    def make(monitor, namespace=""):
+        made.append(Peer(monitor, namespace))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()
+
+
+@pytest.fixture
+def as_matrix():
+    def matrix(position, quaternion=(0.0, 0.0, 0.0, 1.0)):
+        """The (4, 4) pose, by Rodrigues' formula."""
+        *axis, w = np.array(quaternion) / np.linalg.norm(quaternion)
+        x, y, z = axis
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        made = np.eye(4)
+        made[:3, :3] = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+        made[:3, 3] = position
+        return made
+
+    return matrix

@@ -1,0 +1,139 @@
+"""Poses that are wrong, late or missing: counted, reported, never fatal, and never room."""
+
+import math
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
+
+FAR = (0.0, 0.0, 5.0)  # where the ball would be clear of everything
+NEAR = (0.0, 0.0, 0.15)  # where it is at warn
+
+BAD = {
+    "not finite": dict(position=(0.0, math.nan, 5.0)),
+    "quaternion not unit": dict(position=FAR, quaternion=(0.0, 0.0, 0.0, 1.1)),
+    "position out of range": dict(position=(0.0, 0.0, 1e12)),
+    "other frame": dict(position=FAR, frame="world"),
+    "stale stamp": dict(position=FAR, late_s=2.0),
+    "stamp in the future": dict(position=FAR, late_s=-5.0),
+    "stamp out of order": dict(position=FAR, late_s=0.3),
+}
+MORE = [
+    ("not finite", dict(position=FAR, quaternion=(0.0, 0.0, math.inf, 1.0))),
+    ("quaternion not unit", dict(position=FAR, quaternion=(0.0, 0.0, 0.0, 0.0))),
+    ("other frame", dict(position=FAR, frame="")),
+]
+
+
+def rejected(health, reason):
+    return int(health["inputs"][f"rejected: {reason}"])
+
+
+@pytest.mark.parametrize(("reason", "bad"), [*BAD.items(), *MORE])
+def test_a_bad_pose_is_counted_by_reason_and_never_looks_clear(peer, reason, bad):
+    pairs = peer.settle(ball=NEAR)
+    assert pairs["table - ball"]["state"] == "warn"
+    before = rejected(peer.health(peer.next("diagnostics")), reason)
+    peer.forget()
+
+    ticks = 0
+
+    def counted():
+        nonlocal ticks
+        seen = len(peer.received.get("closest_points", ()))
+        if seen >= ticks:  # ten a second: a flood would crowd out the good ones that are held
+            ticks = seen + 5
+            peer.publish(ball=peer.pose(**bad))
+        health = peer.health()
+        return health if health and rejected(health, reason) > before else None
+
+    others = {name: p for name, p in peer.held.items() if name != "ball"}
+    if reason != "stamp out of order":  # which needs a newer good one before it
+        peer.hold(**others)
+    peer.wait(counted, f"a pose rejected as {reason!r}")
+    seen = [peer.pairs(message)["table - ball"] for message in peer.received["closest_points"]]
+    assert {pair["state"] for pair in seen} <= {"warn", "stale"}
+    kept = {float(pair["upper_m"]) for pair in seen}
+    assert max(kept) - min(kept) < 1e-9, "the last good pose stays"
+
+
+def test_a_good_pose_after_bad_ones_is_taken(peer):
+    peer.publish(ball=peer.pose(FAR, quaternion=(1.0, 1.0, 1.0, 1.0)))
+    pairs = peer.settle(ball=NEAR)
+    assert pairs["table - ball"]["state"] == "warn"
+
+
+def test_a_quaternion_within_a_thousandth_is_normalised(peer):
+    peer.hold(die=(0.8, 0.1, 0.9))
+    before = rejected(peer.health(peer.next("diagnostics")), "quaternion not unit")
+
+    def answered():
+        peer.publish(ball=peer.pose(NEAR, quaternion=(0.0, 0.0, 0.0, 1.0009)))
+        pair = peer.pairs().get("table - ball")
+        return pair and float(pair["upper_m"]) == pytest.approx(0.05, abs=1e-3)
+
+    peer.wait(answered, "an answer to the nearly unit quaternion")
+    assert rejected(peer.health(peer.next("diagnostics")), "quaternion not unit") == before
+
+
+def test_a_body_that_falls_silent_makes_its_pairs_stale_until_it_speaks_again(peer):
+    peer.hold(die=(0.8, 0.1, 0.9))
+
+    def silent():
+        pairs = peer.pairs()
+        return pairs if pairs and pairs["table - ball"]["state"] == "stale" else None
+
+    pairs = peer.wait(silent, "the ball's pairs to become stale")
+    assert pairs["table - ball"]["level"] == DiagnosticStatus.STALE
+    assert "no recent pose of ball" in pairs["table - ball"]["text"]
+    assert pairs["ball - die"]["state"] == "stale"
+    assert pairs["table - die"]["state"] == "clear"
+    assert peer.next("clearance").data == 0.0
+
+    def reported():
+        inputs = peer.health().get("inputs")
+        return inputs if inputs and inputs["silent bodies"] == "ball" else None
+
+    inputs = peer.wait(reported, "diagnostics of the silent body")
+    assert inputs["level"] == DiagnosticStatus.WARN
+    assert peer.health()["clearance"]["pairs stale"] == "2"
+    (alert,) = peer.wait(lambda: peer.alerts("table - ball"), "an alert")
+    assert alert.level == DiagnosticStatus.STALE
+    assert alert.message == "clear -> stale: no recent pose of ball"
+    pairs = peer.settle()
+    assert pairs["table - ball"]["state"] == "clear"
+
+
+def test_a_body_that_the_scene_does_not_have_is_reported_by_name(peer):
+    before = rejected(peer.health(peer.next("diagnostics")), "unknown body")
+    stranger = peer.node.create_publisher(PoseStamped, "bodies/ghost/pose", 1)
+    inputs = peer.wait(
+        lambda: (i := peer.health().get("inputs")) and i["unknown bodies"] == "ghost" and i,
+        "diagnostics of the ghost",
+    )
+    assert int(inputs["rejected: unknown body"]) == before + 1
+    assert inputs["level"] == DiagnosticStatus.WARN
+    assert "ghost" in inputs["text"]
+    assert {pair["state"] for pair in peer.settle().values()} == {"clear"}
+    peer.node.destroy_publisher(stranger)
+
+
+def test_bodies_that_never_had_a_pose_are_unknown_and_not_room(launch, scene_file, new_peer):
+    peer = new_peer(launch("node", "-r", "__ns:=/quiet", scene=scene_file), "quiet")
+    peer.hold(die=(0.8, 0.1, 0.9))
+
+    def known():
+        pairs = peer.pairs()
+        return pairs if pairs and pairs["table - die"]["state"] == "clear" else None
+
+    pairs = peer.wait(known, "the die's distance")
+    ball = pairs["table - ball"]
+    assert (ball["status"], ball["state"]) == ("unknown pose", "stale")
+    assert (ball["lower_m"], ball["upper_m"], ball["point_a"]) == ("nan", "nan", "")
+    assert ball["text"] == "no pose yet of ball"
+    assert peer.next("clearance").data == 0.0
+    lines = peer.next("markers").markers[0]
+    assert len(lines.points) == 2, "only the pair with poses is drawn"

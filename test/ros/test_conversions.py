@@ -1,0 +1,198 @@
+"""Messages and numbers made without a running node."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import Marker, MarkerArray
+
+from proximity_monitor import engine
+from proximity_monitor.ros import messages
+from proximity_monitor.ros.diagnostics import Timing
+from proximity_monitor.ros.inputs import to_matrix
+from proximity_monitor.ros.markers import NEAREST, ClearanceMarkers
+from proximity_monitor.ros.parts import PartsMessage, to_quaternion
+from proximity_monitor.ros.table import Picture
+from proximity_monitor.scene import Body, Unit
+from proximity_monitor.scene.alerts import Level
+from proximity_monitor.scene.state import PairState, PairStatus, Tick
+
+MM = Unit("millimetre", 0.001, "mm")
+NAN3 = np.full(3, math.nan)
+
+
+def pair(lower, upper=None, status=PairStatus.EXACT, silent=(), a="left", b="right"):
+    known = status is not PairStatus.UNKNOWN
+    return PairState(
+        a=a,
+        b=b,
+        lower=lower,
+        upper=lower if upper is None else upper,
+        point_a=np.zeros(3) if known else NAN3,
+        point_b=np.array([0.0, 0.0, lower]) if known else NAN3,
+        status=status,
+        age_s=0.0,
+        silent=silent,
+        session_min=math.inf,
+        session_min_lower=math.inf,
+    )
+
+
+UNKNOWN = pair(math.nan, status=PairStatus.UNKNOWN, silent=("left",))
+
+
+@given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.dot(q, q) > 1e-3))
+def test_quaternion_and_matrix_are_one_rotation(values):
+    unit = np.array(values) / np.linalg.norm(values)
+    rotation = to_matrix((1.0, 2.0, 3.0), tuple(values))
+    assert rotation[:3, 3].tolist() == [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(rotation[:3, :3] @ rotation[:3, :3].T, np.eye(3), atol=1e-15)
+    back = np.array(to_quaternion(rotation[:3, :3]))
+    assert abs(back @ unit) == pytest.approx(1.0, abs=1e-14)
+    assert np.linalg.norm(back) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_half_turns_have_quaternions_too(axis):
+    half = -np.eye(3)
+    half[axis, axis] = 1.0
+    expected = [0.0] * 4
+    expected[axis] = 1.0
+    assert list(map(abs, to_quaternion(half))) == expected
+
+
+@pytest.mark.parametrize(
+    ("state", "text"),
+    [
+        (pair(0.0254), "25.4 mm exact"),
+        (pair(0.0101, 0.02, PairStatus.BOUNDED), "10.1..20 mm bounded"),
+        (pair(0.0, status=PairStatus.INTERSECTING), "0 mm intersecting"),
+        (pair(0.001, silent=("right",)), "1 mm exact, no recent pose of right"),
+        (UNKNOWN, "no pose yet of left"),
+    ],
+)
+def test_a_clearance_reads_as_what_it_is(state, text):
+    assert messages.clearance_text(state, MM) == text
+
+
+def test_published_bounds_keep_every_digit():
+    lower, upper = 0.1 + 0.2, math.nextafter(0.1 + 0.2, 1.0)
+    message = messages.closest_points(
+        [pair(lower, upper, PairStatus.BOUNDED)],
+        [Level.CLEAR],
+        stamp=Time(),
+        frame="world",
+        unit=MM,
+        pose_stamp_ns={"left": 2_000_000_001, "right": None}.get,
+    )
+    values = {each.key: each.value for each in message.status[0].values}
+    assert (float(values["lower_m"]), float(values["upper_m"])) == (lower, upper)
+    assert values["stamp"] == "2.000000001"
+    assert values["session_min_m"] == "nan"
+
+
+def test_labels_go_to_pairs_that_are_not_clear_and_to_the_nearest_and_leave_one_by_one():
+    marks = ClearanceMarkers("world", MM, size=1.0)
+    pairs = [pair(0.1 * (i + 1)) for i in range(6)]
+    levels = [Level.CLEAR] * 6
+    levels[5] = Level.WARN
+
+    def labels(action):
+        message = marks.message(pairs, levels, Time())
+        return {m.id for m in message.markers if m.ns == "label" and m.action == action}
+
+    assert labels(Marker.ADD) == {*range(NEAREST), 5}
+    levels[5] = Level.CLEAR
+    assert labels(Marker.DELETE) == {5}
+    assert labels(Marker.DELETE) == set()
+    assert {m.action for m in marks.farewell(Time()).markers} == {Marker.DELETE}
+
+
+def test_pairs_without_poses_are_not_drawn_and_leave_no_empty_list_behind():
+    marks = ClearanceMarkers("world", MM, size=1.0)
+    assert (
+        len(marks.message([UNKNOWN, pair(0.1)], [Level.STALE] * 2, Time()).markers[0].points) == 2
+    )
+    alone = marks.message([UNKNOWN], [Level.STALE], Time())
+    assert {marker.action for marker in alone.markers} == {Marker.DELETE}
+
+
+@pytest.mark.parametrize("frame", ["", "w", "world", "a_longer_frame_name"])
+def test_poses_are_written_into_the_serialised_parts(frame):
+    triangle = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    names = ["one", "two", "three"]
+    bodies = [Body(n, None, None, 1.0, None, "t", (0.1, 0.2, 0.3, 0.4)) for n in names]
+    parts = PartsMessage(bodies, dict.fromkeys(names, triangle), frame)
+
+    def read():
+        return deserialize_message(parts.serialised(), MarkerArray).markers
+
+    assert [marker.action for marker in read()] == [Marker.DELETE] * 3
+    turned = to_matrix((1.5, -2.5, 3.5), (0.5, 0.5, 0.5, 0.5))
+    parts.place("two", turned)
+    assert [m.action for m in read()] == [Marker.DELETE, Marker.ADD, Marker.DELETE]
+    two = read()[1]
+    place, turn = two.pose.position, two.pose.orientation
+    assert (place.x, place.y, place.z) == (1.5, -2.5, 3.5)
+    assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((0.5, 0.5, 0.5, 0.5))
+    assert [(p.x, p.y, p.z) for p in two.points] == [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    assert two.header.frame_id == frame
+    parts.place("two", None)
+    assert [marker.action for marker in read()] == [Marker.DELETE] * 3
+
+
+def test_timing_counts_overruns_of_budget_and_period_and_keeps_a_window():
+    timing = Timing()
+    assert timing.values()["tick_p99_ms"] == "nan"
+    for i in range(2000):
+        late = i % 100 == 0
+        searched = 0.02 if late else 0.004
+        tick = Tick((), searched, budget_s=0.005, looked_at=(), left=0)
+        timing.record(i * 0.01, tick, searched + 0.001, period_s=0.01)
+    values = timing.values()
+    assert values["rate_achieved_hz"] == "100.00"
+    assert values["search_p50_ms"] == "4.000"
+    assert values["tick_p50_ms"] == "5.000"
+    assert values["budget_overruns"] == values["period_overruns"] == "20"
+
+
+def test_the_demos_picture_shows_what_the_topics_carry():
+    picture = Picture(MM, "slider_crank: 1 body")
+    assert "waiting" in picture.header()
+    picture.take_points(
+        messages.closest_points(
+            [pair(0.0254), pair(0.01, 0.02, PairStatus.BOUNDED), UNKNOWN],
+            [Level.CLEAR, Level.STOP, Level.STALE],
+            stamp=Time(),
+            frame="world",
+            unit=MM,
+            pose_stamp_ns=lambda name: 1,
+        )
+    )
+    told = dict(
+        rate_achieved_hz="30.00",
+        search_p50_ms="2.000",
+        search_p99_ms="4.000",
+        tick_p99_ms="5.000",
+        budget_ms="8",
+    )
+    values = [KeyValue(key=key, value=value) for key, value in told.items()]
+    trouble = DiagnosticStatus(name="m: inputs", level=DiagnosticStatus.WARN, message="no pose")
+    schedule = DiagnosticStatus(name="m: schedule", message="on time", values=values)
+    picture.take_diagnostics(DiagnosticArray(status=[schedule, trouble]))
+    lines = picture.plain().splitlines()
+    assert "30.00 Hz" in lines[0]
+    assert "(25% of 8 ms)" in lines[0]
+    assert lines[1] == "inputs: no pose"
+    assert lines[3].split() == ["left", "-", "right", "25.4000", "exact", "clear", "nan"]
+    assert lines[4].split()[3:6] == ["10.0000..20.0000", "bounded", "stop"]
+    assert lines[5].split()[3:] == ["nan..nan", "unknown", "pose", "stale", "nan"]
+    assert picture.rich() is not None

@@ -1,0 +1,111 @@
+"""The demo as a user starts it."""
+
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+DEADLINE_S = 180.0  # a cold start compiles the kernels
+SCENE = """
+version: 1
+frame: bench
+unit: mm
+rate_hz: 50
+budget_ms: 15
+thresholds: {warn: 20, stop: 2, hysteresis: 1}
+bodies:
+  - {name: wall, primitive: {box: {size: [10, 200, 200]}}, pose: {position: [125, 0, 0]}}
+  - {name: wheel, primitive: {cylinder: {radius: 30, height: 10}}, moving: true}
+  - {name: slide, primitive: {box: {size: [20, 20, 20]}}, moving: true}
+pairs: all
+motion:
+  slider_crank:
+    crank: wheel
+    crank_origin: [0, 0, 0]
+    crank_axis: [0, 0, 1]
+    slide_direction: [1, 0, 0]
+    crank_radius: 20
+    rod_length: 80
+    rpm: 60
+    pistons:
+      slide: {phase_deg: 0, offset: [0, 0, 0]}
+"""
+
+
+@pytest.fixture
+def environment(ros_environment):
+    """A domain apart from the other tests' monitors, which have the same names."""
+    return os.environ | {"ROS_DOMAIN_ID": str(int(os.environ["ROS_DOMAIN_ID"]) % 100 + 1)}
+
+
+@pytest.fixture
+def command(tmp_path):
+    path = tmp_path / "slide.yaml"
+    path.write_text(SCENE)
+    return [sys.executable, "-m", "proximity_monitor", "demo", "--scene", str(path)]
+
+
+def test_the_demo_prints_what_the_monitor_publishes_and_ends_by_itself(command, environment):
+    run = subprocess.run(
+        [*command, "--seconds", "3", "--speed", "2"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stderr == ""
+    assert "wall - slide" in run.stdout
+    assert "clearance [mm]" in run.stdout
+    assert "% of 15 ms" in run.stdout
+    assert "warn -> clear" in run.stdout
+    # The slide's face is 10 mm ahead of its origin, which comes to 100 mm; the wall begins at 120.
+    summary = run.stdout.partition("Smallest clearance")[2].splitlines()
+    (least,) = [float(line.split()[-2]) for line in summary if line.startswith("  wall - slide:")]
+    assert least == pytest.approx(10.0, abs=0.2)
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_in_a_terminal_it_shows_a_live_table_until_a_signal_ends_it(command, environment, kind):
+    ours, theirs = pty.openpty()
+    demo = subprocess.Popen(
+        command, env=environment | {"TERM": "xterm", "COLUMNS": "120"}, stdout=theirs, stderr=theirs
+    )
+    os.close(theirs)
+    shown = b""
+    deadline = time.monotonic() + DEADLINE_S
+    try:
+        while b"% of 15 ms" not in shown:
+            assert time.monotonic() < deadline, shown.decode()
+            if select.select([ours], [], [], 1.0)[0]:
+                shown += os.read(ours, 65536)
+        demo.send_signal(kind)
+        began = time.monotonic()
+        try:
+            while part := os.read(ours, 65536):
+                shown += part
+        except OSError:  # a terminal without a program behind it
+            pass
+        assert demo.wait(DEADLINE_S) == 0, shown.decode()
+        assert time.monotonic() - began < 5.0
+    finally:
+        demo.kill()
+        os.close(ours)
+    assert b"\x1b[" in shown
+    assert b"Traceback" not in shown
+    assert b"Smallest clearance" in shown
+
+
+def test_a_demo_that_cannot_start_says_why(environment):
+    command = [sys.executable, "-m", "proximity_monitor", "demo", "--scene", "no-such"]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    assert run.returncode == 1
+    assert "no bundled scene 'no-such'" in run.stderr
+    assert "Traceback" not in run.stderr

@@ -1,0 +1,221 @@
+"""The installed executables as processes: starting, failing, lifecycle, ending."""
+
+import signal
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rosgraph_msgs.msg import Clock
+
+BROKEN = {
+    "missing.yaml": (None, "missing.yaml"),
+    "not_yaml.yaml": ("bodies: [", "not_yaml.yaml"),
+    "key.yaml": ("version: 1\nframe: world\nunit: furlong\n", "unit"),
+    "model.yaml": (
+        "version: 1\nframe: world\nunit: m\nbodies:\n"
+        "  - {name: a, model: nowhere.stl, pose: {position: [0, 0, 0]}}\n"
+        "  - {name: b, primitive: {sphere: {radius: 1}}, moving: true}\npairs: all\n",
+        "nowhere.stl",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_scene_that_cannot_be_used_ends_the_node_with_a_message(launch, tmp_path, name):
+    text, told = BROKEN[name]
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    process = launch("node", scene=tmp_path / name)
+    assert process.ended() == 1
+    assert told in process.text
+    assert "Traceback" not in process.text
+
+
+def test_a_model_that_is_no_mesh_ends_the_node_with_a_message(launch, tmp_path):
+    (tmp_path / "torn.stl").write_bytes(b"\x00\x01 no mesh")
+    (tmp_path / "torn.yaml").write_text(BROKEN["model.yaml"][0].replace("nowhere", "torn"))
+    process = launch("node", scene=tmp_path / "torn.yaml")
+    assert process.ended() == 1
+    assert "torn.stl" in process.text
+    assert "Traceback" not in process.text
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("rate_hz", -3.0),
+        ("budget_ms", "often"),
+        ("rel_err", -0.5),
+        ("thresholds.warn", 0.001),  # below stop
+        ("pairs.ball.die.stop", -1.0),
+    ],
+)
+def test_a_bad_parameter_at_start_ends_the_node_with_a_message(launch, scene_file, name, value):
+    process = launch("node", **{"scene": scene_file, name: value})
+    assert process.ended() == 1
+    assert name.rpartition(".")[0] in process.text
+    assert name.rpartition(".")[2] in process.text
+    assert "Traceback" not in process.text
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_an_active_node_cleanly(launch, scene_file, new_peer, kind):
+    namespace = f"ends_{kind.name.lower()}"
+    process = launch("node", "-r", f"__ns:=/{namespace}", scene=scene_file)
+    peer = new_peer(process, namespace)
+    peer.settle()
+    code, took_s = process.stop(kind)
+    assert code == 0, process.text
+    assert took_s < 1.0
+    assert "Traceback" not in process.text
+
+
+def test_a_signal_ends_a_node_that_still_compiles(launch, scene_file, tmp_path, new_peer):
+    empty = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    process = launch("node", "-r", "__ns:=/cold", scene=scene_file, environment=empty)
+    new_peer(process, "cold").wait(lambda: "preparing the search" in process.text, "its start")
+    code, took_s = process.stop(signal.SIGINT)
+    assert code == 0, process.text
+    assert took_s < 2.0
+    assert "Traceback" not in process.text
+
+
+def test_a_signal_ends_a_node_that_waits_to_be_configured(launch, scene_file, new_peer):
+    process = launch("node", "-r", "__ns:=/waits", scene=scene_file, autostart="false")
+    state = new_peer(process, "waits").call(GetState, "get_state", GetState.Request())
+    assert state.current_state.id == State.PRIMARY_STATE_UNCONFIGURED
+    code, took_s = process.stop(signal.SIGTERM)
+    assert code == 0, process.text
+    assert took_s < 1.0
+
+
+def test_a_lifecycle_manager_can_drive_it_through_its_states(launch, scene_file, new_peer):
+    process = launch("node", "-r", "__ns:=/led", scene=scene_file, autostart="false")
+    peer = new_peer(process, "led")
+
+    def change(transition):
+        request = ChangeState.Request(transition=Transition(id=transition))
+        return peer.call(ChangeState, "change_state", request).success
+
+    def state():
+        return peer.call(GetState, "get_state", GetState.Request()).current_state.label
+
+    def names():
+        return {name for name, _ in peer.node.get_topic_names_and_types()}
+
+    for _ in range(2):
+        assert change(Transition.TRANSITION_CONFIGURE)
+        assert state() == "inactive"
+        schedule = peer.wait(
+            lambda: (s := peer.health().get("schedule")) and s["activity"] == "inactive" and s,
+            "diagnostics of an inactive node",
+        )
+        assert "no clearance is watched" in schedule["text"]
+        assert change(Transition.TRANSITION_ACTIVATE)
+        assert {pair["state"] for pair in peer.settle().values()} == {"clear"}
+        assert not peer.set_parameters(scene="engine")[0]
+
+        assert change(Transition.TRANSITION_DEACTIVATE)
+        assert all(marker.action == 2 for marker in peer.last("markers").markers) or peer.wait(
+            lambda: all(marker.action == 2 for marker in peer.last("markers").markers),
+            "the marks to be taken down",
+        )
+        assert change(Transition.TRANSITION_CLEANUP)
+        assert state() == "unconfigured"
+        peer.forget()
+        assert peer.set_parameters(fixed_frame="cell") == (True, "")
+        done, _ = peer.set_parameters(thresholds__warn=0.2)
+        assert not done, "thresholds belong to a configured scene"
+
+    assert change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+    assert state() == "finalized"
+    assert process.stop(signal.SIGINT)[0] == 0
+
+
+def test_a_transition_that_is_not_possible_does_not_kill_the_node(launch, scene_file, new_peer):
+    process = launch("node", "-r", "__ns:=/steady", scene=scene_file)
+    peer = new_peer(process, "steady")
+    peer.settle()
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
+    assert not peer.call(ChangeState, "change_state", request).success
+    assert {pair["state"] for pair in peer.settle().values()} == {"clear"}
+
+
+def test_a_scene_that_fails_to_configure_can_be_replaced(launch, scene_file, tmp_path, new_peer):
+    process = launch("node", "-r", "__ns:=/again", scene=tmp_path / "none.yaml", autostart="false")
+    peer = new_peer(process, "again")
+    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
+    assert not peer.call(ChangeState, "change_state", request).success
+    assert peer.set_parameters(scene=str(scene_file)) == (True, "")
+    assert peer.call(ChangeState, "change_state", request).success
+
+
+def test_simulated_time_stamps_the_results(launch, scene_file, new_peer):
+    process = launch("node", "-r", "__ns:=/sim", scene=scene_file, use_sim_time="true")
+    peer = new_peer(process, "sim")
+    clock = peer.node.create_publisher(Clock, "/clock", 1)
+    time_s = 1000
+
+    def tell(at_s):
+        message = Clock()
+        message.clock.sec = at_s
+        clock.publish(message)
+        for name, position in (("ball", (0.0, 0.0, 0.5)), ("die", (0.8, 0.1, 0.9))):
+            pose = peer.pose(position)
+            pose.header.stamp.sec, pose.header.stamp.nanosec = at_s, 0
+            peer.publish(**{name: pose})
+        message = peer.last("closest_points")
+        states = {pair["state"] for pair in peer.pairs().values()}
+        return message is not None and message.header.stamp.sec == at_s and states == {"clear"}
+
+    peer.wait(lambda: tell(time_s), "results stamped with simulated time")
+    peer.wait(lambda: tell(time_s + 3600), "results after a jump ahead")
+    peer.wait(lambda: tell(10), "results after the clock went back")
+    assert "clock went back" in process.text
+
+
+def test_the_player_publishes_the_motion_with_stamps(launch, new_peer, rclpy_context):
+    from geometry_msgs.msg import PoseStamped
+
+    from proximity_monitor import motion, scene
+
+    process = launch("player", "-r", "__ns:=/played", rate_hz=50.0, speed=0.5)
+    peer = new_peer(process, "played")
+    described = scene.load_scene(scene.bundled("engine"))
+    moved = motion.from_scene(described)
+    got = {}
+    for body in described.bodies:
+        if body.moving:
+            peer.node.create_subscription(
+                PoseStamped, body.topic, lambda m, n=body.name: got.setdefault(n, []).append(m), 10
+            )
+    peer.wait(lambda: len(got) == 5 and all(len(m) > 5 for m in got.values()), "poses")
+    assert set(got) == set(moved.bodies)
+    for messages in got.values():
+        assert {m.header.frame_id for m in messages} == {described.frame}
+        stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in messages]
+        assert stamps == sorted(stamps)
+    places = {round(m.pose.position.z, 9) for m in got["piston_1"]}
+    assert len(places) > 1, "the piston moves"
+    assert moved.describe() in process.text
+    assert process.stop(signal.SIGINT)[0] == 0
+    assert "Traceback" not in process.text
+
+
+def test_the_player_ends_after_one_period_if_it_is_not_to_loop(launch):
+    process = launch("player", "-r", "__ns:=/once", speed=50.0, loop="false")
+    assert process.ended() == 0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "told"),
+    [({"scene": "nowhere.yaml"}, "nowhere.yaml"), ({"rate_hz": -1.0}, "rate_hz")],
+)
+def test_a_player_that_cannot_start_says_why(launch, parameters, told):
+    process = launch("player", **parameters)
+    assert process.ended() == 1
+    assert told in process.text
+    assert "Traceback" not in process.text

@@ -1,0 +1,177 @@
+"""What a running node publishes, against the library's own answers for the same poses."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from visualization_msgs.msg import Marker
+
+from proximity_monitor import engine
+from proximity_monitor.ros.markers import COLOURS
+from proximity_monitor.scene.alerts import Level
+
+TURN = tuple(np.array((0.1, -0.3, 0.2, 0.9)) / np.linalg.norm((0.1, -0.3, 0.2, 0.9)))
+NAMES = ("table - ball", "table - die", "ball - die")
+
+
+def vector(text):
+    return np.array([float(part) for part in text.split()])
+
+
+def xyz(point):
+    return np.array([point.x, point.y, point.z])
+
+
+def rgba(colour):
+    return (colour.r, colour.g, colour.b, colour.a)
+
+
+@pytest.fixture
+def own_answers(world, as_matrix):
+    """The library's answers by pair name, for poses of the moving bodies."""
+    scene, models = world
+
+    def answers(**held):
+        poses = {b.name: np.array(b.pose) for b in scene.bodies if not b.moving}
+        poses |= {name: as_matrix(*(at if len(at) == 2 else (at,))) for name, at in held.items()}
+        return {
+            f"{p.a} - {p.b}": engine.distance(models[p.a], poses[p.a], models[p.b], poses[p.b])
+            for p in scene.pairs
+        }
+
+    return answers
+
+
+NEAR = {"ball": (0.1, 0.2, 0.17), "die": ((0.45, 0.1, 0.4), TURN)}
+
+
+def test_closest_points_are_the_librarys_answers(peer, own_answers):
+    pairs = peer.settle(**NEAR)
+    assert tuple(pairs) == NAMES
+    for name, own in own_answers(**NEAR).items():
+        got = pairs[name]
+        assert (float(got["lower_m"]), float(got["upper_m"])) == (own.lower, own.upper)
+        assert vector(got["point_a"]) == pytest.approx(own.point_a, abs=1e-9)
+        assert vector(got["point_b"]) == pytest.approx(own.point_b, abs=1e-9)
+        between = own.point_b - own.point_a
+        assert vector(got["direction"]) == pytest.approx(
+            between / np.linalg.norm(between), abs=1e-8
+        )
+        assert got["status"] == "exact"
+        assert got["text"] == f"{own.upper * 1e3:.4g} mm exact"
+
+
+def test_each_pair_says_its_state_frame_and_stamp(peer):
+    pairs = peer.settle(**NEAR)
+    message = peer.last("closest_points")
+    assert message.header.frame_id == "cell"
+    assert {status.hardware_id for status in message.status} == {"cell"}
+    tick_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+    for pair in pairs.values():
+        assert 0.0 <= tick_s - float(pair["stamp"]) < 0.5
+    states = {name: (pair["state"], pair["level"]) for name, pair in pairs.items()}
+    assert states == {
+        "table - ball": ("warn", DiagnosticStatus.WARN),
+        "table - die": ("clear", DiagnosticStatus.OK),
+        "ball - die": ("clear", DiagnosticStatus.OK),
+    }
+
+
+def test_clearance_is_the_smallest_lower_bound(peer, own_answers):
+    peer.settle(**NEAR)
+    smallest = min(own.lower for own in own_answers(**NEAR).values())
+    peer.forget()
+    peer.wait(lambda: peer.last("clearance"), "a clearance")
+    assert peer.last("clearance").data == smallest
+
+
+def test_bodies_that_intersect_are_at_stop(peer):
+    pairs = peer.settle(ball=(0.0, 0.0, 0.05))
+    assert pairs["table - ball"]["status"] == "intersecting"
+    assert pairs["table - ball"]["state"] == "stop"
+    assert float(pairs["table - ball"]["lower_m"]) == 0.0
+    assert peer.next("clearance").data == 0.0
+
+
+def test_lines_and_points_join_the_closest_points_in_the_colour_of_the_state(peer, own_answers):
+    peer.settle(**NEAR)
+    by_kind = {marker.type: marker for marker in peer.next("markers").markers}
+    own = own_answers(**NEAR)
+    expected = [point for name in NAMES for point in (own[name].point_a, own[name].point_b)]
+    states = [Level.WARN, Level.CLEAR, Level.CLEAR]
+    colours = [rgba(COLOURS[level]) for level in states for _ in range(2)]
+    for kind in (Marker.LINE_LIST, Marker.SPHERE_LIST):
+        marker = by_kind[kind]
+        assert marker.header.frame_id == "cell"
+        assert marker.scale.x > 0.0
+        np.testing.assert_allclose([xyz(p) for p in marker.points], expected, atol=1e-9)
+        np.testing.assert_allclose([rgba(c) for c in marker.colors], colours, atol=1e-6)
+
+
+def test_labels_show_names_and_units_and_keep_their_ids(peer, own_answers):
+    peer.settle(**NEAR)
+    for _ in range(2):
+        markers = peer.next("markers").markers
+        labels = {m.id: m for m in markers if m.type == Marker.TEXT_VIEW_FACING}
+        upper = own_answers(**NEAR)["table - ball"].upper
+        assert labels[0].text == f"table - ball\n{upper * 1e3:.4g} mm exact"
+        assert labels[0].ns == "label"
+        assert not any(m.action == Marker.DELETEALL for m in markers)
+        keys = [(m.ns, m.id) for m in markers]
+        assert len(keys) == len(set(keys))
+
+
+def test_parts_are_the_models_where_the_bodies_are(peer, world):
+    scene, models = world
+    peer.settle(ball=(0.1, 0.2, 0.3))
+
+    def shown():
+        message = peer.last("parts")
+        if message is None:
+            return None
+        places = [xyz(marker.pose.position).tolist() for marker in message.markers]
+        return message if places[1] == [0.1, 0.2, 0.3] else None
+
+    message = peer.wait(shown, "the ball's new place")
+    assert len(message.markers) == len(scene.bodies)
+    for i, (body, marker) in enumerate(zip(scene.bodies, message.markers, strict=True)):
+        assert (marker.type, marker.action, marker.ns, marker.id) == (
+            Marker.TRIANGLE_LIST,
+            Marker.ADD,
+            "parts",
+            i,
+        )
+        assert rgba(marker.color) == pytest.approx(body.colour, abs=1e-6)
+        corners = models[body.name].vertices[models[body.name].faces].reshape(-1, 3)
+        np.testing.assert_array_equal([xyz(p) for p in marker.points], corners)
+    assert xyz(message.markers[0].pose.position).tolist() == [0.0, 0.0, -0.05]
+
+
+def test_who_comes_late_still_gets_parts_and_alerts(peer, shared_monitor, new_peer):
+    peer.settle(ball=(0.0, 0.0, 0.15))
+    late = new_peer(shared_monitor)
+    parts = late.wait(lambda: late.last("parts"), "latched parts")
+    assert len(parts.markers) == 3
+    late.wait(lambda: late.alerts("table - ball"), "kept alerts")
+
+
+def test_diagnostics_count_pairs_and_time_ticks(peer):
+    peer.settle(**NEAR)
+
+    def counted():
+        health = peer.health()
+        return health if health and health["clearance"]["pairs warn"] == "1" else None
+
+    health = peer.wait(counted, "diagnostics of these poses")
+    clearance, schedule, inputs = (health[each] for each in ("clearance", "schedule", "inputs"))
+    assert clearance["level"] == DiagnosticStatus.WARN
+    assert clearance["pairs clear"] == "2"
+    assert clearance["pairs exact"] == "3"
+    assert clearance["pairs bounded"] == clearance["pairs stale"] == "0"
+    assert float(schedule["rate_achieved_hz"]) == pytest.approx(50.0, rel=0.3)
+    assert 0.0 < float(schedule["search_p50_ms"]) <= float(schedule["search_p99_ms"])
+    assert float(schedule["search_p99_ms"]) <= float(schedule["tick_p99_ms"])
+    assert schedule["activity"] == "active"
+    assert inputs["level"] == DiagnosticStatus.OK
