@@ -18,10 +18,12 @@ ifneq ($(ROS_DISTRO),)
 VENV_FLAGS = --system-site-packages
 DEMO_INSTALL = '.[nodes]' 'numpy<2'
 TEST_INSTALL = '.[nodes,checks]' 'numpy<2'
+BENCH_INSTALL = '.[bench]' 'numpy<2'
 else
 VENV_FLAGS =
 DEMO_INSTALL = '.[ros]'
 TEST_INSTALL = '.[ros,test]'
+BENCH_INSTALL = '.[bench]'
 unexport PYTHONPATH
 endif
 # Set by the ROS wheels in every process they start; it must not leak into another environment.
@@ -37,11 +39,12 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 	AMENT_PREFIX_PATH="$(abspath $(VENV))$${AMENT_PREFIX_PATH:+:$$AMENT_PREFIX_PATH}"
 
 .NOTPARALLEL:
-.PHONY: help demo test lint format clean
+.PHONY: help demo test bench lint format clean
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
 	@echo 'make test [ARGS="-k scene"]       run the tests (ARGS go to pytest)'
+	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal'
 	@echo 'make lint                         run the linter and check the format'
 	@echo 'make format                       let the linter mend what it can, and format'
 	@echo 'make clean                        remove the virtual environments and caches'
@@ -52,6 +55,12 @@ demo: $(VENV)/.installed-demo
 
 test: $(VENV)/.installed-test
 	$(RUN) $(ENV_PYTHON) -m pytest $(ARGS)
+
+# The benchmark's modules lie beside its scripts, so PYTHONSAFEPATH must not hide them.
+bench: $(VENV)/.installed-bench
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/compare.py $(ARGS)
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/points.py
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/startup.py
 
 lint: $(VENV)/.installed-test
 	$(ENV_PYTHON) -m ruff check .
@@ -76,6 +85,9 @@ $(VENV)/.installed-demo: $(ENV_PYTHON) $(SOURCES)
 
 $(VENV)/.installed-test: $(ENV_PYTHON) $(SOURCES)
 	$(call install,$(TEST_INSTALL))
+
+$(VENV)/.installed-bench: $(ENV_PYTHON) $(SOURCES)
+	$(call install,$(BENCH_INSTALL))
 
 $(ENV_PYTHON):
 	@test -n "$(PYTHON)" || { \

@@ -9,6 +9,13 @@ package_name = "proximity_monitor"
 scene = ["pyyaml>=6.0", "jsonschema>=4.10"]
 nodes = [*scene, "rich>=13.0"]
 ros = [*nodes, "ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-rclpy[fastrtps]"]
+peers = [
+    "python-fcl>=0.7",
+    "coal>=3.0",
+    "fcpw>=1.2",
+    "example-robot-data>=6.0",
+    "pycollada>=0.9",
+]
 # The formatter's output differs between its minor versions, so one of them decides for everybody.
 checks = ["pytest>=7.4", "hypothesis>=6.90", "python-fcl>=0.7", "ruff>=0.17,<0.18"]
 
@@ -40,7 +47,7 @@ setup(
         "nodes": nodes,  # all that the nodes need where ROS 2 itself comes from the system
         "ros": ros,  # the nodes with ROS 2 from wheels
         "display": ["viser>=0.2"],
-        "bench": ["python-fcl>=0.7", "coal>=3.0"],
+        "bench": [*nodes, *peers],  # the engine beside the libraries that people use today
         "study": ["matplotlib>=3.6"],
         "checks": checks,  # the test tools alone, for the same case as `nodes`
         "test": [*ros, *checks],

@@ -18,6 +18,7 @@ from .result import (
     Feature,
     Status,
 )
+from .signed import signed_distance
 from .tree import check_tree
 
 __all__ = [
@@ -40,5 +41,6 @@ __all__ = [
     "load",
     "points",
     "polyline",
+    "signed_distance",
     "within",
 ]

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .kernels.measure import measure
 from .tolerances import DOUBLE_EPS, LARGEST_COORDINATE
-from .tree import build
+from .tree import VOLUMES, build, refit
 
 if TYPE_CHECKING:
     from .kernels.state import Tree
@@ -22,37 +23,97 @@ class TriangleMesh:
     """A triangle mesh with its bounding volume hierarchy, ready for queries.
 
     The arrays are copied, checked and frozen; degenerate triangles (segments, points) are kept and
-    take part like any others.
+    take part like any others. What kind of volume the hierarchy consists of changes no answer, only
+    the time it takes.
 
     Args:
         vertices: (n, 3) metres, model frame.
         faces: (m, 3) integers, indices of vertices; m >= 1.
         name: what messages call this mesh.
+        volume: the bounding volumes: "rss", "lss" or "pss" (rectangle, line and point swept
+            spheres), or "hybrid" (of each node the one that its dimensions suggest; Larsen et al.
+            1999, section 4.2).
 
     Raises:
         ModelError: wrong shapes, no faces, a vertex that is not finite or beyond 1e45 m, a face
-            that names no vertex; the message says which.
+            that names no vertex, an unknown volume; the message says which.
     """
 
-    __slots__ = ("_face_of", "_tree", "centre", "depth", "faces", "name", "radius", "vertices")
+    __slots__ = (
+        "__weakref__",
+        "_face_of",
+        "_tree",
+        "centre",
+        "depth",
+        "faces",
+        "name",
+        "radius",
+        "revision",
+        "vertices",
+        "volume",
+    )
 
     vertices: NDArray[np.float64]
-    """(n, 3) metres, model frame; read-only."""
+    """(n, 3) metres, model frame; read-only. `refit` puts another array in its place."""
     faces: NDArray[np.int32]
     """(m, 3) indices of vertices; read-only."""
     centre: NDArray[np.float64]
     """(3,) metres, model frame: centre of a sphere that holds every used vertex."""
     radius: float
     """Metres: radius of that sphere, rounding included."""
+    volume: str
+    """The kind of bounding volume."""
+    revision: int
+    """How often the vertices were moved by `refit`: what was computed from others is outdated."""
 
-    def __init__(self, vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -> None:
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        *,
+        name: str = "mesh",
+        volume: str = "rss",
+    ) -> None:
+        if volume not in VOLUMES:
+            known = ", ".join(VOLUMES)
+            raise ModelError(f"{name}: volume = {volume!r}: unknown; choose one of {known}")
         self.name = name
+        self.volume = volume
+        self.revision = 0
         self.vertices = _checked_vertices(vertices, name)
         self.faces = _checked_faces(faces, len(self.vertices), name)
         corners = np.ascontiguousarray(self.vertices[self.faces].reshape(-1, 9))
-        self.centre, self.radius = _bounding_sphere(corners.reshape(-1, 3))
+        self.centre, self.radius = _bounding_sphere(corners)
         self._tree: Tree
-        self._tree, self._face_of, self.depth = build(corners)
+        self._tree, self._face_of, self.depth = build(corners, volume)
+
+    def refit(self, vertices: ArrayLike) -> None:
+        """Move the vertices: the same faces, and a hierarchy of the same structure, fitted anew.
+
+        Far cheaper than a new mesh. Answers are as right as from a new mesh; they come as fast
+        while triangles that were neighbours stay neighbours, as in a body that bends. Every `Pair`
+        of this mesh sees the new shape from its next question on, and the nearest triangles that it
+        remembers stay useful. No search over this mesh may run in another thread meanwhile.
+
+        Args:
+            vertices: (n, 3) metres, model frame; as many as there are. The array is copied.
+
+        Raises:
+            ModelError: wrong shape, another number of vertices, a vertex that is not finite or
+                beyond 1e45 m. The mesh is then as it was.
+        """
+        moved = _checked_vertices(vertices, self.name)
+        if len(moved) != len(self.vertices):
+            raise ModelError(
+                f"{self.name}: vertices: {len(moved)} given, but the faces are over "
+                f"{len(self.vertices)}; build a new TriangleMesh for another topology"
+            )
+        faces = self.faces.take(self._face_of, axis=0)
+        corners = moved.take(faces, axis=0).reshape(-1, 9)
+        centre, radius = _bounding_sphere(corners)
+        tree = refit(self._tree, corners, faces, self.volume)
+        self.vertices, self.centre, self.radius, self._tree = moved, centre, radius, tree
+        self.revision += 1
 
     def __repr__(self) -> str:
         """Name and size."""
@@ -103,11 +164,9 @@ def _checked_faces(faces: ArrayLike, vertex_count: int, name: str) -> NDArray[np
     return array
 
 
-def _bounding_sphere(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _bounding_sphere(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Centre of the bounding box and the largest distance from it, rounded up."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    centre = 0.5 * low + 0.5 * high
-    radius = float(np.sqrt(((points - centre) ** 2).sum(axis=1).max()))
+    centre, radius, _, _ = measure(corners)
     centre.setflags(write=False)
     rounding = 8.0 * DOUBLE_EPS * (radius + float(np.abs(centre).sum()))
     return centre, radius + rounding

@@ -52,8 +52,9 @@ def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
     if np.abs(array[:3, 3]).max() >= LARGEST_COORDINATE / 3.0:
         raise ValueError(f"{name}: translation {array[:3, 3].tolist()} m is beyond any world")
     rotation = array[:3, :3]
-    error = float(np.abs(rotation.T @ rotation - np.eye(3)).max()) / 2.0
-    if error > RIGID_TOLERANCE:
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = float(np.abs(rotation.T @ rotation - np.eye(3)).max()) / 2.0
+    if not error <= RIGID_TOLERANCE:
         raise ValueError(
             f"{name}: no rigid motion: its rotation changes lengths by {error:.3g} "
             f"(up to {RIGID_TOLERANCE:g} is allowed); scale the model, not the pose"

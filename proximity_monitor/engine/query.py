@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .kernels import closest as closest_kernel
-from .kernels import search as kernel
-from .kernels import state
+from .kernels import state as index
 from .mesh import TriangleMesh
-from .pair import Pair, check_tolerance, new_state
+from .pair import Pair
 from .poses import check_pose
 from .result import Clearance, ClosestPoints, Collision, Distance, Distances
+from .run import Order, Search, check_tolerance
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
@@ -29,6 +29,7 @@ def distance(
     rel_err: float = 0.0,
     abs_err: float = 0.0,
     budget_s: float | None = None,
+    order: Order = "depth_first",
 ) -> Distance:
     """Minimum distance between two surfaces, with certified bounds and witness points.
 
@@ -43,6 +44,9 @@ def distance(
         rel_err: stop when upper <= (1 + rel_err) · true distance.
         abs_err: metres; stop when upper <= true distance + abs_err, whichever is reached first.
         budget_s: seconds; stop with certified bounds when they are over. None: no limit.
+        order: "depth_first" takes the nearer child first, with the least bookkeeping; "priority"
+            the nearest of all pairs that are left (section 6.1), which makes fewer tests where no
+            good answer is known beforehand.
 
     Returns:
         The bounds, in metres, witness points and why the search stopped.
@@ -50,7 +54,9 @@ def distance(
     Raises:
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
-    return Pair(a, b).distance(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s)
+    return Pair(a, b).distance(
+        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s, order=order
+    )
 
 
 def within(
@@ -130,6 +136,7 @@ def distances(
     *,
     rel_err: float = 0.0,
     abs_err: float = 0.0,
+    order: Order = "depth_first",
     threads: int = 1,
 ) -> Distances:
     """Minimum distances at many poses, in one call.
@@ -143,6 +150,7 @@ def distances(
         poses_b: (k, 4, 4) model to world, metres.
         rel_err: as for `distance`.
         abs_err: as for `distance`; metres.
+        order: as for `distance`.
         threads: how many threads share the work; the answers do not depend on it.
 
     Raises:
@@ -155,31 +163,35 @@ def distances(
     many_a, many_b = _as_poses(poses_a, "poses_a"), _as_poses(poses_b, "poses_b")
     if len(many_a) != len(many_b):
         raise ValueError(f"{len(many_a)} poses_a but {len(many_b)} poses_b")
-    k = len(many_a)
-    answers, triangles = np.empty((k, state.ANSWER)), np.empty((k, 2), np.int32)
-    tests = np.empty((k, 2), np.int64)
+    Search(a, b, order, rows=0)  # refuses an order that there is not, before any thread starts
 
-    def answer(first: int) -> None:
-        last = min(first + _CHUNK, k)
-        code, at = kernel.search_many(
-            a._tree, b._tree, new_state(a, b), many_a, many_b, rel_err, abs_err,
-            first, last, answers, triangles, tests,
+    def answer(first: int) -> Search:
+        last = first + _CHUNK
+        search = Search(a, b, order, rows=len(many_a[first:last]))
+        search.run(
+            many_a[first:last], many_b[first:last],
+            rel_err=rel_err, abs_err=abs_err, first=first,
         )  # fmt: skip
-        if code == state.BAD_POSE_A:
-            check_pose(many_a[at], f"poses_a[{at}]")
-        if code == state.BAD_POSE_B:
-            check_pose(many_b[at], f"poses_b[{at}]")
+        return search
 
+    starts = range(0, len(many_a), _CHUNK)
     if threads == 1:
-        for first in range(0, k, _CHUNK):
-            answer(first)
+        chunks = list(map(answer, starts))
     else:
         with ThreadPoolExecutor(threads) as pool:
-            list(pool.map(answer, range(0, k, _CHUNK)))
+            chunks = list(pool.map(answer, starts))
+    return _joined(a, b, chunks)
+
+
+def _joined(a: TriangleMesh, b: TriangleMesh, chunks: list[Search]) -> Distances:
+    """The answers of successive chunks as one."""
+    answers = np.concatenate([np.empty((0, index.ANSWER)), *(each.answers for each in chunks)])
+    triangles = np.concatenate([np.empty((0, 2), np.int32), *(each.triangles for each in chunks)])
+    tests = np.concatenate([np.empty((0, 2), np.int64), *(each.tests for each in chunks)])
     faces = np.stack((a._face_of[triangles[:, 0]], b._face_of[triangles[:, 1]]), axis=1)
     return Distances(
-        answers[:, state.LOWER],
-        answers[:, state.UPPER],
+        answers[:, index.LOWER],
+        answers[:, index.UPPER],
         answers[:, 2:5],
         answers[:, 5:8],
         faces,

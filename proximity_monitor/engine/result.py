@@ -19,7 +19,8 @@ class Status(Enum):
     OUT_OF_TIME = "out of time"
     """The budget ended first; the bounds hold, and the same Pair can go on."""
     INTERSECTING = "intersecting"
-    """The surfaces cross or touch, or are so close that rounding cannot tell: lower is 0."""
+    """The surfaces cross or touch, or are so close that rounding cannot tell: lower is 0, or the
+    least value that `signed_distance` can have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class Distance:
     """Minimum distance of two surfaces: lower <= true distance <= upper.
 
     Attributes:
-        lower: metres; certified lower bound, never negative.
+        lower: metres; certified lower bound; negative in answers of `signed_distance` alone.
         upper: metres; certified upper bound, the distance of the witness points plus what rounding
             may have done to it.
         point_a: (3,) metres, world; the witness point on a.

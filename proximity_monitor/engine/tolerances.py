@@ -74,7 +74,7 @@ Above it the plain cross product errs by less than 4 u of its length; below it t
 1/sin, and the closest points of nearly parallel edges would move by 1e-8 of their length.
 """
 
-POINT_FLOOR = 1e-70
+POINT_FLOOR = 1e-45
 """Metres. Added to every margin: products of six lengths below it would underflow."""
 
 LARGEST_COORDINATE = 1e45

@@ -6,50 +6,104 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels.build import EMPTY, build_tree
+from .kernels.fit import HYBRID, LSS, PSS, RSS
+from .kernels.measure import measure
+from .kernels.refit import refit_tree
 from .kernels.state import Tree
-from .kernels.volumes import FIELDS, STRIDE, WIDTH
+from .kernels.volumes import EMPTY_RADIUS, FIELDS, STRIDE, WIDTH
+from .tolerances import SINGLE_EPS
+
+VOLUMES = {"rss": RSS, "lss": LSS, "pss": PSS, "hybrid": HYBRID}
+"""The kinds of volume by name, and what the kernels call them."""
+
+_EDGES = {"rss": 2, "lss": 1, "pss": 0, "hybrid": 2}
+"""How many half edges a core of each kind may have."""
 
 
-def build(corners: NDArray[np.float64]) -> tuple[Tree, NDArray[np.int32], int]:
+def build(corners: NDArray[np.float64], volume: str = "rss") -> tuple[Tree, NDArray[np.int32], int]:
     """Build the hierarchy over triangles.
 
     Args:
         corners: (m, 9) metres; C-contiguous.
+        volume: a key of VOLUMES.
 
     Returns:
         The hierarchy, (m,) which triangle stands where in tree order, and the number of levels.
     """
-    largest = float(np.abs(corners).max())
+    scale = _scale(corners)
+    nodes, centres, children, sizes, order, depth = build_tree(corners, scale[0], VOLUMES[volume])
+    triangles = np.ascontiguousarray(corners[order])
+    tree = _frozen(Tree(nodes, centres, children, sizes, triangles, scale))
+    return tree, order.astype(np.int32), depth + 1
+
+
+def refit(tree: Tree, corners: NDArray[np.float64], faces: NDArray[np.int32], volume: str) -> Tree:
+    """A hierarchy of the same structure over the same triangles, whose corners moved.
+
+    Args:
+        tree: the hierarchy that was built.
+        corners: (m, 9) metres, in tree order; C-contiguous, and kept.
+        faces: (m, 3) which corners are the same vertex, in tree order.
+        volume: a key of VOLUMES.
+    """
+    scale = _scale(corners)
+    nodes, centres, sizes = refit_tree(corners, faces, tree.children, scale[0], VOLUMES[volume])
+    return _frozen(Tree(nodes, centres, tree.children, sizes, corners, scale))
+
+
+def _scale(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Metres in a node unit, its inverse, and the largest norm of a corner."""
+    _, _, largest, longest = measure(corners)
     # A power of two: dividing by it is exact. Zero for a model at the origin alone.
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
-    nodes, centres, children, sizes, order, depth = build_tree(corners, unit)
-    norms = np.sqrt((corners.reshape(-1, 3) ** 2).sum(axis=1))
-    scale = np.array([unit, 1.0 / unit, norms.max()])
-    triangles = np.ascontiguousarray(corners[order])
-    tree = Tree(nodes, centres, children, sizes, triangles, scale)
+    return np.array([unit, 1.0 / unit, longest])
+
+
+def _frozen(tree: Tree) -> Tree:
     for array in tree:
         array.setflags(write=False)
-    return tree, order.astype(np.int32), depth + 1
+    return tree
 
 
 class TreeError(AssertionError):
     """A hierarchy does not contain what it should."""
 
 
-def check_tree(tree: Tree) -> None:
+def check_tree(tree: Tree, volume: str = "rss") -> None:
     """Prove that each volume contains its triangles and each triangle stands in exactly one leaf.
+
+    Args:
+        tree: the hierarchy.
+        volume: a key of VOLUMES; a line swept sphere may not have a second edge, a point swept
+            sphere none at all.
 
     Raises:
         TreeError: naming the node and the lane.
     """
     seen = np.zeros(len(tree.triangles), dtype=np.int64)
-    _check_node(tree, 0, seen)
+    _check_node(tree, 0, seen, _EDGES[volume])
     if not (seen == 1).all():
         wrong = int(np.flatnonzero(seen != 1)[0])
         raise TreeError(f"triangle {wrong} stands in {int(seen[wrong])} leaves")
+    radii = tree.nodes.reshape(-1, FIELDS, WIDTH)[:, 9]
+    reachable = (tree.children.reshape(-1, WIDTH) == EMPTY) & ~(radii <= EMPTY_RADIUS)
+    if reachable.any():
+        node, lane = np.argwhere(reachable)[0]
+        raise TreeError(f"node {node} lane {lane}: unused, but a search could reach it")
+    _check_scale(tree)
 
 
-def _check_node(tree: Tree, node: int, seen: NDArray[np.int64]) -> NDArray[np.int64]:
+def _check_scale(tree: Tree) -> None:
+    """Node units and metres agree, and no corner is longer than the margins suppose."""
+    unit, inverse, longest = tree.scale
+    if not (inverse * unit == 1.0 and np.abs(tree.triangles).max() <= unit):
+        raise TreeError(f"scale: {unit} metres in a node unit, of which {inverse} in a metre")
+    norms = np.sqrt((tree.triangles.reshape(-1, 3) ** 2).sum(axis=1))
+    if not norms.max() <= longest:
+        raise TreeError(f"scale: a corner lies {norms.max()} from the origin, beyond {longest}")
+
+
+def _check_node(tree: Tree, node: int, seen: NDArray[np.int64], edges: int) -> NDArray[np.int64]:
     """Check one node and all below; returns the triangles (tree order) that it holds."""
     lanes = tree.nodes[node * STRIDE : (node + 1) * STRIDE].reshape(FIELDS, WIDTH)
     lanes = lanes.astype(np.float64)
@@ -62,9 +116,10 @@ def _check_node(tree: Tree, node: int, seen: NDArray[np.int64]) -> NDArray[np.in
             below = np.array([~child])
             seen[~child] += 1
         else:
-            below = _check_node(tree, child, seen)
+            below = _check_node(tree, child, seen, edges)
         held.append(below)
         _check_volume(tree, node, lane, lanes[:, lane], below)
+        _check_core(tree, node, lane, lanes[:, lane], edges)
     return np.concatenate(held)
 
 
@@ -78,10 +133,28 @@ def _check_volume(
     s = np.clip(d @ u / max(u @ u, 1e-300), -1.0, 1.0)
     t = np.clip(d @ v / max(v @ v, 1e-300), -1.0, 1.0)
     distance = np.sqrt(((d - np.outer(s, u) - np.outer(t, v)) ** 2).sum(axis=1)).max()
-    if distance > radius:
+    if not distance <= radius:
         raise TreeError(f"node {node} lane {lane}: a corner lies {distance - radius:g} outside")
     if abs(u @ v) > 1e-5 * np.sqrt((u @ u) * (v @ v)):
         raise TreeError(f"node {node} lane {lane}: the rectangle's edges are not perpendicular")
     reach = sum(np.sqrt(x @ x) for x in (c, u, v)) + radius
-    if reach > tree.centres[node, 3]:
+    if not reach <= tree.centres[node, 3]:
         raise TreeError(f"node {node} lane {lane}: reaches {reach} beyond its node's reach")
+
+
+def _check_core(tree: Tree, node: int, lane: int, volume: NDArray[np.float64], edges: int) -> None:
+    """The core is of its kind, and what is stored about it beside its shape is true of it."""
+    u, v, radius = volume[3:6], volume[6:9], volume[9]
+    used = int(u.any()) + int(v.any())
+    if used > edges:
+        raise TreeError(f"node {node} lane {lane}: a core of {used} edges, expected {edges}")
+    for edge, inverse in ((u, volume[10]), (v, volume[11])):
+        squared = edge @ edge
+        # Zero says that the edge is as good as vanished.
+        if not (inverse == 0.0 or abs(inverse * squared - 1.0) <= 4.0 * SINGLE_EPS):
+            raise TreeError(f"node {node} lane {lane}: an edge's inverse square is {inverse}")
+        if inverse == 0.0 and squared > 1e-35:
+            raise TreeError(f"node {node} lane {lane}: an edge has no inverse square")
+    size = float(tree.sizes[node * WIDTH + lane])
+    if not 1.5 * size >= np.sqrt(u @ u) + np.sqrt(v @ v) + radius:
+        raise TreeError(f"node {node} lane {lane}: its size {size} is too small")

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import uint64
 
-from .fit import axes_of_points, axes_of_triangle, enclosing_radius, rectangle
 from .jit import entry, kernel
-from .vectors import dot
-from .volumes import EMPTY_RADIUS, STRIDE, WIDTH, read_vector
+from .record import close_node, fit_lane
+from .volumes import STRIDE, WIDTH
 
 EMPTY = -(2**31)
 """Child of an unused lane. A used lane holds a node (>= 0) or ~triangle (< 0)."""
@@ -123,48 +121,11 @@ def _gather(triangles, order, low, high, unit, points):
     return n
 
 
-@kernel
-def fit_lane(points, n, single, nodes, centre, node, lane, sizes):
-    """Fit a volume to points[:n] and write it, rounded to float32, into a lane of a node."""
-    if single:
-        first, second, normal = axes_of_triangle(points)
-    else:
-        first, second, normal = axes_of_points(points, n)
-    local = np.empty((n, 3))
-    c, u, v = rectangle(points, n, first, second, normal, local)
-    base = uint64(node * STRIDE + lane)
-    values = (
-        c[0] - centre[0], c[1] - centre[1], c[2] - centre[2],
-        u[0], u[1], u[2], v[0], v[1], v[2],
-    )  # fmt: skip
-    for field in range(9):
-        nodes[base + uint64(field * WIDTH)] = np.float32(values[field])
-    write_radius(points, n, nodes, centre, node, lane, sizes)
-
-
-@kernel
-def write_radius(points, n, nodes, centre, node, lane, sizes):
-    """Complete a lane whose rectangle stands: its radius, 1/|u|², 1/|v|² and its size."""
-    base = uint64(node * STRIDE + lane)
-    c = (
-        centre[0] + nodes[base],
-        centre[1] + nodes[base + uint64(WIDTH)],
-        centre[2] + nodes[base + uint64(2 * WIDTH)],
-    )
-    u = read_vector(nodes, base + uint64(3 * WIDTH))
-    v = read_vector(nodes, base + uint64(6 * WIDTH))
-    radius = enclosing_radius(points, n, c, u, v)
-    uu, vv = dot(u, u), dot(v, v)
-    nodes[base + uint64(9 * WIDTH)] = radius
-    # Beyond float32 the edge is as good as vanished for the projections, which need no exactness.
-    nodes[base + uint64(10 * WIDTH)] = np.float32(1.0 / uu) if uu > 1e-36 else np.float32(0.0)
-    nodes[base + uint64(11 * WIDTH)] = np.float32(1.0 / vv) if vv > 1e-36 else np.float32(0.0)
-    sizes[node * WIDTH + lane] = np.float32(np.sqrt(uu + vv) + radius)
-
-
 @entry
-def build_tree(triangles, unit):
+def build_tree(triangles, unit, volume):
     """Build the hierarchy over `triangles` (m, 9), metres, with node units of `unit` metres.
+
+    `volume` is one of the codes in fit.py.
 
     Returns nodes (float32, flat), centres (k, 4) with each node's reach in node units, children
     (int32, k × 16), sizes (float32, k × 16), order (m,) of the triangles from tree order to the
@@ -184,7 +145,7 @@ def build_tree(triangles, unit):
             centroids[t, axis] = (
                 triangles[t, axis] + triangles[t, 3 + axis] + triangles[t, 6 + axis]
             )
-    points = np.empty((3 * m, 3))
+    points, local = np.empty((3 * m, 3)), np.empty((3 * m, 3))
     starts, ends = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
     lows, highs = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     lows[0], highs[0] = 0, m
@@ -205,7 +166,7 @@ def build_tree(triangles, unit):
         for lane in range(used):
             n = _gather(triangles, order, starts[lane], ends[lane], unit, points)
             single = ends[lane] - starts[lane] == 1
-            fit_lane(points, n, single, nodes, centres[node], node, lane, sizes)
+            fit_lane(points, n, single, volume, local, nodes, centres[node], node, lane, sizes)
             if single:
                 children[node * WIDTH + lane] = ~starts[lane]
             else:
@@ -224,20 +185,3 @@ def build_tree(triangles, unit):
         order,
         depth,
     )
-
-
-@kernel
-def close_node(nodes, node, used, centres):
-    """Empty a node's unused lanes, and note how far its used ones reach from its centre."""
-    extent = 0.0
-    for lane in range(used):
-        base = uint64(node * STRIDE + lane)
-        reach = 0.0
-        for field in range(10):
-            reach += abs(np.float64(nodes[base + uint64(field * WIDTH)]))
-        extent = max(extent, reach)
-    for lane in range(used, WIDTH):
-        nodes[uint64(node * STRIDE + lane + 9 * WIDTH)] = np.float32(EMPTY_RADIUS)
-    # The sum of absolute coordinates is at least the sum of lengths; the factor pays for the
-    # rounding of a float32 sum.
-    centres[node, 3] = extent * (1.0 + 1e-6)

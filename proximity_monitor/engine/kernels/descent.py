@@ -11,19 +11,24 @@ from numba import uint64
 
 from .build import EMPTY
 from .gaps import BATCH, CORNERS, gather
-from .jit import inlined, kernel
+from .jit import entry, inlined
 from .lanes import lowest, not_above
 from .primitives import test_batch
+from .queue import QUEUE, rise, take_nearest
 from .state import (
+    BASE,
     BOUND_SLACK,
     BOUND_TESTS,
     CONTACTS,
     CONTACTS_FULL,
     CUT,
     DEPTH,
+    DEPTH_FIRST,
     DISTANCE,
     ENDED,
+    FRAMES,
     LIMIT,
+    ORDER,
     PRIMITIVE_TESTS,
     SLACK,
     STOP,
@@ -53,6 +58,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, single, found):
             empty = tree.children[node * WIDTH + k] == EMPTY
             found[k] = np.float32(1e30) if empty else np.float32(0.0)
     top = first
+    order = counts[ORDER]
     survivors = not_above(found, reach)
     while survivors:
         k = lowest(survivors)
@@ -63,19 +69,22 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, single, found):
         if bound >= limit:
             continue
         at = top
-        while at > first and bounds[at - 1] < bound:
-            bounds[at] = bounds[at - 1]
-            stack[at, 0], stack[at, 1] = stack[at - 1, 0], stack[at - 1, 1]
-            at -= 1
+        if order == DEPTH_FIRST:
+            while at > first and bounds[at - 1] < bound:
+                bounds[at] = bounds[at - 1]
+                stack[at, 0], stack[at, 1] = stack[at - 1, 0], stack[at - 1, 1]
+                at -= 1
         bounds[at] = bound
         child = node * WIDTH + k
         stack[at, 0] = child if flip else lane
         stack[at, 1] = lane if flip else child
+        if order != DEPTH_FIRST:
+            rise(stack, bounds, counts[BASE], at)
         top += 1
     counts[DEPTH] = top
 
 
-@kernel
+@entry
 def advance(tree_a, tree_b, state, steps):
     """Run at most `steps` steps of a search; returns ENDED, CUT or CONTACTS_FULL."""
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
@@ -97,10 +106,22 @@ def advance(tree_a, tree_b, state, steps):
         if room > 0 and counts[CONTACTS] + BATCH > room:
             code = CONTACTS_FULL  # known right after a batch, so none is waiting
             break
-        counts[DEPTH] -= 1
-        top = counts[DEPTH]
-        if bounds[top] >= reals[LIMIT]:
-            continue
+        if counts[ORDER] == DEPTH_FIRST:
+            counts[DEPTH] -= 1
+            top = counts[DEPTH]
+            if bounds[top] >= reals[LIMIT]:
+                continue
+        else:
+            take_nearest(state)
+            top = counts[DEPTH]
+            if bounds[top] >= reals[LIMIT]:
+                counts[DEPTH] = counts[BASE]
+                continue
+            a, b = stack[top, 0], stack[top, 1]
+            if top - counts[BASE] >= QUEUE:
+                state.frames[counts[FRAMES]] = counts[BASE]
+                counts[FRAMES] += 1
+                counts[BASE] = top
         steps -= 1
         a, b = stack[top, 0], stack[top, 1]
         child_a, child_b = tree_a.children[a], tree_b.children[b]

@@ -1,9 +1,11 @@
 """Fitting a swept sphere volume to triangles (Larsen et al. 1999, section 4.1).
 
-The axes come from the covariance of the vertices; the rectangle is shrunk by the radius along both
-sides and its corners grown back at 45 degrees. None of that is trusted to contain anything: after
-rounding to float32 the radius is measured again from the rounded rectangle to every vertex, and a
-volume is convex, so the triangles are inside whatever the fit did.
+The axes come from the covariance of the vertices. A rectangle is shrunk by the radius along both
+sides and its corners grown back at 45 degrees; a line stands in the middle of the smallest circle
+around the vertices seen along it, shrunk by its caps; a point is the centre of the smallest ball.
+None of that is trusted to contain anything: after rounding to float32 the radius is measured again
+from the rounded core to every vertex, and a volume is convex, so the triangles are inside whatever
+the fit did.
 """
 
 from __future__ import annotations
@@ -11,121 +13,111 @@ from __future__ import annotations
 import numpy as np
 
 from ..tolerances import DOUBLE_EPS, SINGLE_EPS
+from .axes import axes_of_points, axes_of_triangle
+from .ball import enclosing_ball
 from .jit import kernel
-from .vectors import cross, dot, scaled, sub
+from .vectors import add, dot, scaled
+
+RSS, LSS, PSS, HYBRID = 0, 1, 2, 3
+"""Which volumes a hierarchy consists of: rectangle, line or point swept spheres, or of each node
+the one that its box's dimensions choose."""
 
 _SQRT_HALF = 0.7071067811865476
+_NOTHING = (0.0, 0.0, 0.0)
 
 
 @kernel
-def eigenvectors(xx, xy, xz, yy, yz, zz):
-    """Orthonormal eigenvectors of a symmetric matrix, largest eigenvalue first, by cyclic Jacobi.
+def core(points, n, single, volume, local):
+    """Centre and half edges u, v of the core of a volume around points[:n].
 
-    Returns three tuples. Convergence is quadratic: eight sweeps are ample for 3×3; axes that have
-    not settled would still be orthonormal, and only the fit would be looser.
+    `single` says that they are one triangle; `local` (n, 3) is scratch. Half edges may vanish.
     """
-    a = np.empty((3, 3))
-    a[0, 0], a[0, 1], a[0, 2] = xx, xy, xz
-    a[1, 0], a[1, 1], a[1, 2] = xy, yy, yz
-    a[2, 0], a[2, 1], a[2, 2] = xz, yz, zz
-    v = np.eye(3)
-    for _ in range(8):
-        off = abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2])
-        if off <= 1e-12 * (abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])):
-            break
-        for p in range(2):
-            for q in range(p + 1, 3):
-                if a[p, q] != 0.0:
-                    _rotate(a, v, p, q)
-    i0, i1, i2 = 0, 1, 2
-    if a[i0, i0] < a[i1, i1]:
-        i0, i1 = i1, i0
-    if a[i1, i1] < a[i2, i2]:
-        i1, i2 = i2, i1
-    if a[i0, i0] < a[i1, i1]:
-        i0, i1 = i1, i0
-    return (
-        (v[0, i0], v[1, i0], v[2, i0]),
-        (v[0, i1], v[1, i1], v[2, i1]),
-        (v[0, i2], v[1, i2], v[2, i2]),
+    if volume == PSS:
+        return point(points, n, local)
+    if single:
+        first, second, normal = axes_of_triangle(points)
+    else:
+        first, second, normal = axes_of_points(points, n)
+    if volume != RSS:
+        x = extent(points, n, first)
+        y = extent(points, n, second)
+        z = extent(points, n, normal)
+        if volume == HYBRID:
+            volume = choice(x, y, z)
+        if volume == PSS:
+            return point(points, n, local)
+        if volume == LSS:
+            if z > max(x, y):
+                return line(points, n, normal, first, second, local)
+            if y > x:
+                return line(points, n, second, normal, first, local)
+            return line(points, n, first, second, normal, local)
+    return rectangle(points, n, first, second, normal, local)
+
+
+@kernel
+def extent(points, n, axis):
+    """How far points[:n] reach along an axis."""
+    low, high = np.inf, -np.inf
+    for i in range(n):
+        x = dot((points[i, 0], points[i, 1], points[i, 2]), axis)
+        low, high = min(low, x), max(high, x)
+    return high - low
+
+
+@kernel
+def choice(x, y, z):
+    """The static rule of section 4.2: one dimension is larger than another from twice its length.
+
+    A line needs two dimensions that are not only small but like each other: a flat strip, and so a
+    long triangle, fits a rectangle better.
+    """
+    largest, smallest = max(x, y, z), min(x, y, z)
+    middle = max(min(x, y), min(max(x, y), z))
+    if largest <= 2.0 * smallest:
+        return PSS
+    if largest > 2.0 * middle and middle <= 2.0 * smallest:
+        return LSS
+    return RSS
+
+
+@kernel
+def point(points, n, local):
+    """Core of a point swept sphere: the centre of the smallest ball around points[:n]."""
+    o = (points[0, 0], points[0, 1], points[0, 2])
+    for i in range(n):
+        for axis in range(3):
+            local[i, axis] = points[i, axis] - o[axis]
+    return add(o, enclosing_ball(local, n)), _NOTHING, _NOTHING
+
+
+@kernel
+def line(points, n, first, second, normal, local):
+    """Core of a line swept sphere along `first` around points[:n]."""
+    o = (points[0, 0], points[0, 1], points[0, 2])
+    for i in range(n):
+        d = (points[i, 0] - o[0], points[i, 1] - o[1], points[i, 2] - o[2])
+        local[i, 0], local[i, 1], local[i, 2] = 0.0, dot(d, second), dot(d, normal)
+    _, y, z = enclosing_ball(local, n)
+    squared = 0.0
+    for i in range(n):
+        local[i, 1] = (local[i, 1] - y) ** 2 + (local[i, 2] - z) ** 2
+        squared = max(squared, local[i, 1])
+    # A cap covers a point that lies less than w beyond the end of the line.
+    low, high = np.inf, -np.inf
+    for i in range(n):
+        d = (points[i, 0] - o[0], points[i, 1] - o[1], points[i, 2] - o[2])
+        x, w = dot(d, first), np.sqrt(squared - local[i, 1])
+        low, high = min(low, x + w), max(high, x - w)
+    if low > high:
+        low = high = 0.5 * (low + high)
+    x = 0.5 * (low + high)
+    centre = (
+        o[0] + x * first[0] + y * second[0] + z * normal[0],
+        o[1] + x * first[1] + y * second[1] + z * normal[1],
+        o[2] + x * first[2] + y * second[2] + z * normal[2],
     )
-
-
-@kernel
-def _rotate(a, v, p, q):
-    """One Jacobi rotation that makes a[p, q] zero (Golub and Van Loan, algorithm 8.4.1)."""
-    theta = (a[q, q] - a[p, p]) / (2.0 * a[p, q])
-    t = 1.0 / (abs(theta) + np.sqrt(theta * theta + 1.0))
-    if theta < 0.0:
-        t = -t
-    c = 1.0 / np.sqrt(t * t + 1.0)
-    s = t * c
-    for k in range(3):
-        akp, akq = a[k, p], a[k, q]
-        a[k, p], a[k, q] = c * akp - s * akq, s * akp + c * akq
-    for k in range(3):
-        apk, aqk = a[p, k], a[q, k]
-        a[p, k], a[q, k] = c * apk - s * aqk, s * apk + c * aqk
-        vkp, vkq = v[k, p], v[k, q]
-        v[k, p], v[k, q] = c * vkp - s * vkq, s * vkp + c * vkq
-
-
-@kernel
-def axes_of_points(points, n):
-    """Principal axes of points[:n], longest first (section 4.1: mean and covariance)."""
-    mx = my = mz = 0.0
-    for i in range(n):
-        mx += points[i, 0]
-        my += points[i, 1]
-        mz += points[i, 2]
-    mx, my, mz = mx / n, my / n, mz / n
-    xx = xy = xz = yy = yz = zz = 0.0
-    for i in range(n):
-        x, y, z = points[i, 0] - mx, points[i, 1] - my, points[i, 2] - mz
-        xx += x * x
-        xy += x * y
-        xz += x * z
-        yy += y * y
-        yz += y * z
-        zz += z * z
-    return eigenvectors(xx, xy, xz, yy, yz, zz)
-
-
-@kernel
-def axes_of_triangle(points):
-    """Axes of one triangle: its longest edge, then the perpendicular in its plane."""
-    p = (points[0, 0], points[0, 1], points[0, 2])
-    q = (points[1, 0], points[1, 1], points[1, 2])
-    r = (points[2, 0], points[2, 1], points[2, 2])
-    e0, e1, e2 = sub(q, p), sub(r, q), sub(p, r)
-    l0, l1, l2 = dot(e0, e0), dot(e1, e1), dot(e2, e2)
-    along, other, longest = e0, e1, l0
-    if l1 > longest:
-        along, other, longest = e1, e2, l1
-    if l2 > longest:
-        along, other, longest = e2, e0, l2
-    if longest == 0.0 or not np.isfinite(1.0 / longest):
-        return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    first = scaled(along, 1.0 / np.sqrt(longest))
-    normal = cross(first, other)
-    length = dot(normal, normal)
-    # A needle's perpendicular is rounding noise: any perpendicular of its long edge serves.
-    if length <= (1e-12 * 1e-12) * longest:
-        normal = cross(first, _least_aligned(first))
-        length = dot(normal, normal)
-    normal = scaled(normal, 1.0 / np.sqrt(length))
-    return first, cross(normal, first), normal
-
-
-@kernel
-def _least_aligned(v):
-    """The coordinate direction that is farthest from parallel to v."""
-    x, y, z = abs(v[0]), abs(v[1]), abs(v[2])
-    if x <= y and x <= z:
-        return (1.0, 0.0, 0.0)
-    if y <= z:
-        return (0.0, 1.0, 0.0)
-    return (0.0, 0.0, 1.0)
+    return centre, scaled(first, 0.5 * (high - low)), _NOTHING
 
 
 @kernel

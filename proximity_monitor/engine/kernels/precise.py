@@ -100,13 +100,17 @@ def orientation(a, b, c, d):
     # Shewchuk 1997, section 4.3: 7 u (1 + 8 u) of the terms suffices; 8 u is simpler.
     if abs(value) > 8.0 * DOUBLE_EPS * terms:
         return 1 if value > 0.0 else -1
+    precise = volume(a, b, c, d)
+    if abs(precise) <= 2.0**-96 * terms:
+        return 0
+    return 1 if precise > 0.0 else -1
+
+
+@kernel
+def volume(a, b, c, d):
+    """(a - d) . ((b - d) x (c - d)) with twice the precision, rounded at the end."""
     ax, ay, az = two_sum(a[0], -d[0]), two_sum(a[1], -d[1]), two_sum(a[2], -d[2])
     bx, by, bz = two_sum(b[0], -d[0]), two_sum(b[1], -d[1]), two_sum(b[2], -d[2])
     cx, cy, cz = two_sum(c[0], -d[0]), two_sum(c[1], -d[1]), two_sum(c[2], -d[2])
-    precise = _plus(
-        _plus(_times(ax, _minor(by, cz, bz, cy)), _times(ay, _minor(bz, cx, bx, cz))),
-        _times(az, _minor(bx, cy, by, cx)),
-    )
-    if abs(precise[0]) <= 2.0**-96 * terms:
-        return 0
-    return 1 if precise[0] > 0.0 else -1
+    xy = _plus(_times(ax, _minor(by, cz, bz, cy)), _times(ay, _minor(bz, cx, bx, cz)))
+    return _plus(xy, _times(az, _minor(bx, cy, by, cx)))[0]

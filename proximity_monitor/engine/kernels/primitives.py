@@ -6,7 +6,7 @@ import numpy as np
 from numba import float32
 
 from .gaps import BATCH, gaps, gather, shift
-from .jit import kernel
+from .jit import entry, kernel
 from .lanes import lowest, not_above
 from .state import (
     ABS_ERR,
@@ -54,7 +54,7 @@ def _both(tree_a, tree_b, state, ta, tb):
     return corners(tree_a.triangles, ta), b
 
 
-@kernel
+@entry
 def test_triangles(tree_a, tree_b, state, ta, tb):
     """Exact distance of two triangles; keeps it where it is the smallest. Returns it."""
     reals, counts = state.reals, state.counts

@@ -13,7 +13,7 @@ in node units; triangles (m, 9) in tree order, metres; scale (3,) metres in a no
 inverse, and the largest norm of a vertex in metres.
 """
 
-State = namedtuple("State", "motions reals counts stack bounds contacts")
+State = namedtuple("State", "motions reals counts stack bounds frames contacts")
 """A search. motions (2, 12): b to a, a to b; reals and counts by the indices below; stack (int32,
 n × 2) the pairs of volumes still to be looked at, as lanes 16 node + lane, and their lower bounds
 (n,) in metres; contacts (int32, n × 2) the triangles that touch, where they are asked for (n > 0).
@@ -26,12 +26,16 @@ the upper bound, 0 where triangles certainly cross. All metres."""
 WEIGHTS_A, WEIGHTS_B, REALS = 8, 11, 14
 """Reals: barycentric weights of the nearest points, three each."""
 
-DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, CONTACTS, COUNTS = 0, 1, 2, 3, 4, 5, 6
+DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, CONTACTS = 0, 1, 2, 3, 4, 5
+ORDER, BASE, FRAMES, COUNTS = 6, 7, 8, 9
 """Counts: pairs on the stack; the nearest triangles so far, in tree order; tests made; contacts
 found."""
 
 LOWER, UPPER, POINT_A, POINT_B, ANSWER = 0, 1, 2, 5, 8
 """An answer: the certified bounds, metres, and the witness points in the world."""
+
+DEPTH_FIRST, PRIORITY = 0, 1
+"""Orders of a search."""
 
 ENDED, CUT, BAD_POSE_A, BAD_POSE_B, CONTACTS_FULL = 0, 1, 2, 3, 4
 """What a slice of a search returns."""

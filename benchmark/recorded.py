@@ -1,0 +1,124 @@
+"""Scenes from outside the repository: each is there only where its data is."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from collections.abc import Callable
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scenes import Scene, Track, identities, rotation_poses
+from shapes import Mesh
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+"""Where the recorded data lies unless --data or PROXIMITY_MONITOR_DATA says otherwise."""
+
+PANDA_LINKS = (*(f"link{i}" for i in range(8)), "hand")
+
+
+def available(data: Path | None) -> dict[str, Callable[[], Scene]]:
+    """The scenes whose data can be found, by name.
+
+    Args:
+        data: the folder that holds the folder `falling_tori`; None: look in the usual places.
+
+    Raises:
+        FileNotFoundError: `data` or PROXIMITY_MONITOR_DATA names a folder without it.
+    """
+    given = data or os.environ.get("PROXIMITY_MONITOR_DATA")
+    folder = Path(given or DATA) / "falling_tori"
+    found = {}
+    if folder.is_dir():
+        found["falling-tori"] = partial(falling_tori, folder)
+    elif given:
+        raise FileNotFoundError(f"{given}: holds no folder 'falling_tori'")
+    if urdf := panda_description():
+        meshes = urdf.parents[1] / "meshes"
+        found["panda/collision"] = partial(panda, urdf, meshes / "collision", ".stl")
+        if importlib.util.find_spec("collada"):  # what trimesh reads .dae files with
+            found["panda/visual"] = partial(panda, urdf, meshes / "visual", ".dae")
+    return found
+
+
+def falling_tori(folder: Path) -> Scene:
+    """The falling tori of the 1999 paper themselves, 2,398 steps along their recorded path."""
+    meshes, poses = {}, {}
+    for name in ("torus1", "torus2"):
+        corners = np.array((folder / f"{name}.tris").read_text().split()[1:], float)
+        # Corners that triangles share are one vertex, as in every other scene.
+        vertices, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+        meshes[name] = (vertices, faces.reshape(-1, 3).astype(np.int32))
+        rows = np.array((folder / f"{name}.path").read_text().split()[1:], float)
+        rows = rows.reshape(-1, 4, 3)
+        poses[name] = identities(len(rows))
+        poses[name][:, :3, :3] = _orthonormal(rows[:, :3])
+        poses[name][:, :3, 3] = rows[:, 3]
+    track = Track("torus1", "torus2", poses["torus1"], poses["torus2"])
+    return Scene(meshes, [track], quick=8)
+
+
+def _orthonormal(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The nearest rotations to (k, 3, 3) matrices that were written with six digits."""
+    u, _, v = np.linalg.svd(matrices)
+    return u @ v
+
+
+def panda_description() -> Path | None:
+    """The robot's description in `example-robot-data`, or None where that is not installed.
+
+    The package is data alone, hence no import.
+    """
+    try:
+        files = metadata.files("example-robot-data") or []
+    except metadata.PackageNotFoundError:
+        return None
+    for file in files:
+        if file.parts[-3:] == ("panda_description", "urdf", "panda.urdf"):
+            return Path(file.locate())
+    return None
+
+
+def panda(urdf: Path, folder: Path, suffix: str) -> Scene:
+    """The links of a Panda arm that no joint connects, while all seven joints swing."""
+    steps = 384
+    share = np.linspace(0.0, 1.0, steps)
+    parents = {}
+    poses = {"panda_link0": identities(steps)}
+    for i, joint in enumerate(ElementTree.parse(urdf).iter("joint")):
+        parent, child = (joint.find(key).get("link") for key in ("parent", "child"))
+        parents[child] = parent
+        origin = joint.find("origin")
+        here = poses[parent] @ _origin(origin.get("xyz"), origin.get("rpy"))
+        if joint.get("type") == "revolute":
+            low, high = (float(joint.find("limit").get(key)) for key in ("lower", "upper"))
+            axis = np.array(joint.find("axis").get("xyz").split(), float)
+            swing = np.sin(2.0 * np.pi * (i + 1) * share + i)
+            angle = 0.5 * (low + high) + 0.4 * (high - low) * swing
+            here = here @ rotation_poses(axis, angle)
+        poses[child] = here
+    meshes = {name: _mesh(folder / (name + suffix)) for name in PANDA_LINKS}
+    tracks = []
+    for i, a in enumerate(PANDA_LINKS):
+        for b in PANDA_LINKS[i + 2 :]:
+            tracks.append(Track(a, b, poses[f"panda_{a}"], poses[f"panda_{b}"]))
+    return Scene(meshes, tracks, quick=2)
+
+
+def _origin(xyz: str, rpy: str) -> NDArray[np.float64]:
+    """A URDF joint's origin: turns about the fixed x, y and z axes in this order."""
+    pose = np.eye(4)
+    for axis, angle in zip(np.eye(3), map(float, rpy.split()), strict=True):
+        pose = rotation_poses(axis, np.array([angle]))[0] @ pose
+    pose[:3, 3] = [float(value) for value in xyz.split()]
+    return pose
+
+
+def _mesh(path: Path) -> Mesh:
+    mesh = trimesh.load(path, force="mesh")
+    return np.array(mesh.vertices, float), np.array(mesh.faces, np.int32)

@@ -1,0 +1,192 @@
+"""The scenes that are timed, generated from fixed seeds (Larsen et al. 1999, sections 7.2 and 7.3).
+
+A scene is a set of meshes and, step by step, the poses of the pairs of them that are asked about.
+Lengths are metres, poses (k, 4, 4) from model to world.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import shapes
+from numpy.typing import NDArray
+
+from proximity_monitor import motion
+from proximity_monitor.scene import bundled, load_model, load_scene
+
+
+@dataclass(frozen=True)
+class Track:
+    """Two meshes, by name, and their poses, (k, 4, 4) each."""
+
+    a: str
+    b: str
+    poses_a: NDArray[np.float64]
+    poses_b: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Meshes by name and the pairs of them that are asked about at every step.
+
+    Attributes:
+        meshes: vertices and faces by name.
+        tracks: the pairs; all have the same number of steps.
+        block: so many steps in a row are asked of one engine before the next has its turn.
+        quick: so many blocks, spread evenly over the steps, are taken in a quick run.
+    """
+
+    meshes: dict[str, shapes.Mesh]
+    tracks: list[Track]
+    block: int = 64
+    quick: int = 3
+
+
+def rotation_poses(axis: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Poses that turn about unit axes (3,) or (k, 3) by angles (k,)."""
+    axis = np.broadcast_to(axis, (len(angle), 3))
+    x, y, z = axis.T
+    zero = np.zeros(len(angle))
+    cross = np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=1).reshape(-1, 3, 3)
+    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    poses = identities(len(angle))
+    poses[:, :3, :3] += sine * cross + (1.0 - cosine) * cross @ cross
+    return poses
+
+
+def identities(count: int) -> NDArray[np.float64]:
+    """(count, 4, 4) poses that leave everything where it is."""
+    return np.tile(np.eye(4), (count, 1, 1))
+
+
+def random_rotations(random: np.random.Generator, count: int) -> NDArray[np.float64]:
+    """Poses at the origin, every orientation as likely as any other."""
+    w, *axis = (q := random.normal(size=(count, 4))).T / np.linalg.norm(q, axis=1)
+    length = np.linalg.norm(axis, axis=0)
+    return rotation_poses((axis / length).T, 2.0 * np.arctan2(length, w))
+
+
+def engine_block(a: str, b: str) -> Scene:
+    """One turn of the bundled engine: the watched pairs of a kind of body with another kind."""
+    description = load_scene(bundled("engine"))
+    moves = motion.from_scene(description)
+    steps = 128
+    frames = [moves.poses(moves.period_s * i / steps) for i in range(steps)]
+    poses = {name: np.array([frame[name] for frame in frames]) for name in frames[0]}
+    meshes = {}
+    for body in description.bodies:
+        model = load_model(body, description.unit)
+        meshes[body.name] = (model.vertices, model.faces)
+        if not body.moving:
+            poses[body.name] = np.tile(body.pose, (steps, 1, 1))
+    tracks = [
+        Track(pair.a, pair.b, poses[pair.a], poses[pair.b])
+        for pair in description.pairs
+        if pair.a.startswith(a) and pair.b.startswith(b)
+    ]
+    used = {name for track in tracks for name in (track.a, track.b)}
+    return Scene({name: meshes[name] for name in used}, tracks, block=16, quick=2)
+
+
+def corridor(count: int) -> NDArray[np.float64]:
+    """(count, 3) points of a closed path through the cave, which stalactites leave free."""
+    s = np.linspace(0.0, 2.0 * np.pi, count)
+    return np.stack((2.4 * np.cos(s), 2.0 * np.sin(2 * s) * 0.6, 0.35 * np.sin(3 * s)), axis=1)
+
+
+def cave(coherent: bool) -> Scene:
+    """A wrinkled torus in a cave: 2,880 random poses as a path planner tries them, or one path."""
+    meshes = {"torus": shapes.wrinkled_torus(), "cave": shapes.cave(corridor(400), clear=0.25)}
+    count = 2880
+    random = np.random.default_rng(2880)
+    if coherent:
+        turn = np.linspace(0.0, 9.0 * np.pi, count)
+        poses = rotation_poses(np.array([0.6, 0.0, 0.8]), turn)
+        poses[:, :3, 3] = corridor(count)
+    else:
+        poses = random_rotations(random, count)
+        poses[:, :3, 3] = random.uniform((-2.8, -2.8, -1.1), (2.8, 2.8, 1.1), (count, 3))
+    return Scene(meshes, [Track("torus", "cave", poses, identities(count))], quick=6)
+
+
+def chain() -> Scene:
+    """Ten rings that hang in one another, held level and let go: all 45 pairs at each step."""
+    links, steps, spacing, step_s = 10, 480, 1.3, 0.01
+    joints = np.zeros((links + 1, 3))
+    joints[:, 0] = spacing * np.arange(links + 1)
+    joints[:, 1] = 0.3 * np.sin(np.arange(links + 1))
+    before = joints.copy()
+    poses = np.empty((links, steps, 4, 4))
+    for step in range(steps):
+        joints, before = joints + 0.995 * (joints - before), joints
+        joints[:, 2] -= 9.81 * step_s**2
+        for _ in range(60):  # a joint of the chain is a point; the links keep their lengths
+            for start in (0, 1):
+                link = joints[start + 1 :: 2] - joints[start:-1:2][: len(joints[start + 1 :: 2])]
+                length = np.linalg.norm(link, axis=1, keepdims=True)
+                correction = 0.5 * (1.0 - spacing / length) * link
+                joints[start : start + 2 * len(link) : 2] += correction
+                joints[start + 1 :: 2] -= correction
+            joints[0] = 0.0
+        along = np.diff(joints, axis=0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        side = np.cross(along, (0.0, 1.0, 0.0))
+        side /= np.linalg.norm(side, axis=1, keepdims=True)
+        frames = np.stack((along, side, np.cross(along, side)), axis=2)
+        frames[1::2] = frames[1::2][:, :, [0, 2, 1]] * (1.0, 1.0, -1.0)  # a quarter turn
+        poses[:, step] = np.eye(4)
+        poses[:, step, :3, :3] = frames
+        poses[:, step, :3, 3] = 0.5 * (joints[1:] + joints[:-1])
+    pairs = [(i, j) for i in range(links) for j in range(i)]
+    tracks = [Track("ring", "ring", poses[i], poses[j]) for i, j in pairs]
+    return Scene({"ring": shapes.ring()}, tracks, block=32, quick=2)
+
+
+def tori() -> Scene:
+    """A warped torus lands aslant on a lumpy one, pivots and falls through its hole."""
+    count = 2398
+    share = np.linspace(0.0, 1.0, count)
+    times = (0.0, 0.25, 0.65, 0.8, 1.0)
+    lean = np.interp(share, times, (0.2, 0.5, 0.2, 0.0, 0.3))
+    spin = 25.0 * share
+    poses = rotation_poses(np.array([0.0, 1.0, 0.0]), lean)
+    poses = poses @ rotation_poses(np.array([0.0, 0.0, 1.0]), spin)
+    poses[:, 0, 3] = np.interp(share, times, (0.1, 0.25, 0.1, 0.0, 0.0))
+    poses[:, 2, 3] = np.interp(share, times, (0.9, 0.62, 0.36, 0.0, -1.2))
+    wander = rotation_poses(np.array([0.0, 0.0, 1.0]), 6.0 * share)
+    meshes = {"warped": shapes.warped_torus(), "lumpy": shapes.lumpy_torus()}
+    return Scene(meshes, [Track("warped", "lumpy", wander @ poses, identities(count))], quick=8)
+
+
+def separated_spheres(gap: float) -> Scene:
+    """Two unit spheres side by side, 500 times in random orientations."""
+    random = np.random.default_rng(500)
+    poses_a, poses_b = random_rotations(random, 500), random_rotations(random, 500)
+    poses_b[:, 0, 3] = 2.0 + gap
+    return Scene({"sphere": shapes.sphere(1.0)}, [Track("sphere", "sphere", poses_a, poses_b)])
+
+
+def concentric_spheres(gap: float) -> Scene:
+    """A sphere in the middle of a unit sphere, 60 times in random orientations."""
+    random = np.random.default_rng(60)
+    poses = random_rotations(random, 60), random_rotations(random, 60)
+    meshes = {"outer": shapes.sphere(1.0), "inner": shapes.sphere(1.0 - gap)}
+    return Scene(meshes, [Track("outer", "inner", *poses)], block=2, quick=1)
+
+
+SCENES: dict[str, Callable[[], Scene]] = {
+    "engine/piston-block": partial(engine_block, "piston", "block"),
+    "engine/crankshaft-block": partial(engine_block, "crankshaft", "block"),
+    "engine/piston-crankshaft": partial(engine_block, "piston", "crankshaft"),
+    "engine/piston-piston": partial(engine_block, "piston", "piston"),
+    "cave/random": partial(cave, coherent=False),
+    "cave/path": partial(cave, coherent=True),
+    "chain": chain,
+    "tori": tori,
+    **{f"spheres/{gap}": partial(separated_spheres, gap) for gap in (0.01, 0.1, 1.0, 10.0)},
+    **{f"concentric/{gap}": partial(concentric_spheres, gap) for gap in (0.1, 0.3, 0.5, 0.7, 0.9)},
+}
+"""What makes a scene, by its name; what stands before the slash is a family."""

@@ -1,0 +1,104 @@
+"""The nearest point of one hierarchy to a single point, for callers that are kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import float32, uint64
+
+from ..tolerances import ILL_CONDITIONED, SINGLE_LIMIT, SINGLE_MARGIN
+from .closest import point_bounds
+from .jit import kernel
+from .lanes import lowest, not_above
+from .precise import cross_precise
+from .primitives import corners
+from .triangles import point_face
+from .vectors import along, cross, dot, sub
+from .volumes import STRIDE, WIDTH
+
+
+@kernel
+def _on_segment(p, a, e):
+    """Nearest point a + s e of a segment, which may be a point: (s, squared distance)."""
+    r, ee = sub(p, a), dot(e, e)
+    s = min(max(dot(r, e) / ee, 0.0), 1.0) if ee > 0.0 else 0.0
+    g = along(r, e, -s)
+    return s, dot(g, g)
+
+
+@kernel
+def point_triangle(p, a, b, c):
+    """Nearest point a + v (b - a) + w (c - a) of a triangle, which may be a segment or a point.
+
+    Returns (squared distance, v, w).
+    """
+    e, f = sub(b, a), sub(c, a)
+    v, best = _on_segment(p, a, e)
+    w = 0.0
+    s, d = _on_segment(p, a, f)
+    if d < best:
+        best, v, w = d, 0.0, s
+    s, d = _on_segment(p, b, sub(c, b))
+    if d < best:
+        best, v, w = d, 1.0 - s, s
+    n = cross(e, f)
+    if dot(n, n) < ILL_CONDITIONED * (dot(e, e) * dot(f, f)):
+        n = cross_precise(e, f)
+    nn = dot(n, n)
+    if nn > 0.0:
+        inside, x, y, d = point_face(p, a, e, f, n, nn)
+        if inside and d < best:
+            best, v, w = d, x, y
+    return best, v, w
+
+
+@kernel
+def nearest(tree, p, nearby, slack, stack, bounds, found):
+    """Distance of p to a model, both in the model's frame, metres, and the triangle (tree order).
+
+    `nearby` is a triangle to begin with; the distance is right to `slack`.
+    """
+    a, b, c = corners(tree.triangles, nearby)
+    best = np.sqrt(point_triangle(p, a, b, c)[0])
+    unit = tree.scale[0]
+    stack[0], bounds[0] = 0, -1.0
+    top = 1
+    while top > 0:
+        top -= 1
+        if bounds[top] >= best - slack:
+            continue
+        child = stack[top]
+        if child < 0:
+            a, b, c = corners(tree.triangles, ~child)
+            distance = np.sqrt(point_triangle(p, a, b, c)[0])
+            if distance < best:
+                best, nearby = distance, ~child
+            continue
+        x = p[0] / unit - tree.centres[child, 0]
+        y = p[1] / unit - tree.centres[child, 1]
+        z = p[2] / unit - tree.centres[child, 2]
+        size = abs(x) + abs(y) + abs(z) + tree.centres[child, 3]
+        if size < SINGLE_LIMIT:
+            margin = float32(SINGLE_MARGIN * size + slack / unit)
+            point_bounds(
+                tree.nodes, uint64(child * STRIDE), float32(x), float32(y), float32(z), margin,
+                found,
+            )  # fmt: skip
+        else:
+            # Too far away for float32: then every lane is as good as the next.
+            for k in range(WIDTH):
+                empty = tree.nodes[uint64(child * STRIDE + 9 * WIDTH + k)] < 0.0
+                found[k] = float32(1e30) if empty else float32(-1.0)
+        reach = np.float32(min(best / unit * (1.0 + 1e-6), 1e29))
+        first = top
+        survivors = not_above(found, reach)
+        while survivors:
+            k = lowest(survivors)
+            survivors &= survivors - 1
+            bound = found[k] * unit
+            at = top
+            while at > first and bounds[at - 1] < bound:
+                bounds[at], stack[at] = bounds[at - 1], stack[at - 1]
+                at -= 1
+            bounds[at], stack[at] = bound, tree.children[child * WIDTH + k]
+            top += 1
+    return best, nearby

@@ -1,0 +1,67 @@
+"""Writing a node: its lanes, each a volume rounded to float32, and how far they reach."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import uint64
+
+from .fit import core, enclosing_radius
+from .jit import inlined, kernel
+from .vectors import dot
+from .volumes import EMPTY_RADIUS, STRIDE, WIDTH, read_vector
+
+
+@inlined
+def fit_lane(points, n, single, volume, local, nodes, centre, node, lane, sizes):
+    """Fit a volume to points[:n] and write it, rounded to float32, into a lane of a node."""
+    c, u, v = core(points, n, single, volume, local)
+    base = uint64(node * STRIDE + lane)
+    put(nodes, base, (c[0] - centre[0], c[1] - centre[1], c[2] - centre[2]))
+    put(nodes, base + uint64(3 * WIDTH), u)
+    put(nodes, base + uint64(6 * WIDTH), v)
+    write_radius(points, n, nodes, centre, node, lane, sizes)
+
+
+@kernel
+def put(nodes, base, vector):
+    """Write three consecutive fields of a lane."""
+    nodes[base] = np.float32(vector[0])
+    nodes[base + uint64(WIDTH)] = np.float32(vector[1])
+    nodes[base + uint64(2 * WIDTH)] = np.float32(vector[2])
+
+
+@inlined
+def write_radius(points, n, nodes, centre, node, lane, sizes):
+    """Complete a lane whose rectangle stands: its radius, 1/|u|², 1/|v|² and its size."""
+    base = uint64(node * STRIDE + lane)
+    c = (
+        centre[0] + nodes[base],
+        centre[1] + nodes[base + uint64(WIDTH)],
+        centre[2] + nodes[base + uint64(2 * WIDTH)],
+    )
+    u = read_vector(nodes, base + uint64(3 * WIDTH))
+    v = read_vector(nodes, base + uint64(6 * WIDTH))
+    radius = enclosing_radius(points, n, c, u, v)
+    uu, vv = dot(u, u), dot(v, v)
+    nodes[base + uint64(9 * WIDTH)] = radius
+    # Beyond float32 the edge is as good as vanished for the projections, which need no exactness.
+    nodes[base + uint64(10 * WIDTH)] = np.float32(1.0 / uu) if uu > 1e-36 else np.float32(0.0)
+    nodes[base + uint64(11 * WIDTH)] = np.float32(1.0 / vv) if vv > 1e-36 else np.float32(0.0)
+    sizes[node * WIDTH + lane] = np.float32(np.sqrt(uu + vv) + radius)
+
+
+@kernel
+def close_node(nodes, node, used, centres):
+    """Empty a node's unused lanes, and note how far its used ones reach from its centre."""
+    extent = 0.0
+    for lane in range(used):
+        base = uint64(node * STRIDE + lane)
+        reach = 0.0
+        for field in range(10):
+            reach += abs(np.float64(nodes[base + uint64(field * WIDTH)]))
+        extent = max(extent, reach)
+    for lane in range(used, WIDTH):
+        nodes[uint64(node * STRIDE + lane + 9 * WIDTH)] = np.float32(EMPTY_RADIUS)
+    # The sum of absolute coordinates is at least the sum of lengths; the factor pays for the
+    # rounding of a float32 sum.
+    centres[node, 3] = extent * (1.0 + 1e-6)

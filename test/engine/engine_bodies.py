@@ -1,0 +1,99 @@
+"""Meshes and poses that the engine's tests ask about."""
+
+from __future__ import annotations
+
+import fcl
+import numpy as np
+import trimesh
+
+from proximity_monitor import engine
+
+IDENTITY = np.eye(4)
+
+
+def from_trimesh(mesh: trimesh.Trimesh, name: str) -> engine.TriangleMesh:
+    """The engine's model of a trimesh mesh."""
+    return engine.TriangleMesh(mesh.vertices, mesh.faces, name=name)
+
+
+def sphere(subdivisions: int = 2, radius: float = 1.0) -> engine.TriangleMesh:
+    """An icosphere of 20 * 4**subdivisions triangles."""
+    return from_trimesh(trimesh.creation.icosphere(subdivisions, radius), "sphere")
+
+
+def torus(sections: int = 24) -> engine.TriangleMesh:
+    """A torus around z of radii 1 and 0.3."""
+    mesh = trimesh.creation.torus(1.0, 0.3, major_sections=sections, minor_sections=sections // 2)
+    return from_trimesh(mesh, "torus")
+
+
+def box(size: tuple[float, float, float] = (1.0, 1.4, 0.6)) -> engine.TriangleMesh:
+    """A box around the origin."""
+    return from_trimesh(trimesh.creation.box(size), "box")
+
+
+def soup(seed: int, count: int = 60, size: float = 0.3) -> engine.TriangleMesh:
+    """Triangles of many sizes and shapes that have nothing to do with each other."""
+    rng = np.random.default_rng(seed)
+    sizes = size * rng.uniform(0.1, 1.0, (count, 1, 1))
+    corners = rng.normal(size=(count, 1, 3)) + sizes * rng.normal(size=(count, 3, 3))
+    return engine.TriangleMesh(
+        corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3), name="soup"
+    )
+
+
+def rotation(rng: np.random.Generator) -> np.ndarray:
+    """A random rotation (3, 3)."""
+    w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def pose(rng: np.random.Generator, spread: float = 0.0) -> np.ndarray:
+    """A random rotation, and a translation of about `spread`."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation(rng)
+    matrix[:3, 3] = spread * rng.normal(size=3)
+    return matrix
+
+
+def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
+    """A pose without rotation."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+class Fcl:
+    """Two meshes as FCL sees them."""
+
+    def __init__(self, a: engine.TriangleMesh, b: engine.TriangleMesh) -> None:
+        self._objects = [fcl.CollisionObject(self._model(mesh)) for mesh in (a, b)]
+
+    @staticmethod
+    def _model(mesh: engine.TriangleMesh) -> fcl.BVHModel:
+        model = fcl.BVHModel()
+        model.beginModel(len(mesh.vertices), len(mesh.faces))
+        model.addSubModel(mesh.vertices, mesh.faces)
+        model.endModel()
+        return model
+
+    def _place(self, *poses: np.ndarray) -> None:
+        for body, matrix in zip(self._objects, poses, strict=True):
+            body.setTransform(fcl.Transform(matrix[:3, :3], matrix[:3, 3]))
+
+    def collide(self, pose_a: np.ndarray, pose_b: np.ndarray) -> bool:
+        """Whether the surfaces touch or cross."""
+        self._place(pose_a, pose_b)
+        return fcl.collide(*self._objects) > 0
+
+    def distance(self, pose_a: np.ndarray, pose_b: np.ndarray) -> float:
+        """Minimum distance; 0 where the surfaces touch or cross."""
+        if self.collide(pose_a, pose_b):
+            return 0.0
+        return fcl.distance(*self._objects)

@@ -1,0 +1,126 @@
+"""Closest points of a surface to many points, against brute force and exact arithmetic."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY, box, pose, soup, sphere, torus
+from engine_oracles import exact_squared_distance, pairwise_distances, triangles
+
+from proximity_monitor import engine
+
+MODELS = {
+    "sphere": sphere(2),
+    "torus": torus(16),
+    "box": box(),
+    "soup": soup(1, 200, 0.1),
+    "points": engine.points(np.random.default_rng(2).normal(size=(40, 3))),
+    "polyline": engine.polyline(np.random.default_rng(3).normal(size=(40, 3))),
+    "triangle": soup(4, 1),
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("spread", [0.3, 1.0, 5.0])
+def test_against_brute_force(name, spread):
+    model = MODELS[name]
+    rng = np.random.default_rng(5)
+    matrix = pose(rng, 2.0)
+    given = matrix[:3, 3] + spread * rng.normal(size=(60, 3))
+    found = engine.closest_points(model, matrix, given)
+    corners = triangles(model, matrix)
+    expected = pairwise_distances(np.repeat(given[:, None], 3, axis=1), corners).min(axis=1)
+    slack = 1e-14 * (1.0 + np.abs(given).max())
+    assert np.abs(found.upper - expected).max() <= 2.0 * slack
+    assert (found.lower <= expected + slack).all()
+    assert (found.upper - found.lower <= 2.0 * slack).all()
+    assert np.linalg.norm(found.points - given, axis=1) == pytest.approx(expected, abs=slack)
+    for point, triangle in zip(found.points, found.triangles, strict=True):
+        at = pairwise_distances(np.array([[point] * 3]), corners[[triangle]])
+        assert at[0, 0] <= slack
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_bounds_hold_the_exact_distance(name):
+    model = MODELS[name]
+    rng = np.random.default_rng(6)
+    corners = triangles(model)
+    on_it = [rng.dirichlet((1, 1, 1)) @ corners[i % len(corners)] for i in range(10)]
+    given = np.concatenate((rng.normal(size=(10, 3)), corners[:, 0][:5], on_it))
+    found = engine.closest_points(model, IDENTITY, given)
+    distances = pairwise_distances(np.repeat(given[:, None], 3, axis=1), corners)
+    for point, row, lower, upper in zip(given, distances, found.lower, found.upper, strict=True):
+        near = np.flatnonzero(row <= row.min() + 1e-9)
+        squared = min(
+            exact_squared_distance(corners[i].tolist(), [point.tolist()] * 3) for i in near
+        )
+        assert Fraction(lower) ** 2 <= squared <= Fraction(upper) ** 2
+
+
+@pytest.mark.parametrize("far", [1e6, 1e10, 1e16, 1e20, 1e40])
+def test_points_far_away(far):
+    rng = np.random.default_rng(7)
+    given = far * rng.normal(size=(20, 3))
+    found = engine.closest_points(MODELS["torus"], IDENTITY, given)
+    expected = np.linalg.norm(given, axis=1)
+    assert (np.abs(found.upper - expected) <= 2.0 + 1e-14 * expected).all()
+    assert (found.lower <= found.upper).all()
+    # Where float64 still tells them apart, the nearest point lies on the side of the asker.
+    if far <= 1e10:
+        assert (np.einsum("ij,ij->i", found.points, given) > 0.0).all()
+
+
+@pytest.mark.parametrize("scale", [1e-20, 1e20])
+def test_models_of_any_size(scale):
+    model = engine.TriangleMesh(MODELS["sphere"].vertices * scale, MODELS["sphere"].faces)
+    given = np.random.default_rng(8).normal(size=(20, 3))
+    plain = engine.closest_points(MODELS["sphere"], IDENTITY, given)
+    scaled = engine.closest_points(model, IDENTITY, given * scale)
+    assert scaled.upper == pytest.approx(plain.upper * scale, rel=1e-13)
+
+
+def test_agrees_with_distance_to_a_point_model():
+    rng = np.random.default_rng(9)
+    model, matrix = MODELS["torus"], pose(rng, 1.0)
+    given = rng.normal(size=(20, 3))
+    found = engine.closest_points(model, matrix, given)
+    for k, point in enumerate(given):
+        answer = engine.distance(model, matrix, engine.points([point]), IDENTITY)
+        assert found.upper[k] == pytest.approx(answer.upper, abs=1e-13)
+
+
+def test_each_answer_depends_on_its_point_alone():
+    rng = np.random.default_rng(10)
+    given = rng.normal(size=(30, 3))
+    together = engine.closest_points(MODELS["torus"], IDENTITY, given)
+    for k, point in enumerate(given):
+        alone = engine.closest_points(MODELS["torus"], IDENTITY, [point])
+        assert alone.upper[0] == pytest.approx(together.upper[k], abs=1e-14)
+
+
+def test_no_points_have_no_answers():
+    found = engine.closest_points(MODELS["box"], IDENTITY, np.empty((0, 3)))
+    assert found.lower.shape == found.upper.shape == found.triangles.shape == (0,)
+    assert found.points.shape == (0, 3)
+
+
+@pytest.mark.parametrize("points", [[0.0, 0.0, 0.0], [[0.0, 0.0]], np.zeros((2, 3, 1))])
+def test_points_of_another_shape(points):
+    with pytest.raises(ValueError, match=r"points: shape .*\(k, 3\)"):
+        engine.closest_points(MODELS["box"], IDENTITY, points)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_points_that_are_not_finite(value):
+    given = np.zeros((3, 3))
+    given[1, 2] = value
+    with pytest.raises(ValueError, match=r"points\[1\]"):
+        engine.closest_points(MODELS["box"], IDENTITY, given)
+
+
+def test_a_pose_that_is_no_rigid_motion():
+    with pytest.raises(ValueError, match="pose"):
+        engine.closest_points(MODELS["box"], 2.0 * np.eye(4), [[0.0, 0.0, 0.0]])

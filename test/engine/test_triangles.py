@@ -1,0 +1,137 @@
+"""Distances of single triangles against exact rational arithmetic."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY
+from engine_oracles import exact_squared_distance, root
+from triangle_cases import KINDS
+
+from proximity_monitor import engine
+
+CASES = 120
+FACE = [[0, 1, 2]]
+
+
+def ask(a, b):
+    return engine.distance(
+        engine.TriangleMesh(a, FACE), IDENTITY, engine.TriangleMesh(b, FACE), IDENTITY
+    )
+
+
+def coordinates(a, b):
+    return float(np.linalg.norm(np.concatenate((a, b)), axis=1).max())
+
+
+def cases(kind):
+    rng = np.random.default_rng(list(KINDS).index(kind))
+    for case in range(CASES):
+        a, b = KINDS[kind](rng)
+        yield f"{kind} {case}: {a.tolist()} {b.tolist()}", a, b
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_bounds_hold_the_exact_distance(kind):
+    worst = 0.0
+    for case, a, b in cases(kind):
+        squared = exact_squared_distance(a, b)
+        found = ask(a, b)
+        assert Fraction(found.lower) ** 2 <= squared, case
+        assert squared <= Fraction(found.upper) ** 2, case
+        error = float(abs(Fraction(found.upper) - root(squared))) / coordinates(a, b)
+        worst = max(worst, error)
+        assert error <= 1e-14, case
+        assert found.upper - found.lower <= 1.5e-14 * coordinates(a, b), case
+    print(f"{kind}: upper errs by at most {worst:.2g} of the coordinates")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_status_says_whether_they_touch(kind):
+    for case, a, b in cases(kind):
+        squared = exact_squared_distance(a, b)
+        found = ask(a, b)
+        if squared == 0:
+            assert found.status is engine.Status.INTERSECTING, case
+        elif float(root(squared)) > 8e-15 * coordinates(a, b):
+            assert found.status is engine.Status.EXACT, case
+            assert found.lower > 0.0, case
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_witness_points_lie_on_the_triangles_and_attain_the_bound(kind):
+    for case, a, b in cases(kind):
+        found = ask(a, b)
+        rounding = 4e-15 * coordinates(a, b)
+        for corners, point, feature in (
+            (a, found.point_a, found.feature_a),
+            (b, found.point_b, found.feature_b),
+        ):
+            weights = feature.barycentric
+            assert feature.triangle == 0, case
+            assert weights.min() >= 0.0, case
+            assert abs(weights.sum() - 1.0) <= 1e-15, case
+            assert np.abs(weights @ corners - point).max() <= rounding, case
+        apart = np.linalg.norm(found.point_a - found.point_b)
+        assert apart <= found.upper + rounding, case
+        assert apart >= found.lower - rounding, case
+
+
+@pytest.mark.parametrize("angle", [10.0**-k for k in range(2, 16)])
+def test_nearly_parallel_edges_that_cross_above_each_other(angle):
+    """Two long edges, one above the other: the gap is known, whatever the angle between them."""
+    gap = 0.25
+    a = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+    b = np.array([[-1.0, -angle, gap], [1.0, angle, gap], [0.0, 0.0, 1.0]])
+    found = ask(a, b)
+    assert found.lower <= gap <= found.upper
+    assert found.upper - gap <= 1e-14
+    assert found.status is engine.Status.EXACT
+
+
+@pytest.mark.parametrize("angle", [10.0**-k for k in range(2, 16)])
+def test_nearly_parallel_edges_whose_nearest_points_are_their_ends(angle):
+    a = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, -1.0]])
+    b = np.array([[2.0, 0.0, 0.0], [3.0, angle, 0.0], [2.5, 0.0, 1.0]])
+    found = ask(a, b)
+    assert found.lower <= 1.0 <= found.upper
+    assert np.allclose(found.point_a, a[1], atol=1e-15)
+    assert np.allclose(found.point_b, b[0], atol=1e-15)
+    assert found.feature_a.kind == found.feature_b.kind == "vertex"
+
+
+def test_features_name_vertex_edge_and_face():
+    a = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    above = ask(a, [[0.0, 0.0, 0.5], [0.2, 0.0, 1.0], [0.0, 0.2, 1.0]])
+    assert (above.feature_a.kind, above.feature_b.kind) == ("face", "vertex")
+    assert np.allclose(above.point_a, 0.0)
+    beside = ask(a, [[-0.5, -1.5, -1.0], [0.5, -1.5, 1.0], [0.0, -3.0, 0.0]])
+    assert (beside.feature_a.kind, beside.feature_b.kind) == ("edge", "edge")
+    assert np.allclose(beside.point_a, (0.0, -1.0, 0.0))
+    assert np.allclose(beside.point_b, (0.0, -1.5, 0.0))
+
+
+@pytest.mark.parametrize("exponent", [-120, -75, -65, -60, -55, -52, -50, -40, -20, 20, 40, 44])
+@pytest.mark.parametrize("kind", ["apart", "close", "tiny_gap", "zero_area", "shared_edge"])
+def test_tiny_and_huge_triangles(kind, exponent):
+    """Products of six lengths must neither vanish nor overflow, or cost no more than the bounds."""
+    rng = np.random.default_rng(exponent % 1000)
+    for _ in range(20):
+        a, b = (t * 10.0**exponent for t in KINDS[kind](rng))
+        squared = exact_squared_distance(a, b)
+        found = ask(a, b)
+        assert Fraction(found.lower) ** 2 <= squared <= Fraction(found.upper) ** 2
+        if exponent >= -20:
+            error = abs(Fraction(found.upper) - root(squared))
+            assert float(error) <= 1e-14 * coordinates(a, b)
+
+
+def test_a_corner_above_a_face_at_every_scale():
+    a = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+    b = np.array([[0.0, 0.0, 0.5], [0.2, 0.0, 1.0], [0.0, 0.2, 1.0]])
+    for exponent in range(-149, 149):
+        scale = 2.0**exponent  # exact, so the distance is known
+        found = ask(a * scale, b * scale)
+        assert found.lower <= 0.5 * scale <= found.upper, exponent

@@ -1,0 +1,57 @@
+"""The benchmark runs, and its engines agree. How fast they are is no matter of a test."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COMPARE = Path(__file__).resolve().parents[1] / "benchmark" / "compare.py"
+PEERS = [name for name in ("fcl", "coal") if importlib.util.find_spec(name)]
+
+
+def compare(*arguments: str) -> subprocess.CompletedProcess[str]:
+    # A script finds the modules beside it only where this is not set.
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONSAFEPATH"}
+    command = [sys.executable, str(COMPARE), *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.skipif(not PEERS, reason="neither python-fcl nor coal is installed")
+def test_engines_agree_side_by_side(tmp_path):
+    done = compare("--quick", "--scene", "chain", "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "compare.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["scene"] == "chain"
+    assert int(row["queries"]) == 45 * 32 * 2
+    assert float(row["disagreement"]) < 1e-9
+    positive = {
+        "triangles",
+        "bound_tests",
+        "primitive_tests",
+        "bound_tests_10",
+        "primitive_tests_10",
+    }
+    positive |= {"bytes_per_triangle", "ours_build_s"}
+    for name in ("ours", "ours_10", "batch", "batch_10", *PEERS):
+        positive |= {f"{name}_median_us", f"{name}_mean_us"}
+    for peer in PEERS:
+        positive |= {f"{peer}_build_s", f"{peer}_ratio", f"{peer}_ratio_10"}
+        positive |= {f"{peer}_ratio_means", f"{peer}_ratio_batch", f"{peer}_ratio_batch_10"}
+    assert {name for name in positive if not float(row[name]) > 0.0} == set()
+    assert "geometric mean" in done.stdout
+    assert done.stdout == (tmp_path / "compare.md").read_text()
+
+
+@pytest.mark.skipif(not PEERS, reason="neither python-fcl nor coal is installed")
+def test_unknown_scene_is_refused_with_the_known_ones(tmp_path):
+    done = compare("--scene", "nosuch", "--out", str(tmp_path))
+    assert done.returncode == 1
+    assert "nosuch" in done.stderr
+    assert "cave/random" in done.stderr
