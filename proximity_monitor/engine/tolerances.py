@@ -20,7 +20,7 @@ own frame: rounding the moved volume to float32 displaces it by at most u32 M; e
 inner products of a support gap errs by 3 u32 |n| M in any order of summation, their sum by 4 u32
 |n| M more; the normalisation by 5 u32 M; a lane's normal taken for perpendicular to its edges by
 4 u32 M; the radii by 2 u32 M. Together less than 20 u32 M; the rest is reserve for the reciprocal
-estimates that LLVM may use under `arcp`. Halving it would still be right; a tenth would not.
+estimates that LLVM may use under `arcp`. Below 20 this count no longer covers it.
 """
 
 SINGLE_TINY = 1e-30

@@ -29,6 +29,7 @@ LARGE_PAIRS = [
     ("sphere", "sphere"), ("sphere", "torus"), ("torus", "torus"), ("torus", "box"),
     ("soup", "torus"), ("box", "soup"), ("soup", "soup"), ("box", "box"),
 ]  # fmt: skip
+ORDERS = ("depth_first", "priority")
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -68,15 +69,17 @@ def test_bounds_hold_the_exact_distance(first, second):
     for spread in (0.0, 1.0, 2.0, 4.0):
         pose_b = pose(rng, spread)
         squared = exact_mesh_distance(a, b, pose_b)
-        found = engine.distance(a, IDENTITY, b, pose_b)
-        assert Fraction(found.lower) ** 2 <= squared <= Fraction(found.upper) ** 2
-        assert found.upper - found.lower <= 1.5e-14 * extent(a, b, IDENTITY, pose_b)
-        assert (squared == 0) == (found.status is Status.INTERSECTING)
-        check_answer(a, IDENTITY, b, pose_b, found)
+        for order in ORDERS:
+            found = engine.distance(a, IDENTITY, b, pose_b, order=order)
+            assert Fraction(found.lower) ** 2 <= squared <= Fraction(found.upper) ** 2
+            assert found.upper - found.lower <= 1.5e-14 * extent(a, b, IDENTITY, pose_b)
+            assert (squared == 0) == (found.status is Status.INTERSECTING)
+            check_answer(a, IDENTITY, b, pose_b, found)
 
 
+@pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize(("first", "second"), LARGE_PAIRS)
-def test_agrees_with_fcl(first, second):
+def test_agrees_with_fcl(first, second, order):
     a, b = LARGE[first], LARGE[second]
     oracle = Fcl(a, b)
     rng = np.random.default_rng(len(first) * len(second))
@@ -84,7 +87,7 @@ def test_agrees_with_fcl(first, second):
     for spread in 6 * (0.3, 1.0, 2.0, 3.0):
         pose_a, pose_b = pose(rng, spread), pose(rng, spread)
         expected = oracle.distance(pose_a, pose_b)
-        found = engine.distance(a, pose_a, b, pose_b)
+        found = engine.distance(a, pose_a, b, pose_b, order=order)
         assert found.status is (Status.EXACT if expected else Status.INTERSECTING)
         assert found.lower <= expected + 1e-12
         assert found.upper >= expected - 1e-12

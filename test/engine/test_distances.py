@@ -30,7 +30,9 @@ def path(seed, count=COUNT):
     return poses
 
 
-@pytest.mark.parametrize("tolerance", [{}, {"rel_err": 0.1}, {"abs_err": 0.05}])
+@pytest.mark.parametrize(
+    "tolerance", [{}, {"rel_err": 0.1}, {"abs_err": 0.05}, {"order": "priority"}]
+)
 def test_the_answers_do_not_depend_on_the_threads(tolerance):
     a, b = torus(24), sphere(2)
     poses_a, poses_b = path(1), path(2)
@@ -86,7 +88,8 @@ def test_a_bad_pose_is_named_from_every_thread(threads):
 
 
 @pytest.mark.parametrize(
-    "options", [{"threads": 0}, {"threads": -1}, {"rel_err": -1.0}, {"abs_err": np.nan}]
+    "options",
+    [{"threads": 0}, {"threads": -1}, {"rel_err": -1.0}, {"abs_err": np.nan}, {"order": "x"}],
 )
 def test_options_that_make_no_sense(options):
     poses = np.eye(4)[None]

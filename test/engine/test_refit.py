@@ -202,7 +202,7 @@ def test_a_search_that_was_cut_off_starts_anew_after_a_refit():
     here, there = np.eye(4), translation(5.0, 0.0, 0.0)
     for shift in (0.0, 1.0, -3.0):
         pair.distance(here, there, budget_s=0.0)
-        ball.refit(ball.vertices + [shift, 0.0, 0.0])
+        ball.refit(ball.vertices + np.array([shift, 0.0, 0.0]))
         found = pair.distance(here, there, budget_s=60.0)
         fresh = engine.distance(ball, here, other, there)
         assert (found.lower, found.upper) == (fresh.lower, fresh.upper)

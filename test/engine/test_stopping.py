@@ -96,10 +96,12 @@ def test_a_large_budget_gives_the_exact_answer():
         assert (found.lower, found.upper) == (exact.lower, exact.upper)
 
 
+@pytest.mark.parametrize("order", ["depth_first", "priority"])
 @pytest.mark.parametrize("tolerance", [{}, {"rel_err": 0.05}, {"abs_err": 1e-4}])
-def test_many_small_budgets_reach_the_same_answer_step_by_step(tolerance):
-    whole = engine.distance(NESTED[0], IDENTITY, NESTED[1], IDENTITY, **tolerance)
-    answers = finished(engine.Pair(*NESTED), IDENTITY, IDENTITY, budget_s=2e-4, **tolerance)
+def test_many_small_budgets_reach_the_same_answer_step_by_step(tolerance, order):
+    options = {"order": order, **tolerance}
+    whole = engine.distance(NESTED[0], IDENTITY, NESTED[1], IDENTITY, **options)
+    answers = finished(engine.Pair(*NESTED), IDENTITY, IDENTITY, budget_s=2e-4, **options)
     assert len(answers) > 2
     for before, after in pairwise(answers):
         assert before.lower <= after.lower <= after.upper <= before.upper
@@ -122,7 +124,9 @@ def test_a_finished_search_is_asked_again():
         assert again.lower <= exact.upper
 
 
-@pytest.mark.parametrize("interruption", ["pose", "tolerance", "within", "collide", "no budget"])
+@pytest.mark.parametrize(
+    "interruption", ["pose", "tolerance", "order", "within", "collide", "no budget"]
+)
 def test_another_question_does_not_spoil_a_search_that_was_cut(interruption):
     exact = engine.distance(NESTED[0], IDENTITY, NESTED[1], IDENTITY)
     elsewhere = pose(np.random.default_rng(7), 3.0)
@@ -135,6 +139,9 @@ def test_another_question_does_not_spoil_a_search_that_was_cut(interruption):
     elif interruption == "tolerance":
         found = pair.distance(IDENTITY, IDENTITY, rel_err=0.5, budget_s=1.0)
         assert found.lower <= exact.upper <= found.upper * (1.0 + 1e-12)
+    elif interruption == "order":
+        found = pair.distance(IDENTITY, IDENTITY, order="priority", budget_s=0.0)
+        assert found.lower <= exact.lower
     elif interruption == "within":
         assert pair.within(elsewhere, IDENTITY, expected.upper * 1.001).within
     elif interruption == "collide":
@@ -206,3 +213,8 @@ def test_coherence_saves_work():
 def test_tolerances_and_budgets_that_make_no_sense(name, value):
     with pytest.raises(ValueError, match=name):
         engine.distance(A, IDENTITY, B, IDENTITY, **{name: value})
+
+
+def test_an_order_that_there_is_not():
+    with pytest.raises(ValueError, match="order = 'random'"):
+        engine.distance(A, IDENTITY, B, IDENTITY, order="random")
