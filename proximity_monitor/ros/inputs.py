@@ -14,11 +14,8 @@ from collections.abc import Iterable
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 
+from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrix
 from proximity_monitor.scene.state import PoseSample
-
-UNIT_TOLERANCE = 1e-3
-"""How far the norm of a quaternion may be from 1. Publishers that work in float32 stay within
-1e-6; one that is further off did not mean a rotation."""
 
 FUTURE_TOLERANCE_S = 0.1
 """How far ahead of the node's clock a stamp may be. Clocks of machines that are kept in step
@@ -82,7 +79,7 @@ class Inputs:
             self.rejected[reason] += 1
             return reason
         last.stamp_ns = stamp_ns
-        last.pose = to_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+        last.pose = pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
         return None
 
     def _judge_header(self, frame: str, stamp_ns: int, now_ns: int, last: _Last) -> str | None:
@@ -148,22 +145,6 @@ def _judge_pose(
         return Reason.NOT_FINITE
     if not all(abs(x) <= FURTHEST for x in position):
         return Reason.TOO_FAR
-    if not abs(math.hypot(*quaternion) - 1.0) <= UNIT_TOLERANCE:
+    if not abs(math.hypot(*quaternion) - 1.0) <= UNIT_LENGTH:
         return Reason.NOT_UNIT
     return None
-
-
-def to_matrix(
-    position: tuple[float, float, float], quaternion: tuple[float, float, float, float]
-) -> np.ndarray:
-    """Return the (4, 4) pose of a position in metres and a quaternion xyzw, which is normalised."""
-    norm = math.hypot(*quaternion)
-    x, y, z, w = (value / norm for value in quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), position[0]],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), position[1]],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), position[2]],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )

@@ -17,11 +17,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 from proximity_monitor import engine
 from proximity_monitor.ros import messages
 from proximity_monitor.ros.diagnostics import Timing
-from proximity_monitor.ros.inputs import to_matrix
 from proximity_monitor.ros.markers import NEAREST, ClearanceMarkers
 from proximity_monitor.ros.parts import PartsMessage, to_quaternion
 from proximity_monitor.ros.table import Picture
-from proximity_monitor.scene import Body, Unit
+from proximity_monitor.scene import Body, Unit, pose_matrix
 from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.state import PairState, PairStatus, Tick
 
@@ -52,7 +51,7 @@ UNKNOWN = pair(math.nan, status=PairStatus.UNKNOWN, silent=("left",))
 @given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.dot(q, q) > 1e-3))
 def test_quaternion_and_matrix_are_one_rotation(values):
     unit = np.array(values) / np.linalg.norm(values)
-    rotation = to_matrix((1.0, 2.0, 3.0), tuple(values))
+    rotation = pose_matrix((1.0, 2.0, 3.0), tuple(unit))
     assert rotation[:3, 3].tolist() == [1.0, 2.0, 3.0]
     np.testing.assert_allclose(rotation[:3, :3] @ rotation[:3, :3].T, np.eye(3), atol=1e-15)
     back = np.array(to_quaternion(rotation[:3, :3]))
@@ -136,7 +135,7 @@ def test_poses_are_written_into_the_serialised_parts(frame):
         return deserialize_message(parts.serialised(), MarkerArray).markers
 
     assert [marker.action for marker in read()] == [Marker.DELETE] * 3
-    turned = to_matrix((1.5, -2.5, 3.5), (0.5, 0.5, 0.5, 0.5))
+    turned = pose_matrix((1.5, -2.5, 3.5), (0.5, 0.5, 0.5, 0.5))
     parts.place("two", turned)
     assert [m.action for m in read()] == [Marker.DELETE, Marker.ADD, Marker.DELETE]
     two = read()[1]
