@@ -1,4 +1,4 @@
-"""The nearest point of one hierarchy to a single point, for callers that are kernels."""
+"""The nearest point of one hierarchy to a single point."""
 
 from __future__ import annotations
 
@@ -6,14 +6,37 @@ import numpy as np
 from numba import float32, uint64
 
 from ..tolerances import ILL_CONDITIONED, SINGLE_LIMIT, SINGLE_MARGIN
-from .closest import point_bounds
-from .jit import kernel
+from .jit import kernel, loop16
 from .lanes import lowest, not_above
 from .precise import cross_precise
 from .primitives import corners
 from .triangles import point_face
 from .vectors import along, cross, dot, sub
 from .volumes import STRIDE, WIDTH
+
+_ONE = float32(1.0)
+
+
+@loop16
+def point_bounds(nodes, base, x, y, z, margin, bounds):
+    """Lower bounds of a point's distance to each lane of the node at `base`, node units.
+
+    The distance to a rectangle is that to the projection with both parameters clamped; what is
+    missing to perpendicular edges, and float32, is in the margin (see SINGLE_MARGIN).
+    """
+    for k in range(WIDTH):
+        i = base + uint64(k)
+        dx = x - nodes[i]
+        dy = y - nodes[i + uint64(16)]
+        dz = z - nodes[i + uint64(32)]
+        ux, uy, uz = nodes[i + uint64(48)], nodes[i + uint64(64)], nodes[i + uint64(80)]
+        vx, vy, vz = nodes[i + uint64(96)], nodes[i + uint64(112)], nodes[i + uint64(128)]
+        s = min(max((dx * ux + dy * uy + dz * uz) * nodes[i + uint64(160)], -_ONE), _ONE)
+        t = min(max((dx * vx + dy * vy + dz * vz) * nodes[i + uint64(176)], -_ONE), _ONE)
+        dx = dx - s * ux - t * vx
+        dy = dy - s * uy - t * vy
+        dz = dz - s * uz - t * vz
+        bounds[k] = np.sqrt(dx * dx + dy * dy + dz * dz) - nodes[i + uint64(144)] - margin
 
 
 @kernel
