@@ -17,13 +17,15 @@ ifneq ($(ROS_DISTRO),)
 # against the system's numpy 1, whose binary interface numpy 2 does not keep.
 VENV_FLAGS = --system-site-packages
 DEMO_INSTALL = '.[nodes]' 'numpy<2'
-TEST_INSTALL = '.[nodes,checks]' 'numpy<2'
+TEST_INSTALL = '.[nodes,study,checks]' 'numpy<2'
 BENCH_INSTALL = '.[bench]' 'numpy<2'
+STUDY_INSTALL = '.[study]' 'numpy<2'
 else
 VENV_FLAGS =
 DEMO_INSTALL = '.[ros]'
 TEST_INSTALL = '.[ros,test]'
 BENCH_INSTALL = '.[bench]'
+STUDY_INSTALL = '.[study]'
 unexport PYTHONPATH
 endif
 # Set by the ROS wheels in every process they start; it must not leak into another environment.
@@ -39,12 +41,13 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 	AMENT_PREFIX_PATH="$(abspath $(VENV))$${AMENT_PREFIX_PATH:+:$$AMENT_PREFIX_PATH}"
 
 .NOTPARALLEL:
-.PHONY: help demo test bench lint format clean
+.PHONY: help demo test bench accuracy lint format clean
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
 	@echo 'make test [ARGS="-k scene"]       run the tests (ARGS go to pytest)'
 	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal'
+	@echo 'make accuracy [ARGS="--quick"]     what accuracy costs in time: data, figures and a page'
 	@echo 'make lint                         run the linter and check the format'
 	@echo 'make format                       let the linter mend what it can, and format'
 	@echo 'make clean                        remove the virtual environments and caches'
@@ -61,6 +64,9 @@ bench: $(VENV)/.installed-bench
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/compare.py $(ARGS)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/points.py
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/startup.py
+
+accuracy: $(VENV)/.installed-study
+	@$(RUN) $(ENV_PYTHON) -m proximity_monitor.study accuracy $(ARGS)
 
 lint: $(VENV)/.installed-test
 	$(ENV_PYTHON) -m ruff check .
@@ -88,6 +94,9 @@ $(VENV)/.installed-test: $(ENV_PYTHON) $(SOURCES)
 
 $(VENV)/.installed-bench: $(ENV_PYTHON) $(SOURCES)
 	$(call install,$(BENCH_INSTALL))
+
+$(VENV)/.installed-study: $(ENV_PYTHON) $(SOURCES)
+	$(call install,$(STUDY_INSTALL))
 
 $(ENV_PYTHON):
 	@test -n "$(PYTHON)" || { \

@@ -8,6 +8,7 @@ package_name = "proximity_monitor"
 
 scene = ["pyyaml>=6.0", "jsonschema>=4.10"]
 nodes = [*scene, "rich>=13.0"]
+study = [*scene, "rich>=13.0", "matplotlib>=3.6"]
 ros = [*nodes, "ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-rclpy[fastrtps]"]
 peers = [
     "python-fcl>=0.7",
@@ -48,9 +49,9 @@ setup(
         "ros": ros,  # the nodes with ROS 2 from wheels
         "display": ["viser>=0.2"],
         "bench": [*nodes, *peers],  # the engine beside the libraries that people use today
-        "study": ["matplotlib>=3.6"],
+        "study": study,  # what accuracy costs, with figures
         "checks": checks,  # the test tools alone, for the same case as `nodes`
-        "test": [*ros, *checks],
+        "test": [*ros, *study, *checks],
     },
     entry_points={"console_scripts": ["proximity_monitor = proximity_monitor.__main__:main"]},
     zip_safe=False,

@@ -21,7 +21,8 @@ from measure import measure
 from recorded import available
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from scenes import SCENES
+
+from proximity_monitor.study.scenes import SCENES
 
 TOLERATED = 1e-6
 OUT = Path(__file__).resolve().parents[1] / "build" / "benchmark"

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from peers import Coal, Fcl
-from scenes import Scene, Track
 
 from proximity_monitor import engine
+from proximity_monitor.study.scenes import Scene, Track
 
 REL_ERR = 0.1
 

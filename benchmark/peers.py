@@ -29,7 +29,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from shapes import Mesh
+
+from proximity_monitor.study.shapes import Mesh
 
 Poses = NDArray[np.float64]
 Queries = list[Callable[[], float]]

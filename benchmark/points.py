@@ -17,9 +17,9 @@ from importlib import metadata
 from time import process_time
 
 import numpy as np
-import shapes
 
 from proximity_monitor import engine
+from proximity_monitor.study import shapes
 
 _BLOCK = 10_000
 _SINGLE = 1e-5

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 from collections.abc import Callable
 from functools import partial
 from importlib import metadata
@@ -13,8 +12,10 @@ from xml.etree import ElementTree
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from scenes import Scene, Track, identities, rotation_poses
-from shapes import Mesh
+
+from proximity_monitor.study.recorded import falling_tori, find_falling_tori
+from proximity_monitor.study.scenes import Scene, Track, identities, rotation_poses
+from proximity_monitor.study.shapes import Mesh
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 """Where the recorded data lies unless --data or PROXIMITY_MONITOR_DATA says otherwise."""
@@ -31,42 +32,15 @@ def available(data: Path | None) -> dict[str, Callable[[], Scene]]:
     Raises:
         FileNotFoundError: `data` or PROXIMITY_MONITOR_DATA names a folder without it.
     """
-    given = data or os.environ.get("PROXIMITY_MONITOR_DATA")
-    folder = Path(given or DATA) / "falling_tori"
     found = {}
-    if folder.is_dir():
+    if folder := find_falling_tori(data, DATA):
         found["falling-tori"] = partial(falling_tori, folder)
-    elif given:
-        raise FileNotFoundError(f"{given}: holds no folder 'falling_tori'")
     if urdf := panda_description():
         meshes = urdf.parents[1] / "meshes"
         found["panda/collision"] = partial(panda, urdf, meshes / "collision", ".stl")
         if importlib.util.find_spec("collada"):  # what trimesh reads .dae files with
             found["panda/visual"] = partial(panda, urdf, meshes / "visual", ".dae")
     return found
-
-
-def falling_tori(folder: Path) -> Scene:
-    """The falling tori of the 1999 paper themselves, 2,398 steps along their recorded path."""
-    meshes, poses = {}, {}
-    for name in ("torus1", "torus2"):
-        corners = np.array((folder / f"{name}.tris").read_text().split()[1:], float)
-        # Corners that triangles share are one vertex, as in every other scene.
-        vertices, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-        meshes[name] = (vertices, faces.reshape(-1, 3).astype(np.int32))
-        rows = np.array((folder / f"{name}.path").read_text().split()[1:], float)
-        rows = rows.reshape(-1, 4, 3)
-        poses[name] = identities(len(rows))
-        poses[name][:, :3, :3] = _orthonormal(rows[:, :3])
-        poses[name][:, :3, 3] = rows[:, 3]
-    track = Track("torus1", "torus2", poses["torus1"], poses["torus2"])
-    return Scene(meshes, [track], quick=8)
-
-
-def _orthonormal(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The nearest rotations to (k, 3, 3) matrices that were written with six digits."""
-    u, _, v = np.linalg.svd(matrices)
-    return u @ v
 
 
 def panda_description() -> Path | None:

@@ -16,13 +16,21 @@ or, on a machine with ROS 2 Jazzy, source it first:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit code (2 for a wrong command line, by `SystemExit`)."""
-    parser = _parser()
-    chosen = parser.parse_args(arguments)
-    if chosen.run is None:
-        parser.print_help()
-        return 0
-    return chosen.run(chosen)
+    """Run the command line.
+
+    Returns:
+        The exit code: 130 after a Ctrl-C while Python still imports, as later ones end a command in
+        good order; 2, by `SystemExit`, for a wrong command line.
+    """
+    try:
+        parser = _parser()
+        chosen = parser.parse_args(arguments)
+        if chosen.run is None:
+            parser.print_help()
+            return 0
+        return chosen.run(chosen)
+    except KeyboardInterrupt:
+        return 130
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -192,6 +192,22 @@ BROKEN = {
         "from proximity_monitor.engine import kernels",
         "must not know engine/kernels",
     ),
+    "study knows ros": (
+        "study/accuracy/a.py",
+        "from proximity_monitor.ros import table",
+        "must not know ros",
+    ),
+    "study knows kernels": (
+        "study/accuracy/a.py",
+        "from ...engine.kernels import volumes",
+        "must not know engine/kernels",
+    ),
+    "study uses ROS": (
+        "study/scenes.py",
+        "import rosbag2_py, std_msgs",
+        "must not import std_msgs",
+    ),
+    "motion knows study": ("motion/m.py", "from ..study import scenes", "must not know study"),
     "display knows ros": (
         "display/page.py",
         "from proximity_monitor import ros",
@@ -220,6 +236,9 @@ SOUND = {
     "scene/file.py": "import yaml\nfrom proximity_monitor import engine\nfrom ..engine import X",
     "motion/__init__.py": "",
     "motion/m.py": "from proximity_monitor.scene.file import Scene",
+    "study/__init__.py": "",
+    "study/scenes.py": "from proximity_monitor import motion\nfrom ..scene import file",
+    "study/accuracy/a.py": "import matplotlib\nfrom ..scenes import X\nfrom ...engine import Y",
     "ros/__init__.py": "",
     "ros/node.py": "import rclpy, std_msgs.msg\nfrom proximity_monitor import __version__",
     "display/__init__.py": "",
@@ -244,14 +263,14 @@ def test_a_sound_house_is_found_sound(house):
 
 @pytest.mark.parametrize("file, text, expected", BROKEN.values(), ids=BROKEN)
 def test_a_broken_rule_is_found(house, file, text, expected):
-    (house / file).parent.mkdir(exist_ok=True)
+    (house / file).parent.mkdir(parents=True, exist_ok=True)
     (house / file).write_text(text)
     (found,) = violations(house)
     assert found.startswith(f"{file}:")
     assert expected in found
 
 
-@pytest.mark.parametrize("room", ["engine", "scene", "motion"])
+@pytest.mark.parametrize("room", ["engine", "scene", "motion", "study.accuracy.run"])
 def test_the_library_imports_without_ros(room):
     code = (
         "import importlib, sys\n"

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -57,3 +58,27 @@ def test_what_is_wrong_with_a_scene_is_said(tmp_path, capsys):
     assert "torn.yaml" in capsys.readouterr().err
     assert main(["scene", "check", str(tmp_path / "none.yaml")]) == 1
     assert "none.yaml" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("how", ["-m proximity_monitor demo", "scripts/node", "scripts/player"])
+def test_an_interrupt_while_python_imports_ends_it_quietly(how):
+    """Ctrl-C in the first moments, here as soon as numba is imported."""
+    pytest.importorskip("rclpy", reason="rclpy is not importable: these commands need ROS 2")
+    if how.startswith("-m"):
+        start = (
+            "sys.argv = ['', 'demo']; runpy.run_module('proximity_monitor', run_name='__main__')"
+        )
+    else:
+        script = Path(__file__).resolve().parents[1] / how
+        start = f"runpy.run_path({str(script)!r}, run_name='__main__')"
+    code = (
+        "import runpy, signal, sys\n"
+        "class CtrlC:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'numba':\n"
+        "            signal.raise_signal(signal.SIGINT)\n"
+        f"sys.meta_path.insert(0, CtrlC())\n{start}"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 130
+    assert run.stdout == run.stderr == ""

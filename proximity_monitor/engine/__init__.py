@@ -8,7 +8,7 @@ from .load import load
 from .mesh import ModelError, TriangleMesh, points, polyline
 from .pair import Pair
 from .poses import check_pose
-from .query import closest_points, collide, distance, distances, within
+from .query import closest_points, collide, distance, distances, signed_distance, within
 from .result import (
     Clearance,
     ClosestPoints,
@@ -18,7 +18,6 @@ from .result import (
     Feature,
     Status,
 )
-from .signed import signed_distance
 from .tree import check_tree
 
 __all__ = [

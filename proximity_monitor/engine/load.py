@@ -29,7 +29,7 @@ _Geometry = tuple[str, NDArray[np.float64], NDArray[np.int64]]
 """Name, vertices (n, 3) and faces (m, 3)."""
 
 
-def load(path: str | PathLike[str], *, scale: float = 1.0) -> TriangleMesh:
+def load(path: str | PathLike[str], *, scale: float = 1.0, volume: str = "rss") -> TriangleMesh:
     """Read a model from a file: .stl, .obj, .ply, .off or .glb, binary or ASCII.
 
     Several geometries in one file are merged with their transforms; points and curves among them
@@ -40,6 +40,7 @@ def load(path: str | PathLike[str], *, scale: float = 1.0) -> TriangleMesh:
     Args:
         path: the file; its extension says the format.
         scale: metres in the file's unit of length, 0.001 for millimetres.
+        volume: the bounding volumes, as for TriangleMesh.
 
     Returns:
         The model in metres, named after the file without its extension.
@@ -48,7 +49,8 @@ def load(path: str | PathLike[str], *, scale: float = 1.0) -> TriangleMesh:
         FileNotFoundError: there is no such file.
         IsADirectoryError: it is a directory.
         ModelError: another extension; an empty, truncated or damaged file; a vertex that is not
-            finite, a face that names no vertex, no triangles. The message starts with the path.
+            finite, a face that names no vertex, no triangles; an unknown volume. The message starts
+            with the path.
         ValueError: a scale that is not finite and above 0.
     """
     if not 0.0 < scale < math.inf:
@@ -71,7 +73,7 @@ def load(path: str | PathLike[str], *, scale: float = 1.0) -> TriangleMesh:
         ) from error
     with np.errstate(over="ignore"):  # what becomes infinite is refused next, with its index
         vertices = vertices * scale
-    mesh = TriangleMesh(vertices, faces, name=str(file))
+    mesh = TriangleMesh(vertices, faces, name=str(file), volume=volume)
     mesh.name = file.stem
     return mesh
 

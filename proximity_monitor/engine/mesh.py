@@ -172,27 +172,31 @@ def _bounding_sphere(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     return centre, radius + rounding
 
 
-def points(coordinates: ArrayLike, *, name: str = "points") -> TriangleMesh:
+def points(coordinates: ArrayLike, *, name: str = "points", volume: str = "rss") -> TriangleMesh:
     """Points as a model: each is a degenerate triangle.
 
     Args:
         coordinates: (n, 3) metres, model frame; n >= 1.
         name: what messages call it.
+        volume: the bounding volumes, as for TriangleMesh.
 
     Raises:
         ModelError: as for TriangleMesh.
     """
     array = _checked_vertices(coordinates, name)
     index = np.arange(len(array), dtype=np.int32)
-    return TriangleMesh(array, np.stack((index, index, index), axis=1), name=name)
+    return TriangleMesh(array, np.stack((index, index, index), axis=1), name=name, volume=volume)
 
 
-def polyline(coordinates: ArrayLike, *, name: str = "polyline") -> TriangleMesh:
+def polyline(
+    coordinates: ArrayLike, *, name: str = "polyline", volume: str = "rss"
+) -> TriangleMesh:
     """A polyline as a model: each segment is a degenerate triangle.
 
     Args:
         coordinates: (n, 3) metres, model frame; n >= 2; repeat the first point to close it.
         name: what messages call it.
+        volume: the bounding volumes, as for TriangleMesh.
 
     Raises:
         ModelError: fewer than two points; else as for TriangleMesh.
@@ -201,4 +205,6 @@ def polyline(coordinates: ArrayLike, *, name: str = "polyline") -> TriangleMesh:
     if len(array) < 2:
         raise ModelError(f"{name}: a polyline needs at least two points, got {len(array)}")
     index = np.arange(len(array) - 1, dtype=np.int32)
-    return TriangleMesh(array, np.stack((index, index + 1, index + 1), axis=1), name=name)
+    return TriangleMesh(
+        array, np.stack((index, index + 1, index + 1), axis=1), name=name, volume=volume
+    )

@@ -6,20 +6,22 @@ import math
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .kernels import state as index
 from .mesh import TriangleMesh
-from .poses import as_pose
+from .poses import as_pose, check_pose
 from .result import Clearance, Collision, Distance, Feature, Status
 from .run import Order, Search, check_tolerance
+from .signed import SignedSearch
 
 
 class Pair:
     """Two models that are asked about again and again.
 
     The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section
-    6.2), and a search that ran out of time is continued where the same question is asked again.
+    6.2), so are the deepest vertex and what was found of other points' sides and depths, and a
+    search that ran out of time is continued where the same question is asked again.
     A Pair belongs to one thread at a time; the models may be shared.
 
     Args:
@@ -27,13 +29,14 @@ class Pair:
         b: the second model.
     """
 
-    __slots__ = ("_asked", "_search", "a", "b")
+    __slots__ = ("_asked", "_search", "_signed", "a", "b")
 
     def __init__(self, a: TriangleMesh, b: TriangleMesh) -> None:
         self.a = a
         self.b = b
         self._search = Search(a, b)
         self._asked: tuple[object, ...] | None = None
+        self._signed: SignedSearch | None = None
 
     def distance(
         self,
@@ -81,6 +84,26 @@ class Pair:
             primitive_tests,
             perf_counter() - start,
         )
+
+    def signed_distance(
+        self,
+        pose_a: ArrayLike,
+        pose_b: ArrayLike,
+        *,
+        rel_err: float = 0.0,
+        abs_err: float = 0.0,
+        budget_s: float | None = None,
+    ) -> Distance:
+        """Signed distance of two solids at two poses; see `engine.signed_distance`."""
+        check_tolerance("rel_err", rel_err)
+        check_tolerance("abs_err", abs_err)
+        if budget_s is not None:
+            check_tolerance("budget_s", budget_s)
+        pose_a, pose_b = check_pose(pose_a, "pose_a"), check_pose(pose_b, "pose_b")
+        if self._signed is None:
+            # With searches of its own: questions of either kind leave those of the other alone.
+            self._signed = SignedSearch(Pair(self.a, self.b))
+        return self._signed.ask(pose_a, pose_b, rel_err, abs_err, budget_s)
 
     def within(
         self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], clearance: float

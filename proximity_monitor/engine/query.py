@@ -95,6 +95,64 @@ def collide(
     return Pair(a, b).collide(pose_a, pose_b, all_contacts=all_contacts)
 
 
+def signed_distance(
+    a: TriangleMesh,
+    pose_a: ArrayLike,
+    b: TriangleMesh,
+    pose_b: ArrayLike,
+    *,
+    rel_err: float = 0.0,
+    abs_err: float = 0.0,
+    budget_s: float | None = None,
+) -> Distance:
+    """Signed distance of two solids: positive apart, negative where they overlap.
+
+    Where the solids are disjoint it is the minimum distance of their surfaces, as `distance` has
+    it. Where they overlap, also where one lies wholly inside the other, it is minus the **depth of
+    the deepest vertex**: the largest distance to the other model's surface of any vertex of one
+    that lies inside the other. Where surfaces cross although no vertex of either lies inside the
+    other, as with crossed bars, the depth and the signed distance are 0. The depth is not the
+    shortest motion that would separate the solids.
+
+    A point is inside a solid where the surface's winding number around it is not 0 (Jacobson et al.
+    2013, section 3, "Robust inside-outside segmentation using generalized winding numbers"). So
+    faces may all point outward or all inward, overlapping parts make a union, and a part turned
+    the other way inside another is a cavity. The depth is measured to the surface as it is given:
+    to faces within a union as well.
+
+    Args:
+        a: first solid: a watertight mesh, see Raises.
+        pose_a: (4, 4) model to world, metres.
+        b: second solid.
+        pose_b: (4, 4) model to world, metres.
+        rel_err: stop when the bounds differ by at most rel_err · true distance or depth.
+        abs_err: metres; stop when the bounds differ by at most abs_err, whichever is first.
+        budget_s: seconds; stop with certified bounds when they are over. None: no limit. The first
+            question about a mesh checks besides whether it encloses a solid, some 15 ms for
+            100,000 triangles, which no budget cuts.
+
+    Returns:
+        The bounds, in metres: `lower <= signed distance <= upper`, whatever stopped the search.
+        Apart is certain where `lower > 0`, overlap where `upper < 0`; then -upper and -lower bound
+        the depth, one witness point is the deepest vertex found and the other its nearest point on
+        the other surface. Else they are those of `distance`, and their distance bounds the signed
+        one from above.
+        `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
+        tested counts as one of either.
+        Status INTERSECTING: the surfaces touch, cross without a vertex inside, or are so close that
+        rounding cannot tell; a depth that is known to differ from 0 comes as EXACT,
+        WITHIN_TOLERANCE or OUT_OF_TIME.
+
+    Raises:
+        ModelError: a mesh that encloses no solid: open edges, faces of unlike orientation, or no
+            volume; the message names the mesh and the place.
+        ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
+    """
+    return Pair(a, b).signed_distance(
+        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
+    )
+
+
 def closest_points(
     model: TriangleMesh, pose: NDArray[np.float64], points: ArrayLike
 ) -> ClosestPoints:

@@ -12,15 +12,30 @@ DOUBLE_EPS = 2.0**-53
 SINGLE_EPS = 2.0**-24
 """Unit roundoff u32 of float32."""
 
-SINGLE_MARGIN = 32.0 * SINGLE_EPS
+SINGLE_MARGIN = 64.0 * SINGLE_EPS
 """What a float32 bound between two volumes is lowered by, as a share of their coordinates.
 
-With M the sum of the lengths of both centres, all four half edges and both radii, in the node's
-own frame: rounding the moved volume to float32 displaces it by at most u32 M; each of the five
-inner products of a support gap errs by 3 u32 |n| M in any order of summation, their sum by 4 u32
-|n| M more; the normalisation by 5 u32 M; a lane's normal taken for perpendicular to its edges by
-4 u32 M; the radii by 2 u32 M. Together less than 20 u32 M; the rest is reserve for the reciprocal
-estimates that LLVM may use under `arcp`. Below 20 this count no longer covers it.
+With M the sum of the lengths of both centres, all four half lengths and both radii, in the node's
+own frame, along the direction n between nearest points: rounding the moved volume to float32
+displaces it by at most 2 u32 M, the difference of the centres errs by u32 M; the single volume's
+axes, perpendicular units but for 3 u32 an entry, are taken for a frame that keeps lengths (8 u32
+M); turning a lane into it errs by 3 u32 √3 < 6 u32 M; the inner products of a support gap err by
+4 u32 |n| M in any order of summation, their sum by 4 u32 |n| M more; the normalisation by 5 u32 M;
+the radii by 2 u32 M. Together 32 u32 M. Along a lane's normal w there is no normalisation, but the
+turned axes are longer than units by up to 14 u32 each, so w by 28 u32 and its own rounding 4 u32,
+and it is perpendicular to them but for 4 u32: together 59 u32 M. Below that this count no longer
+covers it; the reciprocal estimates that LLVM may use under `arcp` concern n alone, where there is
+ample reserve.
+"""
+
+CROSS_MARGIN = 128.0 * SINGLE_EPS
+"""The same where a whole node's volumes were moved in float32.
+
+Beside what SINGLE_MARGIN counts: turning a centre or an axis errs by 4 u32 √3 < 7 u32 of its
+length (rounding the rotation, three products, two sums), scaling and shifting by 3 u32: 10 u32 M.
+The moved axes may so be longer than units by 7 u32 each, and less perpendicular by 14 u32, which
+takes their frame's share from 8 to 29 u32 M and a normal's from 32 to 60 u32 M. Together less than
+120 u32 M.
 """
 
 SINGLE_TINY = 1e-30
@@ -42,12 +57,63 @@ FILTER_LIMIT = 1e9
 float32: a normal's length squared, times a coordinate squared, stays below 1e38."""
 
 POINT_MARGIN = 32.0 * DOUBLE_EPS
-"""What a distance between moved triangles may err by, as a share of the coordinates' magnitude.
+"""What a moved point, or its distance to a triangle, may err by, as a share of the coordinates.
 
-With S = |relative translation| + the largest vertex norms of both models: the relative translation
-errs by 5 u S, the relative rotation moves a vertex by 5 u S, its product errs by 4 u S, an edge by
-u S, the nearest points (convex combinations) by 5 u S on each side, the length of their
-difference by 4 u S. Together less than 32 u S.
+For bounds that need not be tight: those of volumes, of single points and of depths, as a share of
+S = |relative translation| + the largest vertex norms of both models. A point moved by the float64
+rotation and translation between two poses errs by less than 11 u S (7 u S in the frame of a, see
+MARGIN_A; the motion to the frame of b is rounded more often), its distance to a triangle by 10 u S
+more.
+"""
+
+MARGIN_A, MARGIN_B, MARGIN_T = 10.0 * DOUBLE_EPS, 17.0 * DOUBLE_EPS, 12.0 * DOUBLE_EPS
+"""What the distance of two triangles may err by: MARGIN_A |a| + MARGIN_B |b| + MARGIN_T |t|.
+
+|a| and |b| are the largest norms of the models' vertices in their own frames, t the relative
+translation; distances are taken in the frame of a. All norms are Euclidean, terms in u² are left
+out, and so is an imperfect rotation's 1e-6 (there is reserve for both).
+
+*Moving b*: v' = R v + t. The vertices of a do not move. The entries of R and t are rounded once:
+an entry of R errs by u |R_ij|, so R v by u ‖ |R| ‖ |v| <= 5/3 u |v| (the norm of a 3×3 rotation's
+absolute values), t by u |t|. Of the inner products each product is rounded, 5/3 u |v|, and two sums
+are: R (v0, v1, 0) and R v, which are no longer than v, u |v| each. Adding t rounds v' itself:
+u (|v| + |t|). Together 6.4 u |b| + 2 u |t|.
+
+*Evaluating*: let M = |a| + |b| + |t|, which no two points of the triangles are farther apart than.
+The difference of two points on edges, g = (r + t e) - s d with r = q - p, errs by u times
+|q - p| + 2 t |e| + |y - p| + 2 s |d| + |g|, x and y being the points: the edges are rounded, then
+multiplied, the sums are rounded. Its length takes 2.5 u |g| more; adding the margin, comparing with
+a square and lowering the limit 2.5 u |g|. At nearest points g is perpendicular to an edge or turns
+away from it at its end, so s |d| + t |e| <= 2 √(M² - g²): in all 2 M + 4 √(M² - g²) + 6 |g|, which
+is at most (2 + √52) M = 9.3 M. Points that are no nearest ones lose more than they err by. The same
+count holds for a point and a face, of |r| + 2 (v |e| + w |f|) + |r - w f| + |g|.
+
+*Finding the nearest points*: what rounding does to s, t, v and w moves the points by δ < 30 u M
+along their edges and face, which adds δ² / 2h to the distance h: above TOUCHING that is nothing.
+Below, the parameters are corrected by what g says, in which only the evaluation errs, 6 u M with
+g's own length gone, and rounded, which moves each point by u M: 8 M. The worst is a corner that
+touches a face at its rim: its foot is taken for outside by 5 u M (4 u M for a point's g, u M for
+the edges), and it is compared with the edge instead, by 5 u M again: 10 M.
+
+*Crossing* triangles are at distance 0 where every sign says so, which are certain; where one is in
+doubt (`orientation`), a segment passes within 9 u M of an edge or a corner, in a direction in which
+only 7 u M remain to be lost otherwise.
+
+So a's vertices count 10 u, those of b 10 + 6.4 u, the translation 10 + 2 u, each rounded up.
+"""
+
+TOUCHING = 2.0**-78
+"""Squared distance of two features, as a share of their squared lengths, below which they touch.
+
+Above, the distance is at least 2^-39 of the lengths, and 30 u of parameters' errors change it by
+less than 0.1 u of them. A larger value only costs time.
+"""
+
+PARALLEL = 2.0**-40
+"""sin² of the angle below which the nearest points of touching edges are not corrected along them.
+
+The error of a common normal then changes the distance by 30 u sin(angle), nothing; and no
+correction is longer than 2^-39 / 2^-20 of the edges, so that it adds no rounding of its own.
 """
 
 RIGID_TOLERANCE = 1e-6
@@ -70,8 +136,9 @@ differs from its inverse by 3 E for each pose (norm of a 3×3 matrix), so a move
 ILL_CONDITIONED = 1.0 / 16.0
 """sin² of the angle below which two edges' common normal is computed in twice the precision.
 
-Above it the plain cross product errs by less than 4 u of its length; below it that error grows as
-1/sin, and the closest points of nearly parallel edges would move by 1e-8 of their length.
+Above it the plain cross product errs by less than 7 u of its length (√2 / sin + 1); below it that
+error grows as 1/sin, and the closest points of nearly parallel edges would move by 1e-8 of their
+length.
 """
 
 POINT_FLOOR = 1e-45
@@ -79,6 +146,3 @@ POINT_FLOOR = 1e-45
 
 LARGEST_COORDINATE = 1e45
 """Metres. Products of six lengths below it do not overflow; a model beyond it is refused."""
-
-LARGEST_INVERSE = 1e30
-"""Cap on 1/|u|², in node units: above it float32 would overflow. Serves directions alone."""

@@ -108,6 +108,9 @@ def _check_node(tree: Tree, node: int, seen: NDArray[np.int64], edges: int) -> N
     lanes = tree.nodes[node * STRIDE : (node + 1) * STRIDE].reshape(FIELDS, WIDTH)
     lanes = lanes.astype(np.float64)
     held = []
+    own = tree.children[node * WIDTH : (node + 1) * WIDTH]
+    if own[0] < 0 and (own >= 0).any():
+        raise TreeError(f"node {node} lane 0: a triangle, though the node is not a lowest one")
     for lane in range(WIDTH):
         child = int(tree.children[node * WIDTH + lane])
         if child == EMPTY:
@@ -127,35 +130,32 @@ def _check_volume(
     tree: Tree, node: int, lane: int, volume: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> None:
     """Every corner lies within the radius of the rectangle, and the volume within the reach."""
-    c, u, v, radius = volume[0:3], volume[3:6], volume[6:9], volume[9]
+    c, u, v = volume[0:3], volume[3:6], volume[6:9]
+    radius, a, b = volume[9:].tolist()
     corners = tree.triangles[triangles].reshape(-1, 3) / tree.scale[0]
     d = corners - (tree.centres[node, :3] + c)
-    s = np.clip(d @ u / max(u @ u, 1e-300), -1.0, 1.0)
-    t = np.clip(d @ v / max(v @ v, 1e-300), -1.0, 1.0)
+    s, t = np.clip(d @ u, -a, a), np.clip(d @ v, -b, b)
     distance = np.sqrt(((d - np.outer(s, u) - np.outer(t, v)) ** 2).sum(axis=1)).max()
     if not distance <= radius:
-        raise TreeError(f"node {node} lane {lane}: a corner lies {distance - radius:g} outside")
-    # An edge without an inverse square is subnormal: its direction is rounding, and serves nothing.
-    if volume[10] * volume[11] > 0.0 and abs(u @ v) > 1e-5 * np.sqrt((u @ u) * (v @ v)):
-        raise TreeError(f"node {node} lane {lane}: the rectangle's edges are not perpendicular")
-    reach = sum(np.sqrt(x @ x) for x in (c, u, v)) + radius
+        raise TreeError(f"node {node} lane {lane}: a corner lies {distance - radius} outside")
+    reach = np.sqrt(c @ c) + a + b + radius
     if not reach <= tree.centres[node, 3]:
         raise TreeError(f"node {node} lane {lane}: reaches {reach} beyond its node's reach")
 
 
 def _check_core(tree: Tree, node: int, lane: int, volume: NDArray[np.float64], edges: int) -> None:
     """The core is of its kind, and what is stored about it beside its shape is true of it."""
-    u, v, radius = volume[3:6], volume[6:9], volume[9]
-    used = int(u.any()) + int(v.any())
+    u, v = volume[3:6], volume[6:9]
+    radius, a, b = volume[9:].tolist()
+    if not (a >= 0.0 and b >= 0.0):
+        raise TreeError(f"node {node} lane {lane}: half lengths {a} and {b} are not positive")
+    used = int(a > 0.0) + int(b > 0.0)
     if used > edges:
         raise TreeError(f"node {node} lane {lane}: a core of {used} edges, expected {edges}")
-    for edge, inverse in ((u, volume[10]), (v, volume[11])):
-        squared = edge @ edge
-        # Zero says that the edge is as good as vanished.
-        if not (inverse == 0.0 or abs(inverse * squared - 1.0) <= 4.0 * SINGLE_EPS):
-            raise TreeError(f"node {node} lane {lane}: an edge's inverse square is {inverse}")
-        if inverse == 0.0 and squared > 1e-35:
-            raise TreeError(f"node {node} lane {lane}: an edge has no inverse square")
+    # As perpendicular and as long as SINGLE_MARGIN supposes.
+    gram = np.array((u, v)) @ np.array((u, v)).T
+    if not np.abs(gram - np.eye(2)).max() <= 4.0 * SINGLE_EPS:
+        raise TreeError(f"node {node} lane {lane}: its axes are not perpendicular units")
     size = float(tree.sizes[node * WIDTH + lane])
-    if not 1.5 * size >= np.sqrt(u @ u) + np.sqrt(v @ v) + radius:
+    if not 1.5 * size >= a + b + radius:
         raise TreeError(f"node {node} lane {lane}: its size {size} is too small")

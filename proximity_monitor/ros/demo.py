@@ -74,8 +74,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0) -> int:
         print(error, file=sys.stderr)
         return 1
     print(f"{described.path}: {len(described.bodies)} bodies, {len(described.pairs)} pairs")
-    print("Starting; the first start on a machine compiles the search, which can take a minute ...")
-    sys.stdout.flush()
+    print("Starting ...", flush=True)
     with ros([]) as stop, ExitStack() as stack:
         try:
             nodes = _start(scene, speed, stack)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import traceback
 from collections.abc import Callable, Sequence
@@ -14,6 +15,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+from proximity_monitor import engine
 from proximity_monitor.ros import parameters
 from proximity_monitor.ros.session import Session, compile_search
 from proximity_monitor.ros.spin import interruptible, ros, spin
@@ -83,7 +85,7 @@ class ProximityMonitor(LifecycleNode):
         scene = load_scene(find_scene(self.get_parameter("scene").value))
         self.get_logger().info(
             f"{scene.path}: {len(scene.bodies)} bodies, {len(scene.pairs)} pairs; preparing the"
-            " search (the first start on a machine compiles it, which can take a minute)"
+            " search"
         )
         with interruptible():
             models = load_models(scene)
@@ -166,6 +168,18 @@ class ProximityMonitor(LifecycleNode):
             self._session.apply(parameters.read(self, self._session.scene))
 
 
+class _ToLog(logging.Handler):
+    """Hands what the engine has to say, such as that it compiles, to a node's own log."""
+
+    def __init__(self, node: ProximityMonitor) -> None:
+        super().__init__(logging.WARNING)
+        self._log = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Log one message."""
+        self._log.warning(record.getMessage())
+
+
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; return 1 if it cannot start."""
     with ros(args) as stop:
@@ -174,6 +188,7 @@ def main(args: Sequence[str] | None = None) -> int:
         except ParameterException as error:
             print(f"proximity_monitor: {error}", file=sys.stderr)
             return 1
+        logging.getLogger(engine.__name__).addHandler(_ToLog(node))
         try:
             if node.get_parameter("autostart").value and not node.start():
                 return 1

@@ -8,12 +8,13 @@ from proximity_monitor import engine
 from proximity_monitor.scene.description import Body, Box, Cylinder, Primitive, Unit
 
 
-def load_model(body: Body, unit: Unit) -> engine.TriangleMesh:
+def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.TriangleMesh:
     """Load a body's model file, or make the mesh of its primitive.
 
     Args:
         body: of a loaded scene, or made by hand; its scale must be greater than 0.
         unit: the length unit of model files.
+        volume: the bounding volumes, as for engine.TriangleMesh.
 
     Returns:
         The mesh in metres, in the body's own frame.
@@ -21,14 +22,14 @@ def load_model(body: Body, unit: Unit) -> engine.TriangleMesh:
     Raises:
         ValueError: the scale is not a number greater than 0.
         FileNotFoundError: the model file is gone.
-        engine.ModelError: it holds no usable mesh.
+        engine.ModelError: it holds no usable mesh; an unknown volume.
     """
     if not (math.isfinite(body.scale) and body.scale > 0.0):
         raise ValueError(f"body '{body.name}': scale must be greater than 0 (got {body.scale})")
     if body.primitive is None:
-        return engine.load(body.model, scale=unit.to_metre * body.scale)
+        return engine.load(body.model, scale=unit.to_metre * body.scale, volume=volume)
     vertices, faces = _mesh(body.primitive)
-    return engine.TriangleMesh(vertices * body.scale, faces, name=body.name)
+    return engine.TriangleMesh(vertices * body.scale, faces, name=body.name, volume=volume)
 
 
 def _mesh(primitive: Primitive) -> tuple:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import fcl
 import numpy as np
 import trimesh
 
 from proximity_monitor import engine
+from proximity_monitor.engine import run, tree
 
 IDENTITY = np.eye(4)
 
@@ -67,6 +70,39 @@ def translation(x: float, y: float = 0.0, z: float = 0.0) -> np.ndarray:
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z
     return matrix
+
+
+def plate(cells: int) -> engine.TriangleMesh:
+    """A square of side 1 in z = 0, cut into triangles."""
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, cells + 1), np.linspace(0.0, 1.0, cells + 1))
+    corner = np.arange((cells + 1) ** 2).reshape(cells + 1, -1)
+    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
+    faces = np.stack((a, b, c, a, c, d), axis=-1).reshape(-1, 3)
+    vertices = np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size)))
+    return engine.TriangleMesh(vertices, faces, name="plate")
+
+
+SMALL = {
+    "sphere": sphere(1),
+    "torus": torus(8),
+    "box": box(),
+    "soup": soup(1, 40),
+    "splinters": soup(2, 60, 0.05),
+    "points": engine.points(np.random.default_rng(3).normal(size=(30, 3))),
+    "polyline": engine.polyline(np.random.default_rng(4).normal(size=(20, 3))),
+}
+"""Bodies of few triangles, of every sort, that brute force can be asked about."""
+
+VOLUMES = tuple(tree.VOLUMES)
+"""Every kind of bounding volume."""
+
+ORDERS: tuple[str, ...] = get_args(run.Order)
+"""Every order of a search."""
+
+
+def of(mesh: engine.TriangleMesh, volume: str) -> engine.TriangleMesh:
+    """The same mesh in a hierarchy of another kind of volumes."""
+    return engine.TriangleMesh(mesh.vertices, mesh.faces, name=mesh.name, volume=volume)
 
 
 class Fcl:

@@ -120,9 +120,25 @@ def root(x: Fraction) -> Fraction:
     return Fraction(math.isqrt((x.numerator << 2 * shift) // x.denominator), 1 << shift)
 
 
-def exactly_moved(pose: np.ndarray, corners: np.ndarray) -> list[list[Fraction]]:
+Motion = Sequence[Sequence[float | Fraction]]
+"""The rows of a pose; the first three are used."""
+
+
+def exact_motion(pose_a: np.ndarray, pose_b: np.ndarray) -> list[list[Fraction]]:
+    """Three rows that move b into the frame of a, without any rounding.
+
+    The transposed rotation serves as the inverse: that is the distance which the engine promises.
+    """
+    first, second = ([[Fraction(x) for x in row] for row in p.tolist()] for p in (pose_a, pose_b))
+    turned = [[row[j] for row in second[:3]] for j in range(3)]
+    turned.append([b[3] - a[3] for a, b in zip(first[:3], second[:3], strict=True)])
+    columns = [[row[i] for row in first[:3]] for i in range(3)]
+    return [[_dot(column, each) for each in turned] for column in columns]
+
+
+def exactly_moved(pose: Motion, corners: np.ndarray) -> list[list[Fraction]]:
     """Points (n, 3) after a pose, without any rounding."""
-    rows = [[Fraction(x) for x in row] for row in pose.tolist()]
+    rows = [[Fraction(x) for x in row] for row in pose]
     return [
         [sum(row[i] * Fraction(p[i]) for i in range(3)) + row[3] for row in rows[:3]]
         for p in corners.tolist()
@@ -213,12 +229,45 @@ def pairwise_distances(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 
 def exact_mesh_distance(
-    a: engine.TriangleMesh, b: engine.TriangleMesh, pose_b: np.ndarray
+    a: engine.TriangleMesh,
+    b: engine.TriangleMesh,
+    pose_b: np.ndarray,
+    pose_a: np.ndarray | None = None,
 ) -> Fraction:
-    """Squared distance of two meshes, a at the identity, without any rounding."""
-    distances = pairwise_distances(triangles(a), triangles(b, pose_b))
-    near = np.argwhere(distances <= distances.min() + 1e-9 * (a.radius + b.radius))
+    """Squared distance of two meshes, without any rounding; a at the identity where no pose says.
+
+    Every pair of triangles is looked at: in float64, and those that may be nearest exactly.
+    """
+    motion = exact_motion(np.eye(4) if pose_a is None else pose_a, pose_b)
     first, second = triangles(a), triangles(b)
+    placed = triangles(b, np.array(motion, dtype=float))
+    distances = pairwise_distances(first, placed)
+    # What rounding, and signs that are noise, may do to each of them.
+    size = np.add.outer(np.abs(first).max(axis=(1, 2)), np.abs(placed).max(axis=(1, 2)))
+    doubt = 1e-9 * size
+    near = np.argwhere(distances - doubt <= (distances + doubt).min())
     return min(
-        exact_squared_distance(first[i].tolist(), exactly_moved(pose_b, second[j])) for i, j in near
+        exact_squared_distance(first[i].tolist(), exactly_moved(motion, second[j])) for i, j in near
     )
+
+
+def exact_soup_distance(a: engine.TriangleMesh, b: engine.TriangleMesh) -> Fraction:
+    """Squared distance of two meshes at the identity, every pair of triangles without rounding."""
+    return min(
+        exact_squared_distance(p, q) for p in triangles(a).tolist() for q in triangles(b).tolist()
+    )
+
+
+def magnitude(
+    a: engine.TriangleMesh,
+    b: engine.TriangleMesh,
+    pose_a: np.ndarray | None = None,
+    pose_b: np.ndarray | None = None,
+) -> float:
+    """The largest coordinates of two models, as vectors in a's frame: accuracy is a share of them.
+
+    The larger of a's farthest corner and of b's, which lies beyond its origin's distance from a's.
+    """
+    apart = 0.0 if pose_a is None else float(np.linalg.norm(pose_b[:3, 3] - pose_a[:3, 3]))
+    norms = [float(np.linalg.norm(triangles(mesh), axis=2).max()) for mesh in (a, b)]
+    return max(norms[0], apart + norms[1])

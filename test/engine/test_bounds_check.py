@@ -45,6 +45,21 @@ for first, a in enumerate(models[:10]):
 found = engine.collide(soup(5, 200, 3.0), IDENTITY, soup(6, 200, 3.0), IDENTITY, all_contacts=True)
 assert len(found.contacts) > 2048
 
+crowd = engine.TriangleMesh(
+    np.concatenate([box().vertices + 3.0 * k for k in range(40)]),
+    np.concatenate([box().faces + 8 * k for k in range(40)]),
+)
+solids = [box(), sphere(2), torus(16), crowd]
+for a in solids:
+    for b in solids:
+        pair = engine.Pair(a, b)
+        for far in (0.0, 0.01, 1.0, 1e20):
+            for budget in (0.0, 2e-5, 2e-5, None):
+                pair.signed_distance(pose(rng, far), IDENTITY, budget_s=budget)
+        pair.signed_distance(IDENTITY, IDENTITY, rel_err=0.1)
+        a.refit(0.9 * a.vertices)
+        pair.signed_distance(IDENTITY, IDENTITY, abs_err=0.1)
+
 # The check is on: a child that is no triangle is found.
 tree = models[0]._tree
 children = tree.children.copy()
@@ -71,3 +86,7 @@ def test_every_index_is_in_bounds(tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "every index was in bounds"
+    # All was compiled for this run, as it said, once.
+    said = [line for line in done.stderr.splitlines() if "compiling" in line]
+    assert len(said) == 1
+    assert str(tmp_path) in said[0]

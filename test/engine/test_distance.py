@@ -7,31 +7,36 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, Fcl, box, pose, soup, sphere, torus, translation
-from engine_oracles import exact_mesh_distance, exactly_moved, pairwise_distances, root, triangles
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from engine_bodies import (
+    IDENTITY,
+    ORDERS,
+    SMALL,
+    Fcl,
+    box,
+    plate,
+    pose,
+    soup,
+    sphere,
+    torus,
+    translation,
+)
+from engine_oracles import (
+    exact_mesh_distance,
+    exactly_moved,
+    magnitude,
+    pairwise_distances,
+    root,
+    triangles,
+)
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
 
-SMALL = {
-    "sphere": sphere(1),
-    "torus": torus(8),
-    "box": box(),
-    "soup": soup(1, 40),
-    "splinters": soup(2, 60, 0.05),
-    "points": engine.points(np.random.default_rng(3).normal(size=(30, 3))),
-    "polyline": engine.polyline(np.random.default_rng(4).normal(size=(20, 3))),
-}
 LARGE = {"sphere": sphere(3), "torus": torus(40), "box": box(), "soup": soup(5, 1000, 0.1)}
 LARGE_PAIRS = [
     ("sphere", "sphere"), ("sphere", "torus"), ("torus", "torus"), ("torus", "box"),
     ("soup", "torus"), ("box", "soup"), ("soup", "soup"), ("box", "box"),
 ]  # fmt: skip
-ORDERS = ("depth_first", "priority")
-
-seeds = st.integers(0, 2**32 - 1)
 
 
 def extent(a, b, pose_a, pose_b):
@@ -72,7 +77,7 @@ def test_bounds_hold_the_exact_distance(first, second):
         for order in ORDERS:
             found = engine.distance(a, IDENTITY, b, pose_b, order=order)
             assert Fraction(found.lower) ** 2 <= squared <= Fraction(found.upper) ** 2
-            assert found.upper - found.lower <= 1.5e-14 * extent(a, b, IDENTITY, pose_b)
+            assert found.upper - found.lower <= 8e-15 * magnitude(a, b, IDENTITY, pose_b)
             assert (squared == 0) == (found.status is Status.INTERSECTING)
             check_answer(a, IDENTITY, b, pose_b, found)
 
@@ -91,7 +96,7 @@ def test_agrees_with_fcl(first, second, order):
         assert found.status is (Status.EXACT if expected else Status.INTERSECTING)
         assert found.lower <= expected + 1e-12
         assert found.upper >= expected - 1e-12
-        assert found.upper - found.lower <= 1.5e-14 * extent(a, b, pose_a, pose_b)
+        assert found.upper - found.lower <= 8e-15 * magnitude(a, b, pose_a, pose_b)
         check_answer(a, pose_a, b, pose_b, found)
         touching += not expected
     assert 0 < touching < 24
@@ -103,14 +108,6 @@ def test_surfaces_inside_each_other_are_apart():
     expected = Fcl(inner, outer).distance(IDENTITY, IDENTITY)
     assert found.status is Status.EXACT
     assert found.upper == pytest.approx(expected, rel=1e-12)
-
-
-def test_identical_meshes_on_top_of_each_other_touch():
-    for mesh in (*SMALL.values(), LARGE["sphere"]):
-        found = engine.distance(mesh, IDENTITY, mesh, IDENTITY)
-        assert found.status is Status.INTERSECTING
-        assert found.lower == 0.0
-        assert found.upper <= 1e-14 * mesh.radius + 1e-14
 
 
 @pytest.mark.parametrize("far", [1e3, 1e8, 2.0**40])
@@ -140,48 +137,9 @@ def test_bodies_far_from_each_other(far):
         expected = math.hypot(*pose_b[:3, 3])
         assert found.lower <= expected + 3.0
         assert found.upper >= expected * (1.0 - 1e-15) - 3.0
-        assert found.upper - found.lower <= 1.5e-14 * expected
+        assert found.upper - found.lower <= 8e-15 * magnitude(a, b, IDENTITY, pose_b)
         if squared is not None:
             assert Fraction(found.lower) ** 2 <= squared <= Fraction(found.upper) ** 2
-
-
-@pytest.mark.parametrize("scale", [1e-30, 1e-9, 1e9, 1e30])
-def test_one_model_far_larger_than_the_other(scale):
-    a = SMALL["torus"]
-    small = SMALL["sphere"]
-    b = engine.TriangleMesh(small.vertices * scale, small.faces)
-    rng = np.random.default_rng(10)
-    for _ in range(4):
-        pose_b = pose(rng, max(1.0, scale))
-        squared = exact_mesh_distance(a, b, pose_b)
-        found = engine.distance(a, IDENTITY, b, pose_b)
-        assert Fraction(found.lower) ** 2 <= squared <= Fraction(found.upper) ** 2
-        error = abs(Fraction(found.upper) - root(squared))
-        assert float(error) <= 1e-14 * extent(a, b, IDENTITY, pose_b)
-
-
-@settings(max_examples=60, deadline=None)
-@given(seeds, st.sampled_from(list(SMALL)), st.sampled_from(list(SMALL)))
-def test_symmetry(seed, first, second):
-    rng = np.random.default_rng(seed)
-    a, b, pose_a, pose_b = SMALL[first], SMALL[second], pose(rng, 2.0), pose(rng, 2.0)
-    one = engine.distance(a, pose_a, b, pose_b)
-    other = engine.distance(b, pose_b, a, pose_a)
-    assert one.upper == pytest.approx(other.upper, abs=1.5e-14 * extent(a, b, pose_a, pose_b))
-    assert max(one.lower, other.lower) <= min(one.upper, other.upper)
-
-
-@settings(max_examples=60, deadline=None)
-@given(seeds, st.sampled_from(list(SMALL)), st.sampled_from(list(SMALL)))
-def test_a_common_rigid_motion_changes_nothing(seed, first, second):
-    rng = np.random.default_rng(seed)
-    a, b, pose_a, pose_b = SMALL[first], SMALL[second], pose(rng, 2.0), pose(rng, 2.0)
-    motion = pose(rng, 5.0)
-    one = engine.distance(a, pose_a, b, pose_b)
-    other = engine.distance(a, motion @ pose_a, b, motion @ pose_b)
-    # The product of poses rounds, too: a rotation by 1e-16 of each, translations of about 10.
-    assert one.upper == pytest.approx(other.upper, abs=5e-14)
-    assert max(one.lower, other.lower) <= min(one.upper, other.upper) + 5e-14
 
 
 def test_poses_of_six_digits_are_within_their_share():
@@ -195,15 +153,6 @@ def test_poses_of_six_digits_are_within_their_share():
         frame = np.linalg.norm(np.round(pose_a, 6)[:3, :3], 2)
         gap = np.linalg.norm(rounded.point_a - rounded.point_b)
         assert gap == pytest.approx(rounded.upper, abs=4e-6 * frame * extent(a, b, pose_a, pose_b))
-
-
-def plate(cells):
-    """A square of side 1 in z = 0, cut into triangles."""
-    x, y = np.meshgrid(np.linspace(0.0, 1.0, cells + 1), np.linspace(0.0, 1.0, cells + 1))
-    corner = np.arange((cells + 1) ** 2).reshape(cells + 1, -1)
-    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
-    faces = np.stack((a, b, c, a, c, d), axis=-1).reshape(-1, 3)
-    return engine.TriangleMesh(np.column_stack((x.ravel(), y.ravel(), np.zeros(x.size))), faces)
 
 
 def test_imperfect_rotations_prune_nothing_that_is_nearer():

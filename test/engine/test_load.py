@@ -76,6 +76,17 @@ def test_a_scale_that_makes_no_sense(load, scale):
         load("part.stl", STL, scale=scale)
 
 
+@pytest.mark.parametrize("volume", ["rss", "lss", "pss", "hybrid"])
+def test_the_kind_of_volume_can_be_chosen(load, volume):
+    assert load("box.stl", VALID["binary.stl"], volume=volume).volume == volume
+    assert load("box.stl", VALID["binary.stl"]).volume == "rss"
+
+
+def test_an_unknown_kind_of_volume_is_refused_by_name(load):
+    with pytest.raises(engine.ModelError, match=r"box\.stl: volume = 'ball': unknown; .* rss, lss"):
+        load("box.stl", VALID["binary.stl"], volume="ball")
+
+
 def test_every_digit_of_an_ascii_file_is_kept(load):
     x = 0.1234567890123456789
     for name, text in (

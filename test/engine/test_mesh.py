@@ -182,6 +182,19 @@ def test_bad_points_are_refused(make):
         make([0.0, 0.0, 0.0])
 
 
+@pytest.mark.parametrize("make", [engine.points, engine.polyline])
+def test_points_and_polylines_have_any_kind_of_volume(make):
+    coordinates = np.random.default_rng(1).normal(size=(100, 3))
+    expected = engine.distance(make(coordinates), translation(9.0), sphere(1), IDENTITY)
+    for volume in ("rss", "lss", "pss", "hybrid"):
+        made = make(coordinates, volume=volume)
+        assert made.volume == volume
+        found = engine.distance(made, translation(9.0), sphere(1), IDENTITY)
+        assert found.upper == pytest.approx(expected.upper)
+    with pytest.raises(ModelError, match=r"^scan: volume = 'ball': unknown; .* rss, lss, pss"):
+        make(coordinates, name="scan", volume="ball")
+
+
 def test_a_polyline_needs_two_points():
     with pytest.raises(ModelError, match=r"cable: .*two points"):
         engine.polyline([[0.0, 0.0, 0.0]], name="cable")

@@ -6,15 +6,94 @@ import math
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, box, pose
+from engine_bodies import IDENTITY, box, pose, sphere
 
 from proximity_monitor import engine
+from proximity_monitor.engine.kernels.solids import first_of_place, unpaired_edges
 from proximity_monitor.engine.solid import as_solid
 
 
 def test_a_solid_is_checked_once():
     model = box()
     assert as_solid(model) is as_solid(model)
+
+
+def as_soup(mesh):
+    """The same triangles, none of which share a vertex."""
+    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
+    return engine.TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3), name="soup")
+
+
+def test_a_refit_keeps_what_was_found_of_the_edges():
+    for model in (box(), as_soup(box())):
+        before = as_solid(model)
+        model.refit(2.0 * model.vertices + 1.0)
+        after = as_solid(model)
+        assert after.owned is before.owned
+        assert after.samples is before.samples
+        assert after.ball == pytest.approx([1.0, 1.0, 1.0, 2.0 * before.ball[3]])
+
+
+def test_a_refit_that_tears_vertices_apart_is_noticed():
+    model = as_soup(CUBE)
+    as_solid(model)
+    torn = model.vertices.copy()
+    torn[0] += 0.1
+    model.refit(torn)
+    with pytest.raises(engine.ModelError, match="soup: no solid: not watertight: 4 open edges"):
+        as_solid(model)
+    model.refit(as_soup(CUBE).vertices)
+    assert len(as_solid(model).samples) == 1
+
+
+def test_a_refit_that_tears_parts_apart_leaves_a_solid():
+    """Two boxes that had a vertex in common: one part before, two after."""
+    corner = CUBE.vertices[0]
+    vertices = np.concatenate((CUBE.vertices, 2.0 * corner - CUBE.vertices))
+    faces = np.concatenate((CUBE.faces, CUBE.faces[:, ::-1] + 8))
+    model = engine.TriangleMesh(vertices, faces)
+    assert len(as_solid(model).samples) == 1
+    model.refit(np.concatenate((CUBE.vertices, 3.0 * corner - CUBE.vertices)))
+    assert len(as_solid(model).samples) == 2
+
+
+def test_vertices_of_one_place_are_found():
+    rng = np.random.default_rng(1)
+    for count in (1, 2, 3, 1000):
+        places = rng.integers(-2, 3, (count, 3)) * 0.5
+        places[::7] *= -0.0
+        first = first_of_place((places + 0.0).view(np.int64))
+        expected = [int((places == place).all(axis=1).argmax()) for place in places]
+        assert first.tolist() == expected
+
+
+def test_unpaired_edges_against_a_count_of_all():
+    rng = np.random.default_rng(2)
+    for count, m in ((3, 1), (4, 10), (6, 200), (40, 60), (500, 40)):
+        faces = rng.integers(0, count, (m, 3)).astype(np.int32)
+        proper = [face for face in faces.tolist() if len(set(face)) == 3]
+        passed = [(face[i], face[(i + 1) % 3]) for face in proper for i in range(3)]
+        uses = {}
+        for i, j in passed:
+            uses.setdefault((min(i, j), max(i, j)), []).append(i < j)
+        odd = sorted(edge for edge, ways in uses.items() if len(ways) % 2)
+        unlike = sorted(
+            edge for edge, ways in uses.items() if len(ways) % 2 == 0 and 2 * sum(ways) != len(ways)
+        )
+        found = unpaired_edges(faces, count)
+        assert found[:3] == (len(proper), len(odd), len(unlike))
+        for edges, first in zip((odd, unlike), found[3].tolist(), strict=True):
+            assert not edges or tuple(first) == edges[0]
+
+
+def test_a_curved_sheet_of_two_sides_encloses_nothing():
+    """Whatever the rounding of a long sum: half a sphere, and the same half turned inside out."""
+    ball = sphere(5)
+    half = ball.faces[(ball.vertices[ball.faces][:, :, 2] > 0.0).all(axis=1)]
+    vertices = ball.vertices + np.array((1.0 / 3.0, 0.1, 1e3))
+    sheet = engine.TriangleMesh(vertices, np.concatenate((half, half[::-1, ::-1])), name="sheet")
+    with pytest.raises(engine.ModelError, match="sheet: no solid: it encloses no volume"):
+        as_solid(sheet)
 
 
 CUBE = box((1.0, 1.0, 1.0))

@@ -87,13 +87,15 @@ def touching(rng: np.random.Generator) -> Pair:
 def grazing(rng: np.random.Generator) -> Pair:
     """An edge through a point of the triangle, often on its rim, moved by next to nothing."""
     a, b = close(rng)
-    through, along = _inside(rng, a), rng.normal(size=3)
-    b[0], b[1] = through + along, through - along * rng.uniform()
+    weights = rng.dirichlet((0.5, 0.5, 0.5))
+    weights[rng.integers(3)] *= rng.integers(2)
+    through, along = weights @ a / weights.sum(), rng.normal(size=3)
+    b[0], b[1] = through + along, through - along * rng.choice((0.0, 1.0)) * rng.uniform()
     return a, b + rng.normal(size=3) * _small(rng, -17, -6)
 
 
 def slivers(rng: np.random.Generator) -> Pair:
-    """A billion times as long as high, and worse."""
+    """Ten million to 1e17 times as long as high."""
     a, b = close(rng)
     for t in (a, b):
         if rng.uniform() < 0.7:
@@ -144,6 +146,30 @@ def tiny_gap(rng: np.random.Generator) -> Pair:
     return a, b
 
 
+def straight_through_a_needle(rng: np.random.Generator) -> Pair:
+    """A segment whose line meets a needle, often beyond its end: signs that hang on 1e-29.
+
+    The needle's height is at the limit of doubled precision, and no coordinate of it vanishes.
+    """
+    up = rng.choice((-1.0, 1.0), 3) * rng.integers(1, 4, 3)
+    along = np.cross(up, rng.permutation((1.0, 2.0, -1.0)))
+    across = np.cross(along, up)
+    a = np.array([across * 2.0 ** rng.uniform(-104, -90), along, -along])
+    near, far = rng.permutation([-0.5, 0.125, 0.25, 0.5, 1.0, 2.0])[:2]
+    b = np.array([near * up, far * up, far * up + rng.integers(-2, 3, 3)])
+    return (a, b) if rng.integers(2) else (b, a)
+
+
+def edges_that_graze(rng: np.random.Generator) -> Pair:
+    """Two edges that cross in a point, or nearly, at an angle of 1e-12 to 0.1."""
+    a, b = close(rng)
+    edge = a[1] - a[0]
+    through = a[0] + rng.uniform() * edge + rng.choice((0.0, 1e-16, 1e-12)) * rng.normal(size=3)
+    other = edge + np.cross(edge, rng.normal(size=3)) * _small(rng, -12, -1)
+    b[0], b[1] = through - rng.uniform() * other, through + rng.uniform() * other
+    return a, b
+
+
 KINDS: dict[str, Callable[[np.random.Generator], Pair]] = {
     make.__name__: make
     for make in [
@@ -164,6 +190,8 @@ KINDS: dict[str, Callable[[np.random.Generator], Pair]] = {
         zero_area,
         nearly_parallel_edges,
         tiny_gap,
+        straight_through_a_needle,
+        edges_that_graze,
     ]
 }
 """Every kind by its name."""

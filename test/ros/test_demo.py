@@ -61,7 +61,10 @@ def test_the_demo_prints_what_the_monitor_publishes_and_ends_by_itself(command, 
         timeout=DEADLINE_S,
     )
     assert run.returncode == 0, run.stderr
-    assert run.stderr == ""
+    # On a new machine it says that it compiles, and nothing else.
+    told = run.stderr.splitlines()
+    assert len(told) <= 1
+    assert all(line.startswith("compiling proximity_monitor's kernels") for line in told)
     assert "wall - slide" in run.stdout
     assert "clearance [mm]" in run.stdout
     assert "% of 15 ms" in run.stdout

@@ -76,10 +76,13 @@ def test_a_signal_ends_an_active_node_cleanly(launch, scene_file, new_peer, kind
 def test_a_signal_ends_a_node_that_still_compiles(launch, scene_file, tmp_path, new_peer):
     empty = {"NUMBA_CACHE_DIR": str(tmp_path)}
     process = launch("node", "-r", "__ns:=/cold", scene=scene_file, environment=empty)
-    new_peer(process, "cold").wait(lambda: "preparing the search" in process.text, "its start")
+    new_peer(process, "cold").wait(lambda: "compiling" in process.text, "its start")
     code, took_s = process.stop(signal.SIGINT)
     assert code == 0, process.text
     assert took_s < 2.0
+    (told,) = [line for line in process.text.splitlines() if "compiling" in line]
+    assert told.startswith("[WARN]"), "it goes through the node's own log"
+    assert str(tmp_path) in told
     assert "Traceback" not in process.text
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .jit import entry, kernel
+from .jit import allocating_entry, kernel
 from .record import close_node, fit_lane
 from .volumes import STRIDE, WIDTH
 
@@ -81,7 +81,7 @@ def _partition(centroids, order, low, high, starts, ends):
     """Cut order[low:high] into the ranges of one node's lanes; returns how many there are.
 
     The largest range is cut again until the lanes are used up or no range exceeds a node's width.
-    A range that fits into the lanes that are left is opened into single triangles.
+    A range that fits into the lanes that are left is opened into single triangles; they stand last.
     """
     starts[0], ends[0] = low, high
     used = 1
@@ -105,6 +105,13 @@ def _partition(centroids, order, low, high, starts, ends):
                 used += 1
             ends[k] = starts[k] + 1
         k += 1
+    # Ranges of several triangles come first: where lane 0 holds a triangle, all lanes do.
+    first = 0
+    for k in range(used):
+        if ends[k] - starts[k] > 1:
+            starts[first], starts[k] = starts[k], starts[first]
+            ends[first], ends[k] = ends[k], ends[first]
+            first += 1
     return used
 
 
@@ -121,7 +128,7 @@ def _gather(triangles, order, low, high, unit, points):
     return n
 
 
-@entry
+@allocating_entry
 def build_tree(triangles, unit, volume):
     """Build the hierarchy over `triangles` (m, 9), metres, with node units of `unit` metres.
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..tolerances import POINT_FLOOR, POINT_MARGIN
 from .jit import entry
+from .memory import on_stack
 from .nearest import nearest, point_triangle
 from .primitives import corners
 from .volumes import WIDTH
@@ -18,7 +19,7 @@ def closest_points(tree, pose, points, stack, bounds, answers, feet, triangles):
     Writes answers (k, 2) the certified bounds, feet (k, 3) in the world, and triangles (k,) in
     tree order.
     """
-    found = np.empty(WIDTH, np.float32)
+    found = on_stack(WIDTH, np.float32(0.0))
     nearby = 0
     for k in range(points.shape[0]):
         d = (points[k, 0] - pose[0, 3], points[k, 1] - pose[1, 3], points[k, 2] - pose[2, 3])

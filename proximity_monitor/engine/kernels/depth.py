@@ -1,10 +1,9 @@
 """How deep two solids lie in each other: the deepest vertex of either inside the other.
 
-Let f(x) be the distance of x to a closed surface, positive inside and negative outside. Between
-two points of different sign lies the surface, so f changes by no more than x moves. A vertex within
-s of a point c is thus at most f(c) + s deep. The search keeps volumes and vertices of both models
-in one heap by such bounds and looks at the largest: whatever stops it, no vertex is deeper than the
-largest bound left, and the answer is no shallower than the deepest found.
+A vertex within s of a point c is at most f(c) + s deep, f being the signed distance of `probe`. The
+search keeps volumes and vertices of both models in one heap by such bounds and looks at the
+largest: whatever stops it, no vertex is deeper than the largest bound left, and the answer is no
+shallower than the deepest found.
 """
 
 from __future__ import annotations
@@ -17,19 +16,20 @@ from numba import uint64
 from ..tolerances import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from .build import EMPTY
 from .jit import entry, kernel
+from .memory import on_stack
 from .motion import deviation, relative_motions
-from .nearest import nearest, point_triangle
+from .nearest import point_triangle
 from .primitives import corners
+from .probe import NEAR, TESTS, TOP, descend, length, remembered, result, start
 from .state import CUT, ENDED
-from .vectors import add, dot, moved, scaled, sub
+from .vectors import add, moved, scaled, sub
 from .volumes import STRIDE, WIDTH, read_vector, row
-from .winding import UNKNOWN, winding_number
 
-Depth = namedtuple("Depth", "motions reals counts heap items stack bounds")
+Depth = namedtuple("Depth", "motions reals counts heap items probe")
 """A search. motions (2, 12): b to a, a to b; reals and counts by the indices below; heap (n,) upper
 bounds in metres, the largest first; items (int32, n × 3) what they bound: model (0: a, 1: b), lane
-(>= 0) or ~(3 triangle + corner), and side (1 inside, -1 outside, 0 unknown); stack (int32) and
-bounds: room for one point's descent.
+(>= 0) or ~(3 triangle + corner), and side (1 inside, -1 outside, 0 unknown); probe: the test of the
+item that is on top, or of a sample.
 """
 
 DEEPEST, SLACK, DOUBT, DROPPED, REL_ERR, ABS_ERR, REALS = 0, 1, 2, 3, 4, 5, 6
@@ -37,10 +37,21 @@ DEEPEST, SLACK, DOUBT, DROPPED, REL_ERR, ABS_ERR, REALS = 0, 1, 2, 3, 4, 5, 6
 to a depth; the most that a vertex of unknown side may be deep; the largest bound that was pruned;
 the tolerances."""
 
-SIZE, MODEL, VERTEX, TRIANGLE, UNSURE, TESTS, NEAR, COUNTS = 0, 1, 2, 3, 4, 5, 6, 8
+SIZE, MODEL, VERTEX, TRIANGLE, UNSURE, SAMPLED, COUNTS = 0, 1, 2, 3, 4, 5, 6
 """Counts: items in the heap; which model the deepest vertex is of, the vertex as 3 triangle +
-corner and the nearest triangle of the other model, in tree order; vertices of unknown side; points
-tested; the triangle of either model that was nearest last."""
+corner and the nearest triangle of the other model, in tree order; vertices of unknown side; the
+sample that is next, of a first, -1 being the vertex that was deepest in the search before."""
+
+_SPARE = 0.125
+"""Share of a volume's radius to which the distance of its centre is found. The volume's bound is
+that much worse, and a centre that is much the same distance from everything is found sooner."""
+
+_STALE = 0.25
+"""Share of a volume's radius that what is remembered of its centre may be wrong by; else it is
+tested anew."""
+
+_ITEM_STEPS = 16
+"""What an item costs beside the descent of its test, in steps of that."""
 
 
 @kernel
@@ -75,9 +86,8 @@ def _push(state, bound, model, index, side):
 
 @kernel
 def _pop(state):
-    """Take the item with the largest bound; returns (bound, model, index, side)."""
+    """Take away the item with the largest bound."""
     counts, heap, items = state.counts, state.heap, state.items
-    top = heap[0], np.int64(items[0, 0]), np.int64(items[0, 1]), np.int64(items[0, 2])
     counts[SIZE] -= 1
     n = counts[SIZE]
     bound = heap[n]
@@ -95,28 +105,6 @@ def _pop(state):
         at = below
     heap[at] = bound
     items[at, 0], items[at, 1], items[at, 2] = items[n, 0], items[n, 1], items[n, 2]
-    return top
-
-
-@kernel
-def _distance_and_side(other, p, model, side, state, found):
-    """Distance of p to the surface of `other`, in its frame, metres, and side where it is certain.
-
-    The side of p is that of the exact point too, of which p is the rounded image.
-    """
-    reals, counts = state.reals, state.counts
-    slack = reals[SLACK]
-    near = NEAR + 1 - model
-    distance, triangle = nearest(other, p, counts[near], slack, state.stack, state.bounds, found)
-    counts[near] = triangle
-    counts[TESTS] += 1
-    if distance <= 2.0 * slack:
-        return distance, 0
-    if side == 0:
-        winding = winding_number(other, p, slack, state.stack, found)
-        if winding != UNKNOWN:
-            side = -1 if winding == 0 else 1
-    return distance, side
 
 
 @kernel
@@ -138,7 +126,8 @@ def _keep_vertex(model, vertex, distance, side, state):
         reals[DOUBT] = max(reals[DOUBT], distance + reals[SLACK])
     elif side > 0 and distance > reals[DEEPEST]:
         reals[DEEPEST] = distance
-        counts[MODEL], counts[VERTEX], counts[TRIANGLE] = model, vertex, counts[NEAR + 1 - model]
+        counts[MODEL], counts[VERTEX] = model, vertex
+        counts[TRIANGLE] = state.probe.counts[NEAR + 1 - model]
 
 
 @kernel
@@ -147,24 +136,21 @@ def _sphere(tree, lane):
     node = lane // WIDTH
     base = uint64(node * STRIDE + lane % WIDTH)
     centre = scaled(add(read_vector(tree.nodes, base), row(tree.centres, node)), tree.scale[0])
-    u = read_vector(tree.nodes, base + uint64(3 * WIDTH))
-    v = read_vector(tree.nodes, base + uint64(6 * WIDTH))
-    # Half the rectangle's diagonal, its edges being perpendicular to float32's rounding.
-    radius = np.sqrt(dot(u, u) + dot(v, v)) + tree.nodes[base + uint64(9 * WIDTH)]
+    a = np.float64(tree.nodes[base + uint64(10 * WIDTH)])
+    b = np.float64(tree.nodes[base + uint64(11 * WIDTH)])
+    # Half the rectangle's diagonal, its axes being perpendicular to float32's rounding.
+    radius = np.sqrt(a * a + b * b) + tree.nodes[base + uint64(9 * WIDTH)]
     return centre, radius * tree.scale[0] * (1.0 + 1e-4)
 
 
 @kernel
-def _length(v):
-    return np.sqrt(dot(v, v))
+def _open_lane(body, owned, model, lane, bound, centre, radius, deep, clear, side, state):
+    """Bound what stands under one lane of `body`, whose centre is `deep` deep or less.
 
-
-@kernel
-def _open_lane(body, owned, model, lane, bound, centre, radius, distance, side, state):
-    """Bound what stands under one lane of `body`, by the distance and side of its centre."""
+    The other surface is at least `clear` away from it.
+    """
     slack = state.reals[SLACK]
-    depth = slack - distance if side < 0 else distance + slack
-    bound = min(bound, depth + radius + slack)
+    bound = min(bound, deep + radius + slack)
     node = body.children[lane]
     first, last = node * WIDTH, (node + 1) * WIDTH
     if node < 0:
@@ -175,30 +161,68 @@ def _open_lane(body, owned, model, lane, bound, centre, radius, distance, side, 
             continue
         if child >= 0:
             c, s = _sphere(body, below)
-            away = _length(sub(c, centre))
-            kept = side if away + 4.0 * slack < distance else 0
-            _push(state, min(bound, depth + away + s + slack), model, below, kept)
+            away = length(sub(c, centre))
+            kept = side if away < clear else 0
+            _push(state, min(bound, deep + away + s + slack), model, below, kept)
             continue
         for corner in range(3):
             if owned[~child] >> corner & 1:
                 vertex = 3 * ~child + corner
-                away = _length(sub(_corner(body, vertex), centre))
-                kept = side if away + 4.0 * slack < distance else 0
-                _push(state, min(bound, depth + away + slack), model, ~vertex, kept)
+                away = length(sub(_corner(body, vertex), centre))
+                kept = side if away < clear else 0
+                _push(state, min(bound, deep + away + slack), model, ~vertex, kept)
 
 
 @kernel
-def _step(body, other, motion, owned, model, index, bound, side, state, found):
-    """Look at one item of the heap: a lane of `body` (index >= 0) or a vertex."""
+def _step(body, other, motion, owned, model, index, bound, side, sample, state, found, steps):
+    """Look at a lane of `body` (index >= 0) or a vertex: the top of the heap, or a sample.
+
+    Returns how many of the steps are left; none where its test is not over.
+    """
+    reals, counts, probe = state.reals, state.counts, state.probe
+    slack = reals[SLACK]
     if index >= 0:
         centre, radius = _sphere(body, index)
     else:
         centre, radius = _corner(body, ~index), 0.0
-    distance, side = _distance_and_side(other, moved(motion, centre), model, side, state, found)
-    if index >= 0:
-        _open_lane(body, owned, model, index, bound, centre, radius, distance, side, state)
+    p = moved(motion, centre)
+    key, spare = 2 * index + model, _SPARE * radius
+    test = True
+    error, value, known = np.inf, 0.0, 0
+    if probe.counts[TOP] == 0:
+        error, value, known = remembered(probe, p, key, slack)
+        if sample:
+            test = known >= 0
+        elif index >= 0:
+            test = error > _STALE * radius
+        else:
+            test = value + error > _limit(reals)
+        if test:
+            start(probe, other, p, model)
+            side = known if known != 0 else side
+    if test:
+        steps = descend(probe, other, p, model, slack, spare, found, steps)
+        if probe.counts[TOP] > 0:
+            return 0
+        error, value, side = result(probe, other, p, key, slack, spare, side, found)
+    elif known != 0:
+        side = known
+    # The vertex that was deepest before is a guess: that its side is uncertain says nothing yet.
+    guess = sample and counts[SAMPLED] < 0
+    if sample:
+        counts[SAMPLED] += 1
     else:
-        _keep_vertex(model, ~index, distance, side, state)
+        _pop(state)
+    if index >= 0:
+        clear = abs(value) - error - 4.0 * slack
+        _open_lane(
+            body, owned, model, index, bound, centre, radius, value + error, clear, side, state
+        )
+    elif test and not (guess and side == 0):
+        _keep_vertex(model, ~index, value, side, state)
+    elif not test and not sample:
+        reals[DROPPED] = max(reals[DROPPED], min(bound, value + error))
+    return steps - _ITEM_STEPS
 
 
 @entry
@@ -206,52 +230,68 @@ def begin_depth(tree_a, tree_b, solid_a, solid_b, pose_a, pose_b, rel_err, abs_e
     """Start a search: both models' roots, bounded by the balls around them.
 
     A point inside a solid is no deeper than it lies below the surface of the solid's ball, and no
-    vertex of the other model lies nearer to that ball's centre than its own ball does.
+    vertex of the other model lies nearer to that ball's centre than its own ball does. What was
+    deepest in the search before, if anything, is the first sample.
     """
     motions, reals, counts = state.motions, state.reals, state.counts
     relative_motions(pose_a, pose_b, motions[0], motions[1])
     t = motions[0]
     size = abs(t[9]) + abs(t[10]) + abs(t[11]) + tree_a.scale[2] + tree_b.scale[2]
     error = deviation(pose_a) + deviation(pose_b)
+    counts[SAMPLED] = -1 if reals[DEEPEST] > reals[SLACK] else 0
     reals[SLACK] = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
     reals[DEEPEST] = -np.inf
     reals[DOUBT], reals[DROPPED] = 0.0, 0.0
     reals[REL_ERR], reals[ABS_ERR] = rel_err, abs_err
-    counts[:] = 0
+    counts[SIZE], counts[UNSURE] = 0, 0
+    state.probe.counts[TESTS], state.probe.counts[TOP] = 0, 0
     ball_a, ball_b = solid_a.ball, solid_b.ball
-    apart = _length(sub(
+    apart = length(sub(
         moved(t, (ball_b[0], ball_b[1], ball_b[2])), (ball_a[0], ball_a[1], ball_a[2])
     )) - 2.0 * reals[SLACK]  # fmt: skip
     _push(state, ball_b[3] - max(apart - ball_a[3], 0.0) + reals[SLACK], 0, 0, 0)
     _push(state, ball_a[3] - max(apart - ball_b[3], 0.0) + reals[SLACK], 1, 0, 0)
 
 
-@entry
-def search_depth(tree_a, tree_b, solid_a, solid_b, state, samples, model, steps):
-    """Test `samples`, vertices of one model as in Solid, then run at most `steps` steps.
+@kernel
+def _sample(state, solid_a, solid_b):
+    """The vertex that is tested next before any search: (bound, model, index, side)."""
+    i, first = state.counts[SAMPLED], solid_a.samples.shape[0]
+    if i < 0:
+        return np.inf, state.counts[MODEL], ~state.counts[VERTEX], 0
+    if i < first:
+        return np.inf, 0, ~np.int64(solid_a.samples[i]), 0
+    return np.inf, 1, ~np.int64(solid_b.samples[i - first]), 0
 
-    Fewer than 0 steps: run to the end. Returns ENDED or CUT.
+
+@entry
+def search_depth(tree_a, tree_b, solid_a, solid_b, state, samples_alone, steps):
+    """Test the samples until one lies inside, then search for the deepest vertex.
+
+    At most `steps` steps, and no search where `samples_alone`. Returns ENDED or CUT.
     """
-    counts = state.counts
-    found = np.empty(WIDTH, np.float32)
-    at = 0
+    counts, reals = state.counts, state.reals
+    found = on_stack(WIDTH, np.float32(0.0))
+    last = solid_a.samples.shape[0] + solid_b.samples.shape[0]
     while True:
-        if at < samples.shape[0]:
-            bound, owner, index, side = np.inf, model, ~np.int64(samples[at]), 0
-            at += 1
-        elif counts[SIZE] == 0 or state.heap[0] <= _limit(state.reals):
+        sample = counts[SAMPLED] < last and reals[DEEPEST] <= reals[SLACK]
+        if sample:
+            bound, owner, index, side = _sample(state, solid_a, solid_b)
+        elif samples_alone or counts[SIZE] == 0 or state.heap[0] <= _limit(reals):
             return ENDED
-        elif steps == 0:
-            return CUT
         else:
-            steps -= 1
-            bound, owner, index, side = _pop(state)
+            bound, owner = state.heap[0], np.int64(state.items[0, 0])
+            index, side = np.int64(state.items[0, 1]), np.int64(state.items[0, 2])
+        if steps <= 0:
+            return CUT
         # One call, so that the long code of a step is compiled once.
         if owner == 0:
             body, other, motion, owned = tree_a, tree_b, state.motions[1], solid_a.owned
         else:
             body, other, motion, owned = tree_b, tree_a, state.motions[0], solid_b.owned
-        _step(body, other, motion, owned, owner, index, bound, side, state, found)
+        steps = _step(
+            body, other, motion, owned, owner, index, bound, side, sample, state, found, steps
+        )
 
 
 @entry

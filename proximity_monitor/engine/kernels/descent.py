@@ -1,7 +1,8 @@
 """The descent of the bounding volume test tree.
 
-Depth first (Larsen et al. 1999, sections 5.1 and 6): the pair whose bound is smallest comes first,
-the larger volume of a pair is opened, sixteen bounds at a time.
+Depth first (Larsen et al. 1999, sections 5.1 and 6): the pair whose bound is smallest comes first.
+Of a pair the volume that is not a lowest node yet is opened, the larger one where both are alike,
+sixteen bounds at a time; two lowest nodes are dealt with in one go (cross.py).
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ import numpy as np
 from numba import uint64
 
 from .build import EMPTY
+from .cross import Scratch, Waiting, cross_leaves
 from .gaps import BATCH, CORNERS, gather
 from .jit import entry, inlined
 from .lanes import lowest, not_above
+from .memory import on_stack
 from .primitives import test_batch
 from .queue import QUEUE, rise, take_nearest
 from .state import (
@@ -35,14 +38,21 @@ from .state import (
 )
 from .volumes import STRIDE, WIDTH, far_bound, lower_bounds, place
 
+_LOCAL = CORNERS - 3 * BATCH
+_CROSSED = WIDTH * WIDTH
+_WAITING = BATCH + _CROSSED
+_WAITING_LANES = 2 * _WAITING
+_BATCH_LANES = 2 * BATCH
+
 
 @inlined
-def open_pair(fixed, lane, tree, parent, motion, flip, state, single, found):
+def open_pair(fixed, lane, tree, parent, motion, flip, state, scratch):
     """Bound one lane of the tree `fixed` against the sixteen under lane `parent` of `tree`.
 
     Pushes the pairs that survive, the nearest on top. `flip` says that `fixed` is tree b.
     """
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
+    single, found = scratch.single, scratch.found
     node = tree.children[parent]
     unit = tree.scale[0]
     limit = reals[LIMIT]
@@ -56,7 +66,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, single, found):
         inherited = max(inherited, far_bound(fixed, lane, motion, tree, node, reals[BOUND_SLACK]))
         for k in range(WIDTH):
             empty = tree.children[node * WIDTH + k] == EMPTY
-            found[k] = np.float32(1e30) if empty else np.float32(0.0)
+            found[k] = np.float32(1e30) if empty else np.float32(-1.0)
     top = first
     order = counts[ORDER]
     survivors = not_above(found, reach)
@@ -84,56 +94,128 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, single, found):
     counts[DEPTH] = top
 
 
+@inlined
+def nearest_last(waiting, first, last):
+    """Bring the pair with the smallest bound of waiting[first:last] to their end."""
+    lanes, bounds = waiting
+    best = first
+    for k in range(first + 1, last):
+        if bounds[k] < bounds[best]:
+            best = k
+    last -= 1
+    bounds[best], bounds[last] = bounds[last], bounds[best]
+    lanes[best, 0], lanes[last, 0] = lanes[last, 0], lanes[best, 0]
+    lanes[best, 1], lanes[last, 1] = lanes[last, 1], lanes[best, 1]
+
+
+@inlined
+def take_batch(tree_a, tree_b, state, waiting, n, pairs, corners):
+    """Gather the last of n waiting pairs that still matter; returns how many, and how many wait."""
+    limit = state.reals[LIMIT]
+    taken = 0
+    while n > 0 and taken < BATCH:
+        n -= 1
+        if waiting.bounds[n] < limit:
+            ta = ~tree_a.children[waiting.lanes[n, 0]]
+            tb = ~tree_b.children[waiting.lanes[n, 1]]
+            pairs[taken, 0], pairs[taken, 1] = ta, tb
+            gather(tree_a.triangles, ta, tree_b.triangles, tb, taken, corners)
+            taken += 1
+    state.counts[PRIMITIVE_TESTS] += taken
+    return taken, n
+
+
+@inlined
+def take_pair(state):
+    """Take the next pair off the stack or queue, where it stays at DEPTH; False: it is pruned."""
+    counts, bounds = state.counts, state.bounds
+    if counts[ORDER] == DEPTH_FIRST:
+        counts[DEPTH] -= 1
+        return bounds[counts[DEPTH]] < state.reals[LIMIT]
+    take_nearest(state)
+    top = counts[DEPTH]
+    if bounds[top] >= state.reals[LIMIT]:
+        counts[DEPTH] = counts[BASE]
+        return False
+    if top - counts[BASE] >= QUEUE:
+        state.frames[counts[FRAMES]] = counts[BASE]
+        counts[FRAMES] += 1
+        counts[BASE] = top
+    return True
+
+
 @entry
 def advance(tree_a, tree_b, state, steps):
     """Run at most `steps` steps of a search; returns ENDED, CUT or CONTACTS_FULL."""
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
-    single, found = np.empty(16, np.float32), np.empty(WIDTH, np.float32)
-    pairs, corners = np.empty((BATCH, 2), np.int32), np.empty(CORNERS)
-    local = np.empty(CORNERS - 3 * BATCH, np.float32)
+    scratch = Scratch(
+        on_stack(16, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0)),
+        on_stack(16, np.float32(0.0)), on_stack(STRIDE, np.float32(0.0)),
+    )  # fmt: skip
+    waiting = Waiting(
+        on_stack(_WAITING_LANES, np.int32(0)).reshape((_WAITING, 2)), on_stack(_WAITING, 0.0)
+    )
+    pairs, corners = on_stack(_BATCH_LANES, np.int32(0)).reshape((BATCH, 2)), on_stack(CORNERS, 0.0)
+    local = on_stack(_LOCAL, np.float32(0.0))
     room = state.contacts.shape[0]
-    waiting = 0
+    n = 0
     code = ENDED
     while True:
-        if waiting == BATCH or (waiting > 0 and (counts[DEPTH] == 0 or steps == 0)):
-            test_batch(tree_a, tree_b, state, pairs, waiting, corners, local, found)
-            waiting = 0
+        full = room > 0 and counts[CONTACTS] + n + _CROSSED > room
+        while n >= BATCH or (
+            n > 0
+            and (
+                counts[DEPTH] == 0
+                or steps == 0
+                or full
+                or reals[DISTANCE] - reals[SLACK] <= reals[STOP]
+            )
+        ):
+            taken, n = take_batch(tree_a, tree_b, state, waiting, n, pairs, corners)
+            if taken > 0:
+                test_batch(tree_a, tree_b, state, pairs, taken, corners, local, scratch.found)
         if counts[DEPTH] == 0 or reals[DISTANCE] - reals[SLACK] <= reals[STOP]:
             break
         if steps == 0:
             code = CUT
             break
-        if room > 0 and counts[CONTACTS] + BATCH > room:
-            code = CONTACTS_FULL  # known right after a batch, so none is waiting
+        if full:
+            code = CONTACTS_FULL
             break
-        if counts[ORDER] == DEPTH_FIRST:
-            counts[DEPTH] -= 1
-            top = counts[DEPTH]
-            if bounds[top] >= reals[LIMIT]:
-                continue
-        else:
-            take_nearest(state)
-            top = counts[DEPTH]
-            if bounds[top] >= reals[LIMIT]:
-                counts[DEPTH] = counts[BASE]
-                continue
-            a, b = stack[top, 0], stack[top, 1]
-            if top - counts[BASE] >= QUEUE:
-                state.frames[counts[FRAMES]] = counts[BASE]
-                counts[FRAMES] += 1
-                counts[BASE] = top
+        if not take_pair(state):
+            continue
         steps -= 1
+        top = counts[DEPTH]
         a, b = stack[top, 0], stack[top, 1]
         child_a, child_b = tree_a.children[a], tree_b.children[b]
         if child_a < 0 and child_b < 0:
-            pairs[waiting, 0], pairs[waiting, 1] = ~child_a, ~child_b
-            gather(tree_a.triangles, ~child_a, tree_b.triangles, ~child_b, waiting, corners)
-            counts[PRIMITIVE_TESTS] += 1
-            waiting += 1
-        elif child_b < 0 or (
-            child_a >= 0 and tree_a.sizes[a] * tree_a.scale[0] > tree_b.sizes[b] * tree_b.scale[0]
-        ):
-            open_pair(tree_b, b, tree_a, a, state.motions[0], True, state, single, found)
+            waiting.lanes[n, 0], waiting.lanes[n, 1], waiting.bounds[n] = a, b, bounds[top]
+            n += 1
+            continue
+        # Lane 0 of a lowest node, and of no other, holds a triangle.
+        lowest_a = child_a < 0 or tree_a.children[child_a * WIDTH] < 0
+        lowest_b = child_b < 0 or tree_b.children[child_b * WIDTH] < 0
+        larger_a = tree_a.sizes[a] * tree_a.scale[0] > tree_b.sizes[b] * tree_b.scale[0]
+        if lowest_a and lowest_b and child_a >= 0 and child_b >= 0:
+            before = n
+            if larger_a:
+                n = cross_leaves(
+                    tree_a, child_a, tree_b, b, state.motions[1], False, state, bounds[top],
+                    reals[LIMIT], scratch, waiting, n,
+                )  # fmt: skip
+            else:
+                n = cross_leaves(
+                    tree_b, child_b, tree_a, a, state.motions[0], True, state, bounds[top],
+                    reals[LIMIT], scratch, waiting, n,
+                )  # fmt: skip
+            if n > before + BATCH:
+                nearest_last(waiting, before, n)
+            if n >= 0:
+                continue
+            n = before
+        open_a = lowest_b if lowest_a != lowest_b else larger_a
+        if child_b < 0 or (child_a >= 0 and open_a):
+            open_pair(tree_b, b, tree_a, a, state.motions[0], True, state, scratch)
         else:
-            open_pair(tree_a, a, tree_b, b, state.motions[1], False, state, single, found)
+            open_pair(tree_a, a, tree_b, b, state.motions[1], False, state, scratch)
     return code

@@ -16,21 +16,21 @@ from ..tolerances import DOUBLE_EPS, SINGLE_EPS
 from .axes import axes_of_points, axes_of_triangle
 from .ball import enclosing_ball
 from .jit import kernel
-from .vectors import add, dot, scaled
+from .vectors import add, dot
 
 RSS, LSS, PSS, HYBRID = 0, 1, 2, 3
 """Which volumes a hierarchy consists of: rectangle, line or point swept spheres, or of each node
 the one that its box's dimensions choose."""
 
 _SQRT_HALF = 0.7071067811865476
-_NOTHING = (0.0, 0.0, 0.0)
+_X, _Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
 @kernel
 def core(points, n, single, volume, local):
-    """Centre and half edges u, v of the core of a volume around points[:n].
+    """Centre, unit axes and half lengths along them of the core of a volume around points[:n].
 
-    `single` says that they are one triangle; `local` (n, 3) is scratch. Half edges may vanish.
+    `single` says that they are one triangle; `local` (n, 3) is scratch. Half lengths may vanish.
     """
     if volume == PSS:
         return point(points, n, local)
@@ -88,7 +88,7 @@ def point(points, n, local):
     for i in range(n):
         for axis in range(3):
             local[i, axis] = points[i, axis] - o[axis]
-    return add(o, enclosing_ball(local, n)), _NOTHING, _NOTHING
+    return add(o, enclosing_ball(local, n)), _X, _Y, 0.0, 0.0
 
 
 @kernel
@@ -117,14 +117,14 @@ def line(points, n, first, second, normal, local):
         o[1] + x * first[1] + y * second[1] + z * normal[1],
         o[2] + x * first[2] + y * second[2] + z * normal[2],
     )
-    return centre, scaled(first, 0.5 * (high - low)), _NOTHING
+    return centre, first, second, 0.5 * (high - low), 0.0
 
 
 @kernel
 def rectangle(points, n, first, second, normal, local):
-    """Rectangle and radius that enclose points[:n] (section 4.1); returns centre, u, v.
+    """Rectangle that encloses points[:n] but for a radius (section 4.1); returns as `core` does.
 
-    `local` (n, 3) is scratch: the points in the axes. The returned half edges may vanish.
+    `local` (n, 3) is scratch: the points in the axes.
     """
     o = (points[0, 0], points[0, 1], points[0, 2])
     low_z, high_z = np.inf, -np.inf
@@ -175,25 +175,22 @@ def rectangle(points, n, first, second, normal, local):
         o[1] + cx * first[1] + cy * second[1] + mid_z * normal[1],
         o[2] + cx * first[2] + cy * second[2] + mid_z * normal[2],
     )
-    return centre, scaled(first, 0.5 * (high_x - low_x)), scaled(second, 0.5 * (high_y - low_y))
+    return centre, first, second, 0.5 * (high_x - low_x), 0.5 * (high_y - low_y)
 
 
 @kernel
-def enclosing_radius(points, n, centre, u, v):
-    """Radius, rounded up to float32, of the ball that swept over {c + s u + t v} covers points[:n].
+def enclosing_radius(points, n, centre, u, v, a, b):
+    """Radius, rounded up to float32, of the ball that swept over a core covers points[:n].
 
-    Any s and t in [-1, 1] give an upper bound of a point's distance to the rectangle, so the
+    Any |s| <= a and |t| <= b give an upper bound of a point's distance to the rectangle, so the
     projections need no exactness; the last line pays for the rounding of this very computation.
     """
-    uu, vv = dot(u, u), dot(v, v)
-    iu = 1.0 / uu if uu > 0.0 else 0.0
-    iv = 1.0 / vv if vv > 0.0 else 0.0
     worst = 0.0
     size = 0.0
     for i in range(n):
         d = (points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2])
-        s = min(max(dot(d, u) * iu, -1.0), 1.0)
-        t = min(max(dot(d, v) * iv, -1.0), 1.0)
+        s = min(max(dot(d, u), -a), a)
+        t = min(max(dot(d, v), -b), b)
         e = (
             d[0] - s * u[0] - t * v[0],
             d[1] - s * u[1] - t * v[1],

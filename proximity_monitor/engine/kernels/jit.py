@@ -1,26 +1,37 @@
-"""How every kernel of this package is compiled: three decorators and one cache directory.
+"""How every kernel of this package is compiled: the decorators and one cache directory.
 
 `entry` marks the few functions that Python calls: they are cached on disk. `kernel` marks their
 helpers, which are compiled into the entries and need no cache of their own. `loop16` is `kernel`
 with the fast-math flags that a vectorised loop over 16 lanes needs; it keeps NaN and infinity
 meaningful, and whatever it computes is used as a bound only with a margin for reordered sums.
+
+These run without numba's reference counts, which are atomic and took half the time of a query: each
+use of an array out of a tuple of arrays counts up and down. They may not make arrays, but for small
+ones on the stack (memory.py). What makes and returns arrays is an `allocating_entry`, and its
+helpers `allocating`.
 """
 
 from __future__ import annotations
 
 import hashlib
+import logging
 import os
 import tempfile
 from pathlib import Path
 
 import numba
 from numba import njit
+from numba.core import event
 
 
 def _sources_digest() -> str:
-    """Digest of all kernel sources: an edited helper must not leave a caller's cache stale."""
+    """Digest of all kernel sources: an edited helper must not leave a caller's cache stale.
+
+    Nor must an edited constant, which is compiled into them.
+    """
     digest = hashlib.sha256()
-    for source in sorted(Path(__file__).parent.glob("*.py")):
+    kernels = Path(__file__).parent
+    for source in [*sorted(kernels.glob("*.py")), kernels.parent / "tolerances.py"]:
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
     return digest.hexdigest()[:16]
@@ -45,25 +56,63 @@ def _cache_directory() -> Path:
 CACHE_DIRECTORY = _cache_directory()
 
 
-def entry(function):
-    """Compile a function that Python calls: cached on disk, releases the GIL, no exceptions."""
+class _Announcement(event.Listener):
+    """Says once a process that it compiles: nobody likes half a minute of silence.
+
+    Numba reports a compilation only after its cache had nothing, so a warm start is silent and
+    pays nothing. It is a warning because `logging`, where nobody set it up, shows nothing less.
+    """
+
+    _made = False
+
+    def on_start(self, start: event.Event) -> None:
+        """Hear of a compilation, ours or another package's."""
+        if not self._made and start.data["dispatcher"].py_func.__module__.startswith(__package__):
+            self._made = True
+            logging.getLogger(__package__.rpartition(".")[0]).warning(
+                "compiling proximity_monitor's kernels for this machine, once: some 25 s in all;"
+                " kept in %s",
+                CACHE_DIRECTORY,
+            )
+
+    def on_end(self, end: event.Event) -> None:
+        """Nothing is said of the end."""
+
+
+event.register("numba:compile", _Announcement())
+
+
+def _entry(function, counted):
     # Numba reads its cache directory when the decorator runs. It is set for that moment only,
     # so that other packages' functions keep the cache of their own choice.
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(CACHE_DIRECTORY)
     try:
-        return njit(cache=True, nogil=True, error_model="numpy")(function)
+        return njit(cache=True, nogil=True, error_model="numpy", _nrt=counted)(function)
     finally:
         numba.config.CACHE_DIR = previous
 
 
-kernel = njit(error_model="numpy")
+def entry(function):
+    """Compile a function that Python calls: cached on disk, releases the GIL, no exceptions."""
+    return _entry(function, counted=False)
+
+
+def allocating_entry(function):
+    """Compile a function that Python calls and that makes arrays; else as `entry`."""
+    return _entry(function, counted=True)
+
+
+kernel = njit(error_model="numpy", _nrt=False)
 """Compile a helper of the entries."""
 
-loop16 = njit(error_model="numpy", fastmath={"reassoc", "contract", "nsz", "arcp"})
+allocating = njit(error_model="numpy")
+"""Compile a helper of the allocating entries that makes arrays itself."""
+
+loop16 = njit(error_model="numpy", _nrt=False, fastmath={"reassoc", "contract", "nsz", "arcp"})
 """Compile a branch-free loop over 16 lanes so that LLVM may vectorise it."""
 
-inlined = njit(error_model="numpy", inline="always")
+inlined = njit(error_model="numpy", _nrt=False, inline="always")
 """Compile into the caller's own code: where a call would pass dozens of array fields, or where a
 loop over lanes must see through it. An exact query takes a fifth less time for it; compilation is
 slower. Not for a loop that needs flags of its own: the caller's would apply."""

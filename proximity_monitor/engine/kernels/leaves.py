@@ -63,9 +63,26 @@ def fit_leaves(corners, centre, fitted):
         along = (hx * ex + hy * ey + hz * ez) * inverse
         hx, hy, hz = hx - along * ex, hy - along * ey, hz - along * ez
         hh = hx * hx + hy * hy + hz * hz
-        half = 0.5 if ee > _SHORTEST and hh > _NEEDLE * ee else 0.0
-        ux, uy, uz = np.float32(0.5 * ex), np.float32(0.5 * ey), np.float32(0.5 * ez)
-        vx, vy, vz = np.float32(half * hx), np.float32(half * hy), np.float32(half * hz)
+        # A needle's or a point's axes are any: the first of Duff et al. 2017 (Building an
+        # Orthonormal Basis, Revisited), which has no branch.
+        pointed = ee <= _SHORTEST
+        needle = pointed or hh <= _NEEDLE * ee
+        length = np.sqrt(ee)
+        stretch = 1.0 / max(length, _SHORTEST)
+        ax = 1.0 if pointed else ex * stretch
+        ay = 0.0 if pointed else ey * stretch
+        az = 0.0 if pointed else ez * stretch
+        sign = 1.0 if az >= 0.0 else -1.0
+        slope = -1.0 / (sign + az)
+        height = np.sqrt(hh)
+        stretch = 1.0 / max(height, _SHORTEST)
+        bx = 1.0 + sign * ax * ax * slope if needle else hx * stretch
+        by = sign * ax * ay * slope if needle else hy * stretch
+        bz = -sign * ax if needle else hz * stretch
+        half = 0.0 if needle else 0.5
+        ux, uy, uz = np.float32(ax), np.float32(ay), np.float32(az)
+        vx, vy, vz = np.float32(bx), np.float32(by), np.float32(bz)
+        a, b = np.float32(0.5 * length), np.float32(half * height)
         cx = np.float32(sx + 0.5 * ex + half * hx - ox)
         cy = np.float32(sy + 0.5 * ey + half * hy - oy)
         cz = np.float32(sz + 0.5 * ez + half * hz - oz)
@@ -73,10 +90,7 @@ def fit_leaves(corners, centre, fitted):
         ax, ay, az = np.float64(ux), np.float64(uy), np.float64(uz)
         bx, by, bz = np.float64(vx), np.float64(vy), np.float64(vz)
         mx, my, mz = ox + np.float64(cx), oy + np.float64(cy), oz + np.float64(cz)
-        aa = ax * ax + ay * ay + az * az
-        bb = bx * bx + by * by + bz * bz
-        ia = 1.0 / aa if aa > 0.0 else 0.0
-        ib = 1.0 / bb if bb > 0.0 else 0.0
+        reach_a, reach_b = np.float64(a), np.float64(b)
         worst = 0.0
         extent = 0.0
         for corner in range(3):
@@ -84,8 +98,8 @@ def fit_leaves(corners, centre, fitted):
             x, y, z = corners[i], corners[i + _W], corners[i + uint64(2) * _W]
             extent = max(extent, abs(x) + abs(y) + abs(z))
             x, y, z = x - mx, y - my, z - mz
-            s = min(max((x * ax + y * ay + z * az) * ia, -1.0), 1.0)
-            t = min(max((x * bx + y * by + z * bz) * ib, -1.0), 1.0)
+            s = min(max(x * ax + y * ay + z * az, -reach_a), reach_a)
+            t = min(max(x * bx + y * by + z * bz, -reach_b), reach_b)
             x = x - s * ax - t * bx
             y = y - s * ay - t * by
             z = z - s * az - t * bz
@@ -101,6 +115,8 @@ def fit_leaves(corners, centre, fitted):
         fitted[k + uint64(7) * _W] = vy
         fitted[k + uint64(8) * _W] = vz
         fitted[k + uint64(9) * _W] = rounded
-        fitted[k + uint64(10) * _W] = np.float32(ia if aa > 1e-36 else 0.0)
-        fitted[k + uint64(11) * _W] = np.float32(ib if bb > 1e-36 else 0.0)
-        fitted[k + uint64(12) * _W] = np.float32(np.sqrt(aa + bb) + np.float64(rounded))
+        fitted[k + uint64(10) * _W] = a
+        fitted[k + uint64(11) * _W] = b
+        fitted[k + uint64(12) * _W] = np.float32(
+            np.sqrt(reach_a * reach_a + reach_b * reach_b) + np.float64(rounded)
+        )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .jit import entry
+from .jit import allocating_entry
 
 
-@entry
+@allocating_entry
 def measure(corners):
     """Measures of triangles (m, 9).
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from ..tolerances import LARGEST_COORDINATE, RIGID_TOLERANCE
 from .jit import entry, kernel
+from .precise import dot_precise, two_sum
 
 
 @kernel
@@ -52,18 +53,22 @@ def relative_motions(pose_a, pose_b, b_to_a, a_to_b):
     """Write the motions between two models' frames, from their poses in the world.
 
     The translations are subtracted first, in the world: models that are near each other keep their
-    precision however far both are from the origin. The transpose serves as the inverse; the
+    precision however far both are from the origin. Every number of `b_to_a` is rounded once, for
+    what it errs by moves all of b. The transpose serves as the inverse; the
     distance is the one in a's frame after `b_to_a`, as PQP, FCL and coal take it too, so a pose of
     six digits gives the same answer in all of them. `a_to_b` serves bounds alone, whose margin
     pays for what is missing to an exact inverse.
     """
-    x, y, z = pose_b[0, 3] - pose_a[0, 3], pose_b[1, 3] - pose_a[1, 3], pose_b[2, 3] - pose_a[2, 3]
+    x, dx = two_sum(pose_b[0, 3], -pose_a[0, 3])
+    y, dy = two_sum(pose_b[1, 3], -pose_a[1, 3])
+    z, dz = two_sum(pose_b[2, 3], -pose_a[2, 3])
+    none = (0.0, 0.0, 0.0)
     for i in range(3):
+        row = (pose_a[0, i], pose_a[1, i], pose_a[2, i])
         for j in range(3):
-            product = 0.0
-            for k in range(3):
-                product += pose_a[k, i] * pose_b[k, j]
+            column = (pose_b[0, j], pose_b[1, j], pose_b[2, j])
+            product = dot_precise(row, column, none)
             b_to_a[3 * i + j] = product
             a_to_b[3 * j + i] = product
-        b_to_a[9 + i] = pose_a[0, i] * x + pose_a[1, i] * y + pose_a[2, i] * z
+        b_to_a[9 + i] = dot_precise(row, (x, y, z), (dx, dy, dz))
         a_to_b[9 + i] = -(pose_b[0, i] * x + pose_b[1, i] * y + pose_b[2, i] * z)

@@ -14,15 +14,13 @@ from .triangles import point_face
 from .vectors import along, cross, dot, sub
 from .volumes import STRIDE, WIDTH
 
-_ONE = float32(1.0)
-
 
 @loop16
 def point_bounds(nodes, base, x, y, z, margin, bounds):
     """Lower bounds of a point's distance to each lane of the node at `base`, node units.
 
     The distance to a rectangle is that to the projection with both parameters clamped; what is
-    missing to perpendicular edges, and float32, is in the margin (see SINGLE_MARGIN).
+    missing to perpendicular axes, and float32, is in the margin (see SINGLE_MARGIN).
     """
     for k in range(WIDTH):
         i = base + uint64(k)
@@ -31,8 +29,9 @@ def point_bounds(nodes, base, x, y, z, margin, bounds):
         dz = z - nodes[i + uint64(32)]
         ux, uy, uz = nodes[i + uint64(48)], nodes[i + uint64(64)], nodes[i + uint64(80)]
         vx, vy, vz = nodes[i + uint64(96)], nodes[i + uint64(112)], nodes[i + uint64(128)]
-        s = min(max((dx * ux + dy * uy + dz * uz) * nodes[i + uint64(160)], -_ONE), _ONE)
-        t = min(max((dx * vx + dy * vy + dz * vz) * nodes[i + uint64(176)], -_ONE), _ONE)
+        a, b = nodes[i + uint64(160)], nodes[i + uint64(176)]
+        s = min(max(dx * ux + dy * uy + dz * uz, -a), a)
+        t = min(max(dx * vx + dy * vy + dz * vz, -b), b)
         dx = dx - s * ux - t * vx
         dy = dy - s * uy - t * vy
         dz = dz - s * uz - t * vz
@@ -100,14 +99,14 @@ def nearest(tree, p, nearby, slack, stack, bounds, found):
         y = p[1] / unit - tree.centres[child, 1]
         z = p[2] / unit - tree.centres[child, 2]
         size = abs(x) + abs(y) + abs(z) + tree.centres[child, 3]
-        if size < SINGLE_LIMIT:
+        if size + slack / unit < SINGLE_LIMIT:
             margin = float32(SINGLE_MARGIN * size + slack / unit)
             point_bounds(
                 tree.nodes, uint64(child * STRIDE), float32(x), float32(y), float32(z), margin,
                 found,
             )  # fmt: skip
         else:
-            # Too far away for float32: then every lane is as good as the next.
+            # Too far away for float32, or too small: then every lane is as good as the next.
             for k in range(WIDTH):
                 empty = tree.nodes[uint64(child * STRIDE + 9 * WIDTH + k)] < 0.0
                 found[k] = float32(1e30) if empty else float32(-1.0)

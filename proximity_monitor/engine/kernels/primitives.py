@@ -99,7 +99,7 @@ def _nearest(values, lanes):
 
 @kernel
 def test_batch(tree_a, tree_b, state, pairs, count, corners, local, found):
-    """Test the first `count` pairs (BATCH, 2) whose corners have been gathered.
+    """Test the first `count` pairs of triangles (BATCH, 2), whose corners have been gathered.
 
     The pair with the smallest lower bound comes first: what it makes of the distance often
     dismisses the others.

@@ -7,18 +7,19 @@ from numba import uint64
 
 from .fit import core, enclosing_radius
 from .jit import inlined, kernel
-from .vectors import dot
 from .volumes import EMPTY_RADIUS, STRIDE, WIDTH, read_vector
 
 
 @inlined
 def fit_lane(points, n, single, volume, local, nodes, centre, node, lane, sizes):
     """Fit a volume to points[:n] and write it, rounded to float32, into a lane of a node."""
-    c, u, v = core(points, n, single, volume, local)
+    c, u, v, a, b = core(points, n, single, volume, local)
     base = uint64(node * STRIDE + lane)
     put(nodes, base, (c[0] - centre[0], c[1] - centre[1], c[2] - centre[2]))
     put(nodes, base + uint64(3 * WIDTH), u)
     put(nodes, base + uint64(6 * WIDTH), v)
+    nodes[base + uint64(10 * WIDTH)] = np.float32(a)
+    nodes[base + uint64(11 * WIDTH)] = np.float32(b)
     write_radius(points, n, nodes, centre, node, lane, sizes)
 
 
@@ -32,7 +33,7 @@ def put(nodes, base, vector):
 
 @inlined
 def write_radius(points, n, nodes, centre, node, lane, sizes):
-    """Complete a lane whose rectangle stands: its radius, 1/|u|², 1/|v|² and its size."""
+    """Complete a lane whose core stands: its radius and its size."""
     base = uint64(node * STRIDE + lane)
     c = (
         centre[0] + nodes[base],
@@ -41,13 +42,11 @@ def write_radius(points, n, nodes, centre, node, lane, sizes):
     )
     u = read_vector(nodes, base + uint64(3 * WIDTH))
     v = read_vector(nodes, base + uint64(6 * WIDTH))
-    radius = enclosing_radius(points, n, c, u, v)
-    uu, vv = dot(u, u), dot(v, v)
+    a = np.float64(nodes[base + uint64(10 * WIDTH)])
+    b = np.float64(nodes[base + uint64(11 * WIDTH)])
+    radius = enclosing_radius(points, n, c, u, v, a, b)
     nodes[base + uint64(9 * WIDTH)] = radius
-    # Beyond float32 the edge is as good as vanished for the projections, which need no exactness.
-    nodes[base + uint64(10 * WIDTH)] = np.float32(1.0 / uu) if uu > 1e-36 else np.float32(0.0)
-    nodes[base + uint64(11 * WIDTH)] = np.float32(1.0 / vv) if vv > 1e-36 else np.float32(0.0)
-    sizes[node * WIDTH + lane] = np.float32(np.sqrt(uu + vv) + radius)
+    sizes[node * WIDTH + lane] = np.float32(np.sqrt(a * a + b * b) + radius)
 
 
 @kernel
@@ -57,11 +56,11 @@ def close_node(nodes, node, used, centres):
     for lane in range(used):
         base = uint64(node * STRIDE + lane)
         reach = 0.0
-        for field in range(10):
+        for field in (0, 1, 2, 9, 10, 11):
             reach += abs(np.float64(nodes[base + uint64(field * WIDTH)]))
         extent = max(extent, reach)
     for lane in range(used, WIDTH):
         nodes[uint64(node * STRIDE + lane + 9 * WIDTH)] = np.float32(EMPTY_RADIUS)
-    # The sum of absolute coordinates is at least the sum of lengths; the factor pays for the
-    # rounding of a float32 sum.
+    # The sum of a centre's absolute coordinates is at least its length; the factor pays for the
+    # rounding of the sum and of the axes' lengths.
     centres[node, 3] = extent * (1.0 + 1e-6)

@@ -6,13 +6,13 @@ import numpy as np
 
 from .build import EMPTY
 from .fit import RSS
-from .jit import entry, kernel
+from .jit import allocating, allocating_entry
 from .leaves import LEAVES, fit_leaves
 from .record import close_node, fit_lane
 from .volumes import FIELDS, STRIDE, WIDTH
 
 
-@kernel
+@allocating
 def _ranges(children, count, m):
     """First triangle below each node, and the first one after it; and where ranges begin (m + 1,).
 
@@ -34,7 +34,7 @@ def _ranges(children, count, m):
     return ranges, begins
 
 
-@kernel
+@allocating
 def _vertices_in_order(triangles, faces, begins, inverse, points, starts):
     """Vertices in tree order, node units, into `points`; starts (m + 1,) where a triangle's are.
 
@@ -58,7 +58,7 @@ def _vertices_in_order(triangles, faces, begins, inverse, points, starts):
     starts[m] = n
 
 
-@entry
+@allocating_entry
 def refit_tree(triangles, faces, children, unit, volume):
     """Fit the volumes over `triangles` (m, 9), metres, in tree order.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..tolerances import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
+from ..tolerances import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from .descent import advance
 from .jit import entry, kernel
 from .motion import deviation, is_rigid, relative_motions
@@ -61,9 +61,11 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
         return BAD_POSE_B
     relative_motions(pose_a, pose_b, motions[0], motions[1])
     t = motions[0]
-    size = abs(t[9]) + abs(t[10]) + abs(t[11]) + tree_a.scale[2] + tree_b.scale[2]
-    reals[SLACK] = POINT_MARGIN * size + POINT_FLOOR
-    reals[BOUND_SLACK] = reals[SLACK] + POSE_MARGIN * (error_a + error_b) * size
+    apart = np.sqrt(t[9] * t[9] + t[10] * t[10] + t[11] * t[11])
+    size_a, size_b = tree_a.scale[2], tree_b.scale[2]
+    reals[SLACK] = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
+    imperfect = POINT_MARGIN + POSE_MARGIN * (error_a + error_b)
+    reals[BOUND_SLACK] = imperfect * (size_a + size_b + apart) + POINT_FLOOR
     reals[UPPER_SLACK] = reals[SLACK]
     reals[DISTANCE] = np.inf
     reals[REL_ERR], reals[ABS_ERR], reals[STOP], reals[LIMIT] = rel_err, abs_err, stop, limit

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections import namedtuple
 
 import numpy as np
+from numba import uint64
 
-from .jit import entry, kernel
+from .jit import allocating, allocating_entry, kernel
+from .precise import two_sum
+from .vectors import cross, dot
 
 Solid = namedtuple("Solid", "owned samples ball")
 """A closed mesh as the kernels see it, beside its Tree.
@@ -18,6 +21,102 @@ samples (int32, k) one vertex of every connected part, as 3 triangle + corner in
 
 
 @kernel
+def _slot(bits, i, slots):
+    """Where a table of so many slots, a power of two, begins to look for the place of vertex i."""
+    mixed = uint64(0)
+    for axis in range(3):
+        mixed = (mixed ^ uint64(bits[i, axis])) * uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> uint64(29)
+    return np.int64(mixed & uint64(slots - 1))
+
+
+@allocating_entry
+def first_of_place(bits):
+    """For each vertex the first one at the same place, (n,) int32.
+
+    Args:
+        bits: (n, 3) int64; the coordinates bit by bit, none of them a negative zero.
+    """
+    n = bits.shape[0]
+    slots = 4
+    while slots < 2 * n:
+        slots *= 2
+    table = np.full(slots, -1, np.int32)
+    first = np.empty(n, np.int32)
+    for i in range(n):
+        at = _slot(bits, i, slots)
+        while table[at] >= 0:
+            j = table[at]
+            if bits[i, 0] == bits[j, 0] and bits[i, 1] == bits[j, 1] and bits[i, 2] == bits[j, 2]:
+                break
+            at = (at + 1) & (slots - 1)
+        if table[at] < 0:
+            table[at] = i
+        first[i] = table[at]
+    return first
+
+
+@allocating
+def _sorted_by(key, count, order):
+    """`order` sorted by key[order], stable; keys are 0 to count - 1 (counting sort)."""
+    starts = np.zeros(count + 1, np.int32)
+    for i in order:
+        starts[key[i] + 1] += 1
+    for k in range(count):
+        starts[k + 1] += starts[k]
+    result = np.empty_like(order)
+    for i in order:
+        result[starts[key[i]]] = i
+        starts[key[i]] += 1
+    return result
+
+
+@allocating_entry
+def unpaired_edges(faces, count):
+    """Edges of closed faces that are not passed as often one way as the other.
+
+    Args:
+        faces: (m, 3) int32, vertices of equal place named alike. Faces that repeat one are left
+            out.
+        count: how many vertices there are.
+
+    Returns:
+        How many faces were looked at; how many edges belong to an odd number of faces, and how many
+        others are passed more often one way; (2, 2) the vertices of the first of either kind.
+    """
+    low, high = np.empty(3 * len(faces), np.int32), np.empty(3 * len(faces), np.int32)
+    forth = np.empty(3 * len(faces), np.bool_)
+    n = 0
+    for t in range(len(faces)):
+        a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
+        if a == b or b == c or c == a:
+            continue
+        for i, j in ((a, b), (b, c), (c, a)):
+            low[n], high[n], forth[n] = min(i, j), max(i, j), i < j
+            n += 1
+    order = _sorted_by(low, count, _sorted_by(high, count, np.arange(n, dtype=np.int32)))
+    odd, unlike = 0, 0
+    firsts = np.zeros((2, 2), np.int32)
+    start = 0
+    while start < n:
+        i, j = low[order[start]], high[order[start]]
+        end, balance = start, 0
+        while end < n and low[order[end]] == i and high[order[end]] == j:
+            balance += 1 if forth[order[end]] else -1
+            end += 1
+        if (end - start) % 2 == 1:
+            if odd == 0:
+                firsts[0, 0], firsts[0, 1] = i, j
+            odd += 1
+        elif balance != 0:
+            if unlike == 0:
+                firsts[1, 0], firsts[1, 1] = i, j
+            unlike += 1
+        start = end
+    return n // 3, odd, unlike, firsts
+
+
+@kernel
 def _root(parent, i):
     while parent[i] != i:
         parent[i] = parent[parent[i]]
@@ -25,12 +124,12 @@ def _root(parent, i):
     return i
 
 
-@entry
+@allocating_entry
 def parts_and_owners(faces, count):
     """Connected parts of a mesh, and which triangle owns which vertex.
 
     Args:
-        faces: (m, 3) int32; corners in tree order, vertices of equal place merged.
+        faces: (m, 3) int32; corners in tree order, vertices of equal place named alike.
         count: how many vertices there are.
 
     Returns:
@@ -60,3 +159,37 @@ def parts_and_owners(faces, count):
                 seen[faces[t, corner]] = True
                 owned[t] |= 1 << corner
     return part, owned, samples[:parts].copy()
+
+
+@kernel
+def _edge(triangles, t, corner, origin, unit):
+    """From the first corner of the triangle `origin` to a corner of triangle t, in units."""
+    return (
+        (triangles[t, 3 * corner] - triangles[origin, 0]) / unit,
+        (triangles[t, 3 * corner + 1] - triangles[origin, 1]) / unit,
+        (triangles[t, 3 * corner + 2] - triangles[origin, 2]) / unit,
+    )
+
+
+@allocating_entry
+def part_volumes(triangles, unit, part, samples):
+    """Six times the volume that each part encloses, and the sum of its terms' magnitudes, (k, 2).
+
+    In cubes of `unit` metres, a power of two; triangles (m, 9) metres, part and samples as
+    parts_and_owners returns them. Each determinant errs by less than 8 u of its terms (Shewchuk
+    1997, section 4.3), the differences that it is of by 3 u; what the sum loses is carried along.
+    """
+    found, lost = np.zeros((samples.shape[0], 2)), np.zeros(samples.shape[0])
+    for t in range(triangles.shape[0]):
+        k = part[t]
+        origin = samples[k] // 3  # a corner of the part: seen from afar its volume would be noise
+        a = _edge(triangles, t, 0, origin, unit)
+        b = _edge(triangles, t, 1, origin, unit)
+        c = _edge(triangles, t, 2, origin, unit)
+        found[k, 0], low = two_sum(found[k, 0], dot(a, cross(b, c)))
+        lost[k] += low
+        for i in range(3):
+            j, h = (i + 1) % 3, (i + 2) % 3
+            found[k, 1] += abs(a[i]) * (abs(b[j] * c[h]) + abs(b[h] * c[j]))
+    found[:, 0] += lost
+    return found

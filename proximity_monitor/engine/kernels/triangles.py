@@ -4,7 +4,8 @@ The nearest points of two triangles that do not cross lie on two edges, or on a 
 fifteen candidates, of which the smallest is the answer. Every candidate is the distance between
 two points *of the triangles*, so no rounding can make the answer too small by more than the
 rounding of those points; each is computed so that nearly parallel edges and slivers lose nothing
-(see `_normal`). Triangles that cross have an edge of one through the other.
+(see `_normal`, and MARGIN_A for the whole count). Triangles that cross have an edge of one through
+the other.
 
 Degenerate triangles are segments and points: their edges are candidates like any others, and
 their faces, of no area, are left out.
@@ -12,7 +13,7 @@ their faces, of no area, are left out.
 
 from __future__ import annotations
 
-from ..tolerances import DOUBLE_EPS, ILL_CONDITIONED
+from ..tolerances import DOUBLE_EPS, ILL_CONDITIONED, PARALLEL, TOUCHING
 from .jit import entry, kernel
 from .precise import cross_precise, orientation, volume
 from .vectors import along, cross, dot, sub
@@ -37,52 +38,76 @@ def _clamped(x):
 
 
 @kernel
+def _approach(s, t, g, d, e, n, nn, dd, ee):
+    """Parameters of two segments' nearest points, seen from s and t where they differ by g.
+
+    The lines' nearest parameter comes from their common normal n: s + det(g, e, n) / |n|². Clamping
+    it, then t given s, then s given t, yields the optimum over the square (Ericson 2005, section
+    5.1.9). A vanishing edge or normal leaves its parameter, which the others then make optimal.
+    """
+    x = _clamped(s + dot(cross(g, e), n) / nn) if nn > 0.0 else s
+    g = along(g, d, s - x)
+    y = _clamped(t - dot(g, e) / ee) if ee > 0.0 else t
+    g = along(g, e, y - t)
+    return (_clamped(x + dot(g, d) / dd) if dd > 0.0 else x), y
+
+
+@kernel
 def segments(p, d, q, e):
     """Nearest points p + s d and q + t e of two segments; returns (s, t, squared distance).
 
-    The lines' nearest parameter s comes from their common normal n: s = det(q - p, e, n) / |n|².
-    Clamping it, then t given s, then s given t, yields the optimum over the square (Ericson 2005,
-    section 5.1.9). A vanishing edge or normal leaves its parameter at 0, which the others then
-    make optimal.
+    Where they touch, what rounding did to s and t is not second to the distance. Then the same is
+    asked again from there, where the difference g, and so what rounding does to the answer, is next
+    to nothing (but no normal that would lead far away: along parallels any point is as near).
     """
-    r = sub(q, p)
-    dd, ee = dot(d, d), dot(e, e)
+    r, dd, ee = sub(q, p), dot(d, d), dot(e, e)
     n = _normal(d, e)
     nn = dot(n, n)
-    s = _clamped(dot(cross(r, e), n) / nn) if nn > 0.0 else 0.0
-    t = _clamped(dot(sub((s * d[0], s * d[1], s * d[2]), r), e) / ee) if ee > 0.0 else 0.0
-    s = _clamped(dot(along(r, e, t), d) / dd) if dd > 0.0 else 0.0
-    g = (
-        r[0] + t * e[0] - s * d[0],
-        r[1] + t * e[1] - s * d[1],
-        r[2] + t * e[2] - s * d[2],
-    )
-    return s, t, dot(g, g)
+    s, t = _approach(0.0, 0.0, r, d, e, n, nn, dd, ee)
+    g = along(along(r, e, t), d, -s)
+    gg = dot(g, g)
+    if gg < TOUCHING * (dd + ee):
+        nn = nn if nn > PARALLEL * (dd * ee) else 0.0
+        x, y = _approach(s, t, g, d, e, n, nn, dd, ee)
+        g = along(along(g, e, y - t), d, s - x)
+        s, t, gg = x, y, dot(g, g)
+    return s, t, gg
 
 
 @kernel
 def point_face(p, a, e, f, n, nn):
     """Foot of p on the triangle a, a + e, a + f with normal n = e × f, nn = |n|² > 0.
 
-    Returns (inside, v, w, squared distance to the plane), the foot being a + v e + w f. First w,
-    the share of the height over e; then v along e from what is left: each is accurate in the
-    direction in which an error would move the foot, also in a needle.
+    Returns (inside, v, w, squared distance to it), the foot being a + v e + w f. First w, the share
+    of the height over e; then v along e from what is left: each is accurate in the direction in
+    which an error would move the foot, also in a needle. Where p touches the plane, the same is
+    asked again from the foot, as for `segments`, and g counts along the normal alone.
     """
-    r = sub(p, a)
+    r, ee = sub(p, a), dot(e, e)
     w = dot(cross(e, r), n) / nn
-    v = dot(along(r, f, -w), e) / dot(e, e)
-    h = dot(r, n)
-    return v >= 0.0 and w >= 0.0 and v + w <= 1.0, v, w, h * h / nn
+    g = along(r, f, -w)
+    v = dot(g, e) / ee
+    g = along(g, e, -v)
+    gg = dot(g, g)
+    if gg < TOUCHING * (ee + dot(f, f)):
+        x = dot(cross(e, g), n) / nn
+        v, w = v + dot(along(g, f, -x), e) / ee, w + x
+        h = dot(g, n)
+        gg = h * h / nn
+    return v >= 0.0 and w >= 0.0 and v + w <= 1.0, v, w, gg
 
 
 @kernel
 def _pierces(p, q, a, b, c):
-    """Whether the segment p q meets the triangle a b c (not when all five are coplanar)."""
-    side_p, side_q = orientation(a, b, c, p), orientation(a, b, c, q)
-    if side_p == side_q:
+    """Whether the segment p q certainly passes through the inside of the triangle a b c.
+
+    Where a sign is in doubt they touch in a corner or an edge, or miss each other: then the
+    distances of these tell.
+    """
+    if orientation(a, b, c, p) * orientation(a, b, c, q) >= 0:
         return False
-    x, y, z = orientation(p, q, a, b), orientation(p, q, b, c), orientation(p, q, c, a)
-    return (x >= 0 and y >= 0 and z >= 0) or (x <= 0 and y <= 0 and z <= 0)
+    x = orientation(p, q, a, b)
+    return x != 0 and x == orientation(p, q, b, c) and x == orientation(p, q, c, a)
 
 
 @kernel
@@ -164,7 +189,7 @@ def certainly_cross(a, b, slack):
     """Whether two triangles cross however their corners are moved by `slack`.
 
     A determinant of three edges no longer than L then changes by less than 8 slack L²; what
-    rounding does to it is less than that again, slack being 32 u of the coordinates.
+    rounding does to it is less than that again, slack being 10 u of the coordinates and more.
     """
     length = 0.0
     for i in range(3):

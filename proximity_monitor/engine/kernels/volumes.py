@@ -1,8 +1,8 @@
 """Certified lower bounds between one swept sphere volume and the sixteen of a wide node.
 
-A volume is {c + s u + t v : |s|, |t| <= 1} swept by a ball of radius r: a rectangle swept sphere
-with half edges u and v, a line swept sphere where v = 0, a point swept sphere where both vanish
-(Larsen et al. 1999, section 4). One kernel serves the three, in any mixture.
+A volume is {c + s û + t v̂ : |s| <= a, |t| <= b} swept by a ball of radius r: a rectangle swept
+sphere along two perpendicular unit axes, a line swept sphere where b = 0, a point swept sphere
+where a = 0 as well (Larsen et al. 1999, section 4). One kernel serves the three, in any mixture.
 
 The bound is a support gap, not a distance between closest points: for *any* direction n the gap
 between the two volumes' projections on n is a lower bound of their distance (section 4.3.2 calls
@@ -17,7 +17,6 @@ import numpy as np
 from numba import float32, uint64
 
 from ..tolerances import (
-    LARGEST_INVERSE,
     SINGLE_EPS,
     SINGLE_LIMIT,
     SINGLE_MARGIN,
@@ -30,7 +29,7 @@ WIDTH = 16
 """Lanes of a node: one AVX-512 register of float32. LLVM does not vectorise a loop over 8."""
 
 FIELDS = 12
-"""Numbers of a lane: centre 3, u 3, v 3, radius, 1/|u|², 1/|v|² (0 where the edge vanishes)."""
+"""Numbers of a lane: centre 3, û 3, v̂ 3, radius, half lengths a and b along û and v̂."""
 
 STRIDE = WIDTH * FIELDS
 """Numbers of a node: field f of lane k stands at `node * STRIDE + f * WIDTH + k`."""
@@ -49,7 +48,6 @@ _F8 = uint64(8 * WIDTH)
 _F9 = uint64(9 * WIDTH)
 _F10 = uint64(10 * WIDTH)
 _F11 = uint64(11 * WIDTH)
-_ONE = float32(1.0)
 _TINY = float32(SINGLE_TINY)
 
 
@@ -63,7 +61,7 @@ def lower_bounds(nodes, base, single, bounds):
     ax, ay, az = single[0], single[1], single[2]
     Ux, Uy, Uz = single[3], single[4], single[5]
     Vx, Vy, Vz = single[6], single[7], single[8]
-    iU, iV = single[9], single[10]
+    A, B = single[9], single[10]
     Wx, Wy, Wz = single[11], single[12], single[13]
     radius = single[14]
     for k in range(WIDTH):
@@ -73,53 +71,48 @@ def lower_bounds(nodes, base, single, bounds):
         dz = az - nodes[i + _F2]
         ux, uy, uz = nodes[i + _F3], nodes[i + _F4], nodes[i + _F5]
         vx, vy, vz = nodes[i + _F6], nodes[i + _F7], nodes[i + _F8]
-        iu, iv = nodes[i + _F10], nodes[i + _F11]
+        a, b = nodes[i + _F10], nodes[i + _F11]
+        # All in the single volume's axes: there some of what follows needs no product.
+        X = dx * Ux + dy * Uy + dz * Uz
+        Y = dx * Vx + dy * Vy + dz * Vz
+        Z = dx * Wx + dy * Wy + dz * Wz
+        uX = ux * Ux + uy * Uy + uz * Uz
+        uY = ux * Vx + uy * Vy + uz * Vz
+        uZ = ux * Wx + uy * Wy + uz * Wz
+        vX = vx * Ux + vy * Uy + vz * Uz
+        vY = vx * Vx + vy * Vy + vz * Vz
+        vZ = vx * Wx + vy * Wy + vz * Wz
         # Alternating projections between the rectangles, on inner products alone.
-        Du = dx * ux + dy * uy + dz * uz
-        Dv = dx * vx + dy * vy + dz * vz
-        DU = dx * Ux + dy * Uy + dz * Uz
-        DV = dx * Vx + dy * Vy + dz * Vz
-        uU = ux * Ux + uy * Uy + uz * Uz
-        uV = ux * Vx + uy * Vy + uz * Vz
-        vU = vx * Ux + vy * Uy + vz * Uz
-        vV = vx * Vx + vy * Vy + vz * Vz
-        p = min(max(Du * iu, -_ONE), _ONE)
-        q = min(max(Dv * iv, -_ONE), _ONE)
-        for _ in range(2):
-            S = min(max((p * uU + q * vU - DU) * iU, -_ONE), _ONE)
-            T = min(max((p * uV + q * vV - DV) * iV, -_ONE), _ONE)
-            p = min(max((Du + S * uU + T * uV) * iu, -_ONE), _ONE)
-            q = min(max((Dv + S * vU + T * vV) * iv, -_ONE), _ONE)
-        S = min(max((p * uU + q * vU - DU) * iU, -_ONE), _ONE)
-        T = min(max((p * uV + q * vV - DV) * iV, -_ONE), _ONE)
-        nx = dx + S * Ux + T * Vx - p * ux - q * vx
-        ny = dy + S * Uy + T * Vy - p * uy - q * vy
-        nz = dz + S * Uz + T * Vz - p * uz - q * vz
+        Du = X * uX + Y * uY + Z * uZ
+        Dv = X * vX + Y * vY + Z * vZ
+        p = min(max(Du, -a), a)
+        q = min(max(Dv, -b), b)
+        S = min(max(p * uX + q * vX - X, -A), A)
+        T = min(max(p * uY + q * vY - Y, -B), B)
+        p = min(max(Du + S * uX + T * uY, -a), a)
+        q = min(max(Dv + S * vX + T * vY, -b), b)
+        S = min(max(p * uX + q * vX - X, -A), A)
+        T = min(max(p * uY + q * vY - Y, -B), B)
+        nx = X + S - p * uX - q * vX
+        ny = Y + T - p * uY - q * vY
+        nz = Z - p * uZ - q * vZ
         # The support gap along that direction, each product taken afresh: the inner products
         # above would cancel where the volumes are close.
         gap = (
-            nx * dx + ny * dy + nz * dz
-            - abs(nx * Ux + ny * Uy + nz * Uz)
-            - abs(nx * Vx + ny * Vy + nz * Vz)
-            - abs(nx * ux + ny * uy + nz * uz)
-            - abs(nx * vx + ny * vy + nz * vz)
+            nx * X + ny * Y + nz * Z
+            - A * abs(nx)
+            - B * abs(ny)
+            - a * abs(nx * uX + ny * uY + nz * uZ)
+            - b * abs(nx * vX + ny * vY + nz * vZ)
         ) / np.sqrt(max(nx * nx + ny * ny + nz * nz, _TINY))  # fmt: skip
-        # ... along the lane's normal (zero where an edge vanishes: then the gap is 0 or less;
-        # perpendicular to its own edges up to rounding, which the margin covers) ...
-        wx = uy * vz - uz * vy
-        wy = uz * vx - ux * vz
-        wz = ux * vy - uy * vx
-        gap_lane = (
-            abs(wx * dx + wy * dy + wz * dz)
-            - abs(wx * Ux + wy * Uy + wz * Uz)
-            - abs(wx * Vx + wy * Vy + wz * Vz)
-        ) / np.sqrt(max(wx * wx + wy * wy + wz * wz, _TINY))  # fmt: skip
+        # ... along the lane's normal (perpendicular to its own axes up to rounding, which the
+        # margin covers) ...
+        wx = uY * vZ - uZ * vY
+        wy = uZ * vX - uX * vZ
+        wz = uX * vY - uY * vX
+        gap_lane = abs(wx * X + wy * Y + wz * Z) - A * abs(wx) - B * abs(wy)
         # ... and along the single volume's.
-        gap_single = (
-            abs(Wx * dx + Wy * dy + Wz * dz)
-            - abs(Wx * ux + Wy * uy + Wz * uz)
-            - abs(Wx * vx + Wy * vy + Wz * vz)
-        )
+        gap_single = abs(Z) - a * abs(uZ) - b * abs(vZ)
         bounds[k] = max(max(gap, gap_lane), gap_single) - nodes[i + _F9] - radius
 
 
@@ -141,20 +134,19 @@ def place(fixed, lane, motion, tree, node, slack, out):
     y = c[1] - tree.centres[node, 1]
     z = c[2] - tree.centres[node, 2]
     size = fixed.sizes[lane] * ratio
-    # 1.5 times the diagonal exceeds the sum of both half edges and the radius.
+    # 1.5 times the diagonal exceeds the sum of both half edges and the radius. A slack that is far
+    # larger than both models would drown even the radius of an unused lane.
     reach = abs(x) + abs(y) + abs(z) + 1.5 * size
-    if not reach < SINGLE_LIMIT:
+    if not reach + slack * tree.scale[1] < SINGLE_LIMIT:
         return False
-    u = scaled(rotated(motion, read_vector(nodes, base + _F3)), ratio)
-    v = scaled(rotated(motion, read_vector(nodes, base + _F6)), ratio)
-    shrink = 1.0 / (ratio * ratio)
-    iu = min(nodes[base + _F10] * shrink, LARGEST_INVERSE)
-    iv = min(nodes[base + _F11] * shrink, LARGEST_INVERSE)
-    w = scaled(cross(u, v), np.sqrt(iu * iv))
+    u = rotated(motion, read_vector(nodes, base + _F3))
+    v = rotated(motion, read_vector(nodes, base + _F6))
+    w = cross(u, v)
     out[0], out[1], out[2] = np.float32(x), np.float32(y), np.float32(z)
     out[3], out[4], out[5] = np.float32(u[0]), np.float32(u[1]), np.float32(u[2])
     out[6], out[7], out[8] = np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
-    out[9], out[10] = np.float32(iu), np.float32(iv)
+    out[9] = np.float32(nodes[base + _F10] * ratio)
+    out[10] = np.float32(nodes[base + _F11] * ratio)
     out[11], out[12], out[13] = np.float32(w[0]), np.float32(w[1]), np.float32(w[2])
     margin = SINGLE_MARGIN * (reach + tree.centres[node, 3]) + slack * tree.scale[1]
     out[14] = np.float32((nodes[base + _F9] * ratio + margin) * (1.0 + 2.0 * SINGLE_EPS))

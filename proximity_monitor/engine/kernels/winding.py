@@ -68,24 +68,25 @@ def ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
         cz = nodes[i + uint64(32)] - z - beta * dx
         uy, uz = nodes[i + uint64(64)] - alpha * ux, nodes[i + uint64(80)] - beta * ux
         vy, vz = nodes[i + uint64(112)] - alpha * vx, nodes[i + uint64(128)] - beta * vx
+        a, b = nodes[i + uint64(160)], nodes[i + uint64(176)]
         wide = _STRETCH * nodes[i + uint64(144)] + margin
         centre = (
             cy * cy + cz * cz
-            - abs(cy * uy + cz * uz)
-            - abs(cy * vy + cz * vz)
+            - a * abs(cy * uy + cz * uz)
+            - b * abs(cy * vy + cz * vz)
             - wide * np.sqrt(cy * cy + cz * cz + _TINY)
         )  # fmt: skip
         across_u = (
             abs(uy * cz - uz * cy)
-            - abs(uy * vz - uz * vy)
+            - b * abs(uy * vz - uz * vy)
             - wide * np.sqrt(uy * uy + uz * uz + _TINY)
         )
         across_v = (
             abs(vy * cz - vz * cy)
-            - abs(vy * uz - vz * uy)
+            - a * abs(vy * uz - vz * uy)
             - wide * np.sqrt(vy * vy + vz * vz + _TINY)
         )
-        behind = -forth * dx - abs(ux) - abs(vx) - nodes[i + uint64(144)] - margin
+        behind = -forth * dx - a * abs(ux) - b * abs(vx) - nodes[i + uint64(144)] - margin
         gaps[k] = max(max(centre, across_u), max(across_v, behind))
 
 

@@ -62,11 +62,11 @@ def wrinkled_torus() -> Mesh:
     )
 
 
-def lumpy_torus() -> Mesh:
-    """3,240 triangles: the obstacle of the falling tori."""
+def lumpy_torus(major: int = 54, minor: int = 30) -> Mesh:
+    """3,240 triangles as it stands: the obstacle of the falling tori."""
     return torus(
-        54,
-        30,
+        major,
+        minor,
         lambda u, v: (0.85, 0.3 + 0.035 * np.sin(7 * u) * np.cos(3 * v) + 0.02 * np.sin(4 * u), 0),
     )
 

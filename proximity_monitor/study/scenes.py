@@ -1,4 +1,4 @@
-"""The scenes that are timed, generated from fixed seeds (Larsen et al. 1999, sections 7.2 and 7.3).
+"""The scenes of benchmark and study, from fixed seeds (Larsen et al. 1999, sections 7.2 and 7.3).
 
 A scene is a set of meshes and, step by step, the poses of the pairs of them that are asked about.
 Lengths are metres, poses (k, 4, 4) from model to world.
@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import shapes
 from numpy.typing import NDArray
 
 from proximity_monitor import motion
 from proximity_monitor.scene import bundled, load_model, load_scene
+
+from . import shapes
 
 
 @dataclass(frozen=True)
@@ -175,6 +176,29 @@ def concentric_spheres(gap: float) -> Scene:
     poses = random_rotations(random, 60), random_rotations(random, 60)
     meshes = {"outer": shapes.sphere(1.0), "inner": shapes.sphere(1.0 - gap)}
     return Scene(meshes, [Track("outer", "inner", *poses)], block=2, quick=1)
+
+
+def growing_tori() -> Scene:
+    """A lumpy torus goes round another, tumbling; both of 500 triangles, of 1,000 … 512,000.
+
+    As the 1997 paper moves models of growing resolution round a stationary one (section 3.1.1).
+    Each size is a track of its own, and all take the same way.
+    """
+    count = 512
+    share = np.linspace(0.0, 1.0, count)
+    poses = rotation_poses(np.array([0.36, 0.48, 0.8]), 14.0 * np.pi * share)
+    away = 2.9 + 0.4 * np.cos(6.0 * np.pi * share)  # they touch below 2.41, the two outer radii
+    latitude = 0.9 * np.sin(4.0 * np.pi * share)
+    poses[:, 0, 3] = away * np.cos(latitude) * np.cos(2.0 * np.pi * share)
+    poses[:, 1, 3] = away * np.cos(latitude) * np.sin(2.0 * np.pi * share)
+    poses[:, 2, 3] = away * np.sin(latitude)
+    meshes = {}
+    for asked in 500 * 2 ** np.arange(11):
+        minor = round(np.sqrt(asked / 2 * 30 / 54))
+        mesh = shapes.lumpy_torus(round(asked / 2 / minor), minor)
+        meshes[str(len(mesh[1]))] = mesh
+    tracks = [Track(name, name, poses, identities(count)) for name in meshes]
+    return Scene(meshes, tracks)
 
 
 SCENES: dict[str, Callable[[], Scene]] = {

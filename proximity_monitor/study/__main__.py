@@ -1,0 +1,153 @@
+"""The command line: ``python -m proximity_monitor.study``."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+_PROGRAM = "python -m proximity_monitor.study"
+
+_INSTALL = """\
+The study needs {name}. Install what it uses, in the checkout:
+    pip install '.[study]'"""
+
+PARTS = {
+    "tolerance": "time and error really made, against the relative error asked for",
+    "budget": "the gap between the bounds, against the time budget",
+    "bounds": "what a test of two bounding volumes costs (1999 paper, Table 1)",
+    "volumes": "six kinds of bounding volume on four applications (1999 paper, Tables 2 to 4)",
+    "orders": "search orders, caching and the ideal search (1999 paper, Table 5)",
+    "separated": "spheres side by side (1999 paper, Figure 5)",
+    "concentric": "concentric spheres (1999 paper, Figure 6)",
+    "growth": "time against model size, 500 to 512,000 triangles (1997 paper, Figure 6)",
+}
+"""The parts, in the order of the page. They stand here so that the help needs no library."""
+
+_EPILOG = """\
+parts:
+{parts}
+
+what is written:
+  OUT/accuracy/PART.csv          the data of each part, as soon as a scene is measured
+  OUT/images/accuracy_*.png      the figures
+  OUT/accuracy.md                the page
+Nothing is written outside OUT. `--out docs` in a checkout renews the page that is kept there.
+
+examples:
+  {program} accuracy --quick                       all parts, under a minute
+  {program} accuracy --out docs                    the page in docs, some ten minutes
+  {program} accuracy --part volumes --scene chain  one scene of one part
+  {program} accuracy --render-only --out docs      page and figures again, from the data
+
+Ctrl-C keeps what was measured so far, and writes the page from it. The exit code is 0, 1 where an
+answer broke its certificate or the study cannot run, 2 for a wrong argument, 130 after Ctrl-C."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code (2 for a wrong command line, by `SystemExit`)."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    parser = _parser()
+    chosen = parser.parse_args(given)
+    if chosen.study is None:
+        parser.print_help()
+        return 0
+    try:
+        return _accuracy(chosen, f"{_PROGRAM} {shlex.join(given)}")
+    except KeyboardInterrupt:  # before anything was measured, or while the page was written
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=_PROGRAM, description="Studies of the distance engine, from its own scenes."
+    )
+    studies = parser.add_subparsers(title="studies", metavar="STUDY", dest="study")
+    listing = "\n".join(f"  {name:<12}{about}" for name, about in PARTS.items())
+    accuracy = studies.add_parser(
+        "accuracy",
+        help="what accuracy costs in time: data, figures and a page",
+        description="Measures what accuracy costs in time and writes a CSV file for each part, "
+        "figures, and a page. Every answer is held against the exact one.",
+        epilog=_EPILOG.format(parts=listing, program=_PROGRAM),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    accuracy.add_argument(
+        "--quick", action="store_true", help="few queries: under a minute instead of some ten"
+    )
+    accuracy.add_argument(
+        "--out",
+        type=Path,
+        default=Path("build/accuracy"),
+        metavar="DIR",
+        help="folder to write to, made if need be (default: %(default)s)",
+    )
+    accuracy.add_argument(
+        "--part",
+        nargs="+",
+        choices=PARTS,
+        default=[],
+        metavar="PART",
+        help="measure these parts alone; data of others that lies in OUT stays on the page",
+    )
+    accuracy.add_argument(
+        "--scene",
+        nargs="+",
+        default=[],
+        metavar="SCENE",
+        help="measure these scenes or families of scenes alone, in the parts that have them",
+    )
+    accuracy.add_argument(
+        "--data",
+        type=Path,
+        metavar="DIR",
+        help="folder that holds the folder falling_tori, the 1999 paper's own data; without it a"
+        " generated scene takes its place (default: PROXIMITY_MONITOR_DATA, or ../shared/data)",
+    )
+    accuracy.add_argument(
+        "--render-only",
+        action="store_true",
+        help="measure nothing; page and figures from the data in OUT",
+    )
+    return parser
+
+
+def _accuracy(chosen: argparse.Namespace, command: str) -> int:
+    try:
+        from .accuracy import run
+        from .accuracy.page import render
+    except ImportError as error:
+        if (error.name or "").startswith("proximity_monitor"):
+            raise  # our own fault, that no installation mends
+        print(_INSTALL.format(name=error.name), file=sys.stderr)
+        return 1
+    try:
+        chosen.out.mkdir(parents=True, exist_ok=True)
+        if chosen.render_only:
+            if not any((chosen.out / "accuracy").glob("*.csv")):
+                print(
+                    f"--render-only: no data in {chosen.out / 'accuracy'}; measure first, or name "
+                    "the folder that was measured into by --out",
+                    file=sys.stderr,
+                )
+                return 1
+            print(f"Wrote {render(chosen.out, run.PARTS)} and its figures.")
+            return 0
+        makers = run.scenes(chosen.data)
+        plan = run.plan(makers, chosen.part, chosen.scene)
+    except FileNotFoundError as error:
+        print(f"--data or PROXIMITY_MONITOR_DATA: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"--out {chosen.out}: {error}", file=sys.stderr)
+        return 2
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 2
+    return run.run(plan, makers, chosen.out, chosen.quick, command)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,79 @@
+"""The page and its figures, from the data alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from proximity_monitor.engine.tree import WIDTH
+
+from .data import RUNS, read_rows
+from .part import Part, Rows
+from .style import DPI
+
+_HEAD = """\
+# What accuracy costs in time
+
+Distances may be exact, or as near as one asks for, or as good as a time budget allows. This page
+shows what each costs: how long queries take, how many tests of bounding volume pairs ("bound
+tests") and of triangle pairs they make, and how far their bounds are apart. It was written, with
+all its numbers and figures, by one command, and says beside them what the papers have that the
+engine is made after: "the 1999 paper" is Larsen, Gottschalk, Lin and Manocha, *Fast Proximity
+Queries with Swept Sphere Volumes*; "the 1997 paper" is Johnson and Cohen, *A Framework for
+Efficient Minimum Distance Computations*.
+
+Times are processor time of a single query called from Python, on one thread. Whatever is compared
+took turns, block by block, in one process. An opening of a node is {width} bound tests,
+whether or not all its lanes are filled.
+"""
+
+
+def render(out: Path, parts: tuple[Part, ...]) -> Path:
+    """Write the page and the figures of all parts that have data; returns the page's path.
+
+    Args:
+        out: the folder; the data lies in its folder `accuracy`.
+        parts: all parts, in the order of the page.
+    """
+    data = {part.name: read_rows(out / "accuracy" / f"{part.name}.csv") for part in parts}
+    runs = read_rows(out / "accuracy" / f"{RUNS}.csv")
+    text = [
+        _HEAD.format(width=WIDTH),
+        _conditions([run for run in runs if data.get(str(run["part"]))]),
+    ]
+    for part in parts:
+        rows = data[part.name]
+        text.append(f"## {part.title}\n")
+        text.append(_section(out, part, rows) if rows else "Not measured.\n")
+    page = out / "accuracy.md"
+    page.write_text("\n".join(text), encoding="utf-8")
+    return page
+
+
+def _section(out: Path, part: Part, rows: Rows) -> str:
+    told = part.tell(rows)
+    images = out / "images"
+    images.mkdir(parents=True, exist_ok=True)
+    for name, draw in part.draw.items():
+        if f"{{{name}}}" not in told:  # of what it shows nothing was measured
+            continue
+        file = images / f"accuracy_{name}.png"
+        # Without the library's version, so that the same data gives the same file.
+        draw(rows).savefig(file, dpi=DPI, metadata={"Software": None})
+        told = told.replace(f"{{{name}}}", f"![{part.title}](images/{file.name})")
+    return f"{told}\nData: [{part.name}.csv](accuracy/{part.name}.csv).\n"
+
+
+def _conditions(runs: Rows) -> str:
+    """How the parts were measured: once, if all were measured alike."""
+    said: dict[str, list[str]] = {}
+    for run in runs:
+        versions = ", ".join(str(run[k]) for k in ("python", "numpy", "numba", "package"))
+        few = " It was a quick run: few queries, so expect noise." if run["quick"] else ""
+        words = (
+            f"Measured by `{run['command']}` on {run['cpu']} ({run['cores']} cores, "
+            f"{run['system']}); {versions}.{few}"
+        )
+        said.setdefault(words, []).append(str(run["part"]))
+    if len(said) == 1:
+        return f"{next(iter(said))}\n"
+    return "".join(f"- {', '.join(parts)}: {words}\n" for words, parts in said.items())

@@ -1,0 +1,70 @@
+"""A part of the study: what it measures of which scenes, and how its data is drawn and told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from proximity_monitor import engine
+
+from ..scenes import Scene
+
+Row = dict[str, str | int | float]
+Rows = list[Row]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One scene of a part, to be measured.
+
+    Attributes:
+        name: the scene's name.
+        scene: what to ask about.
+        quick: whether few blocks of steps shall do.
+        advance: is told which share of the job was done.
+    """
+
+    name: str
+    scene: Scene
+    quick: bool
+    advance: Callable[[float], None]
+
+    def models(self, **settings: str) -> dict[str, engine.TriangleMesh]:
+        """The scene's meshes; `settings` go to TriangleMesh."""
+        return {
+            name: engine.TriangleMesh(*mesh, name=name, **settings)
+            for name, mesh in self.scene.meshes.items()
+        }
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the study.
+
+    Attributes:
+        name: on the command line, and of its files.
+        title: on the page.
+        measure: of a job, to rows of data.
+        tell: of all rows, to Markdown; where a figure shall stand, it says `{name}`.
+        draw: of all rows, to figures by name.
+        scenes: names of scenes; of several in one entry the first that is there is taken.
+    """
+
+    name: str
+    title: str
+    measure: Callable[[Job], Rows]
+    tell: Callable[[Rows], str]
+    draw: Mapping[str, Callable[[Rows], Figure]]
+    scenes: tuple[str | tuple[str, ...], ...]
+
+
+def only(rows: Rows, **wanted: str | float) -> Rows:
+    """The rows with these values."""
+    return [row for row in rows if all(row[key] == value for key, value in wanted.items())]
+
+
+def values(rows: Rows, key: str) -> list:
+    """The different values of a column, in the order in which they come."""
+    return list(dict.fromkeys(row[key] for row in rows))

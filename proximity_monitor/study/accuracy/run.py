@@ -1,0 +1,122 @@
+"""The study from beginning to end: measure part by part, write, draw and tell."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+from ..recorded import falling_tori, find_falling_tori
+from ..scenes import SCENES, Scene, growing_tori
+from . import bounds, budget, growth, orders, spheres, tolerance, volumes_page
+from .certificate import BrokenCertificateError
+from .data import note_run, write_rows
+from .page import render
+from .part import Job, Part, Rows
+
+PARTS = (
+    tolerance.PART,
+    budget.PART,
+    bounds.PART,
+    volumes_page.PART,
+    orders.PART,
+    *spheres.PARTS,
+    growth.PART,
+)
+INTERRUPTED = 130
+"""The exit code that shells know for Ctrl-C."""
+
+Makers = Mapping[str, Callable[[], Scene]]
+Plan = list[tuple[Part, list[str]]]
+
+
+def scenes(data: Path | None) -> dict[str, Callable[[], Scene]]:
+    """What makes each scene that is there; a scene that was made is kept.
+
+    Raises:
+        FileNotFoundError: `data`, or the environment, names a folder without recorded data.
+    """
+    makers: dict[str, Callable[[], Scene]] = {**SCENES, "growing": growing_tori}
+    folder = find_falling_tori(data, Path("../shared/data"))
+    if folder:
+        makers["falling-tori"] = lambda: falling_tori(folder)
+    return {name: cache(make) for name, make in makers.items()}
+
+
+def plan(makers: Makers, parts: Sequence[str], wanted: Sequence[str]) -> Plan:
+    """Which scenes are measured for which parts.
+
+    Args:
+        makers: the scenes that are there.
+        parts: names of parts; none: all.
+        wanted: names of scenes or families, the part before the slash; none: all.
+
+    Raises:
+        ValueError: a scene that no chosen part has; the message names those that there are.
+    """
+    chosen: Plan = []
+    offered: list[str] = []
+    for part in PARTS:
+        if parts and part.name not in parts:
+            continue
+        kept = []
+        for entry in part.scenes:
+            there = [
+                name for name in ([entry] if isinstance(entry, str) else entry) if name in makers
+            ]
+            offered += there
+            kept += [name for name in there if _asked(name, wanted)][:1]
+        if kept:
+            chosen.append((part, kept))
+    for name in wanted:
+        if not any(_asked(each, [name]) for each in offered):
+            known = ", ".join(dict.fromkeys(offered))
+            raise ValueError(f"--scene {name}: no chosen part has it; there are {known}")
+    return chosen
+
+
+def _asked(name: str, wanted: Sequence[str]) -> bool:
+    """Whether a scene is wanted, by its name or its family's; none wanted: all are."""
+    return not wanted or name in wanted or name.partition("/")[0] in wanted
+
+
+def run(chosen: Plan, makers: Makers, out: Path, quick: bool, command: str) -> int:
+    """Measure, write the data as soon as a scene is done, and render; returns the exit code.
+
+    0, 1 where an answer broke its certificate, or INTERRUPTED by Ctrl-C: then what was measured
+    so far is written and told.
+    """
+    console = Console(stderr=True)
+    for part, _ in chosen:
+        (out / "accuracy" / f"{part.name}.csv").unlink(missing_ok=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeElapsedColumn(),
+    )
+    code = 0
+    try:
+        with Progress(*columns, console=console) as progress:
+            task = progress.add_task("", total=sum(len(names) for _, names in chosen))
+            for part, names in chosen:
+                rows: Rows = []
+                for name in names:
+                    progress.update(task, description=f"{part.name}: {name}")
+                    job = Job(name, makers[name](), quick, lambda n: progress.advance(task, n))
+                    rows += part.measure(job)
+                    write_rows(out / "accuracy" / f"{part.name}.csv", rows)
+                    note_run(out / "accuracy", part.name, command, quick)
+    except BrokenCertificateError as error:
+        print(f"AN ANSWER BROKE ITS CERTIFICATE: {error}", file=sys.stderr)
+        print("No page was written; the data of the scenes before is kept.", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("Interrupted: what was measured so far is kept.", file=sys.stderr)
+        code = INTERRUPTED
+    print(f"Wrote {render(out, PARTS)}, its figures, and its data in {out / 'accuracy'}.")
+    return code

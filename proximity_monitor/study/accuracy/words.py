@@ -1,0 +1,46 @@
+"""Numbers and tables for a reader."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, and commas between thousands."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0.0:
+        return "0"
+    power = math.floor(math.log10(abs(value)))
+    if not -4 <= power < 9:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:,.{max(digits - 1 - power, 0)}f}"
+
+
+def percent(share: float) -> str:
+    """A share as whole percents."""
+    return f"{100.0 * share:.0f} %"
+
+
+def asked(rel_err: float) -> str:
+    """A relative error as it is said: 0, 1e-6, 0.1, 1."""
+    return f"{rel_err:.0e}".replace("e-0", "e-") if 0.0 < rel_err < 0.01 else f"{rel_err:g}"
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[str]], names: int = 1) -> str:
+    """A table in Markdown; all columns but the first, which hold names, stand to the right."""
+    rule = ["---"] * names + ["---:"] * (len(headings) - names)
+    lines = [headings, rule, *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def folded(title: str, text: str) -> str:
+    """Text that opens when its title is clicked."""
+    return f"<details><summary>{title}</summary>\n\n{text}\n</details>\n"
+
+
+def listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, or `a, b and c`."""
+    *first, last = names
+    return f"{', '.join(first)} and {last}" if first else last

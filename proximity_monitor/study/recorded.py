@@ -1,0 +1,61 @@
+"""The falling tori of the 1999 paper themselves, where their data is."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .scenes import Scene, Track, identities
+from .shapes import Mesh
+
+VARIABLE = "PROXIMITY_MONITOR_DATA"
+"""The environment variable that names the folder of recorded data."""
+
+
+def find_falling_tori(data: Path | None, usual: Path) -> Path | None:
+    """The folder `falling_tori`, or None where nobody says that there should be one.
+
+    Args:
+        data: the folder that holds it; None: what VARIABLE names, else `usual`.
+        usual: where it may lie, but need not.
+
+    Raises:
+        FileNotFoundError: `data`, or the folder that VARIABLE names, holds none.
+    """
+    given = data or os.environ.get(VARIABLE)
+    folder = Path(given or usual) / "falling_tori"
+    if folder.is_dir():
+        return folder
+    if given:
+        raise FileNotFoundError(f"{given}: holds no folder 'falling_tori'")
+    return None
+
+
+def falling_tori(folder: Path) -> Scene:
+    """The scene in that folder: 2,398 steps along the recorded path."""
+    meshes, poses = {}, {}
+    for name in ("torus1", "torus2"):
+        corners = np.array((folder / f"{name}.tris").read_text().split()[1:], float)
+        meshes[name] = _welded(corners)
+        rows = np.array((folder / f"{name}.path").read_text().split()[1:], float)
+        rows = rows.reshape(-1, 4, 3)
+        poses[name] = identities(len(rows))
+        poses[name][:, :3, :3] = _orthonormal(rows[:, :3])
+        poses[name][:, :3, 3] = rows[:, 3]
+    track = Track("torus1", "torus2", poses["torus1"], poses["torus2"])
+    return Scene(meshes, [track], quick=8)
+
+
+def _welded(corners: NDArray[np.float64]) -> Mesh:
+    """Corners that triangles share are one vertex, as in every other scene."""
+    vertices, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    return vertices, faces.reshape(-1, 3).astype(np.int32)
+
+
+def _orthonormal(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The nearest rotations to (k, 3, 3) matrices that were written with six digits."""
+    u, _, v = np.linalg.svd(matrices)
+    return u @ v

@@ -1,0 +1,252 @@
+"""Signed distances asked again: resuming, coherence, and what must not disturb either."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import trimesh
+from engine_bodies import IDENTITY, box, from_trimesh, pose, sphere, torus, translation
+
+from proximity_monitor import engine
+from proximity_monitor.engine import Status
+
+BALL, SMALL, RING = sphere(4), sphere(4, 0.5), torus(48)
+BARS = (
+    from_trimesh(trimesh.creation.box((4.0, 0.2, 0.2)).subdivide().subdivide(), "long"),
+    from_trimesh(trimesh.creation.box((0.2, 4.0, 0.2)).subdivide().subdivide(), "across"),
+)
+CROWD = from_trimesh(
+    trimesh.util.concatenate(
+        [
+            trimesh.creation.icosphere(1, 0.1).apply_translation((x, y, 1.4))
+            for x in np.linspace(-1.0, 1.0, 8)
+            for y in np.linspace(-1.0, 1.0, 8)
+        ]
+    ),
+    "crowd",
+)
+QUESTIONS = {
+    "concentric": (BALL, SMALL, IDENTITY),
+    "overlapping": (BALL, BALL, translation(1.0, 0.2, 0.1)),
+    "as good as touching": (BALL, BALL, translation(1.99, 0.01, 0.0)),
+    "apart": (BALL, RING, translation(2.6, 0.1, 1.0)),
+    "shells": (sphere(4, 1.0), sphere(4, 1.01), IDENTITY),
+    "bars": (*BARS, translation(0.0, 0.01, 0.05)),
+    "crossed bars": (box((4.0, 0.2, 0.2)), box((0.2, 4.0, 0.2)), translation(0.0, 0.0, 0.05)),
+    "many parts": (CROWD, BALL, translation(0.05, 0.0, 0.2)),
+}
+
+
+def finished(pair, pose_a, pose_b, budget_s=5e-5, **options):
+    """Ask until the search is over; returns all answers."""
+    answers = [pair.signed_distance(pose_a, pose_b, budget_s=0.0, **options)]
+    while answers[-1].status is Status.OUT_OF_TIME:
+        answers.append(pair.signed_distance(pose_a, pose_b, budget_s=budget_s, **options))
+        assert len(answers) < 200_000
+    return answers
+
+
+def check_progress(answers):
+    """The bounds of answers to one question never become weaker."""
+    for before, after in pairwise(answers):
+        assert before.lower <= after.lower <= after.upper <= before.upper
+
+
+@pytest.mark.parametrize("tolerance", [{}, {"rel_err": 0.05}, {"abs_err": 1e-3}])
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_many_small_budgets_reach_the_same_answer_step_by_step(name, tolerance):
+    a, b, here = QUESTIONS[name]
+    whole = engine.signed_distance(a, here, b, IDENTITY, **tolerance)
+    answers = finished(engine.Pair(a, b), here, IDENTITY, **tolerance)
+    assert len(answers) > 1
+    check_progress(answers)
+    for answer in answers:
+        assert answer.lower <= whole.upper
+        assert whole.lower <= answer.upper
+    for before, after in pairwise(answers):
+        assert before.bound_tests <= after.bound_tests
+    last = answers[-1]
+    assert (last.lower, last.upper, last.status) == (whole.lower, whole.upper, whole.status)
+    assert last.bound_tests == whole.bound_tests
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_a_longer_search_knows_no_less(name):
+    """Budgets as the clock has it: in the order of how far the searches came."""
+    a, b, here = QUESTIONS[name]
+    answers = [
+        engine.signed_distance(a, here, b, IDENTITY, budget_s=budget)
+        for budget in (*np.geomspace(1e-5, 1e-2, 12), 10.0)
+    ]
+    check_progress(sorted(answers, key=lambda found: (found.bound_tests, -found.upper)))
+    for found in answers:
+        apart = float(np.linalg.norm(found.point_a - found.point_b))
+        nearest = -found.upper if found.upper < 0.0 else apart
+        assert nearest <= apart + 1e-12
+        assert apart <= max(found.upper, -found.lower) + 1e-12
+
+
+def test_a_finished_search_is_asked_again():
+    pair = engine.Pair(BALL, SMALL)
+    first = finished(pair, translation(0.1), IDENTITY)[-1]
+    again = pair.signed_distance(translation(0.1), IDENTITY, budget_s=0.0)
+    assert first.status is again.status is Status.EXACT
+    assert (first.lower, first.upper) == (again.lower, again.upper)
+    assert first.primitive_tests == again.primitive_tests
+
+
+@pytest.mark.parametrize(
+    "interruption", ["pose", "tolerance", "distance", "within", "collide", "no budget", "bad pose"]
+)
+def test_another_question_does_not_spoil_a_search_that_was_cut(interruption):
+    elsewhere = translation(0.3, 0.2)
+    exact = engine.signed_distance(BALL, IDENTITY, RING, IDENTITY)
+    expected = engine.signed_distance(BALL, elsewhere, RING, IDENTITY)
+    pair = engine.Pair(BALL, RING)
+    cut = pair.signed_distance(IDENTITY, IDENTITY, budget_s=0.0)
+    assert cut.status is Status.OUT_OF_TIME
+    if interruption == "pose":
+        assert finished(pair, elsewhere, IDENTITY)[-1].upper == pytest.approx(expected.upper)
+    elif interruption == "tolerance":
+        found = finished(pair, IDENTITY, IDENTITY, rel_err=0.5)[-1]
+        assert found.lower <= exact.upper <= exact.lower * 0.0 or found.lower <= exact.lower
+    elif interruption == "distance":
+        assert pair.distance(elsewhere, IDENTITY).lower == 0.0
+    elif interruption == "within":
+        assert pair.within(elsewhere, IDENTITY, 0.1).within
+    elif interruption == "collide":
+        assert pair.collide(elsewhere, IDENTITY).colliding
+    elif interruption == "bad pose":
+        with pytest.raises(ValueError, match="pose_b"):
+            pair.signed_distance(IDENTITY, 2.0 * IDENTITY, budget_s=1.0)
+    else:
+        assert pair.signed_distance(elsewhere, IDENTITY).upper == pytest.approx(expected.upper)
+    found = finished(pair, IDENTITY, IDENTITY)[-1]
+    assert found.status is exact.status
+    assert (found.lower, found.upper) == pytest.approx((exact.lower, exact.upper), abs=1e-13)
+
+
+def test_a_pose_that_is_changed_in_place_is_another_question():
+    pair, here = engine.Pair(BALL, SMALL), translation(0.1)
+    pair.signed_distance(here, IDENTITY, budget_s=0.0)
+    here[0, 3] = 0.6
+    expected = engine.signed_distance(BALL, here, SMALL, IDENTITY)
+    found = finished(pair, here, IDENTITY)[-1]
+    assert found.upper == pytest.approx(expected.upper, abs=1e-13)
+
+
+def walk(rng, kind, steps=40):
+    """Poses with small steps and large jumps: through each other's surfaces and far away."""
+    here = pose(rng, 0.5)
+    for step in range(steps):
+        if step % 10 == 0:
+            here = pose(rng, (0.3, 1.0, 2.0)[step // 10 % 3])
+        elif kind == "turning":
+            here = here @ pose_of_angle(rng, 0.02)
+        else:
+            here[:3, 3] += {"creeping": 1e-9, "slow": 0.003, "fast": 0.05}[kind] * rng.normal(
+                size=3
+            )
+        yield here.copy()
+
+
+def pose_of_angle(rng, angle):
+    """A turn by a small angle around any axis, and a small step."""
+    matrix = np.eye(4)
+    x, y, z = angle * rng.normal(size=3)
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    u, _, v = np.linalg.svd(np.eye(3) + skew)
+    matrix[:3, :3] = u @ v
+    matrix[:3, 3] = 0.1 * angle * rng.normal(size=3)
+    return matrix
+
+
+MODELS = (BALL, SMALL), (BALL, RING), (RING, box()), (CROWD, BALL), (RING, RING)
+
+
+@pytest.mark.parametrize("kind", ["creeping", "slow", "fast", "turning"])
+@pytest.mark.parametrize("which", range(len(MODELS)))
+def test_what_is_remembered_changes_no_answer(which, kind):
+    a, b = MODELS[which]
+    pair, rng = engine.Pair(a, b), np.random.default_rng(which)
+    for here in walk(rng, kind):
+        fresh = engine.signed_distance(a, here, b, IDENTITY)
+        found = pair.signed_distance(here, IDENTITY)
+        assert found.status is fresh.status
+        assert found.upper == pytest.approx(fresh.upper, abs=1e-13)
+        assert found.lower == pytest.approx(fresh.lower, abs=1e-13)
+
+
+def test_what_was_found_far_from_the_origin_is_remembered_as_roughly_as_it_is_known():
+    """Coordinates are rounded by 1e-8 there, and are exact again on return."""
+    pair, far = engine.Pair(BALL, SMALL), translation(1e8, 1e8)
+    for x in (0.45, 0.5, 0.55):
+        pair.signed_distance(far @ translation(x), far)
+        fresh = engine.signed_distance(BALL, translation(x), SMALL, IDENTITY)
+        found = pair.signed_distance(translation(x), IDENTITY)
+        assert found.upper == pytest.approx(fresh.upper, abs=1e-13)
+        assert found.upper - found.lower < 1e-13
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-15, 3e-15, 1e-14, 2e-14, 3e-14, 1e-13])
+def test_what_was_deepest_may_be_as_good_as_on_the_surface(gap):
+    a, b = box((1.0, 1.0, 1.0)), box((0.5, 0.5, 0.5))
+    pair = engine.Pair(a, b)
+    for x in (0.75 + gap, 0.75 - gap, 0.75 + 2.0 * gap):
+        assert pair.signed_distance(IDENTITY, translation(0.7)).upper < 0.0
+        here = translation(x)
+        fresh = engine.signed_distance(a, IDENTITY, b, here)
+        found = pair.signed_distance(IDENTITY, here)
+        assert found.status is fresh.status
+        assert found.lower == pytest.approx(fresh.lower, abs=1e-15)
+        assert found.upper == pytest.approx(fresh.upper, abs=1e-15)
+
+
+def test_small_steps_need_a_fraction_of_the_tests():
+    for a, b, start in ((BALL, BALL, 1.0), (BALL, RING, 0.3), (RING, RING, 0.2)):
+        pair, here = engine.Pair(a, b), translation(start, 0.2, 0.1)
+        pair.signed_distance(here, IDENTITY)
+        tests = np.zeros(2)
+        for _ in range(10):
+            here[:3, 3] += (5e-4, -3e-4, 4e-4)
+            found = pair.signed_distance(here, IDENTITY)
+            fresh = engine.signed_distance(a, here, b, IDENTITY)
+            assert found.upper == pytest.approx(fresh.upper, abs=1e-13)
+            tests += found.primitive_tests, fresh.primitive_tests
+        assert tests[0] < 0.6 * tests[1]
+
+
+def test_the_sides_of_parts_that_stay_clear_are_not_tested_again():
+    pair, here = engine.Pair(CROWD, BALL), translation(0.0, 0.0, 0.1)
+    fresh = engine.signed_distance(CROWD, here, BALL, IDENTITY)
+    pair.signed_distance(here, IDENTITY)
+    for _ in range(5):
+        here[2, 3] += 1e-3
+        found = pair.signed_distance(here, IDENTITY)
+        assert found.lower > 0.0
+        assert found.primitive_tests < fresh.primitive_tests - 60
+
+
+def test_a_refit_forgets_what_was_found_on_the_old_surface():
+    model = sphere(3)
+    pair = engine.Pair(model, SMALL)
+    assert pair.signed_distance(IDENTITY, IDENTITY, budget_s=10.0).upper < -0.4
+    for size in (3.0, 1.0, 0.3):
+        model.refit(size * sphere(3).vertices)
+        expected = engine.signed_distance(
+            engine.TriangleMesh(model.vertices, model.faces), IDENTITY, SMALL, IDENTITY
+        )
+        for budget in (None, 10.0):
+            found = pair.signed_distance(IDENTITY, IDENTITY, budget_s=budget)
+            assert found.upper == pytest.approx(expected.upper, abs=1e-13)
+            assert found.lower == pytest.approx(expected.lower, abs=1e-13)
+
+
+@pytest.mark.parametrize("name", ["rel_err", "abs_err", "budget_s"])
+@pytest.mark.parametrize("value", [-1e-9, math.nan])
+def test_tolerances_and_budgets_that_make_no_sense(name, value):
+    with pytest.raises(ValueError, match=name):
+        engine.Pair(BALL, SMALL).signed_distance(IDENTITY, IDENTITY, **{name: value})

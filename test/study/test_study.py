@@ -1,0 +1,189 @@
+"""The study runs, keeps what it promises about its own numbers, and says what is wrong with it."""
+
+from __future__ import annotations
+
+import csv
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proximity_monitor import engine
+from proximity_monitor.study import __main__ as command_line
+from proximity_monitor.study.accuracy import paper, run, tolerance
+from proximity_monitor.study.accuracy.certificate import BrokenCertificateError, check
+from proximity_monitor.study.accuracy.timing import Timed, blocks
+
+COMMAND = [sys.executable, "-m", "proximity_monitor.study", "accuracy"]
+SMALL = ["--quick", "--part", "tolerance", "volumes", "--scene", "cave/path", "chain"]
+
+
+def study(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*COMMAND, *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+def rows_of(out: Path, part: str) -> list[dict[str, str]]:
+    with (out / "accuracy" / f"{part}.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory) -> Path:
+    """The folder that a small study wrote."""
+    folder = tmp_path_factory.mktemp("study")
+    done = study(*SMALL, "--out", "out", folder=folder)
+    assert done.returncode == 0, done.stderr
+    assert "accuracy.md" in done.stdout
+    assert list(folder.iterdir()) == [folder / "out"]
+    return folder / "out"
+
+
+def test_errors_asked_for_are_respected(measured):
+    rows = rows_of(measured, "tolerance")
+    assert [float(row["rel_err"]) for row in rows] == list(tolerance.ASKED)
+    for row in rows:
+        assert int(row["queries"]) > 50
+        assert float(row["error_max"]) <= float(row["rel_err"])
+        assert float(row["bound_tests"]) <= float(rows[0]["bound_tests"])
+    assert float(rows[-1]["error_max"]) > 0.01  # it does use the error that it may make
+
+
+def test_all_kinds_of_volume_answer_all_questions(measured):
+    rows = rows_of(measured, "volumes")
+    cases = [(question, volume) for question in paper.QUESTIONS for volume in paper.VOLUMES]
+    assert [(row["question"], row["volume"]) for row in rows] == cases
+    assert len({row["queries"] for row in rows}) == 1
+    assert min(float(row["bound_tests"]) for row in rows) >= 1.0
+
+
+def test_the_page_shows_every_figure_and_its_data(measured):
+    page = (measured / "accuracy.md").read_text()
+    images = re.findall(r"!\[[^]]+\]\(([^)]+)\)", page)
+    assert images == [
+        f"images/accuracy_{name}.png" for name in ("tolerance", "volumes_time", "volumes_tests")
+    ]
+    for image in images:
+        assert (measured / image).read_bytes().startswith(b"\x89PNG")
+    assert sorted((measured / "images").iterdir()) == sorted(measured / image for image in images)
+    for link in re.findall(r"[^!]\[[^]]+\]\(([^)]+)\)", page):
+        assert (measured / link).is_file()
+    assert f"python -m proximity_monitor.study accuracy {' '.join(SMALL)} --out out" in page
+    assert page.count("Not measured.") == len(run.PARTS) - 2
+    assert not re.search(r"\b(nan|inf)\b|[{}]", page)
+
+
+def test_the_page_is_made_of_the_data_alone(measured, tmp_path):
+    out = tmp_path / "out"
+    (out / "accuracy").mkdir(parents=True)
+    for name in ("tolerance", "volumes", "runs"):
+        text = (measured / "accuracy" / f"{name}.csv").read_text()
+        (out / "accuracy" / f"{name}.csv").write_text(text)
+    done = study("--render-only", "--out", str(out), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for name in ("accuracy.md", "images/accuracy_tolerance.png"):
+        assert (out / name).read_bytes() == (measured / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    "arguments, said",
+    [
+        (["--scene", "nosuch"], ["--scene nosuch", "cave/path", "chain"]),
+        (["--part", "growth", "--scene", "chain"], ["--scene chain", "growing"]),
+        (["--part", "nosuch"], ["nosuch", "tolerance"]),
+        (["--data", "."], ["--data", "falling_tori"]),
+        (["--out", "file"], ["--out file"]),
+    ],
+)
+def test_a_wrong_argument_is_refused_with_the_way_out(
+    arguments, said, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    try:
+        code = command_line.main(["accuracy", *arguments])
+    except SystemExit as ended:  # argparse's own way
+        code = ended.code
+    assert code == 2
+    refusal = capsys.readouterr().err
+    for words in said:
+        assert words in refusal
+    assert not list(tmp_path.rglob("*.csv"))
+
+
+def test_nothing_can_be_rendered_from_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert command_line.main(["accuracy", "--render-only"]) == 1
+    assert "build/accuracy" in capsys.readouterr().err
+
+
+def test_the_help_knows_every_part(capsys):
+    assert [part.name for part in run.PARTS] == list(command_line.PARTS)
+    with pytest.raises(SystemExit) as ended:
+        command_line.main(["accuracy", "--help"])
+    assert ended.value.code == 0
+    said = capsys.readouterr().out
+    for words in (*command_line.PARTS, "build/accuracy", "--render-only", "130"):
+        assert words in said
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sends SIGINT")
+def test_an_interrupt_leaves_what_was_measured(tmp_path):
+    first = tmp_path / "build" / "accuracy" / "accuracy" / "tolerance.csv"
+    command = [*COMMAND, "--quick", "--part", "tolerance", "budget"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as running:
+        deadline = time.monotonic() + 120.0
+        while not first.is_file():
+            assert running.poll() is None and time.monotonic() < deadline
+            time.sleep(0.02)
+        running.send_signal(signal.SIGINT)
+        _, said = running.communicate(timeout=60.0)
+    assert running.returncode == 130
+    assert "Interrupted" in said
+    page = (first.parents[1] / "accuracy.md").read_text()
+    assert "images/accuracy_tolerance.png" in page
+    assert "Not measured." in page
+
+
+def answers(*pairs: engine.Pair, **settings: float) -> Timed:
+    """What pairs of points answer, two metres apart."""
+    there = np.eye(4)
+    there[0, 3] = 2.0
+    found = [pair.distance(np.eye(4), there, **settings) for pair in pairs]
+    return Timed([0.0] * len(found), found)
+
+
+def test_a_broken_certificate_is_found():
+    origin = engine.points([[0.0, 0.0, 0.0]])
+    near = engine.points([[0.0, 0.0, 0.0], [-0.5, 0.0, 0.0]])
+    true = answers(engine.Pair(origin, origin))
+    check("the same", true, true, 0.0)
+    other = answers(engine.Pair(origin, near))
+    with pytest.raises(BrokenCertificateError, match="query 0"):
+        check("another distance", other, true)
+    with pytest.raises(BrokenCertificateError, match=r"asked for: 0\.1"):
+        check("too far", true, other, 0.1)
+
+
+def test_blocks_are_spread_over_all_steps():
+    assert blocks(10, 4, 99) == [range(4), range(4, 8), range(8, 10)]
+    assert blocks(100, 10, 3) == [range(10), range(40, 50), range(90, 100)]
+    assert blocks(5, 64, 2) == [range(5)]
+
+
+def test_the_papers_cells_are_read_from_the_right_places():
+    assert paper.volume_cost("collide", "Virtual Prototyping", "pss") == paper.Cost(
+        4.92e6, 1.44e6, 173.92
+    )
+    assert paper.volume_cost("exact", "Path Planning", "rss") == paper.Cost(1.70e6, 0.196e6, 25.018)
+    assert paper.volume_cost("10 %", "Dynamic Simulation", "hybrid") == paper.Cost(
+        3.85e6, 0.179e6, 51.724
+    )
