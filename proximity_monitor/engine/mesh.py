@@ -31,8 +31,10 @@ class TriangleMesh:
         faces: (m, 3) integers, indices of vertices; m >= 1.
         name: what messages call this mesh.
         volume: the bounding volumes: "rss", "lss" or "pss" (rectangle, line and point swept
-            spheres), or "hybrid" (of each node the one that its dimensions suggest; Larsen et al.
-            1999, section 4.2).
+            spheres), "hybrid" (of each node the one that its dimensions suggest; Larsen et al.
+            1999, section 4.2), or, for comparison, "obb" or "aabb" (boxes along the principal axes
+            of what they hold or along the model frame's, with their distances by GJK; Johnson and
+            Cohen 1997, section 3.1.1).
 
     Raises:
         ModelError: wrong shapes, no faces, a vertex that is not finite or beyond 1e45 m, a face

@@ -116,6 +116,16 @@ The error of a common normal then changes the distance by 30 u sin(angle), nothi
 correction is longer than 2^-39 / 2^-20 of the edges, so that it adds no rounding of its own.
 """
 
+GAP_SHARE = 0.75
+"""How much of the margin of two triangles' distance their gap along a given direction may err by.
+
+Let n be the direction, no longer than a unit, and the letters as for MARGIN_A. The inner products
+with a's corners err by 3 u |a|. Turning n into b's frame errs by 3 u √3 < 5.2 u, which b's corners
+multiply; their own products err by 3 u |b|, that of the translation by 3 u |t|; the motion that is
+taken for exact by 5/3 u |b| and u |t|; the two sums by u (|b| + |t|) and u (|a| + |b| + |t|).
+Together 4 u |a| + 11.9 u |b| + 6 u |t|, at most 0.71 of each part of the margin.
+"""
+
 RIGID_TOLERANCE = 1e-6
 """By what share a pose may change lengths: what six-digit files and float32 messages hold.
 

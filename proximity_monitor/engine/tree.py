@@ -6,17 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels.build import EMPTY, build_tree
-from .kernels.fit import HYBRID, LSS, PSS, RSS
+from .kernels.fit import AABB, HYBRID, LSS, OBB, PSS, RSS
 from .kernels.measure import measure
 from .kernels.refit import refit_tree
 from .kernels.state import Tree
 from .kernels.volumes import EMPTY_RADIUS, FIELDS, STRIDE, WIDTH
 from .tolerances import SINGLE_EPS
 
-VOLUMES = {"rss": RSS, "lss": LSS, "pss": PSS, "hybrid": HYBRID}
+VOLUMES = {"rss": RSS, "lss": LSS, "pss": PSS, "hybrid": HYBRID, "obb": OBB, "aabb": AABB}
 """The kinds of volume by name, and what the kernels call them."""
 
-_EDGES = {"rss": 2, "lss": 1, "pss": 0, "hybrid": 2}
+BOXES = ("obb", "aabb")
+"""Those of them that are boxes: what is a radius elsewhere is a box's half thickness."""
+
+_EDGES = {"rss": 2, "lss": 1, "pss": 0, "hybrid": 2, "obb": 2, "aabb": 2}
 """How many half edges a core of each kind may have."""
 
 
@@ -30,7 +33,7 @@ def build(corners: NDArray[np.float64], volume: str = "rss") -> tuple[Tree, NDAr
     Returns:
         The hierarchy, (m,) which triangle stands where in tree order, and the number of levels.
     """
-    scale = _scale(corners)
+    scale = _scale(corners, volume)
     nodes, centres, children, sizes, order, depth = build_tree(corners, scale[0], VOLUMES[volume])
     triangles = np.ascontiguousarray(corners[order])
     tree = _frozen(Tree(nodes, centres, children, sizes, triangles, scale))
@@ -46,17 +49,17 @@ def refit(tree: Tree, corners: NDArray[np.float64], faces: NDArray[np.int32], vo
         faces: (m, 3) which corners are the same vertex, in tree order.
         volume: a key of VOLUMES.
     """
-    scale = _scale(corners)
+    scale = _scale(corners, volume)
     nodes, centres, sizes = refit_tree(corners, faces, tree.children, scale[0], VOLUMES[volume])
     return _frozen(Tree(nodes, centres, tree.children, sizes, corners, scale))
 
 
-def _scale(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Metres in a node unit, its inverse, and the largest norm of a corner."""
+def _scale(corners: NDArray[np.float64], volume: str) -> NDArray[np.float64]:
+    """Metres in a node unit, its inverse, the largest norm of a corner, and 1 for boxes, else 0."""
     _, _, largest, longest = measure(corners)
     # A power of two: dividing by it is exact. Zero for a model at the origin alone.
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
-    return np.array([unit, 1.0 / unit, longest])
+    return np.array([unit, 1.0 / unit, longest, float(volume in BOXES)])
 
 
 def _frozen(tree: Tree) -> Tree:
@@ -80,6 +83,8 @@ def check_tree(tree: Tree, volume: str = "rss") -> None:
     Raises:
         TreeError: naming the node and the lane.
     """
+    if tree.scale[3] != (volume in BOXES):
+        raise TreeError(f"scale: marked with {tree.scale[3]} for boxes; the volumes are {volume!r}")
     seen = np.zeros(len(tree.triangles), dtype=np.int64)
     _check_node(tree, 0, seen, _EDGES[volume])
     if not (seen == 1).all():
@@ -95,7 +100,7 @@ def check_tree(tree: Tree, volume: str = "rss") -> None:
 
 def _check_scale(tree: Tree) -> None:
     """Node units and metres agree, and no corner is longer than the margins suppose."""
-    unit, inverse, longest = tree.scale
+    unit, inverse, longest, _ = tree.scale
     if not (inverse * unit == 1.0 and np.abs(tree.triangles).max() <= unit):
         raise TreeError(f"scale: {unit} metres in a node unit, of which {inverse} in a metre")
     norms = np.sqrt((tree.triangles.reshape(-1, 3) ** 2).sum(axis=1))
@@ -121,26 +126,41 @@ def _check_node(tree: Tree, node: int, seen: NDArray[np.int64], edges: int) -> N
         else:
             below = _check_node(tree, child, seen, edges)
         held.append(below)
-        _check_volume(tree, node, lane, lanes[:, lane], below)
         _check_core(tree, node, lane, lanes[:, lane], edges)
+        _check_volume(tree, node, lane, lanes[:, lane], below)
     return np.concatenate(held)
 
 
 def _check_volume(
     tree: Tree, node: int, lane: int, volume: NDArray[np.float64], triangles: NDArray[np.int64]
 ) -> None:
-    """Every corner lies within the radius of the rectangle, and the volume within the reach."""
-    c, u, v = volume[0:3], volume[3:6], volume[6:9]
-    radius, a, b = volume[9:].tolist()
+    """Every corner lies within the volume, and the volume within the reach."""
+    c = volume[0:3]
     corners = tree.triangles[triangles].reshape(-1, 3) / tree.scale[0]
     d = corners - (tree.centres[node, :3] + c)
-    s, t = np.clip(d @ u, -a, a), np.clip(d @ v, -b, b)
-    distance = np.sqrt(((d - np.outer(s, u) - np.outer(t, v)) ** 2).sum(axis=1)).max()
-    if not distance <= radius:
-        raise TreeError(f"node {node} lane {lane}: a corner lies {distance - radius} outside")
-    reach = np.sqrt(c @ c) + a + b + radius
+    outside = _outside_box(volume, d) if tree.scale[3] else _outside_swept(volume, d)
+    if not outside <= 0.0:
+        raise TreeError(f"node {node} lane {lane}: a corner lies {outside} outside")
+    reach = np.sqrt(c @ c) + volume[9:].sum()
     if not reach <= tree.centres[node, 3]:
         raise TreeError(f"node {node} lane {lane}: reaches {reach} beyond its node's reach")
+
+
+def _outside_swept(volume: NDArray[np.float64], d: NDArray[np.float64]) -> float:
+    """How far the farthest of points, given from the centre (n, 3), is beyond the radius."""
+    u, v, (radius, a, b) = volume[3:6], volume[6:9], volume[9:]
+    s, t = np.clip(d @ u, -a, a), np.clip(d @ v, -b, b)
+    return float(np.sqrt(((d - np.outer(s, u) - np.outer(t, v)) ** 2).sum(axis=1)).max() - radius)
+
+
+def _outside_box(volume: NDArray[np.float64], d: NDArray[np.float64]) -> float:
+    """How far the farthest of points, given from the centre (n, 3), is beyond a side.
+
+    Rounding left the axes not quite perpendicular: coordinates are what a point is the sum of.
+    """
+    u, v, (thickness, a, b) = volume[3:6], volume[6:9], volume[9:]
+    coordinates = np.linalg.solve(np.stack((u, v, np.cross(u, v)), axis=1), d.T)
+    return float((np.abs(coordinates).max(axis=1) - (a, b, thickness)).max())
 
 
 def _check_core(tree: Tree, node: int, lane: int, volume: NDArray[np.float64], edges: int) -> None:

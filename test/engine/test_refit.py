@@ -9,7 +9,7 @@ from engine_bodies import Fcl, pose, soup, sphere, torus, translation
 from proximity_monitor import engine
 from proximity_monitor.engine import check_tree
 
-KINDS = ("rss", "lss", "pss", "hybrid")
+KINDS = ("rss", "lss", "pss", "hybrid", "obb", "aabb")
 
 
 def of(mesh, kind):

@@ -9,7 +9,7 @@ from engine_bodies import Fcl, box, pose, soup, sphere, torus, translation
 from proximity_monitor import engine, scene
 from proximity_monitor.engine import check_tree
 
-KINDS = ("rss", "lss", "pss", "hybrid")
+KINDS = ("rss", "lss", "pss", "hybrid", "obb", "aabb")
 WIDTH, FIELDS = 16, 12
 """Lanes of a node, and numbers of a lane: field f of lane k stands at f * WIDTH + k."""
 EMPTY = -(2**31)
@@ -115,11 +115,10 @@ def test_rectangles_are_the_default():
 
 
 def cores(mesh):
-    """How many half edges each volume's core has."""
+    """How many sides each volume's core has: half lengths that are not zero."""
     lanes = mesh._tree.nodes.reshape(-1, FIELDS, WIDTH)
     used = mesh._tree.children.reshape(-1, WIDTH) != EMPTY
-    edges = lanes[:, 3:6].any(axis=1).astype(int) + lanes[:, 6:9].any(axis=1)
-    return edges[used]
+    return (lanes[:, 10:] > 0.0).sum(axis=1)[used]
 
 
 def test_each_kind_has_the_core_of_its_name():
@@ -189,7 +188,7 @@ def test_a_line_swept_sphere_fits_a_capsule():
     shape = (ball + ends).reshape(-1, 3) @ pose(rng)[:3, :3].T
     mesh = of(engine.points(shape), "lss")
     nodes = mesh._tree.nodes.reshape(-1, FIELDS, WIDTH)
-    half = np.linalg.norm(nodes[0, 3:6, 0]) * mesh._tree.scale[0]
+    half = nodes[0, 10, 0] * mesh._tree.scale[0]
     assert root_radius(mesh) == pytest.approx(0.5, rel=0.02)
     assert half == pytest.approx(2.0, rel=0.02)
 
@@ -274,27 +273,35 @@ def changed(mesh, change):
     return mesh._tree._replace(nodes=nodes)
 
 
-@pytest.mark.parametrize(("kind", "field"), [("pss", 3), ("pss", 6), ("lss", 6)])
+@pytest.mark.parametrize(("kind", "field"), [("pss", 10), ("pss", 11), ("lss", 11)])
 def test_a_core_of_another_kind_is_found(kind, field):
     def stretch(lanes):
-        lanes[2, field + 2, 1] = 0.01
-        lanes[2, 10 + (field == 6), 1] = 1e4
-        lanes[2, 9, 1] += 0.1
+        lanes[2, field, 1] = 0.01
 
     with pytest.raises(AssertionError, match="node 2 lane 1"):
         check_tree(changed(of(torus(), kind), stretch), kind)
 
 
-@pytest.mark.parametrize("factor", [1.0 + 1e-6, 1.0 - 1e-6, 2.0, 0.0, np.nan, -1.0])
-@pytest.mark.parametrize("field", [10, 11])
-def test_an_inverse_square_that_is_wrong_is_found(field, factor):
-    """A bound along a volume's normal is as long as they say."""
+@pytest.mark.parametrize("kind", ["rss", "obb"])
+@pytest.mark.parametrize("factor", [1.0 + 1e-5, 1.0 - 1e-5, 2.0, 0.0, np.nan])
+@pytest.mark.parametrize("axis", [3, 6])
+def test_an_axis_that_is_no_unit_vector_is_found(axis, factor, kind):
+    """A projection onto it is as long as the half lengths suppose."""
 
     def change(lanes):
-        lanes[1, field, 3] *= np.float32(factor)
+        lanes[1, axis : axis + 3, 3] *= np.float32(factor)
 
     with pytest.raises(AssertionError, match="node 1 lane 3"):
-        check_tree(changed(torus(), change))
+        check_tree(changed(of(torus(), kind), change), kind)
+
+
+@pytest.mark.parametrize("kind", ["rss", "obb"])
+def test_axes_that_are_not_perpendicular_are_found(kind):
+    def change(lanes):
+        lanes[1, 6:9, 3] = lanes[1, 3:6, 3]
+
+    with pytest.raises(AssertionError, match="node 1 lane 3: its axes"):
+        check_tree(changed(of(torus(), kind), change), kind)
 
 
 def test_a_size_that_is_too_small_is_found():

@@ -13,6 +13,7 @@ import numpy as np
 from numba import uint64
 
 from ..tolerances import CROSS_MARGIN, SINGLE_EPS, SINGLE_LIMIT, SINGLE_TINY
+from .boxes import box_bounds
 from .build import EMPTY
 from .jit import inlined, loop16
 from .lanes import lowest, not_above
@@ -119,6 +120,11 @@ def cross_leaves(
             continue
         _pick(placed, uint64(own), margin, single)
         lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found)
+        if fixed.scale[3] + tree.scale[3] > 0.0:
+            box_bounds(
+                tree, node * WIDTH + own, motion, fixed, other, state.reals[BOUND_SLACK],
+                threshold, found,
+            )  # fmt: skip
         tests += WIDTH
         survivors = not_above(found, threshold)
         while survivors:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numba import uint64
 
+from .aim import gap_along
+from .boxes import box_bounds
 from .build import EMPTY
 from .cross import Scratch, Waiting, cross_leaves
 from .gaps import BATCH, CORNERS, gather
@@ -62,6 +64,8 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, scratch):
     reach = np.float32(min(limit * tree.scale[1] * (1.0 + 1e-6), 1e29))
     if place(fixed, lane, motion, tree, node, reals[BOUND_SLACK], single):
         lower_bounds(tree.nodes, uint64(node * STRIDE), single, found)
+        if fixed.scale[3] + tree.scale[3] > 0.0:
+            box_bounds(fixed, lane, motion, tree, node, reals[BOUND_SLACK], reach, found)
     else:
         inherited = max(inherited, far_bound(fixed, lane, motion, tree, node, reals[BOUND_SLACK]))
         for k in range(WIDTH):
@@ -118,10 +122,12 @@ def take_batch(tree_a, tree_b, state, waiting, n, pairs, corners):
         if waiting.bounds[n] < limit:
             ta = ~tree_a.children[waiting.lanes[n, 0]]
             tb = ~tree_b.children[waiting.lanes[n, 1]]
+            state.counts[PRIMITIVE_TESTS] += 1
+            if gap_along(state.reals, tree_a.triangles, ta, tree_b.triangles, tb) >= limit:
+                continue
             pairs[taken, 0], pairs[taken, 1] = ta, tb
             gather(tree_a.triangles, ta, tree_b.triangles, tb, taken, corners)
             taken += 1
-    state.counts[PRIMITIVE_TESTS] += taken
     return taken, n
 
 
@@ -213,7 +219,10 @@ def advance(tree_a, tree_b, state, steps):
             if n >= 0:
                 continue
             n = before
-        open_a = lowest_b if lowest_a != lowest_b else larger_a
+        open_a = larger_a
+        if lowest_a != lowest_b:
+            sa, sb = tree_a.sizes[a] * tree_a.scale[0], tree_b.sizes[b] * tree_b.scale[0]
+            open_a = sa > 2.0 * sb if lowest_a else 2.0 * sa > sb
         if child_b < 0 or (child_a >= 0 and open_a):
             open_pair(tree_b, b, tree_a, a, state.motions[0], True, state, scratch)
         else:

@@ -1,8 +1,9 @@
-"""Fitting a swept sphere volume to triangles (Larsen et al. 1999, section 4.1).
+"""Fitting a volume to triangles (Larsen et al. 1999, section 4.1).
 
 The axes come from the covariance of the vertices. A rectangle is shrunk by the radius along both
 sides and its corners grown back at 45 degrees; a line stands in the middle of the smallest circle
 around the vertices seen along it, shrunk by its caps; a point is the centre of the smallest ball.
+Boxes are in boxfit.py.
 None of that is trusted to contain anything: after rounding to float32 the radius is measured again
 from the rounded core to every vertex, and a volume is convex, so the triangles are inside whatever
 the fit did.
@@ -15,15 +16,17 @@ import numpy as np
 from ..tolerances import DOUBLE_EPS, SINGLE_EPS
 from .axes import axes_of_points, axes_of_triangle
 from .ball import enclosing_ball
+from .boxfit import box
 from .jit import kernel
 from .vectors import add, dot
 
-RSS, LSS, PSS, HYBRID = 0, 1, 2, 3
+RSS, LSS, PSS, HYBRID, OBB, AABB = 0, 1, 2, 3, 4, 5
 """Which volumes a hierarchy consists of: rectangle, line or point swept spheres, or of each node
-the one that its box's dimensions choose."""
+the one that its box's dimensions choose; from OBB on boxes, along the principal axes of what they
+hold or along the coordinate axes."""
 
 _SQRT_HALF = 0.7071067811865476
-_X, _Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @kernel
@@ -34,10 +37,14 @@ def core(points, n, single, volume, local):
     """
     if volume == PSS:
         return point(points, n, local)
+    if volume == AABB:
+        return box(points, n, _X, _Y, _Z)
     if single:
         first, second, normal = axes_of_triangle(points)
     else:
         first, second, normal = axes_of_points(points, n)
+    if volume == OBB:
+        return box(points, n, first, second, normal)
     if volume != RSS:
         x = extent(points, n, first)
         y = extent(points, n, second)

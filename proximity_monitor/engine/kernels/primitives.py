@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float32
 
+from .aim import take_aim
 from .gaps import BATCH, gaps, gather, shift
 from .jit import entry, kernel
 from .lanes import lowest, not_above
@@ -22,7 +23,7 @@ from .state import (
     WEIGHTS_B,
 )
 from .triangles import certainly_cross, triangle_distance
-from .vectors import moved
+from .vectors import along, moved, scaled, sub
 
 
 @kernel
@@ -54,6 +55,13 @@ def _both(tree_a, tree_b, state, ta, tb):
     return corners(tree_a.triangles, ta), b
 
 
+@kernel
+def _mixed(triangle, weights):
+    """The point of a triangle with the given weights."""
+    p, q, r = triangle
+    return along(along(scaled(p, weights[0]), q, weights[1]), r, weights[2])
+
+
 @entry
 def test_triangles(tree_a, tree_b, state, ta, tb):
     """Exact distance of two triangles; keeps it where it is the smallest. Returns it."""
@@ -70,6 +78,7 @@ def test_triangles(tree_a, tree_b, state, ta, tb):
         reals[WEIGHTS_A], reals[WEIGHTS_A + 1], reals[WEIGHTS_A + 2] = wa
         reals[WEIGHTS_B], reals[WEIGHTS_B + 1], reals[WEIGHTS_B + 2] = wb
         reals[LIMIT] = min(reals[LIMIT], _limit(reals))
+        take_aim(reals, state.motions[0], sub(_mixed(b, wb), _mixed(a, wa)))
     return distance
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import uint64
 
-from .fit import core, enclosing_radius
+from .boxfit import box_extents
+from .fit import OBB, core, enclosing_radius
 from .jit import inlined, kernel
 from .volumes import EMPTY_RADIUS, STRIDE, WIDTH, read_vector
 
@@ -20,7 +21,7 @@ def fit_lane(points, n, single, volume, local, nodes, centre, node, lane, sizes)
     put(nodes, base + uint64(6 * WIDTH), v)
     nodes[base + uint64(10 * WIDTH)] = np.float32(a)
     nodes[base + uint64(11 * WIDTH)] = np.float32(b)
-    write_radius(points, n, nodes, centre, node, lane, sizes)
+    write_radius(points, n, volume, nodes, centre, node, lane, sizes)
 
 
 @kernel
@@ -32,8 +33,8 @@ def put(nodes, base, vector):
 
 
 @inlined
-def write_radius(points, n, nodes, centre, node, lane, sizes):
-    """Complete a lane whose core stands: its radius and its size."""
+def write_radius(points, n, volume, nodes, centre, node, lane, sizes):
+    """Complete a lane whose core stands: its radius and its size; or a box's three extents."""
     base = uint64(node * STRIDE + lane)
     c = (
         centre[0] + nodes[base],
@@ -44,7 +45,12 @@ def write_radius(points, n, nodes, centre, node, lane, sizes):
     v = read_vector(nodes, base + uint64(6 * WIDTH))
     a = np.float64(nodes[base + uint64(10 * WIDTH)])
     b = np.float64(nodes[base + uint64(11 * WIDTH)])
-    radius = enclosing_radius(points, n, c, u, v, a, b)
+    if volume >= OBB:
+        long_u, long_v, radius = box_extents(points, n, c, u, v)
+        nodes[base + uint64(10 * WIDTH)], nodes[base + uint64(11 * WIDTH)] = long_u, long_v
+        a, b = np.float64(long_u), np.float64(long_v)
+    else:
+        radius = enclosing_radius(points, n, c, u, v, a, b)
     nodes[base + uint64(9 * WIDTH)] = radius
     sizes[node * WIDTH + lane] = np.float32(np.sqrt(a * a + b * b) + radius)
 

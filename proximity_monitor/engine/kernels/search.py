@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..tolerances import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
+from .aim import no_aim
 from .descent import advance
 from .jit import entry, kernel
 from .motion import deviation, is_rigid, relative_motions
@@ -68,9 +69,10 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     reals[BOUND_SLACK] = imperfect * (size_a + size_b + apart) + POINT_FLOOR
     reals[UPPER_SLACK] = reals[SLACK]
     reals[DISTANCE] = np.inf
+    no_aim(reals)
     reals[REL_ERR], reals[ABS_ERR], reals[STOP], reals[LIMIT] = rel_err, abs_err, stop, limit
     counts[BOUND_TESTS], counts[PRIMITIVE_TESTS], counts[CONTACTS] = 0, 0, 0
-    state.stack[0, 0], state.stack[0, 1], state.bounds[0] = 0, 0, 0.0
+    state.stack[0, 0], state.stack[0, 1], state.bounds[0] = 0, 0, -np.inf
     counts[DEPTH], counts[BASE], counts[FRAMES] = 1, 0, 0
     if state.contacts.shape[0] == 0:
         counts[PRIMITIVE_TESTS] = 1

@@ -9,8 +9,8 @@ Tree = namedtuple("Tree", "nodes centres children sizes triangles scale")
 
 nodes (float32, flat) the volumes; centres (k, 4) each node's centre and reach in node units;
 children (int32, k × 16) a node, ~triangle or EMPTY; sizes (float32, k × 16) each volume's extent
-in node units; triangles (m, 9) in tree order, metres; scale (3,) metres in a node unit, its
-inverse, and the largest norm of a vertex in metres.
+in node units; triangles (m, 9) in tree order, metres; scale (4,) metres in a node unit, its
+inverse, the largest norm of a vertex in metres, and 1 where the volumes are boxes, else 0.
 """
 
 State = namedtuple("State", "motions reals counts stack bounds frames contacts")
@@ -23,7 +23,10 @@ DISTANCE, SLACK, BOUND_SLACK, LIMIT, REL_ERR, ABS_ERR, STOP, UPPER_SLACK = 0, 1,
 """Reals: smallest distance found; what rounding may have done to it, and to a moved volume; bound
 from which a pair is pruned; the tolerances; distance at which the search may end; rounding of
 the upper bound, 0 where triangles certainly cross. All metres."""
-WEIGHTS_A, WEIGHTS_B, REALS = 8, 11, 14
+NORMAL_A, NORMAL_B, OFFSET = 8, 11, 14
+"""Reals: the unit vector from the nearest point of a to that of b, in a's frame and in b's, and its
+product with the translation from b to a (see aim.py)."""
+WEIGHTS_A, WEIGHTS_B, REALS = 15, 18, 21
 """Reals: barycentric weights of the nearest points, three each."""
 
 DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, CONTACTS = 0, 1, 2, 3, 4, 5
