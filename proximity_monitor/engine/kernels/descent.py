@@ -1,8 +1,8 @@
 """The descent of the bounding volume test tree.
 
 Depth first (Larsen et al. 1999, sections 5.1 and 6): the pair whose bound is smallest comes first.
-Of a pair the volume that is not a lowest node yet is opened, the larger one where both are alike,
-sixteen bounds at a time; two lowest nodes are dealt with in one go (cross.py).
+The larger volume of a pair is opened, sixteen bounds at a time; two lowest nodes are dealt with in
+one go (cross.py). Where volumes overlap their bounds are negative, and the deepest comes first.
 """
 
 from __future__ import annotations
@@ -201,10 +201,11 @@ def advance(tree_a, tree_b, state, steps):
         # Lane 0 of a lowest node, and of no other, holds a triangle.
         lowest_a = child_a < 0 or tree_a.children[child_a * WIDTH] < 0
         lowest_b = child_b < 0 or tree_b.children[child_b * WIDTH] < 0
-        larger_a = tree_a.sizes[a] * tree_a.scale[0] > tree_b.sizes[b] * tree_b.scale[0]
+        size_a = tree_a.sizes[a] * tree_a.scale[0]
+        size_b = tree_b.sizes[b] * tree_b.scale[0]
         if lowest_a and lowest_b and child_a >= 0 and child_b >= 0:
             before = n
-            if larger_a:
+            if size_a > size_b:
                 n = cross_leaves(
                     tree_a, child_a, tree_b, b, state.motions[1], False, state, bounds[top],
                     reals[LIMIT], scratch, waiting, n,
@@ -219,11 +220,10 @@ def advance(tree_a, tree_b, state, steps):
             if n >= 0:
                 continue
             n = before
-        open_a = larger_a
+        # Two lowest nodes together are the better bargain, unless one is far larger.
         if lowest_a != lowest_b:
-            sa, sb = tree_a.sizes[a] * tree_a.scale[0], tree_b.sizes[b] * tree_b.scale[0]
-            open_a = sa > 2.0 * sb if lowest_a else 2.0 * sa > sb
-        if child_b < 0 or (child_a >= 0 and open_a):
+            size_a, size_b = (size_a, 2.0 * size_b) if lowest_a else (2.0 * size_a, size_b)
+        if child_b < 0 or (child_a >= 0 and size_a > size_b):
             open_pair(tree_b, b, tree_a, a, state.motions[0], True, state, scratch)
         else:
             open_pair(tree_a, a, tree_b, b, state.motions[1], False, state, scratch)
