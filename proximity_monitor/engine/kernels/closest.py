@@ -7,9 +7,11 @@ import numpy as np
 from ..tolerances import POINT_FLOOR, POINT_MARGIN
 from .jit import entry
 from .memory import on_stack
-from .nearest import nearest, point_triangle
+from .nearest import begin_nearest, nearest, point_triangle
 from .primitives import corners
 from .volumes import WIDTH
+
+_TO_THE_END = 1 << 62
 
 
 @entry
@@ -29,7 +31,10 @@ def closest_points(tree, pose, points, stack, bounds, answers, feet, triangles):
             pose[0, 2] * d[0] + pose[1, 2] * d[1] + pose[2, 2] * d[2],
         )
         slack = POINT_MARGIN * (abs(p[0]) + abs(p[1]) + abs(p[2]) + tree.scale[2]) + POINT_FLOOR
-        distance, nearby = nearest(tree, p, nearby, slack, stack, bounds, found)
+        distance, nearby, top = begin_nearest(tree, p, nearby, stack, bounds)
+        distance, nearby, _, _ = nearest(
+            tree, p, distance, nearby, top, slack, 0.0, stack, bounds, found, _TO_THE_END
+        )
         answers[k, 0], answers[k, 1] = max(distance - slack, 0.0), distance + slack
         triangles[k] = nearby
         a, b, c = corners(tree.triangles, nearby)

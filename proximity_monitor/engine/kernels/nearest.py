@@ -74,20 +74,29 @@ def point_triangle(p, a, b, c):
 
 
 @kernel
-def nearest(tree, p, nearby, slack, stack, bounds, found):
-    """Distance of p to a model, both in the model's frame, metres, and the triangle (tree order).
+def begin_nearest(tree, p, nearby, stack, bounds):
+    """Begin a search for the point of a model nearest to p, both in its frame, at a triangle.
 
-    `nearby` is a triangle to begin with; the distance is right to `slack`.
+    Returns what `nearest` goes on with: the distance so far, the triangle, the stack's height.
     """
     a, b, c = corners(tree.triangles, nearby)
-    best = np.sqrt(point_triangle(p, a, b, c)[0])
-    unit = tree.scale[0]
     stack[0], bounds[0] = 0, -1.0
-    top = 1
-    while top > 0:
+    return np.sqrt(point_triangle(p, a, b, c)[0]), nearby, 1
+
+
+@kernel
+def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, steps):
+    """Go on with a search, at most `steps` steps: (distance, triangle, height, steps left).
+
+    Metres, triangles in tree order. Where the stack is empty then, the distance is that to the
+    triangle and the true one at most `spare` smaller, right to `slack`.
+    """
+    unit = tree.scale[0]
+    while top > 0 and steps > 0:
         top -= 1
-        if bounds[top] >= best - slack:
+        if bounds[top] >= best - max(slack, spare):
             continue
+        steps -= 1
         child = stack[top]
         if child < 0:
             a, b, c = corners(tree.triangles, ~child)
@@ -123,4 +132,4 @@ def nearest(tree, p, nearby, slack, stack, bounds, found):
                 at -= 1
             bounds[at], stack[at] = bound, tree.children[child * WIDTH + k]
             top += 1
-    return best, nearby
+    return best, nearby, top, steps

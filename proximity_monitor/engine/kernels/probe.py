@@ -11,15 +11,11 @@ from __future__ import annotations
 from collections import namedtuple
 
 import numpy as np
-from numba import float32, uint64
+from numba import uint64
 
-from ..tolerances import SINGLE_LIMIT, SINGLE_MARGIN
 from .jit import kernel
-from .lanes import lowest, not_above
-from .nearest import point_bounds, point_triangle
-from .primitives import corners
+from .nearest import begin_nearest, nearest
 from .vectors import dot, sub
-from .volumes import STRIDE, WIDTH
 from .winding import UNKNOWN, winding_number
 
 Probe = namedtuple("Probe", "best counts stack bounds keys memos")
@@ -82,10 +78,11 @@ def _remember(probe, p, key, value, error):
 @kernel
 def start(probe, other, p, model):
     """Begin the test of a point p of `model`, in the frame of the other model, metres."""
-    a, b, c = corners(other.triangles, probe.counts[NEAR + 1 - model])
-    probe.best[0] = np.sqrt(point_triangle(p, a, b, c)[0])
-    probe.stack[0], probe.bounds[0] = 0, -1.0
-    probe.counts[TOP] = 1
+    counts = probe.counts
+    near = NEAR + 1 - model
+    probe.best[0], counts[near], counts[TOP] = begin_nearest(
+        other, p, counts[near], probe.stack, probe.bounds
+    )
 
 
 @kernel
@@ -95,49 +92,12 @@ def descend(probe, other, p, model, slack, spare, found, steps):
     Where the stack is empty then, the distance lies between probe.best less `spare` and
     probe.best, right to `slack`.
     """
-    counts, stack, bounds = probe.counts, probe.stack, probe.bounds
-    best, top = probe.best[0], counts[TOP]
-    unit = other.scale[0]
-    while top > 0 and steps > 0:
-        top -= 1
-        if bounds[top] >= best - max(slack, spare):
-            continue
-        steps -= 1
-        child = stack[top]
-        if child < 0:
-            a, b, c = corners(other.triangles, ~child)
-            distance = np.sqrt(point_triangle(p, a, b, c)[0])
-            if distance < best:
-                best, counts[NEAR + 1 - model] = distance, ~child
-            continue
-        x = p[0] / unit - other.centres[child, 0]
-        y = p[1] / unit - other.centres[child, 1]
-        z = p[2] / unit - other.centres[child, 2]
-        size = abs(x) + abs(y) + abs(z) + other.centres[child, 3]
-        if size + slack / unit < SINGLE_LIMIT:
-            margin = float32(SINGLE_MARGIN * size + slack / unit)
-            point_bounds(
-                other.nodes, uint64(child * STRIDE), float32(x), float32(y), float32(z), margin,
-                found,
-            )  # fmt: skip
-        else:
-            # Too far away for float32, or too small: then every lane is as good as the next.
-            for k in range(WIDTH):
-                empty = other.nodes[uint64(child * STRIDE + 9 * WIDTH + k)] < 0.0
-                found[k] = float32(1e30) if empty else float32(-1.0)
-        first = top
-        survivors = not_above(found, float32(min(best / unit * (1.0 + 1e-6), 1e29)))
-        while survivors:
-            k = lowest(survivors)
-            survivors &= survivors - 1
-            bound = found[k] * unit
-            at = top
-            while at > first and bounds[at - 1] < bound:
-                bounds[at], stack[at] = bounds[at - 1], stack[at - 1]
-                at -= 1
-            bounds[at], stack[at] = bound, other.children[child * WIDTH + k]
-            top += 1
-    probe.best[0], counts[TOP] = best, top
+    counts = probe.counts
+    near = NEAR + 1 - model
+    probe.best[0], counts[near], counts[TOP], steps = nearest(
+        other, p, probe.best[0], counts[near], counts[TOP], slack, spare, probe.stack,
+        probe.bounds, found, steps,
+    )  # fmt: skip
     return steps
 
 
