@@ -126,6 +126,8 @@ def measure(
     for single, suffix in ((exact, ""), (rough, "_10")):
         tests = np.mean(single.tests, axis=0)
         row[f"bound_tests{suffix}"], row[f"primitive_tests{suffix}"] = map(float, tests)
+    steps = (starts[:, None] + np.arange(scene.block)).ravel()
+    row["ideal_bound_tests"] = _ideal(models["ours"], scene.tracks, steps)
     found = {name: np.concatenate(blocks, axis=1) for name, blocks in bounds.items()}
     size = max(model.radius for model in models["ours"].values())
     row["queries"] = len(exact.tests)
@@ -164,6 +166,18 @@ def _bytes(mesh: engine.TriangleMesh) -> int:
     """All arrays of a mesh and of its hierarchy."""
     values = [getattr(mesh, name) for name in mesh.__slots__]
     return sum(v.nbytes for v in (*values, *mesh._tree) if isinstance(v, np.ndarray))
+
+
+def _ideal(
+    models: dict[str, engine.TriangleMesh], tracks: list[Track], steps: NDArray[np.int64]
+) -> float:
+    """Mean number of bound tests of exact searches that are given the distance beforehand."""
+    tests = []
+    for track in tracks:
+        pair = engine.Pair(models[track.a], models[track.b])
+        for i in steps[steps < len(track.poses_a)]:
+            tests.append(pair.ideal(track.poses_a[i], track.poses_b[i]).bound_tests)
+    return float(np.mean(tests))
 
 
 def _ask(

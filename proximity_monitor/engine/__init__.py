@@ -16,6 +16,7 @@ from .result import (
     Distance,
     Distances,
     Feature,
+    Manifold,
     Status,
 )
 from .tree import check_tree
@@ -27,6 +28,7 @@ __all__ = [
     "Distance",
     "Distances",
     "Feature",
+    "Manifold",
     "ModelError",
     "Pair",
     "Status",

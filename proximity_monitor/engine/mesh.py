@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .kernels.measure import measure
+from .kernels.spread import node_ranges, spread_corners
 from .tolerances import DOUBLE_EPS, LARGEST_COORDINATE
 from .tree import VOLUMES, build, refit
 
@@ -44,6 +45,8 @@ class TriangleMesh:
     __slots__ = (
         "__weakref__",
         "_face_of",
+        "_node_ranges",
+        "_spread",
         "_tree",
         "centre",
         "depth",
@@ -88,6 +91,8 @@ class TriangleMesh:
         self.centre, self.radius = _bounding_sphere(corners)
         self._tree: Tree
         self._tree, self._face_of, self.depth = build(corners, volume)
+        self._node_ranges: NDArray[np.int32] | None = None
+        self._spread: NDArray[np.int32] | None = None
 
     def refit(self, vertices: ArrayLike) -> None:
         """Move the vertices: the same faces, and a hierarchy of the same structure, fitted anew.
@@ -115,7 +120,20 @@ class TriangleMesh:
         centre, radius = _bounding_sphere(corners)
         tree = refit(self._tree, corners, faces, self.volume)
         self.vertices, self.centre, self.radius, self._tree = moved, centre, radius, tree
+        self._spread = None
         self.revision += 1
+
+    def _ranges(self) -> NDArray[np.int32]:
+        """Which triangles, in tree order, stand under each node (k, 2); made when first needed."""
+        if self._node_ranges is None:
+            self._node_ranges = node_ranges(self._tree.children)
+        return self._node_ranges
+
+    def _spread_corners(self) -> NDArray[np.int32]:
+        """A few vertices of each node, far apart (k, 4); made when first needed."""
+        if self._spread is None:
+            self._spread = spread_corners(self._tree.triangles, self._tree.children)
+        return self._spread
 
     def __repr__(self) -> str:
         """Name and size."""

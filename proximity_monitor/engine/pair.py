@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .kernels import state as index
+from .manifold import manifold_of
 from .mesh import TriangleMesh
 from .poses import as_pose, check_pose
 from .result import Clearance, Collision, Distance, Feature, Status
@@ -47,6 +48,7 @@ class Pair:
         abs_err: float = 0.0,
         budget_s: float | None = None,
         order: Order = "depth_first",
+        manifold: bool = False,
     ) -> Distance:
         """Minimum distance at two poses; see `engine.distance`."""
         start = perf_counter()
@@ -57,7 +59,7 @@ class Pair:
         if budget_s is not None:
             check_tolerance("budget_s", budget_s)
             shapes = self.a.revision, self.b.revision
-            asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, order, shapes)
+            asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, order, manifold, shapes)
             fresh = asked != self._asked
             deadline = start + budget_s
         if order != self._search.order:
@@ -66,24 +68,37 @@ class Pair:
         self._asked = None
         code = search.run(
             pose_a[None], pose_b[None],
-            rel_err=rel_err, abs_err=abs_err, deadline=deadline, fresh=fresh,
+            rel_err=rel_err, abs_err=abs_err, deadline=deadline, fresh=fresh, collect=manifold,
         )  # fmt: skip
         self._asked = asked
-        lower, upper, *_ = search.answers[0].tolist()
-        answer, weights = search.answers[0].copy(), search.reals[index.WEIGHTS_A :].copy()
-        (face_a, face_b), (bound_tests, primitive_tests) = self._faces(), search.tests[0].tolist()
-        return Distance(
-            lower,
-            upper,
-            answer[2:5],
-            answer[5:8],
-            Feature(face_a, weights[:3]),
-            Feature(face_b, weights[3:]),
-            self._status(code),
-            bound_tests,
-            primitive_tests,
-            perf_counter() - start,
-        )
+        return self._distance(search, code, start, manifold)
+
+    def ideal(
+        self,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        *,
+        rel_err: float = 0.0,
+        abs_err: float = 0.0,
+    ) -> Distance:
+        """The answer of `distance`, by the search that is given the true distance beforehand.
+
+        A diagnostic: its `bound_tests` and `primitive_tests` are the fewest that can prove the
+        answer with these hierarchies (Larsen et al. 1999, section 7), and `elapsed_s` is the time
+        of that search alone. What this Pair remembers is left as it is.
+
+        Raises:
+            ValueError: a pose that is no rigid motion, a tolerance that is negative or NaN.
+        """
+        check_tolerance("rel_err", rel_err)
+        check_tolerance("abs_err", abs_err)
+        pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
+        search = Search(self.a, self.b)
+        search.run(pose_a[None], pose_b[None])
+        # The next begins with the distance of the triangles that this one found.
+        start = perf_counter()
+        code = search.run(pose_a[None], pose_b[None], rel_err=rel_err, abs_err=abs_err)
+        return self._distance(search, code, start)
 
     def signed_distance(
         self,
@@ -136,7 +151,8 @@ class Pair:
         point, tests = search.answers[0, 2:5].copy(), search.tests[0].copy()
         pairs = search.triangles[: int(colliding)]
         if colliding and all_contacts:
-            pairs = search.contacts(pose_a[None], pose_b[None])
+            search.run(pose_a[None], pose_b[None], limit=math.ulp(0.0), collect=True)
+            pairs = search.collected(0.0)[:, :2].astype(np.int32)
             tests += search.tests[0]
         contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
         return Collision(colliding, contacts, point, *tests.tolist())
@@ -147,19 +163,37 @@ class Pair:
         self._search = Search(self.a, self.b, order)
         self._search.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = remembered
 
-    def _faces(self) -> tuple[int, int]:
-        """The nearest triangles as the models number them."""
-        a, b = self._search.triangles[0].tolist()
-        return int(self.a._face_of[a]), int(self.b._face_of[b])
+    def _distance(
+        self, search: Search, code: int, start: float, collected: bool = False
+    ) -> Distance:
+        """The answer of a search that returned `code` and was asked at `start` of perf_counter."""
+        lower, upper, *_ = search.answers[0].tolist()
+        answer, weights = search.answers[0].copy(), search.reals[index.WEIGHTS_A :].copy()
+        a, b = search.triangles[0].tolist()
+        bound_tests, primitive_tests = search.tests[0].tolist()
+        return Distance(
+            lower,
+            upper,
+            answer[2:5],
+            answer[5:8],
+            Feature(int(self.a._face_of[a]), weights[:3]),
+            Feature(int(self.b._face_of[b]), weights[3:]),
+            _status(search, code),
+            bound_tests,
+            primitive_tests,
+            perf_counter() - start,
+            manifold_of(self.a, self.b, search) if collected else None,
+        )
 
-    def _status(self, code: int) -> Status:
-        """Why a distance search that returned `code` stopped."""
-        reals = self._search.reals
-        certain = reals[index.DISTANCE] - reals[index.SLACK]
-        if certain <= 0.0:
-            return Status.INTERSECTING
-        if code == index.CUT:
-            return Status.OUT_OF_TIME
-        if reals[index.LIMIT] < certain:
-            return Status.WITHIN_TOLERANCE
-        return Status.EXACT
+
+def _status(search: Search, code: int) -> Status:
+    """Why a distance search that returned `code` stopped."""
+    reals = search.reals
+    certain = reals[index.DISTANCE] - reals[index.SLACK]
+    if certain <= 0.0:
+        return Status.INTERSECTING
+    if code == index.CUT:
+        return Status.OUT_OF_TIME
+    if reals[index.ENOUGH] < certain:
+        return Status.WITHIN_TOLERANCE
+    return Status.EXACT

@@ -30,6 +30,7 @@ def distance(
     abs_err: float = 0.0,
     budget_s: float | None = None,
     order: Order = "depth_first",
+    manifold: bool = False,
 ) -> Distance:
     """Minimum distance between two surfaces, with certified bounds and witness points.
 
@@ -46,7 +47,14 @@ def distance(
         budget_s: seconds; stop with certified bounds when they are over. None: no limit.
         order: "depth_first" takes the nearer child first, with the least bookkeeping; "priority"
             the nearest of all pairs that are left (section 6.1), which makes fewer tests where no
-            good answer is known beforehand.
+            good answer is known beforehand; "breadth_first" bounds all pairs of one level of the
+            hierarchies before the next (Johnson and Cohen 1997, section 3.1.1), so its lower bound
+            rises, and a manifold shrinks, everywhere alike. Its first question about a mesh chooses
+            some vertices beforehand, 5 ms for 100,000 triangles, which no budget cuts.
+        manifold: give every pair of triangles that may hold the minimum, all ties and, where
+            surfaces intersect, all contacts: `Distance.manifold`. Where the search is cut, or a
+            tolerance has it leave pairs of volumes alone that cannot improve the answer by more,
+            those stand in it as well.
 
     Returns:
         The bounds, in metres, witness points and why the search stopped.
@@ -55,8 +63,9 @@ def distance(
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
     return Pair(a, b).distance(
-        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s, order=order
-    )
+        pose_a, pose_b,
+        rel_err=rel_err, abs_err=abs_err, budget_s=budget_s, order=order, manifold=manifold,
+    )  # fmt: skip
 
 
 def within(

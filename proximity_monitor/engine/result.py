@@ -41,6 +41,40 @@ class Feature:
         return ("vertex", "edge", "face")[int(np.count_nonzero(self.barycentric)) - 1]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Manifold:
+    """Every pair of parts of two surfaces that may hold their minimum distance: none is missing.
+
+    A part is one triangle, or all under a volume that the search did not look into because the
+    budget was over or the tolerance did not require it (Johnson and Cohen 1997, section 3.1.3).
+
+    Attributes:
+        lower: (k,) metres; certified lower bound of each pair's distance.
+        upper: (k,) metres; certified upper bound of it.
+        ranges_a: (k, 2) int32; the part of a of each pair: first, and one after the last, among
+            `faces_a`.
+        ranges_b: (k, 2) int32; the same of b.
+        faces_a: (m,) int32; a's faces by index, those of a part in a row.
+        faces_b: (n,) int32; the same of b.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    ranges_a: NDArray[np.int32]
+    ranges_b: NDArray[np.int32]
+    faces_a: NDArray[np.int32]
+    faces_b: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        """How many pairs there are."""
+        return len(self.lower)
+
+    def faces(self, i: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Which faces of a and which of b make up pair i."""
+        (first_a, last_a), (first_b, last_b) = self.ranges_a[i], self.ranges_b[i]
+        return self.faces_a[first_a:last_a], self.faces_b[first_b:last_b]
+
+
 @dataclass(frozen=True, slots=True)
 class Distance:
     """Minimum distance of two surfaces: lower <= true distance <= upper.
@@ -57,6 +91,7 @@ class Distance:
         bound_tests: bounding volume pairs tested.
         primitive_tests: triangle pairs tested.
         elapsed_s: seconds the search took.
+        manifold: every pair that may hold the minimum, where they were asked for.
     """
 
     lower: float
@@ -69,6 +104,7 @@ class Distance:
     bound_tests: int
     primitive_tests: int
     elapsed_s: float
+    manifold: Manifold | None = None
 
 
 @dataclass(frozen=True, slots=True)

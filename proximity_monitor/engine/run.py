@@ -11,21 +11,36 @@ from numpy.typing import NDArray
 
 from .kernels import search as kernel
 from .kernels import state as index
+from .kernels.levels import KEPT
 from .kernels.queue import QUEUE
 from .mesh import TriangleMesh
 from .poses import check_pose
 
-Order = Literal["depth_first", "priority"]
+Order = Literal["depth_first", "priority", "breadth_first"]
 """In which order a search visits pairs of volumes; the answer is the same."""
 
-_ORDERS = {"depth_first": index.DEPTH_FIRST, "priority": index.PRIORITY}
+_ORDERS = {
+    "depth_first": index.DEPTH_FIRST,
+    "priority": index.PRIORITY,
+    "breadth_first": index.BREADTH_FIRST,
+}
 
 _SLICE = 256
 """Steps between two looks at the clock, some 30 µs: what a budget may be overrun by. With 64 a
 search under a budget takes half as long again."""
 
+_COLLECTING_SLICE = 16
+"""The same where pairs are collected: a step may then test 256 pairs of triangles, some 40 µs."""
+
 _LONG_SLICE = 1 << 18
 """Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
+
+_LIST = 1 << 20
+"""Pairs that a search level by level has room for, a power of two: 16 MB, of which the system gives
+only what is used."""
+
+_COLLECTED = 4096
+"""Pairs that there is room for when collecting begins."""
 
 
 class Search:
@@ -51,20 +66,27 @@ class Search:
         self._models = a, b
         self.order = order
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
-        # model; a priority queue that is full besides leaves all its pairs below.
+        # model; a priority queue that is full besides leaves all its pairs below. A list of levels
+        # is full while there is still room for a search depth first (see levels.py).
         levels = a.depth + b.depth
         capacity = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
+        if order == "breadth_first":
+            capacity = _LIST
         self.reals = np.zeros(index.REALS)
         self.counts = np.zeros(index.COUNTS, np.int64)
         self.counts[index.ORDER] = _ORDERS[order]
+        self.counts[index.FULL] = capacity - 15 * levels - 16
+        no_corners = np.empty((0, KEPT), np.int32)
         self.state = index.State(
             np.zeros((2, 12)),
             self.reals,
             self.counts,
-            np.zeros((capacity, 2), np.int32),
-            np.zeros(capacity),
+            np.empty((capacity, 2), np.int32),
+            np.empty(capacity),
             np.zeros(levels + 1, np.int64),
-            np.zeros((0, 2), np.int32),
+            np.empty((0, 3)),
+            no_corners,
+            no_corners,
         )
         self.answers = np.empty((rows, index.ANSWER))
         self.triangles = np.empty((rows, 2), np.int32)
@@ -81,13 +103,15 @@ class Search:
         limit: float = math.inf,
         deadline: float | None = None,
         fresh: bool = True,
+        collect: bool = False,
         first: int | None = None,
     ) -> int:
         """Answer at poses (rows, 4, 4), into `answers`, `triangles` and `tests`.
 
-        Goes on with the search of the last run where not `fresh`. `first` is the number of the
-        first pose among many, for messages about one of them. Returns ENDED, CUT where the
-        deadline (of perf_counter) came first, or CONTACTS_FULL.
+        Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
+        alone, it collects every pair that may be as near as the upper bound, and ends only when it
+        has them all. `first` is the number of the first pose among many, for messages about one of
+        them. Returns ENDED, or CUT where the deadline (of perf_counter) came first.
 
         Raises:
             ValueError: a pose that is no rigid motion.
@@ -95,7 +119,17 @@ class Search:
         a, b = self._models
         steps = _LONG_SLICE
         if deadline is not None:
-            steps = _SLICE if perf_counter() < deadline else 0
+            steps = _COLLECTING_SLICE if collect else _SLICE
+            if perf_counter() >= deadline:
+                steps = 0
+        if collect:
+            stop = -math.inf
+        if collect != bool(len(self.state.collected)):
+            room = np.empty((_COLLECTED if collect else 0, 3))
+            self.state = self.state._replace(collected=room)
+        if fresh and self.order == "breadth_first":
+            corners = a._spread_corners(), b._spread_corners()
+            self.state = self.state._replace(spread_a=corners[0], spread_b=corners[1])
         row = 0
         while True:
             code, row = kernel.search(
@@ -103,6 +137,9 @@ class Search:
                 rel_err, abs_err, stop, limit, steps, fresh,
                 self.answers, self.triangles, self.tests,
             )  # fmt: skip
+            if code == index.COLLECTED_FULL:
+                self._make_room()
+                code = index.CUT
             if code != index.CUT:
                 break
             if deadline is not None and perf_counter() >= deadline:
@@ -114,23 +151,26 @@ class Search:
             check_pose(poses[row], name)
         return code
 
-    def contacts(
-        self, poses_a: NDArray[np.float64], poses_b: NDArray[np.float64]
-    ) -> NDArray[np.int32]:
-        """Every pair of triangles (k, 2), in tree order, whose contact cannot be excluded.
+    def _make_room(self) -> None:
+        """Drop what was collected and matters no longer, and have room for more."""
+        rows = self.collected(self.reals[index.LIMIT])
+        room = np.empty((max(len(self.state.collected), 4 * len(rows)), 3))
+        room[: len(rows)] = rows
+        self.counts[index.COLLECTED] = len(rows)
+        self.state = self.state._replace(collected=room)
 
-        Leaves the number of tests in `tests`. Poses (1, 4, 4).
-        """
-        found = []
-        room = np.zeros((1024, 2), np.int32)
-        nothing, self.state = self.state, self.state._replace(contacts=room)
-        code = index.CONTACTS_FULL
-        while code == index.CONTACTS_FULL:
-            self.counts[index.CONTACTS] = 0
-            code = self.run(poses_a, poses_b, stop=-math.inf, limit=math.ulp(0.0), fresh=not found)
-            found.append(room[: self.counts[index.CONTACTS]].copy())
-        self.state = nothing
-        return np.concatenate(found)
+    def collected(self, reach: float) -> NDArray[np.float64]:
+        """The rows of `State.collected` that may be as near as `reach` metres."""
+        rows = self.state.collected[: self.counts[index.COLLECTED]]
+        lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.reals[index.SLACK], 0.0)
+        return rows[lower <= reach]
+
+    def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
+        ring = self.order == "breadth_first"
+        first = self.counts[index.BASE] if ring else 0
+        where = np.arange(first, self.counts[index.DEPTH]) % len(self.state.bounds)
+        return self.state.stack[where], self.state.bounds[where]
 
 
 def check_tolerance(name: str, value: float) -> None:

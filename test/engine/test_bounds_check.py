@@ -13,7 +13,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 
 import numpy as np
-from engine_bodies import IDENTITY, box, pose, soup, sphere, torus
+from engine_bodies import IDENTITY, ORDERS, box, pose, soup, sphere, torus
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
@@ -32,7 +32,10 @@ for first, a in enumerate(models[:10]):
         for far in (0.0, 1.0, 1e20):
             here = pose(rng, far)
             pair.distance(here, IDENTITY)
-            pair.distance(here, IDENTITY, order="priority")
+            for order in ORDERS:
+                pair.distance(here, IDENTITY, order=order, manifold=True, budget_s=1e-5)
+                pair.distance(here, IDENTITY, order=order)
+            pair.distance(here, IDENTITY, rel_err=0.1, manifold=True)
             pair.distance(here, IDENTITY, rel_err=0.1, abs_err=1e-3)
             for _ in range(3):
                 pair.distance(here, IDENTITY, budget_s=1e-5)

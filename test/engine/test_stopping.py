@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, box, pose, soup, sphere, torus
+from engine_bodies import IDENTITY, ORDERS, box, pose, soup, sphere, torus
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
@@ -96,7 +96,7 @@ def test_a_large_budget_gives_the_exact_answer():
         assert (found.lower, found.upper) == (exact.lower, exact.upper)
 
 
-@pytest.mark.parametrize("order", ["depth_first", "priority"])
+@pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("tolerance", [{}, {"rel_err": 0.05}, {"abs_err": 1e-4}])
 def test_many_small_budgets_reach_the_same_answer_step_by_step(tolerance, order):
     options = {"order": order, **tolerance}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .jit import kernel
-from .memory import on_stack
+from .memory import table_on_stack
 from .vectors import cross, dot, scaled, sub
 
 
@@ -16,13 +16,14 @@ def eigenvectors(xx, xy, xz, yy, yz, zz):
     Returns three tuples. Convergence is quadratic: eight sweeps are ample for 3×3; axes that have
     not settled would still be orthonormal, and only the fit would be looser.
     """
-    a = on_stack(9, 0.0).reshape((3, 3))
+    a = table_on_stack(3, 3, 0.0)
     a[0, 0], a[0, 1], a[0, 2] = xx, xy, xz
     a[1, 0], a[1, 1], a[1, 2] = xy, yy, yz
     a[2, 0], a[2, 1], a[2, 2] = xz, yz, zz
-    v = on_stack(9, 0.0).reshape((3, 3))
-    v[:] = 0.0
-    v[0, 0] = v[1, 1] = v[2, 2] = 1.0
+    v = table_on_stack(3, 3, 0.0)
+    v[0, 0], v[0, 1], v[0, 2] = 1.0, 0.0, 0.0
+    v[1, 0], v[1, 1], v[1, 2] = 0.0, 1.0, 0.0
+    v[2, 0], v[2, 1], v[2, 2] = 0.0, 0.0, 1.0
     for _ in range(8):
         off = abs(a[0, 1]) + abs(a[0, 2]) + abs(a[1, 2])
         if off <= 1e-12 * (abs(a[0, 0]) + abs(a[1, 1]) + abs(a[2, 2])):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .jit import kernel
-from .memory import on_stack
+from .memory import table_on_stack
 from .vectors import add, cross, dot, scaled, sub
 
 _ROUNDS = 32
@@ -19,7 +19,7 @@ _ROUNDS = 32
 @kernel
 def enclosing_ball(points, n):
     """Centre of the smallest ball around points[:n]; of the smallest circle where they are flat."""
-    basis = on_stack(15, 0.0).reshape((5, 3))
+    basis = table_on_stack(5, 3, 0.0)
     basis[0, 0], basis[0, 1], basis[0, 2] = points[0, 0], points[0, 1], points[0, 2]
     used, squared = 1, 0.0
     centre = _at(points, 0)

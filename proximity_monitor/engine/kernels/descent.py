@@ -1,8 +1,9 @@
 """The descent of the bounding volume test tree.
 
-Depth first (Larsen et al. 1999, sections 5.1 and 6): the pair whose bound is smallest comes first.
-The larger volume of a pair is opened, sixteen bounds at a time; two lowest nodes are dealt with in
-one go (cross.py). Where volumes overlap their bounds are negative, and the deepest comes first.
+Depth first (Larsen et al. 1999, sections 5.1 and 6): the pair whose bound is smallest comes first;
+or the nearest of all (queue.py), or level by level (levels.py). The larger volume of a pair is
+opened, sixteen bounds at a time; two lowest nodes are dealt with in one go (cross.py). Where
+volumes overlap their bounds are negative, and the deepest comes first.
 """
 
 from __future__ import annotations
@@ -17,24 +18,27 @@ from .cross import Scratch, Waiting, cross_leaves
 from .gaps import BATCH, CORNERS, gather
 from .jit import entry, inlined
 from .lanes import lowest, not_above
-from .memory import on_stack
-from .primitives import test_batch
-from .queue import QUEUE, rise, take_nearest
+from .levels import list_pair, take_first
+from .memory import on_stack, table_on_stack
+from .primitives import collect, test_batch
+from .queue import rise, take_nearest
 from .state import (
     BASE,
     BOUND_SLACK,
     BOUND_TESTS,
-    CONTACTS,
-    CONTACTS_FULL,
+    BREADTH_FIRST,
+    COLLECTED,
+    COLLECTED_FULL,
     CUT,
     DEPTH,
     DEPTH_FIRST,
     DISTANCE,
     ENDED,
-    FRAMES,
+    ENOUGH,
     LIMIT,
     ORDER,
     PRIMITIVE_TESTS,
+    PRIORITY,
     SLACK,
     STOP,
 )
@@ -43,15 +47,14 @@ from .volumes import STRIDE, WIDTH, far_bound, lower_bounds, place
 _LOCAL = CORNERS - 3 * BATCH
 _CROSSED = WIDTH * WIDTH
 _WAITING = BATCH + _CROSSED
-_WAITING_LANES = 2 * _WAITING
-_BATCH_LANES = 2 * BATCH
 
 
 @inlined
-def open_pair(fixed, lane, tree, parent, motion, flip, state, scratch):
+def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch):
     """Bound one lane of the tree `fixed` against the sixteen under lane `parent` of `tree`.
 
-    Pushes the pairs that survive, the nearest on top. `flip` says that `fixed` is tree b.
+    Pushes the pairs that survive, in a search depth first the nearest on top. `flip` says that
+    `fixed` is tree b, `inherited` is a bound of all pairs.
     """
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
     single, found = scratch.single, scratch.found
@@ -59,7 +62,6 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, scratch):
     unit = tree.scale[0]
     limit = reals[LIMIT]
     first = counts[DEPTH]
-    inherited = bounds[first]
     counts[BOUND_TESTS] += WIDTH
     reach = np.float32(min(limit * tree.scale[1] * (1.0 + 1e-6), 1e29))
     if place(fixed, lane, motion, tree, node, reals[BOUND_SLACK], single):
@@ -82,17 +84,19 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, scratch):
             bound = inherited
         if bound >= limit:
             continue
+        child = node * WIDTH + k
+        a, b = (child, lane) if flip else (lane, child)
         at = top
         if order == DEPTH_FIRST:
             while at > first and bounds[at - 1] < bound:
                 bounds[at] = bounds[at - 1]
                 stack[at, 0], stack[at, 1] = stack[at - 1, 0], stack[at - 1, 1]
                 at -= 1
+        elif order == BREADTH_FIRST:
+            at = list_pair(state, top, a, b, bound)
         bounds[at] = bound
-        child = node * WIDTH + k
-        stack[at, 0] = child if flip else lane
-        stack[at, 1] = lane if flip else child
-        if order != DEPTH_FIRST:
+        stack[at, 0], stack[at, 1] = a, b
+        if order == PRIORITY:
             rise(stack, bounds, counts[BASE], at)
         top += 1
     counts[DEPTH] = top
@@ -132,42 +136,38 @@ def take_batch(tree_a, tree_b, state, waiting, n, pairs, corners):
 
 
 @inlined
-def take_pair(state):
-    """Take the next pair off the stack or queue, where it stays at DEPTH; False: it is pruned."""
-    counts, bounds = state.counts, state.bounds
-    if counts[ORDER] == DEPTH_FIRST:
+def take_pair(tree_a, tree_b, state):
+    """Take the next pair off the stack, queue or list, where it still stands.
+
+    Returns its place, or -1 where it is pruned.
+    """
+    counts = state.counts
+    if counts[ORDER] == PRIORITY:
+        return take_nearest(state)
+    if counts[ORDER] == BREADTH_FIRST:
+        at = take_first(tree_a, tree_b, state)
+    else:
         counts[DEPTH] -= 1
-        return bounds[counts[DEPTH]] < state.reals[LIMIT]
-    take_nearest(state)
-    top = counts[DEPTH]
-    if bounds[top] >= state.reals[LIMIT]:
-        counts[DEPTH] = counts[BASE]
-        return False
-    if top - counts[BASE] >= QUEUE:
-        state.frames[counts[FRAMES]] = counts[BASE]
-        counts[FRAMES] += 1
-        counts[BASE] = top
-    return True
+        at = counts[DEPTH]
+    return at if state.bounds[at] < state.reals[LIMIT] else -1
 
 
 @entry
 def advance(tree_a, tree_b, state, steps):
-    """Run at most `steps` steps of a search; returns ENDED, CUT or CONTACTS_FULL."""
+    """Run at most `steps` steps of a search; returns ENDED, CUT or COLLECTED_FULL."""
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
     scratch = Scratch(
         on_stack(16, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0)),
         on_stack(16, np.float32(0.0)), on_stack(STRIDE, np.float32(0.0)),
     )  # fmt: skip
-    waiting = Waiting(
-        on_stack(_WAITING_LANES, np.int32(0)).reshape((_WAITING, 2)), on_stack(_WAITING, 0.0)
-    )
-    pairs, corners = on_stack(_BATCH_LANES, np.int32(0)).reshape((BATCH, 2)), on_stack(CORNERS, 0.0)
+    waiting = Waiting(table_on_stack(_WAITING, 2, np.int32(0)), on_stack(_WAITING, 0.0))
+    pairs, corners = table_on_stack(BATCH, 2, np.int32(0)), on_stack(CORNERS, 0.0)
     local = on_stack(_LOCAL, np.float32(0.0))
-    room = state.contacts.shape[0]
+    room = state.collected.shape[0]
     n = 0
     code = ENDED
     while True:
-        full = room > 0 and counts[CONTACTS] + n + _CROSSED > room
+        full = room > 0 and counts[COLLECTED] + n + _CROSSED > room
         while n >= BATCH or (
             n > 0
             and (
@@ -186,16 +186,21 @@ def advance(tree_a, tree_b, state, steps):
             code = CUT
             break
         if full:
-            code = CONTACTS_FULL
+            code = COLLECTED_FULL
             break
-        if not take_pair(state):
+        at = take_pair(tree_a, tree_b, state)
+        if at < 0:
             continue
         steps -= 1
-        top = counts[DEPTH]
-        a, b = stack[top, 0], stack[top, 1]
+        a, b, bound = stack[at, 0], stack[at, 1], bounds[at]
+        if room > 0 and bound >= reals[ENOUGH] + 3.0 * reals[SLACK]:
+            # It may hold the minimum, and that is all that was asked: without tolerances this
+            # is LIMIT, and only pairs of triangles are collected.
+            collect(state, ~a, ~b, bound)
+            continue
         child_a, child_b = tree_a.children[a], tree_b.children[b]
         if child_a < 0 and child_b < 0:
-            waiting.lanes[n, 0], waiting.lanes[n, 1], waiting.bounds[n] = a, b, bounds[top]
+            waiting.lanes[n, 0], waiting.lanes[n, 1], waiting.bounds[n] = a, b, bound
             n += 1
             continue
         # Lane 0 of a lowest node, and of no other, holds a triangle.
@@ -207,12 +212,12 @@ def advance(tree_a, tree_b, state, steps):
             before = n
             if size_a > size_b:
                 n = cross_leaves(
-                    tree_a, child_a, tree_b, b, state.motions[1], False, state, bounds[top],
+                    tree_a, child_a, tree_b, b, state.motions[1], False, state, bound,
                     reals[LIMIT], scratch, waiting, n,
                 )  # fmt: skip
             else:
                 n = cross_leaves(
-                    tree_b, child_b, tree_a, a, state.motions[0], True, state, bounds[top],
+                    tree_b, child_b, tree_a, a, state.motions[0], True, state, bound,
                     reals[LIMIT], scratch, waiting, n,
                 )  # fmt: skip
             if n > before + BATCH:
@@ -224,7 +229,7 @@ def advance(tree_a, tree_b, state, steps):
         if lowest_a != lowest_b:
             size_a, size_b = (size_a, 2.0 * size_b) if lowest_a else (2.0 * size_a, size_b)
         if child_b < 0 or (child_a >= 0 and size_a > size_b):
-            open_pair(tree_b, b, tree_a, a, state.motions[0], True, state, scratch)
+            open_pair(tree_b, b, tree_a, a, state.motions[0], True, state, bound, scratch)
         else:
-            open_pair(tree_a, a, tree_b, b, state.motions[1], False, state, scratch)
+            open_pair(tree_a, a, tree_b, b, state.motions[1], False, state, bound, scratch)
     return code

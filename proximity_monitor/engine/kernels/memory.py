@@ -7,6 +7,28 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 
+def _on_stack(context, builder, array_type, shape):
+    """An array of a type and a shape over memory of the calling function."""
+    item = context.get_data_type(array_type.dtype)
+    size = context.get_abi_sizeof(item)
+    strides, count = [], 1
+    for extent in reversed(shape):
+        strides.insert(0, context.get_constant(types.intp, size * count))
+        count *= extent
+    memory = cgutils.alloca_once(builder, item, size=count)
+    memory.align = 64
+    array = context.make_array(array_type)(context, builder)
+    context.populate_array(
+        array,
+        data=memory,
+        shape=[context.get_constant(types.intp, extent) for extent in shape],
+        strides=strides,
+        itemsize=context.get_constant(types.intp, size),
+        meminfo=None,
+    )
+    return array._getvalue()
+
+
 @intrinsic(prefer_literal=True)
 def on_stack(typingctx, count, like):
     """An array (count,) of numbers of the type of `like`, with anything in it.
@@ -18,19 +40,20 @@ def on_stack(typingctx, count, like):
     array_type = types.Array(types.unliteral(like), 1, "C")
 
     def codegen(context, builder, signature, args):
-        item = context.get_data_type(array_type.dtype)
-        size = context.get_constant(types.intp, context.get_abi_sizeof(item))
-        memory = cgutils.alloca_once(builder, item, size=count.literal_value)
-        memory.align = 64
-        array = context.make_array(array_type)(context, builder)
-        context.populate_array(
-            array,
-            data=memory,
-            shape=[context.get_constant(types.intp, count.literal_value)],
-            strides=[size],
-            itemsize=size,
-            meminfo=None,
-        )
-        return array._getvalue()
+        return _on_stack(context, builder, array_type, (count.literal_value,))
 
     return array_type(count, like), codegen
+
+
+@intrinsic(prefer_literal=True)
+def table_on_stack(typingctx, rows, columns, like):
+    """An array (rows, columns); else as `on_stack`."""
+    if not (isinstance(rows, types.IntegerLiteral) and isinstance(columns, types.IntegerLiteral)):
+        return None
+    array_type = types.Array(types.unliteral(like), 2, "C")
+
+    def codegen(context, builder, signature, args):
+        shape = rows.literal_value, columns.literal_value
+        return _on_stack(context, builder, array_type, shape)
+
+    return array_type(rows, columns, like), codegen

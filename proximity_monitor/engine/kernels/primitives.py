@@ -7,12 +7,13 @@ from numba import float32
 
 from .aim import take_aim
 from .gaps import BATCH, gaps, gather, shift
-from .jit import entry, kernel
+from .jit import entry, inlined, kernel
 from .lanes import lowest, not_above
 from .state import (
     ABS_ERR,
-    CONTACTS,
+    COLLECTED,
     DISTANCE,
+    ENOUGH,
     LIMIT,
     REL_ERR,
     SLACK,
@@ -27,13 +28,42 @@ from .vectors import along, moved, scaled, sub
 
 
 @kernel
-def _limit(reals):
+def _enough(reals):
     """Bound from which a pair cannot improve the answer by more than was asked for."""
     distance, slack = reals[DISTANCE], reals[SLACK]
     upper = distance + slack
-    limit = distance - slack
-    limit = min(limit, upper / (1.0 + reals[REL_ERR]))
-    return min(limit, upper - reals[ABS_ERR])
+    enough = min(distance - slack, upper / (1.0 + reals[REL_ERR]))
+    return min(enough, upper - reals[ABS_ERR])
+
+
+@inlined
+def keep(state, distance, ta, tb, wa, wb, way):
+    """Keep two points, by their triangles and weights, as the nearest so far.
+
+    `way` leads from that of a to that of b, in a's frame.
+    """
+    reals, counts = state.reals, state.counts
+    reals[DISTANCE] = distance
+    counts[TRIANGLE_A], counts[TRIANGLE_B] = ta, tb
+    reals[WEIGHTS_A], reals[WEIGHTS_A + 1], reals[WEIGHTS_A + 2] = wa
+    reals[WEIGHTS_B], reals[WEIGHTS_B + 1], reals[WEIGHTS_B + 2] = wb
+    enough = min(reals[ENOUGH], _enough(reals))
+    reals[ENOUGH] = enough
+    if state.collected.shape[0] > 0:
+        # All that may be as near as the upper bound, distance + slack, matters; the second slack,
+        # of many units in its last place, has the comparison leave out none.
+        reals[LIMIT] = min(reals[LIMIT], distance + 2.0 * reals[SLACK])
+    else:
+        reals[LIMIT] = enough
+    take_aim(reals, state.motions[0], way)
+
+
+@kernel
+def collect(state, first, second, distance):
+    """Add a row to what is collected."""
+    collected, n = state.collected, state.counts[COLLECTED]
+    collected[n, 0], collected[n, 1], collected[n, 2] = first, second, distance
+    state.counts[COLLECTED] = n + 1
 
 
 @kernel
@@ -65,32 +95,17 @@ def _mixed(triangle, weights):
 @entry
 def test_triangles(tree_a, tree_b, state, ta, tb):
     """Exact distance of two triangles; keeps it where it is the smallest. Returns it."""
-    reals, counts = state.reals, state.counts
+    reals = state.reals
     a, b = _both(tree_a, tree_b, state, ta, tb)
     known = reals[DISTANCE]
-    squared, wa, wb = triangle_distance(a, b, known * known)
+    matters = np.inf if state.collected.shape[0] > 0 else known * known
+    squared, wa, wb = triangle_distance(a, b, matters)
     distance = np.sqrt(squared)
     if distance < known:
         if distance == 0.0 and certainly_cross(a, b, reals[SLACK]):
             reals[UPPER_SLACK] = 0.0
-        reals[DISTANCE] = distance
-        counts[TRIANGLE_A], counts[TRIANGLE_B] = ta, tb
-        reals[WEIGHTS_A], reals[WEIGHTS_A + 1], reals[WEIGHTS_A + 2] = wa
-        reals[WEIGHTS_B], reals[WEIGHTS_B + 1], reals[WEIGHTS_B + 2] = wb
-        reals[LIMIT] = min(reals[LIMIT], _limit(reals))
-        take_aim(reals, state.motions[0], sub(_mixed(b, wb), _mixed(a, wa)))
+        keep(state, distance, ta, tb, wa, wb, sub(_mixed(b, wb), _mixed(a, wa)))
     return distance
-
-
-@kernel
-def _test_contact(tree_a, tree_b, state, ta, tb):
-    """Note two triangles whose contact cannot be excluded."""
-    counts, contacts, slack = state.counts, state.contacts, state.reals[SLACK]
-    a, b = _both(tree_a, tree_b, state, ta, tb)
-    squared, _, _ = triangle_distance(a, b, np.inf)
-    if np.sqrt(squared) <= slack:
-        contacts[counts[CONTACTS], 0], contacts[counts[CONTACTS], 1] = ta, tb
-        counts[CONTACTS] += 1
 
 
 @kernel
@@ -127,7 +142,7 @@ def test_batch(tree_a, tree_b, state, pairs, count, corners, local, found):
             break
         k = _nearest(found, remaining)
         remaining &= ~(1 << k)
-        if state.contacts.shape[0] > 0:
-            _test_contact(tree_a, tree_b, state, pairs[k, 0], pairs[k, 1])
-        else:
-            test_triangles(tree_a, tree_b, state, pairs[k, 0], pairs[k, 1])
+        ta, tb = pairs[k, 0], pairs[k, 1]
+        distance = test_triangles(tree_a, tree_b, state, ta, tb)
+        if state.collected.shape[0] > 0 and distance - reals[SLACK] < reals[LIMIT]:
+            collect(state, ta, tb, distance)

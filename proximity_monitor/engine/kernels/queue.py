@@ -11,7 +11,7 @@ where the queues below it begin.
 from __future__ import annotations
 
 from .jit import inlined, kernel
-from .state import BASE, DEPTH, FRAMES
+from .state import BASE, DEPTH, FRAMES, LIMIT
 
 QUEUE = 256
 """Pairs of a queue; the paper's is 200."""
@@ -37,7 +37,7 @@ def rise(stack, bounds, base, at):
 
 @kernel
 def take_nearest(state):
-    """Move the nearest pair of the present queue to its end and off it; DEPTH then points at it."""
+    """Take the nearest pair of the present queue; returns where it stands, or -1: it is pruned."""
     counts, stack, bounds = state.counts, state.stack, state.bounds
     while counts[DEPTH] == counts[BASE] and counts[FRAMES] > 0:
         counts[FRAMES] -= 1
@@ -56,3 +56,11 @@ def take_nearest(state):
             break
         _swap(stack, bounds, at, child)
         at = child
+    if bounds[last] >= state.reals[LIMIT]:
+        counts[DEPTH] = base  # and so are all others
+        return -1
+    if last - base >= QUEUE:
+        state.frames[counts[FRAMES]] = base
+        counts[FRAMES] += 1
+        counts[BASE] = last
+    return last

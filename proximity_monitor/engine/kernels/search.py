@@ -22,14 +22,22 @@ from .state import (
     BASE,
     BOUND_SLACK,
     BOUND_TESTS,
-    CONTACTS,
+    BREADTH_FIRST,
+    COLLECTED,
     CUT,
     DEPTH,
     DISTANCE,
     ENDED,
+    ENOUGH,
     FRAMES,
+    LEVEL_END,
+    LEVEL_LOWER,
     LIMIT,
     LOWER,
+    NEAREST_A,
+    NEAREST_B,
+    NEXT_LOWER,
+    ORDER,
     POINT_A,
     POINT_B,
     PRIMITIVE_TESTS,
@@ -70,13 +78,14 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     reals[UPPER_SLACK] = reals[SLACK]
     reals[DISTANCE] = np.inf
     no_aim(reals)
-    reals[REL_ERR], reals[ABS_ERR], reals[STOP], reals[LIMIT] = rel_err, abs_err, stop, limit
-    counts[BOUND_TESTS], counts[PRIMITIVE_TESTS], counts[CONTACTS] = 0, 0, 0
+    reals[REL_ERR], reals[ABS_ERR], reals[STOP] = rel_err, abs_err, stop
+    reals[LIMIT], reals[ENOUGH] = limit, limit
+    counts[BOUND_TESTS], counts[PRIMITIVE_TESTS], counts[COLLECTED] = 0, 1, 0
     state.stack[0, 0], state.stack[0, 1], state.bounds[0] = 0, 0, -np.inf
     counts[DEPTH], counts[BASE], counts[FRAMES] = 1, 0, 0
-    if state.contacts.shape[0] == 0:
-        counts[PRIMITIVE_TESTS] = 1
-        test_triangles(tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B])
+    counts[LEVEL_END], counts[NEAREST_A], counts[NEAREST_B] = 0, 0, 0
+    reals[LEVEL_LOWER], reals[NEXT_LOWER] = 0.0, 0.0
+    test_triangles(tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B])
     return CUT
 
 
@@ -87,9 +96,13 @@ def finish(tree_a, tree_b, state, pose_a, pose_b, answer):
     The lower bound is the least of what was found, what was pruned and what is still to do.
     """
     reals, counts = state.reals, state.counts
-    lower = min(reals[DISTANCE] - reals[SLACK], reals[LIMIT])
-    for i in range(counts[DEPTH]):
-        lower = min(lower, state.bounds[i])
+    lower = min(reals[DISTANCE] - reals[SLACK], reals[ENOUGH])
+    if counts[ORDER] != BREADTH_FIRST:
+        for i in range(counts[DEPTH]):
+            lower = min(lower, state.bounds[i])
+    elif counts[DEPTH] > 0:
+        # There may be a million of them.
+        lower = min(lower, reals[LEVEL_LOWER])
     answer[LOWER] = max(lower, 0.0)
     answer[UPPER] = reals[DISTANCE] + reals[UPPER_SLACK]
     _witness(tree_a.triangles, counts[TRIANGLE_A], reals, WEIGHTS_A, pose_a, answer, POINT_A)
@@ -113,7 +126,7 @@ def _witness(triangles, t, reals, weights, pose, answer, at):
 def search(
     nodes_a, centres_a, children_a, sizes_a, triangles_a, scale_a,
     nodes_b, centres_b, children_b, sizes_b, triangles_b, scale_b,
-    motions, reals, counts, stack, bounds, frames, contacts,
+    motions, reals, counts, stack, bounds, frames, collected, spread_a, spread_b,
     poses_a, poses_b, first, last, rel_err, abs_err, stop, limit, steps, fresh,
     answers, triangles, tests,
 ):  # fmt: skip
@@ -126,7 +139,7 @@ def search(
     """
     tree_a = Tree(nodes_a, centres_a, children_a, sizes_a, triangles_a, scale_a)
     tree_b = Tree(nodes_b, centres_b, children_b, sizes_b, triangles_b, scale_b)
-    state = State(motions, reals, counts, stack, bounds, frames, contacts)
+    state = State(motions, reals, counts, stack, bounds, frames, collected, spread_a, spread_b)
     for k in range(first, last):
         pose_a, pose_b = poses_a[k], poses_b[k]
         if fresh or k > first:

@@ -13,10 +13,12 @@ in node units; triangles (m, 9) in tree order, metres; scale (4,) metres in a no
 inverse, the largest norm of a vertex in metres, and 1 where the volumes are boxes, else 0.
 """
 
-State = namedtuple("State", "motions reals counts stack bounds frames contacts")
+State = namedtuple("State", "motions reals counts stack bounds frames collected spread_a spread_b")
 """A search. motions (2, 12): b to a, a to b; reals and counts by the indices below; stack (int32,
 n × 2) the pairs of volumes still to be looked at, as lanes 16 node + lane, and their lower bounds
-(n,) in metres; contacts (int32, n × 2) the triangles that touch, where they are asked for (n > 0).
+(n,) in metres; collected (n, 3) every pair that may hold the minimum, where they are asked for
+(n > 0): two triangles and their distance, or ~lane, ~lane and a lower bound; spread_a and spread_b
+(int32, k × 4) vertices of each node, as 3 triangle + corner, where the order needs them.
 """
 
 DISTANCE, SLACK, BOUND_SLACK, LIMIT, REL_ERR, ABS_ERR, STOP, UPPER_SLACK = 0, 1, 2, 3, 4, 5, 6, 7
@@ -26,19 +28,25 @@ the upper bound, 0 where triangles certainly cross. All metres."""
 NORMAL_A, NORMAL_B, OFFSET = 8, 11, 14
 """Reals: the unit vector from the nearest point of a to that of b, in a's frame and in b's, and its
 product with the translation from b to a (see aim.py)."""
-WEIGHTS_A, WEIGHTS_B, REALS = 15, 18, 21
+ENOUGH, LEVEL_LOWER, NEXT_LOWER = 15, 16, 17
+"""Reals: bound from which a pair cannot improve the answer by more than was asked for: LIMIT, but
+where pairs are collected; the least bound of this level and what follows, and of the next."""
+WEIGHTS_A, WEIGHTS_B, REALS = 18, 21, 24
 """Reals: barycentric weights of the nearest points, three each."""
 
-DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, CONTACTS = 0, 1, 2, 3, 4, 5
-ORDER, BASE, FRAMES, COUNTS = 6, 7, 8, 9
-"""Counts: pairs on the stack; the nearest triangles so far, in tree order; tests made; contacts
-found."""
+DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, COLLECTED = 0, 1, 2, 3, 4, 5
+ORDER, BASE, FRAMES = 6, 7, 8
+"""Counts: pairs on the stack; the nearest triangles so far, in tree order; tests made; pairs
+collected; the order; where the present queue begins, and how many wait below it."""
+LEVEL_END, NEAREST_A, NEAREST_B, FULL, COUNTS = 9, 10, 11, 12, 13
+"""Counts of a search level by level: where the present level ends; the nearest pair of the next;
+how many pairs may be listed."""
 
 LOWER, UPPER, POINT_A, POINT_B, ANSWER = 0, 1, 2, 5, 8
 """An answer: the certified bounds, metres, and the witness points in the world."""
 
-DEPTH_FIRST, PRIORITY = 0, 1
+DEPTH_FIRST, PRIORITY, BREADTH_FIRST = 0, 1, 2
 """Orders of a search."""
 
-ENDED, CUT, BAD_POSE_A, BAD_POSE_B, CONTACTS_FULL = 0, 1, 2, 3, 4
+ENDED, CUT, BAD_POSE_A, BAD_POSE_B, COLLECTED_FULL = 0, 1, 2, 3, 4
 """What a slice of a search returns."""

@@ -1,0 +1,79 @@
+"""Which triangles stand under each node, and a few vertices of them that are far apart."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .build import EMPTY
+from .jit import allocating_entry, kernel
+from .levels import KEPT
+from .volumes import WIDTH
+
+
+@allocating_entry
+def node_ranges(children):
+    """First triangle, in tree order, and the one after the last under each node (int32, k × 2)."""
+    k = children.shape[0] // WIDTH
+    ranges = np.empty((k, 2), np.int32)
+    for node in range(k - 1, -1, -1):  # a node stands before its children
+        low, high = np.int32(2**31 - 1), np.int32(0)
+        for lane in range(node * WIDTH, (node + 1) * WIDTH):
+            child = children[lane]
+            if child >= 0:
+                low, high = min(low, ranges[child, 0]), max(high, ranges[child, 1])
+            elif child != EMPTY:
+                low, high = min(low, ~child), max(high, ~child + 1)
+        ranges[node, 0], ranges[node, 1] = low, high
+    return ranges
+
+
+@allocating_entry
+def spread_corners(triangles, children):
+    """Four vertices under each node that are far apart, as 3 triangle + corner (int32, k × 4).
+
+    They are chosen from those of the nodes below, of a lowest node from all. Each is the farthest
+    from those before it, the first the farthest from any.
+    """
+    k = children.shape[0] // WIDTH
+    spread = np.empty((k, KEPT), np.int32)
+    corners = triangles.reshape((3 * triangles.shape[0], 3))
+    candidates, nearest = np.empty(WIDTH * KEPT, np.int32), np.empty(WIDTH * KEPT)
+    for node in range(k - 1, -1, -1):
+        n = 0
+        for lane in range(node * WIDTH, (node + 1) * WIDTH):
+            child = children[lane]
+            for i in range(KEPT):
+                if child >= 0:
+                    candidates[n] = spread[child, i]
+                    n += 1
+                elif child != EMPTY and i < 3:
+                    candidates[n] = 3 * ~child + i
+                    n += 1
+        nearest[:n] = np.inf
+        chosen = _farthest(corners, candidates, n, 0, nearest)
+        nearest[:n] = np.inf
+        for i in range(KEPT):
+            spread[node, i] = candidates[chosen]
+            chosen = _farthest(corners, candidates, n, chosen, nearest)
+    return spread
+
+
+@kernel
+def _farthest(corners, candidates, n, last, nearest):
+    """Which of n candidates is farthest from its nearest chosen one, `last` being chosen now.
+
+    `nearest` holds squared distances from those chosen before.
+    """
+    best = 0
+    at = candidates[last]
+    for i in range(n):
+        j = candidates[i]
+        x, y, z = (
+            corners[j, 0] - corners[at, 0],
+            corners[j, 1] - corners[at, 1],
+            corners[j, 2] - corners[at, 2],
+        )
+        nearest[i] = min(nearest[i], x * x + y * y + z * z)
+        if nearest[i] > nearest[best]:
+            best = i
+    return best

@@ -1,0 +1,72 @@
+"""The ideal search: the same answer, the fewest tests, and nothing disturbed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY, ORDERS, pose, sphere, torus, translation
+
+from proximity_monitor import engine
+from proximity_monitor.engine import Status
+
+A, B = sphere(3), torus(24)
+
+
+def placed(seed, count=20):
+    rng = np.random.default_rng(seed)
+    return [(pose(rng, 1.5), pose(rng, 1.5)) for _ in range(count)]
+
+
+def test_the_same_answer_by_the_fewest_tests():
+    total = dict.fromkeys((*ORDERS, "ideal"), 0)
+    for pose_a, pose_b in placed(1):
+        ideal = engine.Pair(A, B).ideal(pose_a, pose_b)
+        total["ideal"] += ideal.bound_tests
+        for order in ORDERS:
+            found = engine.distance(A, pose_a, B, pose_b, order=order)
+            assert ideal.status is found.status
+            bounds = found.lower, found.upper
+            assert (ideal.lower, ideal.upper) == pytest.approx(bounds, abs=1e-14)
+            assert ideal.bound_tests <= found.bound_tests
+            assert ideal.primitive_tests <= found.primitive_tests
+            total[order] += found.bound_tests
+    assert all(total["ideal"] < total[order] for order in ORDERS)
+
+
+@pytest.mark.parametrize("tolerance", [{"rel_err": 0.1}, {"abs_err": 0.05}, {"rel_err": 10.0}])
+def test_a_tolerance_needs_fewer_still(tolerance):
+    tests = np.zeros(2)
+    for pose_a, pose_b in placed(2):
+        exact = engine.Pair(A, B).ideal(pose_a, pose_b)
+        loose = engine.Pair(A, B).ideal(pose_a, pose_b, **tolerance)
+        assert loose.status in (Status.WITHIN_TOLERANCE, Status.INTERSECTING)
+        assert loose.upper == pytest.approx(exact.upper, abs=1e-14)
+        assert loose.lower <= exact.lower
+        found = engine.distance(A, pose_a, B, pose_b, **tolerance)
+        assert loose.bound_tests <= found.bound_tests
+        tests += loose.bound_tests, exact.bound_tests
+    assert tests[0] < tests[1]
+
+
+def test_touching_bodies_need_no_bound_at_all():
+    found = engine.Pair(A, B).ideal(IDENTITY, translation(1.0))
+    assert (found.status, found.bound_tests, found.primitive_tests) == (Status.INTERSECTING, 0, 1)
+
+
+def test_what_a_pair_remembers_is_left_alone():
+    for pose_a, pose_b in placed(3, 5):
+        disturbed, other = engine.Pair(A, B), engine.Pair(A, B)
+        for pair in (disturbed, other):
+            pair.distance(pose_a, pose_b, budget_s=0.0)
+        disturbed.ideal(pose_b, pose_a)
+        one, two = (pair.distance(pose_a, pose_b, budget_s=9.0) for pair in (disturbed, other))
+        assert (one.bound_tests, one.primitive_tests) == (two.bound_tests, two.primitive_tests)
+        assert (one.lower, one.upper, one.status) == (two.lower, two.upper, two.status)
+
+
+@pytest.mark.parametrize("name", ["rel_err", "abs_err"])
+def test_what_makes_no_sense_is_refused(name):
+    with pytest.raises(ValueError, match=name):
+        engine.Pair(A, B).ideal(IDENTITY, IDENTITY, **{name: -1.0})
+    with pytest.raises(ValueError, match="pose_a"):
+        engine.Pair(A, B).ideal(2.0 * np.eye(4), IDENTITY)

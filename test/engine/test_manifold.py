@@ -1,0 +1,166 @@
+"""Solution manifolds: every pair that may hold the minimum, against brute force over all pairs."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from time import perf_counter
+
+import numpy as np
+import pytest
+import trimesh
+from engine_bodies import (
+    IDENTITY,
+    ORDERS,
+    SMALL,
+    VOLUMES,
+    from_trimesh,
+    of,
+    plate,
+    pose,
+    soup,
+    sphere,
+    torus,
+    translation,
+)
+from engine_oracles import pairwise_distances, triangles
+
+from proximity_monitor import engine
+from proximity_monitor.engine import Status
+
+
+def cylinder(radius, sections=24):
+    return from_trimesh(trimesh.creation.cylinder(radius, 2.0, sections), "cylinder")
+
+
+CONTINUA = {
+    "concentric spheres": (sphere(2), sphere(2, 1.1), IDENTITY),
+    "parallel plates": (plate(8), plate(8), translation(0.03, 0.01, 0.2)),
+    "coaxial cylinders": (cylinder(1.0), cylinder(0.8), IDENTITY),
+    "one inside its twin": (torus(12), torus(12), IDENTITY),
+}
+"""Bodies whose nearest points are a continuum or many ties."""
+
+
+def pairs(manifold):
+    """Which faces (m, n) of a and of b make up a manifold; each pair is in it once."""
+    held = np.zeros((len(manifold.faces_a), len(manifold.faces_b)), int)
+    for k in range(len(manifold)):
+        held[np.ix_(*manifold.faces(k))] += 1
+    assert held.max(initial=0) <= 1
+    return held.astype(bool)
+
+
+def check(found, distances, rounding):
+    """No pair is missing, none is there without need, and the bounds of each hold."""
+    m = found.manifold
+    held = pairs(m)
+    assert held[distances <= found.upper - rounding].all()
+    assert held[distances == distances.min()].any()
+    assert (m.lower <= found.upper).all()
+    assert found.lower <= m.lower.min() + rounding
+    for k in range(len(m)):
+        least = distances[np.ix_(*m.faces(k))].min()
+        assert m.lower[k] - rounding <= least <= m.upper[k] + rounding
+    return held
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("name", list(CONTINUA))
+def test_continua_are_found_whole(name, order):
+    a, b, pose_b = CONTINUA[name]
+    distances = pairwise_distances(triangles(a), triangles(b, pose_b))
+    found = engine.distance(a, IDENTITY, b, pose_b, order=order, manifold=True)
+    plain = engine.distance(a, IDENTITY, b, pose_b, order=order)
+    assert (found.lower, found.upper) == pytest.approx((plain.lower, plain.upper), abs=1e-14)
+    assert found.status is plain.status
+    held = check(found, distances, 1e-14)
+    assert (distances[held] <= distances.min() + 1e-13).all()
+    assert held.sum() == len(found.manifold) > 20  # triangles, not volumes
+
+
+@pytest.mark.parametrize("name", list(SMALL))
+def test_bodies_anywhere(name):
+    rng = np.random.default_rng(1)
+    for other in SMALL.values():
+        pose_a, pose_b = pose(rng, 1.0), pose(rng, 1.0)
+        a, b = SMALL[name], other
+        distances = pairwise_distances(triangles(a, pose_a), triangles(b, pose_b))
+        for volume in VOLUMES:
+            found = engine.distance(of(a, volume), pose_a, of(b, volume), pose_b, manifold=True)
+            held = check(found, distances, 1e-13)
+            assert (distances[held] <= found.upper + 1e-13).all()
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("tolerance", [{"rel_err": 0.1}, {"abs_err": 0.05}, {"abs_err": np.inf}])
+def test_a_tolerance_leaves_volumes_alone_and_misses_nothing(tolerance, order):
+    for a, b, pose_b in CONTINUA.values():
+        distances = pairwise_distances(triangles(a), triangles(b, pose_b))
+        found = engine.distance(a, IDENTITY, b, pose_b, order=order, manifold=True, **tolerance)
+        exact = engine.distance(a, IDENTITY, b, pose_b, order=order, manifold=True)
+        held = check(found, distances, 1e-14)
+        assert found.bound_tests <= exact.bound_tests
+        assert held[pairs(exact.manifold)].all()
+        if exact.lower > 0.0:
+            assert found.status is Status.WITHIN_TOLERANCE
+            assert found.lower <= found.manifold.lower.min()
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_cut_search_has_all_that_is_left_and_goes_on(order):
+    a, b = sphere(2), sphere(2, 1.02)
+    distances = pairwise_distances(triangles(a), triangles(b))
+    for tolerance in ({}, {"rel_err": 0.05}):
+        pair = engine.Pair(a, b)
+        options = {"order": order, "manifold": True, **tolerance}
+        found = [pair.distance(IDENTITY, IDENTITY, budget_s=0.0, **options)]
+        assert pairs(found[0].manifold).all()
+        while found[-1].status is Status.OUT_OF_TIME:
+            found.append(pair.distance(IDENTITY, IDENTITY, budget_s=1e-4, **options))
+        assert len(found) > 3
+        left = [check(answer, distances, 1e-14) for answer in found]
+        for before, after in pairwise(left):
+            assert before[after].all()
+        whole = engine.distance(a, IDENTITY, b, IDENTITY, **options)
+        assert found[-1].upper == pytest.approx(whole.upper, abs=1e-14)
+        assert found[-1].status is whole.status
+        assert np.array_equal(left[-1], pairs(whole.manifold))
+
+
+def test_intersecting_bodies_give_every_contact():
+    rng = np.random.default_rng(2)
+    a, b = soup(1, 400, 3.0), soup(2, 400, 3.0)
+    for _ in range(3):
+        here = pose(rng, 0.3)
+        found = engine.distance(a, here, b, IDENTITY, manifold=True)
+        contacts = engine.collide(a, here, b, IDENTITY, all_contacts=True).contacts
+        assert found.status is Status.INTERSECTING
+        assert np.array_equal(np.argwhere(pairs(found.manifold)), np.unique(contacts, axis=0))
+        assert len(contacts) > 4096  # more than there is room for at first
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_a_budget_is_kept(order):
+    """Among many: a machine that is disturbed may be late now and then, a search never is."""
+    a, b = sphere(5), sphere(5, 1.05)
+    pair = engine.Pair(a, b)
+    pair.distance(IDENTITY, IDENTITY, order=order, manifold=True, budget_s=0.0)
+    late = []
+    for budget in (1e-4, 1e-3, 1e-2):
+        for _ in range(5):
+            pair.distance(translation(3.0), IDENTITY, order=order, budget_s=0.0)
+            start = perf_counter()
+            found = pair.distance(IDENTITY, IDENTITY, order=order, manifold=True, budget_s=budget)
+            assert found.elapsed_s <= perf_counter() - start
+            late.append(found.elapsed_s - budget)
+            assert found.status is Status.OUT_OF_TIME
+    assert min(late) < 1e-3
+
+
+def test_ordinary_questions_have_none():
+    pair = engine.Pair(sphere(2), torus(12))
+    assert pair.distance(IDENTITY, translation(3.0)).manifold is None
+    assert pair.distance(IDENTITY, translation(3.0), manifold=True).manifold is not None
+    again = pair.distance(IDENTITY, translation(3.0), budget_s=1.0)
+    assert again.manifold is None
+    assert pair.ideal(IDENTITY, translation(3.0)).manifold is None
