@@ -21,7 +21,7 @@ def enclosing_ball(points, n):
     """Centre of the smallest ball around points[:n]; of the smallest circle where they are flat."""
     basis = table_on_stack(5, 3, 0.0)
     basis[0, 0], basis[0, 1], basis[0, 2] = points[0, 0], points[0, 1], points[0, 2]
-    used, squared = 1, 0.0
+    used, squared = np.int64(1), 0.0  # a literal would have helpers compiled twice
     centre = _at(points, 0)
     best, least = centre, np.inf
     for _ in range(_ROUNDS):

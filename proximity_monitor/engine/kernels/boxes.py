@@ -96,7 +96,7 @@ def shortest(d, edges, short, enough):
     """
     best = -1.0
     v, squared = d, dot(d, d)  # a walk may begin anywhere in the body
-    simplex, n = (d, d, d), 1
+    simplex, n = (d, d, d), np.int64(1)  # a literal would have helpers compiled twice
     for _ in range(_STEPS):
         # The corner that lies farthest against v, and with it the gap along v. Edges that are
         # perpendicular to v are left out of it: it is the middle of a side then.

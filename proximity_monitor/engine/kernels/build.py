@@ -156,7 +156,8 @@ def build_tree(triangles, unit, volume):
     starts, ends = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
     lows, highs = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     lows[0], highs[0] = 0, m
-    count, node, depth = 1, 0, 0
+    # A literal 0 would have the helpers compiled twice.
+    count, node, depth = 1, np.int64(0), 0
     while node < count:
         low, high = lows[node], highs[node]
         n = _gather(triangles, order, low, high, unit, points)

@@ -17,6 +17,7 @@ from .boxes import box_bounds
 from .build import EMPTY
 from .jit import inlined, loop16
 from .lanes import lowest, not_above
+from .memory import read_only
 from .state import BOUND_SLACK, BOUND_TESTS
 from .vectors import add, moved, scaled, sub
 from .volumes import STRIDE, WIDTH, lower_bounds, read_vector, row
@@ -107,9 +108,10 @@ def cross_leaves(
     frame[9], frame[10], frame[11] = np.float32(d[0]), np.float32(d[1]), np.float32(d[2])
     frame[12] = np.float32(ratio)
     move_lanes(tree.nodes, uint64(node * STRIDE), frame, placed)
+    moved_lanes = read_only(placed)
     _pick(fixed.nodes, base, margin, single)
     single[0], single[1], single[2] = np.float32(o[0]), np.float32(o[1]), np.float32(o[2])
-    lower_bounds(placed, uint64(0), single, found)
+    lower_bounds(moved_lanes, uint64(0), single, found)
     tests = WIDTH
     rows = not_above(found, threshold)
     while rows:
@@ -118,7 +120,7 @@ def cross_leaves(
         # An unused lane's radius, scaled, need not be beyond every distance.
         if tree.children[node * WIDTH + own] == EMPTY:
             continue
-        _pick(placed, uint64(own), margin, single)
+        _pick(moved_lanes, uint64(own), margin, single)
         lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found)
         if fixed.scale[3] + tree.scale[3] > 0.0:
             box_bounds(

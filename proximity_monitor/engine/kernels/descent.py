@@ -120,7 +120,7 @@ def nearest_last(waiting, first, last):
 def take_batch(tree_a, tree_b, state, waiting, n, pairs, corners):
     """Gather the last of n waiting pairs that still matter; returns how many, and how many wait."""
     limit = state.reals[LIMIT]
-    taken = 0
+    taken = np.int64(0)  # a literal would have `gather` compiled twice
     while n > 0 and taken < BATCH:
         n -= 1
         if waiting.bounds[n] < limit:
@@ -161,7 +161,7 @@ def advance(tree_a, tree_b, state, steps):
         on_stack(16, np.float32(0.0)), on_stack(STRIDE, np.float32(0.0)),
     )  # fmt: skip
     waiting = Waiting(table_on_stack(_WAITING, 2, np.int32(0)), on_stack(_WAITING, 0.0))
-    pairs, corners = table_on_stack(BATCH, 2, np.int32(0)), on_stack(CORNERS, 0.0)
+    pairs, corners = table_on_stack(BATCH, 2, 0), on_stack(CORNERS, 0.0)
     local = on_stack(_LOCAL, np.float32(0.0))
     room = state.collected.shape[0]
     n = 0
@@ -192,7 +192,7 @@ def advance(tree_a, tree_b, state, steps):
         if at < 0:
             continue
         steps -= 1
-        a, b, bound = stack[at, 0], stack[at, 1], bounds[at]
+        a, b, bound = np.int64(stack[at, 0]), np.int64(stack[at, 1]), bounds[at]
         if room > 0 and bound >= reals[ENOUGH] + 3.0 * reals[SLACK]:
             # It may hold the minimum, and that is all that was asked: without tolerances this
             # is LIMIT, and only pairs of triangles are collected.
@@ -210,14 +210,15 @@ def advance(tree_a, tree_b, state, steps):
         size_b = tree_b.sizes[b] * tree_b.scale[0]
         if lowest_a and lowest_b and child_a >= 0 and child_b >= 0:
             before = n
-            if size_a > size_b:
+            flip = not size_a > size_b
+            if flip:
                 n = cross_leaves(
-                    tree_a, child_a, tree_b, b, state.motions[1], False, state, bound,
+                    tree_b, child_b, tree_a, a, state.motions[0], flip, state, bound,
                     reals[LIMIT], scratch, waiting, n,
                 )  # fmt: skip
             else:
                 n = cross_leaves(
-                    tree_b, child_b, tree_a, a, state.motions[0], True, state, bound,
+                    tree_a, child_a, tree_b, b, state.motions[1], flip, state, bound,
                     reals[LIMIT], scratch, waiting, n,
                 )  # fmt: skip
             if n > before + BATCH:
@@ -228,8 +229,9 @@ def advance(tree_a, tree_b, state, steps):
         # Two lowest nodes together are the better bargain, unless one is far larger.
         if lowest_a != lowest_b:
             size_a, size_b = (size_a, 2.0 * size_b) if lowest_a else (2.0 * size_a, size_b)
-        if child_b < 0 or (child_a >= 0 and size_a > size_b):
-            open_pair(tree_b, b, tree_a, a, state.motions[0], True, state, bound, scratch)
+        flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
+        if flip:
+            open_pair(tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch)
         else:
-            open_pair(tree_a, a, tree_b, b, state.motions[1], False, state, bound, scratch)
+            open_pair(tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch)
     return code

@@ -13,7 +13,7 @@ import numpy as np
 from numba import float32, uint64
 
 from ..tolerances import FILTER_LIMIT, SINGLE_MARGIN, SINGLE_TINY
-from .jit import inlined, loop16
+from .jit import inlined, inlined16, loop16
 
 BATCH = 16
 """Pairs that are filtered together."""
@@ -61,7 +61,7 @@ def shift(corners, m, scale, local):
             local[q + uint64(32)] = float32((m[6] * bx + m[7] * by + m[8] * bz + m[11] - z) * scale)
 
 
-@inlined
+@inlined16
 def _nearer(px, py, pz, dx, dy, dz, qx, qy, qz, ex, ey, ez, best, gx, gy, gz):
     """Difference of the nearest points of two segments, where it is shorter than the best so far.
 
@@ -88,7 +88,7 @@ def _nearer(px, py, pz, dx, dy, dz, qx, qy, qz, ex, ey, ez, best, gx, gy, gz):
     )
 
 
-@inlined
+@inlined16
 def _gap_along(nx, ny, nz, px, py, pz, qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz):
     """Gap between the projections on n of the triangles (0, p, q) and (a, b, c), over |n|."""
     p = nx * px + ny * py + nz * pz

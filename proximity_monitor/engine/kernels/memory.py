@@ -57,3 +57,14 @@ def table_on_stack(typingctx, rows, columns, like):
         return _on_stack(context, builder, array_type, shape)
 
     return array_type(rows, columns, like), codegen
+
+
+@intrinsic
+def read_only(typingctx, array):
+    """The same array as one that is not written to: kernels need no second form for it."""
+    frozen = array.copy(readonly=True)
+
+    def codegen(context, builder, signature, args):
+        return args[0]
+
+    return frozen(array), codegen

@@ -7,11 +7,11 @@ from numba import uint64
 
 from .boxfit import box_extents
 from .fit import OBB, core, enclosing_radius
-from .jit import inlined, kernel
+from .jit import kernel
 from .volumes import EMPTY_RADIUS, STRIDE, WIDTH, read_vector
 
 
-@inlined
+@kernel
 def fit_lane(points, n, single, volume, local, nodes, centre, node, lane, sizes):
     """Fit a volume to points[:n] and write it, rounded to float32, into a lane of a node."""
     c, u, v, a, b = core(points, n, single, volume, local)
@@ -32,7 +32,7 @@ def put(nodes, base, vector):
     nodes[base + uint64(2 * WIDTH)] = np.float32(vector[2])
 
 
-@inlined
+@kernel
 def write_radius(points, n, volume, nodes, centre, node, lane, sizes):
     """Complete a lane whose core stands: its radius and its size; or a box's three extents."""
     base = uint64(node * STRIDE + lane)
