@@ -47,6 +47,8 @@ from .volumes import STRIDE, WIDTH, far_bound, lower_bounds, place
 _LOCAL = CORNERS - 3 * BATCH
 _CROSSED = WIDTH * WIDTH
 _WAITING = BATCH + _CROSSED
+_BATCH_STEPS = 8
+"""Steps that a batch of triangles takes as long as: so a slice of steps is one of time."""
 
 
 @inlined
@@ -180,6 +182,7 @@ def advance(tree_a, tree_b, state, steps):
             taken, n = take_batch(tree_a, tree_b, state, waiting, n, pairs, corners)
             if taken > 0:
                 test_batch(tree_a, tree_b, state, pairs, taken, corners, local, scratch.found)
+                steps -= min(steps, _BATCH_STEPS)
         if counts[DEPTH] == 0 or reals[DISTANCE] - reals[SLACK] <= reals[STOP]:
             break
         if steps == 0:
@@ -209,7 +212,7 @@ def advance(tree_a, tree_b, state, steps):
         size_a = tree_a.sizes[a] * tree_a.scale[0]
         size_b = tree_b.sizes[b] * tree_b.scale[0]
         if lowest_a and lowest_b and child_a >= 0 and child_b >= 0:
-            before = n
+            before, tests = n, counts[BOUND_TESTS]
             flip = not size_a > size_b
             if flip:
                 n = cross_leaves(
@@ -221,6 +224,7 @@ def advance(tree_a, tree_b, state, steps):
                     tree_a, child_a, tree_b, b, state.motions[1], flip, state, bound,
                     reals[LIMIT], scratch, waiting, n,
                 )  # fmt: skip
+            steps -= min(steps, (counts[BOUND_TESTS] - tests) // WIDTH)
             if n > before + BATCH:
                 nearest_last(waiting, before, n)
             if n >= 0:
