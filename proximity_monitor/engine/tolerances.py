@@ -56,6 +56,15 @@ FILTER_LIMIT = 1e9
 """Largest coordinate of a triangle pair, in the larger model's node units, that is filtered in
 float32: a normal's length squared, times a coordinate squared, stays below 1e38."""
 
+FILTER_MARGIN = 16.0 * SINGLE_EPS
+"""What a float32 gap between two triangles is lowered by, as a share of their coordinates.
+
+Let X be the largest norm of either's corners, seen from a corner of the first, and summed. Rounding
+the corners errs by u32 X; the inner products with a direction n by 3 u32 |n| X, their difference by
+u32 |n| X; the length of n by 2.5 u32 of it and the division by 2 u32, which is as much of the gap,
+of X at most; the margin's own subtraction by u32 X. Together less than 11 u32 X.
+"""
+
 POINT_MARGIN = 32.0 * DOUBLE_EPS
 """What a moved point, or its distance to a triangle, may err by, as a share of the coordinates.
 

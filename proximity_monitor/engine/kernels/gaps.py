@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, uint64
 
-from ..tolerances import FILTER_LIMIT, SINGLE_MARGIN, SINGLE_TINY
+from ..tolerances import FILTER_LIMIT, FILTER_MARGIN, SINGLE_TINY
 from .jit import inlined, inlined16, loop16
 
 BATCH = 16
@@ -24,7 +24,7 @@ CORNERS = 18 * BATCH
 _ZERO = float32(0.0)
 _ONE = float32(1.0)
 _TINY = float32(SINGLE_TINY)
-_MARGIN = float32(SINGLE_MARGIN)
+_MARGIN = float32(FILTER_MARGIN)
 _LIMIT = float32(FILTER_LIMIT)
 
 
@@ -106,8 +106,7 @@ def _gap_along(nx, ny, nz, px, py, pz, qx, qy, qz, ax, ay, az, bx, by, bz, cx, c
 def gaps(local, slack, bounds):
     """Lower bounds of sixteen triangle pairs' distances, scaled as `local` is.
 
-    `slack` is what the motion may err by. What rounding does to a gap is covered as for volumes
-    (SINGLE_MARGIN), with M the sum of all coordinates.
+    `slack` is what the motion may err by; FILTER_MARGIN covers what rounding does to a gap.
     """
     for k in range(BATCH):
         i = uint64(k)
@@ -140,10 +139,9 @@ def gaps(local, slack, bounds):
         bound = max(bound, _gap_along(
             nx, ny, nz, px, py, pz, qx, qy, qz, ax, ay, az, bx, by, bz, cx, cy, cz
         ))  # fmt: skip
-        size = (
-            abs(px) + abs(py) + abs(pz) + abs(qx) + abs(qy) + abs(qz)
-            + abs(ax) + abs(ay) + abs(az) + abs(bx) + abs(by) + abs(bz)
-            + abs(cx) + abs(cy) + abs(cz)
-        )  # fmt: skip
+        size = max(abs(px) + abs(py) + abs(pz), abs(qx) + abs(qy) + abs(qz)) + max(
+            max(abs(ax) + abs(ay) + abs(az), abs(bx) + abs(by) + abs(bz)),
+            abs(cx) + abs(cy) + abs(cz),
+        )
         # Beyond the limit products overflow (and NaN compares as false): then nothing is known.
         bounds[k] = bound - size * _MARGIN - slack if size < _LIMIT else -_ONE
