@@ -1,0 +1,70 @@
+"""Asks every question of the engine, under numba's check of indices (see test_bounds_check)."""
+
+import numpy as np
+from engine_bodies import IDENTITY, ORDERS, box, pose, soup, sphere, torus
+from triangle_cases import KINDS
+
+from proximity_monitor import engine
+
+rng = np.random.default_rng(1)
+models = [
+    box(),
+    sphere(2),
+    torus(16),
+    soup(1, 1),
+    soup(2, 16),
+    soup(3, 17),
+    soup(4, 257),
+    engine.points(rng.normal(size=(33, 3))),
+    engine.points(np.ones((40, 3))),
+    engine.polyline(rng.normal(size=(20, 3))),
+]
+models += [
+    engine.TriangleMesh(corners, [[0, 1, 2]]) for make in KINDS.values() for corners in make(rng)
+]
+for first, a in enumerate(models[:10]):
+    for b in models[first % 5 :: 5]:
+        pair = engine.Pair(a, b)
+        for far in (0.0, 1.0, 1e20):
+            here = pose(rng, far)
+            pair.distance(here, IDENTITY)
+            for order in ORDERS:
+                pair.distance(here, IDENTITY, order=order, manifold=True, budget_s=1e-5)
+                pair.distance(here, IDENTITY, order=order)
+            pair.distance(here, IDENTITY, rel_err=0.1, manifold=True)
+            pair.distance(here, IDENTITY, rel_err=0.1, abs_err=1e-3)
+            for _ in range(3):
+                pair.distance(here, IDENTITY, budget_s=1e-5)
+            pair.within(here, IDENTITY, 0.5)
+            pair.collide(here, IDENTITY, all_contacts=True)
+    points = np.concatenate((rng.normal(size=(20, 3)), 1e20 * rng.normal(size=(3, 3))))
+    engine.closest_points(a, pose(rng, 1.0), points)
+    poses = np.array([pose(rng, 1.0) for _ in range(10)])
+    engine.distances(a, poses, models[first - 1], poses[::-1], threads=2)
+found = engine.collide(soup(5, 200, 3.0), IDENTITY, soup(6, 200, 3.0), IDENTITY, all_contacts=True)
+assert len(found.contacts) > 2048
+
+crowd = engine.TriangleMesh(
+    np.concatenate([box().vertices + 3.0 * k for k in range(40)]),
+    np.concatenate([box().faces + 8 * k for k in range(40)]),
+)
+solids = [box(), sphere(2), torus(16), crowd]
+for a in solids:
+    for b in solids:
+        pair = engine.Pair(a, b)
+        for far in (0.0, 0.01, 1.0, 1e20):
+            for budget in (0.0, 2e-5, 2e-5, None):
+                pair.signed_distance(pose(rng, far), IDENTITY, budget_s=budget)
+        pair.signed_distance(IDENTITY, IDENTITY, rel_err=0.1)
+        a.refit(0.9 * a.vertices)
+        pair.signed_distance(IDENTITY, IDENTITY, abs_err=0.1)
+
+# The check is on: a child that is no triangle is found.
+tree = models[0]._tree
+children = tree.children.copy()
+children[16:] = ~np.int32(2**30)
+models[0]._tree = tree._replace(children=children)
+try:
+    engine.distance(models[0], IDENTITY, models[1], pose(rng, 3.0))
+except IndexError:
+    print("every index was in bounds")
