@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import depth as kernel
 from .kernels import probe, state
+from .mesh import TriangleMesh
 from .result import Distance, Feature, Status
 from .solid import as_solid
-
-if TYPE_CHECKING:
-    from .pair import Pair
 
 _SLICE = 256
 """Steps between two looks at the clock, some 30 µs: what a budget may be overrun by."""
@@ -29,18 +27,21 @@ class SignedSearch:
     """The memory of signed distances of two models, as `Pair` is that of their distances.
 
     Args:
-        surfaces: the models, a pair of its own for the distance of their surfaces.
+        a: first model.
+        b: second model.
+        apart: asks for the distance of their surfaces, as `Pair.distance` of a pair of its own.
     """
 
     __slots__ = (
-        "_apart_tests", "_asked", "_deadline", "_depth", "_earlier_tests", "_limits", "_poses",
-        "_revisions", "_solids", "_surfaces", "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_earlier_tests", "_limits",
+        "_models", "_poses", "_revisions", "_solids", "_tolerance",
     )  # fmt: skip
 
-    def __init__(self, surfaces: Pair) -> None:
-        self._surfaces = surfaces
+    def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:
+        self._models = a, b
+        self._apart = apart
         self._asked: tuple[object, ...] | None = None
-        models = surfaces.a, surfaces.b
+        models = self._models
         # Each lane and each vertex enters the heap at most once.
         room = sum(len(each._tree.children) + 3 * len(each.faces) for each in models)
         descent = 1 + max(each.depth for each in models) * 15
@@ -74,7 +75,7 @@ class SignedSearch:
         self._deadline = math.inf if budget_s is None else start + budget_s
         asked = None
         if budget_s is not None:
-            revisions = self._surfaces.a.revision, self._surfaces.b.revision
+            revisions = tuple(model.revision for model in self._models)
             asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, revisions)
         fresh = asked is None or asked != self._asked
         self._asked = None
@@ -95,7 +96,7 @@ class SignedSearch:
         abs_err: float,
     ) -> None:
         """Start a search from what the last one found."""
-        a, b = self._surfaces.a, self._surfaces.b
+        a, b = self._models
         self._solids = as_solid(a), as_solid(b)
         if (a.revision, b.revision) != self._revisions:
             self._revisions = a.revision, b.revision
@@ -148,7 +149,7 @@ class SignedSearch:
             steps = 0
         while True:
             code = kernel.search_depth(
-                self._surfaces.a._tree, self._surfaces.b._tree, *self._solids, self._depth,
+                self._models[0]._tree, self._models[1]._tree, *self._solids, self._depth,
                 samples_alone, steps,
             )  # fmt: skip
             if code == state.ENDED:
@@ -162,7 +163,7 @@ class SignedSearch:
             left = None
             if self._deadline < math.inf:
                 left = max(self._deadline - perf_counter(), 0.0)
-            found = self._surfaces.distance(*self._poses, **self._tolerance, budget_s=left)
+            found = self._apart(*self._poses, **self._tolerance, budget_s=left)
             bound_tests, primitive_tests = self._earlier_tests
             bound_tests += found.bound_tests
             primitive_tests += found.primitive_tests
@@ -177,7 +178,7 @@ class SignedSearch:
     def _bounds(self, weights: NDArray[np.float64] | None = None) -> tuple[float, float]:
         """Certified bounds of the depth; writes the weights (3,) of the deepest vertex's foot."""
         weights = np.zeros(3) if weights is None else weights
-        return kernel.deepest(self._surfaces.a._tree, self._surfaces.b._tree, self._depth, weights)
+        return kernel.deepest(self._models[0]._tree, self._models[1]._tree, self._depth, weights)
 
     def _outside(self, apart: Distance, lower: float, status: Status) -> Distance:
         """The answer where overlap is not certain: that of `distance` with another lower bound."""
@@ -198,7 +199,7 @@ class SignedSearch:
         deeper, other = int(counts[kernel.MODEL]), 1 - int(counts[kernel.MODEL])
         triangle, which = divmod(int(counts[kernel.VERTEX]), 3)
         corner[which] = 1.0
-        bodies = self._surfaces.a, self._surfaces.b
+        bodies = self._models
         features: list[Feature | None] = [None, None]
         features[deeper] = Feature(int(bodies[deeper]._face_of[triangle]), corner)
         nearest = int(counts[kernel.TRIANGLE])
