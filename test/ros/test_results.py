@@ -52,7 +52,10 @@ def test_closest_points_are_the_librarys_answers(peer, own_answers):
     assert tuple(pairs) == NAMES
     for name, own in own_answers(**NEAR).items():
         got = pairs[name]
-        assert (float(got["lower_m"]), float(got["upper_m"])) == (own.lower, own.upper)
+        # Of triangles that are exactly as near it depends on the past which are found: they differ
+        # by rounding.
+        bounds = float(got["lower_m"]), float(got["upper_m"])
+        assert bounds == pytest.approx((own.lower, own.upper), rel=1e-14, abs=0.0)
         assert vector(got["point_a"]) == pytest.approx(own.point_a, abs=1e-9)
         assert vector(got["point_b"]) == pytest.approx(own.point_b, abs=1e-9)
         between = own.point_b - own.point_a
@@ -84,7 +87,7 @@ def test_clearance_is_the_smallest_lower_bound(peer, own_answers):
     smallest = min(own.lower for own in own_answers(**NEAR).values())
     peer.forget()
     peer.wait(lambda: peer.last("clearance"), "a clearance")
-    assert peer.last("clearance").data == smallest
+    assert peer.last("clearance").data == pytest.approx(smallest, rel=1e-14, abs=0.0)
 
 
 def test_bodies_that_intersect_are_at_stop(peer):
