@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -134,6 +134,13 @@ class TriangleMesh:
         if self._spread is None:
             self._spread = spread_corners(self._tree.triangles, self._tree.children)
         return self._spread
+
+    def __setstate__(self, state: tuple[None, dict[str, Any]]) -> None:
+        """Freeze what pickle thawed: of other arrays the kernels would be compiled once more."""
+        for name, value in state[1].items():
+            setattr(self, name, value)
+        for array in (self.vertices, self.faces, self.centre, *self._tree):
+            array.setflags(write=False)
 
     def __repr__(self) -> str:
         """Name and size."""

@@ -207,6 +207,8 @@ def test_a_mesh_can_be_sent_to_another_process():
     expected = engine.distance(mesh, here, mesh, IDENTITY)
     found = engine.distance(copy, here, copy, IDENTITY)
     assert (found.lower, found.upper) == (expected.lower, expected.upper)
+    for array in (copy.vertices, copy.faces, copy.centre, *copy._tree):
+        assert not array.flags.writeable
 
 
 def test_the_engine_works_without_trimesh():
