@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .kernels.measure import measure
-from .kernels.spread import node_ranges, spread_corners
+from .kernels.ranges import node_ranges
+from .kernels.spread import spread_corners
 from .tolerances import DOUBLE_EPS, LARGEST_COORDINATE
 from .tree import VOLUMES, build, refit
 

@@ -25,14 +25,11 @@ _ORDERS = {
     "breadth_first": index.BREADTH_FIRST,
 }
 
-_SLICE = 256
+SLICE = 256
 """Steps between two looks at the clock, some 30 µs: what a budget may be overrun by. With 64 a
 search under a budget takes half as long again."""
 
-_COLLECTING_SLICE = 16
-"""The same where pairs are collected: a step may then test 256 pairs of triangles, some 40 µs."""
-
-_LONG_SLICE = 1 << 18
+LONG_SLICE = 1 << 18
 """Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
 
 _LIST = 1 << 20
@@ -117,11 +114,9 @@ class Search:
             ValueError: a pose that is no rigid motion.
         """
         a, b = self._models
-        steps = _LONG_SLICE
+        steps = LONG_SLICE
         if deadline is not None:
-            steps = _COLLECTING_SLICE if collect else _SLICE
-            if perf_counter() >= deadline:
-                steps = 0
+            steps = SLICE if perf_counter() < deadline else 0
         if collect:
             stop = -math.inf
         if collect != bool(len(self.state.collected)):

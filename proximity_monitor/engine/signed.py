@@ -14,13 +14,8 @@ from .kernels import depth as kernel
 from .kernels import probe, state
 from .mesh import TriangleMesh
 from .result import Distance, Feature, Status
+from .run import LONG_SLICE, SLICE
 from .solid import as_solid
-
-_SLICE = 256
-"""Steps between two looks at the clock, some 30 µs: what a budget may be overrun by."""
-
-_LONG_SLICE = 1 << 20
-"""Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
 
 
 class SignedSearch:
@@ -144,7 +139,7 @@ class SignedSearch:
 
     def _search(self, samples_alone: bool) -> bool:
         """Search for the deepest vertex until the end, or until the deadline: then False."""
-        steps = _LONG_SLICE if self._deadline == math.inf else _SLICE
+        steps = LONG_SLICE if self._deadline == math.inf else SLICE
         if perf_counter() >= self._deadline:
             steps = 0
         while True:

@@ -78,7 +78,7 @@ def test_a_refit_renews_the_vertices(volume):
 
 
 def test_the_vertices_kept_of_the_whole_models_are_its_first_upper_bound(monkeypatch):
-    monkeypatch.setattr(run, "_SLICE", 1)
+    monkeypatch.setattr(run, "SLICE", 1)
     rng = np.random.default_rng(2)
     p, q = (m._tree.triangles.reshape(-1, 3)[m._spread_corners()[1]] for m in (A, B))
     for _ in range(20):

@@ -47,8 +47,9 @@ from .volumes import STRIDE, WIDTH, far_bound, lower_bounds, place
 _LOCAL = CORNERS - 3 * BATCH
 _CROSSED = WIDTH * WIDTH
 _WAITING = BATCH + _CROSSED
-_BATCH_STEPS = 8
-"""Steps that a batch of triangles takes as long as: so a slice of steps is one of time."""
+_FILTER_STEPS, _EXACT_STEPS = 5, 4
+"""Steps that the filter of a batch of triangles takes as long as, and an exact test: so a slice of
+steps is one of time."""
 
 
 @inlined
@@ -181,8 +182,10 @@ def advance(tree_a, tree_b, state, steps):
         ):
             taken, n = take_batch(tree_a, tree_b, state, waiting, n, pairs, corners)
             if taken > 0:
-                test_batch(tree_a, tree_b, state, pairs, taken, corners, local, scratch.found)
-                steps -= min(steps, _BATCH_STEPS)
+                exact = test_batch(
+                    tree_a, tree_b, state, pairs, taken, corners, local, scratch.found
+                )
+                steps -= min(steps, _FILTER_STEPS + _EXACT_STEPS * exact)
         if counts[DEPTH] == 0 or reals[DISTANCE] - reals[SLACK] <= reals[STOP]:
             break
         if steps == 0:

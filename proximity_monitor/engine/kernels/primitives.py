@@ -86,7 +86,7 @@ def _both(tree_a, tree_b, state, ta, tb):
 
 
 @kernel
-def _mixed(triangle, weights):
+def mixed(triangle, weights):
     """The point of a triangle with the given weights."""
     p, q, r = triangle
     return along(along(scaled(p, weights[0]), q, weights[1]), r, weights[2])
@@ -104,7 +104,7 @@ def test_triangles(tree_a, tree_b, state, ta, tb):
     if distance < known:
         if distance == 0.0 and certainly_cross(a, b, reals[SLACK]):
             reals[UPPER_SLACK] = 0.0
-        keep(state, distance, ta, tb, wa, wb, sub(_mixed(b, wb), _mixed(a, wa)))
+        keep(state, distance, ta, tb, wa, wb, sub(mixed(b, wb), mixed(a, wa)))
     return distance
 
 
@@ -126,9 +126,10 @@ def test_batch(tree_a, tree_b, state, pairs, count, corners, local, found):
     """Test the first `count` pairs of triangles (BATCH, 2), whose corners have been gathered.
 
     The pair with the smallest lower bound comes first: what it makes of the distance often
-    dismisses the others.
+    dismisses the others. Returns how many were tested exactly.
     """
     reals = state.reals
+    tested = 0
     scale = min(tree_a.scale[1], tree_b.scale[1])
     for k in range(count, BATCH):
         gather(tree_a.triangles, pairs[0, 0], tree_b.triangles, pairs[0, 1], k, corners)
@@ -144,5 +145,7 @@ def test_batch(tree_a, tree_b, state, pairs, count, corners, local, found):
         remaining &= ~(1 << k)
         ta, tb = pairs[k, 0], pairs[k, 1]
         distance = test_triangles(tree_a, tree_b, state, ta, tb)
+        tested += 1
         if state.collected.shape[0] > 0 and distance - reals[SLACK] < reals[LIMIT]:
             collect(state, ta, tb, distance)
+    return tested

@@ -8,30 +8,18 @@ from .build import EMPTY
 from .fit import RSS
 from .jit import allocating, allocating_entry
 from .leaves import LEAVES, fit_leaves
+from .ranges import node_ranges
 from .record import close_node, fit_lane
 from .volumes import FIELDS, STRIDE, WIDTH
 
 
 @allocating
-def _ranges(children, count, m):
-    """First triangle below each node, and the first one after it; and where ranges begin (m + 1,).
-
-    A node's child comes after it and holds a range of the triangles, so one pass from the last
-    node to the first sees all.
-    """
-    ranges = np.empty((count, 2), np.int64)
+def _begins(ranges, m):
+    """Where ranges of triangles begin, and end, of m triangles (m + 1,)."""
     begins = np.zeros(m + 1, np.bool_)
-    for node in range(count - 1, -1, -1):
-        first, last = m, 0
-        for lane in range(WIDTH):
-            child = children[node * WIDTH + lane]
-            if child >= 0:
-                first, last = min(first, ranges[child, 0]), max(last, ranges[child, 1])
-            elif child != EMPTY:
-                first, last = min(first, ~child), max(last, ~child + 1)
-        ranges[node, 0], ranges[node, 1] = first, last
-        begins[first] = begins[last] = True
-    return ranges, begins
+    for node in range(len(ranges)):
+        begins[ranges[node, 0]] = begins[ranges[node, 1]] = True
+    return begins
 
 
 @allocating
@@ -71,10 +59,10 @@ def refit_tree(triangles, faces, children, unit, volume):
     nodes = np.zeros(count * STRIDE, np.float32)
     centres = np.zeros((count, 4))
     sizes = np.zeros(count * WIDTH, np.float32)
-    ranges, begins = _ranges(children, count, m)
+    ranges = node_ranges(children)
     points, local = np.empty((3 * m, 3)), np.empty((3 * m, 3))
     starts = np.empty(m + 1, np.int64)
-    _vertices_in_order(triangles, faces, begins, inverse, points, starts)
+    _vertices_in_order(triangles, faces, _begins(ranges, m), inverse, points, starts)
     corners = np.empty((3, 3))
     many, fitted = np.zeros(9 * WIDTH), np.empty(LEAVES, np.float32)
     for node in range(count):

@@ -14,7 +14,7 @@ from .aim import no_aim
 from .descent import advance
 from .jit import entry, kernel
 from .motion import deviation, is_rigid, relative_motions
-from .primitives import test_triangles
+from .primitives import corners, mixed, test_triangles
 from .state import (
     ABS_ERR,
     BAD_POSE_A,
@@ -112,14 +112,9 @@ def finish(tree_a, tree_b, state, pose_a, pose_b, answer):
 @kernel
 def _witness(triangles, t, reals, weights, pose, answer, at):
     """The point of triangle t with the given weights, in the world."""
+    x = mixed(corners(triangles, t), reals[weights : weights + 3])
     for i in range(3):
-        answer[at + i] = pose[i, 3]
-    for j in range(3):
-        x = 0.0
-        for corner in range(3):
-            x += reals[weights + corner] * triangles[t, 3 * corner + j]
-        for i in range(3):
-            answer[at + i] += pose[i, j] * x
+        answer[at + i] = pose[i, 0] * x[0] + pose[i, 1] * x[1] + pose[i, 2] * x[2] + pose[i, 3]
 
 
 @entry

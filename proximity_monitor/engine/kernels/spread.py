@@ -1,4 +1,4 @@
-"""Which triangles stand under each node, and a few vertices of them that are far apart."""
+"""A few vertices of each node that are far apart."""
 
 from __future__ import annotations
 
@@ -8,23 +8,6 @@ from .build import EMPTY
 from .jit import allocating_entry, kernel
 from .levels import KEPT
 from .volumes import WIDTH
-
-
-@allocating_entry
-def node_ranges(children):
-    """First triangle, in tree order, and the one after the last under each node (int32, k × 2)."""
-    k = children.shape[0] // WIDTH
-    ranges = np.empty((k, 2), np.int32)
-    for node in range(k - 1, -1, -1):  # a node stands before its children
-        low, high = np.int32(2**31 - 1), np.int32(0)
-        for lane in range(node * WIDTH, (node + 1) * WIDTH):
-            child = children[lane]
-            if child >= 0:
-                low, high = min(low, ranges[child, 0]), max(high, ranges[child, 1])
-            elif child != EMPTY:
-                low, high = min(low, ~child), max(high, ~child + 1)
-        ranges[node, 0], ranges[node, 1] = low, high
-    return ranges
 
 
 @allocating_entry
