@@ -4,6 +4,7 @@ Lengths are metres, poses 4×4 float64 matrices from model to world. Every answe
 bounds: `lower <= true distance <= upper`.
 """
 
+from .assembly import Assembly
 from .load import load
 from .mesh import ModelError, TriangleMesh, points, polyline
 from .pair import Pair
@@ -17,11 +18,13 @@ from .result import (
     Distances,
     Feature,
     Manifold,
+    PairDistances,
     Status,
 )
 from .tree import check_tree
 
 __all__ = [
+    "Assembly",
     "Clearance",
     "ClosestPoints",
     "Collision",
@@ -31,6 +34,7 @@ __all__ = [
     "Manifold",
     "ModelError",
     "Pair",
+    "PairDistances",
     "Status",
     "TriangleMesh",
     "check_pose",

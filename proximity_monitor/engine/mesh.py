@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from .kernels.measure import measure
 from .kernels.ranges import node_ranges
 from .kernels.spread import spread_corners
+from .kernels.tables import table
 from .tolerances import DOUBLE_EPS, LARGEST_COORDINATE
 from .tree import VOLUMES, build, refit
 
@@ -48,6 +49,7 @@ class TriangleMesh:
         "_face_of",
         "_node_ranges",
         "_spread",
+        "_table",
         "_tree",
         "centre",
         "depth",
@@ -90,8 +92,8 @@ class TriangleMesh:
         self.faces = _checked_faces(faces, len(self.vertices), name)
         corners = np.ascontiguousarray(self.vertices[self.faces].reshape(-1, 9))
         self.centre, self.radius = _bounding_sphere(corners)
-        self._tree: Tree
-        self._tree, self._face_of, self.depth = build(corners, volume)
+        tree, self._face_of, self.depth = build(corners, volume)
+        self._keep(tree)
         self._node_ranges: NDArray[np.int32] | None = None
         self._spread: NDArray[np.int32] | None = None
 
@@ -120,9 +122,15 @@ class TriangleMesh:
         corners = moved.take(faces, axis=0).reshape(-1, 9)
         centre, radius = _bounding_sphere(corners)
         tree = refit(self._tree, corners, faces, self.volume)
-        self.vertices, self.centre, self.radius, self._tree = moved, centre, radius, tree
+        self.vertices, self.centre, self.radius = moved, centre, radius
+        self._keep(tree)
         self._spread = None
         self.revision += 1
+
+    def _keep(self, tree: Tree) -> None:
+        """Take a hierarchy, and make the table by which kernels find it."""
+        self._tree = tree
+        self._table = table((*tree, self._face_of))
 
     def _ranges(self) -> NDArray[np.int32]:
         """Which triangles, in tree order, stand under each node (k, 2); made when first needed."""
@@ -142,6 +150,7 @@ class TriangleMesh:
             setattr(self, name, value)
         for array in (self.vertices, self.faces, self.centre, *self._tree):
             array.setflags(write=False)
+        self._keep(self._tree)  # which lies elsewhere now
 
     def __repr__(self) -> str:
         """Name and size."""

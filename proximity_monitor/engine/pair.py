@@ -12,7 +12,8 @@ from .kernels import state as index
 from .manifold import manifold_of
 from .mesh import TriangleMesh
 from .poses import as_pose, check_pose
-from .result import Clearance, Collision, Distance, Feature, Status
+from .result import Clearance, Collision, Distance
+from .rows import distance_of
 from .run import Order, Search, check_tolerance
 from .signed import SignedSearch
 
@@ -66,12 +67,12 @@ class Pair:
             self._change_order(order)
         search = self._search
         self._asked = None
-        code = search.run(
+        search.run(
             pose_a[None], pose_b[None],
             rel_err=rel_err, abs_err=abs_err, deadline=deadline, fresh=fresh, collect=manifold,
         )  # fmt: skip
         self._asked = asked
-        return self._distance(search, code, start, manifold)
+        return self._distance(search, start, manifold)
 
     def ideal(
         self,
@@ -97,8 +98,8 @@ class Pair:
         search.run(pose_a[None], pose_b[None])
         # The next begins with the distance of the triangles that this one found.
         start = perf_counter()
-        code = search.run(pose_a[None], pose_b[None], rel_err=rel_err, abs_err=abs_err)
-        return self._distance(search, code, start)
+        search.run(pose_a[None], pose_b[None], rel_err=rel_err, abs_err=abs_err)
+        return self._distance(search, start)
 
     def signed_distance(
         self,
@@ -129,8 +130,8 @@ class Pair:
         self._asked = None
         beyond = math.nextafter(clearance, math.inf)
         self._search.run(pose_a[None], pose_b[None], stop=clearance, limit=beyond)
-        answer, tests = self._search.answers[0].copy(), self._search.tests[0].tolist()
-        lower = float(answer[index.LOWER])
+        answer = self._search.answers[0].copy()
+        lower, tests = float(answer[index.LOWER]), _tests(answer)
         return Clearance(
             lower <= clearance, lower, float(answer[index.UPPER]), answer[2:5], answer[5:8], *tests
         )
@@ -147,15 +148,17 @@ class Pair:
         self._asked = None
         search = self._search
         search.run(pose_a[None], pose_b[None], limit=math.ulp(0.0))
-        colliding = bool(search.answers[0, index.LOWER] == 0.0)
-        point, tests = search.answers[0, 2:5].copy(), search.tests[0].copy()
-        pairs = search.triangles[: int(colliding)]
+        answer = search.answers[0].copy()
+        colliding = bool(answer[index.LOWER] == 0.0)
+        tests = _tests(answer)
+        pairs = answer[None, index.TREE_A : index.TREE_B + 1][: int(colliding)]
         if colliding and all_contacts:
             search.run(pose_a[None], pose_b[None], limit=math.ulp(0.0), collect=True)
-            pairs = search.collected(0.0)[:, :2].astype(np.int32)
-            tests += search.tests[0]
+            pairs = search.collected(0.0)[:, :2]
+            tests = tests + _tests(search.answers[0])
+        pairs = pairs.astype(np.int32)
         contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
-        return Collision(colliding, contacts, point, *tests.tolist())
+        return Collision(colliding, contacts, answer[2:5], *tests.tolist())
 
     def _change_order(self, order: Order) -> None:
         """Search in another order from now on; the remembered triangles stay."""
@@ -163,37 +166,12 @@ class Pair:
         self._search = Search(self.a, self.b, order)
         self._search.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = remembered
 
-    def _distance(
-        self, search: Search, code: int, start: float, collected: bool = False
-    ) -> Distance:
-        """The answer of a search that returned `code` and was asked at `start` of perf_counter."""
-        lower, upper, *_ = search.answers[0].tolist()
-        answer, weights = search.answers[0].copy(), search.reals[index.WEIGHTS_A :].copy()
-        a, b = search.triangles[0].tolist()
-        bound_tests, primitive_tests = search.tests[0].tolist()
-        return Distance(
-            lower,
-            upper,
-            answer[2:5],
-            answer[5:8],
-            Feature(int(self.a._face_of[a]), weights[:3]),
-            Feature(int(self.b._face_of[b]), weights[3:]),
-            _status(search, code),
-            bound_tests,
-            primitive_tests,
-            perf_counter() - start,
-            manifold_of(self.a, self.b, search) if collected else None,
-        )
+    def _distance(self, search: Search, start: float, collected: bool = False) -> Distance:
+        """The answer of a search that was asked at `start` of perf_counter."""
+        manifold = manifold_of(self.a, self.b, search) if collected else None
+        return distance_of(search.answers[0], start, manifold)
 
 
-def _status(search: Search, code: int) -> Status:
-    """Why a distance search that returned `code` stopped."""
-    reals = search.reals
-    certain = reals[index.DISTANCE] - reals[index.SLACK]
-    if certain <= 0.0:
-        return Status.INTERSECTING
-    if code == index.CUT:
-        return Status.OUT_OF_TIME
-    if reals[index.ENOUGH] < certain:
-        return Status.WITHIN_TOLERANCE
-    return Status.EXACT
+def _tests(answer: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The bound tests and primitive tests of an answer."""
+    return answer[index.TESTS : index.TESTS + 2].astype(np.int64)

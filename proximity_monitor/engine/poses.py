@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from .kernels.motion import pose_deviation
 from .tolerances import LARGEST_COORDINATE, RIGID_TOLERANCE
 
+_FLOAT64 = np.dtype(np.float64)
+
 
 def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
     """The pose as the kernels take it, (4, 4) float64 and contiguous; its content is not checked.
@@ -15,7 +17,7 @@ def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
     Raises:
         ValueError: not numbers, or another shape.
     """
-    if type(pose) is np.ndarray and pose.dtype == np.float64 and pose.flags.carray:
+    if type(pose) is np.ndarray and pose.dtype is _FLOAT64 and pose.flags.carray:
         array = pose
     else:
         try:  # a copy: the kernels are compiled for writable arrays, and a read-only one would
@@ -60,3 +62,18 @@ def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
             f"(up to {RIGID_TOLERANCE:g} is allowed); scale the model, not the pose"
         )
     raise ValueError(f"{name}: no rigid motion: its rotation mirrors (determinant below 0)")
+
+
+def as_poses(poses: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Poses as the kernels take them, (k, 4, 4) float64; their content is not checked.
+
+    Raises:
+        ValueError: not numbers, or another shape.
+    """
+    try:
+        array = np.require(poses, dtype=np.float64, requirements="CAW")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: not an array of numbers: {error}") from None
+    if array.ndim != 3 or array.shape[1:] != (4, 4):
+        raise ValueError(f"{name}: shape {array.shape}, expected (k, 4, 4)")
+    return array

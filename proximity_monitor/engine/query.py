@@ -11,8 +11,9 @@ from .kernels import closest as closest_kernel
 from .kernels import state as index
 from .mesh import TriangleMesh
 from .pair import Pair
-from .poses import check_pose
+from .poses import as_poses, check_pose
 from .result import Clearance, ClosestPoints, Collision, Distance, Distances
+from .rows import distances_of
 from .run import Order, Search, check_tolerance
 
 _CHUNK = 256
@@ -227,7 +228,7 @@ def distances(
     check_tolerance("abs_err", abs_err)
     if threads < 1:
         raise ValueError(f"threads = {threads}: must be at least 1")
-    many_a, many_b = _as_poses(poses_a, "poses_a"), _as_poses(poses_b, "poses_b")
+    many_a, many_b = as_poses(poses_a, "poses_a"), as_poses(poses_b, "poses_b")
     if len(many_a) != len(many_b):
         raise ValueError(f"{len(many_a)} poses_a but {len(many_b)} poses_b")
     Search(a, b, order, rows=0)  # refuses an order that there is not, before any thread starts
@@ -247,31 +248,5 @@ def distances(
     else:
         with ThreadPoolExecutor(threads) as pool:
             chunks = list(pool.map(answer, starts))
-    return _joined(a, b, chunks)
-
-
-def _joined(a: TriangleMesh, b: TriangleMesh, chunks: list[Search]) -> Distances:
-    """The answers of successive chunks as one."""
-    answers = np.concatenate([np.empty((0, index.ANSWER)), *(each.answers for each in chunks)])
-    triangles = np.concatenate([np.empty((0, 2), np.int32), *(each.triangles for each in chunks)])
-    tests = np.concatenate([np.empty((0, 2), np.int64), *(each.tests for each in chunks)])
-    faces = np.stack((a._face_of[triangles[:, 0]], b._face_of[triangles[:, 1]]), axis=1)
-    return Distances(
-        answers[:, index.LOWER],
-        answers[:, index.UPPER],
-        answers[:, 2:5],
-        answers[:, 5:8],
-        faces,
-        tests[:, 0],
-        tests[:, 1],
-    )
-
-
-def _as_poses(poses: ArrayLike, name: str) -> NDArray[np.float64]:
-    try:
-        array = np.require(poses, dtype=np.float64, requirements="CAW")
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: not an array of numbers: {error}") from None
-    if array.ndim != 3 or array.shape[1:] != (4, 4):
-        raise ValueError(f"{name}: shape {array.shape}, expected (k, 4, 4)")
-    return array
+    none = np.empty((0, index.ANSWER))
+    return distances_of(np.concatenate([none, *(each.answers for each in chunks)]))

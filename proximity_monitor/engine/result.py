@@ -75,7 +75,7 @@ class Manifold:
         return self.faces_a[first_a:last_a], self.faces_b[first_b:last_b]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class Distance:
     """Minimum distance of two surfaces: lower <= true distance <= upper.
 
@@ -83,28 +83,50 @@ class Distance:
         lower: metres; certified lower bound; negative in answers of `signed_distance` alone.
         upper: metres; certified upper bound, the distance of the witness points plus what rounding
             may have done to it.
-        point_a: (3,) metres, world; the witness point on a.
-        point_b: (3,) metres, world; the witness point on b.
-        feature_a: where point_a lies on a.
-        feature_b: where point_b lies on b.
         status: why the search stopped.
         bound_tests: bounding volume pairs tested.
         primitive_tests: triangle pairs tested.
         elapsed_s: seconds the search took.
         manifold: every pair that may hold the minimum, where they were asked for.
+        witness: (14,) the four properties below as one row: point_a, point_b, barycentric weights
+            and face of a, barycentric weights and face of b.
     """
 
     lower: float
     upper: float
-    point_a: NDArray[np.float64]
-    point_b: NDArray[np.float64]
-    feature_a: Feature
-    feature_b: Feature
     status: Status
     bound_tests: int
     primitive_tests: int
     elapsed_s: float
-    manifold: Manifold | None = None
+    manifold: Manifold | None
+    witness: NDArray[np.float64]
+
+    @property
+    def point_a(self) -> NDArray[np.float64]:
+        """(3,) metres, world; the witness point on a."""
+        return self.witness[0:3]
+
+    @property
+    def point_b(self) -> NDArray[np.float64]:
+        """(3,) metres, world; the witness point on b."""
+        return self.witness[3:6]
+
+    @property
+    def feature_a(self) -> Feature:
+        """Where point_a lies on a."""
+        return Feature(int(self.witness[9]), self.witness[6:9])
+
+    @property
+    def feature_b(self) -> Feature:
+        """Where point_b lies on b."""
+        return Feature(int(self.witness[13]), self.witness[10:13])
+
+    def __repr__(self) -> str:
+        """The bounds, points and status."""
+        points = ", ".join(str(point.tolist()) for point in (self.point_a, self.point_b))
+        return (
+            f"Distance(lower={self.lower!r}, upper={self.upper!r}, {self.status}, points {points})"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,4 +214,39 @@ class Distances:
 
     def __len__(self) -> int:
         """How many poses were asked about."""
+        return len(self.lower)
+
+
+@dataclass(frozen=True, slots=True)
+class PairDistances:
+    """Minimum distances of many pairs of bodies, one row a pair; see `Distance`.
+
+    Attributes:
+        lower: (k,) metres; 0 where a pair was not searched.
+        upper: (k,) metres; infinity where a pair was not searched.
+        points_a: (k, 3) metres, world; NaN where a pair was not searched.
+        points_b: (k, 3) metres, world.
+        faces: (k, 2) int32; the witness points' triangles, indices into the faces; else -1.
+        barycentric: (k, 2, 3) the witness points' weights in those triangles.
+        triangles: (k, 2) int32; the same triangles as hints for the next question.
+        status: (k,) int32; positions in `tuple(Status)`.
+        bound_tests: (k,) bounding volume pairs tested.
+        primitive_tests: (k,) triangle pairs tested.
+        searched: (k,) whether the budget allowed to look at the pair at all.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    points_a: NDArray[np.float64]
+    points_b: NDArray[np.float64]
+    faces: NDArray[np.int32]
+    barycentric: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    status: NDArray[np.int32]
+    bound_tests: NDArray[np.int32]
+    primitive_tests: NDArray[np.int32]
+    searched: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        """How many pairs were asked about."""
         return len(self.lower)

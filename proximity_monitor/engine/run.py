@@ -13,6 +13,7 @@ from .kernels import search as kernel
 from .kernels import state as index
 from .kernels.levels import KEPT
 from .kernels.queue import QUEUE
+from .kernels.tables import table
 from .mesh import TriangleMesh
 from .poses import check_pose
 
@@ -53,7 +54,7 @@ class Search:
         ValueError: there is no such order.
     """
 
-    __slots__ = ("_models", "answers", "counts", "order", "reals", "state", "tests", "triangles")
+    __slots__ = ("_models", "answers", "counts", "memory", "order", "reals", "state")
 
     def __init__(
         self, a: TriangleMesh, b: TriangleMesh, order: Order = "depth_first", rows: int = 1
@@ -74,20 +75,25 @@ class Search:
         self.counts[index.ORDER] = _ORDERS[order]
         self.counts[index.FULL] = capacity - 15 * levels - 16
         no_corners = np.empty((0, KEPT), np.int32)
-        self.state = index.State(
-            np.zeros((2, 12)),
-            self.reals,
-            self.counts,
-            np.empty((capacity, 2), np.int32),
-            np.empty(capacity),
-            np.zeros(levels + 1, np.int64),
-            np.empty((0, 3)),
-            no_corners,
-            no_corners,
+        self._keep(
+            index.State(
+                np.zeros((2, 12)),
+                self.reals,
+                self.counts,
+                np.empty((capacity, 2), np.int32),
+                np.empty(capacity),
+                np.zeros(levels + 1, np.int64),
+                np.empty((0, 3)),
+                no_corners,
+                no_corners,
+            )
         )
         self.answers = np.empty((rows, index.ANSWER))
-        self.triangles = np.empty((rows, 2), np.int32)
-        self.tests = np.empty((rows, 2), np.int64)
+
+    def _keep(self, state: index.State) -> None:
+        """Take the arrays of a search, and make the table by which kernels find them."""
+        self.state = state
+        self.memory = table(state)
 
     def run(
         self,
@@ -103,7 +109,7 @@ class Search:
         collect: bool = False,
         first: int | None = None,
     ) -> int:
-        """Answer at poses (rows, 4, 4), into `answers`, `triangles` and `tests`.
+        """Answer at poses (rows, 4, 4), into `answers`.
 
         Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
         alone, it collects every pair that may be as near as the upper bound, and ends only when it
@@ -121,16 +127,15 @@ class Search:
             stop = -math.inf
         if collect != bool(len(self.state.collected)):
             room = np.empty((_COLLECTED if collect else 0, 3))
-            self.state = self.state._replace(collected=room)
+            self._keep(self.state._replace(collected=room))
         if fresh and self.order == "breadth_first":
             corners = a._spread_corners(), b._spread_corners()
-            self.state = self.state._replace(spread_a=corners[0], spread_b=corners[1])
+            self._keep(self.state._replace(spread_a=corners[0], spread_b=corners[1]))
         row = 0
         while True:
             code, row = kernel.search(
-                *a._tree, *b._tree, *self.state, poses_a, poses_b, row, len(poses_a),
-                rel_err, abs_err, stop, limit, steps, fresh,
-                self.answers, self.triangles, self.tests,
+                a._table, b._table, self.memory, poses_a, poses_b, row, len(poses_a),
+                rel_err, abs_err, stop, limit, steps, fresh, self.answers,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:
                 self._make_room()
@@ -152,7 +157,7 @@ class Search:
         room = np.empty((max(len(self.state.collected), 4 * len(rows)), 3))
         room[: len(rows)] = rows
         self.counts[index.COLLECTED] = len(rows)
-        self.state = self.state._replace(collected=room)
+        self._keep(self.state._replace(collected=room))
 
     def collected(self, reach: float) -> NDArray[np.float64]:
         """The rows of `State.collected` that may be as near as `reach` metres."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from .kernels import depth as kernel
 from .kernels import probe, state
 from .mesh import TriangleMesh
-from .result import Distance, Feature, Status
+from .result import Distance, Status
 from .run import LONG_SLICE, SLICE
 from .solid import as_solid
 
@@ -195,19 +195,21 @@ class SignedSearch:
         triangle, which = divmod(int(counts[kernel.VERTEX]), 3)
         corner[which] = 1.0
         bodies = self._models
-        features: list[Feature | None] = [None, None]
-        features[deeper] = Feature(int(bodies[deeper]._face_of[triangle]), corner)
-        nearest = int(counts[kernel.TRIANGLE])
-        features[other] = Feature(int(bodies[other]._face_of[nearest]), weights)
-        points = []
-        for body, pose, feature in zip(bodies, self._poses, features, strict=True):
-            local = feature.barycentric @ body.vertices[body.faces[feature.triangle]]
+        weights_of, triangles = np.empty((2, 3)), np.empty(2, np.int64)
+        weights_of[deeper], weights_of[other] = corner, weights
+        triangles[deeper], triangles[other] = triangle, counts[kernel.TRIANGLE]
+        points, features = [], []
+        for k, (body, pose) in enumerate(zip(bodies, self._poses, strict=True)):
+            face = body._face_of[triangles[k]]
+            local = weights_of[k] @ body.vertices[body.faces[face]]
             points.append(pose[:3, :3] @ local + pose[:3, 3])
+            features += [weights_of[k], [float(face)]]
         status = Status.OUT_OF_TIME
         if ended:
             exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]
             status = Status.EXACT if exact else Status.WITHIN_TOLERANCE
-        return Distance(-deep, -shallow, *points, *features, status, *self._tests(), 0.0)
+        witness = np.concatenate((*points, *features))
+        return Distance(-deep, -shallow, status, *self._tests(), 0.0, None, witness)
 
     def _tests(self) -> tuple[int, int]:
         """Tests of volumes and of triangles that the distance took; a point's counts as either."""

@@ -44,6 +44,12 @@ for first, a in enumerate(models[:10]):
 found = engine.collide(soup(5, 200, 3.0), IDENTITY, soup(6, 200, 3.0), IDENTITY, all_contacts=True)
 assert len(found.contacts) > 2048
 
+assembly = engine.Assembly(models)
+poses = np.array([pose(rng, 1.0) for _ in models])
+pairs = np.array([(i, j) for i in range(len(models)) for j in range(i)])
+asked = assembly.distances(poses, pairs, threads=2)
+assembly.distances(poses, pairs, hints=2**20 + asked.triangles, clearance=0.5, budget_s=1e-3)
+
 crowd = engine.TriangleMesh(
     np.concatenate([box().vertices + 3.0 * k for k in range(40)]),
     np.concatenate([box().faces + 8 * k for k in range(40)]),
@@ -63,7 +69,7 @@ for a in solids:
 tree = models[0]._tree
 children = tree.children.copy()
 children[16:] = ~np.int32(2**30)
-models[0]._tree = tree._replace(children=children)
+models[0]._keep(tree._replace(children=children))
 try:
     engine.distance(models[0], IDENTITY, models[1], pose(rng, 3.0))
 except IndexError:

@@ -40,6 +40,7 @@ from .state import (
     PRIMITIVE_TESTS,
     PRIORITY,
     SLACK,
+    STEPS,
     STOP,
 )
 from .volumes import STRIDE, WIDTH, far_bound, lower_bounds, place
@@ -156,9 +157,10 @@ def take_pair(tree_a, tree_b, state):
 
 
 @entry
-def advance(tree_a, tree_b, state, steps):
-    """Run at most `steps` steps of a search; returns ENDED, CUT or COLLECTED_FULL."""
+def advance(tree_a, tree_b, state):
+    """Run a search for the steps that it has left; returns ENDED, CUT or COLLECTED_FULL."""
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
+    steps = counts[STEPS]
     scratch = Scratch(
         on_stack(16, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0)),
         on_stack(16, np.float32(0.0)), on_stack(STRIDE, np.float32(0.0)),
@@ -241,4 +243,5 @@ def advance(tree_a, tree_b, state, steps):
             open_pair(tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch)
         else:
             open_pair(tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch)
+    counts[STEPS] = steps
     return code

@@ -1,4 +1,4 @@
-"""Small arrays on the stack, for kernels that may not allocate (see jit.py)."""
+"""Arrays that no kernel allocates (see jit.py): small ones on the stack, others by address."""
 
 from __future__ import annotations
 
@@ -17,11 +17,18 @@ def _on_stack(context, builder, array_type, shape):
         count *= extent
     memory = cgutils.alloca_once(builder, item, size=count)
     memory.align = 64
+    extents = [context.get_constant(types.intp, extent) for extent in shape]
+    return _array(context, builder, array_type, memory, extents, strides)
+
+
+def _array(context, builder, array_type, data, extents, strides):
+    """An array of a type over memory that others own."""
     array = context.make_array(array_type)(context, builder)
+    size = context.get_abi_sizeof(context.get_data_type(array_type.dtype))
     context.populate_array(
         array,
-        data=memory,
-        shape=[context.get_constant(types.intp, extent) for extent in shape],
+        data=data,
+        shape=extents,
         strides=strides,
         itemsize=context.get_constant(types.intp, size),
         meminfo=None,
@@ -68,3 +75,29 @@ def read_only(typingctx, array):
         return args[0]
 
     return frozen(array), codegen
+
+
+@intrinsic(prefer_literal=True)
+def rows_at(typingctx, address, rows, columns, like):
+    """The array (rows, columns) of numbers of the type of `like` that begins at an address.
+
+    One of one dimension (rows,) where `columns`, which is a constant, is 0. Somebody else keeps the
+    memory; that it holds what is claimed is for the caller to know.
+    """
+    if not isinstance(columns, types.IntegerLiteral):
+        return None
+    width = columns.literal_value
+    array_type = types.Array(types.unliteral(like), 2 if width else 1, "C")
+    arguments = types.int64, types.int64, columns, like
+
+    def codegen(context, builder, signature, args):
+        item = context.get_data_type(array_type.dtype)
+        size = context.get_abi_sizeof(item)
+        data = builder.inttoptr(args[0], item.as_pointer())
+        extents = [args[1], *([context.get_constant(types.intp, width)] if width else ())]
+        strides = [context.get_constant(types.intp, size * (width or 1))]
+        if width:
+            strides.append(context.get_constant(types.intp, size))
+        return _array(context, builder, array_type, data, extents, strides)
+
+    return array_type(*arguments), codegen

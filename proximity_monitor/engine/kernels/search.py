@@ -25,11 +25,16 @@ from .state import (
     BREADTH_FIRST,
     COLLECTED,
     CUT,
+    CUT_BETWEEN,
     DEPTH,
     DISTANCE,
     ENDED,
     ENOUGH,
+    EXACT,
+    FEATURE_A,
+    FEATURE_B,
     FRAMES,
+    INTERSECTING,
     LEVEL_END,
     LEVEL_LOWER,
     LIMIT,
@@ -38,21 +43,27 @@ from .state import (
     NEAREST_B,
     NEXT_LOWER,
     ORDER,
+    OUT_OF_TIME,
     POINT_A,
     POINT_B,
     PRIMITIVE_TESTS,
     REL_ERR,
     SLACK,
+    STATUS,
+    STEPS,
     STOP,
+    TESTS,
+    TREE_A,
+    TREE_B,
     TRIANGLE_A,
     TRIANGLE_B,
     UPPER,
     UPPER_SLACK,
     WEIGHTS_A,
     WEIGHTS_B,
-    State,
-    Tree,
+    WITHIN_TOLERANCE,
 )
+from .tables import state_at, tree_at
 
 
 @kernel
@@ -90,13 +101,15 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
 
 
 @kernel
-def finish(tree_a, tree_b, state, pose_a, pose_b, answer):
-    """Write the certified bounds at this moment, and the witness points, into `answer`.
+def finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer):
+    """Write what is certain at this moment into `answer` (see state.py).
 
-    The lower bound is the least of what was found, what was pruned and what is still to do.
+    The lower bound is the least of what was found, what was pruned and what is still to do. `code`
+    is what the search returned last.
     """
     reals, counts = state.reals, state.counts
-    lower = min(reals[DISTANCE] - reals[SLACK], reals[ENOUGH])
+    certain = reals[DISTANCE] - reals[SLACK]
+    lower = min(certain, reals[ENOUGH])
     if counts[ORDER] != BREADTH_FIRST:
         for i in range(counts[DEPTH]):
             lower = min(lower, state.bounds[i])
@@ -105,8 +118,22 @@ def finish(tree_a, tree_b, state, pose_a, pose_b, answer):
         lower = min(lower, reals[LEVEL_LOWER])
     answer[LOWER] = max(lower, 0.0)
     answer[UPPER] = reals[DISTANCE] + reals[UPPER_SLACK]
-    _witness(tree_a.triangles, counts[TRIANGLE_A], reals, WEIGHTS_A, pose_a, answer, POINT_A)
-    _witness(tree_b.triangles, counts[TRIANGLE_B], reals, WEIGHTS_B, pose_b, answer, POINT_B)
+    ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
+    _witness(tree_a.triangles, ta, reals, WEIGHTS_A, pose_a, answer, POINT_A)
+    _witness(tree_b.triangles, tb, reals, WEIGHTS_B, pose_b, answer, POINT_B)
+    for i in range(3):
+        answer[FEATURE_A + i] = reals[WEIGHTS_A + i]
+        answer[FEATURE_B + i] = reals[WEIGHTS_B + i]
+    answer[FEATURE_A + 3], answer[FEATURE_B + 3] = faces_a[ta], faces_b[tb]
+    answer[TREE_A], answer[TREE_B] = ta, tb
+    answer[TESTS], answer[TESTS + 1] = counts[BOUND_TESTS], counts[PRIMITIVE_TESTS]
+    if certain <= 0.0:
+        answer[STATUS] = INTERSECTING
+    elif code != ENDED:
+        answer[STATUS] = OUT_OF_TIME
+    else:
+        enough = reals[ENOUGH] < certain or counts[DEPTH] > 0
+        answer[STATUS] = WITHIN_TOLERANCE if enough else EXACT
 
 
 @kernel
@@ -119,32 +146,83 @@ def _witness(triangles, t, reals, weights, pose, answer, at):
 
 @entry
 def search(
-    nodes_a, centres_a, children_a, sizes_a, triangles_a, scale_a,
-    nodes_b, centres_b, children_b, sizes_b, triangles_b, scale_b,
-    motions, reals, counts, stack, bounds, frames, collected, spread_a, spread_b,
-    poses_a, poses_b, first, last, rel_err, abs_err, stop, limit, steps, fresh,
-    answers, triangles, tests,
+    model_a, model_b, memory,
+    poses_a, poses_b, first, last, rel_err, abs_err, stop, limit, steps, fresh, answers,
 ):  # fmt: skip
     """Answer the queries first to last at poses (k, 4, 4), each with at most `steps` steps.
 
-    A query starts from the triangles that the last one left in `counts`; where not `fresh`, the
-    first goes on with the search that `reals` to `frames` hold. Writes answers (k, 8), triangles
-    (k, 2) in tree order and tests (k, 2). Returns ENDED, or another code and the query that it is
-    about. (The trees and the state come field by field, which costs Python a third as much time.)
+    A query starts from the triangles that the last one left in the state; where not `fresh`, the
+    first goes on with the search that the state holds. Models and state come as tables (see
+    tables.py). Writes answers (k, ANSWER). Returns ENDED, or another code and the query that it is
+    about.
     """
-    tree_a = Tree(nodes_a, centres_a, children_a, sizes_a, triangles_a, scale_a)
-    tree_b = Tree(nodes_b, centres_b, children_b, sizes_b, triangles_b, scale_b)
-    state = State(motions, reals, counts, stack, bounds, frames, collected, spread_a, spread_b)
+    tree_a, faces_a = tree_at(model_a)
+    tree_b, faces_b = tree_at(model_b)
+    state = state_at(memory)
     for k in range(first, last):
         pose_a, pose_b = poses_a[k], poses_b[k]
         if fresh or k > first:
             code = begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit)
             if code != CUT:
                 return code, k
-        code = advance(tree_a, tree_b, state, steps)
-        finish(tree_a, tree_b, state, pose_a, pose_b, answers[k])
-        triangles[k, 0], triangles[k, 1] = counts[TRIANGLE_A], counts[TRIANGLE_B]
-        tests[k, 0], tests[k, 1] = counts[BOUND_TESTS], counts[PRIMITIVE_TESTS]
+        state.counts[STEPS] = steps
+        code = advance(tree_a, tree_b, state)
+        finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answers[k])
+        if code != ENDED:
+            return code, k
+    return ENDED, last
+
+
+_ONE_QUERY = 8
+"""Steps that a query takes as long as besides those of its descent."""
+
+
+@entry
+def search_pairs(
+    models, memory, poses, pairs, hints, wanted, first, last, every, steps, fresh, answers
+):
+    """Answer for the pairs first, first + every, ... below last, with `steps` steps for all.
+
+    Args:
+        models: (n, 2, 7) the bodies' tables (see tables.py).
+        memory: that of a state whose stack suffices for any two of them.
+        poses: (n, 4, 4) model to world.
+        pairs: (k, 2) bodies.
+        hints: (k, 2) triangles in tree order to start from; others than there are count as 0.
+        wanted: (k, 3) rel_err, abs_err, and the clearance on one side of which a distance is known
+            to be when its search may end; infinity for none.
+        first: where to begin; if not `fresh`, with the search that the state holds.
+        last: one after the last pair.
+        every: how far apart the pairs of this call are.
+        steps: see `advance`; a query more costs some besides.
+        fresh: whether the first pair's search has not begun.
+        answers: (k, ANSWER) written.
+
+    Returns:
+        ENDED and `last`; or another code and the pair that it is about.
+    """
+    state = state_at(memory)
+    counts = state.counts
+    counts[STEPS] = steps
+    for k in range(first, last, every):
+        i, j = pairs[k, 0], pairs[k, 1]
+        tree_a, faces_a = tree_at(models[i])
+        tree_b, faces_b = tree_at(models[j])
+        if fresh or k > first:
+            if counts[STEPS] == 0:
+                return CUT_BETWEEN, k
+            counts[STEPS] -= min(counts[STEPS], _ONE_QUERY)
+            ta, tb = hints[k, 0], hints[k, 1]
+            counts[TRIANGLE_A] = ta if 0 <= ta < len(faces_a) else 0
+            counts[TRIANGLE_B] = tb if 0 <= tb < len(faces_b) else 0
+            rel_err, abs_err, clearance = wanted[k]
+            stop = 0.0 if clearance == np.inf else clearance
+            limit = np.inf if clearance == np.inf else np.nextafter(clearance, np.inf)
+            code = begin(tree_a, tree_b, state, poses[i], poses[j], rel_err, abs_err, stop, limit)
+            if code != CUT:
+                return code, k
+        code = advance(tree_a, tree_b, state)
+        finish(tree_a, tree_b, faces_a, faces_b, state, poses[i], poses[j], code, answers[k])
         if code != ENDED:
             return code, k
     return ENDED, last

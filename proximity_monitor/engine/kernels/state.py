@@ -38,15 +38,21 @@ DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, COLLECTED = 0, 1, 2
 ORDER, BASE, FRAMES = 6, 7, 8
 """Counts: pairs on the stack; the nearest triangles so far, in tree order; tests made; pairs
 collected; the order; where the present queue begins, and how many wait below it."""
-LEVEL_END, NEAREST_A, NEAREST_B, FULL, COUNTS = 9, 10, 11, 12, 13
+LEVEL_END, NEAREST_A, NEAREST_B, FULL, STEPS, COUNTS = 9, 10, 11, 12, 13, 14
 """Counts of a search level by level: where the present level ends; the nearest pair of the next;
-how many pairs may be listed."""
+how many pairs may be listed; and, of any search, how many steps this slice has left."""
 
-LOWER, UPPER, POINT_A, POINT_B, ANSWER = 0, 1, 2, 5, 8
-"""An answer: the certified bounds, metres, and the witness points in the world."""
+LOWER, UPPER, POINT_A, POINT_B = 0, 1, 2, 5
+FEATURE_A, FEATURE_B, TREE_A, TREE_B, TESTS, STATUS, ANSWER = 8, 12, 16, 17, 18, 20, 21
+"""An answer, one row of float64: the certified bounds, metres; the witness points in the world; for
+each its barycentric weights and then its face; the triangles in tree order; bound tests and
+primitive tests made; and one of the following."""
+
+EXACT, WITHIN_TOLERANCE, OUT_OF_TIME, INTERSECTING = 0, 1, 2, 3
+"""Why a search stopped, in the order of `result.Status`."""
 
 DEPTH_FIRST, PRIORITY, BREADTH_FIRST = 0, 1, 2
 """Orders of a search."""
 
-ENDED, CUT, BAD_POSE_A, BAD_POSE_B, COLLECTED_FULL = 0, 1, 2, 3, 4
-"""What a slice of a search returns."""
+ENDED, CUT, BAD_POSE_A, BAD_POSE_B, COLLECTED_FULL, CUT_BETWEEN = 0, 1, 2, 3, 4, 5
+"""What a slice of a search returns; the last, where it was over before the next search began."""

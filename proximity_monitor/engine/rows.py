@@ -1,0 +1,68 @@
+"""From rows that the search kernel wrote (see kernels/state.py) to answers."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .kernels import state as index
+from .result import Distance, Distances, Manifold, PairDistances, Status
+
+_STATUS = tuple(Status)
+_new = object.__new__
+
+
+def distance_of(row: NDArray[np.float64], start: float, manifold: Manifold | None) -> Distance:
+    """The answer of a row (ANSWER,) to what was asked at `start` of perf_counter."""
+    values = row.tolist()
+    # Its own __init__, which sets field by field past what freezes it, takes three times as long.
+    answer = _new(Distance)
+    answer.__dict__.update(
+        lower=values[index.LOWER],
+        upper=values[index.UPPER],
+        status=_STATUS[int(values[index.STATUS])],
+        bound_tests=int(values[index.TESTS]),
+        primitive_tests=int(values[index.TESTS + 1]),
+        elapsed_s=perf_counter() - start,
+        manifold=manifold,
+        witness=row[index.POINT_A : index.TREE_A].copy(),
+    )
+    return answer
+
+
+def distances_of(rows: NDArray[np.float64]) -> Distances:
+    """The answers of rows (k, ANSWER), which are kept."""
+    faces = rows[:, [index.FEATURE_A + 3, index.FEATURE_B + 3]].astype(np.int32)
+    tests = rows[:, index.TESTS : index.TESTS + 2].astype(np.int64)
+    return Distances(
+        rows[:, index.LOWER],
+        rows[:, index.UPPER],
+        rows[:, 2:5],
+        rows[:, 5:8],
+        faces,
+        tests[:, 0],
+        tests[:, 1],
+    )
+
+
+def pair_distances_of(rows: NDArray[np.float64]) -> PairDistances:
+    """The answers of rows (k, ANSWER), which are kept; NaN stands where nothing was searched."""
+    searched = ~np.isnan(rows[:, index.STATUS])
+    whole = rows[:, [index.FEATURE_A + 3, index.FEATURE_B + 3, *range(index.TREE_A, index.ANSWER)]]
+    whole[~searched] = (-1, -1, -1, -1, 0, 0, index.OUT_OF_TIME)
+    numbers = whole.astype(np.int32)
+    return PairDistances(
+        rows[:, index.LOWER],
+        rows[:, index.UPPER],
+        rows[:, 2:5],
+        rows[:, 5:8],
+        numbers[:, 0:2],
+        rows[:, [*range(8, 11), *range(12, 15)]].reshape(-1, 2, 3),
+        numbers[:, 2:4],
+        numbers[:, 6],
+        numbers[:, 4],
+        numbers[:, 5],
+        searched,
+    )

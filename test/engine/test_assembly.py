@@ -1,0 +1,177 @@
+"""Many pairs of bodies in one call: the answers are those of single questions."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+from engine_bodies import SMALL, pose, sphere, torus
+
+from proximity_monitor import engine
+
+STATUS = tuple(engine.Status)
+FIELDS = [field.name for field in dataclasses.fields(engine.PairDistances)]
+
+
+def crowd(seed=0, count=24, spread=2.0):
+    """An assembly of bodies that share a few meshes, their poses, and all pairs."""
+    rng = np.random.default_rng(seed)
+    meshes = list(SMALL.values())
+    models = [meshes[i % len(meshes)] for i in range(count)]
+    poses = np.array([pose(rng, spread) for _ in models])
+    return engine.Assembly(models), poses, np.array(list(itertools.combinations(range(count), 2)))
+
+
+def alone(assembly, poses, pair, **tolerance):
+    i, j = pair
+    return engine.distance(assembly.models[i], poses[i], assembly.models[j], poses[j], **tolerance)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_the_answers_are_those_of_single_questions_to_the_bit(threads):
+    assembly, poses, pairs = crowd()
+    found = assembly.distances(poses, pairs, threads=threads)
+    assert found.searched.all()
+    for k, pair in enumerate(pairs):
+        one = alone(assembly, poses, pair)
+        assert (found.lower[k], found.upper[k]) == (one.lower, one.upper)
+        assert np.array_equal(found.points_a[k], one.point_a)
+        assert np.array_equal(found.points_b[k], one.point_b)
+        features = one.feature_a, one.feature_b
+        assert found.faces[k].tolist() == [feature.triangle for feature in features]
+        assert np.array_equal(found.barycentric[k], [each.barycentric for each in features])
+        assert STATUS[found.status[k]] is one.status
+        assert found.bound_tests[k] == one.bound_tests
+        assert found.primitive_tests[k] == one.primitive_tests
+    assert {STATUS[code] for code in found.status} == {
+        engine.Status.EXACT,
+        engine.Status.INTERSECTING,
+    }
+
+
+def test_hints_save_tests_and_change_no_distance():
+    assembly, poses, pairs = crowd(1)
+    found = assembly.distances(poses, pairs)
+    again = assembly.distances(poses, pairs, hints=found.triangles)
+    apart = found.lower > 0.0
+    assert np.allclose(again.upper, found.upper, rtol=0.0, atol=1e-13)
+    assert again.bound_tests[apart].sum() < found.bound_tests[apart].sum()
+    strange = np.full((len(pairs), 2), 2**30, np.int32)
+    none = assembly.distances(poses, pairs, hints=strange)
+    assert np.array_equal(none.upper, found.upper)
+
+
+def test_each_pair_has_its_own_tolerance():
+    assembly, poses, pairs = crowd(2)
+    rng = np.random.default_rng(2)
+    rel_err = rng.choice([0.0, 0.1, 1.0], len(pairs))
+    abs_err = rng.choice([0.0, 0.05], len(pairs))
+    found = assembly.distances(poses, pairs, rel_err=rel_err, abs_err=abs_err)
+    for k in range(0, len(pairs), 7):
+        one = alone(assembly, poses, pairs[k], rel_err=rel_err[k], abs_err=abs_err[k])
+        assert (found.lower[k], found.upper[k]) == (one.lower, one.upper)
+        assert STATUS[found.status[k]] is one.status
+
+
+@pytest.mark.parametrize("clearance", [0.0, 0.1, 0.7])
+def test_a_clearance_ends_a_search_when_the_side_is_certain(clearance):
+    assembly, poses, pairs = crowd(3)
+    exact = assembly.distances(poses, pairs)
+    found = assembly.distances(poses, pairs, clearance=clearance)
+    assert (found.lower <= exact.upper).all()
+    assert (exact.lower <= found.upper).all()
+    far = exact.lower > clearance + 1e-12
+    near = exact.upper < clearance - 1e-12
+    assert (found.lower[far] > clearance).all()
+    assert (found.upper[near] <= clearance + 1e-12).all()
+    assert far.any()
+    assert near.any() or clearance == 0.0
+    assert found.bound_tests.sum() < exact.bound_tests.sum()
+    # Where the search ended early, it does not say that it is exact.
+    gap = found.upper - found.lower > 1e-12
+    assert not any(STATUS[code] is engine.Status.EXACT for code in found.status[gap])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_whatever_the_budget_the_bounds_hold(threads):
+    rng = np.random.default_rng(4)
+    models = [torus(48), sphere(4)] * 3
+    poses = np.array([pose(rng, 1.0) for _ in models])
+    pairs = np.array(list(itertools.combinations(range(6), 2)))
+    assembly = engine.Assembly(models)
+    exact = assembly.distances(poses, pairs)
+    cut = 0
+    for budget_s in (0.0, 1e-5, 1e-4, 5e-4, 10.0):
+        found = assembly.distances(poses, pairs, budget_s=budget_s, threads=threads)
+        assert (found.lower <= exact.upper).all()
+        assert (exact.lower <= found.upper).all()
+        looked = found.searched
+        assert np.isfinite(found.points_a[looked]).all()
+        assert np.isnan(found.points_a[~looked]).all()
+        assert (found.upper[~looked] == np.inf).all()
+        assert (found.lower[~looked] == 0.0).all()
+        assert all(STATUS[code] is engine.Status.OUT_OF_TIME for code in found.status[~looked])
+        if threads == 1:
+            assert (np.diff(looked.astype(int)) <= 0).all(), "in the order given"
+        cut += not looked.all()
+    assert looked.all()
+    assert cut
+
+
+def test_a_mesh_that_was_refitted_is_seen_anew():
+    mesh = sphere(2)
+    assembly = engine.Assembly([mesh, sphere(2)])
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[1, 0, 3] = 4.0
+    before = assembly.distances(poses, [[0, 1]]).upper[0]
+    mesh.refit(1.5 * mesh.vertices)
+    after = assembly.distances(poses, [[0, 1]])
+    assert after.upper[0] == pytest.approx(before - 0.5, abs=1e-3)
+    assert after.upper[0] == alone(assembly, poses, (0, 1)).upper
+
+
+def test_no_pairs_have_no_answers():
+    assembly, poses, _ = crowd()
+    for pairs in ([], np.empty((0, 2), np.int64)):
+        none = assembly.distances(poses, pairs, threads=2)
+        assert len(none) == 0
+        assert {len(getattr(none, field)) for field in FIELDS} == {0}
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"pairs": [[0, 24]]}, r"pairs\[0\] = \[0, 24\]: there are 24 bodies"),
+        ({"pairs": [[0, 1], [-1, 2]]}, r"pairs\[1\]"),
+        ({"pairs": [[0.5, 1.0]]}, "expected integers"),
+        ({"pairs": [0, 1]}, r"expected integers \(k, 2\)"),
+        ({"poses": np.eye(4)}, "poses: shape"),
+        ({"poses": np.tile(np.eye(4), (3, 1, 1))}, "3 poses of 24 bodies"),
+        ({"rel_err": -0.1}, r"rel_err\[0\] = -0.1"),
+        ({"abs_err": [0.0, np.nan]}, r"abs_err\[1\] = nan"),
+        ({"clearance": -1.0}, r"clearance\[0\] = -1.0"),
+        ({"budget_s": -1.0}, "budget_s = -1.0"),
+        ({"threads": 0}, "threads = 0"),
+        ({"hints": np.zeros((3, 2), np.int32)}, r"hints: shape \(3, 2\), expected \(2, 2\)"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(asked, said):
+    assembly, poses, _ = crowd()
+    with pytest.raises(ValueError, match=said):
+        assembly.distances(**{"poses": poses, "pairs": [[0, 1], [1, 2]]} | asked)
+
+
+def test_a_bad_pose_of_a_pair_is_named_and_of_others_does_not_matter():
+    assembly, poses, _ = crowd()
+    poses[5, 0, 0] = np.nan
+    assert assembly.distances(poses, [[0, 1]]).searched.all()
+    for pair in ([5, 6], [4, 5]):
+        with pytest.raises(ValueError, match=r"poses\[5\]\[0, 0\] = nan"):
+            assembly.distances(poses, [pair])
+
+
+def test_an_assembly_needs_a_body():
+    with pytest.raises(ValueError, match="models: there are none"):
+        engine.Assembly([])

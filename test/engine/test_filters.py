@@ -1,0 +1,79 @@
+"""What dismisses a pair of triangles untested is a lower bound of its exact distance."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY, pose
+from engine_oracles import exact_motion, exact_squared_distance, exactly_moved, root
+from triangle_cases import KINDS
+
+from proximity_monitor import engine
+from proximity_monitor.engine.kernels import state as index
+from proximity_monitor.engine.kernels.aim import gap_along
+from proximity_monitor.engine.kernels.gaps import BATCH, CORNERS, gaps, gather, shift
+
+EACH = 4
+"""Triangles of either model: all their pairs make one batch."""
+ROUNDS = 8
+
+
+def crowds(kind):
+    """Two models of triangles that are near each other in hard ways, and poses."""
+    rng = np.random.default_rng(list(KINDS).index(kind))
+    faces = np.arange(3 * EACH).reshape(-1, 3)
+    for case in range(ROUNDS):
+        pairs = [KINDS[kind](rng) for _ in range(EACH)]
+        if case % 2:  # ties: the same pair again, beside its mirror image
+            pairs[1] = pairs[0]
+            pairs[2] = tuple(-1.0 * corners for corners in pairs[0])
+        a, b = (np.concatenate([pair[side] for pair in pairs]) for side in range(2))
+        poses = (IDENTITY, IDENTITY) if case < 2 else (pose(rng, 1.0), pose(rng, 1.0))
+        yield engine.TriangleMesh(a, faces), engine.TriangleMesh(b, faces), *poses
+
+
+def exact_distances(a, b, pose_a, pose_b):
+    """Of all pairs of triangles in tree order, b's fastest; Fractions, right to 2^-150."""
+    motion = exact_motion(pose_a, pose_b)
+    first = a._tree.triangles.reshape(-1, 3, 3)
+    second = [exactly_moved(motion, t) for t in b._tree.triangles.reshape(-1, 3, 3)]
+    return [root(exact_squared_distance(p.tolist(), q)) for p in first for q in second]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_filter_exceeds_the_exact_distance(kind):
+    corners, local = np.empty(CORNERS), np.empty(CORNERS - 3 * BATCH, np.float32)
+    found = np.empty(BATCH, np.float32)
+    for a, b, pose_a, pose_b in crowds(kind):
+        pair = engine.Pair(a, b)
+        pair.distance(pose_a, pose_b)
+        search = pair._search
+        reals, motion = search.reals, search.state.motions[0]
+        first, second = a._tree.triangles, b._tree.triangles
+        for k in range(BATCH):
+            gather(first, k // EACH, second, k % EACH, k, corners)
+        scale = min(a._tree.scale[1], b._tree.scale[1])
+        shift(corners, motion, scale, local)
+        gaps(local, np.float32(reals[index.SLACK] * scale * (1.0 + 1e-6)), found)
+        for k, exact in enumerate(exact_distances(a, b, pose_a, pose_b)):
+            along = gap_along(reals, first, k // EACH, second, k % EACH)
+            assert Fraction(along) <= exact
+            # It is compared with the limit in single precision, rounded up as here.
+            assert Fraction(float(found[k])) <= exact * Fraction(scale) * Fraction(1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("kind", ["apart", "close", "far_from_origin"])
+def test_the_filters_are_tight_where_it_counts(kind):
+    """Along the aim the nearest pair's gap is its distance: so ties are dismissed."""
+    for a, b, pose_a, pose_b in crowds(kind):
+        pair = engine.Pair(a, b)
+        answer = pair.distance(pose_a, pose_b)
+        if answer.lower == 0.0:
+            continue
+        reals, counts = pair._search.reals, pair._search.counts
+        ta, tb = counts[index.TRIANGLE_A], counts[index.TRIANGLE_B]
+        along = gap_along(reals, a._tree.triangles, ta, b._tree.triangles, tb)
+        slack = reals[index.SLACK]
+        assert along >= answer.upper - 3.0 * slack or np.isclose(along, answer.upper, rtol=1e-12)
