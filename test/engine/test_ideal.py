@@ -33,6 +33,19 @@ def test_the_same_answer_by_the_fewest_tests():
     assert all(total["ideal"] < total[order] for order in ORDERS)
 
 
+def test_a_search_from_far_away_comes_near_the_ideal():
+    """Alternating projections find a good bound early: without them it is 1.7 times the tests."""
+    rng = np.random.default_rng(4)
+    ball = sphere(5)
+    pair = engine.Pair(ball, ball)
+    tests = np.zeros(2)
+    for _ in range(20):
+        pose_a, pose_b = pose(rng), pose(rng)
+        pose_b[:3, 3] = 3.0, 0.0, 0.0
+        tests += pair.distance(pose_a, pose_b).bound_tests, pair.ideal(pose_a, pose_b).bound_tests
+    assert tests[0] < 1.45 * tests[1]
+
+
 @pytest.mark.parametrize("tolerance", [{"rel_err": 0.1}, {"abs_err": 0.05}, {"rel_err": 10.0}])
 def test_a_tolerance_needs_fewer_still(tolerance):
     tests = np.zeros(2)

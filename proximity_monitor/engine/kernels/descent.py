@@ -12,6 +12,7 @@ import numpy as np
 from numba import uint64
 
 from .aim import gap_along
+from .approach import APPROACH_STEPS, approach, far_from_nearest
 from .boxes import box_bounds
 from .build import EMPTY
 from .cross import Scratch, Waiting, cross_leaves
@@ -188,6 +189,9 @@ def advance(tree_a, tree_b, state):
                     tree_a, tree_b, state, pairs, taken, corners, local, scratch.found
                 )
                 steps -= min(steps, _FILTER_STEPS + _EXACT_STEPS * exact)
+                if far_from_nearest(reals):
+                    approach(tree_a, tree_b, state, scratch.found)
+                    steps -= min(steps, APPROACH_STEPS)
         if counts[DEPTH] == 0 or reals[DISTANCE] - reals[SLACK] <= reals[STOP]:
             break
         if steps == 0:

@@ -17,6 +17,7 @@ from .motion import deviation, is_rigid, relative_motions
 from .primitives import corners, mixed, test_triangles
 from .state import (
     ABS_ERR,
+    APPROACHED,
     BAD_POSE_A,
     BAD_POSE_B,
     BASE,
@@ -96,7 +97,9 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     counts[DEPTH], counts[BASE], counts[FRAMES] = 1, 0, 0
     counts[LEVEL_END], counts[NEAREST_A], counts[NEAREST_B] = 0, 0, 0
     reals[LEVEL_LOWER], reals[NEXT_LOWER] = 0.0, 0.0
-    test_triangles(tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B])
+    reals[APPROACHED] = test_triangles(
+        tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B]
+    )
     return CUT
 
 

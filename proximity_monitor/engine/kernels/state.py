@@ -31,8 +31,9 @@ product with the translation from b to a (see aim.py)."""
 ENOUGH, LEVEL_LOWER, NEXT_LOWER = 15, 16, 17
 """Reals: bound from which a pair cannot improve the answer by more than was asked for: LIMIT, but
 where pairs are collected; the least bound of this level and what follows, and of the next."""
-WEIGHTS_A, WEIGHTS_B, REALS = 18, 21, 24
-"""Reals: barycentric weights of the nearest points, three each."""
+WEIGHTS_A, WEIGHTS_B, APPROACHED, REALS = 18, 21, 24, 25
+"""Reals: barycentric weights of the nearest points, three each; and the distance from which they
+were last improved (see approach.py)."""
 
 DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, COLLECTED = 0, 1, 2, 3, 4, 5
 ORDER, BASE, FRAMES = 6, 7, 8
