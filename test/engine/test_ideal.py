@@ -34,7 +34,7 @@ def test_the_same_answer_by_the_fewest_tests():
 
 
 def test_a_search_from_far_away_comes_near_the_ideal():
-    """Alternating projections find a good bound early: without them it is 1.7 times the tests."""
+    """Alternating projections find a good bound early: without them it is 1.8 times the tests."""
     rng = np.random.default_rng(4)
     ball = sphere(5)
     pair = engine.Pair(ball, ball)

@@ -13,11 +13,19 @@ EMPTY = -(2**31)
 
 
 @kernel
-def split(centroids, order, low, high):
+def _lanes(n, most):
+    """How many lanes n triangles need, of which one can hold `most`."""
+    return (n + most - 1) // most
+
+
+@kernel
+def split(centroids, order, low, high, most):
     """Reorder order[low:high] around the mean of the widest axis; returns the split position.
 
     Where the mean leaves a side empty (all centroids equal) the middle does. Ranges of more than
-    a node's width are cut at a multiple of it, so that the lowest nodes are full.
+    a node's width are cut at a multiple of it, so that the lowest nodes are full; and at one of
+    `most`, what a lane can hold, where other parts would need a lane more: then the nodes above are
+    full as well, but for the topmost. Opening a node takes as long whatever it holds.
     """
     lx = ly = lz = np.inf
     hx = hy = hz = -np.inf
@@ -45,6 +53,8 @@ def split(centroids, order, low, high):
     middle = i - low
     if n > WIDTH:
         wanted = min(max((middle + WIDTH // 2) // WIDTH, 1), (n - 1) // WIDTH) * WIDTH
+        if _lanes(wanted, most) + _lanes(n - wanted, most) > _lanes(n, most):
+            wanted = min(max((middle + most // 2) // most, 1), (n - 1) // most) * most
     else:
         wanted = min(max(middle, 1), n - 1)
     if wanted != middle:
@@ -80,19 +90,23 @@ def _select(centroids, order, low, high, position, axis):
 def _partition(centroids, order, low, high, starts, ends):
     """Cut order[low:high] into the ranges of one node's lanes; returns how many there are.
 
-    The largest range is cut again until the lanes are used up or no range exceeds a node's width.
+    The largest range is cut again until none exceeds what a lane can hold: all of them together,
+    no more than they have to, so that the levels below can be full.
     A range that fits into the lanes that are left is opened into single triangles; they stand last.
     """
     starts[0], ends[0] = low, high
+    most = WIDTH
+    while most * WIDTH < high - low:
+        most *= WIDTH
     used = 1
     while used < WIDTH:
         largest = 0
         for k in range(1, used):
             if ends[k] - starts[k] > ends[largest] - starts[largest]:
                 largest = k
-        if ends[largest] - starts[largest] <= WIDTH:
+        if ends[largest] - starts[largest] <= most:
             break
-        middle = split(centroids, order, starts[largest], ends[largest])
+        middle = split(centroids, order, starts[largest], ends[largest], most)
         starts[used], ends[used] = middle, ends[largest]
         ends[largest] = middle
         used += 1
