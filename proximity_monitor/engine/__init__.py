@@ -4,7 +4,9 @@ Lengths are metres, poses 4×4 float64 matrices from model to world. Every answe
 bounds: `lower <= true distance <= upper`.
 """
 
+from .answers import Answers, Carried
 from .assembly import Assembly
+from .broad_phase import BroadPhase
 from .load import load
 from .mesh import ModelError, TriangleMesh, points, polyline
 from .pair import Pair
@@ -24,7 +26,10 @@ from .result import (
 from .tree import check_tree
 
 __all__ = [
+    "Answers",
     "Assembly",
+    "BroadPhase",
+    "Carried",
     "Clearance",
     "ClosestPoints",
     "Collision",

@@ -50,6 +50,23 @@ pairs = np.array([(i, j) for i in range(len(models)) for j in range(i)])
 asked = assembly.distances(poses, pairs, threads=2)
 assembly.distances(poses, pairs, hints=2**20 + asked.triangles, clearance=0.5, budget_s=1e-3)
 
+answers, everyone = engine.Answers(models, [each.name for each in models]), np.arange(len(models))
+rows = answers.add(pairs, np.arange(len(pairs)) % 2 == 0)
+answers.move(everyone, poses)
+answers.keep(
+    rows,
+    np.stack((asked.lower, asked.upper), axis=1),
+    np.stack((asked.points_a, asked.points_b), axis=1),
+)
+answers.drop(rows[::2])
+answers.move(everyone, poses[::-1])
+answers.carried(rows[1::2])
+broad = engine.BroadPhase()
+for size in (2, 600, 300):
+    centres = rng.uniform(size=(size, 3))
+    broad.near(centres, np.full(size, 0.3), np.arange(size) % 3 > 0, np.arange(0, size, 1))
+    broad.near(centres[::-1], np.full(size, 0.3), np.ones(size, bool), np.arange(0, size, 2))
+
 crowd = engine.TriangleMesh(
     np.concatenate([box().vertices + 3.0 * k for k in range(40)]),
     np.concatenate([box().faces + 8 * k for k in range(40)]),

@@ -197,7 +197,8 @@ def search_pairs(
         first: where to begin; if not `fresh`, with the search that the state holds.
         last: one after the last pair.
         every: how far apart the pairs of this call are.
-        steps: see `advance`; a query more costs some besides.
+        steps: what a query may take in one go, and about how many all of them: so where a search
+            is interrupted, and which of several nearest pairs it finds, depends on it alone.
         fresh: whether the first pair's search has not begun.
         answers: (k, ANSWER) written.
 
@@ -206,15 +207,15 @@ def search_pairs(
     """
     state = state_at(memory)
     counts = state.counts
-    counts[STEPS] = steps
+    left = steps
     for k in range(first, last, every):
         i, j = pairs[k, 0], pairs[k, 1]
         tree_a, faces_a = tree_at(models[i])
         tree_b, faces_b = tree_at(models[j])
         if fresh or k > first:
-            if counts[STEPS] == 0:
+            if left <= 0:
                 return CUT_BETWEEN, k
-            counts[STEPS] -= min(counts[STEPS], _ONE_QUERY)
+            left -= _ONE_QUERY
             ta, tb = hints[k, 0], hints[k, 1]
             counts[TRIANGLE_A] = ta if 0 <= ta < len(faces_a) else 0
             counts[TRIANGLE_B] = tb if 0 <= tb < len(faces_b) else 0
@@ -224,7 +225,9 @@ def search_pairs(
             code = begin(tree_a, tree_b, state, poses[i], poses[j], rel_err, abs_err, stop, limit)
             if code != CUT:
                 return code, k
+        counts[STEPS] = steps
         code = advance(tree_a, tree_b, state)
+        left -= steps - counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, poses[i], poses[j], code, answers[k])
         if code != ENDED:
             return code, k

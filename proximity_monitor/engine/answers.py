@@ -1,0 +1,195 @@
+"""The last answers of many pairs of bodies, certified wherever the bodies have moved since."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .kernels import carry as kernel
+from .mesh import TriangleMesh
+from .poses import check_pose
+
+
+class Carried(NamedTuple):
+    """Certified intervals, ``lower <= true distance <= upper``, of k pairs at present poses."""
+
+    lower: NDArray[np.float64]
+    """(k,) metres."""
+    upper: NDArray[np.float64]
+    """(k,) metres; inf where nothing is known."""
+    points: NDArray[np.float64]
+    """(k, 2, 3) metres, world: the nearest points of the answer, carried by their bodies."""
+    still: NDArray[np.bool_]
+    """(k,) the bodies did not move relative to each other by more than rounding."""
+    same: NDArray[np.bool_]
+    """(k,) neither body moved at all, so these are the very numbers of the answer."""
+
+
+class Answers:
+    """What is known about pairs of bodies at every moment, between one search and the next.
+
+    No point of a body comes nearer to another than it moved relative to it, so an answer, widened
+    by that motion, is a lower bound for other poses; its two points, carried along, give an upper
+    one (`kernels/carry.py` proves both, rounding included). Pairs are rows of a table, which are
+    given out by `add` and taken back by `drop`.
+
+    Args:
+        models: the bodies' models; several bodies may share one.
+        names: what errors call the bodies.
+    """
+
+    __slots__ = (
+        "_answers", "_balls", "_first", "_free", "_labels", "_models", "_names", "_places",
+        "_versions", "poses",
+    )  # fmt: skip
+
+    poses: NDArray[np.float64]
+    """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
+
+    def __init__(self, models: Sequence[TriangleMesh], names: Sequence[str]) -> None:
+        count = len(models)
+        self._models = tuple(models)
+        self._names = tuple(names)
+        self.poses = np.tile(np.eye(4), (count, 1, 1))
+        self._versions = np.zeros(count, np.int64)
+        self._balls = np.zeros((count, 4))
+        self._first = np.zeros((count, 3))  # any vertex of each
+        self._places = np.zeros((count, kernel.PLACE))
+        self._labels = np.zeros((0, kernel.LABEL), np.int64)
+        self._answers = np.zeros((0, kernel.ANSWER))
+        self._free = np.empty(0, np.int64)
+        everything = np.arange(count)
+        for body in everything:
+            self._measure(body)
+        kernel.place(self.poses, self._balls, everything, self._places)
+
+    @property
+    def centres(self) -> NDArray[np.float64]:
+        """(n, 3) metres, world: the centres of the bodies' balls."""
+        return self._places[:, kernel.CENTRE : kernel.CENTRE + 3]
+
+    def radii(self) -> NDArray[np.float64]:
+        """(n,) metres: of balls that surely hold the bodies, for all that rounding does.
+
+        Two bodies whose balls, so enlarged, are farther apart than a range are themselves: what
+        `carried` subtracts for rounding is no more than both balls are enlarged by.
+        """
+        defect = self._places[:, kernel.DEFECT].max(initial=0.0)
+        slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * self._places[:, kernel.SIZE]
+        return self._balls[:, 3] + slack
+
+    def move(self, bodies: NDArray[np.int64], poses: ArrayLike) -> None:
+        """Put bodies (m,) at other poses (m, 4, 4).
+
+        Raises:
+            ValueError: a pose that is no rigid motion; it names the body, and nothing has changed.
+        """
+        moved = self.poses.copy()
+        moved[bodies] = poses
+        bad = kernel.place(moved, self._balls, bodies, self._places)
+        if bad >= 0:
+            check_pose(moved[bad], f"pose of {self._names[bad]}")
+        self.poses = moved
+        self._versions[bodies] += 1
+
+    def reshape(self, body: int, displacement: float) -> None:
+        """Take note that the model of a body was refitted.
+
+        Args:
+            body: which.
+            displacement: metres; no vertex was moved farther than that. inf: unknown.
+        """
+        self._measure(body)
+        stretch = self._places[body, kernel.STRETCH] + displacement
+        if math.isinf(stretch):
+            self._forget(self._rows_of(body))
+        else:
+            self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
+        kernel.place(self.poses, self._balls, np.array([body]), self._places)
+        self._versions[body] += 1
+
+    def add(self, pairs: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Rows (k,) for pairs of bodies (k, 2) that were never searched.
+
+        `signed` (k,) says whether a pair is of two solids, whose distance may be negative.
+        """
+        if len(pairs) > len(self._free):
+            self._grow(len(pairs) - len(self._free))
+        rows, self._free = np.split(self._free, [len(pairs)])
+        self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = pairs
+        self._labels[rows, kernel.SIGNED] = signed
+        self._forget(rows)
+        return rows
+
+    def drop(self, rows: NDArray[np.int64]) -> None:
+        """Give rows back; they must not be asked about any more."""
+        self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = -1
+        self._free = np.concatenate((rows, self._free))
+
+    def carried(self, rows: NDArray[np.int64]) -> Carried:
+        """Bounds of rows (k,) at the present poses."""
+        bounds, points = np.empty((len(rows), 2)), np.empty((len(rows), 6))
+        motions = np.empty(len(rows), np.int8)
+        kernel.carry(
+            self.poses, self._versions, self._balls, self._places, rows,
+            self._labels, self._answers, bounds, points, motions,
+        )  # fmt: skip
+        return Carried(
+            bounds[:, 0],
+            bounds[:, 1],
+            points.reshape(-1, 2, 3),
+            motions != kernel.MOVED,
+            motions == kernel.SAME,
+        )
+
+    def keep(
+        self,
+        rows: NDArray[np.int64],
+        bounds: NDArray[np.float64],
+        points: NDArray[np.float64],
+    ) -> None:
+        """Take answers for rows (k,) at the present poses.
+
+        Args:
+            rows: which, each at most once.
+            bounds: (k, 2) metres, certified.
+            points: (k, 2, 3) metres, world: points of the models that attain the upper bounds.
+        """
+        kernel.keep(
+            self.poses, self._versions, self._places, rows, bounds,
+            np.ascontiguousarray(points).reshape(-1, 6), self._labels, self._answers,
+        )  # fmt: skip
+
+    def _measure(self, body: int) -> None:
+        model = self._models[body]
+        self._balls[body, :3], self._balls[body, 3] = model.centre, model.radius
+        self._first[body] = model.vertices[model.faces[0, 0]]
+
+    def _rows_of(self, body: int) -> NDArray[np.int64]:
+        pairs = self._labels[:, kernel.BODY_A : kernel.BODY_B + 1]
+        return np.flatnonzero((pairs == body).any(axis=1))
+
+    def _forget(self, rows: NDArray[np.int64]) -> None:
+        """Make rows such that they know nothing but one point of either body."""
+        a, b = self._labels[rows, kernel.BODY_A], self._labels[rows, kernel.BODY_B]
+        self._labels[rows, kernel.SEEN_A : kernel.SEEN_B + 1] = -1
+        answers = np.zeros((len(rows), kernel.ANSWER))
+        answers[:, kernel.LOWER], answers[:, kernel.UPPER] = -np.inf, np.inf
+        answers[:, kernel.WITNESS_A : kernel.WITNESS_A + 3] = self._first[a]
+        answers[:, kernel.WITNESS_B : kernel.WITNESS_B + 3] = self._first[b]
+        answers[:, kernel.ROTATION : kernel.ROTATION + 9 : 4] = 1.0
+        answers[:, kernel.THEN_A] = self._places[a, kernel.STRETCH]
+        answers[:, kernel.THEN_B] = self._places[b, kernel.STRETCH]
+        self._answers[rows] = answers
+
+    def _grow(self, least: int) -> None:
+        old = len(self._labels)
+        new = old + max(least, old, 64)
+        labels, answers = np.full((new, kernel.LABEL), -1), np.zeros((new, kernel.ANSWER))
+        labels[:old], answers[:old] = self._labels, self._answers
+        self._labels, self._answers = labels, answers
+        self._free = np.concatenate((self._free, np.arange(old, new)))

@@ -1,0 +1,234 @@
+"""Certified bounds of pairs of bodies that have moved since they were last searched.
+
+A search answers for the poses that it was given. When the bodies move on, that answer is still
+worth something: no point of B comes nearer to A than it moved relative to A, and the two closest
+points of then, carried along by their bodies, are still two points of the models.
+
+A point of B at y in B's frame moves relative to A by at most ``|T1 c - T0 c| + 2 sin(angle / 2)
+|y - c|``, where T0 and T1 are the relative poses, c is the centre of B's ball and the angle is that
+of the rotation between them. ``2 sin(angle / 2)`` is the Frobenius norm of R1 - R0 over sqrt 2,
+which unlike an arc cosine loses no digits for small angles. The same holds with A and B exchanged;
+the smaller of the two counts: call it m. A body whose vertices were moved by up to e changes every
+distance by at most e more. The balls give a second lower bound that needs no earlier answer.
+
+The *signed* distance of two solids changes by no more than m + e either, in both directions. Let
+s(v) be the distance of a point v from B's surface, negative inside: it is 1-Lipschitz, and B moved
+by g has s(g⁻¹ v). A vertex v of A inside B or g B is moved by g⁻¹ no farther than B's ball allows,
+so its depth changes by at most m, and so does the deepest one's. A vertex that is at depth D after
+the motion was at -D + m at most before it; had the solids been apart by d, it was at d or more, so
+D <= m - d: the bound holds across a jump from outside to inside, and likewise back. A surface that
+is deformed along straight lines passes every point that changes sides, which so lies within the
+share of e before, and the rest of it after, of either surface. Where balls overlap by p, no vertex
+is deeper than p, because it leaves the other's ball by then; and the distance of two points of the
+surfaces is never less than the signed distance.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..tolerances import DOUBLE_EPS
+from .jit import entry, kernel
+from .motion import deviation, is_rigid
+from .vectors import add, dot, sub
+
+ROUNDING = 128.0 * 2.0 * DOUBLE_EPS
+NON_RIGID = 16.0
+"""Rounding allowance of a bound: (ROUNDING + NON_RIGID d) s, where d is how far the rotation
+matrices are from orthogonal (Frobenius norm of RᵀR - I), and s adds up, for both bodies, the
+distance of the origin from the model's frame and the reach of the model from that frame's origin.
+Worst case, with u = 2^-53 and both moments counted: the relative pose and the image of a centre
+under it 32 u + 4 d, their difference and norm 8 u, the rotation's difference 33 u + 5 d, replacing
+both matrices by exact rotations 2 d, the subtractions 4 u; and measuring d is itself wrong by up to
+9 u. Together 88 · 2 u + 11 d, which includes reserve: both constants are above it. The upper
+bound's chain (a witness point to its body's frame and back to the world) is shorter. Smaller ones
+could certify a bound that is wrong by rounding; larger ones only blur it.
+"""
+
+CENTRE, SIZE, DEFECT, STRETCH, PLACE = 0, 3, 4, 5, 6
+"""Of a body: its ball's centre in the world; its share of s; d; metres by which its vertices have
+been moved so far, each time the largest displacement, added rounding up."""
+
+LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
+ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B, ANSWER = 14, 23, 26, 27, 28, 29, 30
+"""Of an answer: bounds; the nearest points in the world and in their bodies' frames; the pose of B
+in A's frame, s and d then; STRETCH of both bodies then."""
+
+BODY_A, BODY_B, SEEN_A, SEEN_B, SIGNED, LABEL = 0, 1, 2, 3, 4, 5
+"""Of an answer, whole numbers: the bodies; their versions then; 1 where it is of two solids."""
+
+MOVED, STILL, SAME = 0, 1, 2
+"""How the bodies of a pair moved relative to each other since its answer: more than rounding, not
+more, not at all."""
+
+
+@kernel
+def _row(pose, i):
+    return (pose[i, 0], pose[i, 1], pose[i, 2])
+
+
+@kernel
+def _column(pose, j):
+    return (pose[0, j], pose[1, j], pose[2, j])
+
+
+@kernel
+def _image(pose, point):
+    """A point of the body in the world."""
+    return (
+        dot(_row(pose, 0), point) + pose[0, 3],
+        dot(_row(pose, 1), point) + pose[1, 3],
+        dot(_row(pose, 2), point) + pose[2, 3],
+    )
+
+
+@kernel
+def _into(pose, vector):
+    """A direction of the world in the body's frame."""
+    return (
+        dot(_column(pose, 0), vector),
+        dot(_column(pose, 1), vector),
+        dot(_column(pose, 2), vector),
+    )
+
+
+@kernel
+def _norm(v):
+    return math.sqrt(dot(v, v))
+
+
+@entry
+def place(poses, balls, bodies, places):
+    """Write where the balls (n, 4) of some bodies are, and return -1.
+
+    Or return the first body whose pose is no rigid motion, with nothing written.
+    """
+    for body in bodies:
+        if not is_rigid(deviation(poses[body])):
+            return body
+    for body in bodies:
+        pose, ball = poses[body], balls[body]
+        centre = (ball[0], ball[1], ball[2])
+        places[body, CENTRE], places[body, CENTRE + 1], places[body, CENTRE + 2] = _image(
+            pose, centre
+        )
+        places[body, SIZE] = _norm(_column(pose, 3)) + _norm(centre) + ball[3]
+        defect = 0.0
+        for i in range(3):
+            for j in range(3):
+                gram = dot(_column(pose, i), _column(pose, j)) - (1.0 if i == j else 0.0)
+                defect += gram * gram
+        places[body, DEFECT] = math.sqrt(defect)
+    return -1
+
+
+@kernel
+def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, points):
+    """Bounds of a pair at its bodies' present poses, from the answer for others; its points."""
+    slack = (
+        ROUNDING + NON_RIGID * max(place_a[DEFECT], place_b[DEFECT], answer[THEN_DEFECT])
+    ) * max(place_a[SIZE] + place_b[SIZE], answer[THEN_SIZE])
+    radius_a, radius_b = ball_a[3], ball_b[3]
+    centre_a = (ball_a[0], ball_a[1], ball_a[2])
+    centre_b = (ball_b[0], ball_b[1], ball_b[2])
+    shift = _into(pose_a, sub(_column(pose_b, 3), _column(pose_a, 3)))
+    before = (answer[TRANSLATION], answer[TRANSLATION + 1], answer[TRANSLATION + 2])
+    turn = 0.0
+    image_b, old_b = shift, before  # of B's centre in A's frame
+    origin_a, old_a = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # A's centre in B's frame
+    back, old_back = sub(centre_a, shift), sub(centre_a, before)
+    for j in range(3):
+        new = _into(pose_a, _column(pose_b, j))
+        old = (answer[ROTATION + j], answer[ROTATION + 3 + j], answer[ROTATION + 6 + j])
+        change = sub(new, old)
+        turn += dot(change, change)
+        image_b = add(image_b, (new[0] * centre_b[j], new[1] * centre_b[j], new[2] * centre_b[j]))
+        old_b = add(old_b, (old[0] * centre_b[j], old[1] * centre_b[j], old[2] * centre_b[j]))
+        origin_a = _with(origin_a, j, dot(new, back))
+        old_a = _with(old_a, j, dot(old, old_back))
+    turn = math.sqrt(turn / 2.0)
+    move_b = _norm(sub(image_b, old_b)) + turn * radius_b
+    move_a = _norm(sub(origin_a, old_a)) + turn * radius_a
+    stretched = place_a[STRETCH] - answer[THEN_A] + (place_b[STRETCH] - answer[THEN_B])
+    moved = min(move_a, move_b) + stretched * (1.0 + 8.0 * DOUBLE_EPS)
+
+    world_a = (place_a[CENTRE], place_a[CENTRE + 1], place_a[CENTRE + 2])
+    world_b = (place_b[CENTRE], place_b[CENTRE + 1], place_b[CENTRE + 2])
+    apart = _norm(sub(world_b, world_a)) - radius_a - radius_b
+    lower = answer[LOWER] - moved
+    # Coordinates too large to be squared give inf or NaN: then nothing is known.
+    if not lower >= apart:
+        lower = apart
+    lower -= slack
+    if not (lower < math.inf):
+        lower = -math.inf
+    if not signed:
+        lower = max(lower, 0.0)
+    point_a = _image(pose_a, (answer[WITNESS_A], answer[WITNESS_A + 1], answer[WITNESS_A + 2]))
+    point_b = _image(pose_b, (answer[WITNESS_B], answer[WITNESS_B + 1], answer[WITNESS_B + 2]))
+    for i in range(3):
+        points[i], points[3 + i] = point_a[i], point_b[i]
+    between = _norm(sub(point_b, point_a)) + stretched * (1.0 + 8.0 * DOUBLE_EPS)
+    upper = answer[UPPER] + moved
+    if not upper < between:
+        upper = between
+    upper += slack
+    if not upper < math.inf:
+        upper = math.inf
+    return lower, upper, STILL if moved <= slack else MOVED
+
+
+@kernel
+def _with(vector, j, value):
+    """The vector with another component j."""
+    x, y, z = vector
+    return (value if j == 0 else x, value if j == 1 else y, value if j == 2 else z)
+
+
+@entry
+def carry(poses, versions, balls, places, rows, labels, answers, bounds, points, motions):
+    """Bounds (k, 2), points (k, 6) in the world and motions (k,) of the answers `rows` (k,).
+
+    poses (n, 4, 4), versions (n,), balls (n, 4) and places (n, PLACE) are of the bodies, labels
+    (m, LABEL) and answers (m, ANSWER) the table. A pair whose bodies stand still bit by bit keeps
+    the very numbers of its answer.
+    """
+    for k in range(len(rows)):
+        label, answer = labels[rows[k]], answers[rows[k]]
+        a, b = label[BODY_A], label[BODY_B]
+        if versions[a] == label[SEEN_A] and versions[b] == label[SEEN_B]:
+            bounds[k, 0], bounds[k, 1], motions[k] = answer[LOWER], answer[UPPER], SAME
+            for i in range(6):
+                points[k, i] = answer[POINT_A + i]
+        else:
+            bounds[k, 0], bounds[k, 1], motions[k] = _carried(
+                poses[a], poses[b], balls[a], balls[b], places[a], places[b],
+                label[SIGNED] != 0, answer, points[k],
+            )  # fmt: skip
+
+
+@entry
+def keep(poses, versions, places, rows, bounds, points, labels, answers):
+    """Write the answers `rows` (k,): what was found at the bodies' present poses."""
+    for k in range(len(rows)):
+        label, answer = labels[rows[k]], answers[rows[k]]
+        a, b = label[BODY_A], label[BODY_B]
+        label[SEEN_A], label[SEEN_B] = versions[a], versions[b]
+        answer[LOWER], answer[UPPER] = bounds[k, 0], bounds[k, 1]
+        answer[THEN_SIZE] = places[a, SIZE] + places[b, SIZE]
+        answer[THEN_DEFECT] = max(places[a, DEFECT], places[b, DEFECT])
+        answer[THEN_A], answer[THEN_B] = places[a, STRETCH], places[b, STRETCH]
+        pose_a, pose_b = poses[a], poses[b]
+        origin_a, origin_b = _column(pose_a, 3), _column(pose_b, 3)
+        point_a = (points[k, 0], points[k, 1], points[k, 2])
+        point_b = (points[k, 3], points[k, 4], points[k, 5])
+        witness_a = _into(pose_a, sub(point_a, origin_a))
+        witness_b = _into(pose_b, sub(point_b, origin_b))
+        shift = _into(pose_a, sub(origin_b, origin_a))
+        for i in range(3):
+            answer[POINT_A + i], answer[POINT_B + i] = point_a[i], point_b[i]
+            answer[WITNESS_A + i], answer[WITNESS_B + i] = witness_a[i], witness_b[i]
+            answer[TRANSLATION + i] = shift[i]
+            column = _into(pose_a, _column(pose_b, i))
+            for j in range(3):
+                answer[ROTATION + 3 * j + i] = column[j]
