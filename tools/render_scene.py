@@ -58,9 +58,12 @@ def main() -> None:
     path = Path(args.scene)
     sc = scene.load_scene(path if path.suffix else scene.bundled(args.scene))
     poses = {body.name: body.pose for body in sc.bodies if not body.moving}
-    if sc.motion is not None:
-        poses |= motion.from_scene(sc).poses(args.time)
     models = {body.name: scene.load_model(body, sc.unit) for body in sc.bodies}
+    if sc.motion is not None:
+        moves = motion.from_scene(sc, models)
+        poses |= moves.poses(args.time)
+        for robot in sc.robots:
+            poses |= robot.poses(moves.joints(args.time))
     frame = tuple(FINER * v for v in (*args.size, *MARGINS))
     camera = Camera.fit(_kept(sc, models, poses, args.azimuth), args.azimuth, args.elevation, frame)
     picture = _draw(sc, models, poses, camera, args.azimuth)

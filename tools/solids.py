@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 import manifold3d
 import numpy as np
+import ply
 from manifold3d import Manifold, Mesh64
 
 
@@ -111,19 +112,8 @@ def write_ply(path: str | os.PathLike[str], made: Manifold, comment: str) -> tup
     Returns:
         The numbers of vertices and of triangles.
     """
-    vertices, triangles = _in_order(made)
-    faces = np.empty(len(triangles), dtype=[("n", "u1"), ("v", "<i4", 3)])
-    faces["n"], faces["v"] = 3, triangles
-    header = (
-        f"ply\nformat binary_little_endian 1.0\ncomment {comment}\n"
-        f"element vertex {len(vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
-        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    with open(path, "wb") as file:
-        file.write(header.encode("ascii"))
-        file.write(vertices.astype("<f8").tobytes())
-        file.write(faces.tobytes())
+    vertices, faces = _in_order(made)
+    ply.write(path, vertices, faces, comment)
     return len(vertices), len(faces)
 
 

@@ -1,32 +1,92 @@
-"""Where the poses of moving bodies come from: the effect that a scene names, and nothing else."""
+"""Where the poses of moving bodies come from: the effects that a scene names, and nothing else."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
+from proximity_monitor.motion import deform, dynamics
+from proximity_monitor.motion.bag import Bag
+from proximity_monitor.motion.deform import Deform, Field
+from proximity_monitor.motion.dynamics import Dynamics
 from proximity_monitor.motion.motion import Motion
+from proximity_monitor.motion.script import Script
 from proximity_monitor.motion.slider_crank import SliderCrank
+from proximity_monitor.motion.together import Together
+from proximity_monitor.scene.opening import load_models
 
 if TYPE_CHECKING:
+    from proximity_monitor.engine import TriangleMesh
     from proximity_monitor.scene import Scene
 
-__all__ = ["Motion", "SliderCrank", "from_scene"]
+    Maker = Callable[[Mapping[str, Any], Scene, Mapping[str, TriangleMesh], bool], Motion]
 
-_EFFECTS: dict[str, Callable[..., Motion]] = {"slider_crank": SliderCrank}
-"""By the key that a scene's `motion` section holds; its settings are the keyword arguments."""
+__all__ = [
+    "Bag",
+    "Deform",
+    "Dynamics",
+    "Field",
+    "Motion",
+    "Script",
+    "SliderCrank",
+    "Together",
+    "from_scene",
+]
+
+_EFFECTS: dict[str, Maker] = {
+    "slider_crank": lambda settings, scene, models, live: SliderCrank(**settings),
+    "script": lambda settings, scene, models, live: Script(**settings),
+    "bag": lambda settings, scene, models, live: Bag(**settings, frame=scene.frame),
+    "dynamics": dynamics.from_settings,
+    "deform": lambda settings, scene, models, live: deform.from_settings(settings, models),
+}
+"""By the key in a scene's `motion` section: maker(settings, scene, models, live)."""
 
 
-def from_scene(scene: Scene) -> Motion:
-    """Return the motion that a scene's `motion` section describes.
+def from_scene(
+    scene: Scene, models: Mapping[str, TriangleMesh] | None = None, *, live: bool = False
+) -> Motion:
+    """Return the motion that a scene's `motion` section describes: all of its effects together.
+
+    Args:
+        scene: as loaded.
+        models: of the scene's bodies by name (see `scene.opening.load_models`), for effects that
+            ask for them; None loads them then.
+        live: poses are wanted in real time, so an effect that cannot keep up falls behind, as its
+            settings say. Otherwise they depend on the time asked for alone.
 
     Raises:
-        ValueError: the scene has no such section.
+        ValueError: the scene has no such section, or an effect cannot be made, as where a bag is
+            not what the scene says; the message names the file.
     """
     if scene.motion is None:
         raise ValueError(
             f"{scene.path}: has no 'motion' section, so nothing moves its bodies; add one "
             f"({', '.join(_EFFECTS)}), or publish their poses"
         )
-    ((effect, settings),) = scene.motion.items()
-    return _EFFECTS[effect](**settings)
+    shapes = _Models(scene) if models is None else models
+    effects = [
+        _EFFECTS[name](settings, scene, shapes, live) for name, settings in scene.motion.items()
+    ]
+    return effects[0] if len(effects) == 1 else Together(effects)
+
+
+class _Models(Mapping):
+    """A scene's models, loaded when the first one is asked for: most motions need none."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+
+    @cached_property
+    def _loaded(self) -> dict[str, TriangleMesh]:
+        return load_models(self._scene)
+
+    def __getitem__(self, name: str) -> TriangleMesh:
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._loaded)
+
+    def __len__(self) -> int:
+        return len(self._loaded)

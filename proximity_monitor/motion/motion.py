@@ -8,7 +8,12 @@ import numpy as np
 
 
 class Motion(Protocol):
-    """Poses of some of a scene's bodies as a function of time."""
+    """Poses of some of a scene's bodies as a function of time.
+
+    An implementation derives from this class, and so has no vertices and no joints unless it says
+    otherwise. It may be stateful: asking for a time advances it to there, and a time before the
+    last one starts it again from the beginning.
+    """
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -16,7 +21,7 @@ class Motion(Protocol):
 
     @property
     def period_s(self) -> float | None:
-        """The time after which the poses repeat, in seconds; None where they do not."""
+        """Seconds after which all of it was seen: it repeats, or rests; None where neither."""
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Return the pose of each driven body at time t.
@@ -25,11 +30,36 @@ class Motion(Protocol):
             t: seconds since the start of the motion.
 
         Returns:
-            By body name, a (4, 4) float64 matrix that maps its model to the world, in metres.
+            By body name, a (4, 4) float64 matrix that maps its model to the world, in metres. A
+            body of which nothing is known yet, as before its first recorded pose, is left out.
 
         Raises:
             ValueError: t is not finite.
         """
 
+    def vertices(self, t: float) -> dict[str, np.ndarray]:
+        """Return the vertices of each deforming body at time t.
+
+        Returns:
+            By body name, (n, 3) float64 in the frame of its model, in metres.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        return {}
+
+    def joints(self, t: float) -> dict[str, float]:
+        """Return the position of each driven joint of a robot at time t, in radians or metres.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        return {}
+
     def describe(self) -> str:
-        """Return one line that says which effect runs, on how many bodies and how fast."""
+        """Return one line an effect that says what runs, on how many bodies and how fast."""
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """Return e.g. ``1 body`` or ``2 bodies``."""
+    return f"{number} {one if number == 1 else many}"

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from proximity_monitor.motion.motion import Motion, counted
+
 # How far a direction may be from unit length, two directions from perpendicular, or an offset from
 # the axis (as a fraction of the throw). A millionth covers the rounding of a value that was
 # computed or written to seven digits; more is a slip, and the rods would change their length.
@@ -22,7 +24,7 @@ class _Piston:
     centre: np.ndarray  # the crank's centre at this cylinder: crank_origin + offset
 
 
-class SliderCrank:
+class SliderCrank(Motion):
     """Crank and pistons.
 
     At time t the crank has turned by ``speed * t`` about its axis, right-handed; at angle 0 a
@@ -121,7 +123,7 @@ class SliderCrank:
     def describe(self) -> str:
         """Return e.g. ``slider_crank: 5 bodies, 60 rpm``."""
         rpm = self._speed * 60.0 / math.tau
-        return f"slider_crank: {len(self.bodies)} bodies, {rpm:g} rpm"
+        return f"slider_crank: {counted(len(self.bodies), 'body', 'bodies')}, {rpm:g} rpm"
 
     def _height(self, phi: float) -> float:
         across = self._radius * math.sin(phi)

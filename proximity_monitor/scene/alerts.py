@@ -1,22 +1,31 @@
-"""When a pair changes between clear, warn, stop and stale: thresholds, hysteresis and silence.
+"""When a pair changes between clear, warn, stop and stale: thresholds, hysteresis, time, silence.
 
 A pair is judged by its certified lower bound, so it is clear only when that is certain. A distance
-equal to the threshold triggers. A level that triggered is released only above its threshold plus
-the hysteresis, so that a distance that trembles about a threshold gives one alert and not thirty a
-second.
+equal to the threshold triggers, and at once. A level that triggered is released only when the bound
+has stayed above its threshold plus the hysteresis for the threshold's `hold_s`, so that a distance
+that trembles about a threshold gives one alert and not thirty a second. A pair that a tick does not
+list is certified to be farther apart than its range, which is not less than any of that.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from proximity_monitor.scene.state import PairState, PairStatus
+import numpy as np
+
+from proximity_monitor.scene.approach import Approach, Courses, approach
+from proximity_monitor.scene.listed import as_arrays
+from proximity_monitor.scene.state import STATUSES, PairState, PairStates, PairStatus, Tick
 
 if TYPE_CHECKING:
-    from proximity_monitor.scene import Thresholds, Unit
+    from proximity_monitor.scene import Thresholds, Unit, WatchedPair
+
+_INTERSECTING = STATUSES.index(PairStatus.INTERSECTING)
 
 
 class Level(enum.Enum):
@@ -31,66 +40,228 @@ class Level(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Alert:
-    """One change of level of one pair; bounds in metres (NaN when a pose is unknown)."""
+    """One change of level of one pair."""
 
+    index: int
+    """The pair's place in the scene."""
     a: str
     b: str
     old: Level
     new: Level
     lower: float
+    """Bounds in metres; NaN when a pose is unknown."""
     upper: float
     reason: str
     """One line for people, lengths in the scene's unit."""
+    approach: Approach | None = None
+    """How the two bodies move against each other; None where the tick did not list the pair."""
+    seconds_left: float = math.nan
+    """At the closing speed until the lower bound is down to the next threshold: stop while at warn,
+    contact while at stop. NaN unless the bodies approach."""
+
+
+@dataclass(slots=True)
+class _Held:
+    """What is remembered of a pair that is not clear."""
+
+    level: Level
+    """The last one that was no silence."""
+    above_stop_s: float = math.nan
+    """Since when the bound is above stop + hysteresis without a break; NaN while it is not."""
+    above_warn_s: float = math.nan
 
 
 class Alerts:
-    """The levels of all watched pairs, in the scene's order; they begin as stale."""
+    """The levels of all watched pairs; before the first tick they are stale."""
 
-    def __init__(self, count: int, unit: Unit) -> None:
-        """Begin with `count` pairs; `unit` is the one that reasons are written in."""
+    def __init__(self, pairs: Sequence[WatchedPair], unit: Unit) -> None:
+        """Watch the scene's `pairs`; `unit` is the one that reasons are written in."""
+        self._pairs = pairs
         self._unit = unit
-        self.levels: list[Level] = [Level.STALE] * count
-        self._held: list[Level] = [Level.CLEAR] * count  # the last level that was no silence
+        self._levels: dict[int, Level] = {}
+        self._held: dict[int, _Held] = {}
+        self._unlisted = Level.STALE  # of pairs that are not in _levels
+        self._thresholds: Sequence[Thresholds] = ()
+        self._warn = np.empty(0)  # of the thresholds, to find the pairs that need a closer look
 
-    def update(self, pairs: Sequence[PairState], thresholds: Sequence[Thresholds]) -> list[Alert]:
+    @property
+    def levels(self) -> Mapping[int, Level]:
+        """By index the levels of the pairs that the last tick listed, and of all not clear."""
+        return MappingProxyType(self._levels)
+
+    def update(
+        self,
+        tick: Tick,
+        thresholds: Sequence[Thresholds],
+        now_s: float,
+        courses: Courses = lambda name: None,
+        attached: Collection[int] = (),
+        silent: Collection[str] = (),
+    ) -> list[Alert]:
         """Judge the pairs of a tick and return the changes.
 
         Args:
-            pairs: one state a pair.
-            thresholds: one a pair; they may differ from those of the last call.
+            tick: the listed pairs; all others are certified to be farther apart than their range,
+                unless one of their bodies is silent.
+            thresholds: one for each pair of the scene; they may differ from those of the last call.
+            now_s: seconds of a clock that never goes back.
+            courses: of the bodies at the tick's poses, for how the alerts' pairs move.
+            attached: indices of pairs that are not watched now; the tick does not list them.
+            silent: bodies whose pose is stale or was never given.
         """
         changes = []
-        for i, (pair, limits) in enumerate(zip(pairs, thresholds, strict=True)):
-            new, reason = self._judge(pair, limits, self._held[i])
-            old, self.levels[i] = self.levels[i], new
-            if new is not Level.STALE:
-                self._held[i] = new
+        pairs = as_arrays(tick.pairs)
+        before, levels = self._levels, dict.fromkeys(pairs.positions.tolist(), Level.CLEAR)
+        for place in self._suspects(pairs, thresholds):
+            pair = pairs[place]
+            i = pair.index
+            new, reason = self._judge(pair, thresholds[i], now_s)
+            levels[i] = new
+            old = before.get(i, self._unlisted)
             if new is not old:
-                changes.append(Alert(pair.a, pair.b, old, new, pair.lower, pair.upper, reason))
+                changes.append(self._alert(pair, old, new, reason, thresholds[i], courses))
+        for i, old in before.items():
+            if old is not Level.CLEAR and i not in levels:
+                new, reason = self._release(i, thresholds[i], now_s, i in attached, silent)
+                if new is not Level.CLEAR:
+                    levels[i] = new
+                if new is not old:
+                    watched = self._pairs[i]
+                    lower = math.nan if i in attached else watched.range
+                    changes.append(
+                        Alert(i, watched.a, watched.b, old, new, lower, math.inf, reason)
+                    )
+        self._levels, self._unlisted = levels, Level.CLEAR
         return changes
 
-    def _judge(self, pair: PairState, limits: Thresholds, held: Level) -> tuple[Level, str]:
+    def _suspects(self, pairs: PairStates, thresholds: Sequence[Thresholds]) -> list[int]:
+        """Return the places of the pairs that are not at a glance as clear as they were."""
+        if thresholds is not self._thresholds:
+            self._thresholds = thresholds
+            self._warn = np.array([limits.warn for limits in thresholds])
+        if self._unlisted is not Level.CLEAR:
+            return list(range(len(pairs)))  # of the first tick every change is told
+        suspect = ~(pairs.lower > self._warn[pairs.positions]) | pairs.silent.any(axis=1)
+        suspect |= pairs.status == _INTERSECTING
+        unclear = [i for i, level in self._levels.items() if level is not Level.CLEAR]
+        if unclear:
+            suspect |= np.isin(pairs.positions, unclear)
+        return np.flatnonzero(suspect).tolist()
+
+    def _judge(self, pair: PairState, limits: Thresholds, now_s: float) -> tuple[Level, str]:
+        held = self._held.get(pair.index)
         if pair.silent:
+            if held is not None:
+                held.above_stop_s = held.above_warn_s = math.nan
             what = "no pose yet" if pair.status is PairStatus.UNKNOWN else "no recent pose"
             return Level.STALE, f"{what} of {' and '.join(pair.silent)}"
-        if pair.status is PairStatus.INTERSECTING:
+        new, reason = self._step(held, pair.lower, limits, now_s, pair)
+        self._keep(pair.index, held, new)
+        return new, reason
+
+    def _release(
+        self,
+        i: int,
+        limits: Thresholds,
+        now_s: float,
+        attached: bool,
+        silent: Collection[str],
+    ) -> tuple[Level, str]:
+        """Judge a pair that was not clear and is not listed."""
+        held, watched = self._held.get(i), self._pairs[i]
+        if names := [name for name in (watched.a, watched.b) if name in silent and not attached]:
+            if held is not None:
+                held.above_stop_s = held.above_warn_s = math.nan
+            return Level.STALE, f"no recent pose of {' and '.join(names)}"
+        if attached:
+            new, reason = Level.CLEAR, "attached to each other: not watched"
+        else:
+            beyond = watched.range
+            new, reason = self._step(held, beyond, limits, now_s, None)
+            if new is Level.CLEAR:
+                reason = f"farther than {self._length(beyond)}"
+        self._keep(i, held, new)
+        return new, reason
+
+    def _keep(self, i: int, held: _Held | None, new: Level) -> None:
+        if new is Level.CLEAR:
+            self._held.pop(i, None)
+        elif held is None:
+            self._held[i] = _Held(new)
+        else:
+            held.level = new
+
+    def _step(
+        self,
+        held: _Held | None,
+        lower: float,
+        limits: Thresholds,
+        now_s: float,
+        pair: PairState | None,
+    ) -> tuple[Level, str]:
+        """Return the level that follows a held one, and why; None as pair: it is not listed."""
+        if held is not None:
+            above = lower > limits.stop + limits.hysteresis
+            held.above_stop_s = _since(held.above_stop_s, above, now_s)
+            above = lower > limits.warn + limits.hysteresis
+            held.above_warn_s = _since(held.above_warn_s, above, now_s)
+        if pair is not None and pair.status is PairStatus.INTERSECTING:
+            if held is not None:
+                held.above_stop_s = held.above_warn_s = math.nan
             return Level.STOP, "intersecting: contact cannot be excluded"
-        for level, limit, holds in (
-            (Level.STOP, limits.stop, held is Level.STOP),
-            (Level.WARN, limits.warn, held in (Level.STOP, Level.WARN)),
-        ):
-            if not pair.lower > limit:
-                return level, f"{self._at(pair)} <= {level.value} {self._length(limit)}"
-            if holds and not pair.lower > limit + limits.hysteresis:
+        at = "" if pair is None else self._at(pair)
+        for level, limit in ((Level.STOP, limits.stop), (Level.WARN, limits.warn)):
+            if not lower > limit:
+                return level, f"{at} <= {level.value} {self._length(limit)}"
+            if held is None or (level is Level.STOP and held.level is not Level.STOP):
+                continue
+            since = held.above_stop_s if level is Level.STOP else held.above_warn_s
+            if math.isnan(since):
                 return level, (
-                    f"{self._at(pair)} is not above {level.value} {self._length(limit)}"
+                    f"{at} is not above {level.value} {self._length(limit)}"
                     f" + hysteresis {self._length(limits.hysteresis)}"
                 )
-        return Level.CLEAR, f"{self._at(pair)} > warn {self._length(limits.warn)}"
+            if now_s - since < limits.hold_s:
+                return level, f"above {level.value} for less than {limits.hold_s:g} s"
+        return Level.CLEAR, f"{at} > warn {self._length(limits.warn)}"
+
+    def _alert(
+        self,
+        pair: PairState,
+        old: Level,
+        new: Level,
+        reason: str,
+        limits: Thresholds,
+        courses: Courses,
+    ) -> Alert:
+        motion = approach(pair, courses)
+        left = math.nan
+        if new in (Level.WARN, Level.STOP):
+            threshold = limits.stop if new is Level.WARN else 0.0
+            left = motion.seconds_to(pair.lower - threshold)
+        if not math.isnan(left):
+            what = "stop" if new is Level.WARN else "contact"
+            speed = f"{motion.closing / self._unit.to_metre:.4g} {self._unit.symbol}/s"
+            reason += f", closing at {speed}, {what} in {left:.3g} s"
+        return Alert(
+            pair.index, pair.a, pair.b, old, new, pair.lower, pair.upper, reason, motion, left
+        )
 
     def _at(self, pair: PairState) -> str:
-        kind = "lower bound" if pair.status is PairStatus.BOUNDED else "distance"
-        return f"{kind} {self._length(pair.lower)}"
+        if pair.upper < 0.0:
+            depth = self._length(-pair.lower)
+            if pair.lower != pair.upper:
+                depth = f"{-pair.upper / self._unit.to_metre:.4g}..{depth}"
+            return f"overlapping by {depth}: distance {self._length(pair.lower)}"
+        if pair.status is PairStatus.BOUNDED:
+            return f"lower bound {self._length(pair.lower)} (upper {self._length(pair.upper)})"
+        return f"distance {self._length(pair.lower)}"
 
     def _length(self, metres: float) -> str:
         return f"{metres / self._unit.to_metre:.4g} {self._unit.symbol}"
+
+
+def _since(since_s: float, above: bool, now_s: float) -> float:
+    if not above:
+        return math.nan
+    return now_s if math.isnan(since_s) else since_s

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from proximity_monitor.scene.description import Body, Box, Cylinder, Primitive, Sphere, Unit
+from proximity_monitor.scene.description import (
+    Body,
+    Box,
+    Cylinder,
+    Point,
+    Primitive,
+    Sphere,
+    Unit,
+)
 from proximity_monitor.scene.paths import model_path
 from proximity_monitor.scene.poses import pose_matrix
 from proximity_monitor.scene.report import Keys, Report, SceneError
@@ -52,16 +61,10 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
     primitive = _primitive(data["primitive"], unit) if "primitive" in data else None
     pose = topic = None
     if "pose" in data:
-        pose = _pose(data["pose"], (*keys, "pose"), unit, report)
+        pose = read_pose(data["pose"], (*keys, "pose"), unit, report)
     else:
         topic = data.get("topic", f"bodies/{data['name']}/pose")
-        if not _TOPIC.fullmatch(topic):
-            report.add(
-                (*keys, "topic"),
-                "must be a topic name: words of letters, digits and underscores, none with a digit "
-                f"in front, joined by single slashes (got '{topic}')",
-            )
-    red, green, blue, *opacity = data.get("colour", _GREY)
+        read_topic(topic, (*keys, "topic"), report)
     return Body(
         name=data["name"],
         model=model,
@@ -69,7 +72,9 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
         scale=float(data.get("scale", 1.0)),
         pose=pose,
         topic=topic,
-        colour=(float(red), float(green), float(blue), float(opacity[0]) if opacity else 1.0),
+        colour=read_colour(data),
+        solid=data.get("solid", False),
+        deforming=data.get("deforming", False),
     )
 
 
@@ -78,13 +83,33 @@ def _primitive(data: dict[str, Any], unit: Unit) -> Primitive:
     if kind == "box":
         x, y, z = (unit.to_metre * length for length in values["size"])
         return Box((x, y, z))
+    if kind == "point":
+        return Point()
     radius = unit.to_metre * values["radius"]
     if kind == "cylinder":
         return Cylinder(radius, unit.to_metre * values["height"], int(values.get("segments", 64)))
     return Sphere(radius, int(values.get("subdivisions", 3)))
 
 
-def _pose(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> np.ndarray | None:
+def read_topic(topic: str, keys: Keys, report: Report) -> str:
+    """Return a topic; a problem with its name goes to the report."""
+    if not _TOPIC.fullmatch(topic):
+        report.add(
+            keys,
+            "must be a topic name: words of letters, digits and underscores, none with a digit in "
+            f"front, joined by single slashes (got '{topic}')",
+        )
+    return topic
+
+
+def read_colour(data: Mapping[str, Any]) -> tuple[float, float, float, float]:
+    """Return the red, green, blue and opacity of a body or robot."""
+    red, green, blue, *opacity = data.get("colour", _GREY)
+    return float(red), float(green), float(blue), float(opacity[0]) if opacity else 1.0
+
+
+def read_pose(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> np.ndarray | None:
+    """Return a (4, 4) pose in metres, read-only; None, with a problem in the report, if bad."""
     position = [unit.to_metre * length for length in data["position"]]
     try:
         pose = pose_matrix(position, data.get("quaternion", (0.0, 0.0, 0.0, 1.0)))

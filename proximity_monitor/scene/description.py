@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+
+from proximity_monitor.scene.kinematics import Kinematics
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,33 @@ class Sphere:
     subdivisions: int
 
 
-Primitive = Box | Cylinder | Sphere
+@dataclass(frozen=True)
+class Point:
+    """A single point, the body's origin: a probe's tip."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One shape of a compound, placed in its frame."""
+
+    shape: Path | Box | Cylinder | Sphere
+    """A model file in metres, absolute, or a primitive."""
+    scale: tuple[float, float, float]
+    """Factors along the shape's own axes, not 0; a negative one mirrors it."""
+    xyz: tuple[float, float, float]
+    """Its origin, metres."""
+    rpy: tuple[float, float, float]
+    """Its orientation: turns about the fixed x, y and z axes in this order, radians."""
+
+
+@dataclass(frozen=True)
+class Compound:
+    """Several shapes as one rigid body: a robot's link."""
+
+    parts: tuple[Part, ...]
+
+
+Primitive = Box | Cylinder | Sphere | Point | Compound
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +98,19 @@ class Body:
     pose: np.ndarray | None
     """(4, 4) model to world in metres, read-only; None for a moving body."""
     topic: str | None
-    """Topic of the poses of a moving body; None for a fixed one."""
+    """Topic of the poses of a moving body; None for a fixed one, and for a robot's link, whose
+    poses follow from the positions of joints (see `Robot`)."""
     colour: tuple[float, float, float, float]
     """Red, green, blue, opacity, each 0 to 1."""
+    solid: bool = False
+    """Whether its model encloses a solid: two solids have a signed distance."""
+    deforming: bool = False
+    """Whether its vertices change while the monitor runs."""
 
     @property
     def moving(self) -> bool:
-        """Whether poses arrive on a topic."""
-        return self.topic is not None
+        """Whether poses arrive while it runs."""
+        return self.pose is None
 
 
 @dataclass(frozen=True)
@@ -88,6 +121,13 @@ class Thresholds:
     stop: float
     hysteresis: float
     """How far a clearance must exceed a threshold before its alert ends."""
+    hold_s: float = 0.0
+    """For how many seconds without a break it must do so."""
+
+
+Question = Literal["distance", "within", "collide"]
+"""What is asked about a pair: its distance, only on which side of its thresholds that is, or only
+whether the two touch."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +142,40 @@ class WatchedPair:
     thresholds: Thresholds
     own_thresholds: bool
     """False where the thresholds are the scene's defaults."""
+    question: Question = "distance"
+    range: float = float("inf")
+    """Metres; a pair that is certainly farther apart is not looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """Bodies that are the links of one robot, and how its joints move them."""
+
+    name: str
+    kinematics: Kinematics
+    base: np.ndarray
+    """(4, 4) pose of its root link in the world, metres, read-only."""
+    topic: str
+    """Topic of the positions of its joints."""
+    start: Mapping[str, float]
+    """Positions of joints from the file, until others arrive; radians or metres."""
+    links: Mapping[str, str]
+    """Its moving bodies: by the body's name, the link that it is."""
+
+    def poses(self, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
+        """Return the pose (4, 4) in metres, model to world, of each moving body.
+
+        Args:
+            positions: of joints by name, radians or metres. For those that are absent `start`
+                holds, else 0; names that are not of its free joints are passed over.
+
+        Raises:
+            ValueError: a position is not finite.
+        """
+        kinematics = self.kinematics
+        poses = kinematics.poses(kinematics.values({**self.start, **positions}), self.base)
+        by_link = dict(zip(kinematics.links, poses, strict=True))
+        return {body: by_link[link] for body, link in self.links.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,8 +191,12 @@ class Scene:
     budget_s: float
     """Computing time of one tick."""
     bodies: tuple[Body, ...]
-    pairs: tuple[WatchedPair, ...]
-    motion: Mapping[str, Any] | None
-    """One effect: its name, and its settings in SI units (see `effects`)."""
+    pairs: Sequence[WatchedPair]
+    motion: Mapping[str, Mapping[str, Any]] | None
+    """By the name of an effect its settings in SI units (see `effects`)."""
     thresholds: Thresholds
     """The defaults of all pairs."""
+    description: str = ""
+    """What there is to see, in one line."""
+    robots: tuple[Robot, ...] = ()
+    """Their links are among the bodies."""

@@ -13,6 +13,7 @@ from proximity_monitor.scene.description import UNITS, Scene
 from proximity_monitor.scene.effects import read_motion
 from proximity_monitor.scene.pairs import Limits, read_limits, read_pairs
 from proximity_monitor.scene.report import Report, shown
+from proximity_monitor.scene.robots import check_script, read_robots
 from proximity_monitor.scene.source import read
 
 _VERSION = 1
@@ -54,7 +55,13 @@ def _scene(data: dict[str, Any], path: Path, report: Report) -> Scene:
     unit = UNITS[data["unit"]]
     limits = read_limits(data, (), Limits(), unit, report)
     defaults = dataclasses.replace(limits, own_thresholds=False)
-    bodies = read_bodies(data["bodies"], path.parent, unit, report)
+    bodies = read_bodies(data.get("bodies", []), path.parent, unit, report)
+    robots = read_robots(data.get("robots", []), bodies, path.parent, unit, report)
+    bodies += robots.bodies
+    motion = None
+    if "motion" in data:
+        motion = read_motion(data["motion"], bodies, unit, report, path.parent)
+        check_script(data["motion"], robots.robots, report)
     return Scene(
         path=path,
         frame=data.get("frame", "world"),
@@ -62,7 +69,9 @@ def _scene(data: dict[str, Any], path: Path, report: Report) -> Scene:
         rate_hz=float(data.get("rate_hz", 30.0)),
         budget_s=data.get("budget_ms", 8.0) / 1000.0,
         bodies=bodies,
-        pairs=read_pairs(data.get("pairs", "all"), bodies, defaults, unit, report),
-        motion=read_motion(data["motion"], bodies, unit, report) if "motion" in data else None,
+        pairs=read_pairs(data.get("pairs", "all"), bodies, defaults, unit, report, robots),
+        motion=motion,
+        description=data.get("description", ""),
+        robots=robots.robots,
         thresholds=defaults.thresholds,
     )

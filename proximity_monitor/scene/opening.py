@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from proximity_monitor import engine
-from proximity_monitor.scene.paths import bundled
+from proximity_monitor.scene.paths import bundled, bundled_names
 from proximity_monitor.scene.primitives import load_model
+from proximity_monitor.scene.source import read
 
 if TYPE_CHECKING:
     from proximity_monitor.scene.description import Scene
@@ -25,6 +26,19 @@ def find_scene(text: str) -> Path:
     if path.suffix in (".yaml", ".yml") or len(path.parts) > 1 or path.is_file():
         return path
     return bundled(text)
+
+
+def descriptions() -> dict[str, str]:
+    """Return, of each bundled scene by name, what there is to see in it: a line, or nothing.
+
+    Raises:
+        SceneError: a scene file does not read as YAML.
+    """
+    said = {}
+    for name in bundled_names():
+        data, _ = read(bundled(name))
+        said[name] = str(data.get("description", ""))
+    return said
 
 
 def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:

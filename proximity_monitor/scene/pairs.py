@@ -1,50 +1,78 @@
-"""The `pairs` section: which bodies to watch, and each pair's tolerance and thresholds."""
+"""The `pairs` section: which bodies to watch, and each pair's question, range and limits."""
 
 from __future__ import annotations
 
 import difflib
-import itertools
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from proximity_monitor.scene.description import Body, Thresholds, Unit, WatchedPair
+import numpy as np
+
+from proximity_monitor.scene.description import Body, Thresholds, Unit
 from proximity_monitor.scene.report import Keys, Report
+from proximity_monitor.scene.robots import Robots
+from proximity_monitor.scene.watch import CONTACT, UNWATCHED, Limits, WatchedPairs
 
-_CONTACT = Thresholds(warn=0.0, stop=0.0, hysteresis=0.0)
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a pair is watched with: errors and thresholds, in metres."""
-
-    rel_err: float = 0.0
-    abs_err: float = 0.0
-    thresholds: Thresholds = _CONTACT
-    own_thresholds: bool = False
+_EVERYTHING = "all"
+"""The name that every body can be called by, unless it is the name of something."""
 
 
 def read_limits(
     data: Mapping[str, Any], keys: Keys, defaults: Limits, unit: Unit, report: Report
 ) -> Limits:
-    """Read `tolerance` and `thresholds` where they stand; the rest is taken from the defaults."""
+    """Read what stands of the limits; the rest is taken from the defaults."""
     tolerance = data.get("tolerance", {})
-    given = {key: unit.to_metre * value for key, value in data.get("thresholds", {}).items()}
+    question = data.get("question", defaults.question)
+    given = {
+        key: float(value) if key == "hold_s" else unit.to_metre * value
+        for key, value in data.get("thresholds", {}).items()
+    }
     thresholds = Thresholds(**{**vars(defaults.thresholds), **given})
-    if thresholds.warn < thresholds.stop:
-        warn, stop = (value / unit.to_metre for value in (thresholds.warn, thresholds.stop))
-        report.add(
-            (*keys, "thresholds"),
-            f"warn must not be less than stop (got warn {warn:g}, stop {stop:g} {unit.symbol})",
-        )
-    return Limits(
+    if question == "collide":
+        thresholds = CONTACT
+        if given:
+            report.add(
+                (*keys, "thresholds"),
+                "mean nothing where the question is 'collide', which alerts on contact alone; "
+                "remove them, or ask 'within'",
+            )
+    limits = Limits(
         rel_err=float(tolerance.get("rel_err", defaults.rel_err)),
         abs_err=unit.to_metre * tolerance["abs_err"]
         if "abs_err" in tolerance
         else defaults.abs_err,
         thresholds=thresholds,
-        own_thresholds=bool(given),
+        own_thresholds=bool(given) or question == "collide",
+        question=question,
+        range=unit.to_metre * data["range"] if "range" in data else defaults.range,
     )
+    _check(limits, "range" if "range" in data else "thresholds", keys, unit, report)
+    return limits
+
+
+def _check(limits: Limits, key: str, keys: Keys, unit: Unit, report: Report) -> None:
+    """Report limits that contradict each other; `key` is what the file gives of range and warn."""
+    thresholds = limits.thresholds
+    warn, stop, least, most = (
+        value / unit.to_metre
+        for value in (
+            thresholds.warn,
+            thresholds.stop,
+            thresholds.warn + thresholds.hysteresis,
+            limits.range,
+        )
+    )
+    if warn < stop:
+        report.add(
+            (*keys, "thresholds"),
+            f"warn must not be less than stop (got warn {warn:g}, stop {stop:g} {unit.symbol})",
+        )
+    if limits.range < thresholds.warn + thresholds.hysteresis:
+        report.add(
+            (*keys, key),
+            f"range must not be less than warn + hysteresis, or alerts would be missed (got range "
+            f"{most:g}, warn + hysteresis {least:g} {unit.symbol})",
+        )
 
 
 def read_pairs(
@@ -53,65 +81,84 @@ def read_pairs(
     defaults: Limits,
     unit: Unit,
     report: Report,
-) -> tuple[WatchedPair, ...]:
+    robots: Robots,
+) -> WatchedPairs:
     """Make the watched pairs; what is wrong with them goes to the report."""
     if isinstance(section, str):  # "all"
         section = {}
-    names = _Names(bodies, section.get("groups", {}), report)
+    names = _Names(bodies, section.get("groups", {}), robots.groups, report)
+    kinds, rule, exceptions = [defaults], 0, []
     if "watch" in section:
-        chosen: dict[tuple[int, int], Limits] = {}
+        rule = UNWATCHED
         for index, entry in enumerate(section["watch"]):
             keys = ("pairs", "watch", index)
-            limits = read_limits(entry, keys, defaults, unit, report)
-            chosen.update(dict.fromkeys(names.watched(entry["between"], keys), limits))
-    else:
-        chosen = dict.fromkeys(
-            names.moving(itertools.combinations(range(len(bodies)), 2)), defaults
-        )
+            kind = len(kinds)
+            kinds.append(read_limits(entry, keys, defaults, unit, report))
+            if names.mean_everything(entry["between"]):
+                rule, exceptions = kind, []
+            else:
+                exceptions.append(_of_kind(names.watched(entry["between"], keys), kind))
     for index, entry in enumerate(section.get("exclude", ())):
-        for pair in names.between(entry, ("pairs", "exclude", index)):
-            chosen.pop(pair, None)
-    if not chosen:
+        pairs = names.between(entry, ("pairs", "exclude", index))
+        exceptions.append(_of_kind(pairs, UNWATCHED))
+    apart = [names.pair(*pair) for pair in robots.excluded]
+    exceptions.append(_of_kind(np.array(apart, np.int64).reshape(-1, 2), UNWATCHED))
+    pairs = WatchedPairs(
+        [body.name for body in bodies],
+        [body.moving or body.deforming for body in bodies],
+        kinds,
+        rule,
+        names.last(exceptions),
+    )
+    if not pairs:
         report.add(
             ("pairs",),
             "leaves no pair to watch; a pair needs two bodies, and one of them moving",
         )
-    return tuple(
-        WatchedPair(
-            bodies[a].name,
-            bodies[b].name,
-            limits.rel_err,
-            limits.abs_err,
-            limits.thresholds,
-            limits.own_thresholds,
-        )
-        for (a, b), limits in sorted(chosen.items(), key=lambda item: item[0])
-    )
+    return pairs
+
+
+def _of_kind(pairs: np.ndarray, kind: int) -> np.ndarray:
+    """Pairs (k, 2) as exceptions (k, 3)."""
+    return np.column_stack((pairs, np.full(len(pairs), kind)))
 
 
 class _Names:
     """Bodies and groups by name; pairs are index pairs with the lower index first."""
 
     def __init__(
-        self, bodies: tuple[Body, ...], groups: Mapping[str, list[str]], report: Report
+        self,
+        bodies: tuple[Body, ...],
+        groups: Mapping[str, list[str]],
+        robots: Mapping[str, list[str]],
+        report: Report,
     ) -> None:
-        self._bodies = bodies
+        self._moving = np.array([body.moving or body.deforming for body in bodies], dtype=bool)
         self._report = report
         self._members = {body.name: [index] for index, body in enumerate(bodies)}
         single = dict(self._members)
+        for robot, names in robots.items():
+            self._members[robot] = [index for name in names for index in single.get(name, ())]
         for group, names in groups.items():
             keys = ("pairs", "groups", group)
-            if group in single:
-                report.add(keys, f"'{group}' is a body; give the group another name")
+            if group in self._members:
+                what = "body" if group in single else "robot"
+                report.add(keys, f"'{group}' is a {what}; give the group another name")
                 continue
             members = [self._find(name, single, (*keys, at)) for at, name in enumerate(names)]
             self._members[group] = [index for found in members for index in found]
+        self._named_so = _EVERYTHING in self._members
+        self._members.setdefault(_EVERYTHING, list(range(len(bodies))))
 
-    def watched(self, two: list[str], keys: Keys) -> list[tuple[int, int]]:
+    def mean_everything(self, two: list[str]) -> bool:
+        """Whether an entry is about every pair that there is."""
+        return two == [_EVERYTHING, _EVERYTHING] and not self._named_so
+
+    def watched(self, two: list[str], keys: Keys) -> np.ndarray:
         """The pairs of an entry that can change; none at all is a mistake in the file."""
         pairs = self.between(two, (*keys, "between"))
-        moving = list(self.moving(pairs))
-        if pairs and not moving:
+        moving = self._changing(pairs)
+        if len(pairs) and not len(moving):
             self._report.add(
                 (*keys, "between"),
                 f"'{two[0]}' and '{two[1]}' are fixed, so their clearance never changes; "
@@ -119,18 +166,31 @@ class _Names:
             )
         return moving
 
-    def moving(self, pairs: Iterable[tuple[int, int]]) -> Iterable[tuple[int, int]]:
-        """Leave out pairs of two fixed bodies."""
-        return (pair for pair in pairs if any(self._bodies[index].moving for index in pair))
-
-    def between(self, two: list[str], keys: Keys) -> list[tuple[int, int]]:
-        """All pairs of one body of each name, without bodies against themselves."""
+    def between(self, two: list[str], keys: Keys) -> np.ndarray:
+        """All pairs (k, 2) of one body of each name, without bodies against themselves."""
         left, right = (self._find(name, self._members, (*keys, at)) for at, name in enumerate(two))
-        pairs = {(min(pair), max(pair)) for pair in itertools.product(left, right)}
-        pairs = sorted(pair for pair in pairs if pair[0] != pair[1])
-        if left and right and not pairs:
+        a, b = (each.ravel() for each in np.meshgrid(left, right, indexing="ij"))
+        pairs = np.stack((np.minimum(a, b), np.maximum(a, b)), axis=1).astype(np.int64)
+        pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+        if left and right and not len(pairs):
             self._report.add(keys, f"'{two[0]}' and '{two[1]}' are one body; name two")
         return pairs
+
+    def pair(self, a: str, b: str) -> tuple[int, int]:
+        """The pair of two bodies."""
+        (i,), (j,) = self._members[a], self._members[b]
+        return min(i, j), max(i, j)
+
+    def last(self, exceptions: Sequence[np.ndarray]) -> np.ndarray:
+        """Of exceptions (k, 3) the last one about each pair that can change."""
+        every = np.concatenate(exceptions)[::-1]
+        every = self._changing(every)
+        _, first = np.unique(every[:, 0] * len(self._moving) + every[:, 1], return_index=True)
+        return every[first]
+
+    def _changing(self, pairs: np.ndarray) -> np.ndarray:
+        """Leave out pairs of two fixed bodies."""
+        return pairs[self._moving[pairs[:, 0]] | self._moving[pairs[:, 1]]]
 
     def _find(self, name: str, known: Mapping[str, list[int]], keys: Keys) -> list[int]:
         if name not in known:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from importlib import metadata
 from pathlib import Path
 
 from proximity_monitor.scene.report import SceneError
@@ -12,6 +13,8 @@ _PACKAGE = "proximity_monitor"
 _SCHEME = "package://"
 _HERE = Path(__file__).resolve()
 _BUNDLED = _HERE.parent / "bundled"
+_DATA_ON_PYPI = ("example-robot-data",)
+"""ROS packages of data alone that can also be installed by pip, under the same name."""
 
 
 def bundled(name: str) -> Path:
@@ -20,18 +23,24 @@ def bundled(name: str) -> Path:
     Raises:
         SceneError: there is none of that name; the message lists those that exist.
     """
-    names = sorted(path.parent.name for path in _BUNDLED.glob("*/scene.yaml"))
+    names = bundled_names()
     if name not in names:
         raise SceneError(f"no bundled scene {name!r}; there is {', '.join(names) or 'none'}")
     return _BUNDLED / name / "scene.yaml"
 
 
-def model_path(text: str, folder: Path) -> Path:
-    """Resolve a model path of a scene file.
+def bundled_names() -> list[str]:
+    """Return the names of the scenes that come with the package, sorted."""
+    return sorted(path.parent.name for path in _BUNDLED.glob("*/scene.yaml"))
+
+
+def model_path(text: str, folder: Path, *, or_folder: bool = False) -> Path:
+    """Resolve the path of a model, or of another file that a scene file names.
 
     Args:
         text: relative to `folder`, absolute, or ``package://PACKAGE/PATH``.
         folder: where the scene file is.
+        or_folder: whether a folder will do, too.
 
     Returns:
         The absolute path of an existing file.
@@ -48,14 +57,56 @@ def model_path(text: str, folder: Path) -> Path:
             raise SceneError(
                 f"package '{package}' is in no prefix of AMENT_PREFIX_PATH; "
                 "source the workspace that has it"
+                + (f", or: pip install {package}" if package in _DATA_ON_PYPI else "")
             )
     else:
         candidates = [folder.absolute() / text]
     for path in candidates:
         # os.path answers False where pathlib would raise, as for names that are too long.
-        if os.path.isfile(path):
+        if os.path.isfile(path) or (or_folder and os.path.isdir(path)):
             return path
     raise SceneError(f"no such file: {', nor '.join(map(str, candidates))}")
+
+
+def mesh_path(text: str, urdf: Path) -> Path:
+    """Resolve the path of a mesh that a robot description names.
+
+    Args:
+        text: ``package://PACKAGE/PATH``, ``file:///PATH``, absolute, or relative to the
+            description's folder. PACKAGE is a folder of that name that holds the description, else
+            found as in `model_path`; PATH does not leave it.
+        urdf: the description, absolute.
+
+    Returns:
+        The absolute path of an existing file.
+
+    Raises:
+        SceneError: says where the file was looked for.
+    """
+    if text.startswith("file://"):
+        text = text.removeprefix("file://")
+        if not text.startswith("/"):
+            raise SceneError(f"must read file:///PATH, with three slashes (got 'file://{text}')")
+    elif text.startswith(_SCHEME):
+        package, _, rest = text.removeprefix(_SCHEME).partition("/")
+        if os.path.normpath(rest).startswith(("..", "/")):
+            raise SceneError(f"'{text}' leaves its package; name a file inside it")
+        for folder in urdf.parents:
+            if folder.name == package and os.path.isfile(folder / rest):
+                return folder / rest
+    elif "://" in text:
+        raise SceneError(f"'{text}': read are package://, file:// and plain paths")
+    return model_path(text, urdf.parent)
+
+
+def _installed_by_pip(package: str) -> list[Path]:
+    """The share folders of a package that pip installed, wherever in its tree they are."""
+    try:
+        files = metadata.files(package) or []
+    except metadata.PackageNotFoundError:
+        return []
+    wanted = ("share", package, "package.xml")
+    return [Path(file.locate()).parent for file in files if file.parts[-3:] == wanted]
 
 
 def _shares(package: str) -> list[Path]:
@@ -68,4 +119,6 @@ def _shares(package: str) -> list[Path]:
         shares += [Path(sys.prefix) / "share" / package, _HERE.parents[1]]
         if (_HERE.parents[2] / "package.xml").is_file():
             shares.append(_HERE.parents[2])
+    elif package in _DATA_ON_PYPI:
+        shares += _installed_by_pip(package)
     return [share.absolute() for share in shares if os.path.isdir(share)]

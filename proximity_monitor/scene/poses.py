@@ -30,12 +30,46 @@ def pose_matrix(position: Sequence[float], quaternion: Sequence[float]) -> np.nd
     length = math.hypot(*quaternion)
     if abs(length - 1.0) > UNIT_LENGTH:
         raise ValueError(f"must have length 1 (got {length:.6g}); divide it by its length")
-    x, y, z, w = (part / length for part in quaternion)
     pose = np.eye(4)
-    pose[:3, :3] = [
+    pose[:3, :3] = _rotation(*(part / length for part in quaternion))
+    pose[:3, 3] = position
+    return pose
+
+
+def pose_matrices(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Return many rigid motions, as `pose_matrix` does one; nothing is checked.
+
+    Args:
+        positions: (n, 3) x, y, z.
+        quaternions: (n, 4) x, y, z, w of any length but 0; normalised exactly.
+
+    Returns:
+        (n, 4, 4) float64.
+    """
+    poses = np.zeros((len(positions), 4, 4))
+    units = quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+    poses[:, :3, :3] = np.moveaxis(np.array(_rotation(*units.T)), -1, 0)
+    poses[:, :3, 3] = positions
+    poses[:, 3, 3] = 1.0
+    return poses
+
+
+def _rotation(x, y, z, w) -> list[list]:
+    """The rotation of a unit quaternion, or of arrays of them, row by row."""
+    return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
-    pose[:3, 3] = position
-    return pose
+
+
+def rpy_matrix(rpy: Sequence[float]) -> np.ndarray:
+    """Return the (3, 3) turn about the fixed x, y and z axes in this order, radians."""
+    (sr, sp, sy), (cr, cp, cy) = ([f(angle) for angle in rpy] for f in (math.sin, math.cos))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )

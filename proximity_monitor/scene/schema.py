@@ -15,6 +15,7 @@ from proximity_monitor.scene.report import Keys, Report, shown
 
 _TYPES = {
     "array": "a list",
+    "boolean": "true or false",
     "integer": "a whole number",
     "number": "a number",
     "object": "a mapping",
@@ -63,6 +64,12 @@ def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
             given = [f"'{key}'" for key in choices if key in got]
             names = ", ".join(f"'{key}'" for key in choices)
             yield keys, f"needs exactly one of {names} (got {' and '.join(given) or 'none'})"
+    elif rule == "anyOf":
+        choices = " or ".join(f"'{branch['required'][0]}'" for branch in value)
+        yield keys, f"needs the key {choices}"
+    elif rule == "not":  # keys that stand for the same thing
+        if isinstance(got, dict):  # or else its type is a finding of its own
+            yield keys, f"needs only one of {', '.join(map(repr, value['required']))}"
     elif rule == "type":
         kinds = [value] if isinstance(value, str) else value
         yield keys, f"must be {' or '.join(_TYPES[kind] for kind in kinds)} (got {shown(got)})"

@@ -1,12 +1,15 @@
-"""What a tick says: the state of every watched pair, in metres and world coordinates."""
+"""What a tick says: the state of every listed pair, in metres and world coordinates."""
 
 from __future__ import annotations
 
 import enum
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+
+from proximity_monitor.scene.lazy import LazySequence
 
 
 class PairStatus(enum.Enum):
@@ -15,10 +18,18 @@ class PairStatus(enum.Enum):
     EXACT = "exact"
     WITHIN_TOLERANCE = "within tolerance"
     BOUNDED = "bounded"
-    """Certified, and wider than was asked for: there was no time for more."""
+    """Certified, and wider than a distance would be: there was no time for more, or only the side
+    of a threshold was asked for."""
     INTERSECTING = "intersecting"
+    """The surfaces touch or cross; of two solids: touch, or it is not known yet which."""
+    OVERLAPPING = "overlapping"
+    """Two solids overlap, perhaps one wholly inside the other: even the upper bound is negative."""
     UNKNOWN = "unknown pose"
     """A body of the pair has no pose yet: there are no numbers."""
+
+
+STATUSES = tuple(PairStatus)
+"""A status by its code in `PairStates.status`."""
 
 
 class PoseSample(NamedTuple):
@@ -32,15 +43,17 @@ class PoseSample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PairState:
-    """One watched pair at the end of a tick. Lengths in metres, points in the world frame."""
+    """One listed pair at the end of a tick. Lengths in metres, points in the world frame."""
 
     a: str
     b: str
     lower: float
-    """Certified for the poses of this tick: lower <= true distance <= upper. NaN if unknown."""
+    """Certified for the poses of this tick: lower <= true distance <= upper. NaN if unknown. Of two
+    solids the distance is signed: negative where they overlap."""
     upper: float
     point_a: np.ndarray
-    """(3,) on A; `upper` is the distance of the two points (plus rounding, where carried)."""
+    """(3,) on A; an `upper` that is not negative is the distance of the two points (plus rounding
+    and deformation, where carried)."""
     point_b: np.ndarray
     status: PairStatus
     age_s: float
@@ -52,6 +65,8 @@ class PairState:
     """The smallest `upper` of the session: surely reached; inf before the first."""
     session_min_lower: float
     """The smallest `lower` of the session: the pair never was certified to be nearer at a tick."""
+    index: int = 0
+    """Where the pair stands among the scene's pairs."""
 
     @property
     def stale(self) -> bool:
@@ -59,22 +74,101 @@ class PairState:
         return bool(self.silent)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PairStates(LazySequence[PairState]):
+    """The listed pairs of a tick as arrays, in the scene's order; a `PairState` is made on demand.
+
+    Attributes:
+        names: of all bodies.
+        positions: (k,) where each pair stands among the scene's pairs.
+        bodies: (k, 2) indices of its bodies.
+        lower: (k,) metres; NaN where a pose is unknown.
+        upper: (k,) metres.
+        points: (k, 2, 3) metres, world.
+        status: (k,) codes, positions in STATUSES.
+        age_s: (k,)
+        silent: (k, 2) whether the pose of either body is stale or unknown.
+        session_min: (k,) metres.
+        session_min_lower: (k,) metres.
+    """
+
+    names: tuple[str, ...]
+    positions: np.ndarray
+    bodies: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    points: np.ndarray
+    status: np.ndarray
+    age_s: np.ndarray
+    silent: np.ndarray
+    session_min: np.ndarray
+    session_min_lower: np.ndarray
+
+    def __len__(self) -> int:
+        """How many listed pairs there are."""
+        return len(self.positions)
+
+    def _made(self, places: range) -> Iterator[PairState]:
+        for k in places:
+            a, b = (self.names[body] for body in self.bodies[k].tolist())
+            silent = self.silent[k].tolist()
+            yield PairState(
+                a=a,
+                b=b,
+                lower=float(self.lower[k]),
+                upper=float(self.upper[k]),
+                point_a=self.points[k, 0],
+                point_b=self.points[k, 1],
+                status=STATUSES[self.status[k]],
+                age_s=float(self.age_s[k]),
+                silent=tuple(name for name, is_so in zip((a, b), silent, strict=True) if is_so),
+                session_min=float(self.session_min[k]),
+                session_min_lower=float(self.session_min_lower[k]),
+                index=int(self.positions[k]),
+            )
+
+    def clearance(self) -> float:
+        """As `Tick.clearance`, of the listed pairs alone."""
+        lowest = np.where(self.silent.any(axis=1), np.minimum(self.lower, 0.0), self.lower)
+        return float(np.where(np.isnan(lowest), 0.0, lowest).min(initial=np.inf))
+
+
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """All watched pairs at the end of one tick, in the scene's order."""
+    """What is certain at the end of one tick about every watched pair."""
 
-    pairs: tuple[PairState, ...]
+    pairs: Sequence[PairState]
+    """The listed ones, in the scene's order: all of infinite range, and those of finite range that
+    are within it or may be."""
     elapsed_s: float
     budget_s: float
     looked_at: tuple[int, ...]
-    """Indices of the pairs that were searched, in the order of the search."""
+    """Indices, among the scene's pairs, of those that were searched, in the order of the search."""
     left: int
     """Pairs that wanted a search and got none, or whose search ran out of time."""
+    far: int = 0
+    """Pairs that are certainly farther apart than their range, and so not listed."""
+    beyond: float = float("inf")
+    """Metres; all of these are farther apart than this."""
+    unsure: int = 0
+    """Pairs of silent bodies that are not listed because there are too many: nothing is certain
+    about them."""
 
     def clearance(self) -> float:
         """Return the smallest lower bound, in metres; 0 if any pair has a stale or unknown pose.
 
-        Nothing is certain about such a pair, and 0 is the bound that always holds: whoever compares
-        the number with a threshold never takes silence for room. Without pairs it is inf.
+        Nothing is certain about such a pair, and 0 is the bound of surfaces that always holds:
+        whoever compares the number with a threshold never takes silence for room. Solids that
+        overlap make it negative. Without pairs it is inf.
         """
-        return min((0.0 if p.stale else p.lower for p in self.pairs), default=float("inf"))
+        if isinstance(self.pairs, PairStates):
+            lowest = self.pairs.clearance()
+        else:
+            lowest = min(
+                (min(p.lower, 0.0) if p.stale else p.lower for p in self.pairs),
+                default=float("inf"),
+            )
+            lowest = 0.0 if lowest != lowest else lowest
+        if self.unsure:
+            return min(lowest, 0.0)
+        return min(lowest, self.beyond) if self.far else lowest

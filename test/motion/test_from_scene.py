@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from proximity_monitor import motion, scene
@@ -28,6 +29,12 @@ motion:
     rpm: 90
     pistons:
       ram: {phase_deg: 90, offset: [0, 40, 0]}
+"""
+ARM = "  - {name: arm, primitive: {box: {size: [9, 9, 9]}}, moving: true}\npairs"
+DOOR = """
+  script:
+    bodies:
+      arm: {hinge: {origin: [0, 0, 0], axis: [0, 0, 1], angles_deg: [[0, 0], [2, 90]]}}
 """
 
 
@@ -62,3 +69,62 @@ def test_the_bundled_engine_drives_every_moving_body():
 def test_a_scene_without_motion_says_so(tmp_path):
     with pytest.raises(ValueError, match=r"scene\.yaml: has no 'motion' section"):
         motion.from_scene(load(tmp_path, SCENE))
+
+
+def test_several_effects_run_together_and_no_others(tmp_path):
+    made = motion.from_scene(load(tmp_path, SCENE.replace("pairs", ARM) + MOTION + DOOR))
+    assert made.bodies == ("wheel", "ram", "arm")
+    assert made.describe().splitlines() == [
+        "slider_crank: 2 bodies, 90 rpm",
+        "script: 1 body, 2 s in a loop",
+    ]
+    assert made.period_s == 2.0
+    poses = made.poses(1.0)
+    assert poses["arm"][1, 0] == pytest.approx(math.sin(math.pi / 4))
+    assert poses["ram"][2, 3] == pytest.approx(0.1)
+    assert set(poses) == set(made.bodies)
+    assert made.vertices(1.0) == {}
+    assert made.joints(1.0) == {}
+
+
+@pytest.mark.parametrize("section", [MOTION, "motion:\n" + DOOR, MOTION + DOOR])
+def test_only_the_effects_that_a_scene_names_are_made(tmp_path, monkeypatch, section):
+    made = []
+
+    def counted(name, maker):
+        def make(*args):
+            made.append(name)
+            return maker(*args)
+
+        return make
+
+    for name, maker in motion._EFFECTS.items():
+        monkeypatch.setitem(motion._EFFECTS, name, counted(name, maker))
+    described = load(tmp_path, SCENE.replace("pairs", ARM) + section)
+    lines = motion.from_scene(described).describe().splitlines()
+    assert made == list(described.motion) == [line.partition(":")[0] for line in lines]
+    assert len(motion._EFFECTS) > len(made)
+
+
+def test_parts_that_never_end_have_no_period():
+    crank = motion.SliderCrank(
+        "wheel", (0, 0, 0), (1, 0, 0), (0, 0, 1), 1.0, 2.0, 0.0,
+        {"ram": {"phase": 0.0, "offset": (0, 0, 0)}},
+    )  # fmt: skip
+    times = {"times": np.array([0.0, 3.0]), "values": np.array([0.0, 1.0])}
+    joints = motion.Script(bodies={}, joints={"elbow": times}, loop=True)
+    assert motion.Together([joints, joints]).period_s == 3.0
+    together = motion.Together([joints, crank])
+    assert together.period_s is None
+    assert together.joints(1.5) == {"elbow": 0.5}
+    with pytest.raises(ValueError, match="'wheel' is driven by more than one effect"):
+        motion.Together([crank, joints, crank])
+
+
+def test_models_are_loaded_only_for_an_effect_that_asks_for_them(tmp_path):
+    """The files of the models are gone when the motion is made."""
+    (tmp_path / "ram.stl").write_text("")
+    text = SCENE.replace("primitive: {sphere: {radius: 10}}", "model: ram.stl") + MOTION
+    described = load(tmp_path, text)
+    (tmp_path / "ram.stl").unlink()
+    assert motion.from_scene(described).bodies == ("wheel", "ram")

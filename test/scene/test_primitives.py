@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from proximity_monitor import engine
-from proximity_monitor.scene import UNITS, Body, Box, Cylinder, Sphere, load_model
+from proximity_monitor.scene import UNITS, Body, Box, Cylinder, Point, Sphere, load_model
 
 MM = UNITS["mm"]
 BODY = Body(
@@ -69,6 +69,14 @@ def test_sphere(subdivisions):
     assert len(mesh.faces) == 20 * 4**subdivisions
     assert volume(mesh) > 0.0
     assert edges_match(mesh)
+
+
+def test_point():
+    mesh = load_model(with_shape(Point(), 3.0), MM)
+    assert (len(mesh.vertices), len(mesh.faces), mesh.radius) == (1, 1, 0.0)
+    found = engine.distance(mesh, np.eye(4), load_model(with_shape(Box((2.0, 2.0, 2.0))), MM),
+                            np.eye(4))  # fmt: skip
+    assert found.upper == pytest.approx(1.0)
 
 
 def test_model_file_in_the_scenes_unit_times_scale(tmp_path):

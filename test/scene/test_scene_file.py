@@ -87,7 +87,7 @@ SCHEMA_FAULTS = {
     "unknown key unlike any": (
         "unit: m\n",
         "unit: m\nq: 3\n",
-        "3: q: unknown key; known here: version, frame, unit",
+        "3: q: unknown key; known here: version, description, frame, unit",
     ),
     "unknown unit": (
         "unit: m\n",
@@ -95,6 +95,7 @@ SCHEMA_FAULTS = {
         "2: unit: must be one of 'm', 'mm', 'in' (got 'cm')",
     ),
     "unit missing": ("unit: m\n", "", "1: needs the key 'unit'"),
+    "nothing to watch": (f"bodies:\n{BALL}{ROOM}", "", "1: needs the key 'bodies' or 'robots'"),
     "no bodies": (BALL + ROOM, "  []\n", "3: bodies: must have at least 1 entry (got 0)"),
     "text for a number": (
         "unit: m\n",
@@ -174,7 +175,7 @@ SCHEMA_FAULTS = {
     "two primitives": (
         "radius: 1}",
         "radius: 1}, box: {size: [1, 1, 1]}",
-        "4: bodies[0].primitive: must have exactly 1 key of box, cylinder, sphere (got 2)",
+        "4: bodies[0].primitive: must have exactly 1 key of box, cylinder, sphere, point (got 2)",
     ),
     "radius 0": (
         "radius: 1",

@@ -23,12 +23,22 @@ bodies:
     colour: [0.1, 0.2, 0.3]
   - {name: shaft, primitive: {cylinder: {radius: 50, height: 400, segments: 16}}, topic: /cell/arm}
   - {name: piston, primitive: {sphere: {radius: 30, subdivisions: 2}}, scale: 2, moving: true}
+  - {name: cart, primitive: {box: {size: [1, 2, 3]}}, moving: true}
+  - {name: door, primitive: {box: {size: [1, 2, 3]}}, moving: true}
+  - {name: tool, primitive: {box: {size: [1, 2, 3]}}, moving: true}
 pairs:
   groups: {both: [shaft, piston]}
   watch:
     - {between: [both, table], thresholds: {warn: 5, stop: 1}}
     - {between: [both, both], tolerance: {rel_err: 0}}
   exclude: [[shaft, table]]
+robots:
+  - name: crane
+    urdf: crane.urdf
+    pose: {position: [0, 500, 0]}
+    angles_deg: {swing: 30}
+    offsets: {drop: 20}
+    exclude: [[boom, hook]]
 motion:
   slider_crank:
     crank: shaft
@@ -39,6 +49,24 @@ motion:
     rod_length: 110
     rpm: 60
     pistons: {piston: {phase_deg: 90, offset: [0, 20, 0]}}
+  script:
+    loop: false
+    bodies:
+      cart:
+        keys:
+          - {t: 0, position: [1, 2, 3], quaternion: [0, 0, 0, 1]}
+          - {t: 1.5, position: [1, 2, 3], rotation: {axis: [0, 1, 1], angle_deg: 90}}
+      door: {hinge: {origin: [1, 0, 0], axis: [0, 0, 1], angles_deg: [[0, 0], [1, 90]]}}
+    joints: {swing: {angles_deg: [[0, 0], [5, 90]]}}
+  bag: {path: ., topics: {/tool: tool}, rate: 2, seek_s: 1}
+"""
+CRANE = """<robot name="crane">
+  <link name="base"/>
+  <link name="boom"><collision><geometry><box size="1 0.1 0.1"/></geometry></collision></link>
+  <link name="hook"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+  <joint name="swing" type="continuous"><parent link="base"/><child link="boom"/></joint>
+  <joint name="drop" type="prismatic"><parent link="boom"/><child link="hook"/></joint>
+</robot>
 """
 WORDS = """
 null true -1 0 1e999 .nan .inf 1e308 -1e308 1e-320 2 0x10 1:30 2024-01-01 '' {} [] [[]] {a: 1}
@@ -65,6 +93,7 @@ relaxed = settings(
 
 
 def holds(path, text: str | bytes) -> None:
+    path.with_name("crane.urdf").write_text(CRANE)
     path.write_bytes(text if isinstance(text, bytes) else text.encode("utf-8", "surrogatepass"))
     try:
         assert isinstance(load_scene(path), Scene)
@@ -87,8 +116,11 @@ def replaced(data, choices: random.Random, value):
 
 def test_the_text_to_be_spoilt_is_sound(tmp_path):
     path = tmp_path / "scene.yaml"
+    path.with_name("crane.urdf").write_text(CRANE)
     path.write_text(SOUND)
-    assert len(load_scene(path).pairs) == 2
+    scene = load_scene(path)
+    assert len(scene.pairs) == 2
+    assert len(scene.robots[0].links) == 2
 
 
 @relaxed

@@ -72,7 +72,7 @@ FAULTS = {
     "no effect": (
         TEXT[TEXT.index("motion:") :],
         "motion: {}\n",
-        "7: motion: must have exactly 1 key",
+        "7: motion: must have at least 1 key",
     ),
     "key missing": ("    rpm: 60\n", "", "8: motion.slider_crank: needs the key 'rpm'"),
     "unknown key": ("rpm: 60", "rpm: 60\n    rmp: 1", "16: motion.slider_crank.rmp: unknown key"),
@@ -100,7 +100,8 @@ FAULTS = {
     "crank as piston": (
         "      piston:",
         "      shaft:",
-        "17: motion.slider_crank.pistons.shaft: 'shaft' is the crank",
+        "17: motion.slider_crank.pistons.shaft: 'shaft' is driven by motion.slider_crank.crank "
+        "(line 9) already",
     ),
     "no piston": (
         TEXT[TEXT.index("    pistons:") :],

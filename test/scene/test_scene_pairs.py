@@ -93,3 +93,84 @@ def test_of_two_entries_for_a_pair_the_later_one_counts(load):
 """
     ).pairs
     assert [pair.thresholds.warn for pair in pairs] == [9.0, 9.0, 5.0, 9.0]
+
+
+def test_every_pair_to_a_range_and_some_of_their_own(load):
+    """`all` is every body; the later of two entries about a pair counts."""
+    pairs = load(
+        BODIES.replace("tolerance", "range: 9\ntolerance")
+        + """\
+pairs:
+  watch:
+    - {between: [p1, p2], range: 4, question: within}
+    - {between: [all, all], tolerance: {abs_err: 0.5}}
+    - {between: [p1, wall], question: within, range: 5}
+  exclude: [[floor, p2]]
+"""
+    ).pairs
+    assert [(p.a, p.b, p.range, p.question, p.abs_err) for p in pairs] == [
+        ("floor", "p1", 9.0, "distance", 0.5),
+        ("p1", "wall", 5.0, "within", 0.01),
+        ("p1", "p2", 9.0, "distance", 0.5),
+        ("wall", "p2", 9.0, "distance", 0.5),
+    ]
+
+
+def test_a_body_may_be_called_all(load):
+    text = BODIES.replace("p2", "all") + "pairs: {watch: [{between: [all, p1]}]}\n"
+    assert names(load(text)) == ["p1 all"]
+
+
+def test_who_asks_for_contact_alone_has_no_thresholds(load, problems):
+    section = "pairs: {watch: [{between: [p1, p2], question: collide}]}\n"
+    (pair,) = load(BODIES + section).pairs
+    assert pair.question == "collide"
+    assert pair.thresholds == Thresholds(0.0, 0.0, 0.0)
+    assert pair.own_thresholds, "the scene's must not come in their place"
+    (problem,) = problems(BODIES + section.replace("collide", "collide, thresholds: {warn: 3}"))
+    assert problem.startswith("10: pairs.watch[0].thresholds: mean nothing")
+
+
+def test_lengths_are_in_the_unit_and_no_range_is_no_limit(load):
+    text = BODIES.replace("unit: m", "unit: mm")
+    assert [pair.range for pair in load(text).pairs] == [float("inf")] * 5
+    assert {pair.range for pair in load(text + "range: 40\n").pairs} == {0.04}
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("range: 3.4\n", "10: range: range must not be less than warn + hysteresis"),
+        ("range: 0\n", "10: range: must be greater than 0"),
+        ("range: .inf\n", "10: range: "),
+        ("question: near\n", "10: question: must be one of "),
+        (
+            "pairs:\n  watch:\n    - {between: [p1, p2], range: 3.4}\n",
+            "12: pairs.watch[0].range: range must not be less than warn + hysteresis",
+        ),
+        (
+            "range: 4\npairs:\n  watch:\n    - {between: [p1, p2], thresholds: {warn: 3.6}}\n",
+            "13: pairs.watch[0].thresholds: range must not be less than warn + hysteresis",
+        ),
+    ],
+)
+def test_a_range_that_would_hide_alerts_is_a_mistake(problems, text, expected):
+    (problem,) = problems(BODIES + text)
+    assert problem.startswith(expected)
+
+
+def test_a_body_is_a_surface_unless_it_is_said_to_be_a_solid(load, problems):
+    text = BODIES.replace("name: p1,", "name: p1, solid: true,")
+    assert [body.solid for body in load(text).bodies] == [False, True, False, False]
+    (problem,) = problems(text.replace("solid: true", "solid: 1"))
+    assert problem.startswith("7: bodies[1].solid: must be true or false")
+
+
+def test_half_a_million_pairs_load_without_being_made(load):
+    bodies = "".join(
+        f"  - {{name: b{i}, primitive: {{box: {{size: [1, 1, 1]}}}}, moving: true}}\n"
+        for i in range(1000)
+    )
+    scene = load(f"version: 1\nunit: m\nrange: 0.5\nbodies:\n{bodies}pairs: all\n")
+    assert len(scene.pairs) == 499_500
+    assert (scene.pairs[-1].a, scene.pairs[-1].b) == ("b998", "b999")

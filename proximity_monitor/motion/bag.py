@@ -1,0 +1,102 @@
+"""Poses from a ROS 2 bag, as they were recorded."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from proximity_monitor.motion.bag_file import Track, read_tracks
+from proximity_monitor.motion.motion import Motion, counted
+from proximity_monitor.scene.poses import pose_matrices
+
+
+class Bag(Motion):
+    """Bodies that hold the last pose recorded of them, which is what a subscriber would have seen.
+
+    The time of a pose is the one at which the recorder received it, as for ``ros2 bag play``; the
+    motion begins `seek_s` after the bag does and ends with the bag. A body of which nothing was
+    recorded until then has no pose yet.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        topics: Mapping[str, str | tuple[str, ...]],
+        frame: str,
+        rate: float,
+        seek_s: float,
+        loop: bool,
+    ) -> None:
+        """Read the recorded poses: a million in some ten seconds, with half a GB for that time.
+
+        Args:
+            path: the bag's folder, or its .mcap or .db3 file.
+            topics: by topic the body that its PoseStamped messages move, or the bodies that the
+                poses of its PoseArray messages move.
+            frame: the only frame_id that is accepted.
+            rate: seconds of the recording in a second of motion.
+            seek_s: seconds of the recording, from its beginning, that are left out.
+            loop: whether it begins again at its end.
+
+        Raises:
+            ValueError: the bag cannot be read, or what it has is not what `topics` says, or the
+                package rosbags is missing; the message names the file and the topic.
+        """
+        recorded = read_tracks(path, topics, frame)
+        self._tracks = recorded.tracks
+        self._length_s = recorded.duration_s - seek_s
+        if self._length_s < 0.0:
+            raise ValueError(
+                f"{path}: lasts {recorded.duration_s:g} s, so nothing is left after seek_s, "
+                f"{seek_s:g} s"
+            )
+        self._path, self._rate, self._seek_s, self._loop = path, rate, seek_s, loop
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies of all topics, in the scene file's order."""
+        return tuple(name for track in self._tracks for name in track.bodies)
+
+    @property
+    def period_s(self) -> float | None:
+        """Seconds of motion until the bag's end; None where it holds but one moment."""
+        return self._length_s / self._rate or None
+
+    def poses(self, t: float) -> dict[str, np.ndarray]:
+        """Return the poses (4, 4), model to world in metres, that were the last at t seconds.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        if not math.isfinite(t):
+            raise ValueError(f"t: {t} is no time")
+        now = t * self._rate
+        if self._loop and self._length_s:
+            now %= self._length_s
+        return _held(self._tracks, now + self._seek_s)
+
+    def describe(self) -> str:
+        """Return e.g. ``bag: 5 bodies, recording.mcap, 12.5 s in a loop``."""
+        faster = "" if self._rate == 1.0 else f" at rate {self._rate:g}"
+        return (
+            f"bag: {counted(len(self.bodies), 'body', 'bodies')}, {self._path.name}, "
+            f"{self._length_s:g} s{faster} {'in a loop' if self._loop else 'once'}"
+        )
+
+
+def _held(tracks: Iterable[Track], now: float) -> dict[str, np.ndarray]:
+    names: list[str] = []
+    rows: list[np.ndarray] = []
+    for track in tracks:
+        last = bisect_right(track.times, now) - 1
+        if last >= 0:
+            names += track.bodies
+            rows.append(track.poses[last])
+    if not rows:
+        return {}
+    held = np.concatenate(rows)
+    return dict(zip(names, pose_matrices(held[:, :3], held[:, 3:]), strict=True))

@@ -1,0 +1,166 @@
+"""Reads poses from ROS 2 bags (mcap or sqlite3) by the package rosbags, which needs no ROS 2."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from proximity_monitor.scene.poses import UNIT_LENGTH
+
+_STAMPED = "geometry_msgs/msg/PoseStamped"
+_ARRAY = "geometry_msgs/msg/PoseArray"
+_NANO = 1_000_000_000
+_INSTALL = "reading bags needs the package rosbags: pip install 'proximity_monitor[bag]'"
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """What was recorded of one topic."""
+
+    bodies: tuple[str, ...]
+    times: list[float]
+    """Seconds since the bag's beginning at which a message was received, never decreasing."""
+    poses: np.ndarray
+    """(messages, bodies, 7): x, y, z in metres, quaternion x, y, z, w of length 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What was recorded of the topics that were asked for."""
+
+    tracks: tuple[Track, ...]
+    duration_s: float
+    """Of the whole bag."""
+
+
+def read_tracks(path: Path, topics: Mapping[str, str | tuple[str, ...]], frame: str) -> Recorded:
+    """Read the poses of some topics.
+
+    Args:
+        path: the bag's folder, or its .mcap or .db3 file.
+        topics: by topic a body, for messages of type PoseStamped, or several, for PoseArray.
+        frame: frame_id that each message must have.
+
+    Raises:
+        ValueError: names the file and the topic, and what would do. Also where rosbags is missing.
+    """
+    kinds, messages, start_ns, end_ns = _read(path, topics)
+    tracks = []
+    for topic, moved in topics.items():
+        bodies = (moved,) if isinstance(moved, str) else moved
+        expected = _STAMPED if isinstance(moved, str) else _ARRAY
+        try:
+            _check_kinds(kinds[topic], expected)
+            tracks.append(_track(bodies, expected, messages[topic], start_ns, frame))
+        except ValueError as error:
+            raise ValueError(f"{path}: {topic}: {error}") from None
+    return Recorded(tuple(tracks), (end_ns - start_ns) / _NANO)
+
+
+def _read(
+    path: Path, topics: Mapping[str, Any]
+) -> tuple[dict[str, set[str]], dict[str, list[tuple[int, bytes]]], int, int]:
+    """Return by topic its types and its serialised messages with their times; begin and end."""
+    try:
+        from rosbags.rosbag2 import Reader
+    except ImportError as error:
+        raise ValueError(f"{path}: {_INSTALL} ({error})") from None
+    kinds: dict[str, set[str]] = {}
+    messages: dict[str, list[tuple[int, bytes]]] = {topic: [] for topic in topics}
+    try:
+        with Reader(path) as bag:
+            for connection in bag.connections:
+                kinds.setdefault(connection.topic, set()).add(connection.msgtype)
+            used = [each for each in bag.connections if each.topic in topics]
+            for connection, stamp_ns, raw in bag.messages(used) if used else ():
+                messages[connection.topic].append((stamp_ns, raw))
+            start_ns, end_ns = bag.start_time, bag.end_time - 1  # its end is one past the last
+    except Exception as error:  # rosbags has no limit to what it raises for a damaged file
+        raise ValueError(f"{path}: does not read as a ROS 2 bag: {error!r}") from error
+    for topic in topics:
+        if topic not in kinds:
+            raise ValueError(
+                f"{path}: {topic}: no such topic in the bag; it has {', '.join(sorted(kinds))}"
+            )
+    return kinds, messages, start_ns, end_ns
+
+
+def _check_kinds(kinds: set[str], expected: str) -> None:
+    if kinds != {expected}:
+        raise ValueError(
+            f"has messages of type {' and '.join(sorted(kinds))}; a body's name needs {_STAMPED}, "
+            f"a list of names {_ARRAY}"
+        )
+
+
+def _track(
+    bodies: tuple[str, ...],
+    kind: str,
+    messages: Sequence[tuple[int, bytes]],
+    start_ns: int,
+    frame: str,
+) -> Track:
+    if not messages:
+        raise ValueError("the bag holds no message of it")
+    types = _types()
+    times: list[float] = []
+    numbers = array("d")
+    last_stamp, last_ns = -1, 0
+    for number, (stamp_ns, raw) in enumerate(messages, 1):
+        try:
+            message: Any = types.deserialize_cdr(raw, kind)
+        except Exception as error:  # as above
+            raise ValueError(f"message {number} does not read as {kind}: {error!r}") from error
+        found = [message.pose] if kind == _STAMPED else message.poses
+        header = message.header
+        stamp = header.stamp.sec * _NANO + header.stamp.nanosec
+        if header.frame_id != frame:
+            raise ValueError(
+                f"message {number} is in frame {header.frame_id!r}, the scene in {frame!r}"
+            )
+        if stamp < last_stamp or stamp_ns < last_ns:
+            raise ValueError(f"message {number} is older than the one before it; sort the bag")
+        if len(found) != len(bodies):
+            raise ValueError(
+                f"message {number} has {len(found)} poses, the scene names {len(bodies)} bodies"
+            )
+        last_stamp, last_ns = stamp, stamp_ns
+        times.append((stamp_ns - start_ns) / _NANO)
+        for pose in found:
+            numbers.extend(_numbers(pose))
+    poses = np.array(numbers).reshape(len(messages), len(bodies), 7)
+    return Track(bodies, times, _sound(poses))
+
+
+@cache
+def _types() -> Any:
+    """The definitions of Jazzy's messages; making them takes 0.1 s."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def _numbers(pose: Any) -> tuple[float, ...]:
+    p, q = pose.position, pose.orientation
+    return p.x, p.y, p.z, q.x, q.y, q.z, q.w
+
+
+def _sound(poses: np.ndarray) -> np.ndarray:
+    """Return poses (n, m, 7) with quaternions of length 1, unless one is no pose at all."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths = np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
+    wrong = ~(np.isfinite(poses).all(axis=-1) & (np.abs(lengths[..., 0] - 1.0) <= UNIT_LENGTH))
+    if wrong.any():
+        message, body = np.argwhere(wrong)[0].tolist()
+        raise ValueError(
+            f"message {message + 1} has no finite pose with a quaternion of length 1: "
+            f"{poses[message, body].tolist()}"
+        )
+    poses[..., 3:] /= lengths
+    return poses

@@ -1,0 +1,47 @@
+"""Rigid bodies with contacts from the engine's closest points."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from proximity_monitor.motion.dynamics.effect import Dynamics
+from proximity_monitor.motion.dynamics.settings import ContactLaw, Forces, RigidBody
+from proximity_monitor.motion.dynamics.world import World
+
+if TYPE_CHECKING:
+    from proximity_monitor.engine import TriangleMesh
+    from proximity_monitor.scene import Scene
+
+__all__ = ["ContactLaw", "Dynamics", "Forces", "RigidBody", "World", "from_settings"]
+
+
+def from_settings(
+    settings: Mapping[str, Any], scene: Scene, models: Mapping[str, TriangleMesh], live: bool
+) -> Dynamics:
+    """Return the effect that the section `motion.dynamics` of a scene describes.
+
+    Its limits of time hold where it is `live`; otherwise each pose is that of the time asked for.
+
+    Raises:
+        ValueError: a body that has to move encloses no volume, or two touch at the start; the
+            message names file and bodies.
+    """
+    poses = {body.name: body.pose for body in scene.bodies}
+    bodies = [
+        RigidBody(name, models[name], **body) for name, body in settings["bodies"].items()
+    ] + [RigidBody(name, models[name], poses[name]) for name in settings["obstacles"]]
+    law = settings["contacts"]
+    forces = Forces(
+        contacts=None if law is None else ContactLaw(**law),
+        **{
+            name: settings[name]
+            for name in ("gravity", "friction", "restitution", "linear_damping", "angular_damping")
+        },
+    )
+    limits = ("max_substeps", "budget_s") if live else ()
+    times = {name: settings[name] for name in ("substep_s", "period_s", *limits)}
+    try:
+        return Dynamics(bodies, forces, **times)
+    except ValueError as error:
+        raise ValueError(f"{scene.path}: motion.{error}") from None

@@ -1,0 +1,239 @@
+"""Contacts from the engine's closest points: one for each pair of patches that are near."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proximity_monitor import engine
+from proximity_monitor.motion.dynamics import near
+from proximity_monitor.motion.dynamics.patches import Patches, cut
+
+
+class Contacts(NamedTuple):
+    """Places where two surfaces are near, one a row; metres, world.
+
+    Attributes:
+        bodies: (k, 2) indices of the two bodies.
+        points: (k, 2, 3) the witness points on either.
+        normals: (k, 3) unit vectors from the second point to the first.
+        gaps: (k,) the distances of the points.
+        keys: (k, 3) which pair of bodies and which two patches; rows are sorted by them.
+    """
+
+    bodies: NDArray[np.int64]
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    gaps: NDArray[np.float64]
+    keys: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.gaps)
+
+
+class Seen(NamedTuple):
+    """What is known of the pairs: a row a pair, but for the contacts and their local points."""
+
+    lower: NDArray[np.float64]
+    moved: NDArray[np.float64]  # metres since the search; infinity where there was none
+    reach: NDArray[np.float64]  # metres: of that search
+    contacts: Contacts
+    local: NDArray[np.float64]  # (k, 2, 3) the contacts' points, model frames
+
+
+_NONE = Contacts(
+    np.empty((0, 2), np.int64),
+    np.empty((0, 2, 3)),
+    np.empty((0, 3)),
+    np.empty(0),
+    np.empty((0, 3), np.int64),
+)
+
+
+class ContactFinder:
+    """Bodies that may touch, and the lower bounds that say which of them need to be looked at.
+
+    Args:
+        models: one mesh a body; equal ones are cut once.
+        pairs: (k, 2) which bodies may touch.
+        slack: metres; how far a pair may move before its contacts are searched anew.
+        every: each pair of patches has a contact; else those at which the distance is least.
+    """
+
+    def __init__(
+        self,
+        models: Sequence[engine.TriangleMesh],
+        pairs: NDArray[np.int64],
+        slack: float,
+        every: bool,
+    ) -> None:
+        cuts: dict[int, Patches] = {id(model): cut(model) for model in models}
+        each = [cuts[id(model)] for model in models]
+        sizes = [len(part.meshes) for part in each]
+        self.pairs = pairs
+        self._slack = slack
+        self._every = every
+        self.searches = 0
+        """How many pairs of patches the engine was asked about."""
+        self._owner = np.repeat(np.arange(len(models)), sizes)
+        self._first = np.concatenate(([0], np.cumsum(sizes)))
+        self._spheres = np.concatenate([part.spheres for part in each])
+        self._boxes = np.concatenate([part.boxes for part in each])
+        self._assembly = engine.Assembly([mesh for part in each for mesh in part.meshes])
+        self._rows = np.empty((1024, 3), np.int64)
+        self._surfaces(list(cuts.values()))
+        starts = dict(
+            zip(cuts, np.cumsum([0, *(len(c.places) for c in cuts.values())]), strict=False)
+        )
+        faces = [
+            starts[id(model)] + numbers
+            for model, part in zip(models, each, strict=True)
+            for numbers in part.faces
+        ]
+        self._face_start = np.concatenate(([0], np.cumsum([len(part) for part in faces])))
+        self._faces = np.concatenate(faces)
+        self.restart()
+
+    def _surfaces(self, cuts: Sequence[Patches]) -> None:
+        """All triangles, and all places with the triangles around them, one model after another."""
+        triangles, places, entries = 0, 0, 0
+        parts = []
+        for part in cuts:
+            parts.append(
+                (
+                    part.corners,
+                    part.places + places,
+                    part.first[:-1] + entries,
+                    part.around + triangles,
+                )
+            )
+            triangles += len(part.places)
+            places += len(part.first) - 1
+            entries += len(part.around)
+        corners, numbers, first, around = (np.concatenate(x) for x in zip(*parts, strict=True))
+        self._corners, self._places = np.ascontiguousarray(corners), numbers
+        self._place_first, self._around = np.append(first, entries), around
+
+    def restart(self) -> None:
+        """Forget what was found: the bodies are anywhere."""
+        count = len(self.pairs)
+        self._seen = Seen(
+            np.zeros(count), np.full(count, np.inf), np.zeros(count), _NONE, _NONE.points
+        )
+
+    @property
+    def lower(self) -> NDArray[np.float64]:
+        """(k,) metres; certified lower bound of each pair's distance."""
+        return self._seen.lower
+
+    def remember(self) -> Seen:
+        """Return what is known now, for `recall`."""
+        seen = self._seen
+        return seen._replace(lower=seen.lower.copy(), moved=seen.moved.copy())
+
+    def recall(self, seen: Seen) -> None:
+        """Go back to what was known then, because the bodies go back as well."""
+        self._seen = seen
+
+    def doubt(self, chosen: NDArray[np.bool_]) -> None:
+        """Search the chosen (k,) pairs anew, even if they do not move."""
+        self._seen.moved[chosen] = np.inf
+
+    def moved(self, distance: NDArray[np.float64]) -> None:
+        """Widen the bounds of the pairs by how far (k,) their bodies moved together, metres."""
+        self._seen.lower[:] -= distance
+        self._seen.moved[:] += distance
+
+    def find(
+        self, poses: NDArray[np.float64], reach: NDArray[np.float64], closest: float
+    ) -> Contacts:
+        """Return the contacts of every pair whose distance may be within its reach.
+
+        A pair that moved by no more than `slack` since it was searched keeps its contacts, which
+        go with the bodies: resting bodies cost no search. It is searched anew if its lower bound
+        would be below `closest`.
+
+        Args:
+            poses: (n, 4, 4) model to world of every body, metres.
+            reach: (k,) metres.
+            closest: metres.
+        """
+        seen = self._seen
+        near = seen.lower <= reach
+        still = (seen.moved <= self._slack) & (reach <= seen.reach) & (seen.lower >= closest)
+        kept = _placed(poses, seen.contacts, seen.local, (near & still)[seen.contacts.keys[:, 0]])
+        anew = near & ~still
+        if not anew.any():
+            contacts, local = kept
+        else:
+            found = self._search(poses, np.where(anew, reach, -np.inf))
+            joined = [np.concatenate(each) for each in zip((*kept[0], kept[1]), found, strict=True)]
+            order = np.lexsort(joined[4].T[::-1])
+            *fields, local = (each[order] for each in joined)
+            contacts = Contacts(*fields)
+        moved, reached = seen.moved, seen.reach.copy()
+        moved[anew] = 0.0
+        reached[anew] = reach[anew]
+        # A pair out of reach has no contacts; when it comes back it has to be searched.
+        moved[~near] = np.inf
+        self._seen = Seen(seen.lower, moved, reached, contacts, local)
+        return contacts
+
+    def _search(
+        self, poses: NDArray[np.float64], reach: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], ...]:
+        """Search the pairs whose lower bound is within reach; return their contacts' columns.
+
+        After those of `Contacts` it is the points (k, 2, 3) in the models' frames.
+        """
+        spheres = near.spheres_at(poses, self._owner, self._spheres)
+        lower = self.lower.copy()
+        while True:
+            self.lower[:] = lower
+            count = near.candidates(
+                poses, self.pairs, reach, self.lower, self._first, spheres, self._boxes, self._rows
+            )
+            if count <= len(self._rows):
+                break
+            self._rows = np.empty((2 * count, 3), np.int64)
+        rows = self._rows[:count]
+        self.searches += count
+        found = self._assembly.distances(poses[self._owner], rows[:, 1:])
+        np.minimum.at(self.lower, rows[:, 0], found.lower)
+        within = np.flatnonzero((found.upper <= reach[rows[:, 0]]) & (found.lower > 0.0))
+        keys = rows[within]
+        points = np.stack((found.points_a[within], found.points_b[within]), axis=1)
+        bodies = self.pairs[keys[:, 0]]
+        kept = np.ones(len(within), np.bool_)
+        if not self._every:
+            faces = self._faces[self._face_start[keys[:, 1:]] + found.faces[within]]
+            near.local_minima(
+                poses, bodies, faces, found.barycentric[within], points,
+                self._corners, self._places, self._place_first, self._around, kept,
+            )  # fmt: skip
+        bodies, points, keys = bodies[kept], points[kept], keys[kept]
+        apart = points[:, 0] - points[:, 1]
+        gaps = np.sqrt((apart * apart).sum(axis=1))
+        turn, place = poses[bodies, :3, :3], poses[bodies, :3, 3]
+        local = np.einsum("ksji,ksj->ksi", turn, points - place)
+        return bodies, points, apart / gaps[:, None], gaps, keys, local
+
+
+def _placed(
+    poses: NDArray[np.float64],
+    contacts: Contacts,
+    local: NDArray[np.float64],
+    chosen: NDArray[np.bool_],
+) -> tuple[Contacts, NDArray[np.float64]]:
+    """Those contacts that are chosen, their points where the bodies have taken them.
+
+    The planes across the normals stay: a slide along a surface does not change the gap.
+    """
+    bodies, local, normals = contacts.bodies[chosen], local[chosen], contacts.normals[chosen]
+    points = np.einsum("ksij,ksj->ksi", poses[bodies, :3, :3], local) + poses[bodies, :3, 3]
+    gaps = np.einsum("ki,ki->k", normals, points[:, 0] - points[:, 1])
+    return Contacts(bodies, points, normals, gaps, contacts.keys[chosen]), local

@@ -1,0 +1,146 @@
+"""The effect `dynamics`: rigid bodies that fall, bounce, slide and rest, in real time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from time import perf_counter
+
+import numpy as np
+
+from proximity_monitor.engine import TriangleMesh
+from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
+from proximity_monitor.motion.dynamics.world import World
+from proximity_monitor.motion.motion import Motion, counted
+
+
+class Dynamics(Motion):
+    """Rigid bodies whose motion is simulated as time goes on.
+
+    The simulation goes in steps of `substep_s`, and a pose is that of the step nearest to the time
+    asked for. So the motion is the same however it is asked for, bit by bit; only where a limit
+    (`max_substeps`, `budget_ms`) ends a call early, the simulated time falls behind, and stays
+    behind: the motion is slower, but no different. `lag_s` says by how much.
+    """
+
+    def __init__(
+        self,
+        bodies: Sequence[RigidBody],
+        forces: Forces,
+        *,
+        substep_s: float,
+        max_substeps: int | None = None,
+        budget_s: float | None = None,
+        period_s: float | None = None,
+    ) -> None:
+        """Put the bodies at their start, with all compiled that they may need on the way.
+
+        Args:
+            bodies: those that move and the obstacles.
+            forces: what acts on them; nothing else does.
+            substep_s: seconds; the longest step of the simulation.
+            max_substeps: the most of them in one call of `poses`; None: no limit.
+            budget_s: seconds of computing in one call of `poses`, which is overrun by one step at
+                most; None: no limit.
+            period_s: seconds after which all begins again; None: never.
+
+        Raises:
+            ValueError: a body that has to move encloses no volume, or two touch at the start.
+        """
+        self.world = World(bodies, forces, substep_s)
+        self._names = tuple(body.name for body in bodies if body.density is not None)
+        self._rows = [i for i, body in enumerate(bodies) if body.density is not None]
+        self._forces = forces
+        self._most = math.inf if max_substeps is None else max_substeps
+        self._budget_s = math.inf if budget_s is None else budget_s
+        self._steps_a_period = None if period_s is None else max(1, round(period_s / substep_s))
+        if forces.contacts is not None:
+            _compile(forces, substep_s)
+        self._restart()
+
+    def _restart(self) -> None:
+        self.world.restart()
+        self._asked_s = 0.0
+        self._lost = 0
+        self._done = 0
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """The bodies that move, in the scene's order."""
+        return self._names
+
+    @property
+    def period_s(self) -> float | None:
+        """Seconds of simulated time after which all begins again; None if it goes on."""
+        steps = self._steps_a_period
+        return None if steps is None else steps * self.world.step_s
+
+    @property
+    def lag_s(self) -> float:
+        """Seconds by which the limits have made the simulation late."""
+        return self._lost * self.world.step_s
+
+    def poses(self, t: float) -> dict[str, np.ndarray]:
+        """Simulate up to t seconds and return the poses (4, 4) of all bodies that move.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        if not math.isfinite(t):
+            raise ValueError(f"t: {t} is no time")
+        if t < self._asked_s:
+            self._restart()
+        self._asked_s = t
+        self._advance(max(0, round(t / self.world.step_s)) - self._lost)
+        poses = self.world.poses()
+        return {name: poses[row] for name, row in zip(self._names, self._rows, strict=True)}
+
+    def describe(self) -> str:
+        """Return e.g. ``dynamics: 10 bodies, gravity 9.81 m/s², contacts by impulse, 2.5 ms``."""
+        named = [counted(len(self._names), "body", "bodies")]
+        forces = self._forces
+        if forces.gravity is not None:
+            named.append(f"gravity {np.linalg.norm(forces.gravity):g} m/s²")
+        if forces.contacts is not None:
+            named.append(f"contacts by {forces.contacts.method}")
+        for name in ("friction", "restitution"):
+            if (value := getattr(forces, name)) is not None:
+                named.append(f"{name} {value:g}")
+        if forces.linear_damping is not None or forces.angular_damping is not None:
+            named.append("damping")
+        named.append(f"steps of {1e3 * self.world.step_s:g} ms")
+        if self._lost:
+            named.append(f"{self.lag_s:.3g} s late")
+        return f"dynamics: {', '.join(named)}"
+
+    def _advance(self, target: int) -> None:
+        """Simulate until `target` steps are done since the start, or a limit is reached."""
+        period = self._steps_a_period
+        if period is not None and target // period > self._done // period:
+            self._done = target // period * period
+            self.world.restart()
+        deadline, taken = perf_counter() + self._budget_s, 0
+        while self._done < target:
+            if taken >= self._most or perf_counter() >= deadline:
+                self._lost += target - self._done
+                break
+            self.world.step()
+            self._done += 1
+            taken += 1
+
+
+def _compile(forces: Forces, substep_s: float) -> None:
+    """Let a tetrahedron fall on another: the first contact must not take the time to compile."""
+    size = 20.0 * forces.contacts.margin
+    corners = size * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    faces = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]
+    mesh = TriangleMesh(corners, faces, name="tetrahedron")
+    above = np.eye(4)
+    above[2, 3] = 2.0 * size + forces.contacts.margin
+    speed = np.array([0.1, 0.0, -1.0]) * (
+        1.0 if forces.gravity is None else max(1.0, np.abs(forces.gravity).max())
+    )
+    moving = RigidBody("falling", mesh, above, density=1000.0, velocity=speed)
+    world = World([moving, RigidBody("fixed", mesh, np.eye(4))], forces, substep_s)
+    for _ in range(3):
+        world.step()

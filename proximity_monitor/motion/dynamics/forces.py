@@ -1,0 +1,216 @@
+"""What contacts do to bodies in one step: collisions, springs, non-penetration, friction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proximity_monitor.motion.dynamics import solver
+from proximity_monitor.motion.dynamics.contacts import Contacts
+from proximity_monitor.motion.dynamics.settings import Forces
+from proximity_monitor.motion.dynamics.state import State
+
+_SWEEPS = 40
+"""Sweeps over all contacts at most. A resting pile of a dozen bodies, which starts from the last
+step's impulses, takes fewer; where they do not suffice the step is taken back and halved."""
+
+_TOUCHING = 1.25
+"""Surfaces nearer than this many kept distances touch: a collision goes on through them. The room
+is for what linear motion in a step leaves between the surfaces."""
+
+_SUNK, _RAISED = 0.5, 0.2
+"""Surfaces nearer than this share of the kept distance are moved apart to there, by this share of
+what is missing in each whole step, so that it is not seen."""
+
+_DEEP = 0.25
+"""The same of bodies that have no motion to pay for it: so deep they are raised all the same, by at
+most this share of the kept distance, or else they could not move at all."""
+
+_CLOSEST = 0.125
+"""The share of the kept distance that no step may go below; else it is taken back."""
+
+_SLACK = 0.05
+"""The share of the kept distance by which two bodies may move before their contacts are searched
+anew: little beside what is kept, and much beside what resting bodies do."""
+
+_SPRING_STOP = 0.25
+"""Where a penalty's springs begin at the margin, this share of it is the kept distance."""
+
+
+class ContactForces:
+    """The law of contact of a world, and what it remembers from step to step."""
+
+    def __init__(
+        self,
+        forces: Forces,
+        inverse_mass: NDArray[np.float64],
+        gravity: NDArray[np.float64],
+        step_s: float,
+    ) -> None:
+        law = forces.contacts
+        self._margin = law.margin
+        self._stiffness = law.stiffness if law.method == "penalty" else 0.0
+        self.kept = law.margin * (_SPRING_STOP if law.method == "penalty" else 1.0)
+        """Metres: impulses keep surfaces so far apart, as far as a linear step can tell."""
+        self.closest = _CLOSEST * self.kept
+        """Metres: no state has surfaces nearer than this."""
+        self.every = law.method == "penalty"
+        """Whether all pairs of patches have contacts: a spring each makes a smooth potential."""
+        self.slack = 0.0 if self.every else _SLACK * self.kept
+        """Metres: resting contacts are searched anew only after so much motion."""
+        self.reach = 2.0 * law.margin
+        """Metres: contacts are wanted this far out, besides what bodies may travel in a step."""
+        self._friction = forces.friction or 0.0
+        self._restitution = forces.restitution or 0.0
+        # What gravity alone does to a resting body within two steps is no collision.
+        self._slow = 2.0 * step_s * float(np.linalg.norm(gravity, axis=1).max(initial=0.0))
+        self._step_s = step_s
+        self._inverse_mass = inverse_mass
+        self._gravity = gravity
+        self.rubbings = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the last step."""
+        self._guess = np.empty(0, np.int64), np.empty(0), np.empty((0, 3))
+        self.active = np.empty(0, np.bool_)
+        """(k,) which contacts of the step had an impulse."""
+
+    def start(
+        self,
+        h: float,
+        state: State,
+        contacts: Contacts,
+        inverse_inertia: NDArray[np.float64],
+        gently: bool,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Bring velocities from the start of a step of h seconds to its middle.
+
+        Surfaces that are too near are moved apart a little, and the impulses of the last step are a
+        first guess; where `gently`, there is no guess, and only the nearest are moved apart.
+
+        Returns:
+            Velocities (n, 3) and angular momenta (n, 3) with which bodies are to be moved: those of
+            the state, but for surfaces that have to be moved apart.
+        """
+        arms = contacts.points - state.centre[contacts.bodies]
+        geometry = contacts.bodies, arms, contacts.normals
+        response = self._inverse_mass, inverse_inertia
+        if gently:
+            self.restart()
+        self.active = np.zeros(len(contacts), np.bool_)
+        if self._restitution > 0.0:
+            self._collide(h, state, contacts, geometry, response)
+        state.velocity += 0.5 * h * self._gravity
+        self._spring(h, state, contacts, geometry, response)
+        key, pressed, rubbed = self._guessed(h, contacts)
+        gaps, kept = contacts.gaps, self.kept
+        targets = np.where(gaps >= kept, (kept - gaps) / h, 0.0)
+        start = state.copy()
+        self._prevent(state, geometry, response, targets, self._friction, pressed, rubbed)
+        least = (_DEEP if gently else _SUNK) * kept
+        moving, sunk = state, gaps < least
+        if sunk.any():
+            # More of the normal impulses, in the positions alone, and no more friction for it.
+            targets = np.where(sunk, _RAISED * (least - gaps) / self._step_s, targets)
+            moving = start
+            self._prevent(moving, geometry, response, targets, 0.0, pressed.copy(), rubbed.copy())
+        self.active |= pressed > 0.0
+        self._guess = key, pressed / h, rubbed / h
+        return moving.velocity, moving.momentum
+
+    def end(
+        self, h: float, state: State, contacts: Contacts, inverse_inertia: NDArray[np.float64]
+    ) -> None:
+        """Bring velocities from the middle of a step to its end, at the new contacts.
+
+        There the springs act for the second half of the step, and what touches approaches no more;
+        but for what comes fast enough to bounce, which it does as the next step starts.
+        """
+        arms = contacts.points - state.centre[contacts.bodies]
+        geometry = contacts.bodies, arms, contacts.normals
+        response = self._inverse_mass, inverse_inertia
+        self._spring(h, state, contacts, geometry, response)
+        touching = contacts.gaps <= _TOUCHING * self.kept
+        if self._restitution > 0.0:
+            speeds = solver.approach(state.velocity, _spins(state, inverse_inertia), *geometry)
+            touching &= speeds >= -self._slow
+        if touching.any():
+            contacts = Contacts(*(column[touching] for column in contacts))
+            geometry = contacts.bodies, arms[touching], contacts.normals
+            key, pressed, rubbed = self._guessed(h, contacts)
+            targets = np.zeros(len(contacts))
+            self._prevent(state, geometry, response, targets, self._friction, pressed, rubbed)
+            self._guess = key, pressed / h, rubbed / h
+
+    def stored(self, contacts: Contacts) -> NDArray[np.float64]:
+        """Return the energy (k,) in the springs of contacts, joules."""
+        return 0.5 * self._stiffness * np.maximum(self._margin - contacts.gaps, 0.0) ** 2
+
+    def _collide(self, h, state, contacts, geometry, response) -> None:
+        """Let bounce what comes fast, and with it whatever it is in touch with."""
+        v, w = state.velocity.copy(), _spins(state, response[1])
+        speeds = solver.approach(v, w, *geometry)
+        pull = self._gravity[contacts.bodies[:, 0]] - self._gravity[contacts.bodies[:, 1]]
+        ahead = h * (speeds + 0.5 * h * np.einsum("ij,ij->i", contacts.normals, pull))
+        fast = (speeds < -self._slow) & (contacts.gaps + ahead < self.kept)
+        if not fast.any():
+            return
+        hit = fast | (contacts.gaps <= _TOUCHING * self.kept)
+        bounce = self._restitution * self._islands_of(fast, hit, contacts)
+        pressed, rubbed = np.empty(len(contacts)), np.empty((len(contacts), 3))
+        solver.collide(
+            v, w, *geometry, hit, bounce, self._friction, pressed, rubbed, *response, _SWEEPS
+        )
+        self.rubbings += self._friction > 0.0
+        self.active |= pressed > 0.0
+        self._apply(state, geometry, pressed, rubbed)
+
+    def _islands_of(self, chosen, joined, contacts: Contacts) -> NDArray[np.bool_]:
+        """(k,) which contacts lie on an island that one of the chosen lies on."""
+        island = solver.islands(contacts.bodies, joined, self._inverse_mass)
+        movable = self._inverse_mass[contacts.bodies[:, 0]] > 0.0
+        of = island[np.where(movable, contacts.bodies[:, 0], contacts.bodies[:, 1])]
+        return np.isin(of, of[chosen])
+
+    def _spring(self, h, state, contacts, geometry, response) -> None:
+        """Half a step of the penalty's springs, and of friction under them."""
+        pressed = 0.5 * h * self._stiffness * np.maximum(self._margin - contacts.gaps, 0.0)
+        if not pressed.any():
+            return
+        rubbed = np.zeros((len(contacts), 3))
+        self._apply(state, geometry, pressed, rubbed)
+        if self._friction > 0.0:
+            v, w = state.velocity.copy(), _spins(state, response[1])
+            solver.rub(v, w, *geometry, self._friction, pressed, rubbed, *response, _SWEEPS)
+            self.rubbings += 1
+            self._apply(state, geometry, np.zeros(len(contacts)), rubbed)
+
+    def _prevent(self, state, geometry, response, targets, friction, pressed, rubbed) -> None:
+        """Let no contact approach faster than its target; pressed and rubbed are written."""
+        v, w = state.velocity.copy(), _spins(state, response[1])
+        solver.prevent(v, w, *geometry, targets, friction, pressed, rubbed, *response, _SWEEPS)
+        self.rubbings += friction > 0.0
+        self._apply(state, geometry, pressed, rubbed)
+
+    def _apply(self, state, geometry, pressed, rubbed) -> None:
+        bodies, arms, normals = geometry
+        impulses = pressed[:, None] * normals + rubbed
+        solver.apply(impulses, bodies, arms, state.velocity, state.momentum, self._inverse_mass)
+
+    def _guessed(self, h: float, contacts: Contacts):
+        """The keys of contacts as numbers, and the impulses that the same had in the last step."""
+        key = (contacts.keys[:, 0] << 40) + (contacts.keys[:, 1] << 20) + contacts.keys[:, 2]
+        pressed, rubbed = np.zeros(len(key)), np.zeros((len(key), 3))
+        known, pressure, rubbing = self._guess
+        if len(known) and len(key):
+            at = np.minimum(np.searchsorted(known, key), len(known) - 1)
+            same = known[at] == key
+            pressed[same] = h * pressure[at[same]]
+            rubbed[same] = h * rubbing[at[same]]
+        return key, pressed, rubbed
+
+
+def _spins(state: State, inverse_inertia: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angular velocities (n, 3) of angular momenta."""
+    return np.einsum("nij,nj->ni", inverse_inertia, state.momentum)

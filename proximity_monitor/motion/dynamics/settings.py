@@ -1,0 +1,69 @@
+"""What a dynamics effect is made of: its bodies, and the forces that were named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proximity_monitor.engine import TriangleMesh
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """One body and how it starts.
+
+    Attributes:
+        name: what messages call it.
+        model: its surface, which encloses a volume unless the body is an obstacle.
+        pose: (4, 4) model to world at the start, metres.
+        density: kilograms per cubic metre; None for an obstacle, which never moves.
+        velocity: (3,) metres per second, of the centre of mass.
+        spin: (3,) radians per second, about the world's axes.
+    """
+
+    name: str
+    model: TriangleMesh
+    pose: NDArray[np.float64]
+    density: float | None = None
+    velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    spin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+
+
+@dataclass(frozen=True)
+class ContactLaw:
+    """How bodies keep each other out.
+
+    Attributes:
+        method: by impulses, which stop what would come nearer than the margin; or by a penalty,
+            a spring that begins at the margin, with impulses at a quarter of it as a last stop.
+        margin: metres; the distance that is kept. Surfaces never touch.
+        stiffness: newtons per metre, of the penalty's spring between two patches.
+    """
+
+    method: Literal["impulse", "penalty"]
+    margin: float
+    stiffness: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """What acts on the bodies; what is None does not, and nothing is computed for it.
+
+    Attributes:
+        gravity: (3,) metres per second squared.
+        contacts: None lets bodies pass through each other.
+        friction: Coulomb's coefficient, of all contacts.
+        restitution: share of the approach speed at which bodies part, 0 to 1.
+        linear_damping: per second; v decays by exp(-d t).
+        angular_damping: per second; so does the angular momentum.
+    """
+
+    gravity: NDArray[np.float64] | None = None
+    contacts: ContactLaw | None = None
+    friction: float | None = None
+    restitution: float | None = None
+    linear_damping: float | None = None
+    angular_damping: float | None = None

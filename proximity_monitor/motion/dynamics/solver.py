@@ -1,0 +1,374 @@
+"""The arithmetic of one step, compiled: rotation, impulses, friction, islands.
+
+Bodies are rows of arrays: `v` and `w` (n, 3) are velocity and angular velocity of the centre of
+mass, `inverse_mass` (n,) and `inverse_inertia` (n, 3, 3, world) are zero for what cannot move.
+Contacts are rows too: `bodies` (k, 2), `arms` (k, 2, 3) from either centre of mass to its witness
+point, `normals` (k, 3) from the second body to the first. All are in SI units and the world frame.
+
+What Python calls is cached in a file of its own beside this module, so its helpers stand here too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+ENOUGH = 1e-6
+"""Metres per second: sweeps end when no contact changes its velocity by more; a micrometre in a
+second is not seen."""
+
+_LEAST_TURN = 1e-15
+"""Radians: where an iteration for the midpoint ends; an orientation's last digit tells more."""
+
+entry = njit(cache=True, nogil=True, error_model="numpy")
+helper = njit(error_model="numpy")
+
+
+@helper
+def _cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@helper
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@helper
+def _times(m, x):
+    return (
+        m[0, 0] * x[0] + m[0, 1] * x[1] + m[0, 2] * x[2],
+        m[1, 0] * x[0] + m[1, 1] * x[1] + m[1, 2] * x[2],
+        m[2, 0] * x[0] + m[2, 1] * x[1] + m[2, 2] * x[2],
+    )
+
+
+@helper
+def _times_transposed(m, x):
+    return (
+        m[0, 0] * x[0] + m[1, 0] * x[1] + m[2, 0] * x[2],
+        m[0, 1] * x[0] + m[1, 1] * x[1] + m[2, 1] * x[2],
+        m[0, 2] * x[0] + m[1, 2] * x[1] + m[2, 2] * x[2],
+    )
+
+
+@helper
+def _row(a, i):
+    return a[i, 0], a[i, 1], a[i, 2]
+
+
+@entry
+def orient(turn, inverse_inertia_body, rotation, inverse_inertia):
+    """Write rotation matrices and inverse inertias in the world of unit quaternions (n, 4) wxyz."""
+    for i in range(len(turn)):
+        a, b, c, d = turn[i]
+        r = rotation[i]
+        r[0, 0], r[0, 1], r[0, 2] = (
+            1 - 2 * (c * c + d * d),
+            2 * (b * c - a * d),
+            2 * (b * d + a * c),
+        )
+        r[1, 0], r[1, 1], r[1, 2] = (
+            2 * (b * c + a * d),
+            1 - 2 * (b * b + d * d),
+            2 * (c * d - a * b),
+        )
+        r[2, 0], r[2, 1], r[2, 2] = (
+            2 * (b * d - a * c),
+            2 * (c * d + a * b),
+            1 - 2 * (b * b + c * c),
+        )
+        for column in range(3):
+            # R I⁻¹ Rᵀ, a column at a time: R times (I⁻¹ times a row of R).
+            x = _times(r, _times(inverse_inertia_body[i], _row(r, column)))
+            for k in range(3):
+                inverse_inertia[i, k, column] = x[k]
+
+
+@entry
+def turn_freely(turn, momentum, inverse_inertia_body, rotation, h):
+    """Turn each body for h seconds by its angular momentum (n, 3, world), which does not change.
+
+    The implicit midpoint rule for Euler's equations, with Cayley's map for the orientation
+    (Austin, Krishnaprasad, Wang 1993): with M = Rᵀ L in the body's frame, Ω = I⁻¹ (M₀ + M₁) / 2 and
+    R₁ = R₀ cay(h Ω). Then M₁ - M₀ = h (M₀ + M₁) / 2 × Ω, which is R₁ M₁ = R₀ M₀; the rule keeps
+    quadratic invariants, so the energy M · I⁻¹ M / 2 is kept as well, whatever h is. Cayley's map
+    of h Ω is the rotation of the quaternion (1, h Ω / 2) made unit.
+    """
+    for i in range(len(turn)):
+        start = _times_transposed(rotation[i], momentum[i])
+        spin = _times(inverse_inertia_body[i], start)
+        if spin[0] == 0.0 and spin[1] == 0.0 and spin[2] == 0.0:
+            continue
+        # A contraction where h times the spin is small; of one that is not, fifty rounds are used.
+        for _ in range(50):
+            half = (0.5 * h * spin[0], 0.5 * h * spin[1], 0.5 * h * spin[2])
+            # (M₀ + M₁) / 2 is M₀ turned back halfway: m + half × m = M₀, solved for m.
+            along, size = _dot(half, start), 1.0 + _dot(half, half)
+            side = _cross(half, start)
+            middle = (
+                (start[0] + along * half[0] - side[0]) / size,
+                (start[1] + along * half[1] - side[1]) / size,
+                (start[2] + along * half[2] - side[2]) / size,
+            )
+            new = _times(inverse_inertia_body[i], middle)
+            moved = abs(new[0] - spin[0]) + abs(new[1] - spin[1]) + abs(new[2] - spin[2])
+            spin = new
+            if moved * h <= _LEAST_TURN:
+                break
+        b, c, d = 0.5 * h * spin[0], 0.5 * h * spin[1], 0.5 * h * spin[2]
+        q0, q1, q2, q3 = turn[i]
+        p0 = q0 - q1 * b - q2 * c - q3 * d
+        p1 = q1 + q0 * b + q2 * d - q3 * c
+        p2 = q2 + q0 * c + q3 * b - q1 * d
+        p3 = q3 + q0 * d + q1 * c - q2 * b
+        size = math.sqrt(p0 * p0 + p1 * p1 + p2 * p2 + p3 * p3)
+        turn[i, 0], turn[i, 1], turn[i, 2], turn[i, 3] = p0 / size, p1 / size, p2 / size, p3 / size
+
+
+@helper
+def _relative(v, w, a, b, arm_a, arm_b):
+    """Velocity of the witness point on a, seen from the one on b."""
+    p, q = _cross(w[a], arm_a), _cross(w[b], arm_b)
+    return (
+        v[a, 0] + p[0] - v[b, 0] - q[0],
+        v[a, 1] + p[1] - v[b, 1] - q[1],
+        v[a, 2] + p[2] - v[b, 2] - q[2],
+    )
+
+
+@helper
+def _push_one(v, w, body, arm, impulse, sign, inverse_mass, inverse_inertia):
+    change = _times(inverse_inertia[body], _cross(arm, impulse))
+    for k in range(3):
+        v[body, k] += sign * inverse_mass[body] * impulse[k]
+        w[body, k] += sign * change[k]
+
+
+@helper
+def _push(v, w, a, b, arms, impulse, inverse_mass, inverse_inertia):
+    """Give an impulse to a and its opposite to b."""
+    _push_one(v, w, a, arms[0], impulse, 1.0, inverse_mass, inverse_inertia)
+    _push_one(v, w, b, arms[1], impulse, -1.0, inverse_mass, inverse_inertia)
+
+
+@helper
+def _response(a, b, arms, d, inverse_mass, inverse_inertia):
+    """Change of the relative velocity at a contact that a unit impulse along d makes."""
+    p = _cross(_times(inverse_inertia[a], _cross(arms[0], d)), arms[0])
+    q = _cross(_times(inverse_inertia[b], _cross(arms[1], d)), arms[1])
+    m = inverse_mass[a] + inverse_mass[b]
+    return m * d[0] + p[0] + q[0], m * d[1] + p[1] + q[1], m * d[2] + p[2] + q[2]
+
+
+@helper
+def _masses(bodies, arms, normals, inverse_mass, inverse_inertia):
+    """Effective mass of each contact along its normal, and a least one across it (k, 2).
+
+    Across, it is 1 / λ of the greater eigenvalue λ of what an impulse does in the tangent plane: a
+    step of that length never overshoots, so friction only ever takes energy.
+    """
+    masses = np.empty((len(bodies), 2))
+    for i in range(len(bodies)):
+        a, b, n = bodies[i, 0], bodies[i, 1], _row(normals, i)
+        masses[i, 0] = 1.0 / _dot(n, _response(a, b, arms[i], n, inverse_mass, inverse_inertia))
+        side = _cross(n, (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0))
+        size = math.sqrt(_dot(side, side))
+        s = (side[0] / size, side[1] / size, side[2] / size)
+        t = _cross(n, s)
+        by_s = _response(a, b, arms[i], s, inverse_mass, inverse_inertia)
+        by_t = _response(a, b, arms[i], t, inverse_mass, inverse_inertia)
+        ss, st, tt = _dot(s, by_s), _dot(t, by_s), _dot(t, by_t)
+        masses[i, 1] = 2.0 / (ss + tt + math.sqrt((ss - tt) ** 2 + 4.0 * st * st))
+    return masses
+
+
+@helper
+def _rub(v, w, i, bodies, arms, normals, mass, most, rubbed, inverse_mass, inverse_inertia):
+    """Coulomb's friction at one contact: an impulse of at most `most` in the tangent plane.
+
+    Returns by how much the tangential velocity changed.
+    """
+    a, b, n = bodies[i, 0], bodies[i, 1], normals[i]
+    u = _relative(v, w, a, b, arms[i, 0], arms[i, 1])
+    un = _dot(n, u)
+    p0 = rubbed[i, 0] - mass * (u[0] - un * n[0])
+    p1 = rubbed[i, 1] - mass * (u[1] - un * n[1])
+    p2 = rubbed[i, 2] - mass * (u[2] - un * n[2])
+    size = math.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
+    if size > most:
+        p0, p1, p2 = p0 * most / size, p1 * most / size, p2 * most / size
+    step = (p0 - rubbed[i, 0], p1 - rubbed[i, 1], p2 - rubbed[i, 2])
+    rubbed[i, 0], rubbed[i, 1], rubbed[i, 2] = p0, p1, p2
+    _push(v, w, a, b, arms[i], step, inverse_mass, inverse_inertia)
+    return math.sqrt(_dot(step, step)) / mass
+
+
+@helper
+def _press(v, w, i, bodies, arms, normals, mass, target, pressed, inverse_mass, inverse_inertia):
+    """The normal impulse of one contact, so that it parts at `target` or faster."""
+    a, b, n = bodies[i, 0], bodies[i, 1], normals[i]
+    un = _dot(n, _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
+    total = max(pressed[i] - mass * (un - target), 0.0)
+    step = total - pressed[i]
+    pressed[i] = total
+    push = (step * n[0], step * n[1], step * n[2])
+    _push(v, w, a, b, arms[i], push, inverse_mass, inverse_inertia)
+    return abs(step) / mass
+
+
+@entry
+def prevent(
+    v, w, bodies, arms, normals, targets, friction, pressed, rubbed, inverse_mass, inverse_inertia,
+    sweeps,
+):  # fmt: skip
+    """Impulses by which every contact's normal velocity is `targets` (k,) or more.
+
+    Projected Gauss-Seidel on ``0 <= pressed ⊥ (normal velocity - target) >= 0`` and Coulomb's cone
+    (Moreau 1988; Jean 1999): v and w are changed in place, and so are `pressed` (k,) and `rubbed`
+    (k, 3), which hold a first guess. Returns the number of sweeps.
+    """
+    masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)
+    for i in range(len(bodies)):
+        n = normals[i]
+        # The guess is from another moment: friction stays in this one's tangent plane.
+        along = _dot(n, rubbed[i])
+        for k in range(3):
+            rubbed[i, k] -= along * n[k]
+        push = (
+            pressed[i] * n[0] + rubbed[i, 0],
+            pressed[i] * n[1] + rubbed[i, 1],
+            pressed[i] * n[2] + rubbed[i, 2],
+        )
+        _push(v, w, bodies[i, 0], bodies[i, 1], arms[i], push, inverse_mass, inverse_inertia)
+    for sweep in range(sweeps):
+        change = 0.0
+        for i in range(len(bodies)):
+            if friction > 0.0:
+                step = _rub(
+                    v, w, i, bodies, arms, normals, masses[i, 1], friction * pressed[i], rubbed,
+                    inverse_mass, inverse_inertia,
+                )  # fmt: skip
+                change = max(change, step)
+            step = _press(
+                v, w, i, bodies, arms, normals, masses[i, 0], targets[i], pressed,
+                inverse_mass, inverse_inertia,
+            )  # fmt: skip
+            change = max(change, step)
+        if change <= ENOUGH:
+            return sweep + 1
+    return sweeps
+
+
+@entry
+def collide(
+    v, w, bodies, arms, normals, hit, restitution, friction, pressed, rubbed, inverse_mass,
+    inverse_inertia, sweeps,
+):  # fmt: skip
+    """Impulses of the contacts in `hit` (k,) at one instant, an island at a time.
+
+    First those, without friction, after which none of them approaches; then as much again times
+    `restitution` (k, of the contact's island): the impulse p that ends the approach takes
+    pᵀ M⁻¹ p / 2 of the energy, and twice of it gives that back (Moreau 1988). Where the sweeps have
+    not converged the second part is cut to what the first one took, so no collision gains energy.
+    Friction comes last, bounded by all of the normal impulse. v, w, `pressed` (k,) and `rubbed`
+    (k, 3) are written.
+    """
+    count = len(bodies)
+    masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)
+    before = np.zeros(count)
+    pressed[:] = 0.0
+    rubbed[:] = 0.0
+    for i in range(count):
+        a, b = bodies[i, 0], bodies[i, 1]
+        before[i] = _dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
+    for _ in range(sweeps):
+        change = 0.0
+        for i in range(count):
+            if hit[i]:
+                step = _press(
+                    v, w, i, bodies, arms, normals, masses[i, 0], 0.0, pressed,
+                    inverse_mass, inverse_inertia,
+                )  # fmt: skip
+                change = max(change, step)
+        if change <= ENOUGH:
+            break
+    took, size = 0.0, 0.0
+    for i in range(count):
+        a, b = bodies[i, 0], bodies[i, 1]
+        after = _dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
+        if restitution[i] > 0.0:
+            took -= pressed[i] * before[i]
+            size += pressed[i] * (after - before[i])
+    # By s p the energy changes by s pᵀu + s² pᵀM⁻¹p / 2: no gain up to s = -2 pᵀu / pᵀM⁻¹p.
+    most = 2.0 * took / size - 1.0 if size > 0.0 else 0.0
+    for i in range(count):
+        again = max(min(restitution[i], most), 0.0) * pressed[i]
+        pressed[i] += again
+        n = normals[i]
+        push = (again * n[0], again * n[1], again * n[2])
+        _push(v, w, bodies[i, 0], bodies[i, 1], arms[i], push, inverse_mass, inverse_inertia)
+    if friction > 0.0:
+        rub(v, w, bodies, arms, normals, friction, pressed, rubbed, inverse_mass, inverse_inertia,
+            sweeps)  # fmt: skip
+
+
+@entry
+def rub(
+    v, w, bodies, arms, normals, friction, pressed, rubbed, inverse_mass, inverse_inertia, sweeps
+):
+    """Friction alone, under normal impulses (k,) that are given."""
+    masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)
+    for _ in range(sweeps):
+        change = 0.0
+        for i in range(len(bodies)):
+            step = _rub(
+                v, w, i, bodies, arms, normals, masses[i, 1], friction * pressed[i], rubbed,
+                inverse_mass, inverse_inertia,
+            )  # fmt: skip
+            change = max(change, step)
+        if change <= ENOUGH:
+            return
+
+
+@entry
+def apply(impulses, bodies, arms, velocity, momentum, inverse_mass):
+    """Add impulses (k, 3) to velocities and angular momenta; what cannot move keeps its own."""
+    for i in range(len(bodies)):
+        for side in range(2):
+            body = bodies[i, side]
+            if inverse_mass[body] > 0.0:
+                sign = 1.0 - 2.0 * side
+                moment = _cross(arms[i, side], impulses[i])
+                for k in range(3):
+                    velocity[body, k] += sign * inverse_mass[body] * impulses[i, k]
+                    momentum[body, k] += sign * moment[k]
+
+
+@entry
+def islands(bodies, joined, inverse_mass):
+    """Number of the island of each body (n,): movable bodies joined by contacts, in any chain."""
+    island = np.arange(len(inverse_mass))
+    changed = True
+    while changed:
+        changed = False
+        for i in range(len(bodies)):
+            a, b = bodies[i, 0], bodies[i, 1]
+            if joined[i] and inverse_mass[a] > 0.0 and inverse_mass[b] > 0.0:
+                least = min(island[a], island[b])
+                if island[a] != least or island[b] != least:
+                    island[a] = island[b] = least
+                    changed = True
+    return island
+
+
+@entry
+def approach(v, w, bodies, arms, normals):
+    """Normal velocity (k,) of each contact: positive where it parts."""
+    speeds = np.empty(len(bodies))
+    for i in range(len(bodies)):
+        a, b = bodies[i, 0], bodies[i, 1]
+        speeds[i] = _dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
+    return speeds

@@ -1,0 +1,374 @@
+"""Rigid bodies and one step of their motion.
+
+Between contacts the rule is velocity Verlet for the centres of mass, exact under constant gravity,
+and the implicit midpoint rule for the rotations, which keeps their energy. Contacts are found at
+both ends of every step, which is taken back and halved where a surface came too near; so surfaces
+never touch. What the contacts' rounding, order and linearisation would add to the energy is taken
+from the velocities again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proximity_monitor.motion.dynamics import solver
+from proximity_monitor.motion.dynamics.contacts import ContactFinder, Contacts, Seen
+from proximity_monitor.motion.dynamics.forces import ContactForces
+from proximity_monitor.motion.dynamics.mass import MassProperties, mass_properties
+from proximity_monitor.motion.dynamics.near import ROUNDING
+from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
+from proximity_monitor.motion.dynamics.state import State
+
+_HALVINGS = 16
+"""How often parts of one step are halved before its bodies are stopped: what cannot be had within
+so many is not worth the time."""
+
+
+class World:
+    """Bodies, obstacles and what acts on them.
+
+    Args:
+        bodies: those with a density move.
+        forces: what was named.
+        step_s: seconds; the longest step.
+
+    Raises:
+        ValueError: naming a body that has a density and encloses no volume, or two that touch at
+            the start.
+    """
+
+    def __init__(self, bodies: Sequence[RigidBody], forces: Forces, step_s: float) -> None:
+        self.bodies = tuple(bodies)
+        self.forces = forces
+        self.step_s = step_s
+        self.halvings = 0
+        """How many steps were taken back because surfaces came too near, and halved."""
+        self.stops = 0
+        """How often bodies were stopped because even the shortest step brought them too near."""
+        self._mass = [_mass_of(body) for body in bodies]
+        self._movable = np.array([body.density is not None for body in bodies])
+        self._masses = np.array([m.mass if m else np.inf for m in self._mass])
+        self._inverse_mass = np.array([1.0 / m.mass if m else 0.0 for m in self._mass])
+        self._inverse_inertia_body = np.array(
+            [np.linalg.inv(m.inertia) if m else np.zeros((3, 3)) for m in self._mass]
+        )
+        self._offset = np.array([m.centre if m else np.zeros(3) for m in self._mass])
+        self._radius = np.array(
+            [
+                body.model.radius + np.linalg.norm(body.model.centre - offset)
+                for body, offset in zip(bodies, self._offset, strict=True)
+            ]
+        )
+        # Each point of a body is slower than |v| + this times |L|, in whatever orientation.
+        self._reeling = self._radius * np.linalg.norm(
+            self._inverse_inertia_body, ord=2, axis=(1, 2)
+        )
+        self._gravity = np.zeros((len(bodies), 3))
+        if forces.gravity is not None:
+            self._gravity[self._movable] = forces.gravity
+        self._rotation = np.empty((len(bodies), 3, 3))
+        self._inverse_inertia = np.empty((len(bodies), 3, 3))
+        self._poses = np.tile(np.eye(4), (len(bodies), 1, 1))
+        self._finder: ContactFinder | None = None
+        if forces.contacts is not None:
+            pairs = [
+                (i, j)
+                for i, j in combinations(range(len(bodies)), 2)
+                if self._movable[i] or self._movable[j]
+            ]
+            self._law = ContactForces(forces, self._inverse_mass, self._gravity, step_s)
+            models = [body.model for body in bodies]
+            pairs = np.array(pairs, np.int64).reshape(-1, 2)
+            self._finder = ContactFinder(models, pairs, self._law.slack, self._law.every)
+            self._pull = self._apart(self._gravity)
+            thickness = np.array([m.thickness if m else 0.0 for m in self._mass])
+            self._thickness = thickness[self._finder.pairs].sum(axis=1)
+        self.restart()
+
+    def restart(self) -> None:
+        """Put everything back to its start; what follows is the same as it was, bit by bit."""
+        turns = np.array([_quaternion(body.pose[:3, :3]) for body in self.bodies])
+        self.state = State(
+            centre=np.array(
+                [
+                    b.pose[:3, :3] @ c + b.pose[:3, 3]
+                    for b, c in zip(self.bodies, self._offset, strict=True)
+                ]
+            ),
+            turn=turns,
+            velocity=np.array([body.velocity for body in self.bodies], dtype=np.float64),
+            momentum=np.zeros((len(self.bodies), 3)),
+        )
+        for i, (body, mass) in enumerate(zip(self.bodies, self._mass, strict=True)):
+            if mass is not None:
+                turn = body.pose[:3, :3]
+                self.state.momentum[i] = turn @ mass.inertia @ turn.T @ body.spin
+        self._place()
+        self._contacts: Contacts | None = None
+        if self._finder is not None:
+            self._finder.restart()
+            self._law.restart()
+            self._contacts = self._finder.find(self._poses, self._reach(), self._law.closest)
+            self._refuse_touching()
+        self._too_near = np.empty(0, np.bool_)
+        self._cannot_pay = False
+
+    def step(self) -> None:
+        """Go on by `step_s`, in several steps where bodies are too fast for one."""
+        left, taken_back = self.step_s, 0
+        while left > 0.0:
+            h = left / self._parts(left)
+            gently = False
+            while not self._go(h, gently):
+                if self._cannot_pay:
+                    gently = True
+                    continue
+                h *= 0.5
+                taken_back += 1
+                if taken_back > _HALVINGS:
+                    self._stop()  # and nothing moves for what is left of this step
+                    return
+                self.halvings += 1
+            left = left - h if left > 1.5 * h else 0.0
+
+    def poses(self) -> NDArray[np.float64]:
+        """Return (n, 4, 4) model to world of every body, metres."""
+        return self._poses.copy()
+
+    def energy(self) -> float:
+        """Return the kinetic and potential energy, joules; gravity's is zero at the origin."""
+        total = float(self._energies().sum())
+        if self._contacts is not None:
+            total += float(self._law.stored(self._contacts).sum())
+        return total
+
+    def momentum(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the momentum, kg m/s, and the angular momentum about the origin, kg m²/s."""
+        linear = self._masses[self._movable, None] * self.state.velocity[self._movable]
+        orbital = np.cross(self.state.centre[self._movable], linear)
+        return linear.sum(axis=0), (orbital + self.state.momentum[self._movable]).sum(axis=0)
+
+    @property
+    def searches(self) -> int:
+        """How many distances of two patches contacts have cost so far; 0 without contacts."""
+        return 0 if self._finder is None else self._finder.searches
+
+    @property
+    def rubbings(self) -> int:
+        """How often friction was computed."""
+        return 0 if self._finder is None else self._law.rubbings
+
+    def clearance(self) -> float:
+        """Return a certified lower bound of every distance, metres; infinity without contacts."""
+        return np.inf if self._finder is None else float(self._finder.lower.min(initial=np.inf))
+
+    def _go(self, h: float, gently: bool) -> bool:
+        """Try a step of h seconds; leave everything as it was where it cannot be made.
+
+        That is where surfaces come too near, or where bodies would gain energy from contacts and
+        have no motion that it could be taken from, unless they were pushed `gently`.
+        """
+        self._cannot_pay = False
+        if self._finder is None:
+            self._drift(h, self.state.velocity + 0.5 * h * self._gravity, self.state.momentum)
+            self.state.velocity += h * self._gravity
+            self._damp(h)
+            return True
+        before, seen = self.state, self._finder.remember()
+        energies, stored = self._energies(), self._law.stored(self._contacts)
+        self.state = before.copy()
+        moving = self._law.start(h, self.state, self._contacts, self._inverse_inertia, gently)
+        # Impulses may have made a body faster than the step was chosen for.
+        self._too_near = h * self._speeds(*moving) > np.maximum(seen.lower, self._thickness)
+        if not self._too_near.any():
+            self._drift(h, *moving)
+            self._finder.moved(self._moved(before))
+            found = self._finder.find(self._poses, self._reach(), self._law.closest)
+            self._too_near = self._finder.lower < self._law.closest
+        if self._too_near.any():
+            return self._take_back(before, seen)
+        self.state.velocity += 0.5 * h * self._gravity
+        self._law.end(h, self.state, found, self._inverse_inertia)
+        self._damp(h)
+        if not self._keep_energy(energies, stored, found) and not gently:
+            self._cannot_pay = True
+            return self._take_back(before, seen)
+        self._contacts = found
+        return True
+
+    def _take_back(self, before: State, seen: Seen) -> bool:
+        """Put everything back, and look again at the pairs that came too near: contacts lacked."""
+        self.state = before
+        self._place()
+        self._finder.recall(seen)
+        if self._too_near.any():
+            self._finder.doubt(self._too_near)
+            self._contacts = self._finder.find(self._poses, self._reach(), self._law.closest)
+        return False
+
+    def _drift(
+        self, h: float, velocity: NDArray[np.float64], momentum: NDArray[np.float64]
+    ) -> None:
+        self.state.centre += h * velocity
+        inertia = self._inverse_inertia_body
+        solver.turn_freely(self.state.turn, momentum, inertia, self._rotation, h)
+        self._place()
+
+    def _place(self) -> None:
+        """Derive rotations, inertias and poses from the state."""
+        solver.orient(
+            self.state.turn, self._inverse_inertia_body, self._rotation, self._inverse_inertia
+        )
+        self._poses[:, :3, :3] = self._rotation
+        offset = np.einsum("nij,nj->ni", self._rotation, self._offset)
+        self._poses[:, :3, 3] = self.state.centre - offset
+
+    def _speeds(
+        self, velocity: NDArray[np.float64], momentum: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Upper bounds (k,) of how fast any two points of each pair's bodies approach."""
+        turning = self._reeling * np.sqrt((momentum**2).sum(axis=1))
+        return self._apart(velocity) + turning[self._finder.pairs].sum(axis=1)
+
+    def _apart(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Lengths (k,) of the differences of each pair's vectors (n, 3)."""
+        first, second = self._finder.pairs.T
+        return np.sqrt(((vectors[first] - vectors[second]) ** 2).sum(axis=1))
+
+    def _parts(self, left: float) -> int:
+        """Into how many steps so many seconds are cut, so that nothing passes through unseen.
+
+        In a step no pair travels further than it is apart, or than its bodies are thick. What
+        passes through another in one step travels further than both are thick together: twice the
+        volume over the area of each, if they are plates, and more if they are not. Half of that is
+        allowed.
+        """
+        if self._finder is None:
+            return 1
+        speeds = self._speeds(self.state.velocity, self.state.momentum) + left * self._pull
+        room = np.maximum(self._finder.lower - self._law.reach, self._thickness)
+        return max(1, int(np.ceil(left * (speeds / room).max(initial=0.0))))
+
+    def _reach(self) -> NDArray[np.float64]:
+        """How far from each other (k,) surfaces may meet within the next step; see `_parts`."""
+        speeds = self._speeds(self.state.velocity, self.state.momentum)
+        travel = self.step_s * (speeds + self.step_s * self._pull)
+        return self._law.reach + np.minimum(travel, self._thickness)
+
+    def _moved(self, before: State) -> NDArray[np.float64]:
+        """Upper bounds (k,) of how far two points of each pair's bodies moved together.
+
+        A turn by θ moves a point by 2 sin(θ/2) times its distance from the centre at most, and
+        changes the quaternion by 2 sin(θ/4), which is half of that or more.
+        """
+        turned = np.sqrt(((self.state.turn - before.turn) ** 2).sum(axis=1))
+        rounding = ROUNDING * (np.abs(self.state.centre).sum(axis=1) + self._radius)
+        each = 2.0 * turned * self._radius + rounding
+        return self._apart(self.state.centre - before.centre) + each[self._finder.pairs].sum(axis=1)
+
+    def _damp(self, h: float) -> None:
+        if self.forces.linear_damping is not None:
+            self.state.velocity *= np.exp(-self.forces.linear_damping * h)
+        if self.forces.angular_damping is not None:
+            self.state.momentum *= np.exp(-self.forces.angular_damping * h)
+
+    def _stop(self) -> None:
+        """Take the motion of those bodies whose surfaces come too near in however short a step."""
+        self.stops += 1
+        bodies = self._finder.pairs[self._too_near].reshape(-1)
+        self.state.velocity[bodies] = 0.0
+        self.state.momentum[bodies] = 0.0
+
+    def _kinetic(self) -> NDArray[np.float64]:
+        """(n,) joules."""
+        v, momentum = self.state.velocity[self._movable], self.state.momentum[self._movable]
+        energy = np.zeros(len(self.bodies))
+        energy[self._movable] = 0.5 * self._masses[self._movable] * (v * v).sum(axis=1)
+        spins = np.einsum("nij,nj->ni", self._inverse_inertia[self._movable], momentum)
+        energy[self._movable] += 0.5 * (momentum * spins).sum(axis=1)
+        return energy
+
+    def _energies(self) -> NDArray[np.float64]:
+        """Kinetic and potential energy (n,) of each body, joules."""
+        energy = self._kinetic()
+        height = (self._gravity[self._movable] * self.state.centre[self._movable]).sum(axis=1)
+        energy[self._movable] -= self._masses[self._movable] * height
+        return energy
+
+    def _keep_energy(
+        self, energies: NDArray[np.float64], stored: NDArray[np.float64], found: Contacts
+    ) -> bool:
+        """Slow down islands of bodies in contact that have more energy than before the step.
+
+        Contacts only pass energy on or take it; what rounding, a linear step along a curved
+        surface, or moving surfaces apart adds is taken from the velocities of the island. Returns
+        whether it could be.
+        """
+        old, new = self._law.active | (stored > 0.0), (after := self._law.stored(found)) > 0.0
+        bodies = np.concatenate((self._contacts.bodies[old], found.bodies[new]))
+        if not len(bodies):
+            return True
+        island = solver.islands(bodies, np.ones(len(bodies), np.bool_), self._inverse_mass)
+        kinetic = self._kinetic()
+        gain = self._per_island(island, self._energies() - energies)
+        gain += self._per_island(island[self._one_of(found)], after)
+        gain -= self._per_island(island[self._one_of(self._contacts)], stored)
+        total = self._per_island(island, kinetic)
+        touched = np.zeros(len(island), np.bool_)
+        touched[island[bodies.reshape(-1)]] = True
+        slower = np.flatnonzero(touched & (gain > 0.0))
+        for each in slower:
+            share = max(1.0 - gain[each] / total[each], 0.0) if total[each] > 0.0 else 0.0
+            self.state.velocity[island == each] *= np.sqrt(share)
+            self.state.momentum[island == each] *= np.sqrt(share)
+        return bool((gain[slower] <= total[slower]).all())
+
+    def _per_island(
+        self, island: NDArray[np.int64], amounts: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        return np.bincount(island, amounts, minlength=len(self.bodies))
+
+    def _one_of(self, contacts: Contacts) -> NDArray[np.int64]:
+        """Of each contact a body that moves."""
+        first, second = contacts.bodies.T
+        return np.where(self._movable[first], first, second)
+
+    def _refuse_touching(self) -> None:
+        near = np.flatnonzero(self._finder.lower < self._law.closest)
+        if len(near):
+            a, b = (self.bodies[i].name for i in self._finder.pairs[near[0]])
+            raise ValueError(
+                f"dynamics: {a!r} and {b!r} touch at the start, or nearly so; move one of them "
+                f"until they are {self._law.kept:g} m apart"
+            )
+
+
+def _mass_of(body: RigidBody) -> MassProperties | None:
+    if body.density is None:
+        return None
+    try:
+        return mass_properties(body.model.vertices, body.model.faces, body.density)
+    except ValueError as error:
+        raise ValueError(f"dynamics.bodies.{body.name}: {error}") from None
+
+
+def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit quaternion w, x, y, z of a rotation, by its greatest component (Shepperd 1978)."""
+    r = rotation
+    trace = np.trace(r)
+    squares = np.array([trace, *(2.0 * np.diag(r) - trace)])
+    k = int(np.argmax(squares))
+    outer = np.array(
+        [
+            [1 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+            [0.0, 1 + squares[1], r[0, 1] + r[1, 0], r[2, 0] + r[0, 2]],
+            [0.0, 0.0, 1 + squares[2], r[1, 2] + r[2, 1]],
+            [0.0, 0.0, 0.0, 1 + squares[3]],
+        ]
+    )
+    outer += np.triu(outer, 1).T
+    return outer[k] / np.linalg.norm(outer[k])

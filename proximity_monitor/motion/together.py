@@ -1,0 +1,67 @@
+"""Several motions at once, each of which drives bodies and joints of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from proximity_monitor.motion.motion import Motion
+
+
+class Together(Motion):
+    """The union of motions."""
+
+    def __init__(self, parts: Sequence[Motion]) -> None:
+        """Keep the parts.
+
+        Raises:
+            ValueError: two of them drive the same body.
+        """
+        self._parts = tuple(parts)
+        bodies = self.bodies
+        for name in bodies:
+            if bodies.count(name) > 1:
+                raise ValueError(f"motion: {name!r} is driven by more than one effect")
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """All driven bodies, in the order of the parts."""
+        return tuple(name for part in self._parts for name in part.bodies)
+
+    @property
+    def period_s(self) -> float | None:
+        """The longest of the parts' periods; None if one has none.
+
+        Shorter ones go on as they are, so the whole repeats only where they divide it.
+        """
+        periods = [part.period_s for part in self._parts]
+        return None if None in periods else max(periods)
+
+    def poses(self, t: float) -> dict[str, np.ndarray]:
+        """Return the poses (4, 4) of all bodies at t seconds.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        return {name: pose for part in self._parts for name, pose in part.poses(t).items()}
+
+    def vertices(self, t: float) -> dict[str, np.ndarray]:
+        """Return the vertices (n, 3) of all deforming bodies at t seconds.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        return {name: each for part in self._parts for name, each in part.vertices(t).items()}
+
+    def joints(self, t: float) -> dict[str, float]:
+        """Return the positions of all joints at t seconds.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        return {name: each for part in self._parts for name, each in part.joints(t).items()}
+
+    def describe(self) -> str:
+        """Return the parts' lines."""
+        return "\n".join(part.describe() for part in self._parts)

@@ -1,0 +1,48 @@
+"""The `motion` section: settings of its effects, checked against the bodies and converted to SI.
+
+One module an effect, each with ``read(data, keys, bodies, unit, report, folder)``: `data` obeys the
+schema, `keys` is where it stands in the file, `folder` is the scene file's. It claims every body
+that it drives by ``bodies.drive(name, keys)`` and returns the settings; what is wrong with them
+goes to the report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from proximity_monitor.scene.description import Body, Unit
+from proximity_monitor.scene.effects import bag, deform, dynamics, script, slider_crank
+from proximity_monitor.scene.effects.cast import Cast
+from proximity_monitor.scene.report import Keys, Report
+
+Reader = Callable[[Mapping[str, Any], Keys, Cast, Unit, Report, Path], dict[str, Any]]
+
+_EFFECTS: dict[str, Reader] = {
+    "slider_crank": slider_crank.read,
+    "script": script.read,
+    "bag": bag.read,
+    "dynamics": dynamics.read,
+    "deform": deform.read,
+}
+"""By the key that the schema allows in the section."""
+
+
+def read_motion(
+    section: Mapping[str, Any], bodies: tuple[Body, ...], unit: Unit, report: Report, folder: Path
+) -> Mapping[str, Mapping[str, Any]]:
+    """Return ``{effect: settings}`` in metres, radians and seconds, read-only, in the file's order.
+
+    What is wrong with the settings goes to the report; they are not to be used then.
+    """
+    cast = Cast(bodies, report)
+    return MappingProxyType(
+        {
+            effect: MappingProxyType(
+                _EFFECTS[effect](data, ("motion", effect), cast, unit, report, folder)
+            )
+            for effect, data in section.items()
+        }
+    )

@@ -1,0 +1,79 @@
+"""`deform`: bodies whose vertices follow a field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from proximity_monitor.scene.description import Unit
+from proximity_monitor.scene.effects.cast import Cast
+from proximity_monitor.scene.effects.values import direction, frozen, metres
+from proximity_monitor.scene.report import Keys, Report
+
+_ACROSS = ("bend", "wave")
+"""Fields that also have a direction across the axis."""
+
+_PERPENDICULAR = 1e-3
+"""Directions are written down to a few digits: what is this near to perpendicular is made so."""
+
+
+def read(
+    data: Mapping[str, Any], keys: Keys, bodies: Cast, unit: Unit, report: Report, folder: Path
+) -> dict[str, Any]:
+    """Return by name of the body, under `bodies`, the arguments of `motion.Field`."""
+    fields = {}
+    for name, body in data["bodies"].items():
+        at = (*keys, "bodies", name)
+        found = bodies.find(name, at)
+        if found is not None and not found.deforming:
+            report.add(at, f"'{name}' is rigid; give it 'deforming: true'")
+        fields[name] = MappingProxyType(_field(body, at, unit, report))
+    return {"bodies": MappingProxyType(fields)}
+
+
+def _field(data: Mapping[str, Any], keys: Keys, unit: Unit, report: Report) -> dict[str, Any]:
+    kind = data["field"]
+    axis = across = None
+    if "axis" in data and kind != "breathe":
+        axis = direction(data, keys, "axis", report)
+    for key, kinds in (
+        ("axis", ("bend", "twist", "stretch", "wave")),
+        ("towards", _ACROSS),
+        ("wavelength", ("wave",)),
+    ):
+        if (key in data) != (kind in kinds):
+            if key in data:
+                report.add((*keys, key), f"does not belong to the field '{kind}'")
+            else:
+                report.add(keys, f"the field '{kind}' needs the key '{key}'")
+    if "towards" in data and axis is not None:
+        across = direction(data, keys, "towards", report)
+        if axis.any() and across.any() and abs(leaning := float(axis @ across)) > _PERPENDICULAR:
+            angle = math.degrees(math.acos(max(-1.0, min(1.0, leaning))))
+            report.add(
+                (*keys, "towards"),
+                f"must be perpendicular to axis (got {angle:.4g} degrees between them)",
+            )
+        else:
+            across = across - float(axis @ across) * axis
+            across /= np.linalg.norm(across) or 1.0
+    amplitude = float(data["amplitude"])
+    if kind in ("bend", "twist"):
+        amplitude = math.radians(amplitude)
+    elif kind == "wave":
+        amplitude *= unit.to_metre
+    return {
+        "field": kind,
+        "amplitude": amplitude,
+        "frequency_hz": float(data["frequency_hz"]),
+        "phase": math.radians(data.get("phase_deg", 0.0)),
+        "axis": None if axis is None else frozen(axis),
+        "across": None if across is None else frozen(across),
+        "wavelength": unit.to_metre * data["wavelength"] if "wavelength" in data else None,
+        "centre": metres(data["centre"], unit) if "centre" in data else None,
+    }

@@ -1,0 +1,100 @@
+"""Poses from a CSV file: one row a pose, found by the names of the columns."""
+
+from __future__ import annotations
+
+import csv
+import math
+from array import array
+from pathlib import Path
+
+import numpy as np
+
+from proximity_monitor.scene.poses import UNIT_LENGTH
+from proximity_monitor.scene.report import SceneError, shown
+
+COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
+
+# Eight minutes at 1 kHz: read in three seconds; the path of them takes 0.3 GB while it is made.
+_MAX_ROWS = 500_000
+# A line of eight numbers is shorter; a file without line ends would be read whole.
+_MAX_LINE = 4096
+# Seconds, eleven days: later keys are stamps of a clock. As the schema says of keys in a scene.
+_LATEST = 1e6
+_FURTHEST = 1e9
+
+
+def read_poses(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Read a table with the columns t, x, y, z, qx, qy, qz, qw, in any order, and maybe others.
+
+    Returns:
+        Times (n,) in seconds, increasing; positions (n, 3) in the file's unit; quaternions (n, 4)
+        x, y, z, w of length 1.
+
+    Raises:
+        SceneError: it cannot be read; the message begins with the file and the line.
+    """
+    numbers = array("d")
+    reader = None
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            reader = csv.reader(iter(lambda: file.readline(_MAX_LINE), ""), strict=True)
+            header = next(reader, [])
+            places = _places(header)
+            for row in reader:
+                if row:
+                    numbers.extend(_numbers(row, places, len(header), numbers))
+    except OSError as error:
+        raise SceneError(f"{path}: {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise SceneError(f"{path}: is not UTF-8 text") from None
+    except (csv.Error, ValueError) as error:
+        line = max(reader.line_num, 1) if reader else 1
+        raise SceneError(f"{path}:{line}: {error}") from None
+    if not numbers:
+        raise SceneError(f"{path}: has a header, but no pose")
+    table = np.array(numbers).reshape(-1, len(COLUMNS))
+    lengths = np.linalg.norm(table[:, 4:], axis=1, keepdims=True)
+    return table[:, 0].copy(), table[:, 1:4].copy(), table[:, 4:] / lengths
+
+
+def _places(header: list[str]) -> list[int]:
+    names = [name.strip() for name in header]
+    missing = [name for name in COLUMNS if name not in names]
+    if missing:
+        raise ValueError(
+            f"the first line must name the columns {', '.join(COLUMNS)}; "
+            f"{', '.join(missing)} missing (got {shown(','.join(header))})"
+        )
+    for name in COLUMNS:
+        if names.count(name) > 1:
+            raise ValueError(f"the column {name} stands twice")
+    return [names.index(name) for name in COLUMNS]
+
+
+def _numbers(row: list[str], places: list[int], width: int, before: array) -> list[float]:
+    """The numbers of one row, in the order of COLUMNS; `before` are those of the rows so far."""
+    if len(before) == _MAX_ROWS * len(COLUMNS):
+        raise ValueError(f"more than {_MAX_ROWS} poses")
+    if len(row) != width:
+        raise ValueError(f"has {len(row)} columns, the header {width}")
+    numbers = []
+    for name, place in zip(COLUMNS, places, strict=True):
+        try:
+            number = float(row[place])
+        except ValueError:
+            raise ValueError(f"{name} must be a number (got {shown(row[place])})") from None
+        if not math.isfinite(number):
+            raise ValueError(f"{name} must be finite (got {row[place].strip()})")
+        numbers.append(number)
+    t = numbers[0]
+    if not 0.0 <= t <= _LATEST:
+        raise ValueError(f"t must be 0 to {_LATEST:g} s after the start (got {t:g})")
+    if before and not t > (last := before[-len(COLUMNS)]):
+        raise ValueError(f"t must be later than in the row before, {last:g} (got {t:g})")
+    for name, number in zip(COLUMNS[1:4], numbers[1:4], strict=True):
+        if abs(number) > _FURTHEST:
+            raise ValueError(f"{name} must be within {_FURTHEST:g} of 0 (got {number:g})")
+    length = math.hypot(*numbers[4:])
+    if abs(length - 1.0) > UNIT_LENGTH:
+        raise ValueError(f"the quaternion must have length 1 (got {length:.6g})")
+    return numbers

@@ -1,0 +1,263 @@
+"""Forward kinematics: from the positions of a robot's joints to the poses of its links.
+
+A link's pose is that of its parent, times the joint's origin, times what the joint does: a turn
+about its axis or a move along it. Joints are taken by their depth in the tree, all of one depth at
+once, so that a call costs as many matrix products as the robot is deep, for one set of positions or
+for many.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+class KinematicsError(ValueError):
+    """Links and joints do not make a tree that can be computed; the message names them."""
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint follows another: its position is ``multiplier * position of joint + offset``."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """What connects a link to its parent."""
+
+    name: str
+    kind: str
+    """`fixed`, `revolute`, `continuous` or `prismatic`."""
+    parent: str
+    child: str
+    origin: NDArray[np.float64]
+    """(4, 4) pose of the joint in the parent link, metres."""
+    axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    """In the joint's frame, of any length above 0."""
+    lower: float = -math.inf
+    """Radians or metres."""
+    upper: float = math.inf
+    mimic: Mimic | None = None
+
+
+class Kinematics:
+    """A tree of links."""
+
+    def __init__(self, links: Sequence[str], joints: Sequence[Joint]) -> None:
+        """Put the links in order.
+
+        Args:
+            links: names; each but one, the root, is the child of exactly one joint.
+            joints: what connects them.
+
+        Raises:
+            KinematicsError: a name stands twice, a joint names a link or joint that does not exist,
+                the links are no tree, joints mimic each other in a ring.
+        """
+        self._check(links, joints)
+        above = {joint.child: joint for joint in joints}
+        self.root = next(link for link in links if link not in above)
+        """The link that stands at the robot's base."""
+        depth = _depths(links, above)
+        self.links: tuple[str, ...] = tuple(sorted(links, key=depth.__getitem__))
+        """In the order of `poses`: the root first, each link after its parent."""
+        self._order = {link: index for index, link in enumerate(self.links)}
+        self.joints: tuple[Joint, ...] = tuple(above[link] for link in self.links[1:])
+        """By the link that they carry, in the order of `links` without the root."""
+        self.free: tuple[Joint, ...] = tuple(
+            each for each in joints if each.kind != "fixed" and each.mimic is None
+        )
+        """The joints whose positions are given, in the order of the file."""
+        self._gain, self._offset = _followers(self.joints, self.free)
+        self._origins = np.array([each.origin for each in self.joints]).reshape(-1, 4, 4)
+        self._cross, self._slide = _axes(self.joints)
+        levels = np.array([depth[link] for link in self.links[1:]], dtype=int)
+        starts = np.searchsorted(levels, np.arange(1, levels.max(initial=0) + 2))
+        parents = np.array([self._order[each.parent] for each in self.joints], dtype=int)
+        self._levels = [
+            (first, last, parents[first:last])
+            for first, last in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)
+        ]
+
+    @staticmethod
+    def _check(links: Sequence[str], joints: Sequence[Joint]) -> None:
+        _once(links, "link")
+        _once([joint.name for joint in joints], "joint")
+        parents: dict[str, str] = {}
+        for joint in joints:
+            for link in (joint.parent, joint.child):
+                if link not in links:
+                    raise KinematicsError(f"joint '{joint.name}': there is no link '{link}'")
+            if joint.child in parents:
+                raise KinematicsError(
+                    f"link '{joint.child}' is the child of '{parents[joint.child]}' and of "
+                    f"'{joint.name}'; a link hangs on one joint"
+                )
+            parents[joint.child] = joint.name
+        roots = [link for link in links if link not in parents]
+        if len(roots) != 1:
+            found = ", ".join(roots) or "none"
+            raise KinematicsError(f"one link must be no joint's child, the root (got {found})")
+
+    def above(self, link: str) -> Joint | None:
+        """Return the joint that a link hangs on; None for the root."""
+        index = self._order[link]
+        return self.joints[index - 1] if index else None
+
+    def path(self, link: str) -> list[Joint]:
+        """Return the joints between the root and a link, the nearest to the link first."""
+        found = []
+        while joint := self.above(link):
+            found.append(joint)
+            link = joint.parent
+        return found
+
+    def drivers(self, link: str) -> frozenset[str]:
+        """Return the free joints that a link's pose depends on."""
+        used = np.zeros(len(self.free), dtype=bool)
+        for joint in self.path(link):
+            used |= self._moving(joint)
+        return frozenset(each.name for each, on in zip(self.free, used, strict=True) if on)
+
+    def unit(self, link: str) -> str:
+        """Return the first link on the way from the root that a link is rigidly joined to."""
+        for joint in self.path(link):
+            if self._moving(joint).any():
+                break
+            link = joint.parent
+        return link
+
+    def _moving(self, joint: Joint) -> NDArray[np.bool_]:
+        """Which free joints move a joint."""
+        return self._gain[self._order[joint.child] - 1] != 0.0
+
+    def values(self, positions: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return the (n,) positions of the free joints by name, as `poses` takes them; 0 if absent.
+
+        Names of other joints are left out.
+        """
+        return np.array([positions.get(each.name, 0.0) for each in self.free], dtype=np.float64)
+
+    def poses(self, values: ArrayLike, base: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Return the poses of all links.
+
+        Args:
+            values: (n,) or (k, n) positions of the n joints `free`; radians or metres.
+            base: (4, 4) pose of the root link in the world; None: the world's origin.
+
+        Returns:
+            (m, 4, 4) or (k, m, 4, 4) poses of the m `links`, model to world, metres.
+
+        Raises:
+            ValueError: another shape, a value that is not finite.
+        """
+        given = np.asarray(values, dtype=np.float64)
+        if given.ndim not in (1, 2) or given.shape[-1] != len(self.free):
+            raise ValueError(
+                f"values: shape {given.shape}, expected ({len(self.free)},) or "
+                f"(k, {len(self.free)})"
+            )
+        if not np.isfinite(given).all():
+            raise ValueError("values: every joint position must be finite")
+        positions = given @ self._gain.T + self._offset
+        local = self._origins @ self._moved(positions)
+        poses = np.empty((*given.shape[:-1], len(self.links), 4, 4))
+        poses[..., 0, :, :] = np.eye(4) if base is None else base
+        for first, last, parents in self._levels:
+            np.matmul(
+                poses[..., parents, :, :],
+                local[..., first:last, :, :],
+                out=poses[..., first + 1 : last + 1, :, :],
+            )
+        return poses
+
+    def _moved(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What the joints do at (..., m - 1) positions: Rodrigues' rotation, or a translation."""
+        moved = np.zeros((*positions.shape, 4, 4))
+        moved[..., 3, 3] = 1.0
+        angle = positions[..., None, None]
+        moved[..., :3, :3] = (
+            np.eye(3)
+            + np.sin(angle) * self._cross
+            # 1 - cos(angle), without its cancellation near 0, which would cost the rotation its
+            # orthogonality there.
+            + 2.0 * np.sin(0.5 * angle) ** 2 * (self._cross @ self._cross)
+        )
+        moved[..., :3, 3] = positions[..., None] * self._slide
+        return moved
+
+
+def _once(names: Sequence[str], what: str) -> None:
+    seen = set()
+    for name in names:
+        if name in seen:
+            raise KinematicsError(f"{what} '{name}' stands twice; each needs a name of its own")
+        seen.add(name)
+
+
+def _depths(links: Sequence[str], above: Mapping[str, Joint]) -> dict[str, int]:
+    """How many joints stand between the root and each link."""
+    depth: dict[str, int] = {}
+    for link in links:
+        way = []
+        while link not in depth and link in above:
+            way.append(link)
+            link = above[link].parent
+            if link in way:
+                ring = ", ".join(way[way.index(link) :])
+                raise KinematicsError(f"links {ring} hang on each other in a ring")
+        first = depth.setdefault(link, 0)
+        for steps, each in enumerate(reversed(way), first + 1):
+            depth[each] = steps
+    return depth
+
+
+def _followers(
+    joints: Sequence[Joint], free: Sequence[Joint]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gain (m, n) and offset (m,): the positions of all joints are gain @ free ones + offset."""
+    column = {joint.name: index for index, joint in enumerate(free)}
+    by_name = {joint.name: joint for joint in joints}
+    gain, offset = np.zeros((len(joints), len(free))), np.zeros(len(joints))
+    for row, joint in enumerate(joints):
+        factor, shift, seen = 1.0, 0.0, [joint.name]
+        while joint.mimic is not None:
+            # What follows a follower: the composition of both straight lines.
+            shift += factor * joint.mimic.offset
+            factor *= joint.mimic.multiplier
+            if joint.mimic.joint not in by_name:
+                raise KinematicsError(
+                    f"joint '{joint.name}' mimics '{joint.mimic.joint}', which does not exist"
+                )
+            joint = by_name[joint.mimic.joint]
+            if joint.name in seen:
+                raise KinematicsError(f"joints {', '.join(seen)} mimic each other in a ring")
+            seen.append(joint.name)
+        offset[row] = shift
+        if joint.name in column:  # a fixed joint stays at 0
+            gain[row, column[joint.name]] = factor
+    return gain, offset
+
+
+def _axes(joints: Sequence[Joint]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What turning joints turn about, as cross products (m, 3, 3), and sliding ones move along."""
+    cross, slide = np.zeros((len(joints), 3, 3)), np.zeros((len(joints), 3))
+    for row, joint in enumerate(joints):
+        if joint.kind == "fixed":
+            continue
+        largest = max(map(abs, joint.axis))  # first, so that no length is too small or too large
+        scaled = [part / largest for part in joint.axis]
+        x, y, z = (part / math.hypot(*scaled) for part in scaled)
+        if joint.kind == "prismatic":
+            slide[row] = x, y, z
+        else:
+            cross[row] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
+    return cross, slide

@@ -1,0 +1,103 @@
+"""Where the bodies of a scene are, how fresh that is, and what shape they have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from proximity_monitor import engine
+from proximity_monitor.scene.description import Body
+from proximity_monitor.scene.state import PoseSample
+
+
+class Placing:
+    """The bodies, with a table of what is known about their pairs.
+
+    Attributes:
+        names: of all n bodies, in the scene's order.
+        models: theirs.
+        solid: (n,) whether each is a solid.
+        known: (n,) whether each has a pose.
+        silent: (n,) whether each has none, or one too old to be relied on.
+        answers: the table; it holds the poses.
+    """
+
+    def __init__(self, bodies: Sequence[Body], models: Mapping[str, engine.TriangleMesh]) -> None:
+        """Begin with the fixed bodies where they are, and the moving ones nowhere yet."""
+        self.names = tuple(body.name for body in bodies)
+        self.models = tuple(models[name] for name in self.names)
+        self.solid = np.array([body.solid for body in bodies], dtype=bool)
+        moving = np.array([body.moving for body in bodies], dtype=bool)
+        self.known, self.silent = ~moving, moving.copy()
+        self.answers = engine.Answers(self.models, self.names)
+        fixed = np.flatnonzero(~moving)
+        if len(fixed):
+            self.answers.move(fixed, np.stack([bodies[i].pose for i in fixed]))
+        self._revisions = [model.revision for model in self.models]
+        self._moving = np.flatnonzero(moving)
+        self._moving_names = [self.names[i] for i in self._moving]
+
+    def take(self, poses: Mapping[str, PoseSample | None]) -> bool:
+        """Take the poses of moving bodies by name; whether anything moved or changed its shape.
+
+        Raises:
+            ValueError: a pose is no rigid motion; it names the body, and nothing has changed.
+        """
+        samples = [poses.get(name) for name in self._moving_names]
+        known = np.array([sample is not None for sample in samples], dtype=bool)
+        given = [sample.pose for sample in samples if sample is not None]
+        bodies, moved = self._moving[known], False
+        if given:
+            stacked = self._stacked(given, bodies)
+            new = (stacked != self.answers.poses[bodies]).any(axis=(1, 2)) | ~self.known[bodies]
+            moved = bool(new.any())
+            if moved:
+                self.answers.move(bodies[new], stacked[new])
+        stale = np.array([sample is None or sample.stale for sample in samples], dtype=bool)
+        self.known[self._moving], self.silent[self._moving] = known, stale
+        return self._look_for_refits() or moved
+
+    def refit(self, name: str, vertices: np.ndarray) -> list[int]:
+        """Refit a body's model to other vertices (n, 3); returns the bodies that share it.
+
+        Raises:
+            KeyError: there is no such body.
+            engine.ModelError: see `engine.TriangleMesh.refit`; nothing has changed.
+        """
+        if name not in self.names:
+            raise KeyError(name)
+        model = self.models[self.names.index(name)]
+        before = model.vertices
+        model.refit(vertices)
+        # Differences, squares, sums and root err by less than 4 u of the length in all.
+        largest = float(np.sqrt(((model.vertices - before) ** 2).sum(axis=1).max()))
+        self._reshape(model, largest * (1.0 + 4.0 * np.finfo(np.float64).eps))
+        return [i for i, each in enumerate(self.models) if each is model]
+
+    def _stacked(self, given: list[np.ndarray], bodies: np.ndarray) -> np.ndarray:
+        """The poses (k, 4, 4) of bodies (k,)."""
+        try:
+            stacked = np.array(given, dtype=np.float64)
+        except (TypeError, ValueError):
+            stacked = np.empty(0)
+        if stacked.shape != (len(given), 4, 4):
+            for pose, body in zip(given, bodies, strict=True):
+                engine.check_pose(pose, f"pose of {self.names[body]}")
+        return stacked
+
+    def _look_for_refits(self) -> bool:
+        """Forget what is known of models that somebody else refitted; whether there are any."""
+        revisions = [model.revision for model in self.models]
+        if revisions == self._revisions:
+            return False
+        for model, old, new in zip(self.models, self._revisions, revisions, strict=True):
+            if old != new:
+                self._reshape(model, np.inf)
+        return True
+
+    def _reshape(self, model: engine.TriangleMesh, displacement: float) -> None:
+        for i, each in enumerate(self.models):
+            if each is model:
+                self.answers.reshape(i, displacement)
+                self._revisions[i] = model.revision

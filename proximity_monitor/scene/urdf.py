@@ -1,0 +1,257 @@
+"""Reads robot descriptions in URDF: links with their shapes, and the joints between them.
+
+Only what moves and what has a shape is read; masses, materials, transmissions and everything that
+other programs add are passed over, so that a mistake there stops nobody. Nothing in the file is
+executed or fetched: it is parsed by the standard library, a document type declaration (which could
+make it grow without bound, or name other files) is refused, and meshes are only named here.
+
+The format is in metres and radians (http://wiki.ros.org/urdf/XML).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from proximity_monitor.scene.description import Box, Cylinder, Primitive, Sphere
+from proximity_monitor.scene.kinematics import Joint, Kinematics, KinematicsError, Mimic
+from proximity_monitor.scene.poses import rpy_matrix
+from proximity_monitor.scene.report import shown
+
+_KINDS = ("fixed", "revolute", "continuous", "prismatic")
+_SEGMENTS, _SUBDIVISIONS = 64, 3
+# Metres or radians. Beyond, float64 rounds by more than a robot's clearances, and products of such
+# numbers would leave its range in the end.
+_LARGEST = 1e9
+_Vector = tuple[float, float, float]
+
+
+class UrdfError(ValueError):
+    """A robot description cannot be used; the message starts with its path."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """One `collision` or `visual` element of a link."""
+
+    geometry: str | Primitive
+    """A mesh file as the description names it, or a primitive in metres."""
+    scale: _Vector
+    """Factors on a mesh along its own axes; a negative one mirrors it."""
+    xyz: _Vector
+    """Its origin in the link's frame, metres."""
+    rpy: _Vector
+    """Its orientation there: turns about the fixed x, y and z axes in this order, radians."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid part of a robot."""
+
+    name: str
+    collision: tuple[Shape, ...]
+    visual: tuple[Shape, ...]
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """A robot as its description tells it."""
+
+    path: Path
+    links: tuple[Link, ...]
+    kinematics: Kinematics
+
+
+def read_urdf(path: Path) -> Urdf:
+    """Read a robot description; its meshes are not opened.
+
+    Raises:
+        UrdfError: not readable, not a robot description, a value that is missing or makes no sense,
+            a joint of a kind without a single position (`floating`, `planar`), links that are no
+            tree. The message says where and what.
+    """
+    return _Reader(path).robot()
+
+
+class _NoDoctype(ElementTree.TreeBuilder):
+    """Refuses a document type declaration before the entities in it can be declared."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> NoReturn:
+        raise ValueError("it has a document type declaration; remove the line <!DOCTYPE ...>")
+
+
+class _Reader:
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            text = path.read_bytes()
+        except OSError as error:
+            self._fail("the file", f"cannot be read: {error.strerror}")
+        parser = ElementTree.XMLParser(target=_NoDoctype())
+        try:
+            self._root = ElementTree.fromstring(text, parser)
+        except (ElementTree.ParseError, ValueError, LookupError) as error:
+            self._fail("the file", f"is not XML that can be read: {error}")
+        if self._root.tag != "robot":
+            self._fail(f"<{self._root.tag}>", "a robot description begins with <robot>")
+        macros = next((e.tag for e in self._root.iter() if "xacro" in e.tag), None)
+        if macros is not None:
+            self._fail(
+                "the file", "holds xacro macros; expand them first: xacro IN.xacro > OUT.urdf"
+            )
+
+    def robot(self) -> Urdf:
+        links = tuple(self._link(element) for element in self._root.findall("link"))
+        joints = [self._joint(element) for element in self._root.findall("joint")]
+        if not links:
+            self._fail("<robot>", "has no link")
+        try:
+            kinematics = Kinematics([link.name for link in links], joints)
+        except KinematicsError as error:
+            raise UrdfError(f"{self._path}: {error}") from None
+        return Urdf(self._path, links, kinematics)
+
+    def _link(self, element: Element) -> Link:
+        name = self._text(element, "name", "a link")
+        at = f"link '{name}'"
+        return Link(
+            name,
+            tuple(self._shapes(element, "collision", at)),
+            tuple(self._shapes(element, "visual", at)),
+        )
+
+    def _shapes(self, link: Element, tag: str, at: str) -> Iterator[Shape]:
+        for element in link.findall(tag):
+            here = f"{at}, <{tag}>"
+            geometry = self._child(element, "geometry", here)
+            if len(geometry) != 1:
+                self._fail(here, f"<geometry> must hold one shape (got {len(geometry)})")
+            scale = (1.0, 1.0, 1.0)
+            shape: str | Primitive
+            kind, here = geometry[0], f"{here}, <{geometry[0].tag}>"
+            if kind.tag == "mesh":
+                shape = self._text(kind, "filename", here)
+                scale = self._vector(kind, "scale", here, scale)
+                if not all(scale):
+                    self._fail(here, f"scale must not be 0 (got {kind.get('scale')!r})")
+            elif kind.tag == "box":
+                shape = Box(self._vector(kind, "size", here))
+                self._positive(here, *shape.size)
+            elif kind.tag == "cylinder":
+                sizes = self._number(kind, "radius", here), self._number(kind, "length", here)
+                self._positive(here, *sizes)
+                shape = Cylinder(*sizes, _SEGMENTS)
+            elif kind.tag == "sphere":
+                shape = Sphere(self._number(kind, "radius", here), _SUBDIVISIONS)
+                self._positive(here, shape.radius)
+            else:
+                self._fail(here, "unknown shape; read are mesh, box, cylinder and sphere")
+            yield Shape(shape, scale, *self._origin(element, here))
+
+    def _joint(self, element: Element) -> Joint:
+        name = self._text(element, "name", "a joint")
+        at = f"joint '{name}'"
+        kind = self._text(element, "type", at)
+        if kind not in _KINDS:
+            self._fail(at, f"type must be {', '.join(_KINDS[:-1])} or {_KINDS[-1]} (got {kind!r})")
+        parent, child = (
+            self._text(self._child(element, tag, at), "link", f"{at}, <{tag}>")
+            for tag in ("parent", "child")
+        )
+        xyz, rpy = self._origin(element, at)
+        origin = np.eye(4)
+        origin[:3, :3], origin[:3, 3] = rpy_matrix(rpy), xyz
+        axis, lower, upper, mimic = (1.0, 0.0, 0.0), -math.inf, math.inf, None
+        if kind != "fixed":
+            if (found := element.find("axis")) is not None:
+                axis = self._vector(found, "xyz", f"{at}, <axis>")
+            if not any(axis):
+                self._fail(f"{at}, <axis>", f"must be a direction (got {axis})")
+            if kind != "continuous" and (found := element.find("limit")) is not None:
+                here = f"{at}, <limit>"
+                lower, upper = (
+                    self._number(found, key, here, 0.0, most=math.inf) for key in ("lower", "upper")
+                )
+                if lower > upper:
+                    self._fail(here, f"lower must not exceed upper (got {lower:g} and {upper:g})")
+            if (found := element.find("mimic")) is not None:
+                here = f"{at}, <mimic>"
+                mimic = Mimic(
+                    self._text(found, "joint", here),
+                    self._number(found, "multiplier", here, 1.0),
+                    self._number(found, "offset", here, 0.0),
+                )
+        return Joint(name, kind, parent, child, origin, axis, lower, upper, mimic)
+
+    def _origin(self, element: Element, at: str) -> tuple[_Vector, _Vector]:
+        found = element.find("origin")
+        if found is None:
+            found = Element("origin")
+        here, zero = f"{at}, <origin>", (0.0, 0.0, 0.0)
+        return self._vector(found, "xyz", here, zero), self._vector(found, "rpy", here, zero)
+
+    def _child(self, element: Element, tag: str, at: str) -> Element:
+        found = element.find(tag)
+        if found is None:
+            self._fail(at, f"needs <{tag}>")
+        return found
+
+    def _text(self, element: Element, key: str, at: str) -> str:
+        text = element.get(key, "")
+        if not text:
+            self._fail(at, f"needs the attribute '{key}'")
+        return text
+
+    def _number(
+        self,
+        element: Element,
+        key: str,
+        at: str,
+        default: float | None = None,
+        most: float = _LARGEST,
+    ) -> float:
+        given = None if default is None else (default,)
+        (number,) = self._numbers(element, key, at, 1, given, most)
+        return number
+
+    def _vector(
+        self, element: Element, key: str, at: str, default: _Vector | None = None
+    ) -> _Vector:
+        x, y, z = self._numbers(element, key, at, 3, default)
+        return x, y, z
+
+    def _numbers(
+        self,
+        element: Element,
+        key: str,
+        at: str,
+        count: int,
+        default: tuple[float, ...] | None,
+        most: float = _LARGEST,
+    ) -> tuple[float, ...]:
+        if default is not None and element.get(key) is None:
+            return default
+        text = self._text(element, key, at)
+        try:
+            numbers = tuple(float(word) for word in text.split())
+        except ValueError:
+            numbers = ()
+        if len(numbers) != count or not all(abs(number) <= most for number in numbers):
+            wanted = "a number" if count == 1 else f"{count} numbers"
+            size = "" if most > _LARGEST else " of at most 1e9"
+            self._fail(at, f"{key} must be {wanted}{size} (got {shown(text)})")
+        return numbers
+
+    def _positive(self, at: str, *sizes: float) -> None:
+        if not all(size > 0.0 for size in sizes):
+            self._fail(at, f"sizes must be greater than 0 (got {sizes})")
+
+    def _fail(self, at: str, message: str) -> NoReturn:
+        raise UrdfError(f"{self._path}: {at}: {message}")

@@ -1,0 +1,168 @@
+"""The watched pairs: a rule and its exceptions, never a list of what follows from the rule.
+
+A thousand bodies that are all watched against each other make half a million pairs, ten thousand
+make fifty million. What the file says about them is short, and so is what is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from proximity_monitor.scene.description import Question, Thresholds, WatchedPair
+from proximity_monitor.scene.lazy import LazySequence
+
+CONTACT = Thresholds(warn=0.0, stop=0.0, hysteresis=0.0)
+UNWATCHED = -1
+"""The kind of a pair that is not watched."""
+_CHUNK = 4096
+"""So many pairs are made in a row."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a pair is watched with; all lengths in metres (see `WatchedPair`)."""
+
+    rel_err: float = 0.0
+    abs_err: float = 0.0
+    thresholds: Thresholds = CONTACT
+    own_thresholds: bool = False
+    question: Question = "distance"
+    range: float = float("inf")
+
+
+class WatchedPairs(LazySequence[WatchedPair]):
+    """The watched pairs of a scene, in the order of their bodies, made when they are looked at.
+
+    Bodies are known by their indices; the first of a pair is the lower one. What a pair is watched
+    with is its *kind*, an index of `kinds`.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        moving: Sequence[bool],
+        kinds: Sequence[Limits],
+        rule: int,
+        exceptions: np.ndarray,
+    ) -> None:
+        """Make the sequence.
+
+        Args:
+            names: of the bodies.
+            moving: of the bodies; two that do not move are never watched.
+            kinds: the limits that occur.
+            rule: the kind of every pair that is no exception; UNWATCHED for none.
+            exceptions: (k, 3) whole numbers: two bodies, the lower index first, one of them moving,
+                and their kind or UNWATCHED; each pair once.
+        """
+        self.names = tuple(names)
+        self.moving = np.array(moving, dtype=bool)
+        self.kinds = tuple(kinds)
+        self.rule = rule
+        self.ranges = np.array([limits.range for limits in kinds])
+        a, b, kind = np.array(exceptions, dtype=np.int64).reshape(-1, 3).T
+        order = np.argsort(self._keys(a, b))
+        a, b, kind = a[order], b[order], kind[order]
+        if rule == UNWATCHED:
+            a, b, kind = a[kind >= 0], b[kind >= 0], kind[kind >= 0]
+        self._a, self._b, self._kind = a, b, kind
+        self._exceptions = self._keys(a, b)
+        # The rule's pairs by first body: all later ones, or the later moving ones of a fixed body.
+        self._movers = np.flatnonzero(self.moving)
+        self._movers_before = np.concatenate(([0], np.cumsum(self.moving)))
+        index = np.arange(len(self.names))
+        partners = np.where(
+            self.moving,
+            len(index) - 1 - index,
+            len(self._movers) - self._movers_before[1:],
+        )
+        self._starts = np.concatenate(([0], np.cumsum(partners)))
+        gone = kind == UNWATCHED
+        self._gone = self._rank(a[gone], b[gone])
+        self._length = len(a) if rule == UNWATCHED else int(self._starts[-1]) - len(self._gone)
+
+    def __len__(self) -> int:
+        """How many watched pairs there are."""
+        return self._length
+
+    def _made(self, places: range) -> Iterator[WatchedPair]:
+        for start in range(0, len(places), _CHUNK):
+            a, b = self.bodies(np.array(places[start : start + _CHUNK]))
+            for i, j, kind in zip(a.tolist(), b.tolist(), self.kind(a, b).tolist(), strict=True):
+                yield WatchedPair(self.names[i], self.names[j], **vars(self.kinds[kind]))
+
+    def bodies(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the two bodies (k,) each of the pairs at positions (k,) of the sequence."""
+        if self.rule == UNWATCHED:
+            return self._a[positions], self._b[positions]
+        ranks = positions + np.searchsorted(
+            self._gone - np.arange(len(self._gone)), positions, side="right"
+        )
+        a = np.searchsorted(self._starts, ranks, side="right") - 1
+        later = ranks - self._starts[a]
+        mover = np.minimum(self._movers_before[a + 1] + later, len(self._movers) - 1)
+        return a, np.where(self.moving[a], a + 1 + later, self._movers[mover])
+
+    def positions(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Return where watched pairs of bodies (k,) each stand in the sequence."""
+        if self.rule == UNWATCHED:
+            return np.searchsorted(self._exceptions, self._keys(a, b))
+        ranks = self._rank(a, b)
+        return ranks - np.searchsorted(self._gone, ranks)
+
+    def kind(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Return the kinds (k,) of pairs of bodies of which one moves; UNWATCHED of others."""
+        kinds = np.full(len(a), self.rule)
+        if len(self._exceptions):
+            keys = self._keys(a, b)
+            at = np.minimum(np.searchsorted(self._exceptions, keys), len(self._exceptions) - 1)
+            kinds = np.where(self._exceptions[at] == keys, self._kind[at], kinds)
+        return kinds
+
+    def endless(self) -> np.ndarray:
+        """Return the positions of the pairs of infinite range."""
+        if self._ruled_endless():
+            positions = np.arange(self._length)
+            finite = self._finite_exceptions()
+            return np.delete(positions, self.positions(self._a[finite], self._b[finite]))
+        infinite = (self._kind >= 0) & ~self._finite_exceptions()
+        return self.positions(self._a[infinite], self._b[infinite])
+
+    def reaches(self, least: float) -> np.ndarray:
+        """Return for each body the largest finite range of its pairs, or `least` if that is more.
+
+        That of a body without such pairs is -inf. (n,) metres.
+        """
+        ruled = self.rule != UNWATCHED and not self._ruled_endless()
+        reaches = np.full(len(self.names), self.ranges[self.rule] if ruled else -np.inf)
+        finite = self._finite_exceptions()
+        for bodies in (self._a[finite], self._b[finite]):
+            np.maximum.at(reaches, bodies, self.ranges[self._kind[finite]])
+        return np.where(reaches >= 0.0, np.maximum(reaches, least), reaches)
+
+    def finite_of(self, chosen: np.ndarray) -> int:
+        """Return how many pairs of finite range have a body among the chosen ones (n,) bool."""
+        touched = chosen[self._a] | chosen[self._b]
+        finite = self._finite_exceptions()
+        if self.rule == UNWATCHED or self._ruled_endless():
+            return int((touched & finite).sum())
+        movers, others = (int(((self.moving == each) & ~chosen).sum()) for each in (True, False))
+        among_others = movers * (movers - 1) // 2 + movers * others
+        return int(self._starts[-1]) - among_others - int((touched & ~finite).sum())
+
+    def _ruled_endless(self) -> bool:
+        return self.rule != UNWATCHED and bool(np.isinf(self.ranges[self.rule]))
+
+    def _finite_exceptions(self) -> np.ndarray:
+        return (self._kind >= 0) & np.isfinite(self.ranges[self._kind])
+
+    def _keys(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return a * len(self.names) + b
+
+    def _rank(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Where pairs stand among all that have a moving body."""
+        among_movers = self._movers_before[b] - self._movers_before[a + 1]
+        return self._starts[a] + np.where(self.moving[a], b - a - 1, among_movers)

@@ -1,0 +1,161 @@
+"""Deforming bodies: closed forms of the fields, the scene section, and the way to the monitor."""
+
+import math
+
+import numpy as np
+import pytest
+from dynamics_bodies import box_arrays
+
+from proximity_monitor import engine, motion, scene
+from proximity_monitor.motion import Field
+from proximity_monitor.motion.dynamics.mass import mass_properties
+
+X, Y, Z = np.eye(3)
+REST, FACES = box_arrays(0.02, 0.04, 0.2)
+FIELDS = {
+    "stretch": {"amplitude": 0.3, "axis": Z},
+    "breathe": {"amplitude": 0.2},
+    "twist": {"amplitude": math.radians(50.0), "axis": Z},
+    "bend": {"amplitude": math.radians(70.0), "axis": Z, "across": X},
+    "wave": {"amplitude": 0.01, "axis": Z, "across": X, "wavelength": 0.1},
+}
+
+
+def field(kind, **changes):
+    return Field(kind, frequency_hz=0.5, **FIELDS[kind] | changes)
+
+
+@pytest.mark.parametrize("kind", ["stretch", "breathe", "twist", "bend"])
+def test_at_rest_in_the_beginning_and_after_a_period(kind):
+    moved = field(kind)
+    assert moved.moved(REST, 0.0) == pytest.approx(REST, abs=1e-16)
+    assert moved.moved(REST, 2.0) == pytest.approx(REST, abs=1e-15)
+    assert np.abs(moved.moved(REST, 0.5) - REST).max() > 0.001
+
+
+@pytest.mark.parametrize(("kind", "factor"), [("stretch", 1.0), ("breathe", math.exp(0.6))])
+def test_volumes_of_the_linear_fields(kind, factor):
+    volume = mass_properties(REST, FACES, 1.0).mass
+    found = mass_properties(field(kind).moved(REST, 0.5), FACES, 1.0).mass
+    assert found == pytest.approx(factor * volume)
+
+
+def test_stretch_lengthens_along_its_axis():
+    assert np.ptp(field("stretch").moved(REST, 0.5), axis=0) == pytest.approx(
+        [0.02 * math.exp(-0.15), 0.04 * math.exp(-0.15), 0.2 * math.exp(0.3)]
+    )
+
+
+def test_twist_turns_the_ends_and_leaves_the_axis():
+    points = np.array([[0.01, 0.0, 0.1], [0.01, 0.0, -0.1], [0.0, 0.0, 0.05], [0.01, 0.0, 0.0]])
+    c, s = math.cos(math.radians(50.0)), math.sin(math.radians(50.0))
+    expected = [
+        [0.01 * c, 0.01 * s, 0.1],
+        [0.01 * c, -0.01 * s, -0.1],
+        [0.0, 0.0, 0.05],
+        [0.01, 0, 0],
+    ]
+    assert field("twist", centre=np.zeros(3)).moved(points, 0.5) == pytest.approx(
+        np.array(expected)
+    )
+
+
+def test_bend_makes_the_axis_an_arc_of_the_same_length():
+    axis = np.linspace(-0.1, 0.1, 2001)[:, None] * Z
+    bent = field("bend").moved(axis, 0.5)
+    lengths = np.linalg.norm(np.diff(bent, axis=0), axis=1)
+    assert lengths.sum() == pytest.approx(0.2, rel=1e-6)
+    radius = 0.1 / math.radians(70.0)
+    assert np.linalg.norm(bent - radius * X, axis=1) == pytest.approx(np.full(2001, radius))
+    end = bent[-1] - bent[-2]
+    assert math.atan2(end[0], end[2]) == pytest.approx(math.radians(70.0), abs=1e-3)
+
+
+def test_bend_keeps_distances_from_the_axis():
+    points = np.array([[0.01, 0.02, 0.1], [0.0, 0.0, 0.1], [0.0, 0.0, -0.1]])
+    bent = field("bend").moved(points, 0.5)
+    assert np.linalg.norm(bent[0] - bent[1]) == pytest.approx(math.hypot(0.01, 0.02))
+
+
+def test_a_wave_travels_along_its_axis():
+    moved = field("wave")
+    at_zero = moved.moved(0.03 * Z[None], 0.0)
+    # A quarter of a period later the same lift is a quarter of a wavelength further on.
+    later = moved.moved(0.055 * Z[None], 0.5)
+    still = field("wave", centre=np.zeros(3))
+    assert np.abs(at_zero - 0.03 * Z).max() < 0.01
+    assert still.moved(0.055 * Z[None], 0.5)[0, 0] == pytest.approx(
+        still.moved(0.03 * Z[None], 0.0)[0, 0]
+    )
+    assert later.shape == (1, 3)
+
+
+SCENE = """
+version: 1
+frame: world
+unit: mm
+bodies:
+  - name: bellows
+    primitive: {cylinder: {radius: 20, height: 100}}
+    pose: {position: [0, 0, 0]}
+    deforming: true
+  - {name: wall, primitive: {box: {size: [200, 200, 10]}}, pose: {position: [0, 0, 85]}}
+motion:
+  deform:
+    bodies:
+      bellows: {field: stretch, amplitude: 0.25, axis: [0, 0, 2], frequency_hz: 0.5}
+"""
+
+
+def load(tmp_path, text):
+    path = tmp_path / "scene.yaml"
+    path.write_text(text)
+    return scene.load_scene(path)
+
+
+def test_a_scene_deforms_what_it_names_and_moves_nothing(tmp_path):
+    described = load(tmp_path, SCENE)
+    assert [body.deforming for body in described.bodies] == [True, False]
+    made = motion.from_scene(described)
+    assert made.bodies == ()
+    assert made.poses(1.0) == {}
+    assert made.period_s == pytest.approx(2.0)
+    assert made.describe() == "deform: 1 body, stretch at 0.5 Hz"
+    (name,) = made.vertices(0.5)
+    assert name == "bellows"
+    assert made.vertices(0.5)[name][:, 2].max() == pytest.approx(0.05 * math.exp(0.25))
+    with pytest.raises(ValueError, match="t: nan"):
+        made.vertices(math.nan)
+
+
+def test_a_refitted_mesh_is_as_near_as_a_new_one(tmp_path):
+    described = load(tmp_path, SCENE)
+    models = {body.name: scene.load_model(body, described.unit) for body in described.bodies}
+    made = motion.from_scene(described, models)
+    poses = {body.name: body.pose for body in described.bodies}
+    pair = engine.Pair(models["bellows"], models["wall"])
+    for t in np.linspace(0.0, 2.0, 9):
+        models["bellows"].refit(made.vertices(t)["bellows"])
+        found = pair.distance(poses["bellows"], poses["wall"])
+        top = 0.05 * math.exp(0.25 * math.sin(math.pi * t))
+        assert found.lower <= 0.08 - top + 1e-15
+        assert found.upper == pytest.approx(0.08 - top)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("    deforming: true\n", "", "'bellows' is rigid; give it 'deforming: true'"),
+        ("axis: [0, 0, 2], ", "", "the field 'stretch' needs the key 'axis'"),
+        ("axis: [0, 0, 2]", "axis: [0, 0, 0]", "axis: must be a direction"),
+        ("field: stretch", "field: bend", "the field 'bend' needs the key 'towards'"),
+        ("field: stretch", "field: bend, towards: [0, 1, 1]", "towards: must be perpendicular"),
+        ("field: stretch", "field: breathe", "axis: does not belong to the field 'breathe'"),
+        ("field: stretch", "field: twist, wavelength: 3", "wavelength: does not belong"),
+        ("field: stretch", "field: melt", "field: must be one of"),
+        ("      bellows:", "      balloon:", "no body is named 'balloon'"),
+    ],
+)
+def test_bad_settings_are_refused_by_key(tmp_path, old, new, words):
+    with pytest.raises(scene.SceneError, match=words):
+        load(tmp_path, SCENE.replace(old, new, 1))

@@ -1,0 +1,266 @@
+"""Bundled scenes: their tools make their meshes, and they are as near as their comments say.
+
+The clearances are measured by the engine along the scene's own motion, and those of the peg follow
+from its radii as well.
+"""
+
+import filecmp
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import fcl
+import numpy as np
+import pytest
+import trimesh
+
+from proximity_monitor import engine, motion, scene
+from proximity_monitor.scene.opening import load_models
+
+ROOT = Path(__file__).resolve().parents[2]
+MM = 1e-3
+
+
+class Played:
+    """A scene and the clearances along its motion, in its unit."""
+
+    def __init__(self, name):
+        self.scene = scene.load_scene(scene.bundled(name))
+        self.models = load_models(self.scene)
+        self.motion = motion.from_scene(self.scene, self.models)
+        self._pairs = {(pair.a, pair.b): pair for pair in self.scene.pairs}
+
+    def poses(self, t):
+        """The poses of all bodies at a time."""
+        poses = {body.name: body.pose for body in self.scene.bodies if not body.moving}
+        for robot in self.scene.robots:
+            poses |= robot.poses(self.motion.joints(t))
+        return poses | self.motion.poses(t)
+
+    def clearance(self, a, b, times):
+        """Exact distances of two bodies (k,)."""
+        poses = [self.poses(t) for t in times]
+        found = engine.distances(
+            self.models[a],
+            np.array([each[a] for each in poses]),
+            self.models[b],
+            np.array([each[b] for each in poses]),
+        )
+        return found.upper / self.scene.unit.to_metre
+
+    def times(self, count):
+        return np.linspace(0.0, self.motion.period_s, count)
+
+    def pair(self, a, b):
+        return self._pairs[a, b]
+
+    def warnings(self, a, b, clearances):
+        """How often the warning begins."""
+        warned = clearances * self.scene.unit.to_metre <= self.pair(a, b).thresholds.warn
+        return int((warned[1:] & ~warned[:-1]).sum())
+
+
+@pytest.fixture(scope="module")
+def cave():
+    return Played("cave")
+
+
+@pytest.fixture(scope="module")
+def peg():
+    return Played("peg")
+
+
+@pytest.fixture(scope="module")
+def probe():
+    return Played("probe")
+
+
+@pytest.fixture(scope="module")
+def arm():
+    try:
+        return Played("arm")
+    except scene.SceneError as error:
+        if "pip install example-robot-data" not in str(error):
+            raise
+        pytest.skip("needs example-robot-data: pip install example-robot-data")
+
+
+@pytest.mark.parametrize("name", ["cave", "peg", "probe"])
+def test_the_tool_makes_the_bundled_files_again(name, tmp_path):
+    tool = ROOT / "tools" / f"make_{name}_scene.py"
+    environment = os.environ | {"PYTHONSAFEPATH": ""}  # the tools import each other
+    subprocess.run(
+        [sys.executable, str(tool), str(tmp_path)], env=environment, check=True, capture_output=True
+    )
+    bundled = scene.bundled(name).parent
+    files = [file.relative_to(tmp_path) for file in tmp_path.rglob("*") if file.is_file()]
+    assert {file.suffix for file in files} <= {".ply", ".csv"}
+    same, other, missing = filecmp.cmpfiles(tmp_path, bundled, files, shallow=False)
+    assert (set(same), other, missing) == (set(files), [], [])
+
+
+def closed(path):
+    mesh = trimesh.load(path, process=False, force="mesh")
+    return mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0
+
+
+def test_solids_are_closed_and_face_outwards():
+    for name, file in (
+        ("peg", "peg"), ("peg", "block"), ("probe", "pebble"), ("cave", "torus"),
+    ):  # fmt: skip
+        assert closed(scene.bundled(name).parent / "meshes" / f"{file}.ply"), file
+
+
+def test_every_motion_closes_its_loop(cave, peg, probe, arm):
+    for played in (cave, peg, probe, arm):
+        first, last = played.poses(0.0), played.poses(played.motion.period_s - 1e-9)
+        for name, pose in first.items():
+            np.testing.assert_allclose(pose, last[name], atol=1e-6)
+
+
+# cave
+
+
+def test_the_torus_threads_the_cave_and_stays_clear(cave):
+    assert len(cave.models["torus"].faces) == 20_000
+    assert len(cave.models["cave"].faces) == 50_992
+    found = cave.clearance("torus", "cave", cave.times(4001))
+    assert 0.0083 < found.min() < 0.0086
+    assert 0.14 < np.median(found) < 0.15
+    assert cave.warnings("torus", "cave", found) == 4
+    assert found.min() > cave.pair("torus", "cave").thresholds.stop
+
+
+# peg
+
+
+def test_the_block_has_a_square_top_with_a_round_hole():
+    mesh = trimesh.load(scene.bundled("peg").parent / "meshes" / "block.ply", process=False)
+    top = (mesh.triangles[:, :, 2] == 0.0).all(axis=1)
+    hole = 80 * 11.0**2 * math.tan(math.pi / 80)  # circumscribed about 11 mm
+    assert mesh.area_faces[top].sum() == pytest.approx(60.0**2 - hole)
+    np.testing.assert_allclose(mesh.face_normals[top][:, 2], 1.0)
+
+
+def fcl_distance(peg, t):
+    """By FCL, which shares no code with the engine, in millimetres."""
+    objects = []
+    for name, pose in peg.poses(t).items():
+        mesh = peg.models[name]
+        model = fcl.BVHModel()
+        model.beginModel(len(mesh.vertices), len(mesh.faces))
+        model.addSubModel(mesh.vertices, mesh.faces)
+        model.endModel()
+        objects.append(fcl.CollisionObject(model, fcl.Transform(pose[:3, :3], pose[:3, 3])))
+    return fcl.distance(*objects, fcl.DistanceRequest(), fcl.DistanceResult()) / MM
+
+
+@pytest.mark.parametrize(
+    ("t", "expected"),
+    [
+        (4.6, 0.02),  # 0.03 mm off the axis
+        (5.5, 0.035),  # 0.015 mm off it
+        (6.0, 0.05),
+        (11.7, 0.05),  # on the axis, somewhere
+        (14.0, 0.05),  # at rest above the floor
+    ],
+)
+def test_the_clearance_of_the_peg_is_the_radii_s(peg, t, expected):
+    assert peg.clearance("peg", "block", [t])[0] == pytest.approx(expected, abs=1e-8)
+    assert fcl_distance(peg, t) == pytest.approx(expected, abs=1e-8)
+
+
+def test_the_tilted_peg_is_nearest_where_its_comment_says(peg):
+    """At 24 mm the axis leaves the mouth's edge, 1 mm down, by 23 mm times the tilt's tangent."""
+    about = 0.05 - 23.0 * math.tan(math.radians(0.1))
+    assert about == pytest.approx(0.0098, abs=1e-4)
+    (found,) = peg.clearance("peg", "block", [9.0])
+    assert found == pytest.approx(about, abs=1e-4)
+    assert found == pytest.approx(0.0098, abs=5e-5)
+    assert fcl_distance(peg, 9.0) == pytest.approx(found, abs=1e-8)
+
+
+def test_the_peg_never_touches_and_never_reaches_the_floor(peg):
+    times = peg.times(2001)
+    found = peg.clearance("peg", "block", times)
+    assert times[found.argmin()] == pytest.approx(9.0)
+    assert found.min() * MM > peg.pair("peg", "block").thresholds.stop
+    assert peg.warnings("peg", "block", found) == 2
+    deepest = min(peg.poses(t)["peg"][2, 3] for t in times)
+    assert deepest == pytest.approx(-39.5 * MM)
+
+
+# probe
+
+
+def test_the_tip_comes_near_three_times_and_never_touches(probe):
+    assert (probe.scene.rate_hz, probe.scene.budget_s) == (1000.0, 0.0005)
+    times = probe.times(12001)
+    found = probe.clearance("tip", "pebble", times)
+    assert 0.305 < found.min() < 0.315
+    assert probe.warnings("tip", "pebble", found) == 3
+    began = times[1:][(found[1:] <= 2.0) & (found[:-1] > 2.0)]
+    nearest = [t + np.argmin(found[(times >= t) & (times < t + 2.0)]) * times[1] for t in began]
+    assert [near - t for near, t in zip(nearest, began, strict=True)] == pytest.approx(
+        [0.9] * 3, abs=0.05
+    )
+
+
+def test_the_closest_feature_is_that_of_the_pebble(probe):
+    """The nearest triangle and the place on it give the nearest point again."""
+    pebble = probe.models["pebble"]
+    for t in (0.0, 3.9, 4.1):
+        poses = probe.poses(t)
+        found = engine.distance(probe.models["tip"], poses["tip"], pebble, poses["pebble"])
+        assert found.feature_a.kind == "vertex"
+        corners = pebble.vertices[pebble.faces[found.feature_b.triangle]]
+        np.testing.assert_allclose(found.feature_b.barycentric @ corners, found.point_b, atol=1e-12)
+        np.testing.assert_allclose(found.point_a, poses["tip"][:3, 3], atol=1e-15)
+
+
+# arm
+
+
+STATED = {
+    ("jaw_2", "panda_leftfinger"): 12.0,
+    ("jaw_1", "panda_rightfinger"): 12.0,
+    ("jaw_1", "panda_hand"): 27.4,
+    ("jaw_2", "panda_hand"): 27.4,
+    ("wall", "panda_leftfinger"): 20.5,
+    ("wall", "panda_rightfinger"): 20.5,
+    ("table", "panda_leftfinger"): 40.5,
+    ("panda_leftfinger", "panda_rightfinger"): 20.0,
+    ("panda_link5", "panda_link7"): 21.5,
+}
+
+
+@pytest.mark.parametrize(("pair", "stated"), STATED.items(), ids=map(" ".join, STATED))
+def test_the_arm_is_as_near_as_its_comment_says(arm, pair, stated):
+    found = arm.clearance(*pair, arm.times(601))
+    assert found.min() == pytest.approx(stated, abs=0.06)
+
+
+def test_nothing_of_the_arm_stops_it(arm):
+    for pair in arm.scene.pairs:
+        found = arm.clearance(pair.a, pair.b, arm.times(61))
+        assert found.min() * MM > pair.thresholds.stop, (pair.a, pair.b)
+
+
+def test_what_the_arm_reaches_for_warns_and_its_own_links_do_not(arm):
+    warned = {
+        (pair.a, pair.b)
+        for pair in arm.scene.pairs
+        if arm.clearance(pair.a, pair.b, arm.times(121)).min() * MM <= pair.thresholds.warn
+    }
+    assert warned == {pair for pair in STATED if pair[0] in ("jaw_1", "jaw_2", "wall")}
+
+
+def test_neighbouring_links_of_the_arm_are_not_watched(arm):
+    pairs = {frozenset((pair.a, pair.b)) for pair in arm.scene.pairs}
+    for i in range(7):
+        assert frozenset((f"panda_link{i}", f"panda_link{i + 1}")) not in pairs
+    assert frozenset(("panda_hand", "panda_leftfinger")) not in pairs
+    assert frozenset(("panda_link7", "panda_hand")) not in pairs
+    assert frozenset(("panda_leftfinger", "panda_rightfinger")) in pairs

@@ -1,0 +1,348 @@
+"""Robots of a scene file: links become bodies, joints move them."""
+
+import math
+from importlib import metadata
+
+import numpy as np
+import pytest
+
+from proximity_monitor.scene import SceneError, load_scene, paths
+from proximity_monitor.scene.opening import load_models
+
+CRANE = """<robot name="crane">
+  <link name="world"/>
+  <link name="Base">
+    <collision><geometry><box size="0.4 0.4 0.2"/></geometry></collision>
+    <collision><origin xyz="0 0 0.3"/><geometry><sphere radius="0.05"/></geometry></collision>
+    <visual><geometry><mesh filename="meshes/wedge.obj"/></geometry></visual>
+  </link>
+  <link name="boom">
+    <collision>
+      <origin xyz="0.5 0 0" rpy="0 1.5707963267948966 0"/>
+      <geometry><cylinder radius="0.05" length="1"/></geometry>
+    </collision>
+    <visual>
+      <origin xyz="0 0 1"/>
+      <geometry><mesh filename="package://crane/meshes/wedge.obj" scale="2 -1 1"/></geometry>
+    </visual>
+  </link>
+  <link name="frame"/>
+  <link name="hook-1">
+    <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>
+  </link>
+  <link name="lamp">
+    <collision><geometry><box size="0.02 0.02 0.02"/></geometry></collision>
+  </link>
+  <joint name="stand" type="fixed"><parent link="world"/><child link="Base"/>
+    <origin xyz="0 0 0.1"/></joint>
+  <joint name="swing" type="revolute"><parent link="Base"/><child link="boom"/>
+    <origin xyz="0 0 0.5"/><axis xyz="0 0 1"/><limit lower="-3" upper="3"/></joint>
+  <joint name="end" type="fixed"><parent link="boom"/><child link="frame"/>
+    <origin xyz="1 0 0"/></joint>
+  <joint name="drop" type="prismatic"><parent link="frame"/><child link="hook-1"/>
+    <axis xyz="0 0 -1"/><limit lower="0" upper="0.8"/></joint>
+  <joint name="wire" type="fixed"><parent link="boom"/><child link="lamp"/>
+    <origin xyz="0.5 0 -0.06"/></joint>
+</robot>
+"""
+WEDGE = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+SCENE = """version: 1
+unit: mm
+bodies:
+  - {name: floor, primitive: {box: {size: [4000, 4000, 10]}}, pose: {position: [0, 0, -5]}}
+robots:
+  - name: crane
+    urdf: crane/crane.urdf
+    angles_deg: {swing: 90}
+    offsets: {drop: 100}
+"""
+HEAD = "scene.yaml:"
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Write a scene beside a crane and load it."""
+    meshes = tmp_path / "crane" / "meshes"
+    meshes.mkdir(parents=True)
+    (meshes / "wedge.obj").write_text(WEDGE)
+    (tmp_path / "crane" / "crane.urdf").write_text(CRANE)
+
+    def write_and_load(text=SCENE, urdf=None):
+        if urdf is not None:
+            (tmp_path / "crane" / "crane.urdf").write_text(urdf)
+        path = tmp_path / "scene.yaml"
+        path.write_text(text)
+        return load_scene(path)
+
+    return write_and_load
+
+
+@pytest.fixture
+def problems(load):
+    def message_lines(*texts):
+        with pytest.raises(SceneError) as caught:
+            load(*texts)
+        return [line.partition(HEAD)[2] for line in str(caught.value).splitlines()]
+
+    return message_lines
+
+
+def names_of(pairs):
+    return {frozenset((pair.a, pair.b)) for pair in pairs}
+
+
+def both(*names):
+    return {frozenset(name.split()) for name in names}
+
+
+def test_links_with_a_shape_are_bodies(load):
+    bodies = {body.name: body for body in load().bodies}
+    assert list(bodies) == ["floor", "crane_base", "crane_boom", "crane_hook_1", "crane_lamp"]
+    assert {name for name, body in bodies.items() if body.moving} == {
+        "crane_boom", "crane_hook_1", "crane_lamp",
+    }  # fmt: skip
+    assert all(bodies[name].topic is None for name in bodies if name != "floor")
+    # The base hangs on a fixed joint alone.
+    np.testing.assert_allclose(bodies["crane_base"].pose[:3, 3], [0.0, 0.0, 0.1])
+
+
+def test_what_is_watched_and_what_is_not(load):
+    """Neighbours (`frame` has no shape), and the lamp that is screwed to the boom, are left out."""
+    assert names_of(load().pairs) == both(
+        "floor crane_boom", "floor crane_hook_1", "floor crane_lamp", "crane_base crane_hook_1",
+        "crane_base crane_lamp", "crane_hook_1 crane_lamp",
+    )  # fmt: skip
+
+
+def test_neighbours_are_watched_if_asked_for_but_never_what_is_rigidly_joined(load):
+    pairs = names_of(load(SCENE + "    exclude_adjacent: false\n").pairs)
+    assert both("crane_base crane_boom", "crane_boom crane_hook_1") < pairs
+    assert not pairs & both("crane_boom crane_lamp")
+
+
+def test_pairs_of_links_are_excluded_by_name(load):
+    pairs = names_of(load(SCENE + "    exclude: [[hook-1, lamp]]\n").pairs)
+    assert not pairs & both("crane_hook_1 crane_lamp")
+    assert both("crane_base crane_hook_1") < pairs
+
+
+def test_pairs_that_touch_at_the_start_are_excluded_if_asked_for(load):
+    """The boom's tube, 0.05 m thick, starts on the axis of the base's ball, 0.2 m above it."""
+    text = SCENE + "    exclude_adjacent: false\n    exclude_touching: true\n"
+    low = CRANE.replace('<origin xyz="0 0 0.5"/>', '<origin xyz="0 0 0.36"/>')
+    assert both("crane_base crane_boom") < names_of(load(text).pairs)
+    pairs = names_of(load(text, low).pairs)
+    assert not pairs & both("crane_base crane_boom")
+    # The hook, 0.1 m high, starts at 0.1 m, where it just touches the boom's end.
+    assert not pairs & both("crane_boom crane_hook_1")
+    pairs = names_of(load(text.replace("drop: 100", "drop: 101"), low).pairs)
+    assert both("crane_boom crane_hook_1") < pairs
+
+
+def test_a_robots_name_is_a_group(load):
+    text = SCENE + "pairs:\n  watch:\n    - between: [crane, floor]\n      thresholds: {warn: 7}\n"
+    pairs = load(text).pairs
+    assert names_of(pairs) == both("floor crane_boom", "floor crane_hook_1", "floor crane_lamp")
+    assert {pair.thresholds.warn for pair in pairs} == {0.007}
+
+
+def test_poses_follow_the_joints(load):
+    (robot,) = load().robots
+    assert robot.topic == "joint_states"
+    assert robot.start == pytest.approx({"swing": math.pi / 2, "drop": 0.1})
+    assert list(robot.links) == ["crane_boom", "crane_hook_1", "crane_lamp"]
+    poses = robot.poses({})
+    np.testing.assert_allclose(poses["crane_hook_1"][:3, 3], [0, 1, 0.5], atol=1e-15)
+    poses = robot.poses({"swing": 0.0, "somebody_elses": math.nan})
+    np.testing.assert_allclose(poses["crane_hook_1"][:3, 3], [1, 0, 0.5], atol=1e-15)
+    np.testing.assert_allclose(poses["crane_lamp"][:3, 3], [0.5, 0, 0.54], atol=1e-15)
+
+
+def test_the_base_is_placed_in_the_scenes_unit(load):
+    half = math.sqrt(0.5)
+    pose = f"    pose: {{position: [1000, 0, 0], quaternion: [0, 0, {half}, {half}]}}\n"
+    scene = load(SCENE + pose)
+    base = next(body for body in scene.bodies if body.name == "crane_base")
+    np.testing.assert_allclose(base.pose[:3, 3], [1.0, 0.0, 0.1])
+    hook = scene.robots[0].poses({})["crane_hook_1"]
+    np.testing.assert_allclose(hook[:3, 3], [0.0, 0.0, 0.5], atol=1e-12)
+
+
+def test_shapes_of_a_link_are_one_mesh_in_its_frame(load):
+    models = load_models(load())
+    base = models["crane_base"].vertices
+    np.testing.assert_allclose(base.min(axis=0), [-0.2, -0.2, -0.1])
+    np.testing.assert_allclose(base.max(axis=0), [0.2, 0.2, 0.35], atol=1e-3)
+    boom = models["crane_boom"].vertices
+    np.testing.assert_allclose(boom.min(axis=0), [0.0, -0.05, -0.05], atol=1e-3)
+    np.testing.assert_allclose(boom.max(axis=0), [1.0, 0.05, 0.05], atol=1e-3)
+
+
+def volume(mesh):
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+def test_meshes_are_in_metres_whatever_the_unit_and_mirrored_ones_face_outwards(load):
+    models = load_models(load(SCENE + "    meshes: visual\n"))
+    assert set(models) == {"floor", "crane_base", "crane_boom"}
+    np.testing.assert_allclose(models["crane_base"].vertices.max(axis=0), [1.0, 2.0, 3.0])
+    boom = models["crane_boom"]
+    np.testing.assert_allclose(boom.vertices.min(axis=0), [0.0, -2.0, 1.0])
+    np.testing.assert_allclose(boom.vertices.max(axis=0), [2.0, 0.0, 4.0])
+    assert volume(boom) == pytest.approx(2.0)
+
+
+def test_a_robot_alone_is_a_scene(load):
+    text = SCENE.replace(SCENE[SCENE.index("bodies") : SCENE.index("robots")], "")
+    assert names_of(load(text).pairs) == both(
+        "crane_base crane_hook_1", "crane_base crane_lamp", "crane_hook_1 crane_lamp"
+    )  # fmt: skip
+
+
+def test_two_robots_of_one_description(load):
+    second = "  - {name: left, urdf: crane/crane.urdf, topic: left/joint_states}\n"
+    scene = load(SCENE + second)
+    assert [robot.topic for robot in scene.robots] == ["joint_states", "left/joint_states"]
+    assert both("crane_hook_1 left_hook_1") < names_of(scene.pairs)
+
+
+def test_a_script_moves_joints(load):
+    from proximity_monitor import motion
+
+    scene = load(SCENE + "motion:\n  script:\n    joints:\n"
+                         "      swing: {angles_deg: [[0, 0], [2, 90]]}\n"
+                         "      drop: {offsets: [[0, 0], [2, 500]]}\n")  # fmt: skip
+    joints = motion.from_scene(scene).joints(1.0)
+    assert joints == pytest.approx({"swing": math.pi / 4, "drop": 0.25})
+
+
+FAULTS = {
+    "no such file": ("crane/crane.urdf", "crane.urdf", "7: robots[0].urdf: no such file: "),
+    "no robot at all": ("crane/crane.urdf", "crane/meshes/wedge.obj", "7: robots[0].urdf: "),
+    "a name twice": ("name: crane", "name: floor", "6: robots[0].name: 'floor' is taken"),
+    "a joint that is not": (
+        "swing: 90", "swinge: 90",
+        "8: robots[0].angles_deg.swinge: no joint 'swinge' can be set; did you mean 'swing'?",
+    ),
+    "a fixed joint": ("swing: 90", "stand: 90", "8: robots[0].angles_deg.stand: no joint 'stand'"),
+    "a turn that slides": (
+        "{swing: 90}", "{drop: 90}",
+        "8: robots[0].angles_deg.drop: 'drop' slides; its positions are 'offsets'",
+    ),
+    "a slide that turns": (
+        "{drop: 100}", "{swing: 1}",
+        "9: robots[0].offsets.swing: 'swing' turns; its positions are 'angles_deg'",
+    ),
+    "beyond a limit": (
+        "swing: 90", "swing: 180",
+        "8: robots[0].angles_deg.swing: must be -171.887 to 171.887, its limits (got 180)",
+    ),
+    "beyond a limit in the unit": (
+        "drop: 100", "drop: 900",
+        "9: robots[0].offsets.drop: must be 0 to 800, its limits (got 900)",
+    ),
+    "a link that is not": (
+        "    offsets:", "    exclude: [[hook, lamp]]\n    offsets:",
+        "9: robots[0].exclude[0][0]: no link 'hook' has a shape; did you mean 'hook-1'?",
+    ),
+    "a link without shape": (
+        "    offsets:", "    exclude: [[boom, frame]]\n    offsets:",
+        "9: robots[0].exclude[0][1]: no link 'frame' has a shape",
+    ),
+    "a bad topic": (
+        "    offsets:", "    topic: no topic\n    offsets:",
+        "9: robots[0].topic: must be a topic name",
+    ),
+    "a bad pose": (
+        "    offsets:", "    pose: {position: [0, 0, 0], quaternion: [0, 0, 0, 2]}\n    offsets:",
+        "9: robots[0].pose.quaternion: must have length 1",
+    ),
+    "a group of its name": (
+        "    offsets: {drop: 100}", "pairs: {groups: {crane: [floor]}}",
+        "9: pairs.groups.crane: 'crane' is a robot; give the group another name",
+    ),
+    "a link driven as a body": (
+        "    offsets: {drop: 100}",
+        "motion: {script: {bodies: {crane_boom: {keys: [{t: 0, position: [0, 0, 0]}]}}}}",
+        "9: motion.script.bodies.crane_boom: 'crane_boom' is the link of a robot",
+    ),
+    "a scripted joint that is not": (
+        "    offsets: {drop: 100}",
+        "motion: {script: {joints: {sving: {angles_deg: [[0, 0]]}}}}",
+        "9: motion.script.joints.sving: no joint 'sving' can be set; did you mean 'swing'?",
+    ),
+    "a scripted joint of another kind": (
+        "    offsets: {drop: 100}",
+        "motion: {script: {joints: {swing: {offsets: [[0, 0]]}}}}",
+        "9: motion.script.joints.swing: 'swing' turns; its positions are 'angles_deg'",
+    ),
+    "unknown meshes": (
+        "    offsets:", "    meshes: both\n    offsets:",
+        "9: robots[0].meshes: must be one of 'collision', 'visual'",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("old, new, expected", FAULTS.values(), ids=FAULTS)
+def test_faults_are_told_by_key_and_line(problems, old, new, expected):
+    assert old in SCENE
+    found = problems(SCENE.replace(old, new, 1))
+    assert len(found) == 1
+    assert found[0].startswith(expected)
+
+
+def test_links_whose_names_come_to_the_same_are_told(problems):
+    urdf = CRANE.replace('"lamp"', '"hook 1"')
+    (found,) = problems(SCENE, urdf)
+    assert "link 'hook 1' would be the body 'crane_hook_1', a name that is taken" in found
+
+
+def test_a_body_that_has_a_links_name_is_told(problems):
+    (found,) = problems(SCENE.replace("name: floor", "name: crane_boom"))
+    assert found.startswith("6: robots[0].name: link 'boom' would be the body 'crane_boom'")
+
+
+@pytest.mark.parametrize(
+    ("filename", "message"),
+    [
+        ("meshes/gone.obj", "link 'Base': no such file: "),
+        ("package://crane/../../secret.obj", "leaves its package"),
+        ("package://crane//etc/secret.obj", "leaves its package"),
+        ("package://elsewhere/part.obj", "package 'elsewhere' is in no prefix"),
+        ("file://meshes/wedge.obj", "must read file:///PATH"),
+        ("http://example.com/part.obj", "read are package://, file:// and plain paths"),
+    ],
+)
+def test_meshes_that_are_not_there(problems, filename, message):
+    urdf = CRANE.replace("meshes/wedge.obj", filename, 1)
+    (found,) = problems(SCENE + "    meshes: visual\n", urdf)
+    assert found.startswith("7: robots[0].urdf: ")
+    assert message in found
+
+
+def test_a_mesh_by_its_absolute_path(load, tmp_path):
+    there = (tmp_path / "crane" / "meshes" / "wedge.obj").as_uri()
+    models = load_models(load(SCENE + "    meshes: visual\n",
+                              CRANE.replace("meshes/wedge.obj", there, 1)))  # fmt: skip
+    np.testing.assert_allclose(models["crane_base"].vertices.max(axis=0), [1.0, 2.0, 3.0])
+
+
+def test_a_mesh_of_another_package_in_the_workspace(load, tmp_path, monkeypatch):
+    share = tmp_path / "ws" / "share" / "elsewhere"
+    share.mkdir(parents=True)
+    (share / "part.obj").write_text(WEDGE.replace("v 1 0 0", "v 9 0 0"))
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "ws"))
+    urdf = CRANE.replace("meshes/wedge.obj", "package://elsewhere/part.obj", 1)
+    models = load_models(load(SCENE + "    meshes: visual\n", urdf))
+    assert models["crane_base"].vertices.max() == 9.0
+
+
+def test_a_description_that_is_not_installed_says_how_to_get_it(problems, monkeypatch):
+    def nothing(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(paths.metadata, "files", nothing)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", "")
+    (found,) = problems(SCENE.replace("crane/crane.urdf", "package://example-robot-data/a.urdf"))
+    assert found.endswith("source the workspace that has it, or: pip install example-robot-data")

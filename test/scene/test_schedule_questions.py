@@ -1,0 +1,176 @@
+"""Only what is asked for: sides of thresholds, contact, signed distances of solids."""
+
+import numpy as np
+import pytest
+from crowds import assert_certified, exact, placed, samples, text, walk
+
+from proximity_monitor import engine
+from proximity_monitor.scene import Thresholds
+from proximity_monitor.scene.opening import load_models
+from proximity_monitor.scene.schedule import Monitor
+from proximity_monitor.scene.state import PairStatus
+
+COUNT = 8
+HEAD = "thresholds: {warn: 0.5, stop: 0.1, hysteresis: 0.2}"
+LEVELS = (0.1, 0.5, 0.1 + 0.2, 0.5 + 0.2)
+
+
+def watch(load, **parts):
+    scene = load(text(COUNT, **parts))
+    models = load_models(scene)
+    return scene, models, Monitor(scene, models)
+
+
+def undecided(pair, levels):
+    return [level for level in levels if pair.lower <= level < pair.upper]
+
+
+@pytest.mark.parametrize("asked", ["by the scene", "by nobody who wants numbers"])
+def test_every_pair_is_decided_against_its_thresholds_and_no_more(load, asked):
+    numbers = asked == "by the scene"
+    head = HEAD + ("\nquestion: within" if numbers else "")
+    _, models, monitor = watch(load, head=head)
+    inexact = 0
+    for poses in walk(COUNT, 30):
+        tick = monitor.tick(samples(poses), 1.0, distances=numbers)
+        true = exact(models, poses)
+        assert_certified(tick, true)
+        assert tick.left == 0
+        for pair in tick.pairs:
+            assert not undecided(pair, LEVELS)
+            inexact += pair.upper - pair.lower > 1e-3
+    assert inexact > 200, "a number costs more than its side of a threshold"
+
+
+def test_a_decided_pair_is_not_looked_at_again_while_its_bounds_decide(load):
+    _, _, deciding = watch(load, head=HEAD + "\nquestion: within")
+    _, _, measuring = watch(load, head=HEAD)
+    looked = [
+        sum(len(monitor.tick(samples(poses), 1.0).looked_at) for poses in walk(COUNT, 30))
+        for monitor in (deciding, measuring)
+    ]
+    assert looked[0] < 0.2 * looked[1]
+
+
+def test_who_wants_numbers_gets_them_at_once(load):
+    """Between ticks without them: what was only decided is searched then."""
+    _, models, monitor = watch(load, head=HEAD)
+    poses = next(walk(COUNT, 1))
+    monitor.tick(samples(poses), 1.0, distances=False)
+    tick = monitor.tick(samples(poses), 1.0)
+    assert {p.status for p in tick.pairs} <= {PairStatus.EXACT, PairStatus.INTERSECTING}
+    for pair in tick.pairs:
+        assert pair.upper == pytest.approx(exact(models, poses)[pair.a, pair.b].upper, abs=1e-9)
+
+
+def test_contact_alone_is_decided(load):
+    _, models, monitor = watch(load, head="question: collide")
+    crossing = 0
+    for poses in walk(COUNT, 30, spread=0.8):
+        tick = monitor.tick(samples(poses), 1.0)
+        true = exact(models, poses)
+        assert_certified(tick, true)
+        for pair in tick.pairs:
+            touching = true[pair.a, pair.b].status is engine.Status.INTERSECTING
+            assert touching == (pair.lower <= 0.0)
+            assert touching == (pair.status is PairStatus.INTERSECTING)
+            crossing += touching
+    assert crossing > 10
+
+
+def test_a_distance_that_is_the_threshold_to_rounding_is_settled(load):
+    """Both sides are open, and stay so; the search is made once, not at every tick."""
+    scene, models, monitor = watch(load, head="question: within")
+    poses = next(walk(COUNT, 1))
+    true = exact(models, poses)
+    limits = [
+        Thresholds((at := true[pair.a, pair.b]).lower / 2 + at.upper / 2, 0.0, 0.0)
+        for pair in scene.pairs
+    ]
+    monitor.set_thresholds(limits)
+    tick = monitor.tick(samples(poses), 1.0)
+    assert tick.left == 0
+    assert_certified(tick, true)
+    assert monitor.tick(samples(poses), 1.0).looked_at == ()
+
+
+@pytest.mark.parametrize("budget_s", [0.0, 3e-4, 1.0])
+def test_solids_have_certified_signed_distances(load, budget_s):
+    _, models, monitor = watch(load, body=", solid: true")
+    overlapping = 0
+    for poses in walk(COUNT, 25, spread=0.5):
+        tick = monitor.tick(samples(poses), budget_s)
+        true = exact(models, poses, engine.signed_distance)
+        assert_certified(tick, true)
+        for pair in tick.pairs:
+            at = true[pair.a, pair.b]
+            if budget_s == 1.0:
+                assert pair.upper == pytest.approx(at.upper, abs=1e-9)
+                assert (pair.status is PairStatus.OVERLAPPING) == (at.upper < 0.0)
+            overlapping += at.upper < 0.0
+        assert tick.clearance() <= min(at.upper for at in true.values())
+    assert overlapping > 50
+
+
+def test_a_part_that_jumps_wholly_inside_another_is_never_clear(load):
+    """Its surface is far from the other's again: only the sign tells."""
+    body = (
+        "bodies:\n  - {name: room, primitive: {box: {size: [9, 9, 9]}}, moving: true, solid: true}"
+    )
+    scene = load(text(1, body=", solid: true").replace("bodies:", body))
+    models = load_models(scene)
+    there = placed([20.0, 0.0, 0.0], [0, 0, 0, 1])
+    for budget_s in (0.0, 1e-6, 1e-4, 1.0):
+        monitor = Monitor(scene, models)
+        (before,) = monitor.tick(samples({"room": np.eye(4), "b0": there}), 1.0).pairs
+        assert before.lower > 10.0
+        inside = samples({"room": np.eye(4), "b0": np.eye(4)})
+        (pair,) = monitor.tick(inside, budget_s).pairs
+        assert pair.lower <= -4.2
+        if budget_s == 1.0:
+            assert pair.status is PairStatus.OVERLAPPING
+            assert pair.upper <= -4.2
+        else:
+            (later,) = monitor.tick(inside, 1.0).pairs
+            assert later.upper <= -4.2
+
+
+def test_a_surface_may_lie_inside_another(load):
+    """Where only one of the two is a solid, the distance is that of the surfaces."""
+    body = (
+        "bodies:\n  - {name: room, primitive: {box: {size: [9, 9, 9]}}, moving: true, solid: true}"
+    )
+    scene = load(text(1).replace("bodies:", body))
+    monitor = Monitor(scene, load_models(scene))
+    (pair,) = monitor.tick(samples({"room": np.eye(4), "b0": np.eye(4)}), 1.0).pairs
+    assert pair.status is PairStatus.EXACT
+    assert pair.lower > 4.0
+
+
+def test_signed_searches_are_for_solids_that_may_overlap_alone(load, monkeypatch):
+    asked = []
+    signed = engine.Pair.signed_distance
+
+    def counted(pair, *arguments, **options):
+        asked.append(pair)
+        return signed(pair, *arguments, **options)
+
+    solids, surfaces = (watch(load, body=body)[2] for body in (", solid: true", ""))
+    monkeypatch.setattr(engine.Pair, "signed_distance", counted)
+    for poses in walk(COUNT, 5, spread=1.0):
+        surfaces.tick(samples(poses), 1.0)
+    assert asked == []
+    for k, poses in enumerate(walk(COUNT, 2, spread=40.0)):
+        tick = solids.tick(samples(poses), 1.0)
+        assert len(tick.looked_at) == len(tick.pairs)
+        assert asked == [], k
+    solids.tick(samples(next(walk(COUNT, 1, spread=0.1))), 1.0)
+    assert len(asked) == COUNT * (COUNT - 1) // 2
+
+
+def test_a_solid_that_is_none_is_refused_with_its_name(load, tmp_path):
+    scene = load(text(2, body=", solid: true"))
+    models = load_models(scene)
+    models["b1"] = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    with pytest.raises(engine.ModelError, match=r"body 'b1' is solid: .*not watertight"):
+        Monitor(scene, models)

@@ -1,0 +1,82 @@
+"""Every bundled scene that moves: at every tick, whatever the budget, the bounds hold the truth.
+
+The truth is the engine's exact answer for every pair, asked one by one; test_schedule.py compares
+with FCL.
+"""
+
+import functools
+
+import numpy as np
+import pytest
+
+from proximity_monitor import engine, motion
+from proximity_monitor.scene import SceneError, bundled, load_scene
+from proximity_monitor.scene.opening import load_models
+from proximity_monitor.scene.paths import bundled_names
+from proximity_monitor.scene.schedule import Monitor
+from proximity_monitor.scene.state import PoseSample
+
+TICKS = 4
+BUDGETS = (0.0, 1e-4, 1e-3, 0.1)
+
+
+class Recording:
+    """A few ticks of a scene, from the middle of its motion, and the exact answers to them."""
+
+    def __init__(self, name):
+        self.scene = load_scene(bundled(name))
+        self.models = load_models(self.scene)
+        moves = motion.from_scene(self.scene, self.models)
+        start = 0.37 * (moves.period_s or 1.0)
+        self.ticks = [self._at(moves, start + k / self.scene.rate_hz) for k in range(TICKS)]
+
+    def _at(self, moves, t):
+        poses = {body.name: body.pose for body in self.scene.bodies if not body.moving}
+        poses |= moves.poses(t)
+        for robot in self.scene.robots:
+            poses |= robot.poses(moves.joints(t))
+        vertices = {name: np.array(each) for name, each in moves.vertices(t).items()}
+        for name, each in vertices.items():
+            self.models[name].refit(each)
+        return poses, vertices, [self._exact(pair, poses) for pair in self.scene.pairs]
+
+    def _exact(self, pair, poses):
+        solid = {body.name for body in self.scene.bodies if body.solid}
+        ask = engine.signed_distance if {pair.a, pair.b} <= solid else engine.distance
+        return ask(self.models[pair.a], poses[pair.a], self.models[pair.b], poses[pair.b])
+
+
+@functools.cache
+def recorded(name):
+    try:
+        return Recording(name)
+    except SceneError as error:
+        if "pip install" not in str(error):
+            raise
+        return None
+
+
+@pytest.mark.parametrize("budget_s", BUDGETS)
+@pytest.mark.parametrize("name", bundled_names())
+def test_the_interval_contains_the_distance_at_every_tick(name, budget_s):
+    recording = recorded(name)
+    if recording is None:
+        pytest.skip("needs a package that the scene names")
+    scene = recording.scene
+    monitor = Monitor(scene, recording.models)
+    moving = [body.name for body in scene.bodies if body.moving]
+    compared = 0
+    for poses, vertices, exact in recording.ticks:
+        for body, each in vertices.items():
+            monitor.set_vertices(body, each)
+        tick = monitor.tick({n: PoseSample(poses[n]) for n in moving}, budget_s)
+        for pair in tick.pairs:
+            true = exact[pair.index]
+            assert pair.lower <= true.upper
+            assert true.lower <= pair.upper
+            compared += 1
+        listed = {pair.index for pair in tick.pairs}
+        for i, pair in enumerate(scene.pairs):
+            assert i in listed or exact[i].upper > pair.range
+        assert len(tick.pairs) + tick.far == len(scene.pairs)
+    assert compared > 0

@@ -1,0 +1,169 @@
+"""Threads, deforming bodies, and searches that last longer than a tick."""
+
+import numpy as np
+import pytest
+from crowds import assert_certified, exact, placed, samples, text, walk
+
+from proximity_monitor import engine
+from proximity_monitor.scene.opening import load_models
+from proximity_monitor.scene.schedule import Monitor, simulate
+from proximity_monitor.scene.state import PairStatus
+
+COUNT = 8
+
+
+def told(tick):
+    """Everything that a tick says about pairs, but for when it was found out."""
+    return [
+        (p.index, p.lower, p.upper, p.point_a.tolist(), p.point_b.tolist(), p.status)
+        for p in tick.pairs
+    ]
+
+
+def both(load, threads=(1, 3), **parts):
+    """The ticks of the same walk with other numbers of threads, and time for everything."""
+    scene = load(text(COUNT, **parts))
+    models = load_models(scene)
+    recorded = list(walk(COUNT, 8, spread=1.2))
+    runs = [simulate(scene, models, recorded, 10.0, threads=each) for each in threads]
+    assert all(tick.left == 0 for ticks in runs for tick in ticks)
+    return zip(*runs, strict=True)
+
+
+@pytest.mark.parametrize("head", ["", "range: 0.5"])
+@pytest.mark.parametrize("body", ["", ", solid: true"])
+def test_the_distances_do_not_depend_on_the_number_of_threads(load, head, body):
+    """But for rounding: of triangles that are equally near, another may be met first."""
+    for one, three in both(load, head=head, body=body):
+        for p, q in zip(one.pairs, three.pairs, strict=True):
+            assert (p.index, p.status) == (q.index, q.status)
+            assert (p.lower, p.upper) == pytest.approx((q.lower, q.upper), abs=1e-12)
+
+
+@pytest.mark.parametrize("body", ["", ", solid: true"])
+def test_what_is_decided_does_not_depend_on_the_number_of_threads(load, body):
+    head = "question: within\nthresholds: {warn: 0.4, stop: 0.1, hysteresis: 0.1}"
+    for one, three in both(load, head=head, body=body):
+        for p, q in zip(one.pairs, three.pairs, strict=True):
+            for level in (0.1, 0.4, 0.1 + 0.1, 0.4 + 0.1):
+                assert (p.lower > level) == (q.lower > level)
+
+
+@pytest.mark.parametrize("budget_s", [0.0, 2e-4])
+def test_threads_under_a_budget_are_certified_too(load, budget_s):
+    scene = load(text(COUNT, body=", solid: true"))
+    models = load_models(scene)
+    recorded = list(walk(COUNT, 15, spread=1.2))
+    for tick, poses in zip(
+        simulate(scene, models, recorded, budget_s, threads=2), recorded, strict=True
+    ):
+        assert_certified(tick, exact(models, poses, engine.signed_distance))
+
+
+def test_no_thread_is_no_way_to_search(load):
+    scene = load(text(2))
+    with pytest.raises(ValueError, match="threads = 0"):
+        Monitor(scene, load_models(scene), threads=0)
+
+
+def bent(vertices, phase):
+    """Bend a body sideways; it stays a solid."""
+    lift = 0.15 * np.sin(3.0 * vertices[:, 2] + phase)
+    return vertices + np.stack((lift, np.zeros_like(lift), np.zeros_like(lift)), axis=1)
+
+
+@pytest.mark.parametrize("body", ["", ", solid: true"])
+@pytest.mark.parametrize("head", ["", "range: 0.3"])
+@pytest.mark.parametrize("budget_s", [0.0, 2e-4, 1.0])
+def test_bounds_hold_while_bodies_deform(load, body, head, budget_s):
+    scene = load(text(COUNT, head=head, body=body))
+    models = load_models(scene)
+    models["b1"] = engine.TriangleMesh(models["b1"].vertices, models["b1"].faces)  # its own
+    rest = {name: models[name].vertices for name in ("b0", "b1")}
+    monitor = Monitor(scene, models)
+    ask = engine.signed_distance if body else engine.distance
+    for k, poses in enumerate(walk(COUNT, 15, spread=1.2)):
+        for name, vertices in rest.items():
+            monitor.set_vertices(name, bent(vertices, 0.05 * k))
+        tick = monitor.tick(samples(poses), budget_s)
+        true = exact(models, poses, ask)
+        listed = assert_certified(tick, true)
+        assert all(pair in listed or at.upper > 0.3 for pair, at in true.items())
+
+
+def test_a_deformation_alone_asks_for_a_new_search(load):
+    scene = load(text(3))
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    poses = next(walk(3, 1))
+    monitor.tick(samples(poses), 1.0)
+    monitor.set_vertices("b0", bent(models["b0"].vertices, 1.0))
+    tick = monitor.tick(samples(poses), 1.0)
+    assert {i for i, p in enumerate(tick.pairs) if "b0" in (p.a, p.b)} == set(tick.looked_at)
+    assert_certified(tick, exact(models, poses))
+
+
+def test_a_model_that_somebody_else_refits_is_seen(load):
+    scene = load(text(3))
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    poses = next(walk(3, 1))
+    monitor.tick(samples(poses), 1.0)
+    models["b0"].refit(5.0 * models["b0"].vertices)
+    for budget_s in (0.0, 1.0):
+        assert_certified(monitor.tick(samples(poses), budget_s), exact(models, poses))
+
+
+def test_a_deformation_that_is_none_is_refused_and_changes_nothing(load):
+    scene = load(text(3))
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    poses = next(walk(3, 1))
+    before = monitor.tick(samples(poses), 1.0)
+    with pytest.raises(engine.ModelError, match="vertices"):
+        monitor.set_vertices("b0", np.full_like(models["b0"].vertices, np.nan))
+    assert told(monitor.tick(samples(poses), 0.0)) == told(before)
+
+
+def nested(load):
+    """Two balls of 20,480 triangles, one in the other, all of whose parts are equally near."""
+    ball = "primitive: {sphere: {radius: %g, subdivisions: 5}}, moving: true"
+    scene = load(
+        "version: 1\nunit: m\nbodies:\n"
+        f"  - {{name: outer, {ball % 1.1}}}\n  - {{name: inner, {ball % 1.0}}}\n"
+        "  - {name: b0, primitive: {sphere: {radius: 0.1, subdivisions: 0}}, moving: true}\n"
+    )
+    return scene, load_models(scene)
+
+
+def test_a_long_search_goes_on_across_ticks_and_others_have_their_turn(load):
+    scene, models = nested(load)
+    monitor = Monitor(scene, models)
+    poses = {"outer": np.eye(4), "inner": np.eye(4)}
+    turns = 0
+    for k in range(5000):
+        away = placed([4.0 + 1e-3 * k, 0.3, 0.2], [0, 0, 0, 1])  # this one moves all the time
+        tick = monitor.tick(samples(poses | {"b0": away}), 2e-3)
+        long, *others = tick.pairs
+        assert (long.a, long.b) == ("outer", "inner")
+        if long.status is PairStatus.EXACT:
+            break
+        turns += {pair.status for pair in others} == {PairStatus.EXACT}
+    assert long.status is PairStatus.EXACT
+    assert turns > 1, "the others had to wait until the long search ended"
+    still = monitor.tick(samples(poses | {"b0": away}), 2e-3)
+    assert 0 not in still.looked_at
+
+
+def test_no_more_is_kept_than_has_room(load, monkeypatch):
+    from proximity_monitor.scene import searches
+
+    monkeypatch.setattr(searches, "KEPT", 2)
+    scene = load(text(COUNT, body=", solid: true"))
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    poses = next(walk(COUNT, 1, spread=0.1))
+    tick = monitor.tick(samples(poses), 10.0)
+    assert len(tick.looked_at) > 2
+    assert len(monitor._searches._kept) == 2
+    assert_certified(tick, exact(models, poses, engine.signed_distance))

@@ -1,0 +1,242 @@
+"""Robot descriptions: what is read of them, and what is wrong with them."""
+
+import math
+import random
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from proximity_monitor import engine
+from proximity_monitor.scene.description import Box, Cylinder, Sphere
+from proximity_monitor.scene.urdf import Shape, UrdfError, read_urdf
+
+ROBOT = """<?xml version="1.0"?>
+<robot name="lift">
+  <!-- Other programs' elements, and things without a shape or a motion, are passed over. -->
+  <material name="grey"/>
+  <transmission name="t"><joint name="unheard_of"/></transmission>
+  <gazebo reference="base"><mu1>0.2</mu1></gazebo>
+  <link name="base">
+    <inertial><mass value="no number"/></inertial>
+    <collision name="first"><geometry><box size="0.4 0.3 0.1"/></geometry></collision>
+    <collision>
+      <origin xyz="0 0 0.25" rpy="0 0 1.5"/>
+      <geometry><mesh filename="package://lift/column.stl" scale="1 -1 2"/></geometry>
+    </collision>
+    <visual><geometry><sphere radius="0.2"/></geometry></visual>
+  </link>
+  <link name="fork">
+    <collision><geometry><cylinder radius="0.02" length="0.5"/></geometry></collision>
+  </link>
+  <link name="frame"/>
+  <joint name="raise" type="prismatic">
+    <parent link="base"/><child link="fork"/>
+    <origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>
+    <axis xyz="0 0 2"/>
+    <limit lower="-0.1" upper="0.9" effort="100" velocity="1"/>
+  </joint>
+  <joint name="hold" type="fixed"><parent link="fork"/><child link="frame"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def write_and_read(text):
+        path = tmp_path / "lift.urdf"
+        path.write_text(text)
+        return read_urdf(path)
+
+    return write_and_read
+
+
+def test_links_and_their_shapes(read):
+    base, fork, frame = read(ROBOT).links
+    assert (base.name, fork.name, frame.name) == ("base", "fork", "frame")
+    none = (0.0, 0.0, 0.0)
+    assert base.collision == (
+        Shape(Box((0.4, 0.3, 0.1)), (1.0, 1.0, 1.0), none, none),
+        Shape("package://lift/column.stl", (1.0, -1.0, 2.0), (0.0, 0.0, 0.25), (0.0, 0.0, 1.5)),
+    )
+    assert [shape.geometry for shape in base.visual] == [Sphere(0.2, 3)]
+    assert [shape.geometry for shape in fork.collision] == [Cylinder(0.02, 0.5, 64)]
+    assert (frame.collision, frame.visual) == ((), ())
+
+
+def test_joints(read):
+    kinematics = read(ROBOT).kinematics
+    assert kinematics.links == ("base", "fork", "frame")
+    raised, held = kinematics.joints
+    assert (raised.name, raised.kind, raised.lower, raised.upper) == (
+        "raise",
+        "prismatic",
+        -0.1,
+        0.9,
+    )
+    assert (held.kind, held.lower, held.upper) == ("fixed", -math.inf, math.inf)
+    assert kinematics.free == (raised,)
+
+
+def test_an_origin_turns_about_fixed_x_then_y_then_z(read):
+    roll, pitch, yaw = 0.4, 0.5, 0.6
+
+    def about(axis, angle):
+        c, s = math.cos(angle), math.sin(angle)
+        i, j = (axis + 1) % 3, (axis + 2) % 3
+        made = np.eye(3)
+        made[i, i], made[i, j], made[j, i], made[j, j] = c, -s, s, c
+        return made
+
+    origin = read(ROBOT).kinematics.free[0].origin
+    expected = about(2, yaw) @ about(1, pitch) @ about(0, roll)
+    np.testing.assert_allclose(origin[:3, :3], expected, atol=1e-15)
+    np.testing.assert_array_equal(origin[:3, 3], [0.1, 0.2, 0.3])
+
+
+def test_defaults_of_the_format(read):
+    text = ROBOT.replace('<axis xyz="0 0 2"/>', "").replace("prismatic", "continuous")
+    turning = read(text).kinematics.free[0]
+    assert turning.axis == (1.0, 0.0, 0.0)
+    assert (turning.lower, turning.upper) == (-math.inf, math.inf)  # whatever <limit> says
+    follow = '<mimic joint="raise"/></joint>'
+    held = read(ROBOT.replace('type="fixed"', 'type="revolute"').replace(
+        '<child link="frame"/></joint>', f'<child link="frame"/>{follow}'
+    )).kinematics.joints[1]  # fmt: skip
+    assert (held.mimic.joint, held.mimic.multiplier, held.mimic.offset) == ("raise", 1.0, 0.0)
+
+
+BROKEN = {
+    "not XML": ("</robot>", "", "the file: is not XML that can be read: no element found"),
+    "another root": ('<robot name="lift">', "<model>", "mismatched tag"),
+    "a document type": (
+        '<?xml version="1.0"?>',
+        '<!DOCTYPE robot [<!ENTITY e SYSTEM "file:///etc/passwd">]>',
+        "has a document type declaration",
+    ),
+    "macros": (
+        '<material name="grey"/>', '<x:y xmlns:x="http://www.ros.org/wiki/xacro"/>',
+        "holds xacro macros; expand them first: xacro IN.xacro > OUT.urdf",
+    ),
+    "no name": ('<link name="frame"/>', "<link/>", "a link: needs the attribute 'name'"),
+    "a bad size": (
+        'size="0.4 0.3 0.1"', 'size="0.4 0.3"',
+        r"link 'base', <collision>, <box>: size must be 3 numbers of at most 1e9 \(got '0.4 0.3'",
+    ),
+    "not a number": (
+        'radius="0.02"', 'radius="thick"',
+        "link 'fork', <collision>, <cylinder>: radius must be a number of at most 1e9",
+    ),
+    "not finite": ('radius="0.2"', 'radius="inf"', "radius must be a number of at most 1e9"),
+    "far": ('xyz="0 0 0.25"', 'xyz="0 0 1e200"', "xyz must be 3 numbers of at most"),
+    "a limit that is none": ('lower="-0.1"', 'lower="nan"', "lower must be a number"),
+    "negative": ('radius="0.02"', 'radius="-1"', "sizes must be greater than 0"),
+    "flat": ('scale="1 -1 2"', 'scale="1 0 2"', "scale must not be 0"),
+    "no shape": (
+        '<geometry><sphere radius="0.2"/></geometry>', "<geometry/>",
+        r"link 'base', <visual>: <geometry> must hold one shape \(got 0\)",
+    ),
+    "another shape": (
+        '<sphere radius="0.2"/>', '<capsule radius="1"/>',
+        "<capsule>: unknown shape; read are mesh, box, cylinder and sphere",
+    ),
+    "a joint of six": (
+        'type="prismatic"', 'type="floating"',
+        r"joint 'raise': type must be fixed, revolute, continuous or prismatic \(got 'floating'\)",
+    ),
+    "no child": ('<child link="fork"/>', "", "joint 'raise': needs <child>"),
+    "no axis": ('xyz="0 0 2"', 'xyz="0 0 0"', "joint 'raise', <axis>: must be a direction"),
+    "limits crossed": ('lower="-0.1"', 'lower="1"', "lower must not exceed upper"),
+    "a bad tree": ('<child link="fork"/>', '<child link="base"/>', "links base hang on each other"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("old, new, message", BROKEN.values(), ids=BROKEN)
+def test_what_is_wrong_is_said_with_the_file_and_the_element(read, tmp_path, old, new, message):
+    assert old in ROBOT
+    with pytest.raises(UrdfError, match=message) as caught:
+        read(ROBOT.replace(old, new))
+    assert str(caught.value).startswith(f"{tmp_path / 'lift.urdf'}: ")
+
+
+def test_another_xml_file_is_refused(read):
+    with pytest.raises(UrdfError, match="<sdf>: a robot description begins with <robot>"):
+        read("<sdf/>")
+    with pytest.raises(UrdfError, match="<robot>: has no link"):
+        read("<robot/>")
+
+
+def test_a_file_that_is_gone_or_no_text(tmp_path):
+    with pytest.raises(UrdfError, match=r"gone\.urdf: the file: cannot be read: No such file"):
+        read_urdf(tmp_path / "gone.urdf")
+    path = tmp_path / "noise.urdf"
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(UrdfError, match="is not XML that can be read"):
+        read_urdf(path)
+
+
+def test_entities_do_not_grow(read):
+    """A few bytes that would be a gigabyte: refused where they are declared."""
+    levels = "".join(f'<!ENTITY e{i + 1} "{f"&e{i};" * 10}">' for i in range(9))
+    bomb = f'<!DOCTYPE robot [<!ENTITY e0 "{"x" * 10}">{levels}]><robot>&e9;</robot>'
+    with pytest.raises(UrdfError, match="has a document type declaration"):
+        read(bomb)
+
+
+WORDS = """
+<link/> </link> <joint> <!-- <![CDATA[ &amp; &lt; &x; " ' = > 0 -1 1e999 nan inf 1e308 1e-320 1e9
+base fork frame raise hold fixed revolute continuous name= <mimic joint="raise"/> <origin/> <limit/>
+"""
+relaxed = settings(
+    max_examples=200,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+def holds(path, data):
+    """Whatever stands in the file, it is a robot whose links stand somewhere, or an error."""
+    path.write_bytes(data)
+    try:
+        kinematics = read_urdf(path).kinematics
+    except UrdfError as error:
+        assert str(error).startswith(f"{path}: ")
+        return
+    for pose in kinematics.poses(np.full(len(kinematics.free), 0.7)):
+        engine.check_pose(pose)
+
+
+@relaxed
+@given(
+    start=st.integers(0, len(ROBOT)),
+    length=st.integers(0, 40),
+    insert=st.sampled_from(WORDS.split()) | st.text(max_size=6),
+)
+def test_any_text_in_any_place(tmp_path, start, length, insert):
+    text = ROBOT[:start] + insert + ROBOT[start + length :]
+    holds(tmp_path / "any.urdf", text.encode("utf-8", "surrogatepass"))
+
+
+@relaxed
+@given(choices=st.randoms(use_true_random=False), word=st.sampled_from(WORDS.split()))
+def test_any_value_of_any_attribute(tmp_path, choices: random.Random, word):
+    values = ROBOT.split('"')
+    values[2 * choices.randrange(len(values) // 2) + 1] = word
+    holds(tmp_path / "any.urdf", '"'.join(values).encode())
+
+
+@relaxed
+@given(st.binary(max_size=200))
+def test_any_bytes(tmp_path, data):
+    holds(tmp_path / "any.urdf", data)
+
+
+def test_an_axis_of_any_length_is_a_direction(read):
+    """Squares of these would underflow or overflow, and the turn would not be rigid."""
+    for axis in ("1e-320 1e-320 0", "1e-200 0 1e-200", "1e9 1e9 1e9"):
+        kinematics = read(
+            ROBOT.replace("prismatic", "revolute").replace('xyz="0 0 2"', f'xyz="{axis}"')
+        ).kinematics
+        turn = kinematics.poses([0.7])[1][:3, :3]
+        np.testing.assert_allclose(turn.T @ turn, np.eye(3), atol=1e-15)

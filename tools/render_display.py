@@ -1,0 +1,117 @@
+"""Draw the pictures of the page in docs/images: make demo's page, in a browser without a window.
+
+pip install '.[ros,display]' playwright    # and a Chromium, such as Debian's package
+python tools/render_display.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import shutil
+import signal
+import subprocess
+import sys
+from os import environ
+from pathlib import Path
+from threading import Thread
+
+from playwright.sync_api import Page, sync_playwright
+
+IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
+SIZE = {"width": 1440, "height": 860}
+FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+PATIENCE_MS = 240_000
+BESIDE = "Drag the parts and see their clearances at "
+
+
+def main() -> int:
+    """Draw all pictures; return 1 if there is no browser."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--chromium", default=shutil.which("chromium"), help="the browser's path")
+    parser.add_argument("--folder", type=Path, default=IMAGES, help="where the pictures go")
+    chosen = parser.parse_args()
+    if chosen.chromium is None:
+        print("no Chromium on the PATH: name one by --chromium", file=sys.stderr)
+        return 1
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chosen.chromium, args=FLAGS)
+        for scene, draw in (("engine", draw_engine), ("probe", draw_probe)):
+            demo, address = start_demo(scene)
+            try:
+                page = browser.new_page(viewport=SIZE)
+                page.set_default_timeout(PATIENCE_MS)
+                page.goto(address)
+                page.wait_for_selector("#pm-pairs .pm-row")
+                for close in page.locator(".mantine-Notification-closeButton").all():
+                    close.click()
+                draw(page, chosen.folder)
+                page.close()
+            finally:
+                demo.send_signal(signal.SIGINT)
+                demo.wait()
+        browser.close()
+    return 0
+
+
+def start_demo(scene: str) -> tuple[subprocess.Popen, str]:
+    """Start the demo slowly, on a domain of its own; return it and the page's address."""
+    command = [sys.executable, "-m", "proximity_monitor", "demo", "--scene", scene]
+    environment = environ | {"ROS_DOMAIN_ID": str(random.SystemRandom().randint(102, 200))}
+    demo = subprocess.Popen(
+        [*command, "--speed", "0.2"], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    for line in demo.stdout:
+        if line.startswith(BESIDE):
+            Thread(target=demo.stdout.read, daemon=True).start()  # a full pipe would stop it
+            return demo, line.removeprefix(BESIDE).strip()
+    raise RuntimeError("the demo ended without a page")
+
+
+def press(page: Page, pair: str) -> None:
+    """Highlight a pair, or look at all again."""
+    page.locator(f'[data-pair="{pair}"]').dispatch_event("pointerdown")
+
+
+def tab(page: Page, name: str) -> None:
+    """Show a tab of the panel."""
+    page.get_by_role("tab", name=name).dispatch_event("click")
+
+
+def settle(page: Page, frames: int = 40) -> None:
+    """Let some pictures be drawn."""
+    page.evaluate(
+        "n => new Promise(done => { const f = () => n-- ? requestAnimationFrame(f) : done();"
+        " f() })",
+        frames,
+    )
+
+
+def draw_engine(page: Page, folder: Path) -> None:
+    """All parts with their clearances, one pair alone, and what accuracy costs."""
+    settle(page)
+    page.screenshot(path=folder / "display.png")
+    press(page, "piston_2 - crankshaft")
+    settle(page)
+    page.screenshot(path=folder / "display_pair.png")
+    press(page, "piston_2 - crankshaft")
+    tab(page, "Limits")
+    slider = page.get_by_role("slider").and_(page.locator(":visible")).nth(4)
+    page.wait_for_selector("#pm-cost >> text=exact, ")
+    for _ in range(3):
+        for _ in range(10):
+            slider.press("ArrowRight")
+        settle(page, 60)
+    page.wait_for_selector("#pm-cost >> text=15 %")
+    page.screenshot(path=folder / "display_cost.png")
+
+
+def draw_probe(page: Page, folder: Path) -> None:
+    """The 3D cursor: a point with a line to every part near it."""
+    tab(page, "Move")
+    settle(page, 100)
+    page.screenshot(path=folder / "display_cursor.png")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
