@@ -16,13 +16,13 @@ ifneq ($(ROS_DISTRO),)
 # A ROS 2 installation is sourced: its rclpy and messages are used, not the wheels. They were built
 # against the system's numpy 1, whose binary interface numpy 2 does not keep.
 VENV_FLAGS = --system-site-packages
-DEMO_INSTALL = '.[nodes]' 'numpy<2'
+DEMO_INSTALL = '.[nodes,display]' 'numpy<2'
 TEST_INSTALL = '.[nodes,study,checks]' 'numpy<2'
 BENCH_INSTALL = '.[bench]' 'numpy<2'
 STUDY_INSTALL = '.[study]' 'numpy<2'
 else
 VENV_FLAGS =
-DEMO_INSTALL = '.[ros]'
+DEMO_INSTALL = '.[ros,display]'
 TEST_INSTALL = '.[ros,test]'
 BENCH_INSTALL = '.[bench]'
 STUDY_INSTALL = '.[study]'
@@ -33,7 +33,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 # Folders are listed too, so that a deleted file counts as a change.
 SOURCES := pyproject.toml setup.py setup.cfg package.xml $(shell find proximity_monitor scripts launch config \
-	resource -name __pycache__ -prune -o -print)
+	rviz resource -name __pycache__ -prune -o -print)
 
 # The environment's launchers say `env python3`, hence the PATH. PYTHONSAFEPATH keeps the checkout
 # from shadowing the installed package, in child processes as well.
@@ -41,12 +41,13 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 	AMENT_PREFIX_PATH="$(abspath $(VENV))$${AMENT_PREFIX_PATH:+:$$AMENT_PREFIX_PATH}"
 
 .NOTPARALLEL:
-.PHONY: help demo test bench accuracy lint format clean
+.PHONY: help demo test bench latency accuracy lint format clean
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
 	@echo 'make test [ARGS="-k scene"]       run the tests (ARGS go to pytest)'
 	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal'
+	@echo 'make latency [ARGS="--quick"]      from a pose to its closest points, across processes'
 	@echo 'make accuracy [ARGS="--quick"]     what accuracy costs in time: data, figures and a page'
 	@echo 'make lint                         run the linter and check the format'
 	@echo 'make format                       let the linter mend what it can, and format'
@@ -62,8 +63,12 @@ test: $(VENV)/.installed-test
 # The benchmark's modules lie beside its scripts, so PYTHONSAFEPATH must not hide them.
 bench: $(VENV)/.installed-bench
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/compare.py $(ARGS)
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/assembly.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/points.py
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/startup.py
+
+latency: $(VENV)/.installed-demo
+	@$(RUN) $(ENV_PYTHON) benchmark/latency.py $(ARGS)
 
 accuracy: $(VENV)/.installed-study
 	@$(RUN) $(ENV_PYTHON) -m proximity_monitor.study accuracy $(ARGS)

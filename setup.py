@@ -8,17 +8,28 @@ package_name = "proximity_monitor"
 
 scene = ["pyyaml>=6.0", "jsonschema>=4.10"]
 nodes = [*scene, "rich>=13.0"]
+bag = ["rosbags>=0.11"]
+display = ["viser>=1.1,<2"]
+robots = ["pycollada>=0.9", "example-robot-data>=6.0"]
 study = [*scene, "rich>=13.0", "matplotlib>=3.6"]
 ros = [*nodes, "ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-rclpy[fastrtps]"]
 peers = [
     "python-fcl>=0.7",
     "coal>=3.0",
     "fcpw>=1.2",
-    "example-robot-data>=6.0",
-    "pycollada>=0.9",
+    *robots,
 ]
 # The formatter's output differs between its minor versions, so one of them decides for everybody.
-checks = ["pytest>=7.4", "hypothesis>=6.90", "python-fcl>=0.7", "ruff>=0.17,<0.18"]
+checks = [
+    "pytest>=7.4",
+    "hypothesis>=6.90",
+    "python-fcl>=0.7",
+    "playwright>=1.45",
+    "ruff>=0.17,<0.18",
+    *bag,
+    *display,
+    *robots,
+]
 
 setup(
     name=package_name,
@@ -38,8 +49,9 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/config", sorted(glob("config/*"))),
+        (f"share/{package_name}/rviz", sorted(glob("rviz/*"))),
         (f"share/{package_name}/launch", sorted(glob("launch/*.launch.py"))),
-        (f"lib/{package_name}", ["scripts/node", "scripts/player"]),
+        (f"lib/{package_name}", ["scripts/display", "scripts/node", "scripts/player"]),
     ],
     python_requires=">=3.11",
     install_requires=["numpy>=1.26", "numba>=0.60", "trimesh>=4.6"],
@@ -47,7 +59,9 @@ setup(
         "scene": scene,  # scene files
         "nodes": nodes,  # all that the nodes need where ROS 2 itself comes from the system
         "ros": ros,  # the nodes with ROS 2 from wheels
-        "display": ["viser>=0.2"],
+        "bag": bag,  # motion from ROS 2 bags
+        "display": display,  # the page in the browser
+        "robots": robots,  # the robots of the bundled scene, and COLLADA meshes
         "bench": [*nodes, *peers],  # the engine beside the libraries that people use today
         "study": study,  # what accuracy costs, with figures
         "checks": checks,  # the test tools alone, for the same case as `nodes`

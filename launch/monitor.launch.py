@@ -8,6 +8,9 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
+from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.opening import find_scene
+
 
 def monitor(context):
     """The node; a scene given on the command line wins over the one in the parameter file."""
@@ -23,6 +26,22 @@ def monitor(context):
             name="proximity_monitor",
             output="screen",
             parameters=[LaunchConfiguration("params_file"), overrides],
+        )
+    ]
+
+
+def viewer(context):
+    """RViz; nothing says how the scene's frame lies in another, so it has to be the fixed one."""
+    share = FindPackageShare("proximity_monitor")
+    scene = LaunchConfiguration("scene").perform(context)
+    frame = ["-f", load_scene(find_scene(scene)).frame] if scene else []
+    sim_time = ParameterValue(LaunchConfiguration("use_sim_time"), value_type=bool)
+    return [
+        Node(
+            package="rviz2",
+            executable="rviz2",
+            arguments=["-d", PathJoinSubstitution([share, "rviz", "assembly.rviz"]), *frame],
+            parameters=[{"use_sim_time": sim_time}],
         )
     ]
 
@@ -55,18 +74,6 @@ def generate_launch_description():
                 description="Start RViz with a view of parts and markers",
             ),
             OpaqueFunction(function=monitor),
-            Node(
-                package="rviz2",
-                executable="rviz2",
-                arguments=["-d", PathJoinSubstitution([config, "monitor.rviz"])],
-                parameters=[
-                    {
-                        "use_sim_time": ParameterValue(
-                            LaunchConfiguration("use_sim_time"), value_type=bool
-                        )
-                    }
-                ],
-                condition=IfCondition(LaunchConfiguration("rviz")),
-            ),
+            OpaqueFunction(function=viewer, condition=IfCondition(LaunchConfiguration("rviz"))),
         ]
     )

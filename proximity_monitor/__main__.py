@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import sys
 from collections.abc import Sequence
@@ -13,6 +14,41 @@ Either install their wheels beside this package, in the checkout:
     pip install '.[ros]'
 or, on a machine with ROS 2 Jazzy, source it first:
     . /opt/ros/jazzy/setup.sh"""
+
+_INSTALL_DISPLAY = """\
+proximity_monitor display needs viser and ROS 2's Python packages: {error}
+Either install both as wheels beside this package, in the checkout:
+    pip install '.[ros,display]'
+or, on a machine with ROS 2 Jazzy, source it first, and:
+    pip install '.[nodes,display]'"""
+
+
+_SCENES = "bundled scenes:"
+
+_LISTED = 100
+"""Pairs that `scene check` prints one by one."""
+
+
+class _WithScenes(argparse.HelpFormatter):
+    """Lists the bundled scenes where the epilog has a place for them.
+
+    Only the help that is shown is formatted, so that no other command reads their files.
+    """
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        head, found, rest = text.partition(_SCENES)
+        filled = super()._fill_text((head + rest).strip(), width, indent)
+        return f"{_bundled_scenes()}\n\n{filled}" if found else filled
+
+
+def _bundled_scenes() -> str:
+    try:
+        from proximity_monitor.scene.opening import descriptions
+    except ImportError as error:
+        return f"{_SCENES} unknown without {error.name}: pip install '.[scene]'"
+    said = descriptions()
+    longest = max(map(len, said), default=0)
+    return "\n".join([_SCENES, *(f"  {name:{longest}}  {said[name]}" for name in said)])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,17 +80,19 @@ def _parser() -> argparse.ArgumentParser:
 
     demo = commands.add_parser(
         "demo",
+        formatter_class=_WithScenes,
         help="run monitor and player together and show the clearances live",
         description="Starts the monitor and the player that moves the scene's bodies, and shows"
-        " what the monitor publishes: a live table in a terminal, lines once a second elsewhere."
+        " what the monitor publishes: a live table in a terminal, lines once a second elsewhere,"
+        " and a page in the browser, whose address it prints, to drag the parts."
         " Ends on Ctrl-C, or after --seconds, with a summary.",
-        epilog="example: proximity_monitor demo --scene engine --speed 0.25 --seconds 20",
+        epilog=f"{_SCENES}\n\nexample: proximity_monitor demo --scene engine --speed 0.25",
     )
     demo.add_argument(
         "--scene",
         default="engine",
         metavar="NAME|FILE",
-        help="a bundled scene or a scene file with a motion section (default: engine)",
+        help="a bundled scene (see below) or a scene file with a motion section (default: engine)",
     )
     demo.add_argument(
         "--seconds", type=_positive, default=None, metavar="S", help="end by itself after S seconds"
@@ -66,7 +104,31 @@ def _parser() -> argparse.ArgumentParser:
         metavar="X",
         help="play the motion X times as fast (default: 1)",
     )
+    demo.add_argument("--no-page", action="store_true", help="do not serve the page in the browser")
     demo.set_defaults(run=_demo)
+
+    display = commands.add_parser(
+        "display",
+        help="show a running monitor's scene in a browser",
+        description="Starts the page on which parts are dragged and clearances seen, and prints its"
+        " address. It hears a monitor that runs here or on another machine of the network. Ends on"
+        " Ctrl-C. There is no login: whoever reaches the address can move the bodies.",
+        epilog="example: proximity_monitor display --port 8080",
+    )
+    display.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="listen on this address of this machine (default: 127.0.0.1, itself alone)",
+    )
+    display.add_argument(
+        "--port",
+        type=int,
+        default=8080,
+        metavar="N",
+        help="the first port to try; 0: any (default: 8080)",
+    )
+    display.set_defaults(run=_display)
 
     scene = commands.add_parser("scene", help="work with scene files")
     scene.set_defaults(run=lambda _: scene.print_help() or 0)
@@ -74,8 +136,9 @@ def _parser() -> argparse.ArgumentParser:
     check = scenes.add_parser(
         "check",
         help="say what is wrong with a scene file, or what is in it",
-        description="Reads a scene file and its models, and says what is wrong with them, or what"
-        " is watched. The exit code is 1 if the scene cannot be used.",
+        description="Reads a scene file with its models and what its motion needs, and says what is"
+        " wrong with them, or what is watched and moved. The exit code is 1 if the scene cannot be"
+        " used.",
     )
     check.add_argument("scene", metavar="NAME|FILE", help="a scene file or a bundled scene")
     check.set_defaults(run=_check)
@@ -90,27 +153,44 @@ def _demo(chosen: argparse.Namespace) -> int:
             raise  # our own fault, that no installation mends
         print(_INSTALL_ROS.format(error=error), file=sys.stderr)
         return 1
-    return run(chosen.scene, seconds=chosen.seconds, speed=chosen.speed)
+    return run(chosen.scene, seconds=chosen.seconds, speed=chosen.speed, page=not chosen.no_page)
+
+
+def _display(chosen: argparse.Namespace) -> int:
+    try:
+        from proximity_monitor.display.run import main
+    except ImportError as error:
+        if (error.name or "").startswith("proximity_monitor"):
+            raise
+        print(_INSTALL_DISPLAY.format(error=error), file=sys.stderr)
+        return 1
+    return main(["--ros-args", "-p", f"host:={chosen.host}", "-p", f"port:={chosen.port}"])
 
 
 def _check(chosen: argparse.Namespace) -> int:
+    from proximity_monitor import motion
     from proximity_monitor.scene import load_scene
     from proximity_monitor.scene.opening import find_scene, load_models
 
     try:
         scene = load_scene(find_scene(chosen.scene))
         models = load_models(scene)
+        moves = motion.from_scene(scene, models).describe() if scene.motion is not None else ""
     except (OSError, ValueError) as error:
         print(error, file=sys.stderr)
         return 1
     print(f"{scene.path}: frame {scene.frame}, {scene.rate_hz:g} Hz, {scene.budget_s * 1e3:g} ms")
     for body in scene.bodies:
-        where = f"moving, {body.topic}" if body.moving else "fixed"
+        where = f"moving, {body.topic or 'by joints'}" if body.moving else "fixed"
         print(f"  body {body.name}: {len(models[body.name].faces)} triangles, {where}")
-    for pair in scene.pairs:
+    if len(scene.pairs) > _LISTED:
+        print(f"  {len(scene.pairs)} pairs; the first {_LISTED}:")
+    for pair in itertools.islice(scene.pairs, _LISTED):
         limits = pair.thresholds
         warn, stop = (x / scene.unit.to_metre for x in (limits.warn, limits.stop))
         print(f"  pair {pair.a} - {pair.b}: warn {warn:g}, stop {stop:g} {scene.unit.symbol}")
+    for line in moves.splitlines():
+        print(f"  motion {line}")
     return 0
 
 

@@ -25,7 +25,7 @@ KNOWS = {
     "study": {"study", "motion", "scene", "engine"},
     "ros": {"ros", "motion", "scene", "engine"},
     "display": {"display", "scene", "engine"},
-    "__main__": {"ros", "motion", "scene", "engine"},
+    "__main__": {"display", "ros", "motion", "scene", "engine"},
     "": set(),  # the package's own __init__.py, which everybody may know
 }
 # Third-party packages of the engine; other rooms take what they need, ROS apart.

@@ -1,5 +1,6 @@
 """The command line, where it needs no ROS."""
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from proximity_monitor.__main__ import main
+from proximity_monitor.scene.paths import bundled_names
 
 
 def test_without_a_command_it_teaches(capsys):
@@ -22,6 +24,28 @@ def test_help_is_help(arguments, capsys):
         main(arguments)
     assert ended.value.code == 0
     assert "usage: proximity_monitor" in capsys.readouterr().out
+
+
+def test_the_demos_help_lists_every_bundled_scene_with_a_line(capsys):
+    with pytest.raises(SystemExit):
+        main(["demo", "--help"])
+    said = capsys.readouterr().out
+    listed = said.partition("bundled scenes:\n")[2].partition("\n\n")[0].splitlines()
+    assert [line.split()[0] for line in listed] == bundled_names()
+    for line in listed:
+        _, *words = line.split()
+        assert words, f"{line.strip()} has no description"
+
+
+def test_without_yaml_the_demos_help_is_help_all_the_same():
+    code = (
+        "import sys; sys.modules['yaml'] = None\n"
+        "from proximity_monitor.__main__ import main; sys.exit(main(['demo', '--help']))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 0
+    assert "--speed" in run.stdout
+    assert "pip install '.[scene]'" in run.stdout
 
 
 @pytest.mark.parametrize("value", ["0", "-1", "nan", "inf", "soon"])
@@ -49,6 +73,7 @@ def test_a_scene_is_checked_with_its_models(capsys):
     said = capsys.readouterr().out
     assert "body block" in said
     assert "pair piston_1 - piston_2" in said
+    assert "motion slider_crank: 5 bodies, 12 rpm" in said
 
 
 def test_what_is_wrong_with_a_scene_is_said(tmp_path, capsys):
@@ -80,5 +105,5 @@ def test_an_interrupt_while_python_imports_ends_it_quietly(how):
         f"sys.meta_path.insert(0, CtrlC())\n{start}"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert run.returncode == 130
+    assert run.returncode in (130, -signal.SIGINT)  # which shells show as 130
     assert run.stdout == run.stderr == ""

@@ -6,12 +6,14 @@ into the other two, so what it shows is what the interface carries.
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
+from threading import Thread
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
@@ -19,20 +21,34 @@ from rclpy.logging import LoggingSeverity, set_logger_level
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
 from rich.console import Console
 from rich.live import Live
 
 from proximity_monitor import motion
+from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros.node import ProximityMonitor
-from proximity_monitor.ros.outputs import LATEST
+from proximity_monitor.ros.page_process import PageProcess, can_show_page
 from proximity_monitor.ros.player import ProximityPlayer
+from proximity_monitor.ros.qos import LATEST
 from proximity_monitor.ros.spin import ros, spin
 from proximity_monitor.ros.table import Picture
-from proximity_monitor.scene import load_scene
+from proximity_monitor.scene import Scene, load_scene
 from proximity_monitor.scene.opening import find_scene
 
 LIVE_PERIOD_S = 0.25
 PLAIN_PERIOD_S = 1.0
+
+READ_PERIOD_S = 0.05
+"""Results are read so often and otherwise only counted: a monitor may publish at 1 kHz, and Python
+takes a tenth of a millisecond to unpack a few pairs."""
+
+ROWS = 20
+"""So many pairs are listed where there is no terminal whose height says how many."""
+
+MANY = 10
+"""From so many moving bodies on, their poses are played in one message: a process takes in some
+3,000 messages a second, whatever is in them."""
 
 
 class View(Node):
@@ -41,26 +57,49 @@ class View(Node):
     def __init__(self, picture: Picture, show: Callable[[], None], period_s: float) -> None:
         """Subscribe; `show` is called every `period_s` seconds once there are results."""
         super().__init__("proximity_demo")
+        self._picture = picture
+        self._show = show
+        self._unread: bytes | None = None
+        self._read_at = -math.inf
         every_alert = QoSProfile(depth=1000)
         name = "/proximity_monitor"
         self.create_subscription(
-            DiagnosticArray, f"{name}/closest_points", picture.take_points, LATEST
+            DiagnosticArray, f"{name}/closest_points", self._take, LATEST, raw=True
         )
         self.create_subscription(
             DiagnosticStatus, f"{name}/alerts", picture.take_alert, every_alert
         )
         self.create_subscription(DiagnosticArray, "/diagnostics", picture.take_diagnostics, 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(period_s, lambda: show() if picture.results else None, clock=steady)
+        self.create_timer(period_s, self._on_timer, clock=steady)
+
+    def read(self) -> None:
+        """Bring the picture up to date."""
+        if self._unread is not None:
+            self._picture.take_points(deserialize_message(self._unread, DiagnosticArray))
+            self._unread = None
+            self._read_at = time.monotonic()
+
+    def _take(self, message: bytes) -> None:
+        self._picture.results += 1
+        self._unread = message
+        if time.monotonic() - self._read_at >= READ_PERIOD_S:
+            self.read()
+
+    def _on_timer(self) -> None:
+        if self._picture.results:
+            self.read()
+            self._show()
 
 
-def run(scene: str, *, seconds: float | None = None, speed: float = 1.0) -> int:
+def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: bool = True) -> int:
     """Run the demo.
 
     Args:
         scene: a scene file with a motion, or the name of a bundled one.
         seconds: how long; None until SIGINT or SIGTERM.
         speed: seconds of motion in a second.
+        page: whether the page in the browser is served, too.
 
     Returns:
         The exit code: 1 if the scene cannot be used, or the monitor published nothing.
@@ -69,49 +108,93 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0) -> int:
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     try:
         described = load_scene(find_scene(scene))
-        picture = Picture(described.unit, motion.from_scene(described).describe())
+        moves = motion.from_scene(described, live=True)
     except (OSError, ValueError) as error:
         print(error, file=sys.stderr)
         return 1
-    print(f"{described.path}: {len(described.bodies)} bodies, {len(described.pairs)} pairs")
-    print("Starting ...", flush=True)
+    picture = Picture(described.unit, "; ".join(moves.describe().splitlines()))
+    bodies = counted(len(described.bodies), "body", "bodies")
+    print(f"{described.path}: {bodies}, {counted(len(described.pairs), 'pair', 'pairs')}")
+    print(f"{picture.what_runs}\nStarting ...", flush=True)
+    console = Console()
     with ros([]) as stop, ExitStack() as stack:
+        if page:
+            _serve_page(console, stack)
         try:
-            nodes = _start(scene, speed, stack)
+            nodes = _start(described, moves, speed, stack)
         except (OSError, ValueError) as error:
             print(error, file=sys.stderr)
             return 1
-        view = _view(picture, stack)
+        monitor, player = nodes
+        view = _view(picture, console, stack)
         started = time.monotonic()
-        ends = None if seconds is None else started + seconds
-        spin([*nodes, view], stop, lambda: ends is not None and time.monotonic() >= ends)
+        ends = math.inf if seconds is None else started + seconds
+
+        def over() -> bool:
+            return time.monotonic() >= ends
+
+        # In a thread of its own: a motion that is computed with effort must not hold up the watch.
+        playing = Thread(target=spin, args=([player], stop, over))
+        playing.start()
+        try:
+            spin([monitor, view], stop, over)
+        finally:
+            ends = -math.inf
+            playing.join()
+        view.read()
         stack.close()
         if picture.results or not stop.asked:
             return _summary(picture, time.monotonic() - started)
     return 0  # interrupted while it started
 
 
-def _start(scene: str, speed: float, stack: ExitStack) -> list[Node]:
+def _start(scene: Scene, moves: motion.Motion, speed: float, stack: ExitStack) -> list[Node]:
     """Start monitor and player; only what stops them is logged, as the view shows the rest."""
     for name in ("proximity_monitor", "proximity_player"):
         set_logger_level(name, LoggingSeverity.FATAL)
-    choice = Parameter("scene", value=scene)
-    monitor = ProximityMonitor(parameter_overrides=[choice])
+    moving = {body.name for body in scene.bodies if body.topic is not None}
+    bulk = len(moving) >= MANY and moving <= set(moves.bodies)
+    choice = Parameter("scene", value=str(scene.path))
+    monitor = ProximityMonitor(
+        parameter_overrides=[choice, Parameter("body_topics", value=not bulk)]
+    )
     stack.callback(monitor.destroy_node)
     if not monitor.start():
         raise ValueError("the monitor could not start")
-    player = ProximityPlayer(parameter_overrides=[choice, Parameter("speed", value=speed)])
+    player = ProximityPlayer(
+        moves,
+        parameter_overrides=[
+            choice,
+            Parameter("speed", value=speed),
+            Parameter("bulk", value=bulk),
+        ],
+    )
     stack.callback(player.destroy_node)
     return [monitor, player]
 
 
-def _view(picture: Picture, stack: ExitStack) -> View:
-    console = Console()
+def _serve_page(console: Console, stack: ExitStack) -> None:
+    """Start the page; a console's own print goes well with a live table."""
+
+    def say(line: str) -> None:
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+    if can_show_page():
+        stack.callback(PageProcess(say).stop)
+    else:
+        say("No page in the browser: it needs viser (pip install '.[display]' in the checkout)")
+
+
+def _view(picture: Picture, console: Console, stack: ExitStack) -> View:
     if console.is_terminal:
         live = stack.enter_context(Live(console=console, auto_refresh=False))
-        view = View(picture, lambda: live.update(picture.rich(), refresh=True), LIVE_PERIOD_S)
+        view = View(
+            picture,
+            lambda: live.update(picture.rich(console.height), refresh=True),
+            LIVE_PERIOD_S,
+        )
     else:
-        view = View(picture, lambda: print(picture.plain(), flush=True), PLAIN_PERIOD_S)
+        view = View(picture, lambda: print(picture.plain(ROWS), flush=True), PLAIN_PERIOD_S)
     stack.callback(view.destroy_node)
     return view
 
@@ -123,7 +206,7 @@ def _summary(picture: Picture, took_s: float) -> int:
     count = Counter(alert.message.partition(":")[0] for alert in picture.alerts)
     changes = ", ".join(f"{n} x {change}" for change, n in sorted(count.items())) or "none"
     print(f"\n{took_s:.1f} s, {picture.results} results received; alerts: {changes}.")
-    print("Smallest clearance of each pair in this session:")
-    for row in picture.rows():
-        print(f"  {row[0]}: {row[-1]} {picture.unit.symbol}")
+    print("Smallest clearance of each pair in this session, the nearest first:")
+    for name, least in picture.minima(ROWS):
+        print(f"  {name}: {least} {picture.unit.symbol}")
     return 0

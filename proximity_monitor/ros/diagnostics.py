@@ -1,25 +1,28 @@
-"""The node's own state for /diagnostics: three statuses, each saying in a line what is wrong.
+"""The node's own state for /diagnostics: four statuses, each saying in a line what is wrong.
 
 ``<node>: clearance`` is an error while a pair is at stop, a warning while one is at warn or stale;
 ``<node>: schedule`` a warning when ticks overran since the last message, or the node is paused or
 not active; ``<node>: inputs`` a warning while a body is silent, an unknown one is published, or
-messages were refused since the last message. Counts run from the time the node was configured.
+messages were refused since the last message; ``<node>: outputs`` a warning when a peer came whose
+quality of service does not fit. Counts run from the time the node was configured.
 """
 
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from proximity_monitor.ros.inputs import Inputs
-from proximity_monitor.ros.parameters import Settings
+from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
-from proximity_monitor.scene.state import PairStatus, Tick
+from proximity_monitor.scene.listed import as_arrays
+from proximity_monitor.scene.state import STATUSES, PairStatus, Tick
 
 WINDOW_S = 10.0
 """Percentiles and the achieved rate are over the ticks of so many seconds."""
@@ -27,6 +30,9 @@ WINDOW_S = 10.0
 OVERRUN_S = 0.001
 """How far a search may run past the budget before it counts: a slice of a search takes well under a
 millisecond, so what is above is a real overrun or a machine that is too busy."""
+
+NAMED = 10
+"""So many bodies are named in the line that says what is wrong."""
 
 
 class Timing:
@@ -65,6 +71,35 @@ class Timing:
         return values
 
 
+class State(NamedTuple):
+    """What a configured monitor is like at the moment of a message."""
+
+    activity: str
+    """active, paused or inactive."""
+    settings: Settings
+    tick: Tick | None
+    levels: Mapping[int, Level]
+    watched: int
+    """Pairs of the scene."""
+    inputs: Inputs
+    silent: Sequence[str]
+    """Bodies whose pose is stale or was never given."""
+    refused_joints: Mapping[str, int]
+    """By reason."""
+    held: Mapping[str, str]
+    """By an attached body, the one that it hangs on."""
+    waiting: Mapping[str, str]
+    """The same of those that cannot be attached yet."""
+    built: Mapping[str, int]
+    """Messages made, by topic."""
+    alerts_left_out: int
+    """Changes that were not published because too many came with one tick."""
+    distance_ticks: int
+    """Ticks that were asked for distances."""
+    incompatible: Mapping[str, int]
+    """By topic, peers whose quality of service does not fit."""
+
+
 @dataclass
 class Health:
     """What the diagnostics need to know, and what they said last."""
@@ -74,30 +109,25 @@ class Health:
     timing: Timing = field(default_factory=Timing)
     _overruns: int = 0
     _rejected: int = 0
+    _incompatible: int = 0
 
-    def message(
-        self,
-        stamp: Time,
-        *,
-        settings: Settings,
-        inputs: Inputs,
-        now_ns: int,
-        tick: Tick | None,
-        levels: Sequence[Level],
-        activity: str,
-    ) -> DiagnosticArray:
-        """Return the diagnostics of this second; `activity` is active, paused or inactive."""
+    def message(self, stamp: Time, state: State) -> DiagnosticArray:
+        """Return the diagnostics of this second."""
         array = DiagnosticArray()
         array.header.stamp = stamp
         array.status = [
-            self._clearance(tick, levels),
-            self._schedule(settings, tick, activity),
-            self._inputs(inputs, now_ns),
+            self._clearance(state),
+            self._schedule(state),
+            self._inputs(state),
+            self._outputs(state),
         ]
         return array
 
-    def _clearance(self, tick: Tick | None, levels: Sequence[Level]) -> DiagnosticStatus:
-        count = Counter(levels)
+    def _clearance(self, state: State) -> DiagnosticStatus:
+        tick, count = state.tick, Counter(state.levels.values())
+        if tick is not None:  # what is not listed
+            count[Level.STALE] += tick.unsure
+            count[Level.CLEAR] += tick.far
         level, worst = DiagnosticStatus.OK, "all pairs clear"
         if tick is None:
             level, worst = DiagnosticStatus.WARN, "no tick yet"
@@ -106,45 +136,68 @@ class Health:
         elif count[Level.WARN] or count[Level.STALE]:
             level = DiagnosticStatus.WARN
             worst = f"{count[Level.WARN]} pairs at warn, {count[Level.STALE]} stale"
-        kinds = Counter(pair.status for pair in tick.pairs) if tick is not None else Counter()
+        codes = as_arrays(tick.pairs).status if tick is not None else np.empty(0, np.int8)
+        kinds = dict(zip(PairStatus, np.bincount(codes, minlength=len(STATUSES)), strict=True))
         values = {f"pairs {each.value}": str(count[each]) for each in Level}
         values.update({f"pairs {each.value}": str(kinds[each]) for each in PairStatus})
+        values["pairs beyond range"] = str(tick.far) if tick is not None else "nan"
+        values["pairs watched"] = str(state.watched)
         values["clearance_m"] = repr(tick.clearance()) if tick is not None else "nan"
         return self._status("clearance", level, worst, values)
 
-    def _schedule(self, settings: Settings, tick: Tick | None, activity: str) -> DiagnosticStatus:
+    def _schedule(self, state: State) -> DiagnosticStatus:
+        settings, tick = state.settings, state.tick
         overruns = self.timing.budget_overruns + self.timing.period_overruns
         new, self._overruns = overruns - self._overruns, overruns
         level, what = DiagnosticStatus.OK, "on time"
-        if activity != "active":
-            level, what = DiagnosticStatus.WARN, f"{activity}: no clearance is watched"
+        if state.activity != "active":
+            level, what = DiagnosticStatus.WARN, f"{state.activity}: no clearance is watched"
         elif new:
             level, what = DiagnosticStatus.WARN, f"{new} overruns in the last second"
         values = {
-            "activity": activity,
+            "activity": state.activity,
             "rate_hz": f"{settings.rate_hz:g}",
             "budget_ms": f"{settings.budget_s * 1e3:g}",
             **self.timing.values(),
             "pairs left": str(tick.left) if tick is not None else "nan",
+            "ticks with distances": str(state.distance_ticks),
         }
         return self._status("schedule", level, what, values)
 
-    def _inputs(self, inputs: Inputs, now_ns: int) -> DiagnosticStatus:
-        rejected = sum(inputs.rejected.values())
+    def _inputs(self, state: State) -> DiagnosticStatus:
+        refused = state.inputs.rejected | state.refused_joints
+        rejected = sum(refused.values())
         new, self._rejected = rejected - self._rejected, rejected
-        silent, strangers = inputs.silent(now_ns), inputs.strangers
+        strangers = state.inputs.strangers
         wrong = []
-        if silent:
-            wrong.append(f"no recent pose of {', '.join(silent)}")
+        if state.silent:
+            wrong.append(f"no recent pose of {_some(state.silent)}")
         if strangers:
-            wrong.append(f"unknown bodies: {', '.join(strangers)}")
+            wrong.append(f"unknown bodies: {_some(strangers)}")
+        if state.waiting:
+            wrong.append(f"not attached yet: {_some(list(state.waiting))}")
         if new:
             wrong.append(f"{new} messages rejected in the last second")
-        values = {f"rejected: {reason}": str(n) for reason, n in inputs.rejected.items()}
-        values["silent bodies"] = ", ".join(silent)
+        values = {f"rejected: {reason}": str(n) for reason, n in refused.items()}
+        values["silent bodies"] = ", ".join(state.silent)
         values["unknown bodies"] = ", ".join(strangers)
+        values["attached bodies"] = _hanging(state.held)
+        values["waiting to be attached"] = _hanging(state.waiting)
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         return self._status("inputs", level, "; ".join(wrong) or "all bodies reported", values)
+
+    def _outputs(self, state: State) -> DiagnosticStatus:
+        incompatible = sum(state.incompatible.values())
+        new, self._incompatible = incompatible - self._incompatible, incompatible
+        values = {f"built: {topic}": str(n) for topic, n in state.built.items()}
+        values |= {f"incompatible QoS: {topic}": str(n) for topic, n in state.incompatible.items()}
+        values["alerts left out"] = str(state.alerts_left_out)
+        values["incompatible QoS"] = str(incompatible)
+        level, what = DiagnosticStatus.OK, "all peers fit"
+        if new:
+            level = DiagnosticStatus.WARN
+            what = f"{new} peers with an incompatible quality of service in the last second"
+        return self._status("outputs", level, what, values)
 
     def _status(
         self, task: str, level: bytes, message: str, values: dict[str, str]
@@ -156,3 +209,13 @@ class Health:
             hardware_id=self.hardware_id,
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
+
+
+def _some(names: Sequence[str]) -> str:
+    """The first names of a list that may be long, for a line."""
+    more = len(names) - NAMED
+    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
+
+
+def _hanging(parents: Mapping[str, str]) -> str:
+    return ", ".join(f"{child} on {parent}" for child, parent in parents.items())

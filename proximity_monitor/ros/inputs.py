@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
 
-from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrix
+from proximity_monitor.scene.approach import Course
+from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrices, pose_matrix
 from proximity_monitor.scene.state import PoseSample
 
 FUTURE_TOLERANCE_S = 0.1
@@ -24,29 +25,50 @@ differ by less; a stamp further ahead would hide for as long that its source fel
 FURTHEST = 1e9
 """Metres from the origin. Beyond it float64 rounds by more than a ten-thousandth of a mm."""
 
+RIGID = 1e-6
+"""How far each entry of R'R may be from the identity's: half of what the engine refuses."""
+
 
 class Reason:
     """Why a message is refused; the keys of the counts in the diagnostics."""
 
     NOT_FINITE = "not finite"
     NOT_UNIT = "quaternion not unit"
+    NOT_RIGID = "not rigid"
     TOO_FAR = "position out of range"
     FRAME = "other frame"
     STALE = "stale stamp"
     FUTURE = "stamp in the future"
     ORDER = "stamp out of order"
+    LENGTH = "wrong length"
+    LAYOUT = "unreadable layout"
+    SHAPE = "vertices of no sound shape"
+    ATTACHED = "body is attached"
     UNKNOWN_BODY = "unknown body"
-    ALL = (NOT_FINITE, NOT_UNIT, TOO_FAR, FRAME, STALE, FUTURE, ORDER, UNKNOWN_BODY)
+    ALL = (
+        NOT_FINITE, NOT_UNIT, NOT_RIGID, TOO_FAR, FRAME, STALE, FUTURE, ORDER, LENGTH, LAYOUT,
+        SHAPE, ATTACHED, UNKNOWN_BODY,
+    )  # fmt: skip
 
 
 class _Last:
-    """The last good pose of one body."""
+    """The last good pose of one body, and the one with another stamp before it."""
 
-    __slots__ = ("pose", "stamp_ns")
+    __slots__ = ("before", "before_ns", "pose", "stamp_ns")
 
     def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
         self.stamp_ns: int | None = None
         self.pose: np.ndarray | None = None
+        self.before_ns: int | None = None
+        self.before: np.ndarray | None = None
+
+    def keep(self, pose: np.ndarray, stamp_ns: int) -> None:
+        if stamp_ns != self.stamp_ns:
+            self.before, self.before_ns = self.pose, self.stamp_ns
+        self.pose, self.stamp_ns = pose, stamp_ns
 
 
 class Inputs:
@@ -55,8 +77,15 @@ class Inputs:
     def __init__(self, bodies: Iterable[str], frame: str) -> None:
         """Begin with no pose of any of the `bodies`; `frame` is the only one that is accepted."""
         self._last = {name: _Last() for name in bodies}
+        self.names = tuple(self._last)
+        """The moving bodies, in the order of bulk messages."""
         self._frame = frame
         self._counted: set[bytes] = set()
+        self._awaited: set[str] = set()
+        self.news = False
+        """Whether poses were kept since the round began (see `await_again`)."""
+        self.attached: frozenset[str] = frozenset()
+        """Bodies whose own poses do not count now."""
         self.strangers: list[str] = []
         """Names of unknown bodies that are published now, sorted."""
         self.timeout_s = 0.5
@@ -73,31 +102,87 @@ class Inputs:
         last = self._last[name]
         stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         p, q = message.pose.position, message.pose.orientation
-        reason = self._judge_header(message.header.frame_id, stamp_ns, now_ns, last)
+        reason = self._judge_header(message.header.frame_id, stamp_ns, now_ns)
         reason = reason or _judge_pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+        reason = reason or self._judge_body(name, stamp_ns)
         if reason is not None:
             self.rejected[reason] += 1
             return reason
-        last.stamp_ns = stamp_ns
-        last.pose = pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+        last.keep(pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w)), stamp_ns)
+        self._awaited.discard(name)
+        self.news = True
         return None
 
-    def _judge_header(self, frame: str, stamp_ns: int, now_ns: int, last: _Last) -> str | None:
-        age_s = (now_ns - stamp_ns) * 1e-9
-        if frame != self._frame:
-            return Reason.FRAME
-        if age_s < -FUTURE_TOLERANCE_S:
-            return Reason.FUTURE
-        if age_s > self.timeout_s:
-            return Reason.STALE
-        if last.stamp_ns is not None and stamp_ns < last.stamp_ns:
-            return Reason.ORDER
-        return None
+    def store_array(
+        self,
+        positions: np.ndarray,
+        quaternions: np.ndarray,
+        stamp_ns: int,
+        frame: str,
+        now_ns: int,
+    ) -> int:
+        """Keep the poses of one moment of all moving bodies; return how many were good.
+
+        Args:
+            positions: (n, 3) in the order of `names`; with another n nothing is kept.
+            quaternions: (n, 4) x, y, z, w.
+            stamp_ns: of all of them.
+            frame: of all of them.
+            now_ns: nanoseconds of the node's clock.
+        """
+        if len(positions) != len(self.names):
+            self.rejected[Reason.LENGTH] += 1
+            return 0
+        with np.errstate(over="ignore", invalid="ignore"):
+            lengths = np.sqrt((quaternions * quaternions).sum(axis=1))
+            finite = np.isfinite(positions).all(axis=1) & np.isfinite(quaternions).all(axis=1)
+            near = (np.abs(positions) <= FURTHEST).all(axis=1)
+            unit = np.abs(lengths - 1.0) <= UNIT_LENGTH
+        good = self._count(
+            ((Reason.NOT_FINITE, finite), (Reason.TOO_FAR, near), (Reason.NOT_UNIT, unit))
+        )
+        poses = np.empty((len(good), 4, 4))
+        poses[good] = pose_matrices(positions[good], quaternions[good])
+        return self._keep(self.names, poses, good, stamp_ns, frame, now_ns)
+
+    def store_many(
+        self, names: Sequence[str], poses: np.ndarray, stamp_ns: int, frame: str, now_ns: int
+    ) -> int:
+        """Keep the poses of one moment of some bodies; return how many were good.
+
+        Args:
+            names: k moving bodies of the scene.
+            poses: (k, 4, 4) model to world in metres; kept as they are, so they must not change.
+            stamp_ns: of all of them.
+            frame: of all of them.
+            now_ns: nanoseconds of the node's clock.
+        """
+        rotations, positions = poses[:, :3, :3], poses[:, :3, 3]
+        with np.errstate(over="ignore", invalid="ignore"):
+            finite = np.isfinite(poses).all(axis=(1, 2))
+            near = (np.abs(positions) <= FURTHEST).all(axis=1)
+            grams = rotations.transpose(0, 2, 1) @ rotations
+            rigid = (np.abs(grams - np.eye(3)) <= RIGID).all(axis=(1, 2))
+            rigid &= (np.linalg.det(rotations) > 0.0) & (poses[:, 3] == (0, 0, 0, 1)).all(axis=1)
+        good = self._count(
+            ((Reason.NOT_FINITE, finite), (Reason.TOO_FAR, near), (Reason.NOT_RIGID, rigid))
+        )
+        return self._keep(names, poses, good, stamp_ns, frame, now_ns)
+
+    def refuse(self, reason: str) -> None:
+        """Count a message that is refused before it comes to poses."""
+        self.rejected[reason] += 1
 
     def forget(self) -> None:
         """Forget all poses: the clock went back, so no stamp can be compared with a former one."""
         for last in self._last.values():
-            last.stamp_ns = last.pose = None
+            last.forget()
+
+    def place(self, name: str, pose: np.ndarray, stamp_ns: int) -> None:
+        """Put a body where it was carried to, when it is detached."""
+        last = self._last[name]
+        last.forget()
+        last.keep(pose, stamp_ns)
 
     def samples(self, now_ns: int) -> dict[str, PoseSample | None]:
         """Return each moving body's last good pose and whether it is stale."""
@@ -106,13 +191,27 @@ class Inputs:
             for name, last in self._last.items()
         }
 
-    def silent(self, now_ns: int) -> list[str]:
-        """Return the bodies whose pose is stale or was never given."""
-        return [name for name, last in self._last.items() if self._stale(last, now_ns)]
+    def await_again(self, names: Iterable[str]) -> None:
+        """Begin a new round, which is `complete` when each of these bodies has a new pose."""
+        self._awaited = set(names)
+        self.news = False
+
+    @property
+    def complete(self) -> bool:
+        """Whether no body of the round is waited for any more."""
+        return not self._awaited
 
     def stamp_ns(self, name: str) -> int | None:
         """Return the stamp of a body's last good pose; None for a fixed body or without a pose."""
         return self._last[name].stamp_ns if name in self._last else None
+
+    def course(self, name: str) -> Course | None:
+        """Return a moving body's last two poses; None where there are not two in good time."""
+        last = self._last[name]
+        if last.before is None:
+            return None
+        seconds = (last.stamp_ns - last.before_ns) * 1e-9
+        return Course(last.before, last.pose, seconds) if seconds <= self.timeout_s else None
 
     def note_strangers(self, publishers: Iterable[tuple[str, bytes]]) -> list[str]:
         """Take the present publishers of pose topics that no body of the scene listens to.
@@ -133,6 +232,54 @@ class Inputs:
             self._counted.add(identity)
         self.strangers = sorted(names)
         return sorted(names - before)
+
+    def _keep(
+        self,
+        names: Sequence[str],
+        poses: np.ndarray,
+        good: np.ndarray,
+        stamp_ns: int,
+        frame: str,
+        now_ns: int,
+    ) -> int:
+        """Keep the good poses of one moment; count the others' reasons that are not counted yet."""
+        if reason := self._judge_header(frame, stamp_ns, now_ns):
+            self.rejected[reason] += int(good.sum())
+            return 0
+        kept = []
+        for i in np.flatnonzero(good).tolist():
+            if reason := self._judge_body(names[i], stamp_ns):
+                self.rejected[reason] += 1
+            else:
+                self._last[names[i]].keep(poses[i], stamp_ns)
+                kept.append(names[i])
+        self._awaited.difference_update(kept)
+        self.news |= bool(kept)
+        return len(kept)
+
+    def _count(self, tests: Iterable[tuple[str, np.ndarray]]) -> np.ndarray:
+        """Count what fails by the first test that it fails; return what passes all of them."""
+        good = True
+        for reason, passed in tests:
+            self.rejected[reason] += int((good & ~passed).sum())
+            good = good & passed
+        return good
+
+    def _judge_header(self, frame: str, stamp_ns: int, now_ns: int) -> str | None:
+        age_s = (now_ns - stamp_ns) * 1e-9
+        if frame != self._frame:
+            return Reason.FRAME
+        if age_s < -FUTURE_TOLERANCE_S:
+            return Reason.FUTURE
+        if age_s > self.timeout_s:
+            return Reason.STALE
+        return None
+
+    def _judge_body(self, name: str, stamp_ns: int) -> str | None:
+        if name in self.attached:
+            return Reason.ATTACHED
+        last_ns = self._last[name].stamp_ns
+        return Reason.ORDER if last_ns is not None and stamp_ns < last_ns else None
 
     def _stale(self, last: _Last, now_ns: int) -> bool:
         return last.stamp_ns is None or (now_ns - last.stamp_ns) * 1e-9 > self.timeout_s

@@ -11,7 +11,7 @@ Everything is in the fixed frame and stamped with its tick.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -26,6 +26,10 @@ from proximity_monitor.scene.state import PairState, PairStatus
 
 NEAREST = 3
 """So many pairs are labelled even when all is clear."""
+
+LABELS = 50
+"""So many are labelled at most, the nearest of those that are not clear: more are no help, and each
+costs as much as all lines together."""
 
 COLOURS = {
     Level.CLEAR: ColorRGBA(r=0.16, g=0.63, b=0.40, a=1.0),
@@ -51,19 +55,27 @@ class ClearanceMarkers:
         self._life = Duration(sec=int(life_s), nanosec=int(life_s % 1.0 * 1e9))
 
     def message(
-        self, pairs: Sequence[PairState], levels: Sequence[Level], stamp: Time
+        self, pairs: Sequence[PairState], levels: Mapping[int, Level], stamp: Time
     ) -> MarkerArray:
-        """Return the markers of a tick; pairs without a pose have none."""
-        shown = [i for i, pair in enumerate(pairs) if pair.status is not PairStatus.UNKNOWN]
-        nearest = sorted(shown, key=lambda i: pairs[i].lower)[:NEAREST]
-        labelled = {i for i in shown if levels[i] is not Level.CLEAR} | set(nearest)
+        """Return the markers of a tick; pairs without a pose have none.
+
+        Args:
+            pairs: those that the tick lists.
+            levels: of these by their index in the scene, which also is the id of a pair's label.
+            stamp: of the tick.
+        """
+        shown = [pair for pair in pairs if pair.status is not PairStatus.UNKNOWN]
+        nearest = sorted(shown, key=lambda pair: pair.lower)
+        urgent = [pair for pair in nearest if levels[pair.index] is not Level.CLEAR]
+        labelled = {pair.index: pair for pair in (*nearest[:NEAREST], *urgent[:LABELS])}
         markers = [
-            self._many(Marker.LINE_LIST, "distance", stamp, 0.002, pairs, levels, shown),
-            self._many(Marker.SPHERE_LIST, "points", stamp, 0.008, pairs, levels, shown),
+            self._many(Marker.LINE_LIST, "distance", stamp, 0.002, levels, shown),
+            self._many(Marker.SPHERE_LIST, "points", stamp, 0.008, levels, shown),
         ]
-        markers += [self._label(i, pairs[i], levels[i], stamp) for i in sorted(labelled)]
-        markers += [self._gone("label", i, stamp) for i in sorted(self._labelled - labelled)]
-        self._labelled = labelled
+        markers += [self._label(pair, levels[i], stamp) for i, pair in sorted(labelled.items())]
+        gone = self._labelled - labelled.keys()
+        markers += [self._gone("label", i, stamp) for i in sorted(gone)]
+        self._labelled = set(labelled)
         return MarkerArray(markers=markers)
 
     def farewell(self, stamp: Time) -> MarkerArray:
@@ -79,21 +91,20 @@ class ClearanceMarkers:
         namespace: str,
         stamp: Time,
         scale: float,
-        pairs: Sequence[PairState],
-        levels: Sequence[Level],
-        shown: Sequence[int],
+        levels: Mapping[int, Level],
+        shown: Sequence[PairState],
     ) -> Marker:
         if not shown:
             return self._gone(namespace, 0, stamp)  # viewers complain about a list without points
         marker = self._marker(kind, namespace, 0, stamp)
         marker.scale.x = marker.scale.y = marker.scale.z = scale * self._size
-        marker.points = [to_point(p) for i in shown for p in (pairs[i].point_a, pairs[i].point_b)]
-        marker.colors = [COLOURS[levels[i]] for i in shown for _ in range(2)]
+        marker.points = [to_point(p) for pair in shown for p in (pair.point_a, pair.point_b)]
+        marker.colors = [COLOURS[levels[pair.index]] for pair in shown for _ in range(2)]
         marker.color = COLOURS[Level.CLEAR]  # some viewers hide a list whose own alpha is 0
         return marker
 
-    def _label(self, i: int, pair: PairState, level: Level, stamp: Time) -> Marker:
-        marker = self._marker(Marker.TEXT_VIEW_FACING, "label", i, stamp)
+    def _label(self, pair: PairState, level: Level, stamp: Time) -> Marker:
+        marker = self._marker(Marker.TEXT_VIEW_FACING, "label", pair.index, stamp)
         marker.scale.z = 0.02 * self._size
         marker.pose.position = to_point((pair.point_a + pair.point_b) / 2.0)
         marker.color = COLOURS[level]

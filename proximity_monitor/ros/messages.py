@@ -2,7 +2,8 @@
 
 ``~/closest_points`` is a `diagnostic_msgs/DiagnosticArray` with one `DiagnosticStatus` a pair,
 because of the types in common_interfaces it is the only one that carries named values for each of
-many named things, and that ``ros2 topic echo`` and every diagnostics viewer show readably:
+many named things, and that ``ros2 topic echo`` and every diagnostics viewer show readably. It lists
+the pairs that the tick lists: of pairs with a range, those that may be within it.
 
 ====================  ==================================================================
 ``header.stamp``      the tick; ``header.frame_id`` the fixed frame
@@ -17,6 +18,8 @@ many named things, and that ``ros2 topic echo`` and every diagnostics viewer sho
 ``stamp``             the older stamp of the two bodies' poses: the moment that is spoken of
 ``age_s``             seconds since the numbers answered the present poses; 0 while they do
 ``direction``         unit vector from A's point to B's; empty where they coincide
+``feature_a, _b``     of a pair at warn or stop, where its points lie on the models: the triangle,
+                      and the barycentric weights of its corners
 ``session_min_m``     the smallest upper bound since the last reset: surely reached
 ``session_min_lower_m``  the smallest lower bound since then: at no tick could it be nearer
 ====================  ==================================================================
@@ -28,12 +31,13 @@ would be lighter, and would tie every consumer to building this package.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from proximity_monitor import engine
 from proximity_monitor.scene import Unit
 from proximity_monitor.scene.alerts import Alert, Level
 from proximity_monitor.scene.state import PairState, PairStatus
@@ -44,6 +48,8 @@ SEVERITY = {
     Level.STOP: DiagnosticStatus.ERROR,
     Level.STALE: DiagnosticStatus.STALE,
 }
+
+_NEAR = (Level.WARN, Level.STOP)
 
 
 def pair_name(a: str, b: str) -> str:
@@ -64,14 +70,25 @@ def clearance_text(pair: PairState, unit: Unit) -> str:
 
 def closest_points(
     pairs: Sequence[PairState],
-    levels: Sequence[Level],
+    levels: Mapping[int, Level],
     *,
     stamp: Time,
     frame: str,
     unit: Unit,
     pose_stamp_ns: Callable[[str], int | None],
+    features: Callable[[PairState], tuple[engine.Feature, engine.Feature]] | None = None,
 ) -> DiagnosticArray:
-    """Return all pairs of a tick as one message (see the module's table)."""
+    """Return all pairs of a tick as one message (see the module's table).
+
+    Args:
+        pairs: those that the tick lists.
+        levels: by index in the scene.
+        stamp: of the tick.
+        frame: the fixed frame.
+        unit: for the texts.
+        pose_stamp_ns: the stamp of a body's pose, by name.
+        features: where the points of a pair lie on its models; None: they are left out.
+    """
     message = DiagnosticArray()
     message.header.stamp = stamp
     message.header.frame_id = frame
@@ -81,15 +98,27 @@ def closest_points(
             name=pair_name(pair.a, pair.b),
             message=clearance_text(pair, unit),
             hardware_id=frame,
-            values=_values(_pair_values(pair, level, pose_stamp_ns)),
+            values=_values(
+                _pair_values(pair, level, pose_stamp_ns)
+                | (_features(*features(pair)) if features and level in _NEAR else {})
+            ),
         )
-        for pair, level in zip(pairs, levels, strict=True)
+        for pair in pairs
+        for level in (levels[pair.index],)
     ]
     return message
 
 
 def alert(change: Alert, *, stamp: Time, frame: str) -> DiagnosticStatus:
-    """Return one change of level: its reason as message, old and new level and bounds as values."""
+    """Return one change of level; the message says why, in the scene's unit.
+
+    Its values: ``old`` and ``new`` level; ``lower_m`` and ``upper_m``; ``reason``; ``stamp`` of the
+    tick; ``body`` and ``escape``, the unit vector in the fixed frame by which that body gets away;
+    ``closing_m_s``, negative where the bodies part; ``seconds_left`` at that speed until stop, or
+    until contact where the pair is at stop. What is not known is empty or ``nan``.
+    """
+    motion = change.approach
+    escape = motion is not None and motion.escape is not None
     return DiagnosticStatus(
         level=SEVERITY[change.new],
         name=pair_name(change.a, change.b),
@@ -102,6 +131,10 @@ def alert(change: Alert, *, stamp: Time, frame: str) -> DiagnosticStatus:
                 "lower_m": repr(change.lower),
                 "upper_m": repr(change.upper),
                 "reason": change.reason,
+                "body": motion.body if escape else "",
+                "escape": _vector(motion.escape) if escape else "",
+                "closing_m_s": f"{motion.closing:.6g}" if motion is not None else "nan",
+                "seconds_left": f"{change.seconds_left:.6g}",
                 "stamp": seconds(stamp.sec * 1_000_000_000 + stamp.nanosec),
             }
         ),
@@ -132,6 +165,13 @@ def _pair_values(
         "session_min_lower_m": repr(
             pair.session_min_lower if pair.session_min_lower < math.inf else math.nan
         ),
+    }
+
+
+def _features(a: engine.Feature, b: engine.Feature) -> dict[str, str]:
+    return {
+        key: f"{each.triangle} {_vector(each.barycentric)}"
+        for key, each in (("feature_a", a), ("feature_b", b))
     }
 
 

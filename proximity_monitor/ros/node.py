@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from functools import wraps
 
+import numpy as np
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import ParameterException
@@ -17,10 +18,13 @@ from rclpy.parameter import Parameter
 
 from proximity_monitor import engine
 from proximity_monitor.ros import parameters
-from proximity_monitor.ros.session import Session, compile_search
+from proximity_monitor.ros.scene_parameters import SceneParameters
+from proximity_monitor.ros.session import Session
 from proximity_monitor.ros.spin import interruptible, ros, spin
 from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.features import feature
 from proximity_monitor.scene.opening import find_scene, load_models
+from proximity_monitor.scene.schedule import Monitor
 
 RCLError = rclpy_implementation.RCLError
 
@@ -62,6 +66,7 @@ class ProximityMonitor(LifecycleNode):
         """
         super().__init__("proximity_monitor", **node_options)
         self._session: Session | None = None
+        self._declared: SceneParameters | None = None
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         parameters.declare(self)
@@ -89,13 +94,20 @@ class ProximityMonitor(LifecycleNode):
         )
         with interruptible():
             models = load_models(scene)
-            compile_search()
-        parameters.declare_thresholds(self, scene)
+            _compile_features()
+            monitor = Monitor(scene, models, threads=self.get_parameter("threads").value)
+        declared = SceneParameters(self, scene)
+        if declared.unadjustable:
+            self.get_logger().info(
+                f"{declared.unadjustable} pairs have thresholds of their own: too many for"
+                " parameters, so these stay as the scene file says"
+            )
         try:
-            self._session = Session(self, scene, models, parameters.read(self, scene))
+            self._session = Session(self, scene, models, monitor, declared.settings())
         except BaseException:
-            parameters.undeclare_thresholds(self, scene)
+            declared.undeclare()
             raise
+        self._declared = declared
         return super().on_configure(state)
 
     @_told
@@ -156,16 +168,27 @@ class ProximityMonitor(LifecycleNode):
 
     def _free(self) -> None:
         session, self._session = self._session, None
+        declared, self._declared = self._declared, None
         if session is not None:
             session.close()
-            parameters.undeclare_thresholds(self, session.scene)
+            declared.undeclare()
 
     def _check_parameters(self, changes: Sequence[Parameter]) -> SetParametersResult:
-        return parameters.check(self, self._session and self._session.scene, changes)
+        if self._declared is not None:
+            return self._declared.check(changes)
+        changed = {parameter.name: parameter.value for parameter in changes}
+        reason = parameters.refusal(parameters.values(self) | changed, tuple(changed))
+        return SetParametersResult(successful=not reason, reason=reason)
 
     def _apply_parameters(self, changes: Sequence[Parameter]) -> None:
         if self._session is not None:
-            self._session.apply(parameters.read(self, self._session.scene))
+            self._session.apply(self._declared.settings())
+
+
+def _compile_features() -> None:
+    """Ask once for a feature, so that the first pair at warn does not wait for the compiler."""
+    triangle = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    feature(triangle, np.eye(4), np.zeros(3))
 
 
 class _ToLog(logging.Handler):

@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import PoseArray
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, String
 from visualization_msgs.msg import MarkerArray
 
 from proximity_monitor import engine
 from proximity_monitor.ros import messages
-from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.markers import ClearanceMarkers
-from proximity_monitor.ros.parameters import Settings
 from proximity_monitor.ros.parts import PartsMessage
+from proximity_monitor.ros.poses_message import PosesMessage
+from proximity_monitor.ros.qos import LATCHED, LATEST, Incompatible
+from proximity_monitor.ros.scene_message import SceneMessage
+from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Level
-from proximity_monitor.scene.state import PoseSample, Tick
+from proximity_monitor.scene.features import feature
+from proximity_monitor.scene.state import PairState, PoseSample, Tick
 
-LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(
-    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
+KEPT_ALERTS = 1000
+"""So many alerts at most are kept for subscribers that are slow or come late; and so many of one
+tick are published, the most urgent ones, as no subscriber could hold more."""
+
+_URGENCY = (Level.STOP, Level.STALE, Level.WARN, Level.CLEAR)
 
 
 class Outputs:
@@ -37,76 +44,124 @@ class Outputs:
         scene: Scene,
         models: Mapping[str, engine.TriangleMesh],
         settings: Settings,
+        incompatible: Incompatible,
     ) -> None:
-        """Create the publishers, and the parts' message if markers are wanted."""
+        """Create the publishers."""
         self._node = node
         self._scene = scene
         self._models = models
         self._frame = settings.frame
-        self._size = max(2.0 * model.radius for model in models.values())
         # Every pair may change at one moment, twice before a slow subscriber looks; who comes late
         # still gets the last changes.
         alerts = QoSProfile(
-            depth=2 * len(scene.pairs),
+            depth=min(2 * len(scene.pairs), KEPT_ALERTS),
             reliability=ReliabilityPolicy.RELIABLE,
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
         )
-        create = node.create_lifecycle_publisher
-        self._alerts = create(DiagnosticStatus, "~/alerts", alerts)
-        self._clearance = create(Float64, "~/clearance", LATEST)
-        self._closest = create(DiagnosticArray, "~/closest_points", LATEST)
-        self._markers = create(MarkerArray, "~/markers", LATEST)
-        self._parts = create(MarkerArray, "~/parts", LATCHED)
+        self._publishers = []
+        self.built: Counter[str] = Counter()
+        """How many messages were made of each topic."""
+        self.alerts_left_out = 0
+
+        def create(kind: type, topic: str, qos: QoSProfile):
+            self.built[topic] = 0
+            made = node.create_lifecycle_publisher(
+                kind, f"~/{topic}", qos, event_callbacks=incompatible.publisher(f"~/{topic}")
+            )
+            self._publishers.append(made)
+            return made
+
+        self._alerts = create(DiagnosticStatus, "alerts", alerts)
+        self._clearance = create(Float64, "clearance", LATEST)
+        self._closest = create(DiagnosticArray, "closest_points", LATEST)
+        self._markers = create(MarkerArray, "markers", LATEST)
+        self._parts = create(MarkerArray, "parts", LATCHED)
+        self._poses = create(PoseArray, "poses", LATEST)
+        self._described = create(String, "scene", LATCHED)
+        self._scene_message = SceneMessage(scene)
+        self._scene_is_new = True
+        self._deforming: set[str] = set()
+        moving = [body.name for body in scene.bodies if body.moving]
+        self._poses_message = PosesMessage(moving, settings.frame)
+        self._points_wanted = self._clearance_wanted = self._marks_wanted = False
         self._message: PartsMessage | None = None
         self._shown: dict[str, np.ndarray | None] = {}
         self._viewers = 0
         self._parts_due_s = 0.0
-        self._marks = ClearanceMarkers(settings.frame, scene.unit, self._size)
+        size = max(2.0 * model.radius for model in models.values())
+        self._marks = ClearanceMarkers(settings.frame, scene.unit, size)
         self.apply(settings)
 
     def apply(self, settings: Settings) -> None:
-        """Take new settings; the parts' message is built when markers are first wanted."""
+        """Take new settings."""
         self._settings = settings
+        self._scene_is_new = True
         self._marks.live(max(1.0, 3.0 / settings.rate_hz))
-        if settings.markers and self._message is None:
-            self._message = PartsMessage(self._scene.bodies, self._models, self._frame)
-            for body in self._scene.bodies:
-                if not body.moving:
-                    self._message.place(body.name, body.pose)
+
+    def look(self) -> bool:
+        """See who listens, for the next `publish`; return whether anybody wants distances."""
+        self._points_wanted = self._closest.get_subscription_count() > 0
+        self._clearance_wanted = self._clearance.get_subscription_count() > 0
+        self._marks_wanted = self._settings.markers and self._markers.get_subscription_count() > 0
+        return self._points_wanted or self._clearance_wanted or self._marks_wanted
 
     def publish(
         self,
         stamp: Time,
         tick: Tick,
-        levels: Sequence[Level],
+        levels: Mapping[int, Level],
         changes: Sequence[Alert],
-        inputs: Inputs,
+        pose_stamp_ns: Callable[[str], int | None],
+        poses: Callable[[str], np.ndarray],
     ) -> None:
-        """Publish a tick: alerts always, as late subscribers get them too, the rest on demand."""
-        for change in changes:
-            self._alerts.publish(messages.alert(change, stamp=stamp, frame=self._frame))
-        if self._clearance.get_subscription_count():
-            self._clearance.publish(Float64(data=tick.clearance()))
-        if self._closest.get_subscription_count():
-            self._closest.publish(
+        """Publish a tick: alerts always, as late subscribers get them too, the rest on demand.
+
+        Call `look` before.
+
+        Args:
+            stamp: of the tick.
+            tick: what it found.
+            levels: by a pair's index.
+            changes: of the levels.
+            pose_stamp_ns: the stamp of a body's pose, by name.
+            poses: a body's pose, by name.
+        """
+        told = changes
+        if len(changes) > KEPT_ALERTS:
+            told = sorted(changes, key=lambda change: _URGENCY.index(change.new))[:KEPT_ALERTS]
+            self.alerts_left_out += len(changes) - len(told)
+        for change in told:
+            self._send(
+                "alerts", self._alerts, messages.alert(change, stamp=stamp, frame=self._frame)
+            )
+        pairs = tuple(tick.pairs) if self._marks_wanted or self._points_wanted else ()
+        if self._points_wanted:
+            self._send(
+                "closest_points",
+                self._closest,
                 messages.closest_points(
-                    tick.pairs,
+                    pairs,
                     levels,
                     stamp=stamp,
                     frame=self._frame,
                     unit=self._scene.unit,
-                    pose_stamp_ns=inputs.stamp_ns,
-                )
+                    pose_stamp_ns=pose_stamp_ns,
+                    features=partial(self._features, poses),
+                ),
             )
-        if self._settings.markers and self._markers.get_subscription_count():
-            self._markers.publish(self._marks.message(tick.pairs, levels, stamp))
+        if self._clearance_wanted:
+            self._send("clearance", self._clearance, Float64(data=tick.clearance()))
+        if self._marks_wanted:
+            self._send("markers", self._markers, self._marks.message(pairs, levels, stamp))
 
     def publish_parts(self, samples: Mapping[str, PoseSample | None], now_s: float) -> None:
         """Publish the parts if a viewer has come, or one is there and a body moved since."""
         viewers = self._parts.get_subscription_count() if self._settings.markers else 0
         came, self._viewers = viewers > self._viewers, viewers
-        if not viewers or self._message is None or (now_s < self._parts_due_s and not came):
+        if not viewers or (now_s < self._parts_due_s and not came):
             return
+        if self._message is None:
+            self._message = self._build_parts()
         moved = False
         for name, sample in samples.items():
             pose = None if sample is None else sample.pose
@@ -115,8 +170,27 @@ class Outputs:
                 self._message.place(name, pose)
                 moved = True
         if came or moved:
-            self._parts.publish(self._message.serialised())
+            self._send("parts", self._parts, self._message.serialised())
             self._parts_due_s = now_s + self._message.period_s
+
+    def publish_scene(self) -> None:
+        """Publish what the scene is and what is in force, where that has changed."""
+        if self._scene_is_new:
+            self._scene_is_new = False
+            message = self._scene_message.message(self._settings, self._deforming)
+            self._send("scene", self._described, message)
+
+    def publish_poses(self, samples: Mapping[str, PoseSample | None], stamp: Time) -> None:
+        """Publish the poses of a tick if anybody listens."""
+        if self._poses.get_subscription_count():
+            self._send("poses", self._poses, self._poses_message.serialised(samples, stamp))
+
+    def reshape(self, name: str) -> None:
+        """Have the parts built anew before they are shown again: the body's vertices moved."""
+        self._scene_is_new |= name not in self._deforming
+        self._deforming.add(name)
+        self._message = None
+        self._shown.clear()
 
     def take_down(self, stamp: Time) -> None:
         """Remove the marks from viewers' pictures; the parts stay."""
@@ -125,5 +199,25 @@ class Outputs:
 
     def destroy(self) -> None:
         """Destroy the publishers."""
-        for publisher in (self._alerts, self._clearance, self._closest, self._markers, self._parts):
+        for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)
+
+    def _send(self, topic: str, publisher, message) -> None:
+        self.built[topic] += 1
+        publisher.publish(message)
+
+    def _features(
+        self, poses: Callable[[str], np.ndarray], pair: PairState
+    ) -> tuple[engine.Feature, engine.Feature]:
+        return (
+            feature(self._models[pair.a], poses(pair.a), pair.point_a),
+            feature(self._models[pair.b], poses(pair.b), pair.point_b),
+        )
+
+    def _build_parts(self) -> PartsMessage:
+        """Build the message for the first viewer."""
+        message = PartsMessage(self._scene.bodies, self._models, self._frame)
+        for body in self._scene.bodies:
+            if not body.moving:
+                message.place(body.name, body.pose)
+        return message

@@ -1,36 +1,56 @@
-"""The player: publishes the poses of a scene's motion, as sensors or a simulator would."""
+"""The player: publishes the motion of a scene, as sensors or a simulator would."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
 
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Pose, PoseArray, PoseStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import Header
 
 from proximity_monitor import motion
-from proximity_monitor.ros.parts import to_quaternion
-from proximity_monitor.ros.spin import ros, spin
-from proximity_monitor.scene import load_scene
+from proximity_monitor.ros.parameters import AS_SCENE
+from proximity_monitor.ros.played import as_cloud, as_joint_state, set_pose
+from proximity_monitor.ros.qos import LATEST
+from proximity_monitor.ros.spin import interruptible, ros, spin
+from proximity_monitor.scene import Scene, load_scene
 from proximity_monitor.scene.opening import find_scene
 
-LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+LEAST = 10.0
+"""Hertz: more slowly, the poses of a scene with a low rate would be stale before the next ones."""
+
+_NOBODY = Parameter("released", Parameter.Type.STRING_ARRAY, [])
 
 
 class ProximityPlayer(Node):
-    """Publishes each driven body's PoseStamped on its topic, stamped with the node's clock.
+    """Publishes what the effects of a scene move, stamped with the node's clock.
 
-    Parameters, all read at start: ``scene`` (file or bundled name), ``rate_hz`` (messages a second
-    and body), ``speed`` (seconds of motion in a second of the node's clock), ``loop`` (false: the
-    player ends after one period, where the motion has one), ``fixed_frame`` (empty: the scene
-    file's).
+    That is each driven body's PoseStamped on its topic or, with ``bulk``, one PoseArray on
+    ``poses`` with all moving bodies in the scene's order; a JointState with the driven joints on
+    the topic of their robot; the vertices of each deforming body as PointCloud2 on
+    ``bodies/NAME/vertices``.
+
+    Bodies that are named in the parameter ``released``, which can change while it runs, are left
+    out: a hand, or another node, moves them meanwhile. In bulk that cannot be.
+
+    Parameters that are read at start: ``scene`` (file or bundled name), ``rate_hz`` (messages a
+    second and body; -1: the scene's rate, at least `LEAST`), ``speed`` (seconds of motion in a
+    second of the node's clock), ``seek_s`` (seconds of motion that are left out), ``loop`` (false:
+    the player ends after one period, where the motion has one), ``bulk``, ``fixed_frame`` (empty:
+    the scene file's).
     """
 
-    def __init__(self, **node_options) -> None:
+    def __init__(self, moves: motion.Motion | None = None, **node_options) -> None:
         """Load the scene and start to publish.
+
+        Args:
+            moves: the motion of the scene, where it is made already.
+            node_options: for `rclpy.node.Node`, such as parameter_overrides.
 
         Raises:
             ValueError, OSError: of the scene, its motion or a parameter; the message says which.
@@ -41,32 +61,42 @@ class ProximityPlayer(Node):
         except ParameterException as error:
             raise ValueError(str(error)) from error
         scene = load_scene(find_scene(values["scene"]))
-        self._motion = motion.from_scene(scene)
+        with interruptible():  # it may read a long recording
+            self._motion = moves if moves is not None else motion.from_scene(scene, live=True)
         self._frame = values["fixed_frame"] or scene.frame
-        self._speed = values["speed"]
+        self._speed, self._seek_s = values["speed"], values["seek_s"]
         self._ends_at = None if values["loop"] else self._motion.period_s
         self.finished = False
-        self._outputs = {
-            body.name: self.create_publisher(PoseStamped, body.topic, LATEST)
-            for body in scene.bodies
-            if body.name in self._motion.bodies
-        }
+        self._advertise(scene, values["bulk"])
         self._started_ns: int | None = None
-        self._timer = self.create_timer(1.0 / values["rate_hz"], self._publish)
+        rate_hz = values["rate_hz"] if values["rate_hz"] != AS_SCENE else max(scene.rate_hz, LEAST)
+        if not rate_hz >= 0.1:
+            raise ValueError(
+                f"rate_hz: must be at least 0.1, or -1 for the scene's; not {rate_hz:g}"
+            )
+        self._timer = self.create_timer(1.0 / rate_hz, self._publish)
         self.get_logger().info(
-            f"{self._motion.describe()}, published at {values['rate_hz']:g} Hz,"
-            f" speed {self._speed:g}"
+            f"{'; '.join(self._motion.describe().splitlines())}, published at {rate_hz:g} Hz"
+            f"{' in bulk' if values['bulk'] else ''}, speed {self._speed:g}"
+            + (f", from {self._seek_s:g} s" if self._seek_s else "")
         )
 
     def _declare(self) -> dict:
         number = {
-            "rate_hz": (100.0, 0.1, 1000.0, "Messages a second for each body."),
+            "rate_hz": (
+                AS_SCENE,
+                AS_SCENE,
+                1000.0,
+                f"Messages a second for each body; -1: the scene's, or {LEAST:g} if that is less.",
+            ),
             "speed": (1.0, 0.0, 1000.0, "Seconds of motion in a second; 0 stands still."),
+            "seek_s": (0.0, 0.0, 1e9, "Seconds of motion that are left out at the start."),
         }
         other = {
             "scene": ("engine", "Scene file, or the name of a bundled scene."),
             "fixed_frame": ("", "Frame of the poses; empty: the scene file's."),
             "loop": (True, "Go on after one period; false ends the player there."),
+            "bulk": (False, "One PoseArray of all moving bodies in place of a message for each."),
         }
         for name, (default, low, high, text) in number.items():
             limits = [FloatingPointRange(from_value=low, to_value=high)]
@@ -77,25 +107,81 @@ class ProximityPlayer(Node):
         for name, (default, text) in other.items():
             descriptor = ParameterDescriptor(description=text, read_only=True)
             self.declare_parameter(name, default, descriptor)
+        descriptor = ParameterDescriptor(
+            description="Bodies whose poses are not published, because another node moves them."
+        )
+        self.declare_parameter("released", Parameter.Type.STRING_ARRAY, descriptor)
         return {name: self.get_parameter(name).value for name in (*number, *other)}
+
+    def _advertise(self, scene: Scene, bulk: bool) -> None:
+        """Make a publisher for everything that the motion drives, and for nothing else."""
+        driven = set(self._motion.bodies)
+        moving = {body.name: body.topic for body in scene.bodies if body.topic is not None}
+        self._bulk = None
+        self._outputs = {}
+        if bulk:
+            if strangers := [name for name in moving if name not in driven]:
+                raise ValueError(
+                    f"bulk: needs a pose of every moving body, and the motion of {scene.path} does"
+                    f" not drive {', '.join(strangers)}; set bulk to false"
+                )
+            self._order = tuple(moving)
+            self._bulk = self.create_publisher(PoseArray, "poses", LATEST)
+        else:
+            self._outputs = {
+                name: self.create_publisher(PoseStamped, topic, LATEST)
+                for name, topic in moving.items()
+                if name in driven
+            }
+        joints = self._motion.joints(self._seek_s)
+        self._joints = {
+            topic: self.create_publisher(JointState, topic, LATEST)
+            for topic in {
+                robot.topic
+                for robot in scene.robots
+                if any(joint.name in joints for joint in robot.kinematics.free)
+            }
+        }
+        self._vertices = {
+            name: self.create_publisher(PointCloud2, f"bodies/{name}/vertices", LATEST)
+            for name in self._motion.vertices(self._seek_s)
+        }
 
     def _publish(self) -> None:
         now = self.get_clock().now()
         if self._started_ns is None or now.nanoseconds < self._started_ns:
             self._started_ns = now.nanoseconds
-        t = (now.nanoseconds - self._started_ns) * 1e-9 * self._speed
+        t = self._seek_s + (now.nanoseconds - self._started_ns) * 1e-9 * self._speed
         if self._ends_at is not None and t > self._ends_at:
             self._timer.cancel()
             self.finished = True
             return
-        message = PoseStamped()
-        message.header.frame_id = self._frame
-        message.header.stamp = now.to_msg()
-        place, turn = message.pose.position, message.pose.orientation
-        for name, pose in self._motion.poses(t).items():
-            place.x, place.y, place.z = pose[:3, 3].tolist()
-            turn.x, turn.y, turn.z, turn.w = to_quaternion(pose[:3, :3])
-            self._outputs[name].publish(message)
+        stamp = now.to_msg()
+        self._publish_poses(t, Header(stamp=stamp, frame_id=self._frame))
+        if self._joints:
+            joints = as_joint_state(self._motion.joints(t), stamp)
+            for output in self._joints.values():
+                output.publish(joints)
+        if self._vertices:
+            for name, vertices in self._motion.vertices(t).items():
+                cloud = as_cloud(vertices, Header(stamp=stamp, frame_id=name))
+                self._vertices[name].publish(cloud)
+
+    def _publish_poses(self, t: float, header: Header) -> None:
+        poses = self._motion.poses(t)
+        if self._bulk is None:
+            message = PoseStamped(header=header)
+            released = self.get_parameter_or("released", _NOBODY).value
+            for name, pose in poses.items():
+                if name not in released:
+                    set_pose(message.pose, pose)
+                    self._outputs[name].publish(message)
+        elif len(poses) == len(
+            self._order
+        ):  # or else one has no pose yet, and nothing stands for it
+            message = PoseArray(header=header)
+            message.poses = [set_pose(Pose(), poses[name]) for name in self._order]
+            self._bulk.publish(message)
 
 
 def main(args: Sequence[str] | None = None) -> int:

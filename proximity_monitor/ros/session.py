@@ -2,31 +2,41 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Mapping, Sequence
-from functools import partial
+from dataclasses import replace
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from std_srvs.srv import SetBool, Trigger
 
 from proximity_monitor import engine
-from proximity_monitor.ros.diagnostics import Health
+from proximity_monitor.ros import spin
+from proximity_monitor.ros.diagnostics import Health, State
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.outputs import Outputs
-from proximity_monitor.ros.parameters import Settings
+from proximity_monitor.ros.pace import Pace
+from proximity_monitor.ros.qos import Incompatible
+from proximity_monitor.ros.recorder import dump
+from proximity_monitor.ros.scene_parameters import Settings
+from proximity_monitor.ros.services import Services
+from proximity_monitor.ros.sources import Sources
+from proximity_monitor.ros.strangers import strangers
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
+from proximity_monitor.scene.approach import Course
+from proximity_monitor.scene.attachments import Attachments, Samples
+from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import Tick
 
-POSES = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""The latest pose wins; best effort accepts reliable publishers too."""
+SLICE_S = 0.2
+"""A longer budget is spent in slices of this, so that a signal ends the node in good order, with
+what it knows published, and not when the budget is over."""
+
+LOGGED = 20
+"""So many changes of one tick are written to the log, each with a line."""
 
 
 class Session:
@@ -41,54 +51,81 @@ class Session:
         node: LifecycleNode,
         scene: Scene,
         models: Mapping[str, engine.TriangleMesh],
+        monitor: Monitor,
         settings: Settings,
     ) -> None:
-        """Create publishers, services, subscriptions and timers; ticking begins with `start`."""
+        """Create publishers, services, subscriptions and timers; ticking begins with `start`.
+
+        Args:
+            node: whose they are.
+            scene: what to watch.
+            models: of the bodies by name.
+            monitor: of the scene and the models; `close` closes it.
+            settings: in force to begin with.
+        """
         self.scene = scene
         self.settings = settings
         self._node = node
         self._paused = False
+        self._by_poses = False  # the last tick was
         self._tick: Tick | None = None
+        self._distance_ticks = 0
         self._now_ns = 0
-        self._monitor = Monitor(scene, models)
-        self._alerts = Alerts(len(scene.pairs), scene.unit)
-        moving = [body for body in scene.bodies if body.moving]
-        self._inputs = Inputs([body.name for body in moving], settings.frame)
+        self._monitor = monitor
+        self._unwatched: frozenset[int] = frozenset()
+        self._alerts = Alerts(scene.pairs, scene.unit)
+        self._recording = Recording(scene.pairs)
+        self._attachments = Attachments(scene.bodies)
+        self._fixed = {
+            body.name: Course(body.pose, body.pose, np.inf)
+            for body in scene.bodies
+            if not body.moving
+        }
+        self._inputs = Inputs([body.name for body in scene.bodies if body.moving], settings.frame)
         self._health = Health(node.get_fully_qualified_name().lstrip("/"), settings.frame)
+        self._pace = Pace(settings.rate_hz)
 
-        self._outputs = Outputs(node, scene, models, settings)
+        self._incompatible = Incompatible(node)
+        self._outputs = Outputs(node, scene, models, settings, self._incompatible)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._services = [
-            node.create_service(Trigger, "~/reset_minima", self._on_reset),
-            node.create_service(SetBool, "~/pause", self._on_pause),
-        ]
-        self._subscriptions = [
-            node.create_subscription(
-                PoseStamped, body.topic, partial(self._store, body.name), POSES
-            )
-            for body in moving
-        ]
+        self._services = Services(
+            node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
+        )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._ticking = node.create_timer(
-            1.0 / settings.rate_hz, self._on_tick, clock=steady, autostart=False
+            1.0 / settings.rate_hz, self._on_timer, clock=steady, autostart=False
         )
         self._seconds = node.create_timer(1.0, self._on_second, clock=steady)
+        self._sources = Sources(
+            node,
+            scene,
+            models,
+            settings,
+            self._inputs,
+            self._incompatible,
+            set_vertices=self._set_vertices,
+            on_poses=self._on_poses,
+        )
         self.apply(settings)
 
     def apply(self, settings: Settings) -> None:
         """Put new settings in force from the next tick on."""
         before, self.settings = self.settings, settings
-        if (before.rel_err, before.abs_err) != (settings.rel_err, settings.abs_err) or (
-            self._tick is None
-        ):
+        first = self._tick is None
+        if first or (before.rel_err, before.abs_err) != (settings.rel_err, settings.abs_err):
             self._monitor.set_tolerance(settings.rel_err, settings.abs_err)
+        if first or before.thresholds != settings.thresholds:
+            self._monitor.set_thresholds(settings.thresholds)
+        if _effort(before) != _effort(settings):
+            self._health.timing.forget_window()  # so that the next percentiles are of the new ones
         if before.rate_hz != settings.rate_hz:
+            self._pace.limit(settings.rate_hz)
             self._ticking.timer_period_ns = int(1e9 / settings.rate_hz)
             if not self._ticking.is_canceled():
                 self._ticking.reset()  # else the old period has to end first
-        self._monitor.set_thresholds(settings.thresholds)
         self._inputs.timeout_s = settings.pose_timeout_s
         self._outputs.apply(settings)
+        self._attach(settings.attachments)
 
     def start(self) -> None:
         """Begin to tick."""
@@ -103,105 +140,192 @@ class Session:
     def close(self) -> None:
         """Stop, and destroy everything that was created."""
         self.stop()
+        self._sources.destroy()
+        self._services.destroy()
         self._outputs.destroy()
         self._node.destroy_publisher(self._diagnostics)
-        for service in self._services:
-            self._node.destroy_service(service)
-        for subscription in self._subscriptions:
-            self._node.destroy_subscription(subscription)
         for timer in (self._ticking, self._seconds):
             self._node.destroy_timer(timer)
+        self._monitor.close()
 
-    def _on_tick(self) -> None:
-        if self._paused:
-            return
+    def _on_timer(self) -> None:
+        # Where poses come at the very rate, the timer ends just before the next ones: a tick now,
+        # which would find nothing new, would make those wait for its end. So it is left out, once.
+        idle = self._by_poses and not self._inputs.news and not self._tick.left
+        self._by_poses = False
+        if not self._paused and not idle:
+            self._step()
+
+    def _on_poses(self) -> None:
+        """Tick at once where all bodies have new poses; the next tick is a period later."""
+        if (
+            self.settings.tick_on_pose
+            and self._inputs.complete
+            and not self._paused
+            and not self._ticking.is_canceled()
+            and self._pace.allows(time.perf_counter())
+        ):
+            self._step()
+            self._by_poses = True
+            self._ticking.reset()
+
+    def _step(self) -> None:
         started = time.perf_counter()
         now = self._node.get_clock().now()
         if now.nanoseconds < self._now_ns:
             self._inputs.forget()
+            self._attachments.forget()
             self._node.get_logger().warning("the clock went back: waiting for new poses")
         self._now_ns = now.nanoseconds
-        samples = self._inputs.samples(now.nanoseconds)
+        samples = self._samples(now.nanoseconds)
+        held = self._inputs.attached
+        self._inputs.await_again(
+            name for name, at in samples.items() if at and not at.stale and name not in held
+        )
 
-        tick = self._tick = self._monitor.tick(samples, self.settings.budget_s)
-        changes = self._alerts.update(tick.pairs, self.settings.thresholds)
-
-        levels = self._alerts.levels
-        self._outputs.publish(now.to_msg(), tick, levels, changes, self._inputs)
+        tick = self._tick = self._search(samples)
+        changes = self._alerts.update(
+            tick,
+            self.settings.thresholds,
+            started,
+            courses=self._course,
+            attached=self._unwatched,
+            silent=_silent(samples),
+        )
+        self._outputs.publish(
+            now.to_msg(),
+            tick,
+            self._alerts.levels,
+            changes,
+            self._stamp_ns,
+            lambda name: samples[name].pose if name in samples else self._fixed[name].after,
+        )
+        self._outputs.publish_scene()
+        self._outputs.publish_poses(samples, now.to_msg())
         self._outputs.publish_parts(samples, started)
+        self._recording.add(now.nanoseconds, tick, changes)
         self._log(changes)
         ended = time.perf_counter()
         self._health.timing.record(ended, tick, ended - started, 1.0 / self.settings.rate_hz)
 
+    def _search(self, samples: Samples) -> Tick:
+        """Spend the budget, or as much of it as there is time for before a signal."""
+        distances = self._outputs.look() or self.settings.record_distances
+        self._distance_ticks += distances
+        budget, spent, looked_at = self.settings.budget_s, 0.0, []
+        while True:
+            part = min(budget - spent, SLICE_S)
+            tick = self._monitor.tick(samples, part, distances=distances)
+            spent += tick.elapsed_s
+            looked_at += tick.looked_at
+            if not tick.left or tick.elapsed_s < part or spent >= budget or spin.asked_to_stop():
+                break
+        return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=tuple(looked_at))
+
+    def _samples(self, now_ns: int) -> Samples:
+        """The poses of all moving bodies, those of attached ones as they are carried."""
+        samples = self._attachments.carry(self._inputs.samples(now_ns))
+        held = self._attachments.held
+        if held.keys() != self._inputs.attached:
+            self._inputs.attached = frozenset(held)
+            self._unwatched = frozenset(
+                i
+                for i, pair in enumerate(self.scene.pairs)
+                if held.get(pair.a) == pair.b or held.get(pair.b) == pair.a
+            )
+            self._monitor.ignore(self._unwatched)
+        return samples
+
+    def _attach(self, parents: Mapping[str, str]) -> None:
+        """Let bodies hang on each other so, from this moment on where their poses are known."""
+        now_ns = self._node.get_clock().now().nanoseconds
+        before, carried = self._attachments.held, self._samples(now_ns)
+        roots = {child: self._attachments.root(child) for child in before}
+        self._attachments.want(parents)
+        for child in before.keys() - self._attachments.held.keys():
+            if (at := carried[child]) is not None:  # it stays where it was carried to
+                stamp_ns = self._inputs.stamp_ns(roots[child])
+                self._inputs.place(child, at.pose, now_ns if stamp_ns is None else stamp_ns)
+        self._samples(now_ns)
+
+    def _course(self, name: str) -> Course | None:
+        root = self._attachments.root(name)
+        fixed = self._fixed.get(root)
+        if fixed is not None:
+            return fixed
+        return self._attachments.course(name, self._inputs.course(root))
+
+    def _stamp_ns(self, name: str) -> int | None:
+        return self._inputs.stamp_ns(self._attachments.root(name))
+
+    def _set_vertices(self, name: str, vertices: np.ndarray) -> None:
+        self._monitor.set_vertices(name, vertices)
+        self._outputs.reshape(name)
+
     def _log(self, changes: Sequence[Alert]) -> None:
         logger = self._node.get_logger()
-        for change in changes:
+        for change in changes[:LOGGED]:
             line = f"{change.a} - {change.b}: {change.new.value}: {change.reason}"
             # Two calls: rclpy refuses one place in the source that logs with varying severity.
             if change.new in (Level.STOP, Level.STALE):
                 logger.warning(line)
             else:
                 logger.info(line)
+        if len(changes) > LOGGED:
+            logger.warning(f"and {len(changes) - LOGGED} more pairs changed their state")
 
     def _on_second(self) -> None:
         now = self._node.get_clock().now()
-        for name in self._inputs.note_strangers(self._strangers()):
+        for name in self._inputs.note_strangers(strangers(self._node, self._sources.topics)):
             self._node.get_logger().warning(
                 f"poses of {name} are published, but {self.scene.path.name} has no such moving body"
             )
         activity = "inactive" if self._ticking.is_canceled() else "active"
         if self._paused and activity == "active":
             activity = "paused"
-        self._diagnostics.publish(
-            self._health.message(
-                now.to_msg(),
-                settings=self.settings,
-                inputs=self._inputs,
-                now_ns=now.nanoseconds,
-                tick=self._tick,
-                levels=self._alerts.levels,
-                activity=activity,
-            )
+        samples, joints = self._samples(now.nanoseconds), self._sources.joints
+        state = State(
+            activity=activity,
+            settings=self.settings,
+            tick=self._tick,
+            levels=self._alerts.levels,
+            watched=len(self.scene.pairs),
+            inputs=self._inputs,
+            silent=_silent(samples),
+            refused_joints=joints.rejected if joints is not None else {},
+            held=self._attachments.held,
+            waiting=self._attachments.waiting,
+            built=self._outputs.built,
+            alerts_left_out=self._outputs.alerts_left_out,
+            distance_ticks=self._distance_ticks,
+            incompatible=self._incompatible.count,
         )
+        self._diagnostics.publish(self._health.message(now.to_msg(), state))
 
-    def _store(self, name: str, message: PoseStamped) -> None:
-        self._inputs.store(name, message, self._node.get_clock().now().nanoseconds)
-
-    def _strangers(self) -> list[tuple[str, bytes]]:
-        """The publishers of topics bodies/*/pose, in our namespace, that no body listens to."""
-        heard = {subscription.topic_name for subscription in self._subscriptions}
-        pattern = re.compile(
-            re.escape(self._node.get_namespace().rstrip("/")) + r"/bodies/([^/]+)/pose"
-        )
-        return [
-            (match[1], bytes(publisher.endpoint_gid))
-            for topic, _ in self._node.get_topic_names_and_types()
-            if topic not in heard and (match := pattern.fullmatch(topic))
-            for publisher in self._node.get_publishers_info_by_topic(topic)
-        ]
-
-    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    def _reset_minima(self) -> str:
         self._monitor.reset_minima()
-        response.success = True
-        response.message = f"forgot the minima of {len(self.scene.pairs)} pairs"
-        return response
+        return f"forgot the minima of {len(self.scene.pairs)} pairs"
 
-    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        was, self._paused = self._paused, request.data
+    def _pause(self, wanted: bool) -> str:
+        was, self._paused = self._paused, wanted
         self._health.timing.forget_window()
-        response.success = True
-        if was == self._paused:
-            response.message = f"already {'paused' if was else 'running'}"
-        elif self._paused:
-            response.message = "paused: nothing is watched or published until it goes on"
-        else:
-            response.message = "running again"
-        return response
+        if was == wanted:
+            return f"already {'paused' if was else 'running'}"
+        if wanted:
+            return "paused: nothing is watched or published until it goes on"
+        return "running again"
+
+    def _dump_recording(self) -> str:
+        name = self._node.get_fully_qualified_name()
+        folder = self.settings.recording_dir
+        paths = dump(self._recording, folder, name, self.settings.frame)
+        return ", ".join(map(str, paths))
 
 
-def compile_search() -> None:
-    """Run one query through every kernel, so that the first tick does not wait for the compiler."""
-    triangle = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    above = np.eye(4)
-    above[2, 3] = 1.0
-    engine.Pair(triangle, triangle).distance(np.eye(4), above, budget_s=1.0)
+def _effort(settings: Settings) -> tuple[float | None, ...]:
+    """What decides how long a search takes."""
+    return settings.budget_s, settings.rel_err, settings.abs_err
+
+
+def _silent(samples: Samples) -> list[str]:
+    return [name for name, at in samples.items() if at is None or at.stale]

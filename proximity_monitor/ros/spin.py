@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -37,6 +38,11 @@ class Stop:
 
 _current = Stop()
 _computing = False
+
+
+def asked_to_stop() -> bool:
+    """Return whether a signal asked the program to end: then long work should end early."""
+    return _current.asked
 
 
 @contextmanager
@@ -75,6 +81,7 @@ def ros(args: Sequence[str] | None = None) -> Iterator[Stop]:
         stop.asked = True
     finally:
         rclpy.try_shutdown()
+        gc.freeze()  # or Python looks through all of them once more, for half a second, to end
         for kind, handler in zip(kinds, before, strict=True):
             signal.signal(kind, handler)
 
@@ -82,6 +89,10 @@ def ros(args: Sequence[str] | None = None) -> Iterator[Stop]:
 def spin(nodes: Sequence[Node], stop: Stop, done: Callable[[], bool] | None = None) -> None:
     """Run the nodes' callbacks in this thread until a signal came or `done()` is true."""
     executor = SingleThreadedExecutor()
+    # What is there now, half a million objects of numba most of all, stays to the end: a collection
+    # that looks through it takes longer than many a tick.
+    gc.collect()
+    gc.freeze()
     try:
         for node in nodes:
             executor.add_node(node)

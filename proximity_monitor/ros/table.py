@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -9,10 +12,15 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from proximity_monitor.motion.motion import counted
 from proximity_monitor.scene import Unit
 
-_STYLES = {"clear": "green", "warn": "bold yellow", "stop": "bold red", "stale": "bold magenta"}
+_STYLES = {"stop": "bold red", "warn": "bold yellow", "stale": "bold magenta", "clear": "green"}
+"""By the state of a pair, the most urgent first."""
 _COLUMNS = ("pair", "clearance", "status", "state", "session minimum")
+_LENGTHS = (1, 4)
+_ALERTS = 3
+"""So many of the last alerts are shown live."""
 
 
 @dataclass
@@ -22,15 +30,20 @@ class Picture:
     unit: Unit
     what_runs: str
     results: int = 0
+    """Messages of ~/closest_points that came, whether or not they were read."""
     alerts: list[DiagnosticStatus] = field(default_factory=list)
     _pairs: list[DiagnosticStatus] = field(default_factory=list)
+    _least: dict[str, float] = field(default_factory=dict)
+    _clearance: dict[str, str] = field(default_factory=dict)
     _schedule: dict[str, str] = field(default_factory=dict)
     _troubles: dict[str, str] = field(default_factory=dict)
 
     def take_points(self, message: DiagnosticArray) -> None:
         """Keep a message of ~/closest_points."""
         self._pairs = message.status
-        self.results += 1
+        for status in message.status:
+            least = next(each.value for each in status.values if each.key == "session_min_m")
+            self._least[status.name] = float(least)
 
     def take_alert(self, message: DiagnosticStatus) -> None:
         """Keep a message of ~/alerts."""
@@ -40,8 +53,10 @@ class Picture:
         """Keep what the monitor says about itself, of a message of /diagnostics."""
         for status in message.status:
             _, _, task = status.name.rpartition(": ")
+            if task == "clearance":
+                self._clearance = _values(status)
             if task == "schedule":
-                self._schedule = {each.key: each.value for each in status.values}
+                self._schedule = _values(status)
             if task in ("schedule", "inputs"):
                 self._troubles[task] = status.message if status.level != DiagnosticStatus.OK else ""
 
@@ -58,46 +73,97 @@ class Picture:
             f" {told['tick_p99_ms']} ms; alerts {len(self.alerts)}"
         )
 
-    def rows(self) -> list[tuple[str, ...]]:
-        """Return the pairs in the scene's order, a text for each column."""
-        rows = []
-        for status in self._pairs:
-            values = {each.key: each.value for each in status.values}
-            lower, upper, least = (
-                float(values[key]) / self.unit.to_metre
-                for key in ("lower_m", "upper_m", "session_min_m")
-            )
-            exact = values["status"] not in ("bounded", "unknown pose")
-            clearance = f"{upper:.4f}" if exact else f"{lower:.4f}..{upper:.4f}"
-            rows.append((status.name, clearance, values["status"], values["state"], f"{least:.4f}"))
-        return rows
+    def count(self) -> str:
+        """Return one line: how many pairs there are, and in which states those that are listed."""
+        listed = Counter(_values(status)["state"] for status in self._pairs)
+        states = ", ".join(f"{listed[state]} {state}" for state in _STYLES if listed[state])
+        if not self._clearance:
+            return f"{counted(len(self._pairs), 'pair', 'pairs')} listed: {states or 'none'}"
+        watched = counted(int(self._clearance["pairs watched"]), "pair", "pairs")
+        beyond = self._clearance["pairs beyond range"]
+        far = f"{beyond} beyond their range" if beyond not in ("0", "nan") else ""
+        return f"{watched}: {', '.join(filter(None, (states, far)))}"
 
-    def plain(self) -> str:
-        """Return the picture as lines."""
-        rows = [tuple(self._titles()), *self.rows()]
+    def rows(self, limit: int) -> list[tuple[str, ...]]:
+        """Return a text for each column of the pairs that may be nearest, the nearest first.
+
+        Args:
+            limit: of so many pairs at most. Those without a pose come last.
+        """
+        told = [(status.name, _values(status)) for status in self._pairs]
+        told.sort(key=_nearness)
+        return [
+            (
+                name,
+                self._clearance_text(values),
+                values["status"],
+                values["state"],
+                self._length(values["session_min_m"]),
+            )
+            for name, values in told[:limit]
+        ]
+
+    def minima(self, limit: int) -> list[tuple[str, str]]:
+        """Return the pairs that came nearest in the session, and how near; the nearest first."""
+        known = [(least, name) for name, least in self._least.items() if least < math.inf]
+        return [(name, self._length(least)) for least, name in sorted(known)[:limit]]
+
+    def plain(self, limit: int) -> str:
+        """Return the picture as lines, with so many pairs at most."""
+        rows = [tuple(self._titles()), *self.rows(limit)]
         widths = [max(len(row[i]) for row in rows) for i in range(len(_COLUMNS))]
         lines = [
             "  " + "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True))
             for row in rows
         ]
-        return "\n".join([self.header(), *self._warnings(), *(line.rstrip() for line in lines)])
+        head = [self.header(), self.count(), *self._warnings()]
+        return "\n".join([*head, *(line.rstrip() for line in lines), *self._rest(limit)])
 
-    def rich(self) -> Group:
-        """Return the picture for a terminal."""
+    def rich(self, height: int) -> Group:
+        """Return the picture for a terminal of so many lines."""
+        head = [Text(self.what_runs, style="dim"), Text(self.header()), Text(self.count())]
+        head += [Text(line, style="yellow") for line in self._warnings()]
+        last = [Text(f"{a.name}: {a.message}", style="dim") for a in self.alerts[-_ALERTS:]]
+        # Titles and the line beneath them, the line of what is not shown, and the cursor's.
+        limit = max(height - len(head) - len(last) - 4, 1)
         table = Table(show_edge=False, pad_edge=False)
         for i, title in enumerate(self._titles()):
-            table.add_column(title, justify="right" if i in (1, 4) else "left", no_wrap=True)
-        for row in self.rows():
+            table.add_column(title, justify="right" if i in _LENGTHS else "left", no_wrap=True)
+        for row in self.rows(limit):
             *before, state, least = row
             table.add_row(*before, Text(state, style=_STYLES[state]), least)
-        lines = [Text(self.what_runs, style="dim"), Text(self.header())]
-        lines += [Text(line, style="yellow") for line in self._warnings()]
-        last = [Text(f"{a.name}: {a.message}", style="dim") for a in self.alerts[-3:]]
-        return Group(*lines, table, *last)
+        rest = [Text(line, style="dim") for line in self._rest(limit)]
+        return Group(*head, table, *rest, *last)
+
+    def _clearance_text(self, values: Mapping[str, str]) -> str:
+        lower, upper = self._length(values["lower_m"]), self._length(values["upper_m"])
+        if values["status"] in ("exact", "within tolerance") or lower == upper:
+            return upper
+        return f"above {lower}" if upper == "inf" else f"{lower}..{upper}"
+
+    def _length(self, metres: float | str) -> str:
+        return f"{float(metres) / self.unit.to_metre:.4f}"
 
     def _titles(self) -> list[str]:
-        units = {1: f" [{self.unit.symbol}]", 4: f" [{self.unit.symbol}]"}
-        return [title + units.get(i, "") for i, title in enumerate(_COLUMNS)]
+        return [
+            f"{title} [{self.unit.symbol}]" if i in _LENGTHS else title
+            for i, title in enumerate(_COLUMNS)
+        ]
+
+    def _rest(self, limit: int) -> list[str]:
+        more = len(self._pairs) - limit
+        return [f"  and {more} more pairs, none of them nearer"] if more > 0 else []
 
     def _warnings(self) -> list[str]:
         return [f"{task}: {text}" for task, text in self._troubles.items() if text]
+
+
+def _values(status: DiagnosticStatus) -> dict[str, str]:
+    return {each.key: each.value for each in status.values}
+
+
+def _nearness(pair: tuple[str, Mapping[str, str]]) -> tuple[float, float, str]:
+    """By what pairs are sorted: how near they may be, then how near they are, then by name."""
+    name, values = pair
+    lower, upper = float(values["lower_m"]), float(values["upper_m"])
+    return (math.inf, math.inf, name) if math.isnan(lower) else (lower, upper, name)

@@ -113,6 +113,20 @@ def launch(ros_environment, tmp_path_factory):
         process.stop(signal.SIGKILL)
 
 
+@pytest.fixture
+def run(ros_environment, tmp_path):
+    """Start any command; it is killed when the test ends."""
+    started = []
+
+    def start(*command):
+        started.append(Process(command, tmp_path / f"run_{len(started)}.log", {}))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.stop(signal.SIGKILL)
+
+
 @pytest.fixture(scope="session")
 def scene_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "cell.yaml"
@@ -136,7 +150,7 @@ class Peer:
     def __init__(self, monitor, namespace=""):
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-        from geometry_msgs.msg import PoseStamped
+        from geometry_msgs.msg import PoseArray, PoseStamped
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.qos import DurabilityPolicy, QoSProfile
         from std_msgs.msg import Float64
@@ -153,6 +167,7 @@ class Peer:
             name: self.node.create_publisher(PoseStamped, f"bodies/{name}/pose", 1)
             for name in APART
         }
+        self._array = self.node.create_publisher(PoseArray, "poses", 1)
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         kinds = {
             "closest_points": (DiagnosticArray, 10),
@@ -205,6 +220,15 @@ class Peer:
             if isinstance(pose, tuple):
                 pose = self.pose(*pose) if len(pose) == 2 else self.pose(pose)
             self._publishers[name].publish(pose)
+
+    def publish_array(self, *positions, frame="cell"):
+        """Publish positions of all moving bodies, in the scene's order, as one moment."""
+        from geometry_msgs.msg import PoseArray
+
+        message = PoseArray(poses=[self.pose(position).pose for position in positions])
+        message.header.frame_id = frame
+        message.header.stamp = self.node.get_clock().now().to_msg()
+        self._array.publish(message)
 
     def hold(self, **positions):
         """Go on publishing these poses, and no others, whenever someone waits."""

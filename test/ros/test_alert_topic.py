@@ -7,6 +7,8 @@ pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need R
 from diagnostic_msgs.msg import DiagnosticStatus
 from std_srvs.srv import SetBool, Trigger
 
+APART = {"ball": (0.0, 0.0, 0.5), "die": (0.8, 0.1, 0.9)}
+
 PAIR = "table - ball"
 
 
@@ -40,12 +42,70 @@ def test_an_alert_says_pair_bounds_level_and_reason(peer):
     assert alert.level == DiagnosticStatus.ERROR
     assert alert.hardware_id == "cell"
     assert alert.message.startswith("clear -> stop: distance ")
-    assert alert.message.endswith(" mm <= stop 20 mm")
+    assert " mm <= stop 20 mm, closing at " in alert.message
     assert (values["lower_m"], values["upper_m"]) == (
         pairs[PAIR]["lower_m"],
         pairs[PAIR]["upper_m"],
     )
     assert float(values["stamp"]) == pytest.approx(float(pairs[PAIR]["stamp"]), abs=5.0)
+
+
+def test_an_alert_says_the_way_out_and_how_long_there_is(peer):
+    began = peer.node.get_clock().now().nanoseconds
+
+    def sink():
+        """The ball comes down at 100 mm/s, from 160 mm."""
+        now = peer.node.get_clock().now().nanoseconds
+        fall = 0.1 * (now - began) * 1e-9
+        pose = peer.pose(ball_at(0.16 - fall))
+        pose.header.stamp.sec, pose.header.stamp.nanosec = divmod(now, 1_000_000_000)
+        peer.publish(ball=pose)
+        return peer.alerts(PAIR)
+
+    peer.hold(die=APART["die"])
+    (alert,) = peer.wait(sink, "an alert")
+    values = {each.key: each.value for each in alert.values}
+    assert values["new"] == "warn"
+    assert values["body"] == "ball"
+    escape = [float(part) for part in values["escape"].split()]
+    assert escape == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+    assert float(values["closing_m_s"]) == pytest.approx(0.1, rel=0.05)
+    left = (float(values["lower_m"]) - 0.02) / 0.1
+    assert float(values["seconds_left"]) == pytest.approx(left, rel=0.05)
+    assert "closing at" in alert.message
+    assert "stop in" in alert.message
+
+
+@pytest.fixture
+def holding(peer):
+    """A peer of a monitor that holds each level for 0.6 s."""
+    assert peer.set_parameters(thresholds__hold_s=0.6) == (True, "")
+    yield peer
+    assert peer.set_parameters(thresholds__hold_s=0.0) == (True, "")
+
+
+def test_a_level_is_held_for_its_time(holding):
+    peer = holding
+    peer.settle(ball=ball_at(0.05))
+    peer.wait(lambda: len(changes(peer)) == 1, "the warning")
+    peer.forget()
+    peer.hold(ball=ball_at(0.5), die=APART["die"])
+    peer.wait(lambda: changes(peer), "its end")
+    peer.wait(lambda: seen(peer)[-1][2] == "clear", "the end among the points")
+    assert changes(peer) == [("warn", "clear")]
+    held = [at_s for at_s, lower, state in seen(peer) if lower > 0.11 and state == "warn"]
+    ended = next(at_s for at_s, lower, state in seen(peer) if state == "clear")
+    assert ended - held[0] >= 0.6
+
+
+def seen(peer):
+    """The ticks that were published so far: when, and the pair's lower bound and state."""
+    ticks = []
+    for message in peer.received.get("closest_points", ()):
+        pair = peer.pairs(message)[PAIR]
+        at_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
+        ticks.append((at_s, float(pair["lower_m"]), pair["state"]))
+    return ticks
 
 
 def test_a_pair_with_thresholds_of_its_own_is_judged_by_them(peer):

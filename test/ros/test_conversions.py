@@ -10,16 +10,14 @@ from hypothesis import strategies as st
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from proximity_monitor import engine
 from proximity_monitor.ros import messages
 from proximity_monitor.ros.diagnostics import Timing
-from proximity_monitor.ros.markers import NEAREST, ClearanceMarkers
+from proximity_monitor.ros.markers import LABELS, NEAREST, ClearanceMarkers
 from proximity_monitor.ros.parts import PartsMessage, to_quaternion
-from proximity_monitor.ros.table import Picture
 from proximity_monitor.scene import Body, Unit, pose_matrix
 from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.state import PairState, PairStatus, Tick
@@ -28,7 +26,7 @@ MM = Unit("millimetre", 0.001, "mm")
 NAN3 = np.full(3, math.nan)
 
 
-def pair(lower, upper=None, status=PairStatus.EXACT, silent=(), a="left", b="right"):
+def pair(lower, upper=None, status=PairStatus.EXACT, silent=(), a="left", b="right", index=0):
     known = status is not PairStatus.UNKNOWN
     return PairState(
         a=a,
@@ -42,6 +40,7 @@ def pair(lower, upper=None, status=PairStatus.EXACT, silent=(), a="left", b="rig
         silent=silent,
         session_min=math.inf,
         session_min_lower=math.inf,
+        index=index,
     )
 
 
@@ -100,7 +99,7 @@ def test_published_bounds_keep_every_digit():
 
 def test_labels_go_to_pairs_that_are_not_clear_and_to_the_nearest_and_leave_one_by_one():
     marks = ClearanceMarkers("world", MM, size=1.0)
-    pairs = [pair(0.1 * (i + 1)) for i in range(6)]
+    pairs = [pair(0.1 * (i + 1), index=i) for i in range(6)]
     levels = [Level.CLEAR] * 6
     levels[5] = Level.WARN
 
@@ -115,13 +114,40 @@ def test_labels_go_to_pairs_that_are_not_clear_and_to_the_nearest_and_leave_one_
     assert {m.action for m in marks.farewell(Time()).markers} == {Marker.DELETE}
 
 
+def test_labels_are_few_however_many_pairs_are_not_clear():
+    marks = ClearanceMarkers("world", MM, size=1.0)
+    many = [pair(1.0 / (i + 1), index=i) for i in range(4 * LABELS)]
+    markers = marks.message(many, [Level.WARN] * len(many), Time()).markers
+    labelled = {m.id for m in markers if m.ns == "label"}
+    assert labelled == set(range(3 * LABELS, 4 * LABELS)), "the nearest"
+
+
 def test_pairs_without_poses_are_not_drawn_and_leave_no_empty_list_behind():
     marks = ClearanceMarkers("world", MM, size=1.0)
-    assert (
-        len(marks.message([UNKNOWN, pair(0.1)], [Level.STALE] * 2, Time()).markers[0].points) == 2
-    )
+    both = [UNKNOWN, pair(0.1, index=1)]
+    assert len(marks.message(both, [Level.STALE] * 2, Time()).markers[0].points) == 2
     alone = marks.message([UNKNOWN], [Level.STALE], Time())
     assert {marker.action for marker in alone.markers} == {Marker.DELETE}
+
+
+def test_every_corner_of_every_body_is_in_the_parts():
+    rng = np.random.default_rng(5)
+    bodies, models = [], {}
+    for i, count in enumerate((1, 2, 7, 1000, 1)):
+        name = f"body{i}"
+        bodies.append(Body(name, None, None, 1.0, None, "t", (0.1, 0.2, 0.3, 0.4)))
+        faces = rng.permutation(3 * count).reshape(-1, 3)
+        models[name] = engine.TriangleMesh(rng.normal(size=(3 * count, 3)), faces)
+    parts = PartsMessage(bodies, models, "world")
+    pose = pose_matrix((1.5, -2.5, 3.5), (0.5, 0.5, 0.5, 0.5))
+    for body in bodies:
+        parts.place(body.name, pose)
+    for i, marker in enumerate(deserialize_message(parts.serialised(), MarkerArray).markers):
+        model = models[f"body{i}"]
+        points = [(p.x, p.y, p.z) for p in marker.points]
+        assert np.array_equal(points, model.vertices[model.faces].reshape(-1, 3))
+        assert marker.pose.position.y == -2.5
+        assert (marker.id, marker.action, marker.text) == (i, Marker.ADD, "")
 
 
 @pytest.mark.parametrize("frame", ["", "w", "world", "a_longer_frame_name"])
@@ -161,37 +187,3 @@ def test_timing_counts_overruns_of_budget_and_period_and_keeps_a_window():
     assert values["search_p50_ms"] == "4.000"
     assert values["tick_p50_ms"] == "5.000"
     assert values["budget_overruns"] == values["period_overruns"] == "20"
-
-
-def test_the_demos_picture_shows_what_the_topics_carry():
-    picture = Picture(MM, "slider_crank: 1 body")
-    assert "waiting" in picture.header()
-    picture.take_points(
-        messages.closest_points(
-            [pair(0.0254), pair(0.01, 0.02, PairStatus.BOUNDED), UNKNOWN],
-            [Level.CLEAR, Level.STOP, Level.STALE],
-            stamp=Time(),
-            frame="world",
-            unit=MM,
-            pose_stamp_ns=lambda name: 1,
-        )
-    )
-    told = dict(
-        rate_achieved_hz="30.00",
-        search_p50_ms="2.000",
-        search_p99_ms="4.000",
-        tick_p99_ms="5.000",
-        budget_ms="8",
-    )
-    values = [KeyValue(key=key, value=value) for key, value in told.items()]
-    trouble = DiagnosticStatus(name="m: inputs", level=DiagnosticStatus.WARN, message="no pose")
-    schedule = DiagnosticStatus(name="m: schedule", message="on time", values=values)
-    picture.take_diagnostics(DiagnosticArray(status=[schedule, trouble]))
-    lines = picture.plain().splitlines()
-    assert "30.00 Hz" in lines[0]
-    assert "(25% of 8 ms)" in lines[0]
-    assert lines[1] == "inputs: no pose"
-    assert lines[3].split() == ["left", "-", "right", "25.4000", "exact", "clear", "nan"]
-    assert lines[4].split()[3:6] == ["10.0000..20.0000", "bounded", "stop"]
-    assert lines[5].split()[3:] == ["nan..nan", "unknown", "pose", "stale", "nan"]
-    assert picture.rich() is not None

@@ -75,6 +75,49 @@ def test_the_demo_prints_what_the_monitor_publishes_and_ends_by_itself(command, 
     assert least == pytest.approx(10.0, abs=0.2)
 
 
+def test_many_bodies_without_thresholds_are_played_in_bulk_and_the_nearest_listed(
+    tmp_path, environment
+):
+    """Cubes of 10 mm on one line, 20, 40, 60 ... mm from each other, that move along together."""
+    count = 12
+    bodies = [
+        f"  - {{name: cube_{i}, primitive: {{box: {{size: [10, 10, 10]}}}}, moving: true}}\n"
+        for i in range(count)
+    ]
+    slides = [
+        f"      cube_{i}: {{slide: {{axis: [0, 1, 0], offsets: [[0, 0], [9, 90]],"
+        f" pose: {{position: [{10 * i * (i + 1)}, 0, 0]}}}}}}\n"
+        for i in range(count)
+    ]
+    path = tmp_path / "cubes.yaml"
+    path.write_text(
+        "version: 1\nunit: mm\nrate_hz: 20\nbudget_ms: 20\nbodies:\n"
+        + "".join(bodies)
+        + "motion:\n  script:\n    bodies:\n"
+        + "".join(slides)
+    )
+    run = subprocess.run(
+        [sys.executable, "-m", "proximity_monitor", "demo", "--scene", str(path), "--seconds", "4"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+    )
+    assert run.returncode == 0, run.stderr
+    assert "12 bodies, 66 pairs" in run.stdout
+    assert "script: 12 bodies, 9 s in a loop" in run.stdout
+    last = run.stdout.partition("Smallest clearance")[0].rpartition("66 pairs: ")[2].splitlines()
+    assert last[0] == "66 clear"
+    assert [line.split()[:4] for line in last[2:4]] == [
+        ["cube_0", "-", "cube_1", "10.0000"],
+        ["cube_1", "-", "cube_2", "30.0000"],
+    ]
+    assert "  and 46 more pairs, none of them nearer" in last
+    summary = run.stdout.partition("Smallest clearance")[2].splitlines()
+    assert summary[1] == "  cube_0 - cube_1: 10.0000 mm"
+    assert len(summary) == 1 + 20
+
+
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
 def test_in_a_terminal_it_shows_a_live_table_until_a_signal_ends_it(command, environment, kind):
     ours, theirs = pty.openpty()

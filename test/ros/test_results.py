@@ -67,19 +67,34 @@ def test_closest_points_are_the_librarys_answers(peer, own_answers):
 
 
 def test_each_pair_says_its_state_frame_and_stamp(peer):
-    pairs = peer.settle(**NEAR)
+    peer.settle(**NEAR)
     message = peer.last("closest_points")
+    pairs = peer.pairs(message)
     assert message.header.frame_id == "cell"
     assert {status.hardware_id for status in message.status} == {"cell"}
     tick_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
     for pair in pairs.values():
-        assert 0.0 <= tick_s - float(pair["stamp"]) < 0.5
+        assert 0.0 <= tick_s - float(pair["stamp"]) < 1.0, "older is stale"
     states = {name: (pair["state"], pair["level"]) for name, pair in pairs.items()}
     assert states == {
         "table - ball": ("warn", DiagnosticStatus.WARN),
         "table - die": ("clear", DiagnosticStatus.OK),
         "ball - die": ("clear", DiagnosticStatus.OK),
     }
+
+
+def test_a_pair_that_is_not_clear_says_on_which_triangles_its_points_lie(peer, world, as_matrix):
+    scene, models = world
+    pairs = peer.settle(**NEAR)
+    assert "feature_a" not in pairs["ball - die"]
+    near = pairs["table - ball"]
+    poses = {"table": scene.bodies[0].pose, "ball": as_matrix(NEAR["ball"])}
+    for body, side in (("table", "a"), ("ball", "b")):
+        triangle, *weights = near[f"feature_{side}"].split()
+        corners = models[body].vertices[models[body].faces[int(triangle)]]
+        own = np.array([float(weight) for weight in weights]) @ corners
+        point = poses[body][:3, :3] @ own + poses[body][:3, 3]
+        np.testing.assert_allclose(point, vector(near[f"point_{side}"]), atol=1e-8)
 
 
 def test_clearance_is_the_smallest_lower_bound(peer, own_answers):
@@ -172,8 +187,9 @@ def test_diagnostics_count_pairs_and_time_ticks(peer):
     assert clearance["pairs clear"] == "2"
     assert clearance["pairs exact"] == "3"
     assert clearance["pairs bounded"] == clearance["pairs stale"] == "0"
-    assert float(schedule["rate_achieved_hz"]) == pytest.approx(50.0, rel=0.3)
     assert 0.0 < float(schedule["search_p50_ms"]) <= float(schedule["search_p99_ms"])
     assert float(schedule["search_p99_ms"]) <= float(schedule["tick_p99_ms"])
     assert schedule["activity"] == "active"
     assert inputs["level"] == DiagnosticStatus.OK
+    steady = pytest.approx(50.0, rel=0.3)
+    peer.wait(lambda: float(peer.health()["schedule"]["rate_achieved_hz"]) == steady, "50 Hz")

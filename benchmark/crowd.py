@@ -1,0 +1,115 @@
+"""The scenes of assembly.py, made without a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proximity_monitor import engine
+from proximity_monitor.scene import UNITS, Body, Scene, Thresholds, WatchedPair
+from proximity_monitor.scene.watch import UNWATCHED, Limits, WatchedPairs
+from proximity_monitor.study import shapes
+from proximity_monitor.study.scenes import random_rotations, rotation_poses
+
+RANGE = 0.030
+"""Metres. Pairs farther apart are certified so, and not listed."""
+
+_THRESHOLDS = Thresholds(warn=0.010, stop=0.002, hysteresis=0.002)
+_SPACING = 0.18
+"""Metres between the places that bodies of 0.13 m across keep to: their density."""
+
+
+class Crowd:
+    """Bodies of 1,000 triangles that drift about their places in a lattice, and turn.
+
+    Attributes:
+        scene: everything against everything, to a range.
+        mesh: what every body looks like: a warped torus.
+        models: by name of the body.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.mesh = engine.TriangleMesh(
+            *shapes.torus(25, 20, lambda u, v: (0.045, 0.018 + 0 * v, 0.012 * np.sin(2 * u)))
+        )
+        names = [f"part_{i}" for i in range(count)]
+        self.models = dict.fromkeys(names, self.mesh)
+        limits = Limits(thresholds=_THRESHOLDS, range=RANGE)
+        pairs = WatchedPairs(names, [True] * count, [limits], 0, np.empty((0, 3)))
+        self.scene = _scene([_body(name) for name in names], pairs)
+        random = np.random.default_rng(4)
+        side = int(np.ceil(count ** (1.0 / 3.0)))
+        lattice = np.stack(np.meshgrid(*3 * [np.arange(side)], indexing="ij"), axis=-1)
+        self._places = _SPACING * lattice.reshape(-1, 3)[:count]
+        self._swing = random.uniform(0.02, 0.08, (count, 3))
+        self._rate = random.uniform(0.5, 3.0, (count, 3))
+        self._phase = random.uniform(0.0, 6.3, (count, 3))
+        self._axis = random_rotations(random, count)[:, :3, 0]
+        self._turning = random.uniform(-2.0, 2.0, count)
+
+    def poses(self, t: float) -> NDArray[np.float64]:
+        """(count, 4, 4) at t seconds: up to 0.24 m/s and 2 rad/s."""
+        poses = rotation_poses(self._axis, self._turning * t)
+        poses[:, :3, 3] = self._places + self._swing * np.sin(self._rate * t + self._phase)
+        return poses
+
+
+Poses = Callable[[float], NDArray[np.float64]]
+
+
+def nested_pair() -> tuple[Scene, dict[str, engine.TriangleMesh], Poses]:
+    """A sphere within another, 40,000 triangles each, 10 mm apart all over.
+
+    It wavers by tenths of a millimetre and turns by 0.1 rad/s; thousands of triangle pairs are
+    nearly as near as the nearest, and an exact answer takes some 25 ms.
+    """
+    inner, outer = shapes.sphere(0.100), shapes.sphere(0.110)
+    return _pair(inner, outer, np.array([2e-4, 2e-4, 2e-4]), np.zeros(3), 0.1)
+
+
+def close_pair() -> tuple[Scene, dict[str, engine.TriangleMesh], Poses]:
+    """Two spheres of 40,000 triangles each beside each other, 0.1 to 1.9 mm apart."""
+    ball = shapes.sphere(0.100)
+    return _pair(ball, ball, np.array([9e-4, 2e-3, 2e-3]), np.array([0.201, 0.0, 0.0]), 0.5)
+
+
+def _pair(
+    moving: shapes.Mesh,
+    fixed: shapes.Mesh,
+    swing: NDArray[np.float64],
+    place: NDArray[np.float64],
+    turning: float,
+) -> tuple[Scene, dict[str, engine.TriangleMesh], Poses]:
+    models = {"fixed": engine.TriangleMesh(*fixed), "moving": engine.TriangleMesh(*moving)}
+    limits, exceptions = Limits(thresholds=_THRESHOLDS), np.array([[0, 1, 0]])
+    pairs = WatchedPairs(list(models), [False, True], [limits], UNWATCHED, exceptions)
+
+    def poses(t: float) -> NDArray[np.float64]:
+        pose = rotation_poses(np.array([0.6, 0.0, 0.8]), np.array([turning * t]))[0]
+        pose[:3, 3] = place + swing * np.sin(np.array([2.0, 3.1, 4.7]) * t)
+        return pose
+
+    return _scene([_body("fixed", np.eye(4)), _body("moving")], pairs), models, poses
+
+
+def _body(name: str, pose: NDArray[np.float64] | None = None) -> Body:
+    topic = f"bodies/{name}/pose" if pose is None else None
+    grey = (0.7, 0.7, 0.7, 1.0)
+    return Body(name, model=None, primitive=None, scale=1.0, pose=pose, topic=topic, colour=grey)
+
+
+def _scene(bodies: Sequence[Body], pairs: Sequence[WatchedPair]) -> Scene:
+    return Scene(
+        path=Path("made"),
+        frame="world",
+        unit=UNITS["m"],
+        rate_hz=30.0,
+        budget_s=0.020,
+        bodies=tuple(bodies),
+        pairs=pairs,
+        motion=None,
+        thresholds=_THRESHOLDS,
+    )

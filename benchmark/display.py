@@ -1,0 +1,175 @@
+"""How many updates a second the page gets, with 20 parts of 20,000 triangles and 190 pairs.
+
+    python benchmark/display.py --seconds 20     # in an environment with '.[ros,display]'
+
+Monitor, display and the poses' source run in processes of their own, the display on one core that
+is not the monitor's where the machine has two. This process stands for the browser: it takes in
+what the display sends over the websocket, and counts the frames that bring new closest points.
+What a browser needs to draw them depends on its graphics card and is not measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import msgspec
+import viser
+import zstandard
+from websockets.sync.client import connect
+
+SCENE = """\
+version: 1
+frame: world
+unit: mm
+rate_hz: {rate}
+budget_ms: {budget}
+thresholds: {{warn: 20, stop: 2}}
+bodies:
+{bodies}
+pairs: all
+motion:
+  script:
+    bodies:
+{moves}
+"""
+BODY = (
+    "  - {{name: part_{i}, primitive: {{sphere: {{radius: 50, subdivisions: 5}}}}, moving: true}}"
+)
+START_S = 300.0  # the first start on a machine compiles the kernels
+MOVED = b"/distances/points"
+
+
+class Child:
+    """One of our programs, on a core of its own if there are two."""
+
+    def __init__(self, module: str, arguments: list[str], core: int, log: Path) -> None:
+        """Start it."""
+        self.log = log
+        command = [sys.executable, "-c", f"import sys; from {module} import main; sys.exit(main())"]
+        with log.open("w") as out:
+            self.process = subprocess.Popen(
+                [*command, "--ros-args", *arguments], stdout=out, stderr=subprocess.STDOUT
+            )
+        os.sched_setaffinity(self.process.pid, {sorted(os.sched_getaffinity(0))[core]})
+
+    def seconds(self) -> float:
+        """Processor time so far."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def stop(self) -> None:
+        """End it."""
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait()
+
+
+def scene_text(parts: int, rate: float, budget: float) -> str:
+    """Spheres on a grid, each going to and fro by itself."""
+    rng = random.Random(1)
+    bodies, moves = [], []
+    for i in range(parts):
+        home = [180.0 * (i % 5), 180.0 * (i // 5), 0.0]
+        there = [x + rng.uniform(-30.0, 30.0) for x in home]
+        half = rng.uniform(1.0, 4.0)
+        keys = [(0.0, home), (half, there), (2.0 * half, home)]
+        bodies.append(BODY.format(i=i))
+        told = ", ".join(f"{{t: {t:.3f}, position: {place}}}" for t, place in keys)
+        moves.append(f"      part_{i}: {{keys: [{told}]}}")
+    return SCENE.format(rate=rate, budget=budget, bodies="\n".join(bodies), moves="\n".join(moves))
+
+
+def main() -> int:
+    """Measure and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--seconds", type=float, default=20.0, help="how long (default: 20)")
+    parser.add_argument("--parts", type=int, default=20, help="how many parts (default: 20)")
+    parser.add_argument("--rate", type=float, default=30.0, help="the monitor's ticks a second")
+    parser.add_argument("--budget", type=float, default=20.0, help="of a tick, in milliseconds")
+    chosen = parser.parse_args()
+    os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randint(102, 200))
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    last = len(os.sched_getaffinity(0)) - 1
+    with tempfile.TemporaryDirectory() as folder:
+        scene = Path(folder) / "ring.yaml"
+        scene.write_text(scene_text(chosen.parts, chosen.rate, chosen.budget))
+        ros = "proximity_monitor.ros"
+        given = ["-p", f"scene:={scene}"]
+        children = [
+            Child(f"{ros}.node", given, 0, Path(folder) / "monitor.log"),
+            Child(f"{ros}.player", given, 0, Path(folder) / "player.log"),
+            Child("proximity_monitor.display.run", ["-p", "port:=0"], last, Path(folder) / "page"),
+        ]
+        try:
+            return report(children, chosen)
+        finally:
+            for child in children:
+                child.stop()
+
+
+def report(children: list[Child], chosen: argparse.Namespace) -> int:
+    """Wait until the page is alive, count, and print."""
+    address = find_address(children[-1])
+    with connect(
+        address.replace("http", "ws", 1), subprotocols=[f"viser-v{viser.__version__}"],
+        max_size=None, compression=None, ping_timeout=None,
+    ) as socket:  # fmt: skip
+        ends = time.monotonic() + START_S
+        while not brings_points(socket.recv(timeout=START_S)):
+            if time.monotonic() > ends:
+                print("no frame came:", *(child.log.read_text() for child in children))
+                return 1
+        used = [child.seconds() for child in children]
+        began = time.monotonic()
+        stamps, size = [began], 0
+        while stamps[-1] < began + chosen.seconds:
+            data = socket.recv(timeout=START_S)
+            size += len(data)
+            if brings_points(data):
+                stamps.append(time.monotonic())
+        took = stamps[-1] - began
+        gaps = sorted(1e3 * (b - a) for a, b in itertools.pairwise(stamps))
+        share = [100.0 * (c.seconds() - u) / took for c, u in zip(children, used, strict=True)]
+    n = chosen.parts
+    print(f"{n} parts of 20,480 triangles, {n * (n - 1) // 2} pairs, {took:.1f} s")
+    print(f"  ticks asked for                 {chosen.rate:8.1f} a second")
+    print(f"  updates of the page             {len(gaps) / took:8.1f} a second")
+    print(f"  between two, median             {gaps[len(gaps) // 2]:8.1f} ms")
+    print(f"  between two, 99th percentile    {gaps[int(0.99 * len(gaps))]:8.1f} ms")
+    print(f"  sent to the browser             {size / took / 1e3:8.1f} kB a second")
+    for name, percent in zip(("monitor", "player", "display"), share, strict=True):
+        print(f"  processor time, {name:16}{percent:8.1f} % of a core")
+    return 0
+
+
+def find_address(display: Child) -> str:
+    """Wait until the display has said where it is."""
+    ends = time.monotonic() + START_S
+    while time.monotonic() < ends:
+        for line in display.log.read_text().splitlines():
+            if line.startswith("display: "):
+                return line.removeprefix("display: ")
+        time.sleep(0.1)
+    raise RuntimeError(f"the display said: {display.log.read_text()}")
+
+
+def brings_points(data: bytes) -> bool:
+    """Whether a window of messages brings new closest points."""
+    size = int.from_bytes(data[8:16], "little")
+    told = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
+    return MOVED in told and any(
+        message.get("name") == MOVED.decode() and message["type"] == "SceneNodeUpdateMessage"
+        for message in msgspec.msgpack.decode(told)["messages"]
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

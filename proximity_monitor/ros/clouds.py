@@ -1,0 +1,43 @@
+"""Vertices as `sensor_msgs/PointCloud2`."""
+
+from __future__ import annotations
+
+import numpy as np
+from sensor_msgs.msg import PointCloud2, PointField
+
+_KINDS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
+
+
+def read_vertices(message: PointCloud2) -> np.ndarray:
+    """Return the points of a cloud, (n, 3) float64, row by row; other fields are passed over.
+
+    Raises:
+        ValueError: there are no fields x, y and z of float32 or float64, or the data is too short
+            for what the message says of it.
+    """
+    order = ">" if message.is_bigendian else "<"
+    fields = {field.name: field for field in message.fields}
+    kinds = {}
+    for name in ("x", "y", "z"):
+        field = fields.get(name)
+        if field is None or field.datatype not in _KINDS or field.count > 1:
+            raise ValueError(f"a cloud of vertices needs one float32 or float64 '{name}' a point")
+        kinds[name] = (f"{order}{_KINDS[field.datatype]}", field.offset)
+    try:
+        record = np.dtype(
+            {
+                "names": list(kinds),
+                "formats": [kind for kind, _ in kinds.values()],
+                "offsets": [offset for _, offset in kinds.values()],
+                "itemsize": message.point_step,
+            }
+        )
+        points = np.ndarray(
+            (message.height, message.width),
+            record,
+            memoryview(message.data),
+            strides=(message.row_step, message.point_step),
+        )
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"the layout of the cloud does not fit its data: {error}") from error
+    return np.stack([points[name].reshape(-1).astype(np.float64) for name in kinds], axis=1)

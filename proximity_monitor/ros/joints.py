@@ -1,0 +1,186 @@
+"""Joint input: positions of joints from topics become poses of robots' links.
+
+A message is checked as it arrives, and taken or refused and counted as a whole. It need not name
+all joints: the others keep their last positions, and a link's pose is as old as the oldest position
+that it depends on, so that a gripper that fell silent is stale although its arm goes on. Names of
+joints that no robot on the topic has are counted and passed over.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+
+from proximity_monitor.ros.inputs import FURTHEST, FUTURE_TOLERANCE_S
+from proximity_monitor.scene import Robot, Scene
+
+POSITIONS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Several publishers may each tell some of the joints, hence more than the latest message; best
+effort accepts reliable publishers too."""
+
+Store = Callable[[Sequence[str], np.ndarray, int, str, int], object]
+"""Takes poses of bodies: names, (n, 4, 4) poses, stamp in ns, frame, the node's time in ns."""
+
+
+class JointReason:
+    """What is counted of messages; all but UNKNOWN and LIMIT mean that one was refused."""
+
+    LENGTH = "joint names and positions differ in number"
+    TWICE = "joint named twice"
+    NOT_FINITE = "joint position not finite"
+    TOO_FAR = "joint position out of range"
+    FUTURE = "joint stamp in the future"
+    ORDER = "joint stamp out of order"
+    UNKNOWN = "unknown joint"
+    LIMIT = "joint beyond its limit"
+    ALL = (LENGTH, TWICE, NOT_FINITE, TOO_FAR, FUTURE, ORDER, UNKNOWN, LIMIT)
+
+
+class _Joints:
+    """The last positions of one robot's joints."""
+
+    def __init__(self, robot: Robot) -> None:
+        kinematics = robot.kinematics
+        self.robot = robot
+        self.known = {joint.name for joint in kinematics.joints}
+        self._free = {joint.name: joint for joint in kinematics.free}
+        self._drivers = {body: kinematics.drivers(link) for body, link in robot.links.items()}
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin again with what the scene file says."""
+        self.positions = dict(self.robot.start)
+        self.stamps: dict[str, int] = {}
+
+    def missing(self) -> list[str]:
+        """The joints without any position yet."""
+        return [name for name in self._free if name not in self.positions]
+
+    def late(self, names: Sequence[str], stamp_ns: int) -> bool:
+        """Whether a newer position of one of the joints was taken before."""
+        return any(self.stamps.get(name, stamp_ns) > stamp_ns for name in names)
+
+    def take(self, positions: dict[str, float], stamp_ns: int) -> bool:
+        """Keep the positions of the robot's free joints; return whether one is beyond its limit."""
+        beyond = False
+        for name in self._free.keys() & positions.keys():
+            joint, value = self._free[name], positions[name]
+            beyond |= not joint.lower <= value <= joint.upper
+            self.positions[name], self.stamps[name] = value, stamp_ns
+        return beyond
+
+    def by_stamp(self, stamp_ns: int) -> dict[int, list[str]]:
+        """The bodies whose poses are known, by the oldest stamp of a position in them.
+
+        Where all positions are the scene file's, which do not age, that is the message's stamp.
+        """
+        found: dict[int, list[str]] = {}
+        for body, drivers in self._drivers.items():
+            if drivers <= self.positions.keys():
+                stamps = [self.stamps[name] for name in drivers if name in self.stamps]
+                found.setdefault(min(stamps, default=stamp_ns), []).append(body)
+        return found
+
+
+class JointInputs:
+    """Subscriptions to the joint states of a scene's robots.
+
+    Attributes:
+        rejected: how many messages were refused, or remarkable, by `JointReason`.
+    """
+
+    def __init__(self, node: Node, scene: Scene, store: Store, *, frame: str | None = None) -> None:
+        """Subscribe, once a topic.
+
+        Args:
+            node: gives subscriptions, its clock and its log.
+            scene: may have no robots.
+            store: called with the poses of a message's robots; what it refuses, it counts.
+            frame: fixed frame of the poses; None: the scene's.
+        """
+        self.rejected: Counter[str] = Counter({reason: 0 for reason in JointReason.ALL})
+        self._node = node
+        self._store = store
+        self._frame = scene.frame if frame is None else frame
+        self._told: set[str] = set()
+        self._now_ns = 0
+        self._by_topic: dict[str, list[_Joints]] = {}
+        for robot in scene.robots:
+            self._by_topic.setdefault(robot.topic, []).append(_Joints(robot))
+        self._subscriptions = [
+            node.create_subscription(
+                JointState, topic, lambda message, of=robots: self._take(of, message), POSITIONS
+            )
+            for topic, robots in self._by_topic.items()
+        ]
+
+    def destroy(self) -> None:
+        """End the subscriptions."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def missing(self) -> list[str]:
+        """Return the joints whose position is neither in the scene file nor arrived yet."""
+        return [name for each in self._all() for name in each.missing()]
+
+    def _all(self) -> Iterator[_Joints]:
+        return itertools.chain.from_iterable(self._by_topic.values())
+
+    def _take(self, robots: list[_Joints], message: JointState) -> None:
+        now_ns = self._node.get_clock().now().nanoseconds
+        if now_ns < self._now_ns:  # the clock went back: no stamp can be compared with a former one
+            for each in self._all():
+                each.forget()
+        self._now_ns = now_ns
+        stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        reason = _judge(message, robots, stamp_ns, now_ns)
+        if reason is not None:
+            self.rejected[reason] += 1
+            return
+        positions = dict(zip(message.name, message.position, strict=True))
+        self._note_unknown(positions.keys() - set().union(*(each.known for each in robots)))
+        for each in robots:
+            self.rejected[JointReason.LIMIT] += each.take(positions, stamp_ns)
+            for name in each.missing():
+                self._warn(name, "has no position yet, neither in the scene file nor in a message")
+            poses = each.robot.poses(each.positions)
+            for stamp, bodies in each.by_stamp(stamp_ns).items():
+                chosen = np.array([poses[body] for body in bodies])
+                self._store(bodies, chosen, stamp, self._frame, now_ns)
+
+    def _note_unknown(self, names: set[str]) -> None:
+        self.rejected[JointReason.UNKNOWN] += bool(names)
+        for name in sorted(names):
+            self._warn(name, "is not of a robot in the scene")
+
+    def _warn(self, name: str, why: str) -> None:
+        """Once a joint: messages come by the hundred."""
+        if name not in self._told:
+            self._told.add(name)
+            self._node.get_logger().warning(f"joint '{name}' {why}")
+
+
+def _judge(message: JointState, robots: list[_Joints], stamp_ns: int, now_ns: int) -> str | None:
+    """Why a message is refused, if it is. How old it may be is for `store` to say."""
+    names, positions = message.name, message.position
+    if len(names) != len(positions):
+        return JointReason.LENGTH
+    if len(set(names)) != len(names):
+        return JointReason.TWICE
+    if not all(map(math.isfinite, positions)):
+        return JointReason.NOT_FINITE
+    if not all(abs(position) <= FURTHEST for position in positions):
+        return JointReason.TOO_FAR
+    # Kept, its stamp would make every later message look out of order.
+    if (stamp_ns - now_ns) * 1e-9 > FUTURE_TOLERANCE_S:
+        return JointReason.FUTURE
+    if any(each.late(names, stamp_ns) for each in robots):
+        return JointReason.ORDER
+    return None

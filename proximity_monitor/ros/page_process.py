@@ -1,0 +1,71 @@
+"""The page in the browser as a child process of the demo.
+
+It is started by name: it is a node of its own, and only messages connect it to this process.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import subprocess
+import sys
+import threading
+import webbrowser
+from collections.abc import Callable
+
+_MODULE = "proximity_monitor.display"
+_ADDRESS = "display: "
+_END_S = 10.0
+
+
+class PageProcess:
+    """Runs the display, and says where it is as soon as that is known."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        """Start it; `say` is told a line for people, from another thread."""
+        self._say = say
+        self._stopping = False
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", _MODULE],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._reading = threading.Thread(target=self._read)
+        self._reading.start()
+
+    def stop(self) -> None:
+        """End it."""
+        self._stopping = True
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+            try:
+                self._process.wait(_END_S)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._reading.join()
+
+    def _read(self) -> None:
+        line, there = "", False
+        for line in self._process.stdout:
+            if line.startswith(_ADDRESS):
+                there = True
+                address = line.removeprefix(_ADDRESS).strip()
+                self._say(f"Drag the parts and see their clearances at {address}")
+                if _has_desktop():
+                    webbrowser.open(address)
+        if not (there or self._stopping):
+            self._say(f"No page: {line.strip() or 'the display ended without a word'}")
+
+
+def can_show_page() -> bool:
+    """Return whether the page's library is installed."""
+    return importlib.util.find_spec("viser") is not None
+
+
+def _has_desktop() -> bool:
+    """Without a screen, a browser for terminals might take this one over."""
+    return sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))

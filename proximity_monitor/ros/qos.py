@@ -1,0 +1,57 @@
+"""Qualities of service, and the count of peers whose own do not fit."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import (
+    DurabilityPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_policy_name_from_kind,
+)
+
+POSES = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""The latest pose wins; best effort accepts reliable publishers too."""
+
+LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+
+TRANSFORMS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
+"""What tf2 subscribes with; many publishers share the topic."""
+
+
+class Incompatible:
+    """Counts publishers and subscribers whose quality of service keeps them from being heard."""
+
+    def __init__(self, node: Node) -> None:
+        """Begin with none; `node` logs each."""
+        self._log = node.get_logger()
+        self.count: Counter[str] = Counter()
+        """By topic."""
+
+    def subscription(self, topic: str) -> SubscriptionEventCallbacks:
+        """Return the callbacks for our subscription of a topic."""
+        return SubscriptionEventCallbacks(
+            incompatible_qos=lambda event: self._note(topic, "a publisher", event),
+            use_default_callbacks=False,
+        )
+
+    def publisher(self, topic: str) -> PublisherEventCallbacks:
+        """Return the callbacks for our publisher of a topic."""
+        return PublisherEventCallbacks(
+            incompatible_qos=lambda event: self._note(topic, "a subscriber", event),
+            use_default_callbacks=False,
+        )
+
+    def _note(self, topic: str, who: str, event: Any) -> None:
+        self.count[topic] += event.total_count_change
+        policy = qos_policy_name_from_kind(event.last_policy_kind)
+        self._log.warning(
+            f"{topic}: {who} does not fit by its {policy}: its messages are not exchanged"
+        )

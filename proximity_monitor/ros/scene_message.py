@@ -1,0 +1,94 @@
+"""The scene as a viewer on another machine needs it: ``~/scene``, latched, JSON in a String.
+
+JSON because common_interfaces has no type with named things of several kinds. All lengths are in
+metres; `unit` is the one that people read. It is published again when a setting in it changes, or
+when a body's vertices arrive for the first time.
+
+==================  ===========================================================================
+``name``            of the scene file, without its suffix; a bundled scene's is its folder's
+``description``     one line
+``frame``           of all poses and points
+``unit``            ``symbol`` and ``to_metre``
+``bodies``          in the scene's order (that of the markers of ``~/parts``): ``name``,
+                    ``moving``, ``topic`` on which its PoseStamped are taken in or null, and
+                    ``point``, whether it is a single point
+``deforming``       names of the bodies whose vertices have arrived since the start
+``pairs``           how many are watched
+``thresholds``      ``warn``, ``stop`` and ``hysteresis`` of the pairs that have none of their own
+``own_thresholds``  a list: ``a`` and ``b``, with the same three
+``own_parameters``  whether the latter can be set, as parameters ``pairs.<a>.<b>.<limit>``
+``settings``        in force: ``rate_hz``, ``budget_ms``, ``pose_timeout_s``, and ``rel_err`` and
+                    ``abs_err``, null where each pair has its own
+==================  ===========================================================================
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection
+from typing import Any
+
+from std_msgs.msg import String
+
+from proximity_monitor.ros.scene_parameters import MAX_PAIRS, Settings
+from proximity_monitor.scene import Body, Scene, Thresholds
+from proximity_monitor.scene.description import Point
+
+
+class SceneMessage:
+    """Makes the message; what does not change is found once."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Take the scene that is watched."""
+        self._scene = scene
+        self._own = [i for i, pair in enumerate(scene.pairs) if pair.own_thresholds]
+        with_own = set(self._own)
+        self._common = next((i for i in range(len(scene.pairs)) if i not in with_own), None)
+
+    def message(self, settings: Settings, deforming: Collection[str]) -> String:
+        """Return the message.
+
+        Args:
+            settings: in force.
+            deforming: bodies whose vertices have arrived.
+        """
+        scene, limits = self._scene, settings.thresholds
+        path, unit = scene.path, scene.unit
+        told = {
+            "name": path.parent.name if path.name == "scene.yaml" else path.stem,
+            "description": scene.description,
+            "frame": settings.frame,
+            "unit": {"symbol": unit.symbol, "to_metre": unit.to_metre},
+            "bodies": [_body(body, settings) for body in scene.bodies],
+            "deforming": sorted(deforming),
+            "pairs": len(scene.pairs),
+            "thresholds": _limits(
+                scene.thresholds if self._common is None else limits[self._common]
+            ),
+            "own_thresholds": [
+                {"a": scene.pairs[i].a, "b": scene.pairs[i].b, **_limits(limits[i])}
+                for i in self._own
+            ],
+            "own_parameters": len(self._own) <= MAX_PAIRS,
+            "settings": {
+                "rate_hz": settings.rate_hz,
+                "budget_ms": settings.budget_s * 1e3,
+                "rel_err": settings.rel_err,
+                "abs_err": settings.abs_err,
+                "pose_timeout_s": settings.pose_timeout_s,
+            },
+        }
+        return String(data=json.dumps(told))
+
+
+def _body(body: Body, settings: Settings) -> dict[str, Any]:
+    return {
+        "name": body.name,
+        "moving": body.moving,
+        "topic": body.topic if settings.body_topics else None,
+        "point": isinstance(body.primitive, Point),
+    }
+
+
+def _limits(limits: Thresholds) -> dict[str, float]:
+    return {"warn": limits.warn, "stop": limits.stop, "hysteresis": limits.hysteresis}

@@ -1,0 +1,195 @@
+"""The parameters that a scene brings along, and the settings that follow from all of them.
+
+``thresholds.warn|stop|hysteresis|hold_s`` are of all pairs without thresholds of their own in the
+scene file, and ``pairs.<a>.<b>.warn|...`` of each pair with its own; the scene file's values are
+the defaults. To move ``warn`` below the present ``stop``, or the other way round, set both in one
+atomic call. ``attachments.<child>`` names the body that a moving body hangs on, and is empty where
+it hangs on none: so an assembly step is a call of the standard parameter service, is answered with
+the reason where it is refused, and is written down where a node is started from a file. (Of the
+standard services none takes two names.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from proximity_monitor.ros import parameters
+from proximity_monitor.ros.parameters import AS_SCENE, SPECS
+from proximity_monitor.scene import Scene, Thresholds
+from proximity_monitor.scene.attachments import Attachments
+
+MAX_PAIRS = 100
+"""So many pairs' own thresholds become parameters; where a scene has more, none of these does: a
+million parameters would take hours to declare and serve nobody."""
+
+_LIMITS = {"warn": "m", "stop": "m", "hysteresis": "m", "hold_s": "s"}
+_LONGEST_HOLD_S = 3600.0
+
+
+class Settings(NamedTuple):
+    """What is in force, parameters and scene file taken together. SI units."""
+
+    rate_hz: float
+    budget_s: float
+    rel_err: float | None
+    """None: each pair's own."""
+    abs_err: float | None
+    pose_timeout_s: float
+    frame: str
+    markers: bool
+    tick_on_pose: bool
+    record_distances: bool
+    recording_dir: str
+    threads: int
+    body_topics: bool
+    tf: bool
+    thresholds: tuple[Thresholds, ...]
+    """One a watched pair."""
+    attachments: Mapping[str, str]
+    """By the attached body's name the one that it hangs on."""
+
+
+class SceneParameters:
+    """The declared parameters of one scene."""
+
+    def __init__(self, node: Node, scene: Scene) -> None:
+        """Declare them.
+
+        Raises:
+            ValueError: a value given at start is no legal one; the message says why. None of them
+                is declared then.
+        """
+        self._node = node
+        self._scene = scene
+        own = [i for i, pair in enumerate(scene.pairs) if pair.own_thresholds]
+        self.unadjustable = len(own) if len(own) > MAX_PAIRS else 0
+        """How many pairs have thresholds of their own that no parameter shows."""
+        self._groups = {"thresholds": scene.thresholds}
+        self._own: dict[int, str] = {}
+        if not self.unadjustable:
+            for i in own:
+                pair = scene.pairs[i]
+                self._own[i] = f"pairs.{pair.a}.{pair.b}"
+                self._groups[self._own[i]] = pair.thresholds
+        self._fixed = {i: scene.pairs[i].thresholds for i in own if i not in self._own}
+        self._attachable = [body.name for body in scene.bodies if body.moving]
+        self._hangers = Attachments(scene.bodies)
+        try:
+            self._declare()
+        except ParameterException as error:
+            self.undeclare()
+            raise ValueError(str(error)) from error
+        if reason := self._refusal(self._values()):
+            self.undeclare()
+            raise ValueError(reason)
+
+    def undeclare(self) -> None:
+        """Remove those that are declared."""
+        for name in self._names():
+            if self._node.has_parameter(name):
+                self._node.undeclare_parameter(name)
+
+    def check(self, changes: Sequence[Parameter]) -> SetParametersResult:
+        """Judge a set of changes as one."""
+        changed = {p.name: p.value for p in changes}
+        for name, value in changed.items():
+            if (
+                name in SPECS
+                and SPECS[name].fixed
+                and self._node.get_parameter(name).value != value
+            ):
+                reason = f"{name} cannot change while the node is configured: clean it up first"
+                return SetParametersResult(successful=False, reason=reason)
+        values = parameters.values(self._node) | self._values() | changed
+        reason = parameters.refusal(values, tuple(changed)) or self._refusal(values)
+        return SetParametersResult(successful=not reason, reason=reason)
+
+    def settings(self) -> Settings:
+        """Return what is in force."""
+        scene, values = self._scene, parameters.values(self._node)
+
+        def chosen(name: str, otherwise: Any) -> Any:
+            return otherwise if values[name] == AS_SCENE else values[name]
+
+        return Settings(
+            rate_hz=chosen("rate_hz", scene.rate_hz),
+            budget_s=chosen("budget_ms", scene.budget_s * 1e3) / 1e3,
+            rel_err=chosen("rel_err", None),
+            abs_err=chosen("abs_err", None),
+            frame=values["fixed_frame"] or scene.frame,
+            thresholds=self._thresholds(),
+            attachments=_parents(self._values()),
+            **{name: values[name] for name in _AS_THEY_ARE},
+        )
+
+    def _declare(self) -> None:
+        for prefix, limits in self._groups.items():
+            for limit, unit in _LIMITS.items():
+                highest = parameters.FURTHEST if unit == "m" else _LONGEST_HOLD_S
+                descriptor = ParameterDescriptor(
+                    description=f"{limit} of {_whose(prefix)}, in {unit}; warn >= stop >= 0.",
+                    floating_point_range=[FloatingPointRange(from_value=0.0, to_value=highest)],
+                )
+                default = float(getattr(limits, limit))
+                self._node.declare_parameter(f"{prefix}.{limit}", default, descriptor)
+        for child in self._attachable:
+            descriptor = ParameterDescriptor(
+                description=f"The body that {child} hangs on from now on; empty: on none."
+            )
+            self._node.declare_parameter(f"{_ATTACHMENTS}{child}", "", descriptor)
+
+    def _names(self) -> list[str]:
+        return [f"{prefix}.{limit}" for prefix in self._groups for limit in _LIMITS] + [
+            f"{_ATTACHMENTS}{child}" for child in self._attachable
+        ]
+
+    def _values(self) -> dict[str, Any]:
+        return {name: self._node.get_parameter(name).value for name in self._names()}
+
+    def _thresholds(self) -> tuple[Thresholds, ...]:
+        values = self._values()
+        groups = {
+            prefix: Thresholds(**{limit: values[f"{prefix}.{limit}"] for limit in _LIMITS})
+            for prefix in self._groups
+        }
+        made = [groups["thresholds"]] * len(self._scene.pairs)
+        for i, prefix in self._own.items():
+            made[i] = groups[prefix]
+        for i, limits in self._fixed.items():
+            made[i] = limits
+        return tuple(made)
+
+    def _refusal(self, values: Mapping[str, Any]) -> str:
+        for prefix in self._groups:
+            warn, stop = values[f"{prefix}.warn"], values[f"{prefix}.stop"]
+            if not warn >= stop:
+                return (
+                    f"{prefix}: warn ({warn:g} m) must be at least stop ({stop:g} m);"
+                    " set both in one atomic call to move them past each other"
+                )
+        return self._hangers.refusal(_parents(values))
+
+
+_ATTACHMENTS = "attachments."
+_AS_THEY_ARE = tuple(
+    name for name in Settings._fields if name in SPECS and not SPECS[name].overrides
+)
+
+
+def _parents(values: Mapping[str, Any]) -> dict[str, str]:
+    return {
+        name.removeprefix(_ATTACHMENTS): parent
+        for name, parent in values.items()
+        if name.startswith(_ATTACHMENTS) and parent
+    }
+
+
+def _whose(prefix: str) -> str:
+    _, _, names = prefix.partition(".")
+    return names.replace(".", " and ") or "all pairs without thresholds of their own"

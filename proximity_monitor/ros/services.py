@@ -1,0 +1,57 @@
+"""The monitor's own services."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rclpy.node import Node
+from std_srvs.srv import SetBool, Trigger
+
+
+class Services:
+    """Answers ~/reset_minima, ~/pause and ~/dump_recording."""
+
+    def __init__(
+        self,
+        node: Node,
+        *,
+        reset: Callable[[], str],
+        pause: Callable[[bool], str],
+        dump: Callable[[], str],
+    ) -> None:
+        """Create the services.
+
+        Args:
+            node: whose services they are.
+            reset: forgets the session's minima; returns what to answer, as do the others.
+            pause: pauses the watch, or lets it go on.
+            dump: writes the recording; raises OSError or ImportError where it cannot.
+        """
+        self._node = node
+
+        def on_reset(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            response.success, response.message = True, reset()
+            return response
+
+        def on_pause(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+            response.success, response.message = True, pause(request.data)
+            return response
+
+        def on_dump(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.success, response.message = True, dump()
+            except (OSError, ImportError) as error:
+                response.success, response.message = False, str(error)
+                node.get_logger().error(f"dump_recording: {error}")
+            return response
+
+        self._services = [
+            node.create_service(Trigger, "~/reset_minima", on_reset),
+            node.create_service(SetBool, "~/pause", on_pause),
+            node.create_service(Trigger, "~/dump_recording", on_dump),
+        ]
+
+    def destroy(self) -> None:
+        """Answer no more."""
+        for service in self._services:
+            self._node.destroy_service(service)

@@ -1,0 +1,169 @@
+"""The monitor's subscriptions: what arrives is checked, kept or counted, and nothing more.
+
+Poses come one body a message on each body's topic, all in one `geometry_msgs/PoseArray` on
+``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, or by
+/tf. The vertices of a deforming body come as `sensor_msgs/PointCloud2` on
+``bodies/<name>/vertices``, in the model's frame and metres.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+
+import numpy as np
+from geometry_msgs.msg import PoseArray, PoseStamped, TransformStamped
+from rclpy.node import Node
+from sensor_msgs.msg import PointCloud2
+
+from proximity_monitor import engine
+from proximity_monitor.ros.bulk import read_pose_array
+from proximity_monitor.ros.clouds import read_vertices
+from proximity_monitor.ros.inputs import FURTHEST, Inputs, Reason
+from proximity_monitor.ros.joints import JointInputs
+from proximity_monitor.ros.qos import LATEST, POSES, TRANSFORMS, Incompatible
+from proximity_monitor.ros.scene_parameters import Settings
+from proximity_monitor.scene import Scene
+
+SetVertices = Callable[[str, np.ndarray], None]
+
+
+class Sources:
+    """All subscriptions of a configured monitor."""
+
+    def __init__(
+        self,
+        node: Node,
+        scene: Scene,
+        models: Mapping[str, engine.TriangleMesh],
+        settings: Settings,
+        inputs: Inputs,
+        incompatible: Incompatible,
+        *,
+        set_vertices: SetVertices,
+        on_poses: Callable[[], None],
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: whose subscriptions they are.
+            scene: says which topics there are.
+            models: by body; those of deforming bodies say how many vertices are expected.
+            settings: of the frame and of which sources to use.
+            inputs: keeps the poses.
+            incompatible: counts publishers that do not fit.
+            set_vertices: takes a deforming body's name and vertices, (n, 3) metres.
+            on_poses: called after each message that may have brought poses.
+
+        Raises:
+            ValueError: /tf is asked for, and tf2_msgs is not installed.
+        """
+        self._node = node
+        self._inputs = inputs
+        self._frame = settings.frame
+        self._set_vertices = set_vertices
+        self._on_poses = on_poses
+        self._incompatible = incompatible
+        self._subscriptions = []
+        self._moving = frozenset(inputs.names)
+        self.topics: set[str] = set()
+        """Full names of the bodies' own pose topics that are listened to."""
+        self._subscribe(PoseArray, "poses", self._on_array, POSES, raw=True)
+        if settings.body_topics:
+            for body in scene.bodies:
+                if body.topic is not None:
+                    take = partial(self._on_pose, body.name)
+                    made = self._subscribe(PoseStamped, body.topic, take, POSES)
+                    self.topics.add(made.topic_name)
+        for body in scene.bodies:
+            if body.deforming:
+                take = partial(self._on_vertices, body.name, len(models[body.name].vertices))
+                self._subscribe(PointCloud2, f"bodies/{body.name}/vertices", take, LATEST)
+        if settings.tf:
+            self._subscribe(_transforms_type(), "/tf", self._on_transforms, TRANSFORMS)
+        self.joints = None
+        if scene.robots:
+            self.joints = JointInputs(node, scene, self._store_many, frame=settings.frame)
+
+    def destroy(self) -> None:
+        """End all subscriptions."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+        if self.joints is not None:
+            self.joints.destroy()
+
+    def _subscribe(self, kind, topic, callback, qos, raw=False):
+        made = self._node.create_subscription(
+            kind,
+            topic,
+            callback,
+            qos,
+            raw=raw,
+            event_callbacks=self._incompatible.subscription(topic),
+        )
+        self._subscriptions.append(made)
+        return made
+
+    def _now_ns(self) -> int:
+        return self._node.get_clock().now().nanoseconds
+
+    def _on_pose(self, name: str, message: PoseStamped) -> None:
+        if self._inputs.store(name, message, self._now_ns()) is None:
+            self._on_poses()
+
+    def _on_array(self, data: bytes) -> None:
+        try:
+            poses = read_pose_array(data)
+        except ValueError:
+            self._inputs.refuse(Reason.LAYOUT)
+            return
+        if self._inputs.store_array(
+            poses.positions, poses.quaternions, poses.stamp_ns, poses.frame, self._now_ns()
+        ):
+            self._on_poses()
+
+    def _store_many(self, *poses) -> None:
+        if self._inputs.store_many(*poses):
+            self._on_poses()
+
+    def _on_vertices(self, name: str, count: int, message: PointCloud2) -> None:
+        try:
+            vertices = read_vertices(message)
+        except ValueError:
+            self._inputs.refuse(Reason.LAYOUT)
+            return
+        if len(vertices) != count:
+            self._inputs.refuse(Reason.LENGTH)
+        elif not np.isfinite(vertices).all():
+            self._inputs.refuse(Reason.NOT_FINITE)
+        elif not (np.abs(vertices) <= FURTHEST).all():
+            self._inputs.refuse(Reason.TOO_FAR)
+        else:
+            try:
+                self._set_vertices(name, vertices)
+            except ValueError:  # such as of a solid that would be open now
+                self._inputs.refuse(Reason.SHAPE)
+
+    def _on_transforms(self, message) -> None:
+        self.take_transforms(message.transforms)
+
+    def take_transforms(self, transforms: Iterable[TransformStamped]) -> None:
+        """Keep the transforms to frames that are named like moving bodies; others are nobody's."""
+        for transform in transforms:
+            if transform.child_frame_id in self._moving:
+                pose = PoseStamped(header=transform.header)
+                p, q = transform.transform.translation, transform.transform.rotation
+                pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = p.x, p.y, p.z
+                pose.pose.orientation = q
+                self._on_pose(transform.child_frame_id, pose)
+
+
+def _transforms_type():
+    try:
+        return importlib.import_module("tf2_msgs.msg").TFMessage
+    except ImportError as error:
+        raise ValueError(
+            "tf: needs the package tf2_msgs, which is not installed (no wheel of it exists; on a"
+            " machine with ROS 2: sudo apt install ros-$ROS_DISTRO-tf2-msgs); or set tf to false"
+        ) from error

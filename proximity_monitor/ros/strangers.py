@@ -1,0 +1,27 @@
+"""Poses that are published for bodies that the scene does not have."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+from rclpy.node import Node
+
+
+def strangers(node: Node, heard: Collection[str]) -> list[tuple[str, bytes]]:
+    """Return the publishers of topics bodies/*/pose, in the node's namespace, not listened to.
+
+    Args:
+        node: looks at the graph.
+        heard: full names of the topics that somebody listens to.
+
+    Returns:
+        For each publisher the name of the body, and the publisher's identity in the middleware.
+    """
+    pattern = re.compile(re.escape(node.get_namespace().rstrip("/")) + r"/bodies/([^/]+)/pose")
+    return [
+        (match[1], bytes(publisher.endpoint_gid))
+        for topic, _ in node.get_topic_names_and_types()
+        if topic not in heard and (match := pattern.fullmatch(topic))
+        for publisher in node.get_publishers_info_by_topic(topic)
+    ]

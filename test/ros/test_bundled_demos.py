@@ -1,0 +1,49 @@
+"""Every bundled scene that this file knows runs by its one command and shows a plausible table."""
+
+import os
+import subprocess
+import sys
+from importlib import metadata
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+DEADLINE_S = 300.0  # a cold start compiles the kernels
+LEAST = {
+    # By scene, a pair and the smallest clearance of its whole motion, as the scene's comment says.
+    "cave": ("torus - cave", "m", 0.0083),
+    "peg": ("peg - block", "mm", 0.0097),
+    "probe": ("tip - pebble", "mm", 0.309),
+    "arm": ("jaw_2 - panda_leftfinger", "mm", 11.99),
+}
+
+
+def installed(package):
+    try:
+        return bool(metadata.version(package))
+    except metadata.PackageNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize("name", LEAST)
+def test_a_bundled_scene_runs(ros_environment, name):
+    if name == "arm" and not installed("example-robot-data"):
+        pytest.skip("needs example-robot-data: pip install example-robot-data")
+    pair, unit, least = LEAST[name]
+    # A domain apart from the other tests' monitors, which have the same names.
+    domain = str(int(os.environ["ROS_DOMAIN_ID"]) % 100 + 1)
+    run = subprocess.run(
+        [sys.executable, "-m", "proximity_monitor", "demo", "--scene", name, "--seconds", "5"],
+        env=os.environ | {"ROS_DOMAIN_ID": domain},
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+    )
+    assert run.returncode == 0, run.stderr
+    assert f"clearance [{unit}]" in run.stdout
+    assert "script: " in run.stdout
+    summary = run.stdout.partition("Smallest clearance")[2].splitlines()
+    (reached,) = [float(line.split()[-2]) for line in summary if line.startswith(f"  {pair}:")]
+    # Seen for some seconds of its motion: not nearer than it ever is, and not far off.
+    assert least <= reached < 2000.0

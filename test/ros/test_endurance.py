@@ -1,0 +1,130 @@
+"""What must not grow, and what must end: a hundred lives, and a signal in the middle of a tick."""
+
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+
+ROUND = (
+    Transition.TRANSITION_CONFIGURE,
+    Transition.TRANSITION_ACTIVATE,
+    Transition.TRANSITION_DEACTIVATE,
+    Transition.TRANSITION_CLEANUP,
+)
+GROWTH_BYTES = 6_000_000
+"""Over 75 rounds. A session that is kept alive with its tables, publishers and services is some
+300 kB; what an allocator keeps back varies by a few MB."""
+
+# Every triangle of the inner spheres is nearly as near to the outer one as any other, which makes a
+# search of seconds.
+SLOW = """
+version: 1
+frame: cell
+unit: mm
+rate_hz: 10
+budget_ms: 10000
+bodies:
+  - {name: outer, primitive: {sphere: {radius: 100, subdivisions: 7}}, pose: {position: [0, 0, 0]}}
+  - {name: ball, primitive: {sphere: {radius: 2, subdivisions: 7}}, moving: true}
+  - {name: die, primitive: {sphere: {radius: 2, subdivisions: 7}}, moving: true}
+pairs:
+  groups: {inner: [ball, die]}
+  watch: [{between: [outer, inner]}]
+"""
+
+
+def footprint(process):
+    """Bytes of memory and number of threads of a process."""
+    lines = Path(f"/proc/{process.popen.pid}/status").read_text().splitlines()
+    values = dict(line.split(":", 1) for line in lines)
+    return int(values["VmRSS"].split()[0]) * 1024, int(values["Threads"])
+
+
+def spent(process):
+    """Seconds of processor time of a process."""
+    fields = Path(f"/proc/{process.popen.pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def caught(process, kind):
+    """Whether a process has a handler of its own for a signal."""
+    lines = Path(f"/proc/{process.popen.pid}/status").read_text().splitlines()
+    mask = next(line for line in lines if line.startswith("SigCgt")).split()[1]
+    return bool(int(mask, 16) >> (kind - 1) & 1)
+
+
+def left_behind(peer):
+    """What is in the graph of a monitor in our namespace that a configured one alone has."""
+    node, where = peer.node, peer.node.get_namespace()
+    names = node.get_publisher_names_and_types_by_node("proximity_monitor", where)
+    names += node.get_subscriber_names_and_types_by_node("proximity_monitor", where)
+    names += node.get_service_names_and_types_by_node("proximity_monitor", where)
+    ours = ("/bodies/", "/poses", "/closest_points", "/alerts", "/parts", "/pause", "/diagnostics")
+    return [name for name, _ in names if any(each in name for each in ours)]
+
+
+def test_a_hundred_lives_leave_nothing_behind(launch, scene_file, new_peer):
+    process = launch("node", "-r", "__ns:=/lives", scene=scene_file, autostart="false")
+    peer = new_peer(process, "lives")
+    client = peer.node.create_client(ChangeState, "proximity_monitor/change_state")
+    peer.wait(client.service_is_ready, "the node")
+
+    def live():
+        for transition in ROUND:
+            request = ChangeState.Request(transition=Transition(id=transition))
+            future = client.call_async(request)
+            peer.wait(future.done, f"transition {transition}", 180.0)
+            assert future.result().success, process.text
+
+    for _ in range(25):
+        live()
+    memory, threads = footprint(process)
+    for _ in range(75):
+        live()
+    after = footprint(process)
+    assert after[1] <= threads
+    assert after[0] - memory < GROWTH_BYTES
+    peer.wait(lambda: not left_behind(peer), "the last endpoints to go")
+    assert process.stop(signal.SIGTERM)[0] == 0
+    assert "Traceback" not in process.text
+
+
+def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
+    launch, tmp_path, new_peer
+):
+    (tmp_path / "slow.yaml").write_text(SLOW)
+    process = launch("node", "-r", "__ns:=/slow", scene=tmp_path / "slow.yaml")
+    peer = new_peer(process, "slow")
+    peer.wait(lambda: peer.last("closest_points"), "a tick without poses", 180.0)
+    peer.hold(ball=(0.0, 0.0, 0.0), die=(0.0, 0.0, 0.0))
+    began = spent(process)
+    peer.wait(lambda: spent(process) > began + 0.5, "a search that goes on")
+    assert {pair["status"] for pair in peer.pairs().values()} == {"unknown pose"}
+    peer.forget()
+    code, took_s = process.stop(signal.SIGTERM)
+    assert code == 0, process.text
+    assert took_s < 1.0
+    peer.monitor.popen.poll = lambda: None  # that it has ended is no trouble now
+    pairs = peer.wait(peer.pairs, "what it published last")
+    bounded = [pair for pair in pairs.values() if pair["status"] == "bounded"]
+    assert bounded, "the search was cut, and what it knows is certified"
+    for pair in bounded:
+        assert 0.0 <= float(pair["lower_m"]) < 0.098 < float(pair["upper_m"]) + 1e-5
+    assert "Traceback" not in process.text
+
+
+def test_an_interrupt_while_python_imports_ends_it_without_a_traceback(launch, scene_file):
+    """The launcher leaves the signal to the system as soon as it runs, until the node takes it."""
+    process = launch("node", scene=scene_file)
+    for by_python in (True, False):  # Python takes the signal when it starts, the launcher gives up
+        while caught(process, signal.SIGINT) is not by_python:
+            assert process.popen.poll() is None, process.text
+    code, _ = process.stop(signal.SIGINT)
+    assert code == -signal.SIGINT
+    assert process.text == ""

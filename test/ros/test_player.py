@@ -1,0 +1,278 @@
+"""The player in a process of its own, heard over DDS: what its scene names, and nothing else."""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from geometry_msgs.msg import PoseArray, PoseStamped
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState, PointCloud2, PointField
+
+from proximity_monitor import motion
+from proximity_monitor.ros.clouds import read_vertices
+from proximity_monitor.scene import load_scene
+
+DEADLINE_S = 30.0
+BODIES = """
+version: 1
+frame: shop
+unit: mm
+rate_hz: 40
+bodies:
+  - {name: bed, primitive: {box: {size: [9, 9, 9]}}, pose: {position: [0, 0, 0]}}
+  - {name: ram, primitive: {box: {size: [9, 9, 9]}}, moving: true}
+  - {name: wheel, primitive: {box: {size: [9, 9, 9]}}, moving: true}
+  - {name: door, primitive: {box: {size: [9, 9, 9]}}, topic: doors/front}
+"""
+CRANK = """
+  slider_crank:
+    crank: wheel
+    crank_origin: [0, 0, 0]
+    crank_axis: [0, 0, 1]
+    slide_direction: [1, 0, 0]
+    crank_radius: 20
+    rod_length: 80
+    rpm: 60
+    pistons: {ram: {phase_deg: 0, offset: [0, 0, 0]}}
+"""
+DOOR = """
+  script:
+    bodies:
+      door: {hinge: {origin: [0, 50, 0], axis: [0, 0, 1], angles_deg: [[0, 0], [2, 720]]}}
+"""
+URDF = """
+<robot name="swing">
+  <link name="post"><collision><geometry><box size="1 1 1"/></geometry></collision></link>
+  <link name="arm"><collision><geometry><box size="1 1 1"/></geometry></collision></link>
+  <joint name="pivot" type="revolute">
+    <parent link="post"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" effort="1" velocity="1"/>
+  </joint>
+</robot>
+"""
+ROBOT = """
+robots: [{name: swing, urdf: swing.urdf, topic: swing/states}]
+"""
+PIVOT = """
+  script:
+    joints: {pivot: {angles_deg: [[0, 0], [1, 90], [2, 0]]}}
+"""
+BLADDER = """
+  deform:
+    bodies: {bladder: {field: breathe, amplitude: 0.5, frequency_hz: 2}}
+"""
+SOFT = "  - {name: bladder, primitive: {sphere: {radius: 9}}, deforming: true, moving: true}\n"
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Write a scene; return its file and, as anybody can make it, its motion."""
+    (tmp_path / "swing.urdf").write_text(URDF)
+
+    def write(*effects, more=""):
+        path = tmp_path / "scene.yaml"
+        path.write_text(BODIES + more + "motion:" + "".join(effects))
+        return path, motion.from_scene(load_scene(path))
+
+    return write
+
+
+class Listener:
+    """Subscribes to topics of one player and waits for their messages."""
+
+    def __init__(self, namespace):
+        import rclpy
+
+        self.namespace = namespace
+        self.node = rclpy.create_node("listener", namespace=namespace)
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self.heard = {}
+
+    def subscribe(self, kind, topic):
+        heard = self.heard[topic] = []
+        self.node.create_subscription(kind, topic, heard.append, QoSProfile(depth=10))
+
+    def wait(self, condition, process):
+        deadline = time.monotonic() + DEADLINE_S
+        while not (found := condition()):
+            running = process.popen.poll() is None
+            assert running and time.monotonic() < deadline, process.text
+            self.executor.spin_once(timeout_sec=0.02)
+        return found
+
+    def first(self, process, count=1):
+        """The first messages of each topic."""
+        self.wait(lambda: all(len(each) >= count for each in self.heard.values()), process)
+        return {topic: each[:count] for topic, each in self.heard.items()}
+
+    def topics(self, process):
+        """What the player publishes beside its log and parameters, by topic."""
+
+        def published():
+            try:
+                found = self.node.get_publisher_names_and_types_by_node(
+                    "proximity_player", self.namespace
+                )
+            except Exception:  # the player is not known yet
+                return None
+            return {
+                name: kinds for name, kinds in found if name not in ("/rosout", "/parameter_events")
+            }
+
+        return self.wait(published, process)
+
+    def close(self):
+        self.executor.shutdown()
+        self.node.destroy_node()
+
+
+@pytest.fixture
+def listener(rclpy_context, request):
+    made = Listener(f"/test_{abs(hash(request.node.name))}")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def play(launch, listener):
+    """Start a player in the listener's namespace; it ends with the test."""
+    started = []
+
+    def start(path, **parameters):
+        process = launch("player", "-r", f"__ns:={listener.namespace}", scene=path, **parameters)
+        started.append(process)
+        return process
+
+    yield start
+    for process in started:
+        process.stop()
+
+
+def seconds(header):
+    return header.stamp.sec + header.stamp.nanosec * 1e-9
+
+
+def assert_same(message, pose):
+    """A Pose message against a matrix."""
+    p, q = message.position, message.orientation
+    assert [p.x, p.y, p.z] == pytest.approx(pose[:3, 3].tolist(), abs=1e-9)
+    x, y, z, w = q.x, q.y, q.z, q.w
+    column = [1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)]
+    assert column == pytest.approx(pose[:3, 0].tolist(), abs=1e-9)
+
+
+def test_all_effects_of_the_scene_are_played_and_told_by_name_and_count(scene, play, listener):
+    path, moves = scene(CRANK, DOOR)
+    process = play(path, seek_s=0.3, speed=0.0)
+    for topic in ("bodies/ram/pose", "bodies/wheel/pose", "doors/front"):
+        listener.subscribe(PoseStamped, topic)
+    heard = listener.first(process)
+    expected = moves.poses(0.3)
+    for topic, name in zip(heard, ("ram", "wheel", "door"), strict=True):
+        (message,) = heard[topic]
+        assert message.header.frame_id == "shop"
+        assert_same(message.pose, expected[name])
+    (line,) = [line for line in process.text.splitlines() if "published at" in line]
+    assert line.endswith(
+        "slider_crank: 2 bodies, 60 rpm; script: 1 body, 2 s in a loop, "
+        "published at 40 Hz, speed 0, from 0.3 s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("effect", "told", "bodies"),
+    [
+        (
+            CRANK,
+            "slider_crank: 2 bodies, 60 rpm, published",
+            ("bodies/ram/pose", "bodies/wheel/pose"),
+        ),
+        (DOOR, "script: 1 body, 2 s in a loop, published", ("doors/front",)),
+    ],
+)
+def test_nothing_is_published_that_the_scene_does_not_name(
+    scene, play, listener, effect, told, bodies
+):
+    path, _ = scene(effect)
+    process = play(path)
+    for topic in bodies:
+        listener.subscribe(PoseStamped, topic)
+    listener.first(process)
+    topics = listener.topics(process)
+    assert set(topics) == {f"{listener.namespace}/{topic}" for topic in bodies}
+    (line,) = [line for line in process.text.splitlines() if "published at" in line]
+    assert line.partition("]: ")[2].startswith(told)
+
+
+def test_in_bulk_one_message_has_all_moving_bodies_in_the_scenes_order(scene, play, listener):
+    path, moves = scene(DOOR, CRANK)
+    process = play(path, bulk="true", rate_hz=100.0)
+    listener.subscribe(PoseArray, "poses")
+    first, *_, last = listener.first(process, 20)["poses"]
+    assert first.header.frame_id == "shop"
+    assert set(listener.topics(process)) == {f"{listener.namespace}/poses"}
+    # All of it repeats after a second; the wheel tells the time.
+    times = []
+    for message in (first, last):
+        ram, wheel, door = message.poses
+        times.append(math.atan2(wheel.orientation.z, wheel.orientation.w) / math.pi)
+        expected = moves.poses(times[-1])
+        for pose, name in ((ram, "ram"), (wheel, "wheel"), (door, "door")):
+            assert_same(pose, expected[name])
+    passed = seconds(last.header) - seconds(first.header)
+    assert (times[1] - times[0]) % 1.0 == pytest.approx(passed % 1.0, abs=1e-6)
+
+
+def test_joints_are_published_on_the_topic_of_their_robot(scene, play, listener):
+    path, _ = scene(PIVOT, more=ROBOT)
+    process = play(path, seek_s=0.5, speed=0.0)
+    listener.subscribe(JointState, "swing/states")
+    (message,) = listener.first(process)["swing/states"]
+    assert list(message.name) == ["pivot"]
+    assert list(message.position) == [pytest.approx(math.pi / 4.0)]
+    assert seconds(message.header) > 0.0
+    assert set(listener.topics(process)) == {f"{listener.namespace}/swing/states"}
+    assert "script: 1 joint, 2 s in a loop, published" in process.text
+
+
+@pytest.mark.parametrize(
+    ("effects", "parameters", "told"),
+    [
+        ((CRANK,), {"bulk": "true"}, "bulk: needs a pose of every moving body, .* drive door; set"),
+        ((DOOR,), {"seek_s": -1.0}, "seek_s"),
+        ((DOOR,), {"rate_hz": 0.01}, "rate_hz: must be at least 0.1, or -1 for the scene's; not"),
+    ],
+)
+def test_a_player_that_cannot_play_says_why(scene, play, effects, parameters, told):
+    path, _ = scene(*effects)
+    process = play(path, **parameters)
+    assert process.ended() == 1
+    assert "Traceback" not in process.text
+    assert re.search(told, process.text)
+
+
+def test_vertices_of_a_deforming_body_are_a_cloud_in_its_own_frame(scene, play, listener):
+    path, moves = scene(BLADDER, DOOR, more=SOFT)
+    process = play(path, seek_s=0.1, speed=0.0)
+    listener.subscribe(PointCloud2, "bodies/bladder/vertices")
+    listener.subscribe(PoseStamped, "doors/front")
+    heard = listener.first(process)
+    (cloud,) = heard["bodies/bladder/vertices"]
+    assert cloud.header.frame_id == "bladder"
+    assert [(field.name, field.datatype) for field in cloud.fields] == [
+        (name, PointField.FLOAT64) for name in "xyz"
+    ]
+    vertices = moves.vertices(0.1)["bladder"]
+    assert (cloud.width, cloud.height, cloud.row_step) == (len(vertices), 1, len(cloud.data))
+    assert np.array_equal(read_vertices(cloud), vertices)
+    assert set(listener.topics(process)) == {f"{listener.namespace}/{topic}" for topic in heard}
+    assert "deform: 1 body, breathe at 2 Hz; script: 1 body, 2 s in a loop, " in process.text

@@ -1,0 +1,130 @@
+"""The demo's table, of messages as the monitor makes them."""
+
+from __future__ import annotations
+
+import math
+from io import StringIO
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rich.console import Console
+
+from proximity_monitor.ros.messages import closest_points
+from proximity_monitor.ros.table import Picture
+from proximity_monitor.scene import UNITS
+from proximity_monitor.scene.alerts import Level
+from proximity_monitor.scene.state import PairState, PairStatus
+
+
+def pair(index, lower, upper, status=PairStatus.EXACT, least=None):
+    return PairState(
+        a=f"a{index}",
+        b="b",
+        lower=lower,
+        upper=upper,
+        point_a=np.zeros(3),
+        point_b=np.ones(3),
+        status=status,
+        age_s=0.0,
+        silent=(),
+        session_min=upper if least is None else least,
+        session_min_lower=lower,
+        index=index,
+    )
+
+
+def message(*pairs):
+    return closest_points(
+        pairs,
+        {each.index: Level.STOP if each.upper < 0.0 else Level.CLEAR for each in pairs},
+        stamp=Time(),
+        frame="cell",
+        unit=UNITS["mm"],
+        pose_stamp_ns=lambda name: 1,
+    )
+
+
+def picture(*pairs):
+    made = Picture(UNITS["mm"], "script: 2 bodies, 4 s in a loop")
+    made.take_points(message(*pairs))
+    return made
+
+
+def names(made, limit=99):
+    return [row[0] for row in made.rows(limit)]
+
+
+MIXED = (
+    pair(0, 0.004, 0.004),
+    pair(1, math.nan, math.nan, PairStatus.UNKNOWN, math.inf),
+    pair(2, 0.001, 0.009, PairStatus.BOUNDED),
+    pair(3, -0.002, -0.002, PairStatus.OVERLAPPING),
+    pair(4, 0.001, 0.002, PairStatus.BOUNDED),
+    pair(5, 0.0035, math.inf, PairStatus.BOUNDED, math.inf),
+)
+
+
+def test_pairs_that_may_be_nearest_come_first_and_unknown_ones_last():
+    assert names(picture(*MIXED)) == ["a3 - b", "a4 - b", "a2 - b", "a5 - b", "a0 - b", "a1 - b"]
+
+
+def test_a_clearance_is_one_number_where_it_is_known_and_two_where_it_is_not():
+    texts = {row[0]: row[1] for row in picture(*MIXED).rows(99)}
+    assert texts == {
+        "a0 - b": "4.0000",
+        "a1 - b": "nan",
+        "a2 - b": "1.0000..9.0000",
+        "a3 - b": "-2.0000",
+        "a4 - b": "1.0000..2.0000",
+        "a5 - b": "above 3.5000",
+    }
+
+
+def test_of_hundreds_of_pairs_the_nearest_are_listed():
+    many = [pair(i, 0.001 * i, 0.001 * i) for i in range(400)]
+    made = picture(*reversed(many))
+    assert names(made, 3) == ["a0 - b", "a1 - b", "a2 - b"]
+    lines = made.plain(3).splitlines()
+    assert lines[-1] == "  and 397 more pairs, none of them nearer"
+    assert len(lines) == 2 + 1 + 3 + 1
+    console = Console(width=120, height=24, record=True, file=StringIO())
+    console.print(made.rich(24))
+    shown = console.export_text().splitlines()
+    assert len(shown) <= 23  # a line is the cursor's
+    assert any("a14 - b" in line for line in shown)
+    assert any("more pairs, none of them nearer" in line for line in shown)
+
+
+def test_a_terminal_of_any_height_shows_at_least_a_pair():
+    console = Console(width=120, record=True, file=StringIO())
+    console.print(picture(*MIXED).rich(2))
+    assert "a3 - b" in console.export_text()
+
+
+def test_what_is_not_listed_any_more_keeps_its_minimum():
+    made = picture(pair(0, 0.001, 0.001), pair(1, 0.003, 0.003))
+    made.take_points(message(pair(1, 0.002, 0.002), pair(2, math.nan, math.nan, least=math.inf)))
+    assert names(made) == ["a1 - b", "a2 - b"]
+    assert made.minima(9) == [("a0 - b", "1.0000"), ("a1 - b", "2.0000")]
+    assert made.minima(1) == [("a0 - b", "1.0000")]
+
+
+def test_states_are_counted_with_the_pairs_that_are_not_listed():
+    made = picture(*MIXED)
+    assert made.count() == "6 pairs listed: 1 stop, 5 clear"
+    told = {"pairs beyond range": "494", "pairs watched": "500"}
+    values = [KeyValue(key=key, value=value) for key, value in told.items()]
+    status = DiagnosticStatus(name="proximity_monitor: clearance", values=values)
+    made.take_diagnostics(DiagnosticArray(status=[status]))
+    assert made.count() == "500 pairs: 1 stop, 5 clear, 494 beyond their range"
+
+
+def test_nothing_listed_is_no_error():
+    made = picture()
+    assert made.rows(5) == []
+    assert "waiting for the first diagnostics" in made.plain(5)
