@@ -75,10 +75,10 @@ def press(page: Page, pair: str) -> None:
 
 def tab(page: Page, name: str) -> None:
     """Show a tab of the panel."""
-    page.get_by_role("tab", name=name).dispatch_event("click")
+    page.get_by_role("tab", name=name).click()
 
 
-def settle(page: Page, frames: int = 40) -> None:
+def settle(page: Page, frames: int = 15) -> None:
     """Let some pictures be drawn."""
     page.evaluate(
         "n => new Promise(done => { const f = () => n-- ? requestAnimationFrame(f) : done();"
@@ -97,19 +97,19 @@ def draw_engine(page: Page, folder: Path) -> None:
     press(page, "piston_2 - crankshaft")
     tab(page, "Limits")
     slider = page.get_by_role("slider").and_(page.locator(":visible")).nth(4)
-    page.wait_for_selector("#pm-cost >> text=exact, ")
-    for _ in range(3):
+    page.wait_for_selector("#pm-cost >> text=as the scene says")
+    for percent in (5, 10, 15):
         for _ in range(10):
             slider.press("ArrowRight")
-        settle(page, 60)
-    page.wait_for_selector("#pm-cost >> text=15 %")
+        page.wait_for_selector(f"#pm-cost >> text={percent} %, ")
+    settle(page)
     page.screenshot(path=folder / "display_cost.png")
 
 
 def draw_probe(page: Page, folder: Path) -> None:
     """The 3D cursor: a point with a line to every part near it."""
     tab(page, "Move")
-    settle(page, 100)
+    settle(page, 25)
     page.screenshot(path=folder / "display_cursor.png")
 
 

@@ -1,0 +1,145 @@
+"""Whether what is shown is true now: live, stale, computing or disconnected; and the alerts."""
+
+from __future__ import annotations
+
+import enum
+import math
+from html import escape
+from typing import NamedTuple
+
+import numpy as np
+
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.inbox import News
+from proximity_monitor.display.signs import CLEAR_SIGN, Sign, clearance, length, sign
+from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, Scene
+
+LATE_TICKS = 5.0
+LATE_S = 1.5
+"""After so many periods, and not before so many seconds, without a tick something is wrong."""
+
+GONE_S = 3.5
+"""After so many seconds without diagnostics, which come each second, the monitor is gone."""
+
+
+class State(enum.Enum):
+    """How current the picture is."""
+
+    DISCONNECTED = "disconnected"
+    COMPUTING = "computing"
+    STALE = "stale"
+    LIVE = "live"
+
+
+_PILLS = {
+    State.DISCONNECTED: ("✖", "#b3261e"),
+    State.COMPUTING: ("…", "#0072b2"),
+    State.STALE: ("?", "#7a7a85"),
+    State.LIVE: ("●", "#009e73"),
+}
+
+
+class Connection(NamedTuple):
+    """The state, and a line that says why."""
+
+    state: State
+    text: str
+
+
+def connection(news: News, now_s: float) -> Connection:
+    """Judge what is known at a moment of the monotonic clock."""
+    since_frame, since_health = now_s - news.frame_at_s, now_s - news.health_at_s
+    rate = (news.scene.settings["rate_hz"] if news.scene is not None else None) or 1.0
+    late = since_frame > max(LATE_S, LATE_TICKS / rate)
+    if late and since_health > GONE_S:
+        if math.isinf(since_health) and not news.present:
+            return Connection(State.DISCONNECTED, "waiting for the monitor")
+        if not news.present:
+            last = min(since_frame, since_health)
+            return Connection(State.DISCONNECTED, f"the monitor is gone for {last:.0f} s")
+        if news.frame is None:
+            return Connection(State.COMPUTING, "the monitor is there and prepares its search")
+        return Connection(State.STALE, f"no word from the monitor for {since_frame:.0f} s")
+    if news.frame is None or news.parts is None or news.scene is None:
+        what = "its first tick" if news.frame is None else "the meshes of the parts"
+        return Connection(State.COMPUTING, f"waiting for {what}")
+    if late:
+        activity = news.health.schedule.get("message", "") if news.health is not None else ""
+        return Connection(State.STALE, f"no tick for {since_frame:.1f} s: {activity}")
+    if silent := silent_bodies(news.frame):
+        named = ", ".join(f"{name} {told}" for name, told in list(silent.items())[:4])
+        more = f" and {len(silent) - 4} more" if len(silent) > 4 else ""
+        return Connection(State.STALE, f"no recent pose: {named}{more}")
+    bounded = int((news.frame.pairs.status == BOUNDED).sum())
+    if bounded:
+        what = "1 pair is" if bounded == 1 else f"{bounded} pairs are"
+        return Connection(State.COMPUTING, f"{what} not exact yet: bounds are shown")
+    return Connection(State.LIVE, "every number is of the present poses")
+
+
+def silent_bodies(frame: Frame) -> dict[str, str]:
+    """Return the bodies without a recent pose, and for how long."""
+    found: dict[str, float] = {}
+    pairs = frame.pairs
+    for i in (pairs.level == STALE).nonzero()[0]:
+        said = pairs.silent[i].partition(" of ")[2].split(" and ")
+        silent = [name for name in pairs.names[i] if name in said]
+        age = frame.stamp_s - pairs.stamp_s[i]
+        for name in silent:
+            # Of two silent bodies the stamp is that of the one that is silent longer.
+            known = found.get(name, math.inf)
+            found[name] = age if math.isinf(known) else min(known, age)
+    return {
+        name: "never given" if math.isnan(age) else f"for {age:.1f} s"
+        for name, age in found.items()
+    }
+
+
+def pill(told: Connection) -> str:
+    """Return the state as HTML."""
+    glyph, colour = _PILLS[told.state]
+    text = escape(told.text)
+    return (
+        f'<div class="pm pm-line" id="pm-connection" data-state="{told.state.value}">'
+        f'<span class=pm-pill style="background:{colour}">{glyph} {told.state.value}</span>'
+        f'<span class="pm-cut pm-small" title="{text}">{text}</span></div>'
+    )
+
+
+def banner(frame: Frame, scene: Scene, choice: Choice) -> str:
+    """Return the worst pair that is not clear as a banner; where all are clear, it says that.
+
+    It always takes the same room, so that nothing moves under the pointer.
+    """
+    pairs = frame.pairs
+    wrong = [
+        int(i)
+        for i in np.flatnonzero((pairs.level != 0) | pairs.touching)
+        if pairs.names[i] not in choice.ignored
+    ]
+    if not wrong:
+        text = "the one pair" if scene.pairs == 1 else f"all {scene.pairs} pairs"
+        return _boxed(CLEAR_SIGN, text, "")
+    order = {STOP: 0, WARN: 1, STALE: 2}
+    wrong.sort(
+        key=lambda i: (not pairs.touching[i], order.get(int(pairs.level[i]), 3), pairs.lower[i])
+    )
+    i, level = wrong[0], pairs.level[wrong[0]]
+    limits = scene.limits(pairs.names[i])
+    said = pairs.silent[i] if level == STALE else clearance(pairs, i, scene.unit)
+    if level in (STOP, WARN):
+        limit, name = (limits.stop, "stop") if level == STOP else (limits.warn, "warn")
+        said += f", {name} at {length(limit, scene.unit)}"
+    a, b = pairs.names[i]
+    more = f"+ {len(wrong) - 1} more" if len(wrong) > 1 else ""
+    return _boxed(sign(pairs, i), f"{a} - {b}: {said}", more)
+
+
+def _boxed(mark: Sign, text: str, more: str) -> str:
+    role = "status" if mark is CLEAR_SIGN else "alert"
+    return (
+        f'<div class=pm><div class=pm-banner role={role} id="pm-banner" data-word="{mark.word}"'
+        f' style="border-color:{mark.colour}" title="{escape(text)}">'
+        f'<b style="color:{mark.colour}">{mark.glyph} {mark.word}</b>'
+        f"<span class=pm-cut>{escape(text)}</span><span class=pm-dim>{more}</span></div></div>"
+    )

@@ -1,0 +1,83 @@
+"""What can be taken home: tables as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from typing import Any
+
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.signs import sign
+from proximity_monitor.display.state import LEVELS, STATUSES, Frame, Scene
+
+
+def pairs_csv(frame: Frame, scene: Scene, session: Session) -> str:
+    """Return the listed pairs of a tick as CSV; lengths in the scene's unit, with all digits."""
+    unit, pairs = scene.unit, frame.pairs
+    s = unit.symbol
+    head = [
+        "a",
+        "b",
+        "state",
+        "sign",
+        "status",
+        f"lower [{s}]",
+        f"upper [{s}]",
+        f"delta_x [{s}]",
+        f"delta_y [{s}]",
+        f"delta_z [{s}]",
+        *(f"{axis}_{body} [{s}]" for body in "ab" for axis in "xyz"),
+        f"warn [{s}]",
+        f"stop [{s}]",
+        "age [s]",
+        f"session_min [{s}]",
+        "stamp [s]",
+    ]
+    rows = []
+    for i, (a, b) in enumerate(pairs.names):
+        limits, found = scene.limits((a, b)), session.worst((a, b))
+        least = float("nan") if found is None else found[1].upper
+        at_a, at_b = pairs.points[i]
+        lengths = [pairs.lower[i], pairs.upper[i], *(at_b - at_a), *at_a, *at_b]
+        rows.append(
+            [
+                a,
+                b,
+                LEVELS[pairs.level[i]],
+                sign(pairs, i).word.lower(),
+                STATUSES[pairs.status[i]],
+                *(x / unit.to_metre for x in (*lengths, limits.warn, limits.stop)),
+                pairs.age_s[i],
+                least / unit.to_metre,
+                f"{frame.stamp_s:.9f}",
+            ]
+        )
+    return _csv(head, rows)
+
+
+def series_csv(session: Session, scene: Scene) -> str:
+    """Return the session as CSV: a row a tick and pair, lengths in the scene's unit."""
+    unit = scene.unit
+    head = ["stamp [s]", "a", "b", f"lower [{unit.symbol}]", f"upper [{unit.symbol}]", "state"]
+    rows = (
+        [
+            f"{frame.stamp_s:.9f}",
+            a,
+            b,
+            frame.pairs.lower[i] / unit.to_metre,
+            frame.pairs.upper[i] / unit.to_metre,
+            LEVELS[frame.pairs.level[i]],
+        ]
+        for frame in session.frames
+        for i, (a, b) in enumerate(frame.pairs.names)
+    )
+    return _csv(head, rows)
+
+
+def _csv(head: Sequence[str], rows: Any) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return out.getvalue()

@@ -1,0 +1,69 @@
+"""Rigid motions as the page needs them: poses (7,) of x y z and quaternion w x y z."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+
+
+def rotate(quaternion: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Turn points (..., 3) by a unit quaternion w x y z."""
+    w, axis = quaternion[0], quaternion[1:]
+    twice = 2.0 * np.cross(axis, points)
+    return points + w * twice + np.cross(axis, twice)
+
+
+def moved(pose: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Return the pose whose origin is at `offset` (3,) in the frame of `pose`."""
+    return np.concatenate((pose[:3] + rotate(pose[3:], offset), pose[3:]))
+
+
+def from_degrees(roll: float, pitch: float, yaw: float) -> np.ndarray:
+    """Return the quaternion of turns about the fixed x, y and z axes, in this order."""
+    (sr, cr), (sp, cp), (sy, cy) = (
+        (math.sin(a), math.cos(a)) for a in (math.radians(x) / 2.0 for x in (roll, pitch, yaw))
+    )
+    return np.array(
+        [
+            cr * cp * cy + sr * sp * sy,
+            sr * cp * cy - cr * sp * sy,
+            cr * sp * cy + sr * cp * sy,
+            cr * cp * sy - sr * sp * cy,
+        ]
+    )
+
+
+def to_degrees(quaternion: np.ndarray) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw, in degrees; pitch within -90 to 90."""
+    w, x, y, z = quaternion.tolist()
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
+
+
+def feature_edges(corners: np.ndarray, degrees: float = 30.0) -> np.ndarray:
+    """Return the edges (m, 2, 3) of a mesh that are sharp or open.
+
+    Args:
+        corners: (3n, 3) of the triangles.
+        degrees: between the normals of the two triangles of a sharp edge.
+    """
+    points, index = np.unique(np.round(corners, 9), axis=0, return_inverse=True)
+    faces = index.reshape(-1, 3)
+    normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    face = np.repeat(np.arange(len(faces)), 3)
+    order = np.lexsort(edges.T)
+    edges, face = edges[order], face[order]
+    same = (edges[1:] == edges[:-1]).all(axis=1)
+    first = np.flatnonzero(same)
+    flat = np.einsum("ij,ij->i", normals[face[first]], normals[face[first + 1]])
+    keep = np.ones(len(edges), bool)
+    keep[1:][same] = False  # an edge is kept once
+    keep[first[flat > math.cos(math.radians(degrees))]] = False
+    return points[edges[keep]]

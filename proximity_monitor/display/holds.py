@@ -1,0 +1,79 @@
+"""The bodies that are held here: their poses are published until they are let go."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+
+import numpy as np
+
+UNDO = 200
+"""So many steps can be undone."""
+
+
+class Holds:
+    """Poses (7,), x y z in metres, quaternion w x y z, with the way back. Any thread may call."""
+
+    def __init__(self) -> None:
+        """Begin with nothing held."""
+        self._lock = threading.Lock()
+        self._poses: dict[str, np.ndarray] = {}
+        self._first: dict[str, np.ndarray] = {}
+        self._before: list[tuple[str, np.ndarray]] = []
+
+    @property
+    def poses(self) -> Mapping[str, np.ndarray]:
+        """By body the pose to publish."""
+        with self._lock:
+            return dict(self._poses)
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is a step to undo."""
+        with self._lock:
+            return bool(self._before)
+
+    def take(self, name: str, now: np.ndarray) -> None:
+        """Begin a step with a body: hold it where it is, if it was not held; it can be undone."""
+        with self._lock:
+            self._before.append((name, self._poses.get(name, now)))
+            del self._before[:-UNDO]
+            self._poses.setdefault(name, now)
+            self._first.setdefault(name, now)
+
+    def move(self, name: str, pose: np.ndarray) -> None:
+        """Move a body that is held, within a step."""
+        with self._lock:
+            if name in self._poses:
+                self._poses[name] = pose
+
+    def place(self, name: str, pose: np.ndarray, now: np.ndarray) -> None:
+        """Hold a body at a pose, as one step; `now` is where it is."""
+        self.take(name, now)
+        self.move(name, pose)
+
+    def undo(self) -> str | None:
+        """Go back by a step; return the body. It stays held, where the step began."""
+        with self._lock:
+            if not self._before:
+                return None
+            name, pose = self._before.pop()
+            if name in self._poses:
+                self._poses[name] = pose
+            return name
+
+    def reset(self, name: str) -> None:
+        """Put a held body back to where it was when it was taken first; this can be undone."""
+        with self._lock:
+            first, pose = self._first.get(name), self._poses.get(name)
+            if first is not None and pose is not None:
+                self._before.append((name, pose))
+                self._poses[name] = first
+
+    def release(self, name: str | None = None) -> None:
+        """Let a body go, or all: its own source has it again."""
+        with self._lock:
+            for each in [name] if name is not None else list(self._poses):
+                self._poses.pop(each, None)
+                self._first.pop(each, None)
+                self._before = [step for step in self._before if step[0] != each]

@@ -1,0 +1,187 @@
+"""Thresholds, budget and tolerance as sliders, and what accuracy costs in time beside them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.signs import DECIMALS, length
+from proximity_monitor.display.state import BOUNDED, Frame, Health, Scene
+
+ASK_S = 0.2
+"""Seconds between two requests to the monitor while a slider is dragged."""
+
+HEADROOM = 4.0
+"""A slider of a length reaches to so many times what it was at first."""
+
+SETTLED = 2
+"""So many messages about times must have come since a setting was made: the first is of before."""
+
+TRIED = 8
+"""So many settings are remembered with what they cost."""
+
+Values = Mapping[str, float]
+
+
+class Limits:
+    """The panel; what is set here are the monitor's own parameters."""
+
+    def __init__(self, gui: viser.GuiApi, choice: Choice, ask: Callable[[Values], None]) -> None:
+        """Add it where the GUI stands; `ask` sends parameters to the monitor."""
+        self._choice = choice
+        self._ask = ask
+        self._wanted: dict[str, float] = {}
+        self._asked_s = -math.inf
+        self._prefix = ""
+        self._scene: Scene | None = None
+        self._tried: dict[str, str] = {}
+        self._heard: Health | None = None
+        self._setting, self._seconds = "", 0  # in force, and for how many messages of the monitor
+        with gui.add_folder("Thresholds"):
+            self._whose = gui.add_html("")
+            self._lengths = {
+                name: gui.add_slider(name, 0.0, 1.0, 0.001, 0.0)
+                for name in ("warn", "stop", "hysteresis")
+            }
+        with gui.add_folder("Accuracy and its cost"):
+            self._budget = gui.add_slider("Budget [ms]", 0.0, 50.0, 0.5, 0.0)
+            self._rel = gui.add_slider("Relative error [%]", 0.0, 50.0, 0.5, 0.0)
+            self._abs = gui.add_slider("Absolute error", 0.0, 1.0, 0.001, 0.0)
+            self._cost = gui.add_html("")
+        self._refusal = gui.add_html("")
+        for name, slider in self._lengths.items():
+            slider.on_update(self._on_length(name, slider))
+        self._budget.on_update(self._on("budget_ms", self._budget, lambda: 1.0))
+        self._rel.on_update(self._on("rel_err", self._rel, lambda: 0.01))
+        self._abs.on_update(self._on("abs_err", self._abs, lambda: self._scene.unit.to_metre))
+
+    def show(
+        self, scene: Scene, frame: Frame, health: Health | None, refusal: str, now_s: float
+    ) -> None:
+        """Send what was set, and show what is in force and what it costs."""
+        if self._wanted:
+            if now_s >= self._asked_s + ASK_S:
+                self._asked_s = now_s
+                wanted, self._wanted = self._wanted, {}
+                self._ask(wanted)
+        elif now_s >= self._asked_s + 5.0 * ASK_S:  # so that a slider is not pulled from the hand
+            self._follow(scene)
+        if health is not None:
+            self._cost.content = self._tell_cost(scene, frame, health)
+        self._refusal.content = (
+            f"<div class=pm style='color:#b3261e'>not taken: {refusal}</div>" if refusal else ""
+        )
+
+    def _follow(self, scene: Scene) -> None:
+        """Move the sliders to what is in force, with new scales where that is of others."""
+        pair = self._choice.pair
+        own = pair in scene.own_thresholds and scene.own_parameters
+        prefix = f"pairs.{pair[0]}.{pair[1]}" if own else "thresholds"
+        limits = scene.own_thresholds[pair] if own else scene.thresholds
+        to_unit, symbol = 1.0 / scene.unit.to_metre, scene.unit.symbol
+        values = {name: getattr(limits, name) * to_unit for name in self._lengths}
+        if self._scene is None or prefix != self._prefix or self._scene.bodies != scene.bodies:
+            self._prefix = prefix
+            top = _round_up(HEADROOM * max(*values.values(), 1e-9))
+            for name, slider in self._lengths.items():
+                slider.label = f"{name} [{symbol}]"
+                _scale(slider, top, 1000)
+            self._abs.label = f"Absolute error [{symbol}]"
+            warn = scene.thresholds.warn * to_unit
+            _scale(self._abs, _round_up(max(warn, 1e-9)), 1000)
+            _scale(self._budget, _round_up(2e3 / scene.settings["rate_hz"]), 200)
+        self._scene = scene
+        for name, slider in self._lengths.items():
+            slider.value = _within(values[name], slider)
+        self._budget.value = _within(scene.settings["budget_ms"], self._budget)
+        self._rel.value = _within(100.0 * (scene.settings["rel_err"] or 0.0), self._rel)
+        self._abs.value = _within((scene.settings["abs_err"] or 0.0) * to_unit, self._abs)
+        whose = f"of {pair[0]} - {pair[1]}" if own else "of all pairs without their own"
+        self._whose.content = f"<div class='pm pm-small pm-dim'>{whose}</div>"
+
+    def _on_length(self, name: str, slider: viser.GuiSliderHandle):
+        async def on_update(event: viser.GuiEvent) -> None:
+            if event.client is None or self._scene is None:
+                return
+            values = {each: self._lengths[each].value for each in ("warn", "stop")}
+            if name == "warn":  # they push each other, as warn may not be below stop
+                values["stop"] = min(values["stop"], values["warn"])
+            elif name == "stop":
+                values["warn"] = max(values["stop"], values["warn"])
+            values[name] = slider.value if name == "hysteresis" else values[name]
+            for each, value in values.items():
+                self._lengths[each].value = value
+                self._wanted[f"{self._prefix}.{each}"] = value * self._scene.unit.to_metre
+
+        return on_update
+
+    def _on(self, parameter: str, slider: viser.GuiSliderHandle, factor: Callable[[], float]):
+        async def on_update(event: viser.GuiEvent) -> None:
+            if event.client is not None and self._scene is not None:
+                self._wanted[parameter] = slider.value * factor()
+
+        return on_update
+
+    def _tell_cost(self, scene: Scene, frame: Frame, health: Health) -> str:
+        pairs, settings, unit = frame.pairs, scene.settings, scene.unit
+        p50, p99 = (health.number("schedule", f"search_p{share}_ms") for share in (50, 99))
+        gaps = (pairs.upper - pairs.lower)[np.isfinite(pairs.upper)]
+        widest = float(gaps.max()) if len(gaps) else 0.0
+        bounded = int((pairs.status == BOUNDED).sum())
+        what = _named(settings, unit.symbol, unit.to_metre)
+        if what != self._setting:
+            self._setting, self._seconds = what, 0
+        if health is not self._heard:
+            self._heard = health
+            self._seconds += 1
+        if self._seconds >= SETTLED and not math.isnan(p50):
+            self._tried.pop(what, None)
+            self._tried[what] = (
+                f"<td class=pm-num>{p50:.2f}</td><td class=pm-num>{p99:.2f}</td>"
+                f"<td class=pm-num>{length(widest, unit)}</td><td class=pm-num>{bounded}</td>"
+            )
+            while len(self._tried) > TRIED:
+                del self._tried[next(iter(self._tried))]
+        share = f"{100.0 * p50 / settings['budget_ms']:.0f} %" if settings["budget_ms"] else "n/a"
+        rows = "".join(
+            f"<tr{' class=pm-chosen' if told == what else ''}><td>{told}</td>{cost}</tr>"
+            for told, cost in reversed(self._tried.items())
+        )
+        return (
+            f'<div class=pm id="pm-cost"><div>Search now: <b>{p50:.2f} ms</b> a tick (median),'
+            f" {p99:.2f} ms (99th percentile): {share} of the budget</div>"
+            "<table class='pm-table pm-small'><tr><th>tried here</th><th class=pm-num>p50 [ms]</th>"
+            "<th class=pm-num>p99 [ms]</th><th class=pm-num>widest bounds</th>"
+            f"<th class=pm-num>cut</th></tr>{rows}</table></div>"
+        )
+
+
+def _named(settings: Mapping[str, float | None], symbol: str, to_metre: float) -> str:
+    rel, absolute = settings["rel_err"], settings["abs_err"]
+    errors = []
+    if rel is None and absolute is None:
+        errors.append("as the scene says")
+    if rel:
+        errors.append(f"{100.0 * rel:g} %")
+    if absolute:
+        errors.append(f"{absolute / to_metre:.{DECIMALS.get(symbol, 4)}g} {symbol}")
+    return f"{' or '.join(errors) or 'exact'}, {settings['budget_ms']:g} ms"
+
+
+def _round_up(value: float) -> float:
+    """The next of 1, 2, 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value)
+
+
+def _scale(slider: viser.GuiSliderHandle, top: float, steps: int) -> None:
+    slider.max, slider.step = top, top / steps
+    slider.precision = max(0, math.ceil(-math.log10(slider.step)))
+
+
+def _within(value: float, slider: viser.GuiSliderHandle) -> float:
+    return float(min(max(value, slider.min), slider.max))

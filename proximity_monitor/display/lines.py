@@ -1,0 +1,158 @@
+"""The clearances in 3D: a line a pair with its closest points, labels, and a star at contact.
+
+The pattern of a line says its state, whatever its colour: solid while clear, dashed at warn, solid
+and thick at stop, dotted while stale; a gap in the middle is uncertainty, where the budget cut the
+search and only bounds are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.signs import clearance, ramp, sign, uncertain
+from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, Scene
+
+LABELS = 10
+"""So many are shown at most, of the nearest."""
+
+ALWAYS = 3
+"""So many of the nearest pairs bear a label even while they are clear."""
+
+THIN, THICK = 2.0, 5.0
+"""Pixels."""
+
+
+def pattern(level: int, unsure: bool) -> np.ndarray:
+    """Return the drawn parts of a line as (n, 2) fractions of its length."""
+    if level == WARN:
+        dashes = np.array([(i / 9.0, (i + 0.6) / 9.0) for i in range(9)])
+    elif level == STALE:
+        dashes = np.array([(i / 24.0, (i + 0.3) / 24.0) for i in range(24)])
+    else:
+        dashes = np.array([(0.0, 1.0)])
+    if not unsure:
+        return dashes
+    halves = [np.clip(dashes, 0.0, 0.38), np.clip(dashes, 0.62, 1.0)]
+    both = np.concatenate(halves)
+    return both[both[:, 1] > both[:, 0]]
+
+
+def shown_rows(pairs: Pairs, choice: Choice) -> np.ndarray:
+    """Return the rows to draw, the nearest first: all that are not clear, and the nearest others.
+
+    Ignored pairs and those without a pose are left out; a highlighted pair is drawn alone.
+    """
+    if choice.pair is not None:
+        row = pairs.places.get(choice.pair)
+        rows = [] if row is None or pairs.status[row] == UNKNOWN else [row]
+        return np.array(rows, int)
+    wanted = pairs.status != UNKNOWN
+    for name in choice.ignored:
+        if name in pairs.places:
+            wanted[pairs.places[name]] = False
+    rows = np.flatnonzero(wanted)
+    rows = rows[np.argsort(pairs.lower[rows], kind="stable")]
+    near = np.arange(len(rows)) < choice.lines
+    return rows[near | (pairs.level[rows] != 0) | pairs.touching[rows]]
+
+
+class Lines:
+    """The scene nodes of all pairs."""
+
+    def __init__(self, server: viser.ViserServer, scale: float, size: float) -> None:
+        """Add them, with nothing to show; `scale` in units a metre, `size` of the scene."""
+        api = server.scene
+        self._scale = scale
+        self._star = 0.02 * size * _STAR
+        nothing = np.zeros((1, 2, 3), np.float32)
+        self._lines = {
+            width: api.add_line_segments(
+                f"/distances/{name}", nothing, nothing.astype(np.uint8), thickness=width,
+                thickness_units="screen", visible=False,
+            )
+            for name, width in (("thin", THIN), ("thick", THICK))
+        }  # fmt: skip
+        self._points = api.add_point_cloud(
+            "/distances/points", nothing[0], nothing[0].astype(np.uint8),
+            point_size=0.008 * size, point_shape="circle",
+            precision="float32", visible=False,
+        )  # fmt: skip
+        self._labels = [
+            api.add_label(
+                f"/distances/label_{i}", "", anchor="bottom-center", visible=False,
+                font_screen_scale=1.1,
+            )
+            for i in range(LABELS)
+        ]  # fmt: skip
+
+    def show(self, pairs: Pairs, scene: Scene, choice: Choice) -> None:
+        """Draw the pairs of a tick."""
+        rows = shown_rows(pairs, choice)
+        points = pairs.points[rows] * self._scale
+        colours = np.array(
+            [
+                ramp(
+                    float(pairs.lower[i]),
+                    scene.limits(pairs.names[i]),
+                    touching=bool(pairs.touching[i]),
+                    stale=bool(pairs.level[i] == STALE),
+                )
+                for i in rows
+            ],
+            np.uint8,
+        ).reshape(-1, 3)
+        segments = {THIN: [], THICK: []}
+        painted = {THIN: [], THICK: []}
+        for (p, q), colour, i in zip(points, colours, rows, strict=True):
+            loud = pairs.level[i] == STOP or pairs.touching[i] or choice.pair is not None
+            width = THICK if loud else THIN
+            if pairs.touching[i]:
+                drawn = (p + q) / 2.0 + self._star
+                if pairs.upper[i] < 0.0:
+                    drawn = np.concatenate((drawn, [(p, q)]))
+            else:
+                drawn = p + (q - p) * pattern(pairs.level[i], uncertain(pairs, i))[..., None]
+            segments[width].append(drawn)
+            painted[width].append(np.broadcast_to(colour, drawn.shape))
+        for width, line in self._lines.items():
+            _set_lines(line, segments[width], painted[width])
+        self._points.visible = len(rows) > 0
+        if len(rows):
+            self._points.points = points.reshape(-1, 3).astype(np.float32)
+            self._points.colors = np.repeat(colours, 2, axis=0)
+        self._set_labels(pairs, scene, rows, points)
+
+    def _set_labels(self, pairs: Pairs, scene: Scene, rows: np.ndarray, points: np.ndarray) -> None:
+        urgent = (np.arange(len(rows)) < ALWAYS) | (pairs.level[rows] != 0)
+        labelled = np.flatnonzero(urgent | pairs.touching[rows])[:LABELS]
+        for label, k in zip(self._labels, labelled, strict=False):
+            i = rows[k]
+            label.text = f"{sign(pairs, i).glyph} {clearance(pairs, i, scene.unit)}"
+            label.position = points[k].mean(axis=0)
+            label.visible = True
+        for label in self._labels[len(labelled) :]:
+            label.visible = False
+
+
+def _set_lines(
+    line: viser.LineSegmentsHandle, segments: Sequence[np.ndarray], colours: Sequence[np.ndarray]
+) -> None:
+    line.visible = bool(segments)
+    if segments:
+        line.points = np.concatenate(segments).astype(np.float32)
+        line.colors = np.concatenate(colours).astype(np.uint8)
+
+
+def _star() -> np.ndarray:
+    """Six spokes through the origin, (6, 2, 3)."""
+    spokes = np.array(
+        [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.7, 0.7, 0), (0, 0.7, 0.7), (0.7, 0, 0.7)]
+    )
+    return np.stack((-spokes, spokes), axis=1)
+
+
+_STAR = _star()

@@ -1,0 +1,33 @@
+"""The style of the page's own HTML; `pm-` keeps its classes apart from viser's."""
+
+from __future__ import annotations
+
+STYLE = """<style>
+.pm { font: 13px/1.45 system-ui, sans-serif; color: inherit; margin: 0 10px 8px;
+      font-variant-numeric: tabular-nums; }
+.pm-line { display: flex; align-items: center; gap: 8px; }
+.pm-cut { flex: 1; min-width: 0; overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
+.pm-dim { opacity: .62; }
+.pm-small { font-size: 11.5px; }
+.pm-pill { border-radius: 10px; padding: 1px 9px; font-weight: 600; color: #fff;
+           white-space: nowrap; }
+.pm-banner { border-radius: 6px; padding: 6px 10px; border: 2px solid; background: #fff;
+             color: #222; display: flex; gap: 8px; align-items: baseline; }
+.pm-banner b, .pm-banner .pm-dim { white-space: nowrap; }
+.pm-table { width: 100%; border-collapse: collapse; }
+.pm-table th { text-align: left; font-weight: 600; font-size: 11px; opacity: .65;
+               padding: 2px 4px; border-bottom: 1px solid #8884; }
+.pm-table td { padding: 3px 4px; border-bottom: 1px solid #8882; vertical-align: top; }
+.pm-table tr.pm-row { cursor: pointer; }
+.pm-table tr.pm-row:hover { background: #0072b214; }
+.pm-table tr.pm-chosen { background: #0072b226; }
+.pm-table .pm-num { text-align: right; white-space: nowrap; }
+.pm-sign { font-weight: 700; white-space: nowrap; }
+.pm-bar { position: relative; height: 4px; border-radius: 2px; background: #8883;
+          margin-top: 3px; }
+.pm-bar i { position: absolute; top: 0; bottom: 0; border-radius: 2px; min-width: 3px; }
+.pm-bar u { position: absolute; top: -2px; bottom: -2px; width: 1px; background: #666; }
+.pm-press { cursor: pointer; text-decoration: underline dotted; opacity: .75; }
+.pm-press:hover { opacity: 1; }
+.pm-kv { display: grid; grid-template-columns: auto 1fr; gap: 1px 12px; }
+</style>"""

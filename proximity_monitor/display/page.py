@@ -1,0 +1,215 @@
+"""The page: what stands where, and the frame that brings it up to date."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+import viser
+
+from proximity_monitor.display import serving
+from proximity_monitor.display.bridge import Bridge
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.connection import banner, connection, pill
+from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.inbox import Inbox, News
+from proximity_monitor.display.limits import Limits
+from proximity_monitor.display.lines import Lines
+from proximity_monitor.display.look import STYLE
+from proximity_monitor.display.move import Move
+from proximity_monitor.display.node import ProximityDisplay
+from proximity_monitor.display.pairs import as_pair, table
+from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.received import Part
+from proximity_monitor.display.save import Save
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.state import Frame, Scene
+from proximity_monitor.display.timeline import Timeline
+
+TABLE_S = 0.1
+"""Seconds between two states of the list: numbers that change faster cannot be read."""
+
+WIDTH = 500
+"""Of the panel, in pixels."""
+
+
+class Page:
+    """Everything on the server, for all who look at it."""
+
+    def __init__(
+        self, server: viser.ViserServer, inbox: Inbox, holds: Holds, node: ProximityDisplay
+    ) -> None:
+        """Lay the page out.
+
+        Args:
+            server: shows it.
+            inbox: what the monitor says.
+            holds: the bodies that are held here.
+            node: carries requests to the monitor.
+        """
+        self._server = server
+        self._inbox = inbox
+        self._holds = holds
+        self._choice = Choice()
+        self._session = Session()
+        self._scene: Scene | None = None
+        self._frame: Frame | None = None
+        self._parts: Parts | None = None
+        self._meshes: Sequence[Part] = ()
+        self._lines: Lines | None = None
+        self._drawn: tuple = ()
+        self._table_due_s = 0.0
+        gui = server.gui
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(WIDTH)
+        gui.add_html(STYLE)
+        Bridge(gui, self._on_word)
+        self._pill = gui.add_html("")
+        self._banner = gui.add_html("")
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Clearances", viser.Icon.RULER_MEASURE):
+            self._add_list(gui)
+        with tabs.add_tab("Move", viser.Icon.HAND_MOVE):
+            self._move = Move(server, holds, self._choice)
+        with tabs.add_tab("Limits", viser.Icon.ADJUSTMENTS):
+            self._limits = Limits(gui, self._choice, node.set_parameters_of_monitor)
+        over_time = gui.add_panel()
+        plot = over_time.add_tab("Clearance", viser.Icon.CHART_LINE)
+        over_time.float(x=14, y=-14, width=600, height=290)
+        with tabs.add_tab("Session", viser.Icon.HISTORY):
+            self._timeline = Timeline(gui, plot, self._session, self._choice, self._return_to_worst)
+            self._save = Save(gui, inbox, self._session, self._choice, self._shown, self._move.hide)
+
+    def step(self) -> None:
+        """Bring the page up to date: one block of changes for all browsers."""
+        try:
+            news = self._inbox.read()
+        except ValueError as error:  # of another version's monitor, or no monitor at all
+            self._inbox.tell(refusal=str(error))
+            news = self._inbox.news
+        now_s = time.monotonic()
+        with self._server.atomic():
+            self._pill.content = pill(connection(news, now_s))
+            if _complete(news):
+                self._show(news, now_s)
+
+    def _show(self, news: News, now_s: float) -> None:
+        scene = news.scene
+        if self._scene is None or self._scene.bodies != scene.bodies:
+            self._build(news)
+        elif news.parts is not self._meshes:
+            self._parts.reshape(news.parts, scene.deforming)
+        self._scene, self._meshes = scene, news.parts
+        if news.frame is not self._session.newest:
+            self._session.add(news.frame)
+        at, choice = self._choice.at_s, self._choice
+        frame = self._frame = news.frame if at is None else self._session.at(at)
+        held = self._holds.poses if at is None else {}
+        self._parts.show(frame, held, choice, choice.pair or ())
+        self._move.show(frame, news)
+        drawn = (frame, choice.pair, choice.ignored, choice.lines, scene)
+        if drawn != self._drawn:
+            self._drawn = drawn
+            self._lines.show(frame.pairs, scene, choice)
+        if now_s >= self._table_due_s:
+            self._table_due_s = now_s + TABLE_S
+            self._banner.content = banner(frame, scene, choice)
+            self._table.content = table(frame.pairs, scene, choice)
+            self._limits.show(scene, news.frame, news.health, news.refusal, now_s)
+        self._timeline.show(scene, now_s)
+
+    def _build(self, news: News) -> None:
+        """Begin with a scene."""
+        self._server.scene.reset()
+        serving.light(self._server)
+        self._session.clear()
+        self._choice.pair = self._choice.body = self._choice.at_s = None
+        self._parts = Parts(self._server, news.scene, news.parts, self._move.pick)
+        self._parts.show(news.frame, {}, self._choice, ())
+        self._lines = Lines(self._server, self._parts.scale, self._parts.size)
+        self._move.begin(news.scene, self._parts)
+        low, high = self._parts.box()
+        middle, across = (low + high) / 2.0, float(np.linalg.norm(high - low))
+        camera = self._server.initial_camera
+        middle[2] -= 0.12 * across  # the plot covers what is beneath
+        camera.look_at = middle
+        camera.position = middle + across * np.array([0.55, -0.75, 0.45])
+        self._server.gui.set_panel_label(news.scene.name)
+        self._about.content = f"<div class='pm pm-dim'>{escape(news.scene.description)}</div>"
+
+    def _add_list(self, gui: viser.GuiApi) -> None:
+        self._about = gui.add_html("")
+        search = gui.add_text("Search", "", hint="Words of the names of both parts")
+        self._table = gui.add_html("")
+        with gui.add_folder("Picture", expand_by_default=False):
+            lines = gui.add_slider(
+                "Lines", 0, 200, 1, self._choice.lines,
+                hint="So many of the nearest pairs are drawn, beside all that are not clear",
+            )  # fmt: skip
+            names = gui.add_checkbox("Names", self._choice.names)
+
+        @search.on_update
+        async def _(_) -> None:
+            self._choice.search = search.value
+
+        @lines.on_update
+        async def _(_) -> None:
+            self._choice.lines = int(lines.value)
+
+        @names.on_update
+        async def _(_) -> None:
+            self._choice.names = names.value
+
+    def _shown(self) -> tuple[Scene, Frame] | None:
+        return None if self._frame is None else (self._scene, self._frame)
+
+    def _on_word(self, word: str, client: viser.ClientHandle | None) -> None:
+        what, _, name = word.partition(":")
+        pair, choice = as_pair(name), self._choice
+        if what == "ignore":
+            choice.ignore(pair)
+        elif what == "pick":
+            choice.pair = None if choice.pair == pair else pair
+            if choice.pair is not None and client is not None:
+                self._zoom(client)
+
+    def _zoom(self, client: viser.ClientHandle) -> None:
+        """Look at the gap of the highlighted pair from where the camera stands, but nearer."""
+        pairs = self._frame.pairs
+        row = pairs.places.get(self._choice.pair)
+        if row is None or np.isnan(pairs.points[row]).any():
+            return
+        ends = pairs.points[row] * self._parts.scale
+        middle = ends.mean(axis=0)
+        away = np.array(client.camera.position) - middle
+        away /= np.linalg.norm(away) or 1.0
+        distance = max(4.0 * float(np.linalg.norm(ends[1] - ends[0])), 0.6 * self._parts.size)
+        with client.atomic():
+            client.camera.look_at = middle
+            client.camera.position = middle + distance * away
+
+    def _return_to_worst(self) -> None:
+        """Hold the two bodies of the worst pair where they were."""
+        found = self._session.worst(self._choice.pair, self._choice.ignored)
+        if found is None:
+            return
+        pair, worst = found
+        self._choice.at_s = None
+        self._choice.pair = pair
+        for name in pair:
+            if name in self._scene.moving and self._scene.body(name).topic is not None:
+                row = self._scene.moving.index(name)
+                now = self._holds.poses.get(name, self._frame.pose(row))
+                self._holds.place(name, worst.poses[row], now)
+
+
+def _complete(news: News) -> bool:
+    """Whether all has come, and of one scene: what comes first may still be of the one before."""
+    scene, parts, frame = news.scene, news.parts, news.frame
+    return (
+        not (scene is None or parts is None or frame is None)
+        and len(parts) == len(scene.bodies)
+        and len(frame.poses) == len(scene.moving)
+    )

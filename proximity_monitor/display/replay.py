@@ -1,0 +1,85 @@
+"""The session as one HTML file that plays from a disk: the scene in 3D and a report beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+
+from proximity_monitor.display import serving
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.lines import Lines
+from proximity_monitor.display.look import STYLE
+from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.received import Part
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.signs import clearance, length, sign
+from proximity_monitor.display.state import Frame, Scene
+
+FRAMES = 400
+"""So many moments of the session are in it at most."""
+
+
+def replay_html(
+    scene: Scene, parts: Sequence[Part], session: Session, choice: Choice, camera: np.ndarray
+) -> str:
+    """Return the document.
+
+    Args:
+        scene: of the session.
+        parts: its bodies' meshes.
+        session: with at least one frame.
+        choice: what is ignored, and how much is drawn.
+        camera: (2, 3) where it stands and what it looks at, in the page's units.
+    """
+    frames = session.frames
+    frames = frames[:: -(-len(frames) // FRAMES)]
+    # A server of its own, which nobody connects to, so that nobody's page plays along.
+    server = serving.serve("127.0.0.1", 0, "")
+    try:
+        views = Parts(server, scene, parts, lambda name: None)
+        lines = Lines(server, views.scale, views.size)
+        server.initial_camera.position, server.initial_camera.look_at = camera
+        recorder = server.get_scene_serializer()
+        for frame, after in zip(frames, [*frames[1:], frames[-1]], strict=True):
+            views.show(frame, {}, choice, choice.pair or ())
+            lines.show(frame.pairs, scene, choice)
+            recorder.insert_sleep(after.stamp_s - frame.stamp_s)
+        document = recorder.as_html()
+    finally:
+        serving.stop(server)
+    return document.replace("</body>", f"{report(scene, session, frames[-1])}</body>", 1)
+
+
+def report(scene: Scene, session: Session, last: Frame) -> str:
+    """Return the table of all pairs: smallest clearance of the session, and the last."""
+    unit, pairs = scene.unit, last.pairs
+    rows = []
+    for i, (a, b) in enumerate(pairs.names):
+        found, limits, mark = session.worst((a, b)), scene.limits((a, b)), sign(pairs, i)
+        least = found[1].upper if found is not None else float("inf")
+        when = f"{found[1].stamp_s - session.span_s[0]:.1f} s" if found is not None else ""
+        rows.append(
+            (
+                least,
+                f"<tr><td>{escape(a)} - {escape(b)}</td>"
+                f"<td class=pm-num>{length(least, unit)}</td><td class=pm-num>{when}</td>"
+                f"<td class=pm-num>{clearance(pairs, i, unit)}</td>"
+                f'<td class=pm-sign style="color:{mark.colour}">{mark.glyph} {mark.word}</td>'
+                f"<td class=pm-num>{length(limits.warn, unit)}</td>"
+                f"<td class=pm-num>{length(limits.stop, unit)}</td></tr>",
+            )
+        )
+    rows.sort(key=lambda row: row[0])
+    start, end = session.span_s
+    return (
+        f'{STYLE}<details open id="pm-report" class=pm style="position:fixed;left:0;bottom:12px;'
+        "max-height:45vh;overflow:auto;background:#fffe;color:#222;padding:8px 12px;"
+        'border:1px solid #8886;border-radius:6px;z-index:10">'
+        f"<summary><b>{escape(scene.name)}</b>: {len(pairs)} pairs, {end - start:.1f} s,"
+        " nearest first</summary><table class=pm-table><tr><th>pair</th>"
+        "<th class=pm-num>smallest</th><th class=pm-num>at</th><th class=pm-num>at the end</th>"
+        "<th>state at the end</th><th class=pm-num>warn</th><th class=pm-num>stop</th></tr>"
+        f"{''.join(row for _, row in rows)}</table></details>"
+    )

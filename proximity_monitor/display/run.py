@@ -1,0 +1,92 @@
+"""The display as a program: `ros2 run proximity_monitor display`."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Sequence
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from proximity_monitor.display import serving
+from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.inbox import Inbox
+from proximity_monitor.display.node import ProximityDisplay
+from proximity_monitor.display.page import Page
+
+FRAMES_HZ = 25.0
+"""How often the page is brought up to date."""
+
+_IDLE_S = 0.1
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the display until SIGINT, SIGTERM or ROS shuts down; return 1 if it cannot start."""
+    stop = threading.Event()
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, lambda *_: stop.set())
+    inbox, holds = Inbox(), Holds()
+    try:
+        node = ProximityDisplay(inbox, holds)
+    except ParameterException as error:
+        print(f"proximity_display: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 1
+    try:
+        server = serving.serve(node.host, node.port, "proximity monitor")
+    except OSError as error:
+        print(f"proximity_display: {node.host}:{node.port}: {error}", file=sys.stderr)
+        node.destroy_node()
+        rclpy.try_shutdown()
+        return 1
+    spinning = threading.Thread(target=_spin, args=(node, stop))
+    spinning.start()
+    try:
+        page = Page(server, inbox, holds, node)
+        _say_where(node, server)
+        _frames(page, stop)
+    finally:
+        stop.set()
+        spinning.join()
+        serving.stop(server)
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _spin(node: ProximityDisplay, stop: threading.Event) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        while not stop.is_set() and rclpy.ok():
+            executor.spin_once(timeout_sec=_IDLE_S)
+    except ExternalShutdownException:
+        pass
+    finally:
+        stop.set()
+        executor.shutdown()
+
+
+def _frames(page: Page, stop: threading.Event) -> None:
+    due = time.monotonic()
+    while not stop.is_set():
+        page.step()
+        due = max(due + 1.0 / FRAMES_HZ, time.monotonic())
+        stop.wait(due - time.monotonic())
+
+
+def _say_where(node: ProximityDisplay, server) -> None:
+    port = server.get_port()
+    if node.port not in (0, port):
+        node.get_logger().warning(f"port {node.port} is taken: using {port}")
+    if node.host not in ("127.0.0.1", "localhost", "::1"):
+        node.get_logger().warning(
+            f"listening on {node.host}: there is no login, whoever reaches it can move the bodies"
+        )
+    print(f"display: http://{node.host}:{port}", flush=True)

@@ -1,0 +1,112 @@
+"""The panel of what can be taken home."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.export import pairs_csv, series_csv
+from proximity_monitor.display.inbox import Inbox
+from proximity_monitor.display.replay import replay_html
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.state import Frame, Scene
+
+Shown = Callable[[], tuple[Scene, Frame] | None]
+
+
+class Save:
+    """Four buttons; each sends a file to the browser that pressed it."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        inbox: Inbox,
+        session: Session,
+        choice: Choice,
+        shown: Shown,
+        hide_gizmo: Callable[[bool], None],
+    ) -> None:
+        """Add them where the GUI stands.
+
+        Args:
+            gui: where they go.
+            inbox: has the meshes.
+            session: what is recorded.
+            choice: what is highlighted and ignored.
+            shown: returns the scene and the frame that the page shows, None before the first.
+            hide_gizmo: hides it while a picture is taken.
+        """
+        self._inbox = inbox
+        self._session = session
+        self._choice = choice
+        self._shown = shown
+        self._hide_gizmo = hide_gizmo
+        with gui.add_folder("Save"):
+            self._add(gui)
+
+    def _add(self, gui: viser.GuiApi) -> None:
+        table = gui.add_button("Pairs as CSV", icon=viser.Icon.TABLE)
+        series = gui.add_button("Session as CSV", icon=viser.Icon.CHART_LINE)
+        picture = gui.add_button("Picture (PNG)", icon=viser.Icon.PHOTO)
+        replay = gui.add_button("Replay with report (HTML)", icon=viser.Icon.MOVIE)
+        gui.add_html(
+            "<div class='pm pm-small pm-dim'>The replay is one file that plays in any browser,"
+            " without a network.</div>"
+        )
+        # Plain functions, which viser runs in threads of their own: none of these is quick.
+        table.on_click(self._send("csv", self._table))
+        series.on_click(self._send("session.csv", self._series))
+        picture.on_click(self._send("png", self._picture))
+        replay.on_click(self._send("html", self._replay))
+
+    def _send(self, suffix: str, make: Callable[[Scene, Frame, viser.ClientHandle], bytes]):
+        def on_click(event: viser.GuiEvent) -> None:
+            shown = self._shown()
+            if shown is not None and event.client is not None:
+                content = make(*shown, event.client)
+                name = f"{shown[0].name}.{suffix}"
+                event.client.send_file_download(name, content, save_immediately=True)
+
+        return on_click
+
+    def _table(self, scene: Scene, frame: Frame, _: viser.ClientHandle) -> bytes:
+        return pairs_csv(frame, scene, self._session).encode()
+
+    def _series(self, scene: Scene, _: Frame, __: viser.ClientHandle) -> bytes:
+        return series_csv(self._session, scene).encode()
+
+    def _picture(self, _: Scene, __: Frame, client: viser.ClientHandle) -> bytes:
+        self._hide_gizmo(True)
+        try:
+            camera = client.camera
+            image = client.get_render(camera.image_height, camera.image_width)
+        finally:
+            self._hide_gizmo(False)
+        return png(image)
+
+    def _replay(self, scene: Scene, _: Frame, client: viser.ClientHandle) -> bytes:
+        camera = np.array([client.camera.position, client.camera.look_at])
+        parts = self._inbox.news.parts
+        return replay_html(scene, parts, self._session, self._choice, camera).encode()
+
+
+def png(image: np.ndarray) -> bytes:
+    """Return an image (height, width, 3) of uint8 as a PNG file."""
+    height, width, _ = image.shape
+    rows = np.zeros((height, 1 + 3 * width), np.uint8)  # each begins with its filter: none
+    rows[:, 1:] = image.reshape(height, -1)
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        check = zlib.crc32(kind + data)
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", check)
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)  # 8 bits, RGB
+    pixels = zlib.compress(rows.tobytes())
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        (chunk(b"IHDR", header), chunk(b"IDAT", pixels), chunk(b"IEND", b""))
+    )

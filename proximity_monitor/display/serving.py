@@ -1,0 +1,77 @@
+"""The page's server: viser's, without what does not belong on a machine that moves bodies."""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import io
+import socket
+from collections.abc import Iterator
+from urllib.parse import urlsplit
+
+import viser
+import websockets.asyncio.server
+
+
+def serve(host: str, port: int, title: str) -> viser.ViserServer:
+    """Start the server in threads of its own.
+
+    Args:
+        host: the address to listen on.
+        port: the first port to try; `server.get_port()` says which one it became.
+        title: above the panel.
+
+    Raises:
+        OSError: there is no such address on this machine.
+    """
+    socket.create_server((host, 0)).close()  # on such an address viser would wait for ever
+    with _same_origin_only(), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
+        server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+    server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=False)
+    light(server)
+    return server
+
+
+def light(server: viser.ViserServer) -> None:
+    """Light the scene so that software renders it quickly: no shadows, no environment map."""
+    server.scene.configure_environment_map(hdri=None)
+    server.scene.configure_default_lights(cast_shadow=False)
+    server.scene.add_light_hemisphere(
+        "/light", sky_color=(255, 255, 255), ground_color=(150, 155, 165), intensity=2.0
+    )
+
+
+def stop(server: viser.ViserServer) -> None:
+    """End the server."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+@contextlib.contextmanager
+def _same_origin_only() -> Iterator[None]:
+    """Have the server that starts meanwhile refuse websockets that another site's page opens.
+
+    A browser lets every page connect to every address of its own machine, and says in `Origin`
+    which page it is; viser's server does not look. It has no setting for it, and takes `serve` from
+    the module at the moment it starts.
+    """
+    plain = websockets.asyncio.server.serve
+
+    def checked(handler, host, port, *, process_request, **options):
+        def look_at(connection, request):
+            if foreign(request.headers.get("Origin"), request.headers.get("Host")):
+                return connection.respond(http.HTTPStatus.FORBIDDEN, "foreign origin\n")
+            return process_request(connection, request)
+
+        return plain(handler, host, port, process_request=look_at, **options)
+
+    websockets.asyncio.server.serve = checked
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = plain
+
+
+def foreign(origin: str | None, host: str | None) -> bool:
+    """Return whether a request comes from the page of another site; programs name no origin."""
+    return origin is not None and urlsplit(origin).netloc != host

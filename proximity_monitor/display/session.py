@@ -1,0 +1,148 @@
+"""The session so far: its ticks, to look back at, and the smallest clearance of each pair."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import deque
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.state import STALE, Frame, Pairs
+
+PERIOD_S = 0.1
+"""Ticks are kept no more often than this."""
+
+BYTES = 64_000_000
+"""So much memory the kept ticks may take; then the oldest go."""
+
+POINTS = 600
+"""A plot's points at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Worst:
+    """The tick at which a pair was nearest, of all that the page saw."""
+
+    lower: float
+    upper: float
+    """Metres; surely reached."""
+    stamp_s: float
+    poses: np.ndarray
+    """(m, 7) of the moving bodies then."""
+
+
+class Session:
+    """Remembers frames."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._frames: deque[Frame] = deque()
+        self._bytes = 0
+        self._worst: dict[PairName, Worst] = {}
+        self.newest: Frame | None = None
+        """The last that was added, kept or not."""
+
+    def add(self, frame: Frame) -> None:
+        """Remember a tick. A clock that went back begins a new session."""
+        if self._frames and frame.stamp_s < self._frames[-1].stamp_s:
+            self.clear()
+        self.newest = frame
+        self._note_worst(frame)
+        if self._frames and frame.stamp_s < self._frames[-1].stamp_s + PERIOD_S:
+            return
+        self._frames.append(frame)
+        self._bytes += _size(frame)
+        while self._bytes > BYTES and len(self._frames) > 1:
+            self._bytes -= _size(self._frames.popleft())
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self._frames.clear()
+        self._bytes = 0
+        self.forget_worst()
+
+    def forget_worst(self) -> None:
+        """Begin anew with the smallest clearances."""
+        self._worst.clear()
+
+    @property
+    def frames(self) -> list[Frame]:
+        """Those that are kept, the oldest first."""
+        return list(self._frames)
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """The stamps of the oldest and newest."""
+        if not self._frames:
+            return (0.0, 0.0)
+        return self._frames[0].stamp_s, self._frames[-1].stamp_s
+
+    def at(self, stamp_s: float) -> Frame | None:
+        """Return the first frame that is not older, or the newest."""
+        if not self._frames:
+            return None
+        i = bisect_left(self._frames, stamp_s, key=lambda frame: frame.stamp_s)
+        return self._frames[min(i, len(self._frames) - 1)]
+
+    def worst(
+        self, pair: PairName | None = None, ignored: Collection[PairName] = ()
+    ) -> tuple[PairName, Worst] | None:
+        """Return the smallest clearance of a pair, or of all that are not ignored."""
+        if pair is not None:
+            found = self._worst.get(pair)
+            return None if found is None else (pair, found)
+        watched = [(name, worst) for name, worst in self._worst.items() if name not in ignored]
+        return min(watched, key=lambda each: each[1].upper, default=None)
+
+    def series(
+        self, pair: PairName | None = None, ignored: Collection[PairName] = ()
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return stamps, lower and upper bounds (n,), in metres, for a plot.
+
+        They are those of a pair or, without one, of the smallest clearance of all that are not
+        ignored. Of several ticks that fall on one point the nearest is shown; NaN is a gap.
+        """
+        frames = self.frames
+        stamps = np.array([frame.stamp_s for frame in frames])
+        bounds = np.array([_bounds(frame.pairs, pair, ignored) for frame in frames], float).reshape(
+            -1, 2
+        )
+        step = -(-len(frames) // POINTS)
+        if step > 1:
+            starts = np.arange(0, len(frames), step)
+            stamps = stamps[starts]
+            bounds = np.fmin.reduceat(bounds, starts, axis=0)
+        return stamps, bounds[:, 0], bounds[:, 1]
+
+    def _note_worst(self, frame: Frame) -> None:
+        pairs = frame.pairs
+        for i in np.flatnonzero((pairs.level != STALE) & np.isfinite(pairs.upper)):
+            known = self._worst.get(pairs.names[i])
+            if known is None or pairs.upper[i] < known.upper:
+                self._worst[pairs.names[i]] = Worst(
+                    float(pairs.lower[i]), float(pairs.upper[i]), frame.stamp_s, frame.poses
+                )
+
+
+def _bounds(
+    pairs: Pairs, pair: PairName | None, ignored: Collection[PairName]
+) -> tuple[float, float]:
+    if pair is not None:
+        row = pairs.places.get(pair)
+        return (np.nan, np.nan) if row is None else (pairs.lower[row], pairs.upper[row])
+    keep = np.ones(len(pairs), bool)
+    for name in ignored:
+        if name in pairs.places:
+            keep[pairs.places[name]] = False
+    keep &= ~np.isnan(pairs.lower)
+    if not keep.any():
+        return np.nan, np.nan
+    return float(pairs.lower[keep].min()), float(pairs.upper[keep].min())
+
+
+def _size(frame: Frame) -> int:
+    pairs = frame.pairs
+    return frame.poses.nbytes + pairs.points.nbytes + 66 * len(pairs)

@@ -1,0 +1,116 @@
+"""How a clearance reads: its number with unit, its sign, its colour.
+
+Every state has a glyph, a word and a line pattern of its own, so that nothing hangs on telling
+colours apart; the colours are of the palette of Okabe and Ito, which most people tell apart.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from proximity_monitor.display.state import (
+    BOUNDED,
+    OVERLAPPING,
+    STALE,
+    STOP,
+    UNKNOWN,
+    WARN,
+    Limits,
+    Pairs,
+    Unit,
+)
+
+DECIMALS = {"m": 5, "mm": 3, "in": 4}
+"""Digits after the point: from 1 to 10 micrometres, which is as fine as an assembly is made."""
+
+
+class Sign(NamedTuple):
+    """What stands beside a number."""
+
+    glyph: str
+    word: str
+    colour: str
+
+
+CLEAR_SIGN = Sign("●", "clear", "#009e73")
+WARN_SIGN = Sign("▲", "warn", "#e69f00")
+STOP_SIGN = Sign("■", "STOP", "#d55e00")
+CONTACT_SIGN = Sign("✖", "CONTACT", "#cc2f8f")
+OVERLAP_SIGN = Sign("✖", "OVERLAP", "#cc2f8f")
+STALE_SIGN = Sign("?", "stale", "#7a7a85")
+
+_FAR = np.array([0x00, 0x72, 0xB2], float)
+_CLEAR = np.array([0x00, 0x9E, 0x73], float)
+_WARN = np.array([0xE6, 0x9F, 0x00], float)
+_STOP = np.array([0xD5, 0x5E, 0x00], float)
+_CONTACT = np.array([0xCC, 0x2F, 0x8F], float)
+_STALE = np.array([0x7A, 0x7A, 0x85], float)
+
+
+def sign(pairs: Pairs, row: int) -> Sign:
+    """Return the sign of a pair."""
+    level, status = pairs.level[row], pairs.status[row]
+    if level == STALE or status == UNKNOWN:
+        return STALE_SIGN
+    if status == OVERLAPPING:
+        return OVERLAP_SIGN
+    if pairs.touching[row]:
+        return CONTACT_SIGN
+    return STOP_SIGN if level == STOP else WARN_SIGN if level == WARN else CLEAR_SIGN
+
+
+def number(metres: float, unit: Unit) -> str:
+    """Return a length in the unit, without its symbol."""
+    if math.isnan(metres):
+        return "n/a"
+    if math.isinf(metres):
+        return "∞" if metres > 0.0 else "-∞"
+    return f"{metres / unit.to_metre:.{DECIMALS.get(unit.symbol, 4)}f}"
+
+
+def length(metres: float, unit: Unit) -> str:
+    """Return a length with its unit."""
+    return f"{number(metres, unit)} {unit.symbol}"
+
+
+def clearance(pairs: Pairs, row: int, unit: Unit) -> str:
+    """Return a pair's clearance: one number where it is known, both bounds where they differ."""
+    if pairs.status[row] == UNKNOWN:
+        return "no pose"
+    lower, upper = number(pairs.lower[row], unit), number(pairs.upper[row], unit)
+    if pairs.status[row] == OVERLAPPING:
+        low, high = (number(-x, unit) for x in (pairs.upper[row], pairs.lower[row]))
+        return f"{low if low == high else f'{low} … {high}'} {unit.symbol} deep"
+    if lower == upper:
+        return f"{upper} {unit.symbol}"
+    return f"{lower} … {upper} {unit.symbol}"
+
+
+def uncertain(pairs: Pairs, row: int) -> bool:
+    """Return whether the budget cut the search, so that only bounds are known."""
+    return bool(pairs.status[row] == BOUNDED)
+
+
+def ramp(lower: float, limits: Limits, *, touching: bool, stale: bool) -> np.ndarray:
+    """Return the colour (3,), 0 to 255, of a clearance against its thresholds.
+
+    From stop's colour at or below `stop` over warn's at `warn` and clear's at twice that to blue at
+    four times `warn`. The certified lower bound is what counts.
+    """
+    if stale or math.isnan(lower):
+        return _STALE
+    if touching:
+        return _CONTACT
+    warn = max(limits.warn, limits.stop, 1e-12)
+    places = (limits.stop, warn, 2.0 * warn, 4.0 * warn)
+    for near, far, first, last in zip(
+        places, places[1:], (_STOP, _WARN, _CLEAR), (_WARN, _CLEAR, _FAR), strict=False
+    ):
+        if lower <= near:
+            return first
+        if lower < far:
+            return first + (last - first) * ((lower - near) / (far - near))
+    return _FAR

@@ -1,0 +1,153 @@
+"""Reading the monitor's messages from their bytes, against rclpy's own serialisation."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
+from rclpy.serialization import serialize_message
+from std_msgs.msg import ColorRGBA, Header
+from visualization_msgs.msg import Marker, MarkerArray
+
+from proximity_monitor.display.received import read_pairs, read_parts, read_poses
+from proximity_monitor.display.state import LEVELS, STATUSES
+from proximity_monitor.ros import messages
+from proximity_monitor.ros.poses_message import PosesMessage
+from proximity_monitor.scene.alerts import Level
+from proximity_monitor.scene.description import UNITS
+from proximity_monitor.scene.state import PairState, PairStatus, PoseSample
+
+
+def pair(i, status, lower, upper, silent=(), names=("piston_1", "block")):
+    nowhere = np.full(3, np.nan)
+    known = status is not PairStatus.UNKNOWN
+    return PairState(
+        a=names[0],
+        b=names[1],
+        lower=lower,
+        upper=upper,
+        point_a=np.array([0.1 + i, -0.2, 3e-9]) if known else nowhere,
+        point_b=np.array([0.1 + i, -0.2, 0.5]) if known else nowhere,
+        status=status,
+        age_s=0.25,
+        silent=silent,
+        session_min=upper,
+        session_min_lower=lower,
+        index=i,
+    )
+
+
+def told(pairs, levels, frame):
+    return messages.closest_points(
+        pairs,
+        levels,
+        stamp=Time(sec=5, nanosec=500_000_000),
+        frame=frame,
+        unit=UNITS["mm"],
+        pose_stamp_ns=lambda name: 4_000_000_000,
+    )
+
+
+@pytest.mark.parametrize("frame", ["w", "wo", "wor", "worl", "world"])
+def test_pairs_are_read_as_the_monitor_writes_them(frame):
+    pairs = [
+        pair(0, PairStatus.EXACT, 0.1, 0.1),
+        pair(1, PairStatus.BOUNDED, 0.02, 0.3, ("block",), ("a", "block")),
+        pair(2, PairStatus.UNKNOWN, np.nan, np.nan, ("a", "b"), ("a", "b")),
+        pair(3, PairStatus.OVERLAPPING, -0.2, -0.1),
+    ]
+    levels = {0: Level.CLEAR, 1: Level.STALE, 2: Level.STALE, 3: Level.STOP}
+    stamp_s, read = read_pairs(told(pairs, levels, frame))
+    assert stamp_s == 5.5
+    assert read.names == (("piston_1", "block"), ("a", "block"), ("a", "b"), ("piston_1", "block"))
+    np.testing.assert_array_equal(read.lower, [0.1, 0.02, np.nan, -0.2])
+    np.testing.assert_array_equal(read.upper, [0.1, 0.3, np.nan, -0.1])
+    assert [STATUSES[code] for code in read.status] == [p.status.value for p in pairs]
+    assert [LEVELS[code] for code in read.level] == ["clear", "stale", "stale", "stop"]
+    np.testing.assert_allclose(read.points[0], [[0.1, -0.2, 3e-9], [0.1, -0.2, 0.5]], rtol=1e-8)
+    assert np.isnan(read.points[2]).all()
+    np.testing.assert_array_equal(read.stamp_s, [4.0, 4.0, np.nan, 4.0])
+    assert read.silent == ("", "no recent pose of block", "no pose yet of a and b", "")
+    np.testing.assert_array_equal(read.touching, [False, False, False, True])
+
+
+def test_a_message_without_pairs_is_read():
+    assert len(read_pairs(told([], {}, "world"))[1]) == 0
+
+
+def test_every_level_and_status_of_the_monitor_is_known():
+    assert set(LEVELS) == {level.value for level in Level}
+    assert list(STATUSES) == [status.value for status in PairStatus]
+
+
+def test_what_is_no_pair_is_refused():
+    message = DiagnosticArray()
+    message.status.append(DiagnosticStatus(name="a - b"))
+    with pytest.raises(ValueError, match="has no b'lower_m'"):
+        read_pairs(serialize_message(message))
+
+
+def test_another_serialisation_is_refused():
+    with pytest.raises(ValueError, match="plain CDR"):
+        read_poses(b"\x00\x07\x00\x00" + bytes(40))
+
+
+@pytest.mark.parametrize("frame", ["", "w", "wo", "wor", "worl", "world"])
+def test_poses_are_read_as_rclpy_writes_them(frame):
+    poses = PoseArray(header=Header(stamp=Time(sec=1, nanosec=2), frame_id=frame))
+    for i in range(3):
+        place = Point(x=float(i), y=2.0, z=3.0)
+        poses.poses.append(Pose(position=place, orientation=Quaternion(x=0.1, y=0.2, z=0.3, w=0.4)))
+    stamp_s, read = read_poses(serialize_message(poses))
+    assert stamp_s == pytest.approx(1.000000002, abs=1e-12)
+    np.testing.assert_array_equal(read[2], [2.0, 2.0, 3.0, 0.4, 0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize("frame", ["w", "wo", "wor", "worl", "world"])
+def test_the_monitor_s_own_pose_messages_are_those_of_rclpy(frame):
+    turned = np.array([[0.0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
+    made = PosesMessage(["a", "b"], frame).serialised(
+        {"a": PoseSample(turned), "b": None}, Time(sec=7, nanosec=8)
+    )
+    half = np.sqrt(0.5)
+    first = Pose(
+        position=Point(x=1.0, y=2.0, z=3.0), orientation=Quaternion(x=0.0, y=0.0, z=half, w=half)
+    )
+    nothing = Pose(orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=0.0))
+    header = Header(stamp=Time(sec=7, nanosec=8), frame_id=frame)
+    expected = serialize_message(PoseArray(header=header, poses=[first, nothing]))
+    stamp_s, read = read_poses(made)
+    np.testing.assert_allclose(read, read_poses(expected)[1], atol=1e-15)
+    assert stamp_s == read_poses(expected)[0]
+    assert len(made) == len(expected)
+
+
+def marker(i, triangles, **fields):
+    points = [Point(x=float(i), y=float(k), z=0.5) for k in range(3 * triangles)]
+    made = Marker(id=i, ns="parts"[:i], type=Marker.TRIANGLE_LIST, points=points, **fields)
+    made.header.frame_id = "cell"[: i + 1]
+    made.pose.position.x = i + 0.5
+    made.pose.orientation.w = 1.0
+    made.color = ColorRGBA(r=0.25, g=0.5, b=0.75, a=1.0)
+    return made
+
+
+def test_parts_are_read_as_rclpy_writes_them():
+    markers = [
+        marker(0, 1),
+        marker(1, 2, text="bolt", mesh_resource="x"),
+        marker(2, 0, action=Marker.DELETE),
+        marker(3, 3, colors=[ColorRGBA()] * 9),
+        marker(4, 1, action=Marker.DELETE),
+    ]
+    markers[1].mesh_file.data = [1, 2, 3]
+    markers[3].texture.data = [1]
+    parts = read_parts(serialize_message(MarkerArray(markers=markers)))
+    assert [len(part.corners) for part in parts] == [3, 6, 0, 9, 3]
+    assert [part.pose is None for part in parts] == [False, False, True, False, True]
+    np.testing.assert_array_equal(parts[3].corners[-1], [3.0, 8.0, 0.5])
+    np.testing.assert_array_equal(parts[1].pose, [1.5, 0, 0, 1, 0, 0, 0])
+    np.testing.assert_array_equal(parts[4].colour, [0.25, 0.5, 0.75, 1.0])

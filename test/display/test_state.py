@@ -1,0 +1,266 @@
+"""The page's model, without a browser: scene, session, signs, holds, connection."""
+
+import json
+
+import numpy as np
+import pytest
+
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.geometry import (
+    feature_edges,
+    from_degrees,
+    moved,
+    rotate,
+    to_degrees,
+)
+from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.signs import clearance, length, ramp, sign, uncertain
+from proximity_monitor.display.state import (
+    BOUNDED,
+    INTERSECTING,
+    OVERLAPPING,
+    STALE,
+    STOP,
+    UNKNOWN,
+    WARN,
+    Frame,
+    Limits,
+    Pairs,
+    Scene,
+    Unit,
+)
+
+MM = Unit("mm", 0.001)
+NAMES = (("a", "b"), ("a", "c"))
+TOLD = {
+    "name": "cell",
+    "description": "",
+    "frame": "world",
+    "unit": {"symbol": "mm", "to_metre": 0.001},
+    "bodies": [
+        {"name": "a", "moving": False, "topic": None, "point": False},
+        {"name": "b", "moving": True, "topic": "bodies/b/pose", "point": False},
+        {"name": "c", "moving": True, "topic": None, "point": True},
+    ],
+    "deforming": [],
+    "pairs": 2,
+    "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
+    "own_thresholds": [{"a": "a", "b": "c", "warn": 0.2, "stop": 0.1, "hysteresis": 0.0}],
+    "own_parameters": True,
+    "settings": {"rate_hz": 30.0},
+}
+
+
+def pairs(lower, upper, status=0, level=0, names=NAMES):
+    n = len(names)
+    return Pairs(
+        names,
+        np.array(lower, float),
+        np.array(upper, float),
+        np.zeros((n, 2, 3)),
+        np.full(n, status, np.int8),
+        np.full(n, level, np.int8),
+        np.zeros(n),
+        np.zeros(n),
+        ("",) * n,
+    )
+
+
+def frame(stamp_s, lower, upper=None, **given):
+    upper = lower if upper is None else upper
+    return Frame(stamp_s, np.full((2, 7), stamp_s), pairs(lower, upper, **given))
+
+
+def test_a_scene_is_read():
+    scene = Scene.read(json.dumps(TOLD))
+    assert scene.moving == ("b", "c")
+    assert scene.body("c").point
+    assert scene.limits(("a", "b")) == Limits(0.1, 0.02, 0.0)
+    assert scene.limits(("a", "c")) == Limits(0.2, 0.1, 0.0)
+
+
+@pytest.mark.parametrize("text", ["[]", "{}", json.dumps(TOLD | {"unit": {"symbol": "mm"}})])
+def test_what_is_no_scene_is_refused_with_the_way_out(text):
+    with pytest.raises(ValueError, match="is the monitor of the same version"):
+        Scene.read(text)
+
+
+def test_numbers_bear_their_unit():
+    assert length(0.00002, MM) == "0.020 mm"
+    assert length(-0.5, Unit("m", 1.0)) == "-0.50000 m"
+    assert length(0.0254, Unit("in", 0.0254)) == "1.0000 in"
+    assert length(np.inf, MM) == "∞ mm"
+
+
+def test_one_number_where_it_is_known_and_both_bounds_where_they_differ():
+    assert clearance(pairs([0.001, 0], [0.001, 0]), 0, MM) == "1.000 mm"
+    cut = pairs([0.001, 0], [0.0025, 0], status=BOUNDED)
+    assert clearance(cut, 0, MM) == "1.000 … 2.500 mm"
+    assert uncertain(cut, 0)
+    assert clearance(pairs([-0.003, 0], [-0.001, 0], status=OVERLAPPING), 0, MM) == (
+        "1.000 … 3.000 mm deep"
+    )
+    assert clearance(pairs([np.nan, 0], [np.nan, 0], status=UNKNOWN), 0, MM) == "no pose"
+
+
+def test_every_state_has_a_glyph_and_a_word_of_its_own():
+    told = [
+        sign(pairs([0.01, 0], [0.01, 0], status, level), 0)
+        for status, level in (
+            (0, 0),
+            (0, WARN),
+            (0, STOP),
+            (INTERSECTING, STOP),
+            (0, STALE),
+        )
+    ]
+    assert len({each.glyph for each in told}) == len({each.word for each in told}) == 5
+    assert sign(pairs([-0.1, 0], [-0.1, 0], OVERLAPPING, STOP), 0).word == "OVERLAP"
+
+
+def test_the_colour_runs_from_stop_over_warn_to_clear():
+    limits = Limits(warn=0.1, stop=0.02, hysteresis=0.0)
+
+    def colour(metres, touching=False, stale=False):
+        return tuple(ramp(metres, limits, touching=touching, stale=stale))
+
+    assert colour(0.0) == colour(0.02) != colour(0.0201)
+    assert colour(0.1) != colour(0.2) != colour(0.4) == colour(9.0)
+    between = np.array(colour(0.06))
+    np.testing.assert_allclose(between, (np.array(colour(0.02)) + colour(0.1)) / 2.0)
+    assert len({colour(0.0), colour(0.0, touching=True), colour(0.0, stale=True)}) == 3
+    # One threshold of 0 and none at all are no division by zero.
+    assert np.isfinite(ramp(0.0, Limits(0.0, 0.0, 0.0), touching=False, stale=False)).all()
+
+
+def test_the_session_keeps_ten_ticks_a_second_and_every_worst():
+    session = Session()
+    for i in range(1000):
+        lower = 0.5 if i != 777 else 0.001
+        session.add(frame(i * 0.01, [1.0, lower]))
+    assert len(session.frames) == pytest.approx(100, abs=2)
+    assert session.span_s == (0.0, pytest.approx(9.9, abs=0.1))
+    name, worst = session.worst()
+    assert (name, worst.upper, worst.stamp_s) == (("a", "c"), 0.001, 777 * 0.01)
+    assert (worst.poses == 777 * 0.01).all()
+    assert session.worst(("a", "b"))[1].upper == 1.0
+    assert session.worst(ignored={("a", "c")})[0] == ("a", "b")
+    assert session.at(5.0).stamp_s == pytest.approx(5.0, abs=0.1)
+    assert session.at(99.0) is session.frames[-1]
+
+
+def test_a_stale_pair_is_no_worst():
+    session = Session()
+    session.add(frame(0.0, [0.1, 0.1], level=STALE))
+    assert session.worst() is None
+
+
+def test_a_clock_that_goes_back_begins_a_new_session():
+    session = Session()
+    session.add(frame(10.0, [0.1, 0.1]))
+    session.add(frame(2.0, [0.3, 0.3]))
+    assert [each.stamp_s for each in session.frames] == [2.0]
+    assert session.worst()[1].upper == 0.3
+
+
+def test_the_series_is_of_a_pair_or_of_the_nearest_and_keeps_each_dip():
+    session = Session()
+    for i in range(3000):
+        session.add(frame(i * 0.1, [0.2 if i != 1234 else 0.01, 0.3], [0.4, 0.5]))
+    stamps, lower, upper = session.series()
+    assert len(stamps) <= 600
+    assert lower.min() == 0.01
+    assert (upper == 0.4).all()
+    assert (session.series(("a", "c"))[1] == 0.3).all()
+    assert (session.series(ignored={("a", "b")})[1] == 0.3).all()
+    assert np.isnan(session.series(("x", "y"))[1]).all()
+
+
+def test_the_oldest_ticks_go_when_memory_is_full(monkeypatch):
+    monkeypatch.setattr("proximity_monitor.display.session.BYTES", 20_000)
+    session = Session()
+    for i in range(500):
+        session.add(frame(float(i), [0.2, 0.3]))
+    assert 10 < len(session.frames) < 100
+    assert session.span_s[1] == 499.0
+
+
+START, THERE, FAR = (np.array([x, 0, 0, 1.0, 0, 0, 0]) for x in (0.0, 1.0, 2.0))
+
+
+def test_a_held_body_is_published_until_it_is_let_go():
+    holds = Holds()
+    holds.move("b", THERE)
+    assert not holds.poses  # only what was taken moves
+    holds.take("b", START)
+    holds.move("b", THERE)
+    assert holds.poses["b"] is THERE
+    holds.release("b")
+    assert not holds.poses
+    assert not holds.can_undo
+
+
+def test_a_drag_is_one_step_and_steps_are_undone_one_by_one():
+    holds = Holds()
+    holds.take("b", START)
+    holds.move("b", THERE)
+    holds.move("b", FAR)
+    holds.place("b", THERE, now=START)
+    assert holds.undo() == "b"
+    assert holds.poses["b"] is FAR
+    assert holds.undo() == "b"
+    assert holds.poses["b"] is START
+    assert holds.undo() is None
+
+
+def test_a_reset_goes_back_to_the_first_pose_and_can_be_undone():
+    holds = Holds()
+    holds.place("b", THERE, now=START)
+    holds.place("b", FAR, now=START)
+    holds.reset("b")
+    assert holds.poses["b"] is START
+    holds.undo()
+    assert holds.poses["b"] is FAR
+
+
+def test_releasing_all_forgets_all():
+    holds = Holds()
+    holds.place("b", THERE, now=START)
+    holds.place("c", THERE, now=START)
+    holds.release()
+    assert not holds.poses
+
+
+def test_an_ignored_pair_is_no_longer_highlighted_and_comes_back():
+    choice = Choice(pair=("a", "b"))
+    choice.ignore(("a", "b"))
+    assert choice.pair is None
+    assert ("a", "b") in choice.ignored
+    choice.ignore(("a", "b"))
+    assert not choice.ignored
+
+
+@pytest.mark.parametrize("angles", [(10.0, 20.0, 30.0), (-170.0, 80.0, 5.0), (0.0, 0.0, 180.0)])
+def test_degrees_and_quaternions_agree(angles):
+    turn = from_degrees(*angles)
+    np.testing.assert_allclose(to_degrees(turn), angles, atol=1e-9)
+    assert np.linalg.norm(turn) == pytest.approx(1.0)
+
+
+def test_roll_pitch_and_yaw_turn_about_fixed_axes_in_this_order():
+    turn = from_degrees(90.0, 0.0, 90.0)  # y to z, which yaw leaves alone
+    np.testing.assert_allclose(rotate(turn, np.array([0.0, 1, 0])), [0, 0, 1], atol=1e-15)
+    pose = np.array([5.0, 0, 0, *turn])
+    np.testing.assert_allclose(moved(pose, np.array([0.0, 1, 0]))[:3], [5, 0, 1], atol=1e-15)
+
+
+def test_a_box_has_twelve_feature_edges_and_a_flat_sheet_its_border():
+    trimesh = pytest.importorskip("trimesh")
+    box = trimesh.creation.box((1.0, 2.0, 3.0))
+    edges = feature_edges(box.triangles.reshape(-1, 3))
+    assert len(edges) == 12
+    lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)
+    assert sorted(lengths.round(9)) == [1.0] * 4 + [2.0] * 4 + [3.0] * 4
+    sheet = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    assert len(feature_edges(sheet)) == 4

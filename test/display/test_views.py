@@ -1,0 +1,82 @@
+"""What stands in the scene graph for a body and for a pair, on a server that nobody looks at."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+from proximity_monitor.display import serving
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.lines import pattern, shown_rows
+from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.received import Part
+from proximity_monitor.display.state import (
+    STALE,
+    STOP,
+    UNKNOWN,
+    WARN,
+    Body,
+    Limits,
+    Pairs,
+    Scene,
+    Unit,
+)
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+POSE = np.array([0, 0, 0, 1.0, 0, 0, 0])
+
+
+@pytest.fixture
+def server():
+    made = serving.serve("127.0.0.1", 0, "test")
+    yield made
+    serving.stop(made)
+
+
+def test_a_deforming_body_gets_its_new_shape_and_others_keep_theirs(server):
+    bodies = tuple(Body(name, True, name, False) for name in "ab")
+    scene = Scene(
+        "s", "", "w", Unit("mm", 0.001), bodies, frozenset("b"), 1, Limits(1, 0, 0), {}, True, {}
+    )
+    parts = [Part(POSE, np.ones(4), CORNERS) for _ in bodies]
+    views = Parts(server, scene, parts, lambda name: None)
+    bent = CORNERS + np.array([0, 0, 0.5])
+    views.reshape([Part(POSE, np.ones(4), bent) for _ in bodies], scene.deforming)
+    np.testing.assert_array_equal(views["a"].mesh.vertices, CORNERS)
+    np.testing.assert_array_equal(views["b"].mesh.vertices, bent)
+
+
+@pytest.mark.parametrize("size", [0.003, 0.5, 40.0])
+def test_whatever_a_scene_measures_it_is_about_a_unit_on_the_page(server, size):
+    body = Body("a", True, "a", False)
+    scene = Scene(
+        "s", "", "w", Unit("m", 1.0), (body,), frozenset(), 0, Limits(1, 0, 0), {}, True, {}
+    )
+    parts = Parts(server, scene, [Part(POSE, np.ones(4), size * CORNERS)], lambda name: None)
+    assert 0.3 < parts.size < 4.0
+    np.testing.assert_allclose(parts["a"].mesh.vertices, parts.scale * size * CORNERS, rtol=1e-6)
+
+
+def test_every_state_has_a_pattern_of_its_own_and_uncertainty_a_gap():
+    drawn = {level: pattern(level, False) for level in (0, WARN, STALE)}
+    assert len({len(each) for each in drawn.values()}) == 3
+    for level in (0, WARN, STOP, STALE):
+        gap = pattern(level, True)
+        assert not ((gap[:, 0] < 0.5) & (gap[:, 1] > 0.5)).any()
+        assert ((gap >= 0.0) & (gap <= 1.0)).all()
+        assert (gap[:, 0] < gap[:, 1]).all()
+
+
+def test_the_nearest_are_drawn_all_that_are_not_clear_and_never_what_is_ignored():
+    names = tuple(("a", str(i)) for i in range(6))
+    level = np.array([0, 0, 0, STOP, 0, STALE], np.int8)
+    status = np.array([0, 0, 0, 0, 0, UNKNOWN], np.int8)
+    lower = np.array([0.3, 0.1, 0.2, 0.9, 0.05, np.nan])
+    told = Pairs(
+        names, lower, lower, np.zeros((6, 2, 3)), status, level, np.zeros(6), np.zeros(6), ("",) * 6
+    )
+    assert shown_rows(told, Choice(lines=2)).tolist() == [4, 1, 3]
+    ignored = frozenset({("a", "4"), ("a", "3")})
+    assert shown_rows(told, Choice(lines=2, ignored=ignored)).tolist() == [1, 2]
+    assert shown_rows(told, Choice(pair=("a", "0"))).tolist() == [0]
+    assert shown_rows(told, Choice(pair=("a", "5"))).tolist() == []
