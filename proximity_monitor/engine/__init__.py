@@ -4,6 +4,7 @@ Lengths are metres, poses 4×4 float64 matrices from model to world. Every answe
 bounds: `lower <= true distance <= upper`.
 """
 
+from .agenda import Agenda, Questions
 from .answers import Answers, Carried
 from .assembly import Assembly
 from .broad_phase import BroadPhase
@@ -26,6 +27,7 @@ from .result import (
 from .tree import check_tree
 
 __all__ = [
+    "Agenda",
     "Answers",
     "Assembly",
     "BroadPhase",
@@ -40,6 +42,7 @@ __all__ = [
     "ModelError",
     "Pair",
     "PairDistances",
+    "Questions",
     "Status",
     "TriangleMesh",
     "check_pose",

@@ -11,7 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from .kernels import carry as kernel
 from .mesh import TriangleMesh
-from .poses import check_pose
+from .poses import as_poses, check_pose
+
+_UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
+_FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
+"""The feature of the first corner of the first face."""
 
 
 class Carried(NamedTuple):
@@ -57,7 +61,7 @@ class Answers:
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
         self._balls = np.zeros((count, 4))
-        self._first = np.zeros((count, 3))  # any vertex of each
+        self._first = np.zeros((count, 3))  # the first corner of each
         self._places = np.zeros((count, kernel.PLACE))
         self._labels = np.zeros((0, kernel.LABEL), np.int64)
         self._answers = np.zeros((0, kernel.ANSWER))
@@ -65,7 +69,7 @@ class Answers:
         everything = np.arange(count)
         for body in everything:
             self._measure(body)
-        kernel.place(self.poses, self._balls, everything, self._places)
+        self._place(everything, self.poses, True)
 
     @property
     def centres(self) -> NDArray[np.float64]:
@@ -82,19 +86,32 @@ class Answers:
         slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * self._places[:, kernel.SIZE]
         return self._balls[:, 3] + slack
 
-    def move(self, bodies: NDArray[np.int64], poses: ArrayLike) -> None:
-        """Put bodies (m,) at other poses (m, 4, 4).
+    @property
+    def bodies(self) -> tuple[NDArray, ...]:
+        """What kernels are told about the bodies: poses, versions, balls and places."""
+        return self.poses, self._versions, self._balls, self._places
+
+    @property
+    def table(self) -> tuple[NDArray, ...]:
+        """What kernels are told about the rows: labels and answers."""
+        return self._labels, self._answers
+
+    def move(self, bodies: NDArray[np.int64], poses: ArrayLike) -> int:
+        """Put bodies (m,) at poses (m, 4, 4); returns how many of them were not there already.
 
         Raises:
             ValueError: a pose that is no rigid motion; it names the body, and nothing has changed.
         """
-        moved = self.poses.copy()
-        moved[bodies] = poses
-        bad = kernel.place(moved, self._balls, bodies, self._places)
-        if bad >= 0:
-            check_pose(moved[bad], f"pose of {self._names[bad]}")
-        self.poses = moved
-        self._versions[bodies] += 1
+        return self._place(bodies, as_poses(poses, "poses"), False)
+
+    def _place(self, bodies: NDArray[np.int64], poses: NDArray[np.float64], anew: bool) -> int:
+        moved = kernel.place(
+            bodies, poses, anew, self._balls, self.poses, self._versions, self._places
+        )
+        if moved < 0:
+            bad = -1 - moved
+            check_pose(poses[bad], f"pose of {self._names[bodies[bad]]}")
+        return moved
 
     def reshape(self, body: int, displacement: float) -> None:
         """Take note that the model of a body was refitted.
@@ -109,8 +126,7 @@ class Answers:
             self._forget(self._rows_of(body))
         else:
             self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
-        kernel.place(self.poses, self._balls, np.array([body]), self._places)
-        self._versions[body] += 1
+        self._place(np.array([body]), self.poses[[body]], True)
 
     def add(self, pairs: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Rows (k,) for pairs of bodies (k, 2) that were never searched.
@@ -151,6 +167,7 @@ class Answers:
         rows: NDArray[np.int64],
         bounds: NDArray[np.float64],
         points: NDArray[np.float64],
+        features: NDArray[np.float64] | None = None,
     ) -> None:
         """Take answers for rows (k,) at the present poses.
 
@@ -158,10 +175,15 @@ class Answers:
             rows: which, each at most once.
             bounds: (k, 2) metres, certified.
             points: (k, 2, 3) metres, world: points of the models that attain the upper bounds.
+            features: (k, 2, 4) where they lie on the models: weights of a triangle's corners, and
+                its face; None: not known.
         """
+        witness = np.empty((len(rows), kernel.WITNESS))
+        witness[:, :6] = np.reshape(points, (-1, 6))
+        witness[:, 6:] = _UNKNOWN if features is None else np.reshape(features, (-1, 8))
         kernel.keep(
-            self.poses, self._versions, self._places, rows, bounds,
-            np.ascontiguousarray(points).reshape(-1, 6), self._labels, self._answers,
+            self.poses, self._versions, self._places, rows, bounds, witness,
+            self._labels, self._answers,
         )  # fmt: skip
 
     def _measure(self, body: int) -> None:
@@ -181,6 +203,7 @@ class Answers:
         answers[:, kernel.LOWER], answers[:, kernel.UPPER] = -np.inf, np.inf
         answers[:, kernel.WITNESS_A : kernel.WITNESS_A + 3] = self._first[a]
         answers[:, kernel.WITNESS_B : kernel.WITNESS_B + 3] = self._first[b]
+        answers[:, kernel.FEATURES : kernel.ANSWER] = 2 * _FIRST_CORNER
         answers[:, kernel.ROTATION : kernel.ROTATION + 9 : 4] = 1.0
         answers[:, kernel.THEN_A] = self._places[a, kernel.STRETCH]
         answers[:, kernel.THEN_B] = self._places[b, kernel.STRETCH]

@@ -74,10 +74,8 @@ class Assembly:
             ValueError: other shapes, a pair that names no body, a pose of a pair that is no rigid
                 motion, a tolerance, clearance or budget that is negative or NaN.
         """
-        deadline = None
         if budget_s is not None:
             check_tolerance("budget_s", budget_s)
-            deadline = perf_counter() + budget_s
         if threads < 1:
             raise ValueError(f"threads = {threads}: must be at least 1")
         poses = as_poses(poses, "poses")
@@ -99,22 +97,37 @@ class Assembly:
         hints = np.require(hints, np.int32, "CA")
         if hints.shape != (k, 2):
             raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
-        answers = np.full((k, index.ANSWER), np.nan)
+        return pair_distances_of(self.rows(poses, chosen, wanted, hints, budget_s, threads))
+
+    def rows(
+        self,
+        poses: NDArray[np.float64],
+        pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+        hints: NDArray[np.int32],
+        budget_s: float | None,
+        threads: int,
+    ) -> NDArray[np.float64]:
+        """As `distances`, of what needs no check; rows (k, ANSWER) as the kernel writes them.
+
+        wanted (k, 3) is rel_err, abs_err and clearance. A pair that is not searched has NaN as
+        status.
+        """
+        deadline = None if budget_s is None else perf_counter() + budget_s
+        answers = np.full((len(pairs), index.ANSWER), np.nan)
         answers[:, index.LOWER], answers[:, index.UPPER] = 0.0, np.inf
+        threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
+        if threads == 1:
+            self._run(0, 1, poses, pairs, hints, wanted, deadline, answers)
+            return answers
 
         def answer(first: int) -> None:
-            self._run(
-                self._searches[first], poses, chosen, hints, wanted, first, threads, deadline,
-                answers,
-            )  # fmt: skip
+            self._run(first, threads, poses, pairs, hints, wanted, deadline, answers)
 
-        if threads == 1:
-            answer(0)
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(answer, range(threads)))
-        return pair_distances_of(answers)
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(answer, range(threads)))
+        return answers
 
     def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
         given = np.asarray(pairs)
@@ -142,17 +155,17 @@ class Assembly:
 
     def _run(
         self,
-        search: Search,
+        first: int,
+        every: int,
         poses: NDArray[np.float64],
         pairs: NDArray[np.int32],
         hints: NDArray[np.int32],
         wanted: NDArray[np.float64],
-        first: int,
-        every: int,
         deadline: float | None,
         answers: NDArray[np.float64],
     ) -> None:
-        """Answer for every so many of the pairs, into `answers`."""
+        """Answer for every so many of the pairs from the first on, into `answers`."""
+        search = self._searches[first]
         at, fresh = first, True
         while deadline is None or perf_counter() < deadline:
             code, at = kernel.search_pairs(

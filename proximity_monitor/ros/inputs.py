@@ -12,8 +12,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from geometry_msgs.msg import PoseStamped
 
+from proximity_monitor.ros.bulk import StampedPose
 from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrices, pose_matrix
 from proximity_monitor.scene.state import PoseSample
@@ -91,24 +91,22 @@ class Inputs:
         self.timeout_s = 0.5
         self.rejected: Counter[str] = Counter({reason: 0 for reason in Reason.ALL})
 
-    def store(self, name: str, message: PoseStamped, now_ns: int) -> str | None:
-        """Keep a message's pose if it is good; return the reason if it is not.
+    def store(self, name: str, pose: StampedPose, now_ns: int) -> str | None:
+        """Keep a pose if it is good; return the reason if it is not.
 
         Args:
             name: a moving body of the scene.
-            message: as it arrived.
+            pose: as it arrived.
             now_ns: nanoseconds of the node's clock.
         """
         last = self._last[name]
-        stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
-        p, q = message.pose.position, message.pose.orientation
-        reason = self._judge_header(message.header.frame_id, stamp_ns, now_ns)
-        reason = reason or _judge_pose((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
-        reason = reason or self._judge_body(name, stamp_ns)
+        reason = self._judge_header(pose.frame, pose.stamp_ns, now_ns)
+        reason = reason or _judge_pose(pose.position, pose.quaternion)
+        reason = reason or self._judge_body(name, pose.stamp_ns)
         if reason is not None:
             self.rejected[reason] += 1
             return reason
-        last.keep(pose_matrix((p.x, p.y, p.z), (q.x, q.y, q.z, q.w)), stamp_ns)
+        last.keep(pose_matrix(pose.position, pose.quaternion), pose.stamp_ns)
         self._awaited.discard(name)
         self.news = True
         return None

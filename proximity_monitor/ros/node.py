@@ -8,7 +8,6 @@ import traceback
 from collections.abc import Callable, Sequence
 from functools import wraps
 
-import numpy as np
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.exceptions import ParameterException
@@ -22,7 +21,6 @@ from proximity_monitor.ros.scene_parameters import SceneParameters
 from proximity_monitor.ros.session import Session
 from proximity_monitor.ros.spin import interruptible, ros, spin
 from proximity_monitor.scene import load_scene
-from proximity_monitor.scene.features import feature
 from proximity_monitor.scene.opening import find_scene, load_models
 from proximity_monitor.scene.schedule import Monitor
 
@@ -94,7 +92,6 @@ class ProximityMonitor(LifecycleNode):
         )
         with interruptible():
             models = load_models(scene)
-            _compile_features()
             monitor = Monitor(scene, models, threads=self.get_parameter("threads").value)
         declared = SceneParameters(self, scene)
         if declared.unadjustable:
@@ -183,12 +180,6 @@ class ProximityMonitor(LifecycleNode):
     def _apply_parameters(self, changes: Sequence[Parameter]) -> None:
         if self._session is not None:
             self._session.apply(self._declared.settings())
-
-
-def _compile_features() -> None:
-    """Ask once for a feature, so that the first pair at warn does not wait for the compiler."""
-    triangle = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    feature(triangle, np.eye(4), np.zeros(3))
 
 
 class _ToLog(logging.Handler):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -25,8 +24,7 @@ from proximity_monitor.ros.scene_message import SceneMessage
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Level
-from proximity_monitor.scene.features import feature
-from proximity_monitor.scene.state import PairState, PoseSample, Tick
+from proximity_monitor.scene.state import PoseSample, Tick
 
 KEPT_ALERTS = 1000
 """So many alerts at most are kept for subscribers that are slow or come late; and so many of one
@@ -112,7 +110,6 @@ class Outputs:
         levels: Mapping[int, Level],
         changes: Sequence[Alert],
         pose_stamp_ns: Callable[[str], int | None],
-        poses: Callable[[str], np.ndarray],
     ) -> None:
         """Publish a tick: alerts always, as late subscribers get them too, the rest on demand.
 
@@ -124,7 +121,6 @@ class Outputs:
             levels: by a pair's index.
             changes: of the levels.
             pose_stamp_ns: the stamp of a body's pose, by name.
-            poses: a body's pose, by name.
         """
         told = changes
         if len(changes) > KEPT_ALERTS:
@@ -146,7 +142,6 @@ class Outputs:
                     frame=self._frame,
                     unit=self._scene.unit,
                     pose_stamp_ns=pose_stamp_ns,
-                    features=partial(self._features, poses),
                 ),
             )
         if self._clearance_wanted:
@@ -205,14 +200,6 @@ class Outputs:
     def _send(self, topic: str, publisher, message) -> None:
         self.built[topic] += 1
         publisher.publish(message)
-
-    def _features(
-        self, poses: Callable[[str], np.ndarray], pair: PairState
-    ) -> tuple[engine.Feature, engine.Feature]:
-        return (
-            feature(self._models[pair.a], poses(pair.a), pair.point_a),
-            feature(self._models[pair.b], poses(pair.b), pair.point_b),
-        )
 
     def _build_parts(self) -> PartsMessage:
         """Build the message for the first viewer."""

@@ -176,7 +176,7 @@ class Session:
             self._inputs.forget()
             self._attachments.forget()
             self._node.get_logger().warning("the clock went back: waiting for new poses")
-        self._now_ns = now.nanoseconds
+        self._now_ns, stamp = now.nanoseconds, now.to_msg()
         samples = self._samples(now.nanoseconds)
         held = self._inputs.attached
         self._inputs.await_again(
@@ -193,15 +193,14 @@ class Session:
             silent=_silent(samples),
         )
         self._outputs.publish(
-            now.to_msg(),
+            stamp,
             tick,
             self._alerts.levels,
             changes,
             self._stamp_ns,
-            lambda name: samples[name].pose if name in samples else self._fixed[name].after,
         )
         self._outputs.publish_scene()
-        self._outputs.publish_poses(samples, now.to_msg())
+        self._outputs.publish_poses(samples, stamp)
         self._outputs.publish_parts(samples, started)
         self._recording.add(now.nanoseconds, tick, changes)
         self._log(changes)
@@ -212,7 +211,7 @@ class Session:
         """Spend the budget, or as much of it as there is time for before a signal."""
         distances = self._outputs.look() or self.settings.record_distances
         self._distance_ticks += distances
-        budget, spent, looked_at = self.settings.budget_s, 0.0, []
+        budget, spent, looked_at = self.settings.budget_s, 0.0, ()
         while True:
             part = min(budget - spent, SLICE_S)
             tick = self._monitor.tick(samples, part, distances=distances)
@@ -220,7 +219,9 @@ class Session:
             looked_at += tick.looked_at
             if not tick.left or tick.elapsed_s < part or spent >= budget or spin.asked_to_stop():
                 break
-        return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=tuple(looked_at))
+        if part == budget:
+            return tick
+        return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=looked_at)
 
     def _samples(self, now_ns: int) -> Samples:
         """The poses of all moving bodies, those of attached ones as they are carried."""

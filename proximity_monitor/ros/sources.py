@@ -18,7 +18,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import PointCloud2
 
 from proximity_monitor import engine
-from proximity_monitor.ros.bulk import read_pose_array
+from proximity_monitor.ros.bulk import StampedPose, read_pose, read_pose_array, stamped_pose
 from proximity_monitor.ros.clouds import read_vertices
 from proximity_monitor.ros.inputs import FURTHEST, Inputs, Reason
 from proximity_monitor.ros.joints import JointInputs
@@ -74,7 +74,7 @@ class Sources:
             for body in scene.bodies:
                 if body.topic is not None:
                     take = partial(self._on_pose, body.name)
-                    made = self._subscribe(PoseStamped, body.topic, take, POSES)
+                    made = self._subscribe(PoseStamped, body.topic, take, POSES, raw=True)
                     self.topics.add(made.topic_name)
         for body in scene.bodies:
             if body.deforming:
@@ -108,8 +108,16 @@ class Sources:
     def _now_ns(self) -> int:
         return self._node.get_clock().now().nanoseconds
 
-    def _on_pose(self, name: str, message: PoseStamped) -> None:
-        if self._inputs.store(name, message, self._now_ns()) is None:
+    def _on_pose(self, name: str, data: bytes) -> None:
+        try:
+            pose = read_pose(data)
+        except ValueError:
+            self._inputs.refuse(Reason.LAYOUT)
+            return
+        self._take(name, pose)
+
+    def _take(self, name: str, pose: StampedPose) -> None:
+        if self._inputs.store(name, pose, self._now_ns()) is None:
             self._on_poses()
 
     def _on_array(self, data: bytes) -> None:
@@ -152,11 +160,8 @@ class Sources:
         """Keep the transforms to frames that are named like moving bodies; others are nobody's."""
         for transform in transforms:
             if transform.child_frame_id in self._moving:
-                pose = PoseStamped(header=transform.header)
                 p, q = transform.transform.translation, transform.transform.rotation
-                pose.pose.position.x, pose.pose.position.y, pose.pose.position.z = p.x, p.y, p.z
-                pose.pose.orientation = q
-                self._on_pose(transform.child_frame_id, pose)
+                self._take(transform.child_frame_id, stamped_pose(transform.header, p, q))
 
 
 def _transforms_type():

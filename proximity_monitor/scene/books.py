@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from proximity_monitor import engine
 from proximity_monitor.scene.description import Thresholds
 from proximity_monitor.scene.near import Change, NearPairs
 from proximity_monitor.scene.watch import WatchedPairs
@@ -14,43 +15,19 @@ REMEMBERED = 100_000
 """So many pairs that are beyond their range keep the session's minima; the first to go are
 forgotten first."""
 
-LEVELS = 4
-
-_BOOK = {
-    "range": (np.float64, np.inf),  # metres
-    "levels": (np.float64, 0.0),  # (LEVELS,) metres: where an alert may begin or end
-    "rel_err": (np.float64, 0.0),
-    "abs_err": (np.float64, 0.0),
-    "deciding": (np.bool_, False),  # only the side of the levels is asked for
-    "signed": (np.bool_, False),
-    "status": (np.int8, 0),  # of the last search; see STATUSES
-    "done": (np.bool_, False),  # the last search answered all that can be asked
-    "hard": (np.bool_, False),  # the last search ran out of time
-    "looked": (np.float64, -np.inf),  # seconds
-    "hint": (np.int32, -1),  # (2,) nearest triangles, as engine.Assembly knows them
-    "min_upper": (np.float64, np.inf),
-    "min_lower": (np.float64, np.inf),
-}
-"""By name the type, and what a record begins with."""
-
-_WIDTHS = {"levels": (LEVELS,), "hint": (2,)}
-
 
 class Books:
-    """A table with a record for each row of the table of answers."""
+    """Keeps the records of an agenda: what is asked about each row of the table of answers."""
 
-    def __init__(self, watched: WatchedPairs, near: NearPairs, solid: np.ndarray) -> None:
-        """Begin with what the scene says; `solid` (n,) bool is of the bodies."""
+    def __init__(self, watched: WatchedPairs, near: NearPairs, agenda: engine.Agenda) -> None:
+        """Begin with what the scene says."""
         self._watched = watched
         self._near = near
-        self._solid = solid
+        self._agenda = agenda
+        self._ignored = np.empty(0, np.int64)
         self._thresholds: Sequence[Thresholds] | None = None  # None: the scene's own
         self._tolerance: tuple[float | None, float | None] = None, None
         self._minima: dict[int, tuple[float, float]] = {}
-        self.table = {
-            name: np.full((0, *_WIDTHS.get(name, ())), first, kind)
-            for name, (kind, first) in _BOOK.items()
-        }
         self._open(near.rows)
 
     def set_thresholds(self, thresholds: Sequence[Thresholds]) -> None:
@@ -66,13 +43,18 @@ class Books:
         """Take tolerances for all pairs, abs_err in metres; None: each pair's own of the scene."""
         self._tolerance = rel_err, abs_err
         self._limit(slice(None))
-        self.table["done"][:] = False
+        self._agenda.book["done"] = False
+
+    def ignore(self, positions: np.ndarray) -> None:
+        """Have nothing asked about the pairs at these positions (k,) among the watched ones."""
+        self._ignored = positions
+        self._limit(slice(None))
 
     def reset_minima(self) -> None:
         """Forget the smallest clearances of the session."""
         self._minima.clear()
         for name in ("min_upper", "min_lower"):
-            self.table[name][:] = np.inf
+            self._agenda.book[name] = np.inf
 
     def update(self, change: Change) -> None:
         """Have records for the pairs that came, and keep what matters of those that left."""
@@ -80,14 +62,16 @@ class Books:
             self._close(change)
         if len(change.come):
             self._open(change.come_rows)
+            book = self._agenda.book
             for key, row in zip(change.come.tolist(), change.come_rows.tolist(), strict=True):
                 if key in self._minima:
-                    minima = self._minima.pop(key)
-                    self.table["min_upper"][row], self.table["min_lower"][row] = minima
+                    upper, lower = self._minima.pop(key)
+                    book["min_upper"][row], book["min_lower"][row] = upper, lower
 
     def _close(self, change: Change) -> None:
         """Keep the minima of pairs that left."""
-        upper, lower = (self.table[name][change.left_rows] for name in ("min_upper", "min_lower"))
+        left = self._agenda.book[change.left_rows]
+        upper, lower = left["min_upper"], left["min_lower"]
         known = np.isfinite(lower)
         pairs = zip(upper[known].tolist(), lower[known].tolist(), strict=True)
         self._minima.update(zip(change.left[known].tolist(), pairs, strict=True))
@@ -96,36 +80,28 @@ class Books:
 
     def _open(self, rows: np.ndarray) -> None:
         """Begin new records."""
-        least = int(rows.max(initial=-1)) + 1
-        for name, (kind, first) in _BOOK.items():
-            column = self.table[name]
-            if least > len(column):
-                more = np.full((least, *column.shape[1:]), first, kind)
-                column = self.table[name] = np.concatenate((column, more))
-            column[rows] = first
+        self._agenda.begin(rows)
         self._limit(np.isin(self._near.rows, rows))
 
     def _limit(self, which: np.ndarray | slice) -> None:
         """Write what the records of some of the near pairs are limited by."""
-        near, watched = self._near, self._watched
+        near, watched, book = self._near, self._watched, self._agenda.book
         rows, kinds = near.rows[which], near.kinds[which]
         limits = watched.kinds
         rel_err, abs_err = self._tolerance
         own = np.array([(each.rel_err, each.abs_err) for each in limits]).reshape(-1, 2)
-        self.table["rel_err"][rows] = own[kinds, 0] if rel_err is None else rel_err
-        self.table["abs_err"][rows] = own[kinds, 1] if abs_err is None else abs_err
+        book["rel_err"][rows] = own[kinds, 0] if rel_err is None else rel_err
+        book["abs_err"][rows] = own[kinds, 1] if abs_err is None else abs_err
         deciding = np.array([each.question != "distance" for each in limits])
-        self.table["deciding"][rows] = deciding[kinds]
-        self.table["signed"][rows] = self._solid[near.a[which]] & self._solid[near.b[which]]
+        book["deciding"][rows] = deciding[kinds]
+        book["ignored"][rows] = np.isin(near.positions[which], self._ignored)
         if self._thresholds is None:
             levels = np.array([_levels(each.thresholds) for each in limits])[kinds]
         else:
             given = (self._thresholds[i] for i in near.positions[which].tolist())
-            levels = np.array([_levels(each) for each in given]).reshape(-1, LEVELS)
-        self.table["levels"][rows] = levels
-        self.table["range"][rows] = np.maximum(
-            watched.ranges[kinds], levels.max(axis=1, initial=0.0)
-        )
+            levels = np.array([_levels(each) for each in given]).reshape(-1, engine.Agenda.LEVELS)
+        book["levels"][rows] = levels
+        book["range"][rows] = np.maximum(watched.ranges[kinds], levels.max(axis=1, initial=0.0))
 
 
 def _levels(thresholds: Thresholds) -> tuple[float, ...]:

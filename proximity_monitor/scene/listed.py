@@ -8,6 +8,8 @@ import numpy as np
 
 from proximity_monitor.scene.state import STATUSES, PairState, PairStates
 
+_UNKNOWN = np.full((2, 3), np.nan)
+
 
 def as_arrays(pairs: Sequence[PairState]) -> PairStates:
     """Return the pairs as arrays: as they are, if a monitor made them, else packed one by one."""
@@ -27,4 +29,8 @@ def as_arrays(pairs: Sequence[PairState]) -> PairStates:
         silent=np.array([(p.a in p.silent, p.b in p.silent) for p in pairs], bool).reshape(-1, 2),
         session_min=np.array([pair.session_min for pair in pairs]),
         session_min_lower=np.array([pair.session_min_lower for pair in pairs]),
+        faces=np.array([p.faces or (-1, -1) for p in pairs], np.int32).reshape(-1, 2),
+        weights=np.array(
+            [_UNKNOWN if p.weights is None else p.weights for p in pairs], np.float64
+        ).reshape(-1, 2, 3),
     )

@@ -36,6 +36,7 @@ class Placing:
             self.answers.move(fixed, np.stack([bodies[i].pose for i in fixed]))
         self._revisions = [model.revision for model in self.models]
         self._moving = np.flatnonzero(moving)
+        self._everybody = np.ones(len(self._moving), dtype=bool)
         self._moving_names = [self.names[i] for i in self._moving]
 
     def take(self, poses: Mapping[str, PoseSample | None]) -> bool:
@@ -45,18 +46,16 @@ class Placing:
             ValueError: a pose is no rigid motion; it names the body, and nothing has changed.
         """
         samples = [poses.get(name) for name in self._moving_names]
-        known = np.array([sample is not None for sample in samples], dtype=bool)
         given = [sample.pose for sample in samples if sample is not None]
-        bodies, moved = self._moving[known], False
+        known, moved = self._everybody, 0
+        if len(given) < len(samples):
+            known = np.array([sample is not None for sample in samples], dtype=bool)
         if given:
-            stacked = self._stacked(given, bodies)
-            new = (stacked != self.answers.poses[bodies]).any(axis=(1, 2)) | ~self.known[bodies]
-            moved = bool(new.any())
-            if moved:
-                self.answers.move(bodies[new], stacked[new])
-        stale = np.array([sample is None or sample.stale for sample in samples], dtype=bool)
-        self.known[self._moving], self.silent[self._moving] = known, stale
-        return self._look_for_refits() or moved
+            bodies = self._moving[known]
+            moved = self.answers.move(bodies, self._stacked(given, bodies))
+        self.known[self._moving] = known
+        self.silent[self._moving] = [sample is None or sample.stale for sample in samples]
+        return self._look_for_refits() or moved > 0
 
     def refit(self, name: str, vertices: np.ndarray) -> list[int]:
         """Refit a body's model to other vertices (n, 3); returns the bodies that share it.

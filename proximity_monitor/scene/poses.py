@@ -30,10 +30,9 @@ def pose_matrix(position: Sequence[float], quaternion: Sequence[float]) -> np.nd
     length = math.hypot(*quaternion)
     if abs(length - 1.0) > UNIT_LENGTH:
         raise ValueError(f"must have length 1 (got {length:.6g}); divide it by its length")
-    pose = np.eye(4)
-    pose[:3, :3] = _rotation(*(part / length for part in quaternion))
-    pose[:3, 3] = position
-    return pose
+    rows = _rotation(*(part / length for part in quaternion))
+    x, y, z = position
+    return np.array([[*rows[0], x], [*rows[1], y], [*rows[2], z], [0.0, 0.0, 0.0, 1.0]], float)
 
 
 def pose_matrices(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:

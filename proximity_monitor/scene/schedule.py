@@ -9,8 +9,9 @@ is not reached keeps its last answer, widened by the motion since (`engine.Answe
 
 from __future__ import annotations
 
+import itertools
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,9 +20,8 @@ from proximity_monitor import engine
 from proximity_monitor.scene.books import Books
 from proximity_monitor.scene.near import NearPairs
 from proximity_monitor.scene.placing import Placing
-from proximity_monitor.scene.searches import Question, Searches
+from proximity_monitor.scene.searches import Searches
 from proximity_monitor.scene.state import PairStates, PoseSample, Tick
-from proximity_monitor.scene.view import View
 
 if TYPE_CHECKING:
     from proximity_monitor.scene import Scene, Thresholds
@@ -59,22 +59,24 @@ class Monitor:
         self._pairs = scene.pairs
         self._placing = placing = Placing(scene.bodies, models)
         self._near = NearPairs(scene.pairs, placing.answers, placing.solid)
-        self._books = Books(scene.pairs, self._near, placing.solid)
         self._searches = Searches(placing.names, placing.models, threads)
+        self._agenda = engine.Agenda(placing.answers, self._searches.assembly)
+        self._books = Books(scene.pairs, self._near, self._agenda)
         self._searches.check_solids(np.flatnonzero(placing.solid).tolist())
         self._searches.prepare()
         self._compile()
-        self._ignored = np.empty(0, np.int64)
+        self._ignored = 0
         self._searched_s = self._closing_s = 0.0
 
     def _compile(self) -> None:
         """Run the kernels that no search runs, so that the first tick need not compile them."""
         two, none = np.arange(2), np.empty(0, np.int64)
         engine.BroadPhase().near(np.zeros((2, 3)), np.ones(2), np.ones(2, bool), two)
-        answers = self._placing.answers
-        answers.move(none, np.empty((0, 4, 4)))
-        answers.carried(none)
-        answers.keep(none, np.empty((0, 2)), np.empty((0, 2, 3)))
+        self._placing.answers.move(none, np.empty((0, 4, 4)))
+        self._look(none, True)
+        self._agenda.order()
+        self._agenda.take(self._agenda.ask(none), [], 0.0)
+        self._agenda.report(0.0)
 
     def set_thresholds(self, thresholds: Sequence[Thresholds]) -> None:
         """Take new thresholds, one a pair: they order the searches from the next tick on.
@@ -103,7 +105,8 @@ class Monitor:
 
     def ignore(self, pairs: Collection[int]) -> None:
         """Neither search nor list these pairs, positions among the scene's, from now on."""
-        self._ignored = np.array(sorted(pairs), dtype=np.int64)
+        self._ignored = len(pairs)
+        self._books.ignore(np.array(sorted(pairs), dtype=np.int64))
 
     def reset_minima(self) -> None:
         """Forget the smallest clearances of the session."""
@@ -138,14 +141,14 @@ class Monitor:
         placing = self._placing
         moved = placing.take(poses)
         change = self._near.update(placing.known, placing.silent, moved)
-        self._searches.forget(change.left_rows)
+        self._searches.forget(change.left)
         self._books.update(change)
-        view = View(self._near, placing, self._books, self._ignored, distances)
+        self._look(self._near.rows, distances)
         # What closes the tick is set aside beforehand, as long as it takes.
         deadline = started + budget_s - min(self._closing_s, budget_s / 2.0)
         self._searched_s = self._clock()
-        looked_at = self._search(view, deadline)
-        tick = self._report(view, looked_at, started, budget_s)
+        looked_at = self._search(deadline)
+        tick = self._report(looked_at, started, budget_s)
         # The longest lately, what a search overran included; but where the machine was busy
         # elsewhere, once is no measure.
         closing_s = started + tick.elapsed_s - min(self._searched_s, deadline)
@@ -153,107 +156,78 @@ class Monitor:
         self._closing_s = max(closing_s, 0.9 * self._closing_s)
         return tick
 
-    def _search(self, view: View, deadline: float) -> list[int]:
+    def _look(self, rows: np.ndarray, distances: bool) -> None:
+        self._agenda.look(rows, self._placing.known, self._placing.silent, distances)
+
+    def _search(self, deadline: float) -> list[int]:
         """Search pairs until all is known or the time is over; those that were, in their order.
 
         A pair that takes long gets half of the time that is left as long as others want some too,
         and more of it when they had their turn.
         """
         looked: dict[int, None] = {}
-        while self._clock() < deadline and len(todo := view.order()):
-            alone = view.alone(todo)
-            start = 0
-            while start < len(todo):
+        while self._clock() < deadline and len(todo := self._agenda.order()):
+            questions = self._agenda.ask(todo)
+            for start, end in self._in_turn(questions.how):
                 left = deadline - self._clock()
                 if left <= 0.0:
                     return list(looked)
-                same = np.flatnonzero(alone[start:] != alone[start])
-                end = start + int(same[0]) if len(same) else len(todo)
-                if alone[start]:
-                    end = min(end, start + self._searches.threads)
-                    share = left if start == 0 and end == len(todo) else left / 2.0
-                    self._ask_alone(view, todo[start:end], share)
-                    looked.update(dict.fromkeys(todo[start:end].tolist()))
+                part = questions.part(start, end)
+                if part.how[0] == engine.Agenda.TOGETHER:
+                    reached = self._agenda.search(part, left, self._searches.threads, self._note)
                 else:
-                    found = self._ask_many(view, todo[start:end], left)
-                    looked.update(dict.fromkeys(found.tolist()))
-                start = end
+                    share = left if len(part.at) == len(todo) else left / 2.0
+                    found = self._searches.alone(self._placing.answers.poses, part, share)
+                    reached = self._agenda.take(part, found, self._note())
+                looked.update(dict.fromkeys(reached.tolist()))
         return list(looked)
 
-    def _ask_many(self, view: View, at: np.ndarray, budget_s: float) -> np.ndarray:
-        """Search pairs together; those that were reached."""
-        level, (rel_err, abs_err) = view.level(at), view.tolerance(at)
-        bodies = np.stack((self._near.a[at], self._near.b[at]), axis=1)
-        found = self._searches.many(
-            self._placing.answers.poses, bodies, rel_err, abs_err, level, view.hints(at), budget_s
-        )
-        self._searched_s = self._clock()
-        hit = found.searched
-        at = at[hit]
-        bounds = np.stack((found.lower[hit], found.upper[hit]), axis=1)
-        points = np.stack((found.points_a[hit], found.points_b[hit]), axis=1)
-        view.take(at, level[hit], bounds, points, found.status[hit], self._searched_s)
-        view.note_hints(at, found.triangles[hit])
-        return at
+    def _in_turn(self, how: np.ndarray) -> Iterator[tuple[int, int]]:
+        """The places, from and to, of pairs that are searched together, or side by side."""
+        alone = how != engine.Agenda.TOGETHER
+        if not alone.any():
+            yield 0, len(how)
+            return
+        turns = np.flatnonzero(alone[1:] != alone[:-1]) + 1
+        for start, end in itertools.pairwise((0, *turns.tolist(), len(how))):
+            step = self._searches.threads if alone[start] else end - start
+            for first in range(start, end, step):
+                yield first, min(first + step, end)
 
-    def _ask_alone(self, view: View, at: np.ndarray, budget_s: float) -> None:
-        """Search pairs side by side, each in a thread."""
-        level, (rel_err, abs_err) = view.level(at), view.tolerance(at)
-        signed = view.signed(at)
-        rows, a, b = self._near.rows[at], self._near.a[at], self._near.b[at]
-        questions = [
-            Question(*each)
-            for each in zip(
-                rows.tolist(), a.tolist(), b.tolist(), signed.tolist(),
-                rel_err.tolist(), abs_err.tolist(), level.tolist(), strict=True,
-            )
-        ]  # fmt: skip
-        found = self._searches.alone(self._placing.answers.poses, questions, budget_s)
+    def _note(self) -> float:
+        """Take note that a search ended now."""
         self._searched_s = self._clock()
-        bounds = np.array([(each.lower, each.upper) for each in found])
-        points = np.array([(each.point_a, each.point_b) for each in found])
-        status = np.array([_STATUS[each.status] for each in found])
-        view.take(at, level, bounds, points, status, self._searched_s)
+        return self._searched_s
 
-    def _report(self, view: View, looked_at: list[int], started: float, budget_s: float) -> Tick:
-        near, books = self._near, self._books.table
-        rows = near.rows
-        sure = rows[view.known & ~view.stale]
-        for name, bound in (("min_upper", view.upper), ("min_lower", view.lower)):
-            books[name][sure] = np.minimum(books[name][sure], bound[view.known & ~view.stale])
-        ages = np.where(view.answered, 0.0, self._clock() - books["looked"][rows])
-        ages[looked_at] = 0.0
-        at = np.flatnonzero(view.listed())
-        unknown = ~view.known[at]
-        lower, upper, points = view.lower[at], view.upper[at], view.points[at]
-        lower[unknown], upper[unknown], points[unknown] = np.nan, np.nan, np.nan
-        bodies = np.stack((near.a[at], near.b[at]), axis=1)
+    def _report(self, looked_at: list[int], started: float, budget_s: float) -> Tick:
+        near = self._near
+        states, left = self._agenda.report(self._clock())
+        at = states["at"]
         pairs = PairStates(
             names=self._placing.names,
             positions=near.positions[at],
-            bodies=bodies,
-            lower=lower,
-            upper=upper,
-            points=points,
-            status=view.status()[at],
-            age_s=ages[at],
-            silent=self._placing.silent[bodies],
-            session_min=books["min_upper"][rows[at]],
-            session_min_lower=books["min_lower"][rows[at]],
+            bodies=states["bodies"],
+            lower=states["lower"],
+            upper=states["upper"],
+            points=states["points"],
+            status=states["status"],
+            age_s=states["age_s"],
+            silent=states["silent"].view(np.bool_),
+            session_min=states["min_upper"],
+            session_min_lower=states["min_lower"],
+            faces=states["faces"],
+            weights=states["weights"],
         )
         return Tick(
             pairs,
             elapsed_s=self._clock() - started,
             budget_s=budget_s,
-            looked_at=tuple(near.positions[looked_at].tolist()),
-            left=int(view.wanting.sum()),
-            far=len(self._pairs) - len(self._ignored) - len(at) - near.unsure,
+            looked_at=tuple(near.positions[looked_at].tolist()) if looked_at else (),
+            left=left,
+            far=len(self._pairs) - self._ignored - len(at) - near.unsure,
             beyond=near.beyond,
             unsure=near.unsure,
         )
-
-
-_STATUS = {status: code for code, status in enumerate(engine.Status)}
 
 
 def simulate(

@@ -25,7 +25,6 @@ _FAR = 8.0
 class Question(NamedTuple):
     """One pair to search alone."""
 
-    row: int
     a: int
     b: int
     signed: bool
@@ -48,8 +47,8 @@ class Searches:
         self.threads = threads
         self._names = tuple(names)
         self._models = tuple(models)
-        self._assembly = engine.Assembly(models)
-        self._kept: OrderedDict[int, engine.Pair] = OrderedDict()
+        self.assembly = engine.Assembly(models)
+        self._kept: OrderedDict[int, engine.Pair] = OrderedDict()  # by key, see `forget`
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
 
     def prepare(self) -> None:
@@ -58,7 +57,7 @@ class Searches:
         poses = np.tile(near, (len(self._models), 1, 1))
         poses[-1] = far
         last = len(self._models) - 1
-        self._assembly.distances(poses, [[0, last]], clearance=0.0, budget_s=1.0)
+        self.assembly.distances(poses, [[0, last]], clearance=0.0, budget_s=1.0)
         first = self._models[0]
         engine.Pair(first, first).distance(near, far, rel_err=0.5, budget_s=1.0, order="priority")
 
@@ -88,34 +87,27 @@ class Searches:
         if self._pool is not None:
             self._pool.shutdown()
 
-    def forget(self, rows: np.ndarray) -> None:
-        """Forget what is not finished about pairs that are no more."""
-        for row in rows.tolist():
-            self._kept.pop(row, None)
+    def forget(self, keys: np.ndarray) -> None:
+        """Forget what is not finished about pairs that are no more.
 
-    def many(
-        self,
-        poses: np.ndarray,
-        bodies: np.ndarray,
-        rel_err: np.ndarray,
-        abs_err: np.ndarray,
-        levels: np.ndarray,
-        hints: np.ndarray,
-        budget_s: float,
-    ) -> engine.PairDistances:
-        """Search pairs (k, 2) in this order, as far as the budget goes (see engine.Assembly)."""
-        return self._assembly.distances(
-            poses, bodies, rel_err=rel_err, abs_err=abs_err, clearance=levels, hints=hints,
-            budget_s=budget_s, threads=self.threads,
-        )  # fmt: skip
+        A key is the first body's index times the number of bodies, plus the second's.
+        """
+        for key in keys.tolist():
+            self._kept.pop(key, None)
 
     def alone(
-        self, poses: np.ndarray, questions: Sequence[Question], budget_s: float
+        self, poses: np.ndarray, asked: engine.Questions, budget_s: float
     ) -> list[engine.Distance]:
         """Search at most `threads` pairs side by side, each of them within the budget.
 
         A search that was cut goes on where it stopped if its bodies stand still.
         """
+        questions = [
+            Question(a, b, how == engine.Agenda.INSIDE, *wanted)
+            for (a, b), how, wanted in zip(
+                asked.bodies.tolist(), asked.how.tolist(), asked.wanted.tolist(), strict=True
+            )
+        ]
         pairs = [self._pair(each) for each in questions]
 
         def ask(k: int) -> engine.Distance:
@@ -126,11 +118,12 @@ class Searches:
         return list(self._pool.map(ask, range(len(questions))))
 
     def _pair(self, question: Question) -> engine.Pair:
-        pair = self._kept.get(question.row)
+        key = question.a * len(self._models) + question.b
+        pair = self._kept.get(key)
         if pair is None:
             pair = engine.Pair(self._models[question.a], self._models[question.b])
-        self._kept[question.row] = pair
-        self._kept.move_to_end(question.row)
+        self._kept[key] = pair
+        self._kept.move_to_end(key)
         if len(self._kept) > max(KEPT, self.threads):
             self._kept.popitem(last=False)
         return pair

@@ -29,7 +29,7 @@ class PairStatus(enum.Enum):
 
 
 STATUSES = tuple(PairStatus)
-"""A status by its code in `PairStates.status`."""
+"""A status by its code in `PairStates.status`, which is also that of `engine.Agenda.report`."""
 
 
 class PoseSample(NamedTuple):
@@ -67,6 +67,10 @@ class PairState:
     """The smallest `lower` of the session: the pair never was certified to be nearer at a tick."""
     index: int = 0
     """Where the pair stands among the scene's pairs."""
+    faces: tuple[int, ...] = ()
+    """The triangles of A's and of B's model that the points lie on; empty where not known."""
+    weights: np.ndarray | None = None
+    """(2, 3) the points' barycentric coordinates in them."""
 
     @property
     def stale(self) -> bool:
@@ -90,6 +94,8 @@ class PairStates(LazySequence[PairState]):
         silent: (k, 2) whether the pose of either body is stale or unknown.
         session_min: (k,) metres.
         session_min_lower: (k,) metres.
+        faces: (k, 2) the triangles of the models that the points lie on; -1: not known.
+        weights: (k, 2, 3) barycentric coordinates of the points in them.
     """
 
     names: tuple[str, ...]
@@ -103,6 +109,8 @@ class PairStates(LazySequence[PairState]):
     silent: np.ndarray
     session_min: np.ndarray
     session_min_lower: np.ndarray
+    faces: np.ndarray
+    weights: np.ndarray
 
     def __len__(self) -> int:
         """How many listed pairs there are."""
@@ -125,12 +133,15 @@ class PairStates(LazySequence[PairState]):
                 session_min=float(self.session_min[k]),
                 session_min_lower=float(self.session_min_lower[k]),
                 index=int(self.positions[k]),
+                faces=tuple(faces) if (faces := self.faces[k].tolist())[0] >= 0 else (),
+                weights=self.weights[k],
             )
 
     def clearance(self) -> float:
         """As `Tick.clearance`, of the listed pairs alone."""
-        lowest = np.where(self.silent.any(axis=1), np.minimum(self.lower, 0.0), self.lower)
-        return float(np.where(np.isnan(lowest), 0.0, lowest).min(initial=np.inf))
+        # A bound that is NaN is of an unknown pose, which counts as 0 like every silent one.
+        lowest = np.where(self.silent.any(axis=1), np.fmin(self.lower, 0.0), self.lower)
+        return float(lowest.min(initial=np.inf))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Messages and numbers made without a running node."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
 from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -81,16 +83,40 @@ def test_a_clearance_reads_as_what_it_is(state, text):
     assert messages.clearance_text(state, MM) == text
 
 
-def test_published_bounds_keep_every_digit():
-    lower, upper = 0.1 + 0.2, math.nextafter(0.1 + 0.2, 1.0)
-    message = messages.closest_points(
-        [pair(lower, upper, PairStatus.BOUNDED)],
-        [Level.CLEAR],
-        stamp=Time(),
-        frame="world",
+def told(pairs, levels, frame="world"):
+    data = messages.closest_points(
+        pairs,
+        levels,
+        stamp=Time(sec=3, nanosec=4),
+        frame=frame,
         unit=MM,
         pose_stamp_ns={"left": 2_000_000_001, "right": None}.get,
     )
+    return deserialize_message(data, DiagnosticArray)
+
+
+@pytest.mark.parametrize("frame", ["", "w", "wo", "wör", "worl"])
+@pytest.mark.parametrize("least", [0.5, 0.25, 0.125, 0.0625])
+def test_closest_points_are_read_as_they_were_written(frame, least):
+    corners = np.array([[1.0, 0.0, 0.0], [0.25, 0.25, 0.5]])
+    near = replace(pair(0.5, index=1), faces=(7, 0), weights=corners)
+    far = replace(pair(2.0, index=2), session_min_lower=least)
+    levels = [Level.STALE, Level.WARN, Level.CLEAR, Level.CLEAR]
+    message = told([UNKNOWN, near, far, replace(far, index=3)], levels, frame)
+    assert (message.header.stamp, message.header.frame_id) == (Time(sec=3, nanosec=4), frame)
+    assert {status.hardware_id for status in message.status} == {frame}
+    assert [status.level for status in message.status] == [b"\3", b"\1", b"\0", b"\0"]
+    assert {status.name for status in message.status} == {"left - right"}
+    assert message.status[1].message == "500 mm exact"
+    told_of = [{each.key: each.value for each in status.values} for status in message.status]
+    assert (told_of[1]["feature_a"], told_of[1]["feature_b"]) == ("7 1 0 0", "0 0.25 0.25 0.5")
+    assert not any("feature_a" in values for values in (told_of[0], *told_of[2:]))
+    assert {float(values["session_min_lower_m"]) for values in told_of[2:]} == {least}
+
+
+def test_published_bounds_keep_every_digit():
+    lower, upper = 0.1 + 0.2, math.nextafter(0.1 + 0.2, 1.0)
+    message = told([pair(lower, upper, PairStatus.BOUNDED)], [Level.CLEAR])
     values = {each.key: each.value for each in message.status[0].values}
     assert (float(values["lower_m"]), float(values["upper_m"])) == (lower, upper)
     assert values["stamp"] == "2.000000001"

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 
-from proximity_monitor.ros.bulk import read_pose_array
+from proximity_monitor.ros.bulk import StampedPose, read_pose, read_pose_array
 from proximity_monitor.ros.clouds import read_vertices
 from proximity_monitor.ros.inputs import Inputs, Reason
 from proximity_monitor.ros.pace import Pace
@@ -67,10 +67,26 @@ def test_a_serialised_array_is_read_as_rclpy_reads_it(frame, numbers):
     assert np.hstack([poses.positions, poses.quaternions]).tolist() == [list(n) for n in numbers]
 
 
+@given(
+    frame=st.text("abc_", max_size=12),
+    numbers=st.tuples(*[st.floats(allow_nan=False, width=64)] * 7),
+)
+def test_a_serialised_pose_is_read_as_rclpy_reads_it(frame, numbers):
+    message = PoseStamped()
+    message.header.frame_id = frame
+    message.header.stamp.sec, message.header.stamp.nanosec = 7, 8
+    place, turn = message.pose.position, message.pose.orientation
+    place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w = numbers
+    pose = read_pose(serialize_message(message))
+    assert pose == (7 * SECOND + 8, frame, numbers[:3], numbers[3:])
+
+
 @pytest.mark.parametrize("data", [b"", b"\0\1\0\0", b"\0\1\0\0" + b"\xff" * 64, b"\x63\x01\0\0 no"])
-def test_what_is_no_serialised_array_is_refused(data):
+def test_what_is_no_serialised_message_is_refused(data):
     with pytest.raises(ValueError, match="no serialised PoseArray"):
         read_pose_array(data)
+    with pytest.raises(ValueError, match="no serialised PoseStamped"):
+        read_pose(data)
 
 
 def test_an_array_places_all_bodies_at_one_moment(inputs):
@@ -141,9 +157,8 @@ def test_matrices_that_are_no_poses_are_refused(inputs, change, reason):
 def test_an_attached_bodys_own_poses_are_counted_and_not_kept(inputs):
     inputs.attached = frozenset({"two"})
     assert store(inputs, PLACES) == 2
-    message = PoseStamped()
-    message.header.frame_id, message.header.stamp.sec = "cell", 10
-    assert inputs.store("two", message, 10 * SECOND) == Reason.ATTACHED
+    pose = StampedPose(10 * SECOND, "cell", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    assert inputs.store("two", pose, 10 * SECOND) == Reason.ATTACHED
     assert inputs.rejected[Reason.ATTACHED] == 2
     assert kept(inputs)["two"] is None
 

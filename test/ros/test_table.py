@@ -12,6 +12,7 @@ pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need R
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.serialization import deserialize_message
 from rich.console import Console
 
 from proximity_monitor.ros.messages import closest_points
@@ -39,7 +40,7 @@ def pair(index, lower, upper, status=PairStatus.EXACT, least=None):
 
 
 def message(*pairs):
-    return closest_points(
+    data = closest_points(
         pairs,
         {each.index: Level.STOP if each.upper < 0.0 else Level.CLEAR for each in pairs},
         stamp=Time(),
@@ -47,6 +48,7 @@ def message(*pairs):
         unit=UNITS["mm"],
         pose_stamp_ns=lambda name: 1,
     )
+    return deserialize_message(data, DiagnosticArray)
 
 
 def picture(*pairs):

@@ -50,9 +50,14 @@ CENTRE, SIZE, DEFECT, STRETCH, PLACE = 0, 3, 4, 5, 6
 been moved so far, each time the largest displacement, added rounding up."""
 
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
-ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B, ANSWER = 14, 23, 26, 27, 28, 29, 30
+ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 28, 29
+FEATURES, ANSWER = 30, 38
 """Of an answer: bounds; the nearest points in the world and in their bodies' frames; the pose of B
-in A's frame, s and d then; STRETCH of both bodies then."""
+in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their models,
+which no motion changes: weights of a triangle's three corners and its face, of A and then of B."""
+
+WITNESS = 14
+"""Numbers that say which points are nearest: both points in the world, and their FEATURES."""
 
 BODY_A, BODY_B, SEEN_A, SEEN_B, SIGNED, LABEL = 0, 1, 2, 3, 4, 5
 """Of an answer, whole numbers: the bodies; their versions then; 1 where it is of two solids."""
@@ -97,29 +102,52 @@ def _norm(v):
     return math.sqrt(dot(v, v))
 
 
-@entry
-def place(poses, balls, bodies, places):
-    """Write where the balls (n, 4) of some bodies are, and return -1.
+@kernel
+def _place(pose, ball, place):
+    """Write where the ball of a body at this pose is."""
+    centre = (ball[0], ball[1], ball[2])
+    place[CENTRE], place[CENTRE + 1], place[CENTRE + 2] = _image(pose, centre)
+    place[SIZE] = _norm(_column(pose, 3)) + _norm(centre) + ball[3]
+    defect = 0.0
+    for i in range(3):
+        for j in range(3):
+            gram = dot(_column(pose, i), _column(pose, j)) - (1.0 if i == j else 0.0)
+            defect += gram * gram
+    place[DEFECT] = math.sqrt(defect)
 
-    Or return the first body whose pose is no rigid motion, with nothing written.
+
+@kernel
+def _differ(pose, other):
+    """Whether two poses are not the same numbers."""
+    for i in range(4):
+        for j in range(4):
+            if pose[i, j] != other[i, j]:
+                return True
+    return False
+
+
+@entry
+def place(bodies, given, anew, balls, poses, versions, places):
+    """Put bodies (m,) at poses `given` (m, 4, 4) and return how many so got another place.
+
+    Or return -1 - i where given[i] is no rigid motion, with nothing written. Where `anew`, all of
+    them count as moved, because their balls (n, 4) are others. Writes poses (n, 4, 4), versions
+    (n,) and places (n, PLACE).
     """
-    for body in bodies:
-        if not is_rigid(deviation(poses[body])):
-            return body
-    for body in bodies:
-        pose, ball = poses[body], balls[body]
-        centre = (ball[0], ball[1], ball[2])
-        places[body, CENTRE], places[body, CENTRE + 1], places[body, CENTRE + 2] = _image(
-            pose, centre
-        )
-        places[body, SIZE] = _norm(_column(pose, 3)) + _norm(centre) + ball[3]
-        defect = 0.0
-        for i in range(3):
-            for j in range(3):
-                gram = dot(_column(pose, i), _column(pose, j)) - (1.0 if i == j else 0.0)
-                defect += gram * gram
-        places[body, DEFECT] = math.sqrt(defect)
-    return -1
+    for i in range(len(bodies)):
+        if not is_rigid(deviation(given[i])):
+            return -1 - i
+    moved = 0
+    for i in range(len(bodies)):
+        body = bodies[i]
+        if anew or _differ(given[i], poses[body]):
+            for j in range(4):
+                for k in range(4):
+                    poses[body, j, k] = given[i, j, k]
+            versions[body] += 1
+            _place(poses[body], balls[body], places[body])
+            moved += 1
+    return moved
 
 
 @kernel
@@ -185,50 +213,68 @@ def _with(vector, j, value):
     return (value if j == 0 else x, value if j == 1 else y, value if j == 2 else z)
 
 
+@kernel
+def carry_one(poses, versions, balls, places, label, answer, points):
+    """Bounds of one answer at the present poses, and how its bodies moved; writes points (6,).
+
+    A pair whose bodies stand still bit by bit keeps the very numbers of its answer.
+    """
+    a, b = label[BODY_A], label[BODY_B]
+    if versions[a] == label[SEEN_A] and versions[b] == label[SEEN_B]:
+        for i in range(6):
+            points[i] = answer[POINT_A + i]
+        return answer[LOWER], answer[UPPER], SAME
+    return _carried(
+        poses[a], poses[b], balls[a], balls[b], places[a], places[b],
+        label[SIGNED] != 0, answer, points,
+    )  # fmt: skip
+
+
 @entry
 def carry(poses, versions, balls, places, rows, labels, answers, bounds, points, motions):
     """Bounds (k, 2), points (k, 6) in the world and motions (k,) of the answers `rows` (k,).
 
     poses (n, 4, 4), versions (n,), balls (n, 4) and places (n, PLACE) are of the bodies, labels
-    (m, LABEL) and answers (m, ANSWER) the table. A pair whose bodies stand still bit by bit keeps
-    the very numbers of its answer.
+    (m, LABEL) and answers (m, ANSWER) the table.
     """
     for k in range(len(rows)):
-        label, answer = labels[rows[k]], answers[rows[k]]
-        a, b = label[BODY_A], label[BODY_B]
-        if versions[a] == label[SEEN_A] and versions[b] == label[SEEN_B]:
-            bounds[k, 0], bounds[k, 1], motions[k] = answer[LOWER], answer[UPPER], SAME
-            for i in range(6):
-                points[k, i] = answer[POINT_A + i]
-        else:
-            bounds[k, 0], bounds[k, 1], motions[k] = _carried(
-                poses[a], poses[b], balls[a], balls[b], places[a], places[b],
-                label[SIGNED] != 0, answer, points[k],
-            )  # fmt: skip
+        bounds[k, 0], bounds[k, 1], motions[k] = carry_one(
+            poses, versions, balls, places, labels[rows[k]], answers[rows[k]], points[k]
+        )
+
+
+@kernel
+def keep_one(poses, versions, places, label, answer, lower, upper, witness):
+    """Write an answer: what was found at the bodies' present poses."""
+    a, b = label[BODY_A], label[BODY_B]
+    label[SEEN_A], label[SEEN_B] = versions[a], versions[b]
+    answer[LOWER], answer[UPPER] = lower, upper
+    answer[THEN_SIZE] = places[a, SIZE] + places[b, SIZE]
+    answer[THEN_DEFECT] = max(places[a, DEFECT], places[b, DEFECT])
+    answer[THEN_A], answer[THEN_B] = places[a, STRETCH], places[b, STRETCH]
+    pose_a, pose_b = poses[a], poses[b]
+    origin_a, origin_b = _column(pose_a, 3), _column(pose_b, 3)
+    point_a = (witness[0], witness[1], witness[2])
+    point_b = (witness[3], witness[4], witness[5])
+    witness_a = _into(pose_a, sub(point_a, origin_a))
+    witness_b = _into(pose_b, sub(point_b, origin_b))
+    shift = _into(pose_a, sub(origin_b, origin_a))
+    for i in range(3):
+        answer[POINT_A + i], answer[POINT_B + i] = point_a[i], point_b[i]
+        answer[WITNESS_A + i], answer[WITNESS_B + i] = witness_a[i], witness_b[i]
+        answer[TRANSLATION + i] = shift[i]
+        column = _into(pose_a, _column(pose_b, i))
+        for j in range(3):
+            answer[ROTATION + 3 * j + i] = column[j]
+    for i in range(ANSWER - FEATURES):
+        answer[FEATURES + i] = witness[6 + i]
 
 
 @entry
-def keep(poses, versions, places, rows, bounds, points, labels, answers):
-    """Write the answers `rows` (k,): what was found at the bodies' present poses."""
+def keep(poses, versions, places, rows, bounds, witness, labels, answers):
+    """Write the answers `rows` (k,): their bounds (k, 2) and witness (k, WITNESS)."""
     for k in range(len(rows)):
-        label, answer = labels[rows[k]], answers[rows[k]]
-        a, b = label[BODY_A], label[BODY_B]
-        label[SEEN_A], label[SEEN_B] = versions[a], versions[b]
-        answer[LOWER], answer[UPPER] = bounds[k, 0], bounds[k, 1]
-        answer[THEN_SIZE] = places[a, SIZE] + places[b, SIZE]
-        answer[THEN_DEFECT] = max(places[a, DEFECT], places[b, DEFECT])
-        answer[THEN_A], answer[THEN_B] = places[a, STRETCH], places[b, STRETCH]
-        pose_a, pose_b = poses[a], poses[b]
-        origin_a, origin_b = _column(pose_a, 3), _column(pose_b, 3)
-        point_a = (points[k, 0], points[k, 1], points[k, 2])
-        point_b = (points[k, 3], points[k, 4], points[k, 5])
-        witness_a = _into(pose_a, sub(point_a, origin_a))
-        witness_b = _into(pose_b, sub(point_b, origin_b))
-        shift = _into(pose_a, sub(origin_b, origin_a))
-        for i in range(3):
-            answer[POINT_A + i], answer[POINT_B + i] = point_a[i], point_b[i]
-            answer[WITNESS_A + i], answer[WITNESS_B + i] = witness_a[i], witness_b[i]
-            answer[TRANSLATION + i] = shift[i]
-            column = _into(pose_a, _column(pose_b, i))
-            for j in range(3):
-                answer[ROTATION + 3 * j + i] = column[j]
+        keep_one(
+            poses, versions, places, labels[rows[k]], answers[rows[k]],
+            bounds[k, 0], bounds[k, 1], witness[k],
+        )  # fmt: skip

@@ -1,0 +1,151 @@
+"""Questions about many pairs: what is searched, what is left alone, what is reported."""
+
+from __future__ import annotations
+
+import itertools
+from time import perf_counter
+
+import numpy as np
+import pytest
+from engine_bodies import SMALL, pose
+
+from proximity_monitor import engine
+
+COUNT = 12
+STATUS = tuple(engine.Status)
+
+
+class Watched:
+    """All pairs of a crowd, and their agenda."""
+
+    def __init__(self, seed=0):
+        self.rng = np.random.default_rng(seed)
+        meshes = list(SMALL.values())
+        models = [meshes[i % len(meshes)] for i in range(COUNT)]
+        self.pairs = np.array(list(itertools.combinations(range(COUNT), 2)))
+        self.assembly = engine.Assembly(models)
+        self.answers = engine.Answers(models, [str(i) for i in range(COUNT)])
+        self.rows = self.answers.add(self.pairs, np.zeros(len(self.pairs), bool))
+        self.agenda = engine.Agenda(self.answers, self.assembly)
+        self.agenda.begin(self.rows)
+        self.known, self.silent = np.ones(COUNT, bool), np.zeros(COUNT, bool)
+        self.move()
+
+    def move(self):
+        self.poses = np.array([pose(self.rng, 4.0) for _ in range(COUNT)])
+        self.answers.move(np.arange(COUNT), self.poses)
+
+    def look(self, distances=True):
+        self.agenda.look(self.rows, self.known, self.silent, distances)
+
+    def search(self, budget_s=60.0):
+        """One go through all that is open; the entries that were searched, in their order."""
+        questions = self.agenda.ask(self.agenda.order())
+        return self.agenda.search(questions, budget_s, 1, perf_counter)
+
+    def search_all(self):
+        while len(self.search()):
+            pass
+
+    def exact(self):
+        return self.assembly.distances(self.poses, self.pairs)
+
+    def report(self):
+        return self.agenda.report(perf_counter())
+
+
+@pytest.fixture
+def watched():
+    return Watched()
+
+
+def test_what_is_searched_has_the_assemblys_answer_and_is_not_searched_again(watched):
+    found = watched.exact()
+    watched.look()
+    watched.search_all()
+    states, left = watched.report()
+    assert left == 0
+    assert np.array_equal(states["bodies"], watched.pairs)
+    assert np.allclose(states["lower"], found.lower, rtol=0.0, atol=1e-12)
+    assert np.allclose(states["upper"], found.upper, rtol=0.0, atol=1e-12)
+    assert {STATUS[code] for code in states["status"]} <= {
+        engine.Status.EXACT,
+        engine.Status.INTERSECTING,
+    }
+    assert not states["age_s"].any()
+    watched.look()
+    assert not len(watched.agenda.order()), "the bodies stand still"
+
+
+def test_pairs_beyond_their_range_are_neither_searched_nor_reported(watched):
+    watched.agenda.book["range"] = 1.0
+    watched.look()
+    watched.search_all()
+    found = watched.exact()
+    states, left = watched.report()
+    assert left == 0
+    assert states["at"].tolist() == np.flatnonzero(found.upper <= 1.0).tolist()
+
+
+def test_open_sides_of_levels_come_first_then_the_nearest_and_stale_ones_last(watched):
+    watched.look()
+    states, _ = watched.report()
+    lower, upper = states["lower"], states["upper"]
+    level = float(np.median(upper))
+    watched.agenda.book["levels"][watched.rows] = level
+    watched.silent[3] = True
+    watched.look()
+    urgent = (lower <= level) & (level < upper)
+    stale = (watched.pairs == 3).any(axis=1)
+    got = watched.agenda.order()
+    rank = [(bool(stale[k]), not urgent[k], float(lower[k])) for k in got]
+    assert rank == sorted(rank)
+    assert sorted(got.tolist()) == list(range(len(lower)))
+    assert 0 < urgent.sum() < len(urgent)
+
+
+def test_a_decided_level_ends_the_question_where_no_number_is_wanted(watched):
+    watched.agenda.book["levels"][watched.rows] = 1.0
+    watched.look(distances=False)
+    watched.search_all()
+    found = watched.exact()
+    states, _ = watched.report()
+    beyond = states["lower"] > 1.0
+    assert (beyond | (states["upper"] <= 1.0)).all()
+    assert np.array_equal(beyond, found.lower > 1.0)
+    assert (states["upper"] - states["lower"] > 1e-6).any(), "numbers would have cost more"
+
+
+def test_what_the_budget_does_not_reach_keeps_its_bounds_and_is_left(watched):
+    watched.look()
+    before, _ = watched.report()
+    assert not len(watched.search(budget_s=0.0))
+    after, left = watched.report()
+    assert left == len(watched.pairs)
+    assert np.array_equal(before["lower"], after["lower"])
+    assert np.isinf(after["age_s"]).all()
+
+
+def test_pairs_of_unknown_poses_have_no_numbers_and_ignored_ones_are_left_out(watched):
+    watched.known[2], watched.silent[2] = False, True
+    watched.agenda.book["ignored"][watched.rows[:5]] = True
+    watched.look()
+    watched.search_all()
+    states, _ = watched.report()
+    assert states["at"].tolist() == list(range(5, len(watched.pairs)))
+    unknown = (states["bodies"] == 2).any(axis=1)
+    assert np.isnan(states["lower"][unknown]).all()
+    assert (states["status"][unknown] == engine.Agenda.UNKNOWN).all()
+    assert np.array_equal(states["silent"].any(axis=1), unknown)
+    assert np.isfinite(states["lower"][~unknown]).all()
+
+
+def test_the_smallest_bounds_of_all_moments_are_kept(watched):
+    least = np.full((2, len(watched.pairs)), np.inf)
+    for _ in range(3):
+        watched.look()
+        watched.search()
+        states, _ = watched.report()
+        least = np.minimum(least, (states["lower"], states["upper"]))
+        assert np.array_equal(least, (states["min_lower"], states["min_upper"]))
+        watched.move()
