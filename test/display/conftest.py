@@ -5,24 +5,12 @@ Nothing here sleeps: whoever waits looks again until a condition holds or a dead
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import shutil
 import threading
 import time
-from pathlib import Path
 
 import pytest
-
-_spec = importlib.util.spec_from_file_location(
-    "ros_conftest", Path(__file__).parents[1] / "ros" / "conftest.py"
-)
-ros_conftest = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(ros_conftest)
-ros_environment = ros_conftest.ros_environment
-launch = ros_conftest.launch
-rclpy_context = ros_conftest.rclpy_context
-as_matrix = ros_conftest.as_matrix
 
 SCENE = """
 version: 1
@@ -69,6 +57,13 @@ def until(condition, what, timeout_s=DEADLINE_S):
     return found
 
 
+def pytest_collection_modifyitems(items):
+    """Mark what drives a browser."""
+    for item in items:
+        if "chromium" in getattr(item, "fixturenames", ()):
+            item.add_marker("browser")
+
+
 @pytest.fixture(scope="session")
 def wait():
     return until
@@ -77,12 +72,14 @@ def wait():
 class Sources:
     """Publishes the poses of bodies 30 times a second, and hears what the display publishes."""
 
-    def __init__(self):
+    def __init__(self, domain):
         import rclpy
         from geometry_msgs.msg import PoseStamped
         from rclpy.executors import SingleThreadedExecutor
 
-        self.node = rclpy.create_node("sources")
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, domain_id=domain)
+        self.node = rclpy.create_node("sources", context=self._context)
         self.start = START
         self.held = dict(START)
         self.heard = {}
@@ -94,7 +91,7 @@ class Sources:
         for name in START:
             self.node.create_subscription(PoseStamped, f"bodies/{name}/pose", self._keeper(name), 1)
         self.node.create_timer(1.0 / 30.0, self._publish)
-        self._executor = SingleThreadedExecutor()
+        self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._spin)
@@ -105,6 +102,7 @@ class Sources:
         self._thread.join()
         self._executor.shutdown()
         self.node.destroy_node()
+        self._context.try_shutdown()
 
     def parameter(self, name):
         """The value of a parameter of the monitor, a number."""
@@ -168,19 +166,25 @@ def world(scene_file):
 
 
 @pytest.fixture(scope="session")
-def sources(chromium, rclpy_context, launch, scene_file):
+def domain(ros_environment):
+    """A DDS domain besides that of other folders' tests: these processes outlive this folder's."""
+    return int(os.environ["ROS_DOMAIN_ID"]) + 50
+
+
+@pytest.fixture(scope="session")
+def sources(chromium, domain, launch, scene_file):
     """The poses of all bodies, of which a monitor hears."""
-    made = Sources()
-    made.monitor = launch("node", scene=scene_file)
+    made = Sources(domain)
+    made.monitor = launch("node", scene=scene_file, environment={"ROS_DOMAIN_ID": str(domain)})
     yield made
     made.close()
 
 
 @pytest.fixture(scope="session")
-def address(sources, launch):
+def address(sources, domain, launch):
     """Where the display is."""
     pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
-    process = launch("display", port=0)
+    process = launch("display", port=0, environment={"ROS_DOMAIN_ID": str(domain)})
 
     def said():
         assert process.popen.poll() is None, process.text

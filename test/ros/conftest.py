@@ -5,15 +5,8 @@ Nothing here sleeps: whoever waits spins the peer until a condition holds or a d
 
 from __future__ import annotations
 
-import os
-import random
-import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 
-import numpy as np
 import pytest
 
 SCENE = """
@@ -39,92 +32,8 @@ START_DEADLINE_S = 180.0  # the first start on a machine compiles the kernels
 
 
 @pytest.fixture(scope="session", autouse=True)
-def ros_environment(tmp_path_factory):
-    """A DDS domain of our own, on this machine alone, with logs out of the way."""
-    pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
-    os.environ.update(
-        ROS_DOMAIN_ID=str(random.SystemRandom().randint(1, 100)),
-        ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
-        FASTDDS_BUILTIN_TRANSPORTS="UDPv4",  # shared memory of a killed peer would stay behind
-        ROS_LOG_DIR=str(tmp_path_factory.mktemp("ros_log")),
-        PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
-        PYTHONSAFEPATH="1",
-    )
-
-
-def _executable(name):
-    prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(":") if p]
-    for prefix in [*prefixes, sys.prefix]:
-        path = Path(prefix) / "lib" / "proximity_monitor" / name
-        if path.is_file():
-            return path
-    pytest.fail(f"lib/proximity_monitor/{name} is not installed: install the package first")
-
-
-class Process:
-    """An installed executable that runs, and what it prints."""
-
-    def __init__(self, command, log, environment):
-        self.log = log
-        with log.open("w") as out:
-            self.popen = subprocess.Popen(
-                [str(part) for part in command],
-                stdout=out,
-                stderr=subprocess.STDOUT,
-                env=os.environ | environment,
-            )
-
-    def ended(self, timeout_s=START_DEADLINE_S):
-        return self.popen.wait(timeout_s)
-
-    def stop(self, kind=signal.SIGINT):
-        """Signal the process; return its exit code and how many seconds it took to end."""
-        began = time.monotonic()
-        if self.popen.poll() is None:
-            self.popen.send_signal(kind)
-        try:
-            code = self.popen.wait(DEADLINE_S)
-        except subprocess.TimeoutExpired:
-            self.popen.kill()
-            raise
-        return code, time.monotonic() - began
-
-    @property
-    def text(self):
-        return self.log.read_text()
-
-
-@pytest.fixture(scope="session")
-def launch(ros_environment, tmp_path_factory):
-    """Start an installed executable with ROS parameters; it is killed in the end."""
-    started = []
-    folder = tmp_path_factory.mktemp("processes")
-
-    def start(name, /, *arguments, environment=None, **parameters):
-        given = [part for k, v in parameters.items() for part in ("-p", f"{k}:={v}")]
-        command = [_executable(name), "--ros-args", *given, *arguments]
-        log = folder / f"{len(started)}_{name}.log"
-        process = Process(command, log, environment or {})
-        started.append(process)
-        return process
-
-    yield start
-    for process in started:
-        process.stop(signal.SIGKILL)
-
-
-@pytest.fixture
-def run(ros_environment, tmp_path):
-    """Start any command; it is killed when the test ends."""
-    started = []
-
-    def start(*command):
-        started.append(Process(command, tmp_path / f"run_{len(started)}.log", {}))
-        return started[-1]
-
-    yield start
-    for process in started:
-        process.stop(signal.SIGKILL)
+def domain(ros_environment):
+    """All of this folder takes place in it."""
 
 
 @pytest.fixture(scope="session")
@@ -326,15 +235,6 @@ class Peer:
 
 
 @pytest.fixture(scope="session")
-def rclpy_context(ros_environment):
-    import rclpy
-
-    rclpy.init(args=[])
-    yield
-    rclpy.try_shutdown()
-
-
-@pytest.fixture(scope="session")
 def shared_monitor(launch, scene_file):
     """One monitor for all tests that leave it as they found it."""
     return launch("node", scene=scene_file, pose_timeout_s=1.0)
@@ -368,18 +268,3 @@ def new_peer(rclpy_context):
     yield make
     for each in made:
         each.close()
-
-
-@pytest.fixture
-def as_matrix():
-    def matrix(position, quaternion=(0.0, 0.0, 0.0, 1.0)):
-        """The (4, 4) pose, by Rodrigues' formula."""
-        *axis, w = np.array(quaternion) / np.linalg.norm(quaternion)
-        x, y, z = axis
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        made = np.eye(4)
-        made[:3, :3] = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
-        made[:3, 3] = position
-        return made
-
-    return matrix
