@@ -109,7 +109,8 @@ def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
     peer.forget()
     code, took_s = process.stop(signal.SIGTERM)
     assert code == 0, process.text
-    assert took_s < 1.0
+    # Half a second where nothing else runs; the tick would have gone on for ten.
+    assert took_s < 5.0
     peer.monitor.popen.poll = lambda: None  # that it has ended is no trouble now
     pairs = peer.wait(peer.pairs, "what it published last")
     bounded = [pair for pair in pairs.values() if pair["status"] == "bounded"]
