@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 import pytest
-from engine_bodies import SMALL, pose
+from engine_bodies import SMALL, pose, sphere
 
 from proximity_monitor import engine
 
@@ -149,3 +149,38 @@ def test_the_smallest_bounds_of_all_moments_are_kept(watched):
         least = np.minimum(least, (states["lower"], states["upper"]))
         assert np.array_equal(least, (states["min_lower"], states["min_upper"]))
         watched.move()
+
+
+def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation():
+    ball, other = sphere(2), sphere(2)
+    poses = np.array([np.eye(4), np.eye(4)])
+    poses[1, 0, 3] = 3.0
+    models = [ball, other]
+    answers = engine.Answers(models, ["ball", "other"])
+    agenda = engine.Agenda(answers, engine.Assembly(models))
+    rows = answers.add(np.array([[0, 1]]), np.zeros(1, bool))
+    agenda.begin(rows)
+    answers.move(np.arange(2), poses)
+    known, silent = np.ones(2, bool), np.zeros(2, bool)
+
+    def look():
+        agenda.look(rows, known, silent, True)
+        return agenda.ask(agenda.order())
+
+    agenda.search(look(), 60.0, 1, perf_counter)
+    before = ball.vertices
+    ball.refit(0.7 * before)
+    answers.reshape(0, 1.001 * np.linalg.norm(ball.vertices - before, axis=1).max())
+    questions = look()
+    # Points of both models, though by far not the nearest ones.
+    far = (ball.vertices[ball.vertices[:, 0].argmin()], other.vertices[0] + poses[1, :3, 3])
+    witness = np.array([*far[0], *far[1], 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    upper = float(np.linalg.norm(far[0] - far[1]))
+    cut = engine.Distance(0.0, upper, engine.Status.OUT_OF_TIME, 0, 0, 0.0, None, witness)
+    agenda.take(questions, [cut], perf_counter())
+    poses[1, 1, 3] += 1e-9
+    answers.move(np.arange(2), poses)
+    look()
+    state = agenda.report(perf_counter())[0][0]
+    true = engine.distance(ball, poses[0], other, poses[1]).upper
+    assert state["lower"] <= true <= state["upper"]

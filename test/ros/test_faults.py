@@ -139,7 +139,7 @@ def test_two_monitors_in_one_domain_do_not_disturb_each_other(peer, launch, scen
     peer.settle()
     assert other.pairs()["table - ball"]["state"] == "stop"
     assert peer.pairs()["table - ball"]["state"] == "clear"
-    first = {status.name for status in peer.last("diagnostics").status}
+    first = {status.name for status in peer.next("diagnostics").status}
     second = {status.name for status in other.next("diagnostics").status}
     assert not first & second
 

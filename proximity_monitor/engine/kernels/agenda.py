@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import carry, state
-from .carry import BODY_A, BODY_B, SIGNED, carry_one, keep_one
+from .carry import BODY_A, BODY_B, SIGNED, carry_one, keep_one, was_deformed
 from .jit import entry, kernel
 
 LEVELS = 4
@@ -214,7 +214,9 @@ def take(
         question, status = book[row], int(answer[state.STATUS])
         ended = status != state.OUT_OF_TIME
         final = ended and level == np.inf
-        if final or answer[state.UPPER] <= view.upper:
+        # Points that were carried through a deformation are none of the models any more.
+        anew = final or was_deformed(places, labels[row], answers[row])
+        if anew or answer[state.UPPER] <= view.upper:
             view.upper = answer[state.UPPER]
             for j in range(carry.WITNESS):
                 view.witness[j] = answer[state.POINT_A + j]

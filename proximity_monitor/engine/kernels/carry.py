@@ -244,8 +244,18 @@ def carry(poses, versions, balls, places, rows, labels, answers, bounds, points,
 
 
 @kernel
+def was_deformed(places, label, answer):
+    """Whether a body of a pair has been deformed since its answer."""
+    stretch_a, stretch_b = places[label[BODY_A], STRETCH], places[label[BODY_B], STRETCH]
+    return stretch_a != answer[THEN_A] or stretch_b != answer[THEN_B]
+
+
+@kernel
 def keep_one(poses, versions, places, label, answer, lower, upper, witness):
-    """Write an answer: what was found at the bodies' present poses."""
+    """Write an answer: what was found at the bodies' present poses.
+
+    The witness points must be of the models as they are now: `carry_one` counts on it.
+    """
     a, b = label[BODY_A], label[BODY_B]
     label[SEEN_A], label[SEEN_B] = versions[a], versions[b]
     answer[LOWER], answer[UPPER] = lower, upper
