@@ -8,7 +8,7 @@ package_name = "proximity_monitor"
 
 scene = ["pyyaml>=6.0", "jsonschema>=4.10"]
 nodes = [*scene, "rich>=13.0"]
-bag = ["rosbags>=0.11"]
+bag = ["rosbags>=0.11.9"]
 display = ["viser>=1.1,<2"]
 robots = ["pycollada>=0.9", "example-robot-data>=6.0"]
 study = [*scene, "rich>=13.0", "matplotlib>=3.6"]

@@ -162,7 +162,7 @@ class Log:
     def row(self) -> dict[str, float | str]:
         """The columns by name."""
         elapsed, cpu, near, searched, left = np.array(self._rows[1:]).T
-        gaps = np.concatenate(self._gaps[1:]) if self._gaps else np.zeros(1)
+        gaps = np.concatenate(self._gaps[1:])
         over = elapsed - self._budget_s
         return {
             "scene": self._scene,

@@ -20,6 +20,8 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread, Timer
 
 import msgspec
 import viser
@@ -45,21 +47,42 @@ BODY = (
     "  - {{name: part_{i}, primitive: {{sphere: {{radius: 50, subdivisions: 5}}}}, moving: true}}"
 )
 START_S = 300.0  # the first start on a machine compiles the kernels
+STOP_S = 10.0
 MOVED = b"/distances/points"
 
 
 class Child:
-    """One of our programs, on a core of its own if there are two."""
+    """One of our programs, on a core of its own if there are two, and what it said."""
 
-    def __init__(self, module: str, arguments: list[str], core: int, log: Path) -> None:
+    def __init__(self, module: str, arguments: list[str], core: int) -> None:
         """Start it."""
-        self.log = log
         command = [sys.executable, "-c", f"import sys; from {module} import main; sys.exit(main())"]
-        with log.open("w") as out:
-            self.process = subprocess.Popen(
-                [*command, "--ros-args", *arguments], stdout=out, stderr=subprocess.STDOUT
-            )
+        self.process = subprocess.Popen(
+            [*command, "--ros-args", *arguments],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
         os.sched_setaffinity(self.process.pid, {sorted(os.sched_getaffinity(0))[core]})
+        self.said: list[str] = []
+        self._news: SimpleQueue[str] = SimpleQueue()
+        Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        for line in self.process.stdout:
+            self.said.append(line)
+            self._news.put(line)
+        self._news.put("")  # it has ended
+
+    def wait_for(self, start: str) -> str:
+        """Return the rest of a line that starts so, as soon as it is said."""
+        patience = Timer(START_S, self.process.kill)
+        patience.start()
+        try:
+            while line := self._news.get():
+                if line.startswith(start):
+                    return line.removeprefix(start).strip()
+        finally:
+            patience.cancel()
+        raise RuntimeError(f"ended without {start!r}, and said:\n{''.join(self.said)}")
 
     def seconds(self) -> float:
         """Processor time so far."""
@@ -69,7 +92,11 @@ class Child:
     def stop(self) -> None:
         """End it."""
         self.process.send_signal(signal.SIGINT)
-        self.process.wait()
+        try:
+            self.process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
 
 
 def scene_text(parts: int, rate: float, budget: float) -> str:
@@ -95,7 +122,7 @@ def main() -> int:
     parser.add_argument("--rate", type=float, default=30.0, help="the monitor's ticks a second")
     parser.add_argument("--budget", type=float, default=20.0, help="of a tick, in milliseconds")
     chosen = parser.parse_args()
-    os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randint(102, 200))
+    os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randint(1, 100))
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     last = len(os.sched_getaffinity(0)) - 1
     with tempfile.TemporaryDirectory() as folder:
@@ -104,9 +131,9 @@ def main() -> int:
         ros = "proximity_monitor.ros"
         given = ["-p", f"scene:={scene}"]
         children = [
-            Child(f"{ros}.node", given, 0, Path(folder) / "monitor.log"),
-            Child(f"{ros}.player", given, 0, Path(folder) / "player.log"),
-            Child("proximity_monitor.display.run", ["-p", "port:=0"], last, Path(folder) / "page"),
+            Child(f"{ros}.node", given, 0),
+            Child(f"{ros}.player", given, 0),
+            Child("proximity_monitor.display.run", ["-p", "port:=0"], last),
         ]
         try:
             return report(children, chosen)
@@ -117,7 +144,7 @@ def main() -> int:
 
 def report(children: list[Child], chosen: argparse.Namespace) -> int:
     """Wait until the page is alive, count, and print."""
-    address = find_address(children[-1])
+    address = children[-1].wait_for("display: ")
     with connect(
         address.replace("http", "ws", 1), subprotocols=[f"viser-v{viser.__version__}"],
         max_size=None, compression=None, ping_timeout=None,
@@ -125,7 +152,8 @@ def report(children: list[Child], chosen: argparse.Namespace) -> int:
         ends = time.monotonic() + START_S
         while not brings_points(socket.recv(timeout=START_S)):
             if time.monotonic() > ends:
-                print("no frame came:", *(child.log.read_text() for child in children))
+                said = "".join(line for child in children for line in child.said)
+                print(f"no frame came, but:\n{said}")
                 return 1
         used = [child.seconds() for child in children]
         began = time.monotonic()
@@ -148,17 +176,6 @@ def report(children: list[Child], chosen: argparse.Namespace) -> int:
     for name, percent in zip(("monitor", "player", "display"), share, strict=True):
         print(f"  processor time, {name:16}{percent:8.1f} % of a core")
     return 0
-
-
-def find_address(display: Child) -> str:
-    """Wait until the display has said where it is."""
-    ends = time.monotonic() + START_S
-    while time.monotonic() < ends:
-        for line in display.log.read_text().splitlines():
-            if line.startswith("display: "):
-                return line.removeprefix("display: ")
-        time.sleep(0.1)
-    raise RuntimeError(f"the display said: {display.log.read_text()}")
 
 
 def brings_points(data: bytes) -> bool:

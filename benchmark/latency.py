@@ -86,7 +86,11 @@ def main() -> int:
             for process in processes:
                 process.send_signal(signal.SIGINT)
             for process in processes:
-                process.wait(10.0)
+                try:
+                    process.wait(10.0)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
     _print(taken, chosen.rate)
     if chosen.csv is not None:
         with chosen.csv.open("w", newline="", encoding="utf-8") as file:
@@ -189,8 +193,8 @@ def _print(taken: dict[str, list[float]], rate_hz: float) -> None:
     for what, each in taken.items():
         times = np.array(each)
         got = times[np.isfinite(times)] * 1e3
-        shares = [float(np.percentile(got, share)) for share in (50, 90, 99, 100)]
-        cells = " | ".join(f"{value:.3f}" for value in shares)
+        shares = np.percentile(got, (50, 90, 99, 100)) if len(got) else ()
+        cells = " | ".join(f"{value:.3f}" for value in shares) or " | ".join(["lost"] * 4)
         print(f"| {what} | {cells} | {len(times) - len(got)} of {len(times)} |")
 
 

@@ -28,10 +28,12 @@ KNOWS = {
     "__main__": {"display", "ros", "motion", "scene", "engine"},
     "": set(),  # the package's own __init__.py, which everybody may know
 }
-# Third-party packages of the engine; other rooms take what they need, ROS apart.
+# Third-party packages of the engine; other rooms take what they need, ROS and compilers apart.
 # llvmlite is numba's own compiler: a kernel may name an operation that numba has no name for.
+# Other rooms compile by engine/compiling.py, which finds a place to keep the code.
 ENGINE_NEEDS = {"numpy", "numba"}
 KERNELS_NEED = {"llvmlite"}
+COMPILERS = {"numba", "llvmlite"}
 ROS_ROOMS = {"ros", "display"}
 ROS_PACKAGES = {
     "rclpy",
@@ -92,6 +94,8 @@ def broken_rules(room: str, is_loader: bool, path: tuple[str, ...], root: Path) 
         allowed |= KERNELS_NEED if room == "engine/kernels" else set()
         if top not in allowed:
             yield f"must not import {top}"
+    elif top in COMPILERS:
+        yield f"must not import {top}"
 
 
 def violations(root: Path) -> list[str]:
@@ -187,6 +191,11 @@ BROKEN = {
         "from proximity_monitor.ros.node import main",
         "must not know ros",
     ),
+    "motion compiles by itself": (
+        "motion/m.py",
+        "from numba import njit",
+        "must not import numba",
+    ),
     "ros knows kernels": (
         "ros/node.py",
         "from proximity_monitor.engine import kernels",
@@ -235,7 +244,7 @@ SOUND = {
     "scene/__init__.py": "",
     "scene/file.py": "import yaml\nfrom proximity_monitor import engine\nfrom ..engine import X",
     "motion/__init__.py": "",
-    "motion/m.py": "from proximity_monitor.scene.file import Scene",
+    "motion/m.py": "from ..engine.mesh import X\nfrom proximity_monitor.scene.file import Scene",
     "study/__init__.py": "",
     "study/scenes.py": "from proximity_monitor import motion\nfrom ..scene import file",
     "study/accuracy/a.py": "import matplotlib\nfrom ..scenes import X\nfrom ...engine import Y",

@@ -49,7 +49,7 @@ def main(folder: Path) -> None:
     comment = "metres; made by tools/make_cave_scene.py"
     for name, (vertices, faces) in made.items():
         file = folder / "meshes" / f"{name}.ply"
-        ply.write(file, np.round(vertices, 6), faces, comment, real="float", index="ushort")
+        ply.write(file, np.round(vertices, 6) + 0.0, faces, comment, real="float", index="ushort")
         print(f"{file.name}: {len(vertices)} vertices, {len(faces)} triangles")
     with (folder / "path.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")

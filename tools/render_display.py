@@ -57,7 +57,10 @@ def main() -> int:
 def start_demo(scene: str) -> tuple[subprocess.Popen, str]:
     """Start the demo slowly, on a domain of its own; return it and the page's address."""
     command = [sys.executable, "-m", "proximity_monitor", "demo", "--scene", scene]
-    environment = environ | {"ROS_DOMAIN_ID": str(random.SystemRandom().randint(102, 200))}
+    environment = environ | {
+        "ROS_DOMAIN_ID": str(random.SystemRandom().randint(1, 100)),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
     demo = subprocess.Popen(
         [*command, "--speed", "0.2"], stdout=subprocess.PIPE, text=True, env=environment
     )

@@ -12,9 +12,8 @@ from .answers import Answers
 from .assembly import Assembly
 from .kernels import agenda as kernel
 from .kernels import state as index
-from .result import Distance, Status
+from .result import Distance
 
-_STATUS = {status: code for code, status in enumerate(Status)}
 _FIRST = {
     "range": np.inf, "looked": -np.inf, "min_upper": np.inf, "min_lower": np.inf, "hint": -1,
 }  # fmt: skip
@@ -51,6 +50,9 @@ class Agenda:
         answers: the table.
         assembly: of the same bodies.
 
+    Raises:
+        ValueError: they are not as many.
+
     Attributes:
         book: (m,) one record a row: `range` and `levels` (LEVELS,), metres: a pair is asked about
             as far as its range; `rel_err`, `abs_err` of its distance, or `deciding`: no more is
@@ -64,6 +66,10 @@ class Agenda:
     OVERLAPPING, UNKNOWN = kernel.OVERLAPPING, kernel.UNKNOWN
 
     def __init__(self, answers: Answers, assembly: Assembly) -> None:
+        if len(assembly.models) != len(answers.poses):
+            raise ValueError(
+                f"assembly: of {len(assembly.models)} bodies, the answers of {len(answers.poses)}"
+            )
         self._answers = answers
         self._assembly = assembly
         self.book = np.zeros(0, kernel.QUESTION)
@@ -154,11 +160,9 @@ class Agenda:
 
         It was found with `Pair`, a signed distance for INSIDE, and at `now_s`.
         """
-        rows = np.full((len(found), index.ANSWER), np.nan)
-        for row, each in zip(rows, found, strict=True):
-            row[index.LOWER], row[index.UPPER] = each.lower, each.upper
-            row[index.POINT_A : index.TREE_A] = each.witness
-            row[index.STATUS] = _STATUS[each.status]
+        if len(found) != len(questions.at):
+            raise ValueError(f"found: {len(found)} answers to {len(questions.at)} questions")
+        rows = np.array([each.row for each in found]).reshape(-1, index.ANSWER)
         return self._take(questions, rows, now_s)
 
     def _take(

@@ -79,8 +79,7 @@ class Answers:
     def radii(self) -> NDArray[np.float64]:
         """(n,) metres: of balls that surely hold the bodies, for all that rounding does.
 
-        Two bodies whose balls, so enlarged, are farther apart than a range are themselves: what
-        `carried` subtracts for rounding is no more than both balls are enlarged by.
+        Two bodies whose balls, so enlarged, are farther apart than a range are themselves.
         """
         defect = self._places[:, kernel.DEFECT].max(initial=0.0)
         slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * self._places[:, kernel.SIZE]
@@ -204,7 +203,8 @@ class Answers:
         answers[:, kernel.WITNESS_A : kernel.WITNESS_A + 3] = self._first[a]
         answers[:, kernel.WITNESS_B : kernel.WITNESS_B + 3] = self._first[b]
         answers[:, kernel.FEATURES : kernel.ANSWER] = 2 * _FIRST_CORNER
-        answers[:, kernel.ROTATION : kernel.ROTATION + 9 : 4] = 1.0
+        # Of no poses: nothing is still.
+        answers[:, kernel.ROTATION : kernel.TRANSLATION + 3] = np.nan
         answers[:, kernel.THEN_A] = self._places[a, kernel.STRETCH]
         answers[:, kernel.THEN_B] = self._places[b, kernel.STRETCH]
         self._answers[rows] = answers

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from operator import is_not
 from time import perf_counter
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .kernels import search as kernel
 from .kernels import state as index
+from .kernels.state import Tree
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
 from .result import PairDistances
@@ -22,7 +24,8 @@ class Assembly:
     """Bodies whose distances are asked for together, tick by tick.
 
     A compiled call goes through the pairs, so that a pair costs no more than its search: some
-    microseconds, where a `Pair` costs as much again on top.
+    microseconds, where a `Pair` costs as much again on top. It belongs to one thread at a time; the
+    models may be shared.
 
     Args:
         models: one mesh a body; bodies may share one. A mesh that is refitted later is seen anew.
@@ -36,7 +39,7 @@ class Assembly:
         if not self.models:
             raise ValueError("models: there are none; an assembly needs at least one body")
         self._meshes = tuple({id(model): model for model in self.models}.values())
-        self._revisions: list[int] | None = None
+        self._trees: list[Tree] = []
         self._deepest = max(self._meshes, key=lambda model: model.depth)
         self._searches: list[Search] = []
 
@@ -94,7 +97,7 @@ class Assembly:
                 check_tolerance(f"{name}[{first}]", float(wanted[first, column]))
         if hints is None:
             hints = np.full((k, 2), -1, np.int32)
-        hints = np.require(hints, np.int32, "CA")
+        hints = np.require(hints, np.int32, "CAW")  # read-only ones would be compiled for anew
         if hints.shape != (k, 2):
             raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
         return pair_distances_of(self.rows(poses, chosen, wanted, hints, budget_s, threads))
@@ -146,10 +149,11 @@ class Assembly:
 
     def _tabulate(self, threads: int) -> None:
         """Have the tables of all bodies as they are now, and a search for each thread."""
-        revisions = [mesh.revision for mesh in self._meshes]
-        if revisions != self._revisions:
+        # Of the very hierarchies that the tables hold addresses of, which so stay in memory.
+        trees = [mesh._tree for mesh in self._meshes]
+        if len(trees) != len(self._trees) or any(map(is_not, trees, self._trees)):
             self._tables = np.stack([model._table for model in self.models])
-            self._revisions = revisions
+            self._trees = trees
         while len(self._searches) < threads:
             self._searches.append(Search(self._deepest, self._deepest, rows=0))
 

@@ -8,6 +8,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from .kernels import state as index
+
 
 class Status(Enum):
     """Why a distance search stopped."""
@@ -21,6 +23,10 @@ class Status(Enum):
     INTERSECTING = "intersecting"
     """The surfaces cross or touch, or are so close that rounding cannot tell: lower is 0, or the
     least value that `signed_distance` can have."""
+
+
+STATUSES = tuple(Status)
+"""By the numbers that kernels have for them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,46 +86,63 @@ class Distance:
     """Minimum distance of two surfaces: lower <= true distance <= upper.
 
     Attributes:
-        lower: metres; certified lower bound; negative in answers of `signed_distance` alone.
-        upper: metres; certified upper bound, the distance of the witness points plus what rounding
-            may have done to it.
-        status: why the search stopped.
-        bound_tests: bounding volume pairs tested.
-        primitive_tests: triangle pairs tested.
+        row: (ANSWER,) what follows as numbers in a row, as a search writes them.
         elapsed_s: seconds the search took.
         manifold: every pair that may hold the minimum, where they were asked for.
-        witness: (14,) the four properties below as one row: point_a, point_b, barycentric weights
-            and face of a, barycentric weights and face of b.
     """
 
-    lower: float
-    upper: float
-    status: Status
-    bound_tests: int
-    primitive_tests: int
+    # A call takes a few microseconds, of which six numbers that nobody may want would be one.
+    row: NDArray[np.float64]
     elapsed_s: float
     manifold: Manifold | None
-    witness: NDArray[np.float64]
+
+    @property
+    def lower(self) -> float:
+        """Metres; certified lower bound; negative in answers of `signed_distance` alone."""
+        return float(self.row[index.LOWER])
+
+    @property
+    def upper(self) -> float:
+        """Metres; certified upper bound: the witness points' distance and what rounding did to it.
+
+        Negative in answers of `signed_distance` alone.
+        """
+        return float(self.row[index.UPPER])
+
+    @property
+    def status(self) -> Status:
+        """Why the search stopped."""
+        return STATUSES[int(self.row[index.STATUS])]
+
+    @property
+    def bound_tests(self) -> int:
+        """Bounding volumes tested against others, or against single points (approach.py)."""
+        return int(self.row[index.TESTS])
+
+    @property
+    def primitive_tests(self) -> int:
+        """Triangle pairs tested."""
+        return int(self.row[index.TESTS + 1])
 
     @property
     def point_a(self) -> NDArray[np.float64]:
         """(3,) metres, world; the witness point on a."""
-        return self.witness[0:3]
+        return self.row[index.POINT_A : index.POINT_A + 3]
 
     @property
     def point_b(self) -> NDArray[np.float64]:
         """(3,) metres, world; the witness point on b."""
-        return self.witness[3:6]
+        return self.row[index.POINT_B : index.POINT_B + 3]
 
     @property
     def feature_a(self) -> Feature:
         """Where point_a lies on a."""
-        return Feature(int(self.witness[9]), self.witness[6:9])
+        return _feature(self.row, index.FEATURE_A)
 
     @property
     def feature_b(self) -> Feature:
         """Where point_b lies on b."""
-        return Feature(int(self.witness[13]), self.witness[10:13])
+        return _feature(self.row, index.FEATURE_B)
 
     def __repr__(self) -> str:
         """The bounds, points and status."""
@@ -127,6 +150,10 @@ class Distance:
         return (
             f"Distance(lower={self.lower!r}, upper={self.upper!r}, {self.status}, points {points})"
         )
+
+
+def _feature(row: NDArray[np.float64], at: int) -> Feature:
+    return Feature(int(row[at + 3]), row[at : at + 3])
 
 
 @dataclass(frozen=True, slots=True)
@@ -243,8 +270,8 @@ class PairDistances:
     barycentric: NDArray[np.float64]
     triangles: NDArray[np.int32]
     status: NDArray[np.int32]
-    bound_tests: NDArray[np.int32]
-    primitive_tests: NDArray[np.int32]
+    bound_tests: NDArray[np.int64]
+    primitive_tests: NDArray[np.int64]
     searched: NDArray[np.bool_]
 
     def __len__(self) -> int:

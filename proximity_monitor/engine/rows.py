@@ -8,27 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import state as index
-from .result import Distance, Distances, Manifold, PairDistances, Status
+from .result import Distance, Distances, Manifold, PairDistances
 
-_STATUS = tuple(Status)
 _new = object.__new__
 
 
 def distance_of(row: NDArray[np.float64], start: float, manifold: Manifold | None) -> Distance:
-    """The answer of a row (ANSWER,) to what was asked at `start` of perf_counter."""
-    values = row.tolist()
+    """The answer of a row (ANSWER,), which is copied, to what was asked at `start`."""
     # Its own __init__, which sets field by field past what freezes it, takes three times as long.
     answer = _new(Distance)
-    answer.__dict__.update(
-        lower=values[index.LOWER],
-        upper=values[index.UPPER],
-        status=_STATUS[int(values[index.STATUS])],
-        bound_tests=int(values[index.TESTS]),
-        primitive_tests=int(values[index.TESTS + 1]),
-        elapsed_s=perf_counter() - start,
-        manifold=manifold,
-        witness=row[index.POINT_A : index.TREE_A].copy(),
-    )
+    fields = answer.__dict__
+    fields["row"], fields["manifold"] = row.copy(), manifold
+    fields["elapsed_s"] = perf_counter() - start
     return answer
 
 
@@ -62,7 +53,7 @@ def pair_distances_of(rows: NDArray[np.float64]) -> PairDistances:
         rows[:, [*range(8, 11), *range(12, 15)]].reshape(-1, 2, 3),
         numbers[:, 2:4],
         numbers[:, 6],
-        numbers[:, 4],
-        numbers[:, 5],
+        whole[:, 4].astype(np.int64),
+        whole[:, 5].astype(np.int64),
         searched,
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from .kernels import depth as kernel
 from .kernels import probe, state
 from .mesh import TriangleMesh
-from .result import Distance, Status
+from .result import STATUSES, Distance, Status
 from .run import LONG_SLICE, SLICE
 from .solid import as_solid
 
@@ -76,12 +75,13 @@ class SignedSearch:
         self._asked = None
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err)
-        found = self._answer()
+        row = self._answer()
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits
-        self._limits = lower, upper = max(lower, found.lower), min(upper, found.upper)
-        return replace(found, lower=lower, upper=upper, elapsed_s=perf_counter() - start)
+        self._limits = max(lower, row[state.LOWER]), min(upper, row[state.UPPER])
+        row[state.LOWER], row[state.UPPER] = self._limits
+        return Distance(row, perf_counter() - start, None)
 
     def _begin(
         self,
@@ -104,8 +104,8 @@ class SignedSearch:
             a._tree, b._tree, *self._solids, *self._poses, rel_err, abs_err, self._depth
         )
 
-    def _answer(self) -> Distance:
-        """What is known when the search ends, or time is over."""
+    def _answer(self) -> NDArray[np.float64]:
+        """The row (ANSWER,) of what is known when the search ends, or time is over."""
         decided = self._test_samples()
         if self._overlapping:
             return self._inside(self._search(samples_alone=False))
@@ -175,18 +175,11 @@ class SignedSearch:
         weights = np.zeros(3) if weights is None else weights
         return kernel.deepest(self._models[0]._tree, self._models[1]._tree, self._depth, weights)
 
-    def _outside(self, apart: Distance, lower: float, status: Status) -> Distance:
+    def _outside(self, apart: Distance, lower: float, status: Status) -> NDArray[np.float64]:
         """The answer where overlap is not certain: that of `distance` with another lower bound."""
-        bound_tests, primitive_tests = self._tests()
-        return replace(
-            apart,
-            lower=lower,
-            status=status,
-            bound_tests=bound_tests,
-            primitive_tests=primitive_tests,
-        )
+        return self._with_tests(apart.row.copy(), lower, apart.upper, status)
 
-    def _inside(self, ended: bool) -> Distance:
+    def _inside(self, ended: bool) -> NDArray[np.float64]:
         """The answer where overlap is certain."""
         weights, corner = np.zeros(3), np.zeros(3)
         shallow, deep = self._bounds(weights)
@@ -198,21 +191,27 @@ class SignedSearch:
         weights_of, triangles = np.empty((2, 3)), np.empty(2, np.int64)
         weights_of[deeper], weights_of[other] = corner, weights
         triangles[deeper], triangles[other] = triangle, counts[kernel.TRIANGLE]
-        points, features = [], []
+        row = np.full(state.ANSWER, -1.0)  # its triangles are no hints where to search
         for k, (body, pose) in enumerate(zip(bodies, self._poses, strict=True)):
             face = body._face_of[triangles[k]]
             local = weights_of[k] @ body.vertices[body.faces[face]]
-            points.append(pose[:3, :3] @ local + pose[:3, 3])
-            features += [weights_of[k], [float(face)]]
+            at = (state.POINT_A, state.POINT_B)[k]
+            row[at : at + 3] = pose[:3, :3] @ local + pose[:3, 3]
+            at = (state.FEATURE_A, state.FEATURE_B)[k]
+            row[at : at + 3], row[at + 3] = weights_of[k], face
         status = Status.OUT_OF_TIME
         if ended:
             exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]
             status = Status.EXACT if exact else Status.WITHIN_TOLERANCE
-        witness = np.concatenate((*points, *features))
-        return Distance(-deep, -shallow, status, *self._tests(), 0.0, None, witness)
+        return self._with_tests(row, -deep, -shallow, status)
 
-    def _tests(self) -> tuple[int, int]:
-        """Tests of volumes and of triangles that the distance took; a point's counts as either."""
+    def _with_tests(
+        self, row: NDArray[np.float64], lower: float, upper: float, status: Status
+    ) -> NDArray[np.float64]:
+        """A row with these bounds, and the tests of the distance; a point's count as either."""
         points = int(self._depth.probe.counts[probe.TESTS])
-        bound_tests, primitive_tests = self._apart_tests
-        return bound_tests + points, primitive_tests + points
+        row[state.LOWER], row[state.UPPER] = lower, upper
+        row[state.STATUS] = STATUSES.index(status)
+        row[state.TESTS : state.TESTS + 2] = self._apart_tests
+        row[state.TESTS : state.TESTS + 2] += points
+        return row

@@ -16,7 +16,7 @@ from proximity_monitor.scene.poses import UNIT_LENGTH
 _STAMPED = "geometry_msgs/msg/PoseStamped"
 _ARRAY = "geometry_msgs/msg/PoseArray"
 _NANO = 1_000_000_000
-_INSTALL = "reading bags needs the package rosbags: pip install 'proximity_monitor[bag]'"
+_INSTALL = "reading bags needs the package rosbags: pip install '.[bag]'"
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,10 @@ def _read(
             for connection, stamp_ns, raw in bag.messages(used) if used else ():
                 messages[connection.topic].append((stamp_ns, raw))
             start_ns, end_ns = bag.start_time, bag.end_time - 1  # its end is one past the last
-    except Exception as error:  # rosbags has no limit to what it raises for a damaged file
+    except Exception as error:
+        # For a damaged file rosbags raises its own ReaderError, and lets through OSError,
+        # struct.error, KeyError, TypeError, AssertionError, and whatever the decompressors and
+        # apsw, which reads .db3 files, raise; a list of all would be wrong with its next version.
         raise ValueError(f"{path}: does not read as a ROS 2 bag: {error!r}") from error
     for topic in topics:
         if topic not in kinds:
@@ -108,6 +111,8 @@ def _track(
 ) -> Track:
     if not messages:
         raise ValueError("the bag holds no message of it")
+    from rosbags.serde import SerdeError
+
     types = _types()
     times: list[float] = []
     numbers = array("d")
@@ -115,7 +120,7 @@ def _track(
     for number, (stamp_ns, raw) in enumerate(messages, 1):
         try:
             message: Any = types.deserialize_cdr(raw, kind)
-        except Exception as error:  # as above
+        except SerdeError as error:
             raise ValueError(f"message {number} does not read as {kind}: {error!r}") from error
         found = [message.pose] if kind == _STAMPED else message.poses
         header = message.header
@@ -124,7 +129,9 @@ def _track(
             raise ValueError(
                 f"message {number} is in frame {header.frame_id!r}, the scene in {frame!r}"
             )
-        if stamp < last_stamp or stamp_ns < last_ns:
+        if stamp < last_stamp:
+            raise ValueError(f"message {number}: its header's stamp runs back")
+        if stamp_ns < last_ns:
             raise ValueError(f"message {number} is older than the one before it; sort the bag")
         if len(found) != len(bodies):
             raise ValueError(

@@ -111,11 +111,6 @@ class Deform(Motion):
         return ()
 
     @property
-    def deforming(self) -> tuple[str, ...]:
-        """The bodies whose vertices it moves, in the scene file's order."""
-        return tuple(self._fields)
-
-    @property
     def period_s(self) -> float | None:
         """The longest period of a body, seconds; None where none of them moves."""
         slowest = min((f.frequency_hz for f in self._fields.values() if f.frequency_hz), default=0)

@@ -23,6 +23,16 @@ class Motion(Protocol):
     def period_s(self) -> float | None:
         """Seconds after which all of it was seen: it repeats, or rests; None where neither."""
 
+    def seek(self, t: float) -> None:
+        """Make ready for times from t seconds on, however long that takes.
+
+        That is for a motion that falls behind where it may not take long (see
+        `motion.from_scene`); any other is ready.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Return the pose of each driven body at time t.
 

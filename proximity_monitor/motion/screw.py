@@ -20,13 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proximity_monitor.scene.poses import pose_matrices
-
-_CROSS = np.array(
-    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
-    dtype=np.float64,
-)
-"""Times a vector: the nine entries of the matrix that stands for the cross product with it."""
+from proximity_monitor.scene.poses import pose_matrices, rotations
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +73,7 @@ def hinged(
         axis: (3,) its direction in the world, a unit vector.
         pose: (4, 4) of the body at angle 0.
     """
-    turned = _rotations(np.broadcast_to(axis, (len(angles), 3)), angles)
+    turned = rotations(axis, angles)
     poses = np.tile(np.eye(4), (len(angles), 1, 1))
     poses[:, :3, :3] = turned @ pose[:3, :3]
     poses[:, :3, 3] = origin + turned @ (pose[:3, 3] - origin)
@@ -140,7 +134,7 @@ class Paths:
         poses = self._poses[i]
         turned = poses[:, :3, :3]
         poses[:, :3, 3] += (turned @ steps[:, :, None])[:, :, 0]
-        poses[:, :3, :3] = turned @ _rotations(self._axes[i], angles)
+        poses[:, :3, :3] = turned @ rotations(self._axes[i], angles)
         return poses
 
 
@@ -160,13 +154,6 @@ def _turns(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarra
     lengths = np.linalg.norm(axes, axis=1)
     axes /= np.where(lengths > 0.0, lengths, 1.0)[:, None]
     return axes, 2.0 * np.arctan2(largest * lengths, np.abs(scalars))
-
-
-def _rotations(axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """Rodrigues' rotations (n, 3, 3) about unit axes (n, 3); 1 - cos is free of cancellation."""
-    cross = (axes @ _CROSS).reshape(-1, 3, 3)
-    sine, versine = np.sin(angles), 2.0 * np.sin(0.5 * angles) ** 2
-    return np.eye(3) + sine[:, None, None] * cross + versine[:, None, None] * (cross @ cross)
 
 
 def _stacked(parts: Sequence[np.ndarray], *shape: int) -> np.ndarray:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from proximity_monitor.motion.motion import Motion, counted
+from proximity_monitor.scene.poses import rotations
 
 # How far a direction may be from unit length, two directions from perpendicular, or an offset from
 # the axis (as a fraction of the throw). A millionth covers the rounding of a value that was
@@ -131,11 +132,9 @@ class SliderCrank(Motion):
         return self._radius * math.cos(phi) + math.sqrt((self._rod - across) * (self._rod + across))
 
     def _turned(self, angle: float) -> np.ndarray:
-        """Rodrigues' rotation about the axis, with the model's origin at the crank's."""
-        x, y, z = self._axis
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        """The crank's pose: its model's origin is at its own."""
         pose = np.eye(4)
-        pose[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+        pose[:3, :3] = rotations(self._axis, np.array(angle))
         pose[:3, 3] = self._origin
         return pose
 

@@ -38,6 +38,15 @@ class Together(Motion):
         periods = [part.period_s for part in self._parts]
         return None if None in periods else max(periods)
 
+    def seek(self, t: float) -> None:
+        """Make all parts ready for times from t seconds on.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        for part in self._parts:
+            part.seek(t)
+
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Return the poses (4, 4) of all bodies at t seconds.
 

@@ -125,9 +125,11 @@ class Health:
 
     def _clearance(self, state: State) -> DiagnosticStatus:
         tick, count = state.tick, Counter(state.levels.values())
-        if tick is not None:  # what is not listed
-            count[Level.STALE] += tick.unsure
-            count[Level.CLEAR] += tick.far
+        pairs = as_arrays(tick.pairs if tick is not None else ())
+        if tick is not None:  # the levels have some pairs that are not listed, but not all of them
+            count[Level.STALE] = int(pairs.silent.any(axis=1).sum()) + tick.unsure
+            urgent = count[Level.STOP] + count[Level.WARN] + count[Level.STALE]
+            count[Level.CLEAR] = len(pairs) + tick.far + tick.unsure - urgent
         level, worst = DiagnosticStatus.OK, "all pairs clear"
         if tick is None:
             level, worst = DiagnosticStatus.WARN, "no tick yet"
@@ -136,8 +138,8 @@ class Health:
         elif count[Level.WARN] or count[Level.STALE]:
             level = DiagnosticStatus.WARN
             worst = f"{count[Level.WARN]} pairs at warn, {count[Level.STALE]} stale"
-        codes = as_arrays(tick.pairs).status if tick is not None else np.empty(0, np.int8)
-        kinds = dict(zip(PairStatus, np.bincount(codes, minlength=len(STATUSES)), strict=True))
+        statuses = np.bincount(pairs.status, minlength=len(STATUSES))
+        kinds = dict(zip(PairStatus, statuses, strict=True))
         values = {f"pairs {each.value}": str(count[each]) for each in Level}
         values.update({f"pairs {each.value}": str(kinds[each]) for each in PairStatus})
         values["pairs beyond range"] = str(tick.far) if tick is not None else "nan"

@@ -61,8 +61,9 @@ class ProximityPlayer(Node):
         except ParameterException as error:
             raise ValueError(str(error)) from error
         scene = load_scene(find_scene(values["scene"]))
-        with interruptible():  # it may read a long recording
+        with interruptible():  # it may read a long recording, or simulate what is left out
             self._motion = moves if moves is not None else motion.from_scene(scene, live=True)
+            self._motion.seek(values["seek_s"])
         self._frame = values["fixed_frame"] or scene.frame
         self._speed, self._seek_s = values["speed"], values["seek_s"]
         self._ends_at = None if values["loop"] else self._motion.period_s

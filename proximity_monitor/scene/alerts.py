@@ -4,7 +4,7 @@ A pair is judged by its certified lower bound, so it is clear only when that is 
 equal to the threshold triggers, and at once. A level that triggered is released only when the bound
 has stayed above its threshold plus the hysteresis for the threshold's `hold_s`, so that a distance
 that trembles about a threshold gives one alert and not thirty a second. A pair that a tick does not
-list is certified to be farther apart than its range, which is not less than any of that.
+list is certified to be farther apart than any of that.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Alert:
     old: Level
     new: Level
     lower: float
-    """Bounds in metres; NaN when a pose is unknown."""
+    """Bounds in metres; NaN when a pose is unknown, or nothing is certain of a pair not listed."""
     upper: float
     reason: str
     """One line for people, lengths in the scene's unit."""
@@ -101,9 +101,10 @@ class Alerts:
         """Judge the pairs of a tick and return the changes.
 
         Args:
-            tick: the listed pairs; all others are certified to be farther apart than their range,
-                unless one of their bodies is silent.
-            thresholds: one for each pair of the scene; they may differ from those of the last call.
+            tick: the listed pairs; all others are certified to be farther apart than their range
+                and than warn + hysteresis, unless one of their bodies is silent.
+            thresholds: one for each pair of the scene, those that the tick's monitor has; they may
+                differ from those of the last call.
             now_s: seconds of a clock that never goes back.
             courses: of the bodies at the tick's poses, for how the alerts' pairs move.
             attached: indices of pairs that are not watched now; the tick does not list them.
@@ -122,15 +123,12 @@ class Alerts:
                 changes.append(self._alert(pair, old, new, reason, thresholds[i], courses))
         for i, old in before.items():
             if old is not Level.CLEAR and i not in levels:
-                new, reason = self._release(i, thresholds[i], now_s, i in attached, silent)
+                new, reason, lower = self._release(i, thresholds[i], now_s, i in attached, silent)
                 if new is not Level.CLEAR:
                     levels[i] = new
                 if new is not old:
-                    watched = self._pairs[i]
-                    lower = math.nan if i in attached else watched.range
-                    changes.append(
-                        Alert(i, watched.a, watched.b, old, new, lower, math.inf, reason)
-                    )
+                    a, b = self._pairs[i].a, self._pairs[i].b
+                    changes.append(Alert(i, a, b, old, new, lower, math.inf, reason))
         self._levels, self._unlisted = levels, Level.CLEAR
         return changes
 
@@ -166,22 +164,23 @@ class Alerts:
         now_s: float,
         attached: bool,
         silent: Collection[str],
-    ) -> tuple[Level, str]:
-        """Judge a pair that was not clear and is not listed."""
+    ) -> tuple[Level, str, float]:
+        """Judge a pair that was not clear and is not listed; the last is its lower bound."""
         held, watched = self._held.get(i), self._pairs[i]
         if names := [name for name in (watched.a, watched.b) if name in silent and not attached]:
             if held is not None:
                 held.above_stop_s = held.above_warn_s = math.nan
-            return Level.STALE, f"no recent pose of {' and '.join(names)}"
+            return Level.STALE, f"no recent pose of {' and '.join(names)}", math.nan
         if attached:
-            new, reason = Level.CLEAR, "attached to each other: not watched"
+            new, reason, lower = Level.CLEAR, "attached to each other: not watched", math.nan
         else:
-            beyond = watched.range
-            new, reason = self._step(held, beyond, limits, now_s, None)
+            lower = max(watched.range, limits.warn + limits.hysteresis)
+            # It is farther than that, not just as far: above whatever it is compared with.
+            new, reason = self._step(held, math.inf, limits, now_s, None)
             if new is Level.CLEAR:
-                reason = f"farther than {self._length(beyond)}"
+                reason = f"farther than {self._length(lower)}"
         self._keep(i, held, new)
-        return new, reason
+        return new, reason, lower
 
     def _keep(self, i: int, held: _Held | None, new: Level) -> None:
         if new is Level.CLEAR:

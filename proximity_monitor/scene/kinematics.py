@@ -15,6 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from proximity_monitor.scene.poses import rotations
+
 
 class KinematicsError(ValueError):
     """Links and joints do not make a tree that can be computed; the message names them."""
@@ -78,7 +80,7 @@ class Kinematics:
         """The joints whose positions are given, in the order of the file."""
         self._gain, self._offset = _followers(self.joints, self.free)
         self._origins = np.array([each.origin for each in self.joints]).reshape(-1, 4, 4)
-        self._cross, self._slide = _axes(self.joints)
+        self._turn, self._slide = _axes(self.joints)
         levels = np.array([depth[link] for link in self.links[1:]], dtype=int)
         starts = np.searchsorted(levels, np.arange(1, levels.max(initial=0) + 2))
         parents = np.array([self._order[each.parent] for each in self.joints], dtype=int)
@@ -91,10 +93,11 @@ class Kinematics:
     def _check(links: Sequence[str], joints: Sequence[Joint]) -> None:
         _once(links, "link")
         _once([joint.name for joint in joints], "joint")
+        known = set(links)
         parents: dict[str, str] = {}
         for joint in joints:
             for link in (joint.parent, joint.child):
-                if link not in links:
+                if link not in known:
                     raise KinematicsError(f"joint '{joint.name}': there is no link '{link}'")
             if joint.child in parents:
                 raise KinematicsError(
@@ -180,17 +183,10 @@ class Kinematics:
         return poses
 
     def _moved(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the joints do at (..., m - 1) positions: Rodrigues' rotation, or a translation."""
+        """What the joints do at (..., m - 1) positions: a rotation, or a translation."""
         moved = np.zeros((*positions.shape, 4, 4))
         moved[..., 3, 3] = 1.0
-        angle = positions[..., None, None]
-        moved[..., :3, :3] = (
-            np.eye(3)
-            + np.sin(angle) * self._cross
-            # 1 - cos(angle), without its cancellation near 0, which would cost the rotation its
-            # orthogonality there.
-            + 2.0 * np.sin(0.5 * angle) ** 2 * (self._cross @ self._cross)
-        )
+        moved[..., :3, :3] = rotations(self._turn, positions)
         moved[..., :3, 3] = positions[..., None] * self._slide
         return moved
 
@@ -248,16 +244,12 @@ def _followers(
 
 
 def _axes(joints: Sequence[Joint]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What turning joints turn about, as cross products (m, 3, 3), and sliding ones move along."""
-    cross, slide = np.zeros((len(joints), 3, 3)), np.zeros((len(joints), 3))
+    """What turning joints turn about (m, 3), and what sliding ones move along (m, 3)."""
+    turn, slide = np.zeros((len(joints), 3)), np.zeros((len(joints), 3))
     for row, joint in enumerate(joints):
         if joint.kind == "fixed":
             continue
-        largest = max(map(abs, joint.axis))  # first, so that no length is too small or too large
-        scaled = [part / largest for part in joint.axis]
-        x, y, z = (part / math.hypot(*scaled) for part in scaled)
-        if joint.kind == "prismatic":
-            slide[row] = x, y, z
-        else:
-            cross[row] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
-    return cross, slide
+        axis = np.array(joint.axis, dtype=np.float64)
+        axis /= np.abs(axis).max()  # first, so that no length is too small or too large
+        (slide if joint.kind == "prismatic" else turn)[row] = axis / np.linalg.norm(axis)
+    return turn, slide

@@ -44,7 +44,7 @@ class NearPairs:
     kinds: np.ndarray
     """(k,) with what each is watched."""
     unsure: int
-    """Pairs of silent bodies that have no row, because they are too many."""
+    """Pairs of silent bodies that have no row, because they are too many; ignored ones apart."""
     beyond: float
     """Metres; all pairs without a row are farther apart than this."""
 
@@ -56,6 +56,7 @@ class NearPairs:
         self._broad = engine.BroadPhase()
         self._heard: tuple[bytes, bytes] | None = None
         self._silent_pairs, self._silent_keys = 0, np.empty(0, np.int64)
+        self._ignored = np.empty(0, np.int64)
         self.unsure = 0
         self._finite = np.empty((2, 0), np.int64)  # keys and rows of the near ones
         a, b = watched.bodies(watched.endless())
@@ -72,6 +73,11 @@ class NearPairs:
         # A pair's range is at most that of either body, so half of each suffices; doubling is
         # exact, halving too but for subnormals, which the broad phase's floor covers.
         self._dilation = np.where(reaches >= 0.0, reaches, 0.0) / 2.0
+        self._heard = None
+
+    def ignore(self, positions: np.ndarray) -> None:
+        """Leave the watched pairs at positions (k,) out of `unsure`: nothing is asked of them."""
+        self._ignored = self._of_finite_range(*self._watched.bodies(positions))
         self._heard = None
 
     def update(self, known: np.ndarray, silent: np.ndarray, moved: bool) -> Change:
@@ -96,10 +102,11 @@ class NearPairs:
             self._heard = heard
             self._silent_pairs = self._watched.finite_of(silent)
             self._silent_keys = self._some_of(silent)
+        self.unsure = 0
         if self._silent_pairs:
             keys = np.union1d(keys, self._silent_keys)
-        a, b = np.divmod(keys, len(silent))
-        self.unsure = self._silent_pairs - int((silent[a] | silent[b]).sum())
+            a, b = np.divmod(np.union1d(keys, self._ignored), len(silent))
+            self.unsure = self._silent_pairs - int((silent[a] | silent[b]).sum())
         return self._replace(keys)
 
     def _of_finite_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -110,14 +117,16 @@ class NearPairs:
 
     def _some_of(self, silent: np.ndarray) -> np.ndarray:
         """The keys of as many pairs of silent bodies as are listed."""
-        everybody, keys = np.arange(len(silent)), np.empty(0, np.int64)
+        if not self._watched.ruled_finite:
+            return self._key(*self._watched.finite_exceptions_of(silent))[:LISTED_SILENT]
+        others, found, count = np.arange(len(silent)), [np.empty(0, np.int64)], 0
         for body in np.flatnonzero(silent):
-            others = np.delete(everybody, body)
-            of_body = self._of_finite_range(np.minimum(body, others), np.maximum(body, others))
-            keys = np.union1d(keys, of_body)
-            if len(keys) >= LISTED_SILENT:
+            others = others[others != body]  # so that no pair is met twice
+            found.append(self._of_finite_range(np.minimum(body, others), np.maximum(body, others)))
+            count += len(found[-1])
+            if count >= LISTED_SILENT:
                 break
-        return keys[:LISTED_SILENT]
+        return np.sort(np.concatenate(found))[:LISTED_SILENT]
 
     def _replace(self, keys: np.ndarray) -> Change:
         """Have rows for exactly these pairs of finite range."""

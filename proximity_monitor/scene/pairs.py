@@ -136,7 +136,7 @@ class _Names:
         self._moving = np.array([body.moving or body.deforming for body in bodies], dtype=bool)
         self._report = report
         self._members = {body.name: [index] for index, body in enumerate(bodies)}
-        single = dict(self._members)
+        self._single = single = dict(self._members)
         for robot, names in robots.items():
             self._members[robot] = [index for name in names for index in single.get(name, ())]
         for group, names in groups.items():
@@ -178,7 +178,7 @@ class _Names:
 
     def pair(self, a: str, b: str) -> tuple[int, int]:
         """The pair of two bodies."""
-        (i,), (j,) = self._members[a], self._members[b]
+        (i,), (j,) = self._single[a], self._single[b]
         return min(i, j), max(i, j)
 
     def last(self, exceptions: Sequence[np.ndarray]) -> np.ndarray:

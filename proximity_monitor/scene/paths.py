@@ -92,7 +92,7 @@ def mesh_path(text: str, urdf: Path) -> Path:
         if os.path.normpath(rest).startswith(("..", "/")):
             raise SceneError(f"'{text}' leaves its package; name a file inside it")
         for folder in urdf.parents:
-            if folder.name == package and os.path.isfile(folder / rest):
+            if package and folder.name == package and os.path.isfile(folder / rest):
                 return folder / rest
     elif "://" in text:
         raise SceneError(f"'{text}': read are package://, file:// and plain paths")

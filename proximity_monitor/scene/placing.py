@@ -35,6 +35,7 @@ class Placing:
         if len(fixed):
             self.answers.move(fixed, np.stack([bodies[i].pose for i in fixed]))
         self._revisions = [model.revision for model in self.models]
+        self._reshaped = False  # since the last `take`
         self._moving = np.flatnonzero(moving)
         self._everybody = np.ones(len(self._moving), dtype=bool)
         self._moving_names = [self.names[i] for i in self._moving]
@@ -55,7 +56,19 @@ class Placing:
             moved = self.answers.move(bodies, self._stacked(given, bodies))
         self.known[self._moving] = known
         self.silent[self._moving] = [sample is None or sample.stale for sample in samples]
-        return self._look_for_refits() or moved > 0
+        self._look_for_refits()
+        reshaped, self._reshaped = self._reshaped, False
+        return reshaped or moved > 0
+
+    def model(self, name: str) -> engine.TriangleMesh:
+        """Return the model of a body.
+
+        Raises:
+            KeyError: there is no such body.
+        """
+        if name not in self.names:
+            raise KeyError(name)
+        return self.models[self.names.index(name)]
 
     def refit(self, name: str, vertices: np.ndarray) -> list[int]:
         """Refit a body's model to other vertices (n, 3); returns the bodies that share it.
@@ -64,9 +77,7 @@ class Placing:
             KeyError: there is no such body.
             engine.ModelError: see `engine.TriangleMesh.refit`; nothing has changed.
         """
-        if name not in self.names:
-            raise KeyError(name)
-        model = self.models[self.names.index(name)]
+        model = self.model(name)
         before = model.vertices
         model.refit(vertices)
         # Differences, squares, sums and root err by less than 4 u of the length in all.
@@ -85,17 +96,17 @@ class Placing:
                 engine.check_pose(pose, f"pose of {self.names[body]}")
         return stacked
 
-    def _look_for_refits(self) -> bool:
-        """Forget what is known of models that somebody else refitted; whether there are any."""
+    def _look_for_refits(self) -> None:
+        """Forget what is known of models that somebody else refitted."""
         revisions = [model.revision for model in self.models]
         if revisions == self._revisions:
-            return False
+            return
         for model, old, new in zip(self.models, self._revisions, revisions, strict=True):
             if old != new:
                 self._reshape(model, np.inf)
-        return True
 
     def _reshape(self, model: engine.TriangleMesh, displacement: float) -> None:
+        self._reshaped = True
         for i, each in enumerate(self.models):
             if each is model:
                 self.answers.reshape(i, displacement)

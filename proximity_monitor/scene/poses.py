@@ -1,4 +1,4 @@
-"""Position and quaternion to a pose matrix."""
+"""From position and quaternion, or axis and angle, to a pose matrix."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+
+_CROSS = np.array(
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
+    dtype=np.float64,
+)
+"""Times a vector: the nine entries of the matrix that stands for the cross product with it."""
 
 #: How far a quaternion's length may be from 1. People and messages round to three digits or more;
 #: anything further off is a mistake (an axis and an angle, wxyz order with a bad number, zeros).
@@ -60,6 +66,21 @@ def _rotation(x, y, z, w) -> list[list]:
         [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
         [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
     ]
+
+
+def rotations(axes: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Return Rodrigues' right-handed rotations about axes; 1 - cos is free of cancellation.
+
+    Args:
+        axes: (..., 3) unit vectors, or 0 for no rotation.
+        angles: (...) radians, of a shape that goes with that of the axes.
+
+    Returns:
+        (..., 3, 3) float64.
+    """
+    cross = (axes @ _CROSS).reshape(*axes.shape[:-1], 3, 3)
+    sine, versine = np.sin(angles), 2.0 * np.sin(0.5 * angles) ** 2
+    return np.eye(3) + sine[..., None, None] * cross + versine[..., None, None] * (cross @ cross)
 
 
 def rpy_matrix(rpy: Sequence[float]) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections import deque
 from collections.abc import Sequence
+from copy import copy
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -70,6 +71,12 @@ class Recording:
         self._count += 1
         self._alerts.extend(StampedAlert(stamp_ns, alert) for alert in alerts)
 
+    def snapshot(self) -> Recording:
+        """Return what is kept now, for another thread to read while this one goes on."""
+        taken = copy(self)
+        taken._ring, taken._alerts = self._ring.copy(), self._alerts.copy()
+        return taken
+
     @property
     def ticks(self) -> np.ndarray:
         """The kept ticks, the oldest first, as an array of records."""
@@ -96,7 +103,10 @@ class Recording:
             writer.writerow(
                 ["stamp_ns", "clearance_m", "upper_m", "a", "b", "elapsed_s", "budget_s"]
             )
-            for stamp_ns, lower, upper, pair, elapsed, budget in self.ticks.tolist():
+            # One by one: a list of all would be a single step of Python, through which no other
+            # thread runs.
+            rows = map(np.void.item, self.ticks)
+            for stamp_ns, lower, upper, pair, elapsed, budget in rows:
                 a, b = (self._pairs[pair].a, self._pairs[pair].b) if pair >= 0 else ("", "")
                 writer.writerow([stamp_ns, lower, upper, a, b, elapsed, budget])
         with alerts.open("w", newline="", encoding="utf-8") as file:

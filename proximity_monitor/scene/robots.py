@@ -68,7 +68,8 @@ def read_robots(
         found = list(reader.bodies(taken))
         links += found
         groups[data["name"]] = [body.name for body in found]
-        excluded.update(reader.excluded(found))
+        # Two links may have come to one name, which is told; it makes no pair.
+        excluded.update(pair for pair in reader.excluded(found) if len(pair) == 2)
     return Robots(tuple(robots), tuple(links), groups, frozenset(excluded))
 
 
@@ -180,8 +181,9 @@ class _Reader:
     def excluded(self, bodies: list[Body]) -> Iterator[frozenset[str]]:
         """The pairs of the robot's own bodies that are not to be watched."""
         kinematics, names = self._urdf.kinematics, self._names
+        units = {link: kinematics.unit(link) for link in names}
         for a, b in itertools.combinations(names, 2):
-            if kinematics.unit(a) == kinematics.unit(b):  # their clearance never changes
+            if units[a] == units[b]:  # their clearance never changes
                 yield frozenset((names[a], names[b]))
         if self._data.get("exclude_adjacent", True):
             for link in names:
@@ -196,6 +198,8 @@ class _Reader:
                     self._report.add(
                         (*keys, at), f"no link '{link}' has a shape{_meant(link, names)}"
                     )
+            if pair[0] == pair[1]:
+                self._report.add(keys, f"'{pair[0]}' and '{pair[1]}' are one link; name two")
             if all(link in names for link in pair):
                 yield frozenset(names[link] for link in pair)
         if self._data.get("exclude_touching", False):
@@ -203,6 +207,8 @@ class _Reader:
 
     def _touching(self, bodies: list[Body]) -> Iterator[frozenset[str]]:
         """The pairs that touch where the robot starts."""
+        if not all(body.primitive.parts for body in bodies):
+            return  # a mesh is missing, which is told
         poses = {body.name: body.pose for body in bodies} | self.robot.poses({})
         try:
             models = {body.name: load_model(body, self._unit) for body in bodies}

@@ -97,16 +97,24 @@ class Monitor:
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.TriangleMesh.refit`, then nothing has changed; or a
-                `solid` body's model encloses a solid no more.
+            engine.ModelError: see `engine.TriangleMesh.refit`; or a `solid` body's model would
+                enclose a solid no more. The model stays as it was, though bounds may be wider.
         """
-        changed = self._placing.refit(name, vertices)
-        self._searches.check_solids(body for body in changed if self._placing.solid[body])
+        placing = self._placing
+        before = placing.model(name).vertices
+        changed = placing.refit(name, vertices)
+        try:
+            self._searches.check_solids(body for body in changed if placing.solid[body])
+        except engine.ModelError:
+            placing.refit(name, before)
+            raise
 
     def ignore(self, pairs: Collection[int]) -> None:
         """Neither search nor list these pairs, positions among the scene's, from now on."""
-        self._ignored = len(pairs)
-        self._books.ignore(np.array(sorted(pairs), dtype=np.int64))
+        positions = np.array(sorted(pairs), dtype=np.int64)
+        self._ignored = len(positions)
+        self._near.ignore(positions)
+        self._books.ignore(positions)
 
     def reset_minima(self) -> None:
         """Forget the smallest clearances of the session."""

@@ -176,10 +176,9 @@ class Tick:
             lowest = self.pairs.clearance()
         else:
             lowest = min(
-                (min(p.lower, 0.0) if p.stale else p.lower for p in self.pairs),
+                (min(0.0, p.lower) if p.stale else p.lower for p in self.pairs),  # of NaN 0
                 default=float("inf"),
             )
-            lowest = 0.0 if lowest != lowest else lowest
         if self.unsure:
             return min(lowest, 0.0)
         return min(lowest, self.beyond) if self.far else lowest

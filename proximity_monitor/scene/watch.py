@@ -136,8 +136,8 @@ class WatchedPairs(LazySequence[WatchedPair]):
 
         That of a body without such pairs is -inf. (n,) metres.
         """
-        ruled = self.rule != UNWATCHED and not self._ruled_endless()
-        reaches = np.full(len(self.names), self.ranges[self.rule] if ruled else -np.inf)
+        ruled = self.ranges[self.rule] if self.ruled_finite else -np.inf
+        reaches = np.full(len(self.names), ruled)
         finite = self._finite_exceptions()
         for bodies in (self._a[finite], self._b[finite]):
             np.maximum.at(reaches, bodies, self.ranges[self._kind[finite]])
@@ -145,13 +145,22 @@ class WatchedPairs(LazySequence[WatchedPair]):
 
     def finite_of(self, chosen: np.ndarray) -> int:
         """Return how many pairs of finite range have a body among the chosen ones (n,) bool."""
-        touched = chosen[self._a] | chosen[self._b]
-        finite = self._finite_exceptions()
-        if self.rule == UNWATCHED or self._ruled_endless():
-            return int((touched & finite).sum())
+        if not self.ruled_finite:
+            return len(self.finite_exceptions_of(chosen)[0])
         movers, others = (int(((self.moving == each) & ~chosen).sum()) for each in (True, False))
         among_others = movers * (movers - 1) // 2 + movers * others
-        return int(self._starts[-1]) - among_others - int((touched & ~finite).sum())
+        other = (chosen[self._a] | chosen[self._b]) & ~self._finite_exceptions()
+        return int(self._starts[-1]) - among_others - int(other.sum())
+
+    def finite_exceptions_of(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the bodies (k,) each of those of these pairs that are exceptions, in order."""
+        which = (chosen[self._a] | chosen[self._b]) & self._finite_exceptions()
+        return self._a[which], self._b[which]
+
+    @property
+    def ruled_finite(self) -> bool:
+        """Whether pairs that are no exceptions are watched, and to a finite range."""
+        return self.rule != UNWATCHED and bool(np.isfinite(self.ranges[self.rule]))
 
     def _ruled_endless(self) -> bool:
         return self.rule != UNWATCHED and bool(np.isinf(self.ranges[self.rule]))

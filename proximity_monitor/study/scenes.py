@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from proximity_monitor import motion
 from proximity_monitor.scene import bundled, load_model, load_scene
+from proximity_monitor.scene.poses import rotations
 
 from . import shapes
 
@@ -48,13 +49,8 @@ class Scene:
 
 def rotation_poses(axis: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Poses that turn about unit axes (3,) or (k, 3) by angles (k,)."""
-    axis = np.broadcast_to(axis, (len(angle), 3))
-    x, y, z = axis.T
-    zero = np.zeros(len(angle))
-    cross = np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=1).reshape(-1, 3, 3)
-    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
     poses = identities(len(angle))
-    poses[:, :3, :3] += sine * cross + (1.0 - cosine) * cross @ cross
+    poses[:, :3, :3] = rotations(axis, angle)
     return poses
 
 

@@ -13,6 +13,7 @@ from proximity_monitor import engine
 
 COUNT = 12
 STATUS = tuple(engine.Status)
+OUT_OF_TIME = STATUS.index(engine.Status.OUT_OF_TIME)
 
 
 class Watched:
@@ -174,9 +175,10 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
     questions = look()
     # Points of both models, though by far not the nearest ones.
     far = (ball.vertices[ball.vertices[:, 0].argmin()], other.vertices[0] + poses[1, :3, 3])
-    witness = np.array([*far[0], *far[1], 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-    upper = float(np.linalg.norm(far[0] - far[1]))
-    cut = engine.Distance(0.0, upper, engine.Status.OUT_OF_TIME, 0, 0, 0.0, None, witness)
+    upper = np.linalg.norm(far[0] - far[1])
+    row = np.array([0.0, upper, *far[0], *far[1], 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 1, OUT_OF_TIME])
+    cut = engine.Distance(row, 0.0, None)
+    assert cut.status is engine.Status.OUT_OF_TIME
     agenda.take(questions, [cut], perf_counter())
     poses[1, 1, 3] += 1e-9
     answers.move(np.arange(2), poses)
@@ -184,3 +186,60 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
     state = agenda.report(perf_counter())[0][0]
     true = engine.distance(ball, poses[0], other, poses[1]).upper
     assert state["lower"] <= true <= state["upper"]
+
+
+def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cut():
+    """A rotation that is none to 1e-7, as float32 gives them, shortens what it turns and back."""
+    ball, other = sphere(2), sphere(2)
+    models = [ball, other]
+    answers = engine.Answers(models, ["ball", "other"])
+    agenda = engine.Agenda(answers, engine.Assembly(models))
+    rows = answers.add(np.array([[0, 1]]), np.zeros(1, bool))
+    agenda.begin(rows)
+    agenda.book["abs_err"] = 1.0
+    known, silent = np.ones(2, bool), np.zeros(2, bool)
+    poses = np.array([np.eye(4), np.eye(4)])
+    poses[1, 0, 3] = 2.01
+    poses[:, :3, :3] *= 1.0 - 4e-7
+
+    def look(shift):
+        poses[1, 1, 3] = shift
+        answers.move(np.arange(2), poses)
+        agenda.look(rows, known, silent, True)
+        return engine.distance(ball, poses[0], other, poses[1])
+
+    exact = look(0.0)
+    agenda.take(agenda.ask(np.zeros(1, np.int64)), [exact], perf_counter())
+    far = exact.row.copy()
+    far[[0, 1, -1]] = 0.0, 50.0, OUT_OF_TIME
+    for k in range(300):
+        true = look(1e-9 * (k + 1)).upper
+        agenda.take(
+            agenda.ask(np.zeros(1, np.int64)), [engine.Distance(far, 0.0, None)], perf_counter()
+        )
+        state = agenda.report(perf_counter())[0][0]
+        assert state["lower"] <= true <= state["upper"]
+
+
+def test_as_many_answers_as_questions_and_bodies_as_bodies_are_asked_for(watched):
+    watched.look()
+    with pytest.raises(ValueError, match="0 answers to 66 questions"):
+        watched.agenda.take(watched.agenda.ask(watched.agenda.order()), [], perf_counter())
+    few = engine.Assembly([SMALL["torus"]])
+    with pytest.raises(ValueError, match="of 1 bodies, the answers of 12"):
+        engine.Agenda(watched.answers, few)
+
+
+def test_a_level_inside_of_what_a_tolerance_left_is_decided_when_only_that_is_asked(watched):
+    watched.agenda.book["rel_err"] = 0.5
+    watched.look()
+    watched.search_all()
+    states, _ = watched.report()
+    wide = states["upper"] - states["lower"] > 1e-3
+    assert wide.any()
+    watched.agenda.book["levels"][:, 0] = (states["lower"] + states["upper"]) / 2.0
+    watched.look(distances=False)
+    watched.search_all()
+    states, left = watched.report()
+    level = watched.agenda.book["levels"][:, 0]
+    assert left == 0 and ((states["lower"] > level) | (states["upper"] <= level))[wide].all()

@@ -228,6 +228,15 @@ def test_after_a_deformation_of_unknown_size_the_new_ball_alone_bounds():
     assert got.lower[0] <= true <= got.upper[0]
 
 
+def test_bodies_at_the_same_pose_are_not_still_when_their_answer_was_forgotten():
+    random = np.random.default_rng(6)
+    a, b = cloud(random), cloud(random)
+    answers, row = answered(a, np.eye(4), b, np.eye(4))
+    assert answers.carried(row).still[0]
+    answers.reshape(0, np.inf)
+    assert not answers.carried(row).still[0]
+
+
 BOX = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 BOX_FACES = [
     [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],

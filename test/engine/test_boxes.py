@@ -83,9 +83,9 @@ def bounds(a, pose_a, b, pose_b, reach=EVERYTHING):
     relative_motions(pose_a, pose_b, *motions)
     assert place(a._tree, 0, motions[1], b._tree, 0, 0.0, single)
     found = np.empty(WIDTH, np.float32)
-    lower_bounds(b._tree.nodes, np.uint64(0), single, found)
+    lower_bounds(b._tree.nodes, np.uint64(0), single, found, np.uint64(0))
     spheres = found.copy()
-    box_bounds(a._tree, 0, motions[1], b._tree, 0, 0.0, reach, found)
+    box_bounds(a._tree, 0, motions[1], b._tree, 0, 0.0, reach, found, 0)
     return found * b._tree.scale[0], spheres * b._tree.scale[0]
 
 

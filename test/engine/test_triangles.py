@@ -17,6 +17,8 @@ from engine_oracles import (
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
+from proximity_monitor.engine.kernels.edges import LANES, edge_pairs
+from proximity_monitor.engine.kernels.triangles import segments
 
 CASES = 60
 FACE = [[0, 1, 2]]
@@ -162,3 +164,30 @@ def test_a_corner_above_a_face_at_every_scale():
         scale = 2.0**exponent  # exact, so the distance is known
         found = ask(a * scale, b * scale)
         assert found.lower <= 0.5 * scale <= found.upper, exponent
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_edges_in_parallel_have_the_nearest_points_of_edges_one_by_one(kind):
+    s, t, squared, touching = np.empty((4, LANES))
+    for case, a, b in cases(kind):
+        a, b = ([tuple(corner) for corner in each.tolist()] for each in (a, b))
+        edges_a, edges_b = (
+            [tuple(np.subtract(each[(i + 1) % 3], each[i]).tolist()) for i in range(3)]
+            for each in (a, b)
+        )
+        edge_pairs(*map(tuple, (a, edges_a, b, edges_b)), s, t, squared, touching)
+        for i in range(3):
+            for j in range(3):
+                k = 3 * i + j
+                _, _, alone = segments(a[i], edges_a[i], b[j], edges_b[j])
+                if squared[k] < touching[k]:
+                    continue  # found one by one then
+                size = coordinates(np.array(a), np.array(b))
+                assert abs(np.sqrt(squared[k]) - np.sqrt(alone)) <= 1e-15 * size, case
+                ends = [
+                    np.add(c, np.multiply(w, e))
+                    for c, w, e in ((a[i], s[k], edges_a[i]), (b[j], t[k], edges_b[j]))
+                ]
+                attained = np.linalg.norm(ends[1] - ends[0])
+                assert abs(attained - np.sqrt(squared[k])) <= 1e-15 * size, case
+                assert 0.0 <= min(s[k], t[k]) and max(s[k], t[k]) <= 1.0, case

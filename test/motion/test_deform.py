@@ -78,16 +78,12 @@ def test_bend_keeps_distances_from_the_axis():
 
 
 def test_a_wave_travels_along_its_axis():
-    moved = field("wave")
-    at_zero = moved.moved(0.03 * Z[None], 0.0)
+    moved = field("wave", centre=np.zeros(3))
     # A quarter of a period later the same lift is a quarter of a wavelength further on.
+    at_zero = moved.moved(0.03 * Z[None], 0.0)
     later = moved.moved(0.055 * Z[None], 0.5)
-    still = field("wave", centre=np.zeros(3))
-    assert np.abs(at_zero - 0.03 * Z).max() < 0.01
-    assert still.moved(0.055 * Z[None], 0.5)[0, 0] == pytest.approx(
-        still.moved(0.03 * Z[None], 0.0)[0, 0]
-    )
-    assert later.shape == (1, 3)
+    assert later[0, 0] == pytest.approx(at_zero[0, 0])
+    assert abs(at_zero[0, 0]) > 0.001
 
 
 SCENE = """

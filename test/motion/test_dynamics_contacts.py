@@ -24,11 +24,11 @@ def rounding(energies):
 @pytest.mark.parametrize("forces", [{}, {"friction": 0.5}], ids=["smooth", "rough"])
 def test_a_box_comes_to_rest_and_stays(forces):
     world = on_floor([moving(box(0.1, 0.2, 0.1), at((0.1, -0.3, 0.052)))], **forces)
-    energies, clearance = run(world, 1.0)
+    energies, least = run(world, 1.0)
     resting = world.poses()[0].copy()
-    more, nearest = run(world, 2.0)
+    more, later = run(world, 2.0)
     assert gained(np.concatenate((energies, more))) <= rounding(energies)
-    assert min(clearance, nearest) >= LEAST
+    assert min(least, later) >= LEAST
     assert np.abs(world.poses()[0] - resting).max() < 1e-6
     assert LEAST <= world.poses()[0, 2, 3] - 0.05 <= 1.25 * MARGIN
 
@@ -65,26 +65,27 @@ def test_without_friction_a_box_slides_on():
 
 def test_a_perfectly_elastic_ball_keeps_its_energy():
     world = on_floor([moving(ball(0.05), at((0.0, 0.0, 0.55)))], restitution=1.0)
-    energies, clearance = run(world, 6.0)
+    energies, least = run(world, 6.0)
     height = world.state.centre[:, 2].max()
     assert gained(energies) <= rounding(energies)
     assert energies[-1] == pytest.approx(energies[0], rel=1e-9)
-    assert clearance >= LEAST
+    assert least >= LEAST
     assert height <= 0.55
 
 
 def test_restitution_is_the_share_of_the_speed_that_is_kept():
     world = on_floor([moving(ball(0.05), at((0.0, 0.0, 0.55)))], restitution=0.6)
-    heights, fastest = [], 0.0
-    while not heights or world.state.velocity[0, 2] >= 0.0 or len(heights) < 2:
+    heights = []
+    for _ in range(2000):
         before = world.state.velocity[0, 2]
         world.step()
         if before < 0.0 < world.state.velocity[0, 2]:
-            fastest = before
             heights.append(0.0)
+        if len(heights) == 2:
+            break
         if heights:
             heights[-1] = max(heights[-1], world.state.centre[0, 2])
-    assert fastest < 0.0
+    assert len(heights) == 2
     # The first bounce, turned round within a step of the surface: v h above it at most.
     low = 0.05 + MARGIN
     drop, room = 0.5 - MARGIN, STEP_S * np.sqrt(2.0 * G * 0.5)
@@ -97,12 +98,12 @@ def test_two_balls_collide_as_newton_says(restitution):
     second = moving(ball(0.05), at((0.1, 0.0, 0.0)), name="second")
     world = World([first, second], Forces(contacts=IMPULSE, restitution=restitution), STEP_S)
     momentum = world.momentum()[0]
-    energies, clearance = run(world, 0.4)
+    energies, least = run(world, 0.4)
     e = restitution or 0.0
     assert world.state.velocity[:, 0] == pytest.approx([(1 - e) / 2, (1 + e) / 2], abs=1e-3)
     assert world.momentum()[0] == pytest.approx(momentum, abs=1e-12)
     assert gained(energies) <= rounding(energies)
-    assert clearance >= LEAST
+    assert least >= LEAST
 
 
 def test_a_tumbling_box_never_gains_energy_nor_sinks():
@@ -114,9 +115,9 @@ def test_a_tumbling_box_never_gains_energy_nor_sinks():
     )
     for forces in ({}, {"friction": 0.3}, {"friction": 0.3, "restitution": 0.8}):
         world = on_floor([body], **forces)
-        energies, clearance = run(world, 4.0)
+        energies, least = run(world, 4.0)
         assert gained(energies) <= rounding(energies)
-        assert clearance >= LEAST
+        assert least >= LEAST
         assert world.stops == 0
 
 
@@ -124,10 +125,10 @@ def test_a_stack_stands():
     heights = [0.05 + MARGIN, 0.15 + 2 * MARGIN, 0.25 + 3 * MARGIN]
     boxes = [moving(box(0.1, 0.1, 0.1), at((0, 0, z)), name=f"box_{z}") for z in heights]
     world = on_floor(boxes, friction=0.5)
-    energies, clearance = run(world, 2.0)
+    energies, least = run(world, 2.0)
     assert gained(energies) <= 1e-6 * energies[0]  # what a sweep too few leaves
     assert energies.max() <= energies[0] * (1.0 + 1e-6)
-    assert clearance >= LEAST
+    assert least >= LEAST
     assert np.abs(world.state.centre[:3, 2] - heights).max() < 3 * MARGIN
     assert np.abs(world.state.centre[:3, :2]).max() < 1e-4
 
@@ -137,9 +138,9 @@ def test_nothing_passes_through_a_thin_plate(speed):
     plate = RigidBody("plate", box(0.5, 0.5, 0.002), np.eye(4))
     shot = moving(ball(0.01, bands=6), at((0.013, 0.007, 0.3)), (0.0, 0.0, -speed))
     world = World([shot, plate], Forces(contacts=IMPULSE), STEP_S)
-    _, clearance = run(world, 0.5 + 0.3 / speed)
+    _, least = run(world, 0.5 + 0.3 / speed)
     assert world.state.centre[0, 2] > 0.011
-    assert clearance >= LEAST
+    assert least >= LEAST
 
 
 def test_the_same_world_moves_the_same_bit_by_bit():
@@ -164,11 +165,11 @@ def test_a_penalty_holds_a_box_on_springs():
     law = ContactLaw("penalty", 0.002, 1e3)
     body = moving(box(0.1, 0.2, 0.1), at((0.0, 0.0, 0.06)))
     world = on_floor([body], contacts=law)
-    energies, clearance = run(world, 1.0)
+    energies, least = run(world, 1.0)
     # Springs are as good as a step is short beside their period.
     assert gained(energies) <= 1e-3 * energies[0]
     assert energies.max() <= energies[0] * (1.0 + 1e-9)
-    assert clearance >= law.margin / 32.0
+    assert least >= law.margin / 32.0
     world = on_floor([body], contacts=law, linear_damping=8.0, angular_damping=8.0)
     run(world, 3.0)
     place = world.poses()[0, 2, 3]

@@ -179,6 +179,22 @@ def test_a_pair_that_is_not_listed_is_clear_after_its_time():
     assert watch.see() == []
 
 
+@pytest.mark.parametrize(
+    ("limits", "farther"),
+    [(HELD, "11 mm"), (Thresholds(0.040, 0.002, 0.005, hold_s=0.625), "45 mm")],
+    ids=["a range no wider than the hysteresis", "a threshold raised beyond the range"],
+)
+def test_a_pair_beyond_all_that_is_asked_is_released_whatever_its_range(limits, farther):
+    reach = HELD.warn + HELD.hysteresis
+    watch = Watch(reach=reach, limits=limits)
+    watch.see(pair(0.005))
+    assert [watch.level() for _ in range(5)] == [Level.WARN] * 5
+    (change,) = watch.see()
+    assert change.new is Level.CLEAR
+    assert change.lower == max(reach, limits.warn + limits.hysteresis)
+    assert change.reason == f"farther than {farther}"
+
+
 def test_a_pair_that_comes_into_range_is_judged_as_one_that_was_clear():
     watch = Watch(count=2, reach=0.050)
     watch.see(pair(0.040))
@@ -192,6 +208,7 @@ def test_a_pair_that_is_not_listed_because_a_body_is_silent_stays_stale():
     watch.see(pair(0.005))
     (change,) = watch.see(silent=["block"])
     assert (change.new, change.reason) == (Level.STALE, "no recent pose of block")
+    assert math.isnan(change.lower), "nothing is certain about it"
     assert watch.see(silent=["block"]) == []
     (change,) = watch.see()
     assert change.new is Level.CLEAR

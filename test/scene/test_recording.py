@@ -23,6 +23,18 @@ def test_the_last_ticks_and_alerts_are_kept_and_older_ones_are_overwritten():
     assert [each.alert.reason for each in recording.alerts] == ["number 7", "number 8", "number 9"]
 
 
+def test_a_snapshot_stays_as_it_was(tmp_path):
+    recording = Recording(watched(), ticks=4, alerts=3)
+    for i in range(6):
+        recording.add(i, tick(pair(0.1 * i)), [alert(i)])
+    taken = recording.snapshot()
+    recording.add(6, tick(pair(0.6)), [alert(6)])
+    assert taken.ticks["stamp_ns"].tolist() == [2, 3, 4, 5]
+    assert [each.stamp_ns for each in taken.alerts] == [3, 4, 5]
+    ticks, _ = taken.write_csv(tmp_path)
+    assert [row["stamp_ns"] for row in csv.DictReader(ticks.open())] == ["2", "3", "4", "5"]
+
+
 def test_the_nearest_pair_is_told_and_a_stale_one_before_any():
     recording = Recording(watched(3), ticks=10)
     far = pair(0.5)

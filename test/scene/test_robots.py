@@ -250,6 +250,10 @@ FAULTS = {
         "    offsets:", "    exclude: [[boom, frame]]\n    offsets:",
         "9: robots[0].exclude[0][1]: no link 'frame' has a shape",
     ),
+    "a link with itself": (
+        "    offsets:", "    exclude: [[lamp, lamp]]\n    offsets:",
+        "9: robots[0].exclude[0]: 'lamp' and 'lamp' are one link; name two",
+    ),
     "a bad topic": (
         "    offsets:", "    topic: no topic\n    offsets:",
         "9: robots[0].topic: must be a topic name",
@@ -292,10 +296,23 @@ def test_faults_are_told_by_key_and_line(problems, old, new, expected):
     assert found[0].startswith(expected)
 
 
-def test_links_whose_names_come_to_the_same_are_told(problems):
-    urdf = CRANE.replace('"lamp"', '"hook 1"')
-    (found,) = problems(SCENE, urdf)
-    assert "link 'hook 1' would be the body 'crane_hook_1', a name that is taken" in found
+@pytest.mark.parametrize(
+    ("same", "body"),
+    [("hook 1", "crane_hook_1"), ("Boom", "crane_boom")],
+    ids=["of links that move against each other", "of links that are joined"],
+)
+def test_links_whose_names_come_to_the_same_are_told(problems, same, body):
+    (found,) = problems(SCENE, CRANE.replace('"lamp"', f'"{same}"'))
+    assert f"link '{same}' would be the body '{body}', a name that is taken" in found
+
+
+@pytest.mark.parametrize("robot_first", [True, False])
+def test_a_robot_that_has_a_links_name_is_told(problems, robot_first):
+    named = "crane_boom"
+    robots = [f"  - {{name: {name}, urdf: crane/crane.urdf}}\n" for name in ("crane", named)]
+    head = SCENE[: SCENE.index("  - name: crane")]
+    found = problems(head + "".join(reversed(robots) if robot_first else robots))
+    assert any(f"'{named}'" in line and "is taken" in line for line in found), found
 
 
 def test_a_body_that_has_a_links_name_is_told(problems):
@@ -309,14 +326,17 @@ def test_a_body_that_has_a_links_name_is_told(problems):
         ("meshes/gone.obj", "link 'Base': no such file: "),
         ("package://crane/../../secret.obj", "leaves its package"),
         ("package://crane//etc/secret.obj", "leaves its package"),
+        ("package:///etc/passwd", "must read package://PACKAGE/PATH"),
         ("package://elsewhere/part.obj", "package 'elsewhere' is in no prefix"),
         ("file://meshes/wedge.obj", "must read file:///PATH"),
         ("http://example.com/part.obj", "read are package://, file:// and plain paths"),
     ],
 )
-def test_meshes_that_are_not_there(problems, filename, message):
+@pytest.mark.parametrize("touching", ["true", "false"])
+def test_meshes_that_are_not_there(problems, filename, message, touching):
     urdf = CRANE.replace("meshes/wedge.obj", filename, 1)
-    (found,) = problems(SCENE + "    meshes: visual\n", urdf)
+    text = f"{SCENE}    meshes: visual\n    exclude_touching: {touching}\n"
+    (found,) = problems(text, urdf)
     assert found.startswith("7: robots[0].urdf: ")
     assert message in found
 

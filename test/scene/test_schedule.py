@@ -1,5 +1,6 @@
 """The watch over moving bodies, against FCL's distances and a clock that the test winds."""
 
+import dataclasses
 import math
 
 import fcl
@@ -269,6 +270,8 @@ def test_a_body_without_a_pose_gives_no_numbers(scene, models):
             assert np.isnan(pair.point_a).all()
             assert pair.session_min == math.inf
     assert tick.clearance() == 0.0
+    for pairs in (tuple(tick.pairs), tuple(reversed(tick.pairs))):  # of no matter whose make
+        assert dataclasses.replace(tick, pairs=pairs).clearance() == 0.0
 
 
 def test_a_stale_body_keeps_its_numbers_and_is_never_room(scene, models):

@@ -131,6 +131,35 @@ def test_of_very_many_silent_bodies_not_every_pair_is_listed(load, monkeypatch):
     assert tick.clearance() == 0.0
 
 
+def test_pairs_that_are_ignored_are_not_counted_among_the_unsure(load, monkeypatch):
+    monkeypatch.setattr(near_pairs, "LISTED_SILENT", 20)
+    _, _, monitor = watch(load, head="range: 0.01")
+    monitor.ignore([0, PAIRS - 2, PAIRS - 1])  # one that would be listed, and two that would not
+    tick = monitor.tick({}, 0.1)
+    assert (len(tick.pairs), tick.far, tick.unsure) == (19, 0, PAIRS - 22)
+    monitor.ignore([])
+    tick = monitor.tick({}, 0.1)
+    assert (len(tick.pairs), tick.far, tick.unsure) == (20, 0, PAIRS - 20)
+
+
+def test_the_silence_of_bodies_costs_no_more_than_their_pairs(load, monkeypatch):
+    pairs = """
+  watch:
+    - {between: [b0, b1], range: 0.1}
+    - {between: [b4, b9], range: 0.1}"""
+    scene, _, monitor = watch(load, pairs=pairs)
+    looked_up, kind = [], scene.pairs.kind
+
+    def counted(a, b):
+        looked_up.append(len(a))
+        return kind(a, b)
+
+    monkeypatch.setattr(scene.pairs, "kind", counted)
+    tick = monitor.tick({}, 0.1)
+    assert [(pair.a, pair.b) for pair in tick.pairs] == [("b0", "b1"), ("b4", "b9")]
+    assert sum(looked_up) < COUNT
+
+
 def test_the_minima_of_a_pair_survive_its_absence(load):
     _, _, monitor = watch(load, head="range: 0.5")
     near, far = next(walk(COUNT, 1)), next(walk(COUNT, 1, spread=50.0))

@@ -1,4 +1,4 @@
-"""Threads, deforming bodies, and searches that last longer than a tick."""
+"""Threads, and searches that last longer than a tick."""
 
 import numpy as np
 import pytest
@@ -10,14 +10,6 @@ from proximity_monitor.scene.schedule import Monitor, simulate
 from proximity_monitor.scene.state import PairStatus
 
 COUNT = 8
-
-
-def told(tick):
-    """Everything that a tick says about pairs, but for when it was found out."""
-    return [
-        (p.index, p.lower, p.upper, p.point_a.tolist(), p.point_b.tolist(), p.status)
-        for p in tick.pairs
-    ]
 
 
 def both(load, threads=(1, 3), **parts):
@@ -64,65 +56,6 @@ def test_no_thread_is_no_way_to_search(load):
     scene = load(text(2))
     with pytest.raises(ValueError, match="threads = 0"):
         Monitor(scene, load_models(scene), threads=0)
-
-
-def bent(vertices, phase):
-    """Bend a body sideways; it stays a solid."""
-    lift = 0.15 * np.sin(3.0 * vertices[:, 2] + phase)
-    return vertices + np.stack((lift, np.zeros_like(lift), np.zeros_like(lift)), axis=1)
-
-
-@pytest.mark.parametrize("body", ["", ", solid: true"])
-@pytest.mark.parametrize("head", ["", "range: 0.3"])
-@pytest.mark.parametrize("budget_s", [0.0, 2e-4, 1.0])
-def test_bounds_hold_while_bodies_deform(load, body, head, budget_s):
-    scene = load(text(COUNT, head=head, body=body))
-    models = load_models(scene)
-    models["b1"] = engine.TriangleMesh(models["b1"].vertices, models["b1"].faces)  # its own
-    rest = {name: models[name].vertices for name in ("b0", "b1")}
-    monitor = Monitor(scene, models)
-    ask = engine.signed_distance if body else engine.distance
-    for k, poses in enumerate(walk(COUNT, 15, spread=1.2)):
-        for name, vertices in rest.items():
-            monitor.set_vertices(name, bent(vertices, 0.05 * k))
-        tick = monitor.tick(samples(poses), budget_s)
-        true = exact(models, poses, ask)
-        listed = assert_certified(tick, true)
-        assert all(pair in listed or at.upper > 0.3 for pair, at in true.items())
-
-
-def test_a_deformation_alone_asks_for_a_new_search(load):
-    scene = load(text(3))
-    models = load_models(scene)
-    monitor = Monitor(scene, models)
-    poses = next(walk(3, 1))
-    monitor.tick(samples(poses), 1.0)
-    monitor.set_vertices("b0", bent(models["b0"].vertices, 1.0))
-    tick = monitor.tick(samples(poses), 1.0)
-    assert {i for i, p in enumerate(tick.pairs) if "b0" in (p.a, p.b)} == set(tick.looked_at)
-    assert_certified(tick, exact(models, poses))
-
-
-def test_a_model_that_somebody_else_refits_is_seen(load):
-    scene = load(text(3))
-    models = load_models(scene)
-    monitor = Monitor(scene, models)
-    poses = next(walk(3, 1))
-    monitor.tick(samples(poses), 1.0)
-    models["b0"].refit(5.0 * models["b0"].vertices)
-    for budget_s in (0.0, 1.0):
-        assert_certified(monitor.tick(samples(poses), budget_s), exact(models, poses))
-
-
-def test_a_deformation_that_is_none_is_refused_and_changes_nothing(load):
-    scene = load(text(3))
-    models = load_models(scene)
-    monitor = Monitor(scene, models)
-    poses = next(walk(3, 1))
-    before = monitor.tick(samples(poses), 1.0)
-    with pytest.raises(engine.ModelError, match="vertices"):
-        monitor.set_vertices("b0", np.full_like(models["b0"].vertices, np.nan))
-    assert told(monitor.tick(samples(poses), 0.0)) == told(before)
 
 
 def nested(load):

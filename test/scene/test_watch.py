@@ -63,6 +63,9 @@ def test_the_sequence_is_that_of_the_pairs_written_out(watch):
         mask = np.resize(chosen, len(moving))
         touched = [bool(f and (mask[i] or mask[j])) for i, j, f in zip(a, b, finite, strict=True)]
         assert pairs.finite_of(mask) == sum(touched)
+        if not pairs.ruled_finite:
+            found = pairs.finite_exceptions_of(mask)
+            assert [each.tolist() for each in found] == [a[touched].tolist(), b[touched].tolist()]
 
 
 @settings(deadline=None, max_examples=200)

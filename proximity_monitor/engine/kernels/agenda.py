@@ -125,8 +125,10 @@ def look(
             view.witness[6 + i] = answer[carry.FEATURES + i]
         view.known = known[a] and known[b]
         view.stale = silent[a] or silent[b]
-        view.answered = question.done and motion != carry.MOVED
         view.deciding = question.deciding or not distances
+        # What a tolerance left may have a level in it.
+        open_yet = view.deciding and question.status == state.WITHIN_TOLERANCE
+        view.answered = question.done and motion != carry.MOVED and not open_yet
         view.asked = np.nan
         view.searched = False
         _judge(question, view)
@@ -215,8 +217,9 @@ def take(
         ended = status != state.OUT_OF_TIME
         final = ended and level == np.inf
         # Points that were carried through a deformation are none of the models any more.
-        anew = final or was_deformed(places, labels[row], answers[row])
-        if anew or answer[state.UPPER] <= view.upper:
+        nearer = final or was_deformed(places, labels[row], answers[row])
+        nearer |= answer[state.UPPER] <= view.upper
+        if nearer:
             view.upper = answer[state.UPPER]
             for j in range(carry.WITNESS):
                 view.witness[j] = answer[state.POINT_A + j]
@@ -233,7 +236,7 @@ def take(
             question.hint[1] = int(answer[state.TREE_B])
         keep_one(
             poses, versions, places, labels[row], answers[row],
-            view.lower, view.upper, view.witness,
+            view.lower, view.upper, view.witness, nearer,
         )  # fmt: skip
         _judge(question, view)
     return count

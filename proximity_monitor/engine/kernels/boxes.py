@@ -37,12 +37,12 @@ _F11 = uint64(11 * WIDTH)
 
 
 @kernel
-def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds):
+def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first):
     """Raise the bounds of a node's sixteen lanes, where they are below `reach`, to those of boxes.
 
-    The first six arguments are those of `place`, which has accepted the volume; `bounds` (16,) is
-    what `lower_bounds` wrote. Node units, float32. Either tree may be one of swept spheres: a
-    volume here is a box swept by a ball, of which one has no thickness.
+    The first six arguments are those of `place`, which has accepted the volume; `bounds` is what
+    `lower_bounds` wrote, from `first` on. Node units, float32. Either tree may be one of swept
+    spheres: a volume here is a box swept by a ball, of which one has no thickness.
     """
     own = lane // WIDTH
     base = uint64(own * STRIDE + lane % WIDTH)
@@ -63,14 +63,14 @@ def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds):
     ball = ball * ratio + margin
     boxed = tree.scale[3] != 0.0
     for k in range(WIDTH):
-        if bounds[k] >= reach:
+        if bounds[first + k] >= reach:
             continue
         at = uint64(node * STRIDE + k)
         f, g, h, radius = _half_edges(tree.nodes, at, boxed)
         swept = ball + radius
         d = sub(c, read_vector(tree.nodes, at))
         bound = shortest(d, (u, v, w, f, g, h), swept, swept + reach) - swept
-        bounds[k] = max(bounds[k], np.float32(bound))
+        bounds[first + k] = max(bounds[first + k], np.float32(bound))
 
 
 @kernel

@@ -51,12 +51,9 @@ def split(centroids, order, low, high, most):
             j -= 1
     n = high - low
     middle = i - low
-    if n > WIDTH:
-        wanted = min(max((middle + WIDTH // 2) // WIDTH, 1), (n - 1) // WIDTH) * WIDTH
-        if _lanes(wanted, most) + _lanes(n - wanted, most) > _lanes(n, most):
-            wanted = min(max((middle + most // 2) // most, 1), (n - 1) // most) * most
-    else:
-        wanted = min(max(middle, 1), n - 1)
+    wanted = min(max((middle + WIDTH // 2) // WIDTH, 1), (n - 1) // WIDTH) * WIDTH
+    if _lanes(wanted, most) + _lanes(n - wanted, most) > _lanes(n, most):
+        wanted = min(max((middle + most // 2) // most, 1), (n - 1) // most) * most
     if wanted != middle:
         _select(centroids, order, low, high, low + wanted, axis)
     return low + wanted

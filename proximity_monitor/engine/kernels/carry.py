@@ -251,16 +251,19 @@ def was_deformed(places, label, answer):
 
 
 @kernel
-def keep_one(poses, versions, places, label, answer, lower, upper, witness):
-    """Write an answer: what was found at the bodies' present poses.
+def keep_one(poses, versions, places, label, answer, lower, upper, witness, others):
+    """Write an answer: what is known at the bodies' present poses.
 
-    The witness points must be of the models as they are now: `carry_one` counts on it.
+    The witness points must be of the models as they are now: `carry_one` counts on it. Where they
+    are no `others` than those of the answer, these stay what they are in their bodies' frames, with
+    what rounding did to them then: turned there and back each time, they would drift.
     """
     a, b = label[BODY_A], label[BODY_B]
     label[SEEN_A], label[SEEN_B] = versions[a], versions[b]
     answer[LOWER], answer[UPPER] = lower, upper
-    answer[THEN_SIZE] = places[a, SIZE] + places[b, SIZE]
-    answer[THEN_DEFECT] = max(places[a, DEFECT], places[b, DEFECT])
+    size, defect = places[a, SIZE] + places[b, SIZE], max(places[a, DEFECT], places[b, DEFECT])
+    answer[THEN_SIZE] = size if others else max(size, answer[THEN_SIZE])
+    answer[THEN_DEFECT] = defect if others else max(defect, answer[THEN_DEFECT])
     answer[THEN_A], answer[THEN_B] = places[a, STRETCH], places[b, STRETCH]
     pose_a, pose_b = poses[a], poses[b]
     origin_a, origin_b = _column(pose_a, 3), _column(pose_b, 3)
@@ -271,7 +274,8 @@ def keep_one(poses, versions, places, label, answer, lower, upper, witness):
     shift = _into(pose_a, sub(origin_b, origin_a))
     for i in range(3):
         answer[POINT_A + i], answer[POINT_B + i] = point_a[i], point_b[i]
-        answer[WITNESS_A + i], answer[WITNESS_B + i] = witness_a[i], witness_b[i]
+        if others:
+            answer[WITNESS_A + i], answer[WITNESS_B + i] = witness_a[i], witness_b[i]
         answer[TRANSLATION + i] = shift[i]
         column = _into(pose_a, _column(pose_b, i))
         for j in range(3):
@@ -286,5 +290,5 @@ def keep(poses, versions, places, rows, bounds, witness, labels, answers):
     for k in range(len(rows)):
         keep_one(
             poses, versions, places, labels[rows[k]], answers[rows[k]],
-            bounds[k, 0], bounds[k, 1], witness[k],
+            bounds[k, 0], bounds[k, 1], witness[k], True,
         )  # fmt: skip

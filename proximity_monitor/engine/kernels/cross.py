@@ -25,8 +25,9 @@ from .volumes import STRIDE, WIDTH, lower_bounds, read_vector, row
 Waiting = namedtuple("Waiting", "lanes bounds")
 """Pairs of triangles that wait to be tested: their lanes (int32, n × 2) and bounds (n,) metres."""
 
-Scratch = namedtuple("Scratch", "single found frame placed")
-"""Room for float32: a single volume (16,), bounds (16,), a motion (16,), a moved node (STRIDE,)."""
+Scratch = namedtuple("Scratch", "single found frame placed owns")
+"""Room for float32: a single volume (16,), bounds (16 × 16), a motion (16,), a moved node
+(STRIDE,); and for the numbers of sixteen lanes."""
 
 
 @loop16
@@ -82,7 +83,7 @@ def cross_leaves(
     `inherited` is a bound of all pairs. Returns how many pairs are waiting then, of n before; or -1
     where single precision does not serve.
     """
-    single, found, frame, placed = scratch
+    single, found, frame, placed, owns = scratch
     other = fixed.children[lane]
     unit, inverse = fixed.scale[0], fixed.scale[1]
     ratio = tree.scale[0] * inverse
@@ -111,9 +112,11 @@ def cross_leaves(
     moved_lanes = read_only(placed)
     _pick(fixed.nodes, base, margin, single)
     single[0], single[1], single[2] = np.float32(o[0]), np.float32(o[1]), np.float32(o[2])
-    lower_bounds(moved_lanes, uint64(0), single, found)
+    lower_bounds(moved_lanes, uint64(0), single, found, uint64(0))
     tests = WIDTH
-    rows = not_above(found, threshold)
+    rows = not_above(found, 0, threshold)
+    # All are bounded before any result is looked at, so that the processor works on two at once.
+    count = 0
     while rows:
         own = lowest(rows)
         rows &= rows - 1
@@ -121,21 +124,24 @@ def cross_leaves(
         if tree.children[node * WIDTH + own] == EMPTY:
             continue
         _pick(moved_lanes, uint64(own), margin, single)
-        lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found)
+        lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found, uint64(count * WIDTH))
         if fixed.scale[3] + tree.scale[3] > 0.0:
             box_bounds(
                 tree, node * WIDTH + own, motion, fixed, other, state.reals[BOUND_SLACK],
-                threshold, found,
+                threshold, found, count * WIDTH,
             )  # fmt: skip
-        tests += WIDTH
-        survivors = not_above(found, threshold)
+        owns[count] = own
+        count += 1
+    tests += WIDTH * count
+    for i in range(count):
+        survivors = not_above(found, i * WIDTH, threshold)
         while survivors:
             k = lowest(survivors)
             survivors &= survivors - 1
-            one, two = node * WIDTH + own, other * WIDTH + k
+            one, two = node * WIDTH + owns[i], other * WIDTH + k
             waiting.lanes[n, 0] = two if flip else one
             waiting.lanes[n, 1] = one if flip else two
-            waiting.bounds[n] = max(found[k] * unit, inherited)
+            waiting.bounds[n] = max(found[i * WIDTH + k] * unit, inherited)
             n += 1
     state.counts[BOUND_TESTS] += tests
     return n

@@ -70,9 +70,9 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     counts[BOUND_TESTS] += WIDTH
     reach = np.float32(min(limit * tree.scale[1] * (1.0 + 1e-6), 1e29))
     if place(fixed, lane, motion, tree, node, reals[BOUND_SLACK], single):
-        lower_bounds(tree.nodes, uint64(node * STRIDE), single, found)
+        lower_bounds(tree.nodes, uint64(node * STRIDE), single, found, uint64(0))
         if fixed.scale[3] + tree.scale[3] > 0.0:
-            box_bounds(fixed, lane, motion, tree, node, reals[BOUND_SLACK], reach, found)
+            box_bounds(fixed, lane, motion, tree, node, reals[BOUND_SLACK], reach, found, 0)
     else:
         inherited = max(inherited, far_bound(fixed, lane, motion, tree, node, reals[BOUND_SLACK]))
         for k in range(WIDTH):
@@ -80,7 +80,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
             found[k] = np.float32(1e30) if empty else np.float32(-1.0)
     top = first
     order = counts[ORDER]
-    survivors = not_above(found, reach)
+    survivors = not_above(found, 0, reach)
     while survivors:
         k = lowest(survivors)
         survivors &= survivors - 1
@@ -163,8 +163,9 @@ def advance(tree_a, tree_b, state):
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
     steps = counts[STEPS]
     scratch = Scratch(
-        on_stack(16, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0)),
+        on_stack(16, np.float32(0.0)), on_stack(_CROSSED, np.float32(0.0)),
         on_stack(16, np.float32(0.0)), on_stack(STRIDE, np.float32(0.0)),
+        on_stack(WIDTH, 0),
     )  # fmt: skip
     waiting = Waiting(table_on_stack(_WAITING, 2, np.int32(0)), on_stack(_WAITING, 0.0))
     pairs, corners = table_on_stack(BATCH, 2, 0), on_stack(CORNERS, 0.0)

@@ -121,7 +121,7 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
                 found[k] = float32(1e30) if empty else float32(-1.0)
         reach = np.float32(min(best / unit * (1.0 + 1e-6), 1e29))
         first = top
-        survivors = not_above(found, reach)
+        survivors = not_above(found, 0, reach)
         while survivors:
             k = lowest(survivors)
             survivors &= survivors - 1

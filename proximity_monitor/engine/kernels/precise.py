@@ -1,17 +1,16 @@
 """Arithmetic with twice the precision of float64, for the few signs and normals that need it.
 
-A number is a pair (high, low) with high = fl(high + low). The error-free transformations are those
-of Dekker 1971 and Knuth (as in Shewchuk 1997, sections 2.3 and 2.4); they hold under strict IEEE
-arithmetic, so nothing here is compiled with fast-math flags.
+A number is a pair (high, low) with high = fl(high + low). The error-free transformations are
+Knuth's sum (as in Shewchuk 1997, section 2.3) and a product by fused multiply-add; they hold under
+strict IEEE arithmetic, so nothing here is compiled with fast-math flags.
 """
 
 from __future__ import annotations
 
 from ..tolerances import DOUBLE_EPS
 from .jit import kernel
+from .lanes import fma
 from .vectors import sub
-
-_SPLITTER = 134217729.0  # 2^27 + 1
 
 
 @kernel
@@ -26,13 +25,7 @@ def two_sum(a, b):
 def two_product(a, b):
     """A * b exactly, as (rounded product, rounding error)."""
     p = a * b
-    t = _SPLITTER * a
-    ah = t - (t - a)
-    al = a - ah
-    t = _SPLITTER * b
-    bh = t - (t - b)
-    bl = b - bh
-    return p, al * bl - (((p - ah * bh) - al * bh) - ah * bl)
+    return p, fma(a, b, -p)
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float32
 
-from .aim import take_aim
+from .aim import gap_along, take_aim
 from .gaps import BATCH, gaps, gather, shift
 from .jit import entry, inlined, kernel
 from .lanes import lowest, not_above
@@ -23,8 +23,11 @@ from .state import (
     WEIGHTS_A,
     WEIGHTS_B,
 )
-from .triangles import certainly_cross, triangle_distance
+from .triangles import certainly_cross, distance_apart, triangle_distance
 from .vectors import along, moved, scaled, sub
+
+_TIED = 8.0
+"""Up to how many times what rounding does to distances two of them count as equal."""
 
 
 @kernel
@@ -93,18 +96,30 @@ def mixed(triangle, weights):
 
 
 @entry
-def test_triangles(tree_a, tree_b, state, ta, tb):
-    """Exact distance of two triangles; keeps it where it is the smallest. Returns it."""
+def test_triangles(tree_a, tree_b, state, ta, tb, apart):
+    """Exact distance of two triangles; keeps it where it is the smallest. Returns it.
+
+    `apart` says that they certainly do not cross. Where they are as near as others, but in another
+    direction, that is the next to measure along: their neighbours are so too.
+    """
     reals = state.reals
     a, b = _both(tree_a, tree_b, state, ta, tb)
     known = reals[DISTANCE]
-    matters = np.inf if state.collected.shape[0] > 0 else known * known
-    squared, wa, wb = triangle_distance(a, b, matters)
+    tied = known + _TIED * reals[SLACK]
+    matters = np.inf if state.collected.shape[0] > 0 else tied * tied
+    if apart:
+        squared, wa, wb = distance_apart(a, b, matters)
+    else:
+        squared, wa, wb = triangle_distance(a, b, matters)
     distance = np.sqrt(squared)
-    if distance < known:
-        if distance == 0.0 and certainly_cross(a, b, reals[SLACK]):
-            reals[UPPER_SLACK] = 0.0
-        keep(state, distance, ta, tb, wa, wb, sub(mixed(b, wb), mixed(a, wa)))
+    if distance < tied:
+        way = sub(mixed(b, wb), mixed(a, wa))
+        if distance < known:
+            if distance == 0.0 and certainly_cross(a, b, reals[SLACK]):
+                reals[UPPER_SLACK] = 0.0
+            keep(state, distance, ta, tb, wa, wb, way)
+        else:
+            take_aim(reals, state.motions[0], way)
     return distance
 
 
@@ -138,13 +153,17 @@ def test_batch(tree_a, tree_b, state, pairs, count, corners, local, found):
     remaining = (1 << count) - 1
     while True:
         reach = np.float32(min(reals[LIMIT] * scale * (1.0 + 1e-6), 3e38))
-        remaining &= not_above(found, reach)
+        remaining &= not_above(found, 0, reach)
         if not remaining:
             break
         k = _nearest(found, remaining)
         remaining &= ~(1 << k)
         ta, tb = pairs[k, 0], pairs[k, 1]
-        distance = test_triangles(tree_a, tree_b, state, ta, tb)
+        if tested > 0:  # the direction to measure along may have changed since they were gathered
+            gap = gap_along(reals, tree_a.triangles, ta, tree_b.triangles, tb)
+            if gap >= reals[LIMIT]:
+                continue
+        distance = test_triangles(tree_a, tree_b, state, ta, tb, found[k] > 0.0)
         tested += 1
         if state.collected.shape[0] > 0 and distance - reals[SLACK] < reals[LIMIT]:
             collect(state, ta, tb, distance)

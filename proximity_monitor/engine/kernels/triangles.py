@@ -14,7 +14,9 @@ their faces, of no area, are left out.
 from __future__ import annotations
 
 from ..tolerances import DOUBLE_EPS, ILL_CONDITIONED, PARALLEL, TOUCHING
+from .edges import LANES, edge_pairs
 from .jit import entry, kernel
+from .memory import on_stack
 from .precise import cross_precise, orientation, volume
 from .vectors import along, cross, dot, sub
 
@@ -226,6 +228,63 @@ def _on_edge(i, s):
     return (s, 0.0, 1.0 - s)
 
 
+@kernel
+def _beyond(p, a, n, nn, squared):
+    """Whether p is certainly farther than that from the plane through a with normal n, nn = |n|².
+
+    The product errs by 12 u |p - a| |n| at most, and nn by 17 u. A wrong "no" only costs time.
+    """
+    r = sub(p, a)
+    height = abs(dot(r, n)) - 16.0 * DOUBLE_EPS * _size(r) * _size(n)
+    return height > 0.0 and height * height > (1.0 + 32.0 * DOUBLE_EPS) * squared * nn
+
+
+@kernel
+def distance_apart(a, b, limit):
+    """As `triangle_distance`, of triangles that certainly do not cross."""
+    ea = (sub(a[1], a[0]), sub(a[2], a[1]), sub(a[0], a[2]))
+    eb = (sub(b[1], b[0]), sub(b[2], b[1]), sub(b[0], b[2]))
+    s, t = on_stack(LANES, 0.0), on_stack(LANES, 0.0)
+    squared, touching = on_stack(LANES, 0.0), on_stack(LANES, 0.0)
+    edge_pairs(a, ea, b, eb, s, t, squared, touching)
+    best, kind, first, second, bs, bt = limit, -1, 0, 0, 0.0, 0.0
+    for i in range(3):
+        for j in range(3):
+            k = 3 * i + j
+            x, y, d = s[k], t[k], squared[k]
+            if d < touching[k]:
+                x, y, d = segments(a[i], ea[i], b[j], eb[j])
+            if d < best:
+                best, kind, first, second, bs, bt = d, 0, i, j, x, y
+    fa = sub(a[2], a[0])
+    na = _normal(ea[0], fa)
+    nna = dot(na, na)
+    if nna > 0.0:
+        for j in range(3):
+            if _beyond(b[j], a[0], na, nna, best):
+                continue
+            inside, _, _, d = point_face(b[j], a[0], ea[0], fa, na, nna)
+            if inside and d < best:
+                best, kind, second = d, 1, j
+    fb = sub(b[2], b[0])
+    nb = _normal(eb[0], fb)
+    nnb = dot(nb, nb)
+    if nnb > 0.0:
+        for i in range(3):
+            if _beyond(a[i], b[0], nb, nnb, best):
+                continue
+            inside, _, _, d = point_face(a[i], b[0], eb[0], fb, nb, nnb)
+            if inside and d < best:
+                best, kind, first = d, 2, i
+    if kind < 0:
+        return limit, (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    if kind == 0:
+        return best, _on_edge(first, bs), _on_edge(second, bt)
+    if kind == 1:
+        return best, _face_weights(b[second], a[0], ea[0], fa, na, nna), _corner(second)
+    return best, _corner(first), _face_weights(a[first], b[0], eb[0], fb, nb, nnb)
+
+
 @entry
 def triangle_distance(a, b, limit):
     """Squared distance of two triangles (three corners each), if it is below `limit`.
@@ -243,34 +302,4 @@ def triangle_distance(a, b, limit):
         if i >= 0:
             s, weights = _meeting_point(b[i], b[(i + 1) % 3], a)
             return 0.0, weights, _on_edge(i, s)
-    ea = (sub(a[1], a[0]), sub(a[2], a[1]), sub(a[0], a[2]))
-    eb = (sub(b[1], b[0]), sub(b[2], b[1]), sub(b[0], b[2]))
-    best, kind, first, second, bs, bt = limit, -1, 0, 0, 0.0, 0.0
-    for i in range(3):
-        for j in range(3):
-            s, t, d = segments(a[i], ea[i], b[j], eb[j])
-            if d < best:
-                best, kind, first, second, bs, bt = d, 0, i, j, s, t
-    fa = sub(a[2], a[0])
-    na = _normal(ea[0], fa)
-    nna = dot(na, na)
-    if nna > 0.0:
-        for j in range(3):
-            inside, _, _, d = point_face(b[j], a[0], ea[0], fa, na, nna)
-            if inside and d < best:
-                best, kind, second = d, 1, j
-    fb = sub(b[2], b[0])
-    nb = _normal(eb[0], fb)
-    nnb = dot(nb, nb)
-    if nnb > 0.0:
-        for i in range(3):
-            inside, _, _, d = point_face(a[i], b[0], eb[0], fb, nb, nnb)
-            if inside and d < best:
-                best, kind, first = d, 2, i
-    if kind < 0:
-        return limit, (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
-    if kind == 0:
-        return best, _on_edge(first, bs), _on_edge(second, bt)
-    if kind == 1:
-        return best, _face_weights(b[second], a[0], ea[0], fa, na, nna), _corner(second)
-    return best, _corner(first), _face_weights(a[first], b[0], eb[0], fb, nb, nnb)
+    return distance_apart(a, b, limit)

@@ -52,11 +52,12 @@ _TINY = float32(SINGLE_TINY)
 
 
 @loop16
-def lower_bounds(nodes, base, single, bounds):
-    """Lower bounds between `single` and each lane of the node at `base`, into `bounds` (16,).
+def lower_bounds(nodes, base, single, bounds, first):
+    """Lower bounds between `single` and each lane of a node, into sixteen of `bounds`.
 
-    `nodes` is the flat float32 array of all lanes, `base` a uint64 (a signed index would add a
-    wrap-around test to each load and keep the loop scalar), `single` the 15 numbers of `place`.
+    `nodes` is the flat float32 array of all lanes; the node begins at `base`, what is written at
+    `first`, both uint64 (a signed index would add a wrap-around test to each load and keep the loop
+    scalar); `single` the 15 numbers of `place`.
     """
     ax, ay, az = single[0], single[1], single[2]
     Ux, Uy, Uz = single[3], single[4], single[5]
@@ -113,7 +114,7 @@ def lower_bounds(nodes, base, single, bounds):
         gap_lane = abs(wx * X + wy * Y + wz * Z) - A * abs(wx) - B * abs(wy)
         # ... and along the single volume's.
         gap_single = abs(Z) - a * abs(uZ) - b * abs(vZ)
-        bounds[k] = max(max(gap, gap_lane), gap_single) - nodes[i + _F9] - radius
+        bounds[first + uint64(k)] = max(max(gap, gap_lane), gap_single) - nodes[i + _F9] - radius
 
 
 @inlined

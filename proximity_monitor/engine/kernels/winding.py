@@ -160,7 +160,7 @@ def _along_ray(tree, p, slack, alpha, beta, forth, stack, gaps):
             tree.nodes, base, float32(x), float32(y), float32(z), float32(alpha), float32(beta),
             float32(forth), float32(_MARGIN * size + 2.0 * slack / unit), gaps,
         )  # fmt: skip
-        hit = not_above(gaps, _TINY)
+        hit = not_above(gaps, 0, _TINY)
         while hit:
             k = lowest(hit)
             hit &= hit - 1

@@ -163,10 +163,10 @@ class ContactFinder:
             closest: metres.
         """
         seen = self._seen
-        near = seen.lower <= reach
+        close = seen.lower <= reach
         still = (seen.moved <= self._slack) & (reach <= seen.reach) & (seen.lower >= closest)
-        kept = _placed(poses, seen.contacts, seen.local, (near & still)[seen.contacts.keys[:, 0]])
-        anew = near & ~still
+        kept = _placed(poses, seen.contacts, seen.local, (close & still)[seen.contacts.keys[:, 0]])
+        anew = close & ~still
         if not anew.any():
             contacts, local = kept
         else:
@@ -179,7 +179,7 @@ class ContactFinder:
         moved[anew] = 0.0
         reached[anew] = reach[anew]
         # A pair out of reach has no contacts; when it comes back it has to be searched.
-        moved[~near] = np.inf
+        moved[~close] = np.inf
         self._seen = Seen(seen.lower, moved, reached, contacts, local)
         return contacts
 

@@ -19,8 +19,9 @@ class Dynamics(Motion):
 
     The simulation goes in steps of `substep_s`, and a pose is that of the step nearest to the time
     asked for. So the motion is the same however it is asked for, bit by bit; only where a limit
-    (`max_substeps`, `budget_ms`) ends a call early, the simulated time falls behind, and stays
-    behind: the motion is slower, but no different. `lag_s` says by how much.
+    (`max_substeps`, `budget_s`) ends a call early, the simulated time falls behind, and stays
+    behind: the motion is slower, but no different. `lag_s` says by how much. Up to the time that
+    `seek` was given there is no limit.
     """
 
     def __init__(
@@ -50,10 +51,10 @@ class Dynamics(Motion):
         self.world = World(bodies, forces, substep_s)
         self._names = tuple(body.name for body in bodies if body.density is not None)
         self._rows = [i for i, body in enumerate(bodies) if body.density is not None]
-        self._forces = forces
         self._most = math.inf if max_substeps is None else max_substeps
         self._budget_s = math.inf if budget_s is None else budget_s
         self._steps_a_period = None if period_s is None else max(1, round(period_s / substep_s))
+        self._sought = 0
         if forces.contacts is not None:
             _compile(forces, substep_s)
         self._restart()
@@ -80,25 +81,33 @@ class Dynamics(Motion):
         """Seconds by which the limits have made the simulation late."""
         return self._lost * self.world.step_s
 
+    def seek(self, t: float) -> None:
+        """Simulate up to t seconds without limits, now and whenever it begins again before that.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        self._sought = self._steps_until(t)
+        self.poses(t)
+
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Simulate up to t seconds and return the poses (4, 4) of all bodies that move.
 
         Raises:
             ValueError: t is not finite.
         """
-        if not math.isfinite(t):
-            raise ValueError(f"t: {t} is no time")
+        steps = self._steps_until(t)
         if t < self._asked_s:
             self._restart()
         self._asked_s = t
-        self._advance(max(0, round(t / self.world.step_s)) - self._lost)
+        self._advance(steps - self._lost)
         poses = self.world.poses()
         return {name: poses[row] for name, row in zip(self._names, self._rows, strict=True)}
 
     def describe(self) -> str:
-        """Return e.g. ``dynamics: 10 bodies, gravity 9.81 m/s², contacts by impulse, 2.5 ms``."""
+        """Return e.g. ``dynamics: 10 bodies, contacts by impulse, damping, steps of 2.5 ms``."""
         named = [counted(len(self._names), "body", "bodies")]
-        forces = self._forces
+        forces = self.world.forces
         if forces.gravity is not None:
             named.append(f"gravity {np.linalg.norm(forces.gravity):g} m/s²")
         if forces.contacts is not None:
@@ -113,20 +122,29 @@ class Dynamics(Motion):
             named.append(f"{self.lag_s:.3g} s late")
         return f"dynamics: {', '.join(named)}"
 
+    def _steps_until(self, t: float) -> int:
+        if not math.isfinite(t):
+            raise ValueError(f"t: {t} is no time")
+        return max(0, round(t / self.world.step_s))
+
     def _advance(self, target: int) -> None:
         """Simulate until `target` steps are done since the start, or a limit is reached."""
         period = self._steps_a_period
         if period is not None and target // period > self._done // period:
             self._done = target // period * period
             self.world.restart()
-        deadline, taken = perf_counter() + self._budget_s, 0
+        while self._done < min(target, self._sought):
+            self._step()
+        deadline, most = perf_counter() + self._budget_s, self._done + self._most
         while self._done < target:
-            if taken >= self._most or perf_counter() >= deadline:
+            if self._done >= most or perf_counter() >= deadline:
                 self._lost += target - self._done
                 break
-            self.world.step()
-            self._done += 1
-            taken += 1
+            self._step()
+
+    def _step(self) -> None:
+        self.world.step()
+        self._done += 1
 
 
 def _compile(forces: Forces, substep_s: float) -> None:

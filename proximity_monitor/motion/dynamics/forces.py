@@ -106,14 +106,13 @@ class ContactForces:
         key, pressed, rubbed = self._guessed(h, contacts)
         gaps, kept = contacts.gaps, self.kept
         targets = np.where(gaps >= kept, (kept - gaps) / h, 0.0)
-        start = state.copy()
-        self._prevent(state, geometry, response, targets, self._friction, pressed, rubbed)
         least = (_DEEP if gently else _SUNK) * kept
-        moving, sunk = state, gaps < least
-        if sunk.any():
+        sunk = gaps < least
+        moving = state.copy() if sunk.any() else state
+        self._prevent(state, geometry, response, targets, self._friction, pressed, rubbed)
+        if moving is not state:
             # More of the normal impulses, in the positions alone, and no more friction for it.
             targets = np.where(sunk, _RAISED * (least - gaps) / self._step_s, targets)
-            moving = start
             self._prevent(moving, geometry, response, targets, 0.0, pressed.copy(), rubbed.copy())
         self.active |= pressed > 0.0
         self._guess = key, pressed / h, rubbed / h

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from proximity_monitor.engine.compiling import entry, helper
 
 ROUNDING = 1e-14
 """Share of the coordinates by which a bound is weakened: a hundred times what the dozen roundings
@@ -18,9 +19,6 @@ LEANING = 0.02
 """Sine of the angle by which a surface may rise towards the other body beside a contact. Corners
 that all but face each other lean by so much and more over a small gap, and have to be held; a
 bump of that slope on a surface that is cut into triangles is not felt."""
-
-entry = njit(cache=True, nogil=True, error_model="numpy")
-helper = njit(error_model="numpy")
 
 
 @helper
@@ -37,13 +35,21 @@ def _to_box(pose, x, y, z, box):
 
 @entry
 def spheres_at(poses, owner, spheres):
-    """Centres in the world and radii (p, 4) of the patches, which move with their owners (p,)."""
-    found = np.empty((len(owner), 4))
+    """Centres in the world and radii of the patches, which move with their owners (p,).
+
+    The last column of the result (p, 5) is what rounding may do to a bound of that patch. It counts
+    the coordinates in either frame: those of a mesh that is drawn far from its origin are large,
+    however near to the world's origin it stands.
+    """
+    found = np.empty((len(owner), 5))
     for i in range(len(owner)):
         pose, s = poses[owner[i]], spheres[i]
+        size = s[3]
         for k in range(3):
             found[i, k] = pose[k, 0] * s[0] + pose[k, 1] * s[1] + pose[k, 2] * s[2] + pose[k, 3]
+            size += abs(s[k]) + abs(pose[k, 3])
         found[i, 3] = s[3]
+        found[i, 4] = ROUNDING * size
     return found
 
 
@@ -65,10 +71,7 @@ def candidates(poses, pairs, reach, lower, first, spheres, boxes, rows):
             for q in range(first[b], first[b + 1]):
                 s, t = spheres[p], spheres[q]
                 x, y, z = s[0] - t[0], s[1] - t[1], s[2] - t[2]
-                weak = ROUNDING * (
-                    abs(s[0]) + abs(s[1]) + abs(s[2]) + s[3]
-                    + abs(t[0]) + abs(t[1]) + abs(t[2]) + t[3]
-                )  # fmt: skip
+                weak = s[4] + t[4]
                 bound = math.sqrt(x * x + y * y + z * z) - s[3] - t[3] - weak
                 if bound <= reach[i]:
                     into_b = _to_box(poses[b], s[0], s[1], s[2], boxes[q]) - s[3]

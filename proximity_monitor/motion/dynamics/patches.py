@@ -43,9 +43,10 @@ class Patches:
 def cut(mesh: TriangleMesh) -> Patches:
     """Cut a mesh into at most MOST patches of about as many triangles each."""
     corners = mesh.vertices[mesh.faces]
+    centres = corners.mean(axis=1)
     parts = [np.arange(len(mesh.faces))]
     while 2 * len(parts) <= MOST and any(len(part) > 1 for part in parts):
-        parts = [half for part in parts for half in _halves(part, corners.mean(axis=1))]
+        parts = [half for part in parts for half in _halves(part, centres)]
     meshes = []
     for i, part in enumerate(parts):
         used, faces = np.unique(mesh.faces[part], return_inverse=True)

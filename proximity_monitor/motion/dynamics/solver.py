@@ -5,7 +5,7 @@ mass, `inverse_mass` (n,) and `inverse_inertia` (n, 3, 3, world) are zero for wh
 Contacts are rows too: `bodies` (k, 2), `arms` (k, 2, 3) from either centre of mass to its witness
 point, `normals` (k, 3) from the second body to the first. All are in SI units and the world frame.
 
-What Python calls is cached in a file of its own beside this module, so its helpers stand here too.
+A change of another file does not have the functions compiled anew, so all helpers stand here.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from proximity_monitor.engine.compiling import entry, helper
 
 ENOUGH = 1e-6
 """Metres per second: sweeps end when no contact changes its velocity by more; a micrometre in a
@@ -21,9 +22,6 @@ second is not seen."""
 
 _LEAST_TURN = 1e-15
 """Radians: where an iteration for the midpoint ends; an orientation's last digit tells more."""
-
-entry = njit(cache=True, nogil=True, error_model="numpy")
-helper = njit(error_model="numpy")
 
 
 @helper
@@ -228,7 +226,7 @@ def prevent(
 
     Projected Gauss-Seidel on ``0 <= pressed ⊥ (normal velocity - target) >= 0`` and Coulomb's cone
     (Moreau 1988; Jean 1999): v and w are changed in place, and so are `pressed` (k,) and `rubbed`
-    (k, 3), which hold a first guess. Returns the number of sweeps.
+    (k, 3), which hold a first guess.
     """
     masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)
     for i in range(len(bodies)):
@@ -243,7 +241,7 @@ def prevent(
             pressed[i] * n[2] + rubbed[i, 2],
         )
         _push(v, w, bodies[i, 0], bodies[i, 1], arms[i], push, inverse_mass, inverse_inertia)
-    for sweep in range(sweeps):
+    for _ in range(sweeps):
         change = 0.0
         for i in range(len(bodies)):
             if friction > 0.0:
@@ -258,8 +256,7 @@ def prevent(
             )  # fmt: skip
             change = max(change, step)
         if change <= ENOUGH:
-            return sweep + 1
-    return sweeps
+            return
 
 
 @entry
@@ -267,14 +264,14 @@ def collide(
     v, w, bodies, arms, normals, hit, restitution, friction, pressed, rubbed, inverse_mass,
     inverse_inertia, sweeps,
 ):  # fmt: skip
-    """Impulses of the contacts in `hit` (k,) at one instant, an island at a time.
+    """Impulses of the contacts in `hit` (k,) at one instant.
 
     First those, without friction, after which none of them approaches; then as much again times
     `restitution` (k, of the contact's island): the impulse p that ends the approach takes
     pᵀ M⁻¹ p / 2 of the energy, and twice of it gives that back (Moreau 1988). Where the sweeps have
-    not converged the second part is cut to what the first one took, so no collision gains energy.
-    Friction comes last, bounded by all of the normal impulse. v, w, `pressed` (k,) and `rubbed`
-    (k, 3) are written.
+    not converged the second part is cut, by one share on all islands, to what the first one took,
+    so no collision gains energy. Friction comes last, bounded by all of the normal impulse. v, w,
+    `pressed` (k,) and `rubbed` (k, 3) are written.
     """
     count = len(bodies)
     masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)

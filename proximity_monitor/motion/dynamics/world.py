@@ -45,8 +45,6 @@ class World:
         self.bodies = tuple(bodies)
         self.forces = forces
         self.step_s = step_s
-        self.halvings = 0
-        """How many steps were taken back because surfaces came too near, and halved."""
         self.stops = 0
         """How often bodies were stopped because even the shortest step brought them too near."""
         self._mass = [_mass_of(body) for body in bodies]
@@ -132,7 +130,6 @@ class World:
                 if taken_back > _HALVINGS:
                     self._stop()  # and nothing moves for what is left of this step
                     return
-                self.halvings += 1
             left = left - h if left > 1.5 * h else 0.0
 
     def poses(self) -> NDArray[np.float64]:
@@ -266,7 +263,9 @@ class World:
         changes the quaternion by 2 sin(θ/4), which is half of that or more.
         """
         turned = np.sqrt(((self.state.turn - before.turn) ** 2).sum(axis=1))
-        rounding = ROUNDING * (np.abs(self.state.centre).sum(axis=1) + self._radius)
+        # The model's own coordinates count as well: it may be drawn far from its origin.
+        size = np.abs(self.state.centre).sum(axis=1) + np.abs(self._offset).sum(axis=1)
+        rounding = ROUNDING * (size + self._radius)
         each = 2.0 * turned * self._radius + rounding
         return self._apart(self.state.centre - before.centre) + each[self._finder.pairs].sum(axis=1)
 

@@ -1,0 +1,42 @@
+"""What the diagnostics count, without a node."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from proximity_monitor.ros.diagnostics import Health, State
+from proximity_monitor.scene import Thresholds, Unit, WatchedPair
+from proximity_monitor.scene.alerts import Alerts
+from proximity_monitor.scene.state import PairState, PairStatus, Tick
+
+LIMITS = Thresholds(warn=0.010, stop=0.002, hysteresis=0.001, hold_s=5.0)
+
+
+def state(index, lower):
+    return PairState(
+        a=f"a{index}", b=f"b{index}", lower=lower, upper=lower, point_a=np.zeros(3),
+        point_b=np.zeros(3), status=PairStatus.EXACT, age_s=0.0, silent=(), session_min=math.inf,
+        session_min_lower=math.inf, index=index,
+    )  # fmt: skip
+
+
+def test_every_pair_is_counted_once_listed_or_not():
+    """One pair fell silent and is not listed, one was at warn and is held while it is far."""
+    watched = [WatchedPair(f"a{i}", f"b{i}", 0.0, 0.0, LIMITS, False, range=0.1) for i in range(5)]
+    alerts, thresholds = Alerts(watched, Unit("metre", 1.0, "m")), [LIMITS] * 5
+    near = [state(i, 0.005) for i in range(3)]
+    alerts.update(Tick(near, 0.0, 0.0, (), 0, far=2), thresholds, 1.0)
+    tick = Tick(near[:1], 0.0, 0.0, (), 0, far=2, unsure=2)
+    alerts.update(tick, thresholds, 2.0, silent=["a1", "a3"])
+    nothing = dict.fromkeys(State._fields)
+    told = Health("monitor", "cell")._clearance(
+        State(**nothing | {"tick": tick, "levels": alerts.levels, "watched": 5})
+    )
+    counts = {each.key: each.value for each in told.values}
+    assert [counts[f"pairs {level}"] for level in ("stop", "warn", "stale", "clear")] == [
+        "0", "2", "2", "1",
+    ]  # fmt: skip
+    assert told.message == "2 pairs at warn, 2 stale"

@@ -1,0 +1,129 @@
+"""Bodies that change their shape: bounds stay certified, and what is no shape is refused."""
+
+import numpy as np
+import pytest
+from crowds import assert_certified, exact, placed, samples, text, walk
+
+from proximity_monitor import engine
+from proximity_monitor.scene.opening import load_models
+from proximity_monitor.scene.schedule import Monitor
+
+COUNT = 8
+
+
+def told(tick):
+    """Everything that a tick says about pairs, but for when it was found out."""
+    return [
+        (p.index, p.lower, p.upper, p.point_a.tolist(), p.point_b.tolist(), p.status)
+        for p in tick.pairs
+    ]
+
+
+def bent(vertices, phase):
+    """Bend a body sideways; it stays a solid."""
+    lift = 0.15 * np.sin(3.0 * vertices[:, 2] + phase)
+    return vertices + np.stack((lift, np.zeros_like(lift), np.zeros_like(lift)), axis=1)
+
+
+@pytest.mark.parametrize("body", ["", ", solid: true"])
+@pytest.mark.parametrize("head", ["", "range: 0.3"])
+@pytest.mark.parametrize("budget_s", [0.0, 2e-4, 1.0])
+def test_bounds_hold_while_bodies_deform(load, body, head, budget_s):
+    scene = load(text(COUNT, head=head, body=body))
+    models = load_models(scene)
+    models["b1"] = engine.TriangleMesh(models["b1"].vertices, models["b1"].faces)  # its own
+    rest = {name: models[name].vertices for name in ("b0", "b1")}
+    monitor = Monitor(scene, models)
+    ask = engine.signed_distance if body else engine.distance
+    for k, poses in enumerate(walk(COUNT, 15, spread=1.2)):
+        for name, vertices in rest.items():
+            monitor.set_vertices(name, bent(vertices, 0.05 * k))
+        tick = monitor.tick(samples(poses), budget_s)
+        true = exact(models, poses, ask)
+        listed = assert_certified(tick, true)
+        assert all(pair in listed or at.upper > 0.3 for pair, at in true.items())
+
+
+def test_a_deformation_alone_asks_for_a_new_search(load):
+    scene = load(text(3))
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    poses = next(walk(3, 1))
+    monitor.tick(samples(poses), 1.0)
+    monitor.set_vertices("b0", bent(models["b0"].vertices, 1.0))
+    tick = monitor.tick(samples(poses), 1.0)
+    assert {i for i, p in enumerate(tick.pairs) if "b0" in (p.a, p.b)} == set(tick.looked_at)
+    assert_certified(tick, exact(models, poses))
+
+
+def test_a_model_that_somebody_else_refits_is_seen(load):
+    scene = load(text(3))
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    poses = next(walk(3, 1))
+    monitor.tick(samples(poses), 1.0)
+    models["b0"].refit(5.0 * models["b0"].vertices)
+    for budget_s in (0.0, 1.0):
+        assert_certified(monitor.tick(samples(poses), budget_s), exact(models, poses))
+
+
+def test_a_deformation_that_is_none_is_refused_and_changes_nothing(load):
+    scene = load(text(3))
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    poses = next(walk(3, 1))
+    before = monitor.tick(samples(poses), 1.0)
+    with pytest.raises(engine.ModelError, match="vertices"):
+        monitor.set_vertices("b0", np.full_like(models["b0"].vertices, np.nan))
+    assert told(monitor.tick(samples(poses), 0.0)) == told(before)
+
+
+@pytest.mark.parametrize("by_itself", [True, False])
+def test_a_body_that_grows_into_range_while_all_stand_still_is_met(load, by_itself):
+    scene = load(text(2, head="range: 0.5"))
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    poses = {f"b{i}": placed([3.0 * i, 0.0, 0.0], [0, 0, 0, 1]) for i in range(2)}
+    assert monitor.tick(samples(poses), 1.0).far == 1
+    grown = 9.0 * models["b0"].vertices
+    if by_itself:
+        models["b0"].refit(grown)
+    else:
+        monitor.set_vertices("b0", grown)
+    (near,) = monitor.tick(samples(poses), 1.0).pairs
+    assert near.lower == exact(models, poses)["b0", "b1"].lower < 0.5
+
+
+def flattened(vertices):
+    return np.zeros_like(vertices)
+
+
+def torn(vertices):
+    """One corner of many is pulled away from the others at its place."""
+    made = vertices.copy()
+    made[0] += 0.1
+    return made
+
+
+@pytest.mark.parametrize("change", [flattened, torn])
+def test_a_solid_keeps_its_shape_where_the_new_one_encloses_none(load, change):
+    scene = load(text(2, body=", solid: true"))
+    models = load_models(scene)
+    soup = models["b0"].vertices[models["b0"].faces].reshape(-1, 3)
+    models["b0"] = engine.TriangleMesh(soup, np.arange(len(soup)).reshape(-1, 3))
+    monitor = Monitor(scene, models)
+    poses = {f"b{i}": placed([0.2 * i, 0.0, 0.0], [0, 0, 0, 1]) for i in range(2)}
+    before = monitor.tick(samples(poses), 1.0)
+    with pytest.raises(engine.ModelError, match=r"body 'b0' is solid: .* no solid"):
+        monitor.set_vertices("b0", change(soup))
+    assert (models["b0"].vertices == soup).all()
+    after = monitor.tick(samples(poses), 1.0)
+    assert_certified(after, exact(models, poses, engine.signed_distance))
+    assert after.pairs[0].lower == pytest.approx(before.pairs[0].lower, abs=1e-12)
+
+
+def test_vertices_of_a_body_that_is_not_there(load):
+    scene = load(text(2))
+    monitor = Monitor(scene, load_models(scene))
+    with pytest.raises(KeyError, match="b7"):
+        monitor.set_vertices("b7", np.zeros((3, 3)))
