@@ -12,6 +12,7 @@ import numpy as np
 
 _ENCAPSULATION = 4  # bytes before the body: kind and options; alignment counts from their end
 _PLAIN = {b"\x00\x00": ">", b"\x00\x01": "<"}
+_CUT = "the message ends too early"
 
 
 class Cursor:
@@ -36,15 +37,29 @@ class Cursor:
         self.at += (_ENCAPSULATION - self.at) % size
 
     def byte(self) -> int:
-        """Read an octet or a boolean."""
+        """Read an octet or a boolean.
+
+        Raises:
+            ValueError: the message ends before it.
+        """
         self.at += 1
-        return self.data[self.at - 1]
+        try:
+            return self.data[self.at - 1]
+        except IndexError as error:
+            raise ValueError(_CUT) from error
 
     def count(self) -> int:
-        """Read a uint32: a number, or how many elements follow."""
+        """Read a uint32: a number, or how many elements follow.
+
+        Raises:
+            ValueError: the message ends before it.
+        """
         at = self.at + (_ENCAPSULATION - self.at) % 4
         self.at = at + 4
-        return self._count(self.data, at)[0]
+        try:
+            return self._count(self.data, at)[0]
+        except struct.error as error:
+            raise ValueError(_CUT) from error
 
     def text(self) -> str:
         """Read a string."""

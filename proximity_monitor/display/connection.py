@@ -1,4 +1,4 @@
-"""Whether what is shown is true now: live, stale, computing or disconnected; and the alerts."""
+"""Whether what is shown is true now: live, stale, computing or disconnected; and the banner."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.inbox import News
-from proximity_monitor.display.signs import CLEAR_SIGN, Sign, clearance, length, sign
+from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, Sign, clearance, length, sign
 from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, Scene
 
 LATE_TICKS = 5.0
@@ -20,6 +20,8 @@ LATE_S = 1.5
 
 GONE_S = 3.5
 """After so many seconds without diagnostics, which come each second, the monitor is gone."""
+
+LOOKING_BACK = "looking back: of all here only this state and the banner are of now"
 
 
 class State(enum.Enum):
@@ -44,6 +46,8 @@ class Connection(NamedTuple):
 
     state: State
     text: str
+    current: bool = True
+    """Whether the last tick that was read is of now."""
 
 
 def connection(news: News, now_s: float) -> Connection:
@@ -51,24 +55,31 @@ def connection(news: News, now_s: float) -> Connection:
     since_frame, since_health = now_s - news.frame_at_s, now_s - news.health_at_s
     rate = (news.scene.settings["rate_hz"] if news.scene is not None else None) or 1.0
     late = since_frame > max(LATE_S, LATE_TICKS / rate)
-    if late and since_health > GONE_S:
-        if math.isinf(since_health) and not news.present:
-            return Connection(State.DISCONNECTED, "waiting for the monitor")
-        if not news.present:
-            last = min(since_frame, since_health)
-            return Connection(State.DISCONNECTED, f"the monitor is gone for {last:.0f} s")
+    silent = late and since_health > GONE_S
+    if silent and not news.present:
+        last = min(since_frame, since_health)
+        what = f"the monitor is gone for {last:.0f} s"
+        if math.isinf(since_health):
+            what = "waiting for the monitor"
+        return Connection(State.DISCONNECTED, what, current=False)
+    if news.unreadable:
+        what = "; ".join(f"{kind}: {why}" for kind, why in sorted(news.unreadable.items()))
+        return Connection(State.STALE, f"cannot be read: {what}", current=False)
+    if silent:
         if news.frame is None:
             return Connection(State.COMPUTING, "the monitor is there and prepares its search")
-        return Connection(State.STALE, f"no word from the monitor for {since_frame:.0f} s")
+        what = f"no word from the monitor for {since_frame:.0f} s"
+        return Connection(State.STALE, what, current=False)
     if news.frame is None or news.parts is None or news.scene is None:
         what = "its first tick" if news.frame is None else "the meshes of the parts"
         return Connection(State.COMPUTING, f"waiting for {what}")
     if late:
         activity = news.health.schedule.get("message", "") if news.health is not None else ""
-        return Connection(State.STALE, f"no tick for {since_frame:.1f} s: {activity}")
-    if silent := silent_bodies(news.frame):
-        named = ", ".join(f"{name} {told}" for name, told in list(silent.items())[:4])
-        more = f" and {len(silent) - 4} more" if len(silent) > 4 else ""
+        what = f"no tick for {since_frame:.1f} s: {activity}"
+        return Connection(State.STALE, what, current=False)
+    if bodies := silent_bodies(news.frame):
+        named = ", ".join(f"{name} {told}" for name, told in list(bodies.items())[:4])
+        more = f" and {len(bodies) - 4} more" if len(bodies) > 4 else ""
         return Connection(State.STALE, f"no recent pose: {named}{more}")
     bounded = int((news.frame.pairs.status == BOUNDED).sum())
     if bounded:
@@ -95,10 +106,10 @@ def silent_bodies(frame: Frame) -> dict[str, str]:
     }
 
 
-def pill(told: Connection) -> str:
-    """Return the state as HTML."""
+def pill(told: Connection, choice: Choice) -> str:
+    """Return the state as HTML; it is that of now, whatever is looked back at."""
     glyph, colour = _PILLS[told.state]
-    text = escape(told.text)
+    text = escape(told.text if choice.at_s is None else LOOKING_BACK)
     return (
         f'<div class="pm pm-line" id="pm-connection" data-state="{told.state.value}">'
         f'<span class=pm-pill style="background:{colour}">{glyph} {told.state.value}</span>'
@@ -106,10 +117,16 @@ def pill(told: Connection) -> str:
     )
 
 
-def banner(frame: Frame, scene: Scene, choice: Choice) -> str:
+def banner(frame: Frame, scene: Scene, choice: Choice, told: Connection) -> str:
     """Return the worst pair that is not clear as a banner; where all are clear, it says that.
 
     It always takes the same room, so that nothing moves under the pointer.
+
+    Args:
+        frame: the last tick.
+        scene: its scene.
+        choice: which pairs are hidden.
+        told: whether the tick is of now: all that was clear once may be so no more.
     """
     pairs = frame.pairs
     wrong = [
@@ -118,7 +135,11 @@ def banner(frame: Frame, scene: Scene, choice: Choice) -> str:
         if pairs.names[i] not in choice.ignored
     ]
     if not wrong:
+        if not told.current:
+            return _boxed(STALE_SIGN, told.text, "")
         text = "the one pair" if scene.pairs == 1 else f"all {scene.pairs} pairs"
+        if hidden := len(choice.ignored):
+            text = f"all but {hidden} hidden of {scene.pairs} pairs"
         return _boxed(CLEAR_SIGN, text, "")
     order = {STOP: 0, WARN: 1, STALE: 2}
     wrong.sort(

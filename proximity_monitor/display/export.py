@@ -7,6 +7,7 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
+from proximity_monitor.display.pairs import gap
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import sign
 from proximity_monitor.display.state import LEVELS, STATUSES, Frame, Scene
@@ -38,8 +39,7 @@ def pairs_csv(frame: Frame, scene: Scene, session: Session) -> str:
     for i, (a, b) in enumerate(pairs.names):
         limits, found = scene.limits((a, b)), session.worst((a, b))
         least = float("nan") if found is None else found[1].upper
-        at_a, at_b = pairs.points[i]
-        lengths = [pairs.lower[i], pairs.upper[i], *(at_b - at_a), *at_a, *at_b]
+        lengths = [pairs.lower[i], pairs.upper[i], *gap(pairs, i), *pairs.points[i].ravel()]
         rows.append(
             [
                 a,

@@ -4,27 +4,13 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from proximity_monitor.display.received import Part, read_pairs, read_parts, read_poses
 from proximity_monitor.display.state import Frame, Health, Scene
 
-ALERTS = 200
-"""So many of the last alerts are kept."""
-
 _STAMP = slice(4, 12)  # of a serialised message that begins with a header
-
-
-@dataclass(frozen=True)
-class Alert:
-    """One change of a pair's state, as ~/alerts tells it."""
-
-    stamp_s: float
-    level: str
-    pair: str
-    text: str
 
 
 @dataclass(frozen=True)
@@ -33,16 +19,14 @@ class News:
 
     scene: Scene | None = None
     parts: Sequence[Part] | None = None
-    parts_seen: int = 0
-    """How many messages of ~/parts came."""
     frame: Frame | None = None
-    frames_seen: int = 0
-    """How many ticks came."""
+    """The last tick that could be read."""
     frame_at_s: float = float("-inf")
-    """When the last of them came, on the monotonic clock."""
+    """When it came, on the monotonic clock."""
     health: Health | None = None
     health_at_s: float = float("-inf")
-    alerts: tuple[Alert, ...] = ()
+    unreadable: Mapping[str, str] = field(default_factory=dict)
+    """Why the last message of a kind could not be read, for those of which that is so."""
     present: bool = False
     """Whether the monitor is on the network."""
     rivals: tuple[str, ...] = ()
@@ -59,8 +43,7 @@ class Inbox:
         self._lock = threading.Lock()
         self._news = News()
         self._points = self._poses = self._parts = b""
-        self._matched: tuple[bytes, bytes] | None = None
-        self._alerts: deque[Alert] = deque(maxlen=ALERTS)
+        self._matched: tuple[bytes, bytes, float] | None = None
 
     @property
     def news(self) -> News:
@@ -89,53 +72,51 @@ class Inbox:
         """Take a serialised ~/parts."""
         with self._lock:
             self._parts = data
-            self._news = replace(self._news, parts_seen=self._news.parts_seen + 1)
 
     def put_health(self, health: Health) -> None:
         """Take what the monitor says of itself."""
         self.tell(health=health, health_at_s=time.monotonic(), present=True)
 
-    def put_alert(self, alert: Alert) -> None:
-        """Take an alert."""
+    def judge(self, kind: str, error: str | None) -> None:
+        """Remember why the last message of a kind could not be read; None: it could."""
         with self._lock:
-            self._alerts.append(alert)
-            self._news = replace(self._news, alerts=tuple(self._alerts))
+            others = {k: v for k, v in self._news.unreadable.items() if k != kind}
+            told = others if error is None else others | {kind: error}
+            self._news = replace(self._news, unreadable=told)
 
     def forget(self) -> None:
         """Forget what belonged to another scene."""
         with self._lock:
             self._points = self._poses = self._parts = b""
             self._matched = None
-            self._news = replace(self._news, parts=None, frame=None, alerts=())
-            self._alerts.clear()
+            self._news = replace(self._news, parts=None, frame=None, unreadable={})
 
     def read(self) -> News:
-        """Return the news, with what came since the last call read.
-
-        Raises:
-            ValueError: a message is not what a monitor publishes.
-        """
+        """Return the news, with what came since the last call read, as far as it can be."""
         with self._lock:
-            news = self._news
             matched, self._matched = self._matched, None
             parts, self._parts = self._parts, b""
-        found: dict[str, object] = {}
         if matched is not None:
-            stamp_s, pairs = read_pairs(matched[0])
-            found["frame"] = Frame(stamp_s, read_poses(matched[1])[1], pairs)
+            self._take("tick", lambda: _tick(*matched))
         if parts:
-            found["parts"] = read_parts(parts)
-        if not found:
-            return news
-        self.tell(**found)
-        return replace(news, **found)
+            self._take("parts", lambda: {"parts": read_parts(parts)})
+        return self.news
+
+    def _take(self, kind: str, read: Callable[[], Mapping[str, object]]) -> None:
+        try:
+            found = read()
+        except ValueError as error:  # of another version's monitor, or no monitor at all
+            self.judge(kind, str(error))
+        else:
+            self.judge(kind, None)
+            self.tell(**found)
 
     def _match(self) -> None:
         """A tick is complete when both messages of its stamp have come."""
         if self._points[_STAMP] == self._poses[_STAMP] and self._points:
-            self._matched = (self._points, self._poses)
-            self._news = replace(
-                self._news,
-                frames_seen=self._news.frames_seen + 1,
-                frame_at_s=time.monotonic(),
-            )
+            self._matched = (self._points, self._poses, time.monotonic())
+
+
+def _tick(points: bytes, poses: bytes, came_s: float) -> Mapping[str, object]:
+    stamp_s, pairs = read_pairs(points)
+    return {"frame": Frame(stamp_s, read_poses(poses)[1], pairs), "frame_at_s": came_s}

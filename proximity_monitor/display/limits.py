@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from html import escape
 
 import numpy as np
 import viser
@@ -14,6 +15,9 @@ from proximity_monitor.display.state import BOUNDED, Frame, Health, Scene
 
 ASK_S = 0.2
 """Seconds between two requests to the monitor while a slider is dragged."""
+
+HAND_S = 1.0
+"""Seconds after a request until a slider may be pulled from the hand: once it was answered."""
 
 HEADROOM = 4.0
 """A slider of a length reaches to so many times what it was at first."""
@@ -36,6 +40,7 @@ class Limits:
         self._ask = ask
         self._wanted: dict[str, float] = {}
         self._asked_s = -math.inf
+        self._asked_in: Scene | None = None  # what was in force then
         self._prefix = ""
         self._scene: Scene | None = None
         self._tried: dict[str, str] = {}
@@ -65,16 +70,15 @@ class Limits:
         """Send what was set, and show what is in force and what it costs."""
         if self._wanted:
             if now_s >= self._asked_s + ASK_S:
-                self._asked_s = now_s
+                self._asked_s, self._asked_in = now_s, scene
                 wanted, self._wanted = self._wanted, {}
                 self._ask(wanted)
-        elif now_s >= self._asked_s + 5.0 * ASK_S:  # so that a slider is not pulled from the hand
+        elif (scene is not self._asked_in or refusal) and now_s >= self._asked_s + HAND_S:
             self._follow(scene)
         if health is not None:
             self._cost.content = self._tell_cost(scene, frame, health)
-        self._refusal.content = (
-            f"<div class=pm style='color:#b3261e'>not taken: {refusal}</div>" if refusal else ""
-        )
+        told = f"<div class=pm style='color:#b3261e'>not taken: {escape(refusal)}</div>"
+        self._refusal.content = told if refusal else ""
 
     def _follow(self, scene: Scene) -> None:
         """Move the sliders to what is in force, with new scales where that is of others."""
@@ -84,7 +88,7 @@ class Limits:
         limits = scene.own_thresholds[pair] if own else scene.thresholds
         to_unit, symbol = 1.0 / scene.unit.to_metre, scene.unit.symbol
         values = {name: getattr(limits, name) * to_unit for name in self._lengths}
-        if self._scene is None or prefix != self._prefix or self._scene.bodies != scene.bodies:
+        if self._scene is None or prefix != self._prefix or self._scene.key != scene.key:
             self._prefix = prefix
             top = _round_up(HEADROOM * max(*values.values(), 1e-9))
             for name, slider in self._lengths.items():
@@ -100,20 +104,18 @@ class Limits:
         self._budget.value = _within(scene.settings["budget_ms"], self._budget)
         self._rel.value = _within(100.0 * (scene.settings["rel_err"] or 0.0), self._rel)
         self._abs.value = _within((scene.settings["abs_err"] or 0.0) * to_unit, self._abs)
-        whose = f"of {pair[0]} - {pair[1]}" if own else "of all pairs without their own"
+        whose = f"of {escape(' - '.join(pair))}" if own else "of all pairs without their own"
         self._whose.content = f"<div class='pm pm-small pm-dim'>{whose}</div>"
 
     def _on_length(self, name: str, slider: viser.GuiSliderHandle):
         async def on_update(event: viser.GuiEvent) -> None:
             if event.client is None or self._scene is None:
                 return
-            values = {each: self._lengths[each].value for each in ("warn", "stop")}
-            if name == "warn":  # they push each other, as warn may not be below stop
-                values["stop"] = min(values["stop"], values["warn"])
-            elif name == "stop":
-                values["warn"] = max(values["stop"], values["warn"])
-            values[name] = slider.value if name == "hysteresis" else values[name]
-            for each, value in values.items():
+            moved = {name: slider.value}
+            if self._lengths["warn"].value < self._lengths["stop"].value:
+                # They push each other, as warn may not be below stop.
+                moved = dict.fromkeys(("warn", "stop"), slider.value)
+            for each, value in moved.items():
                 self._lengths[each].value = value
                 self._wanted[f"{self._prefix}.{each}"] = value * self._scene.unit.to_metre
 
@@ -128,7 +130,7 @@ class Limits:
 
     def _tell_cost(self, scene: Scene, frame: Frame, health: Health) -> str:
         pairs, settings, unit = frame.pairs, scene.settings, scene.unit
-        p50, p99 = (health.number("schedule", f"search_p{share}_ms") for share in (50, 99))
+        p50, p99 = (health.number(f"search_p{share}_ms") for share in (50, 99))
         gaps = (pairs.upper - pairs.lower)[np.isfinite(pairs.upper)]
         widest = float(gaps.max()) if len(gaps) else 0.0
         bounded = int((pairs.status == BOUNDED).sum())

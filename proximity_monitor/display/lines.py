@@ -44,7 +44,8 @@ def pattern(level: int, unsure: bool) -> np.ndarray:
 def shown_rows(pairs: Pairs, choice: Choice) -> np.ndarray:
     """Return the rows to draw, the nearest first: all that are not clear, and the nearest others.
 
-    Ignored pairs and those without a pose are left out; a highlighted pair is drawn alone.
+    Those of the body at the gizmo are drawn all. Ignored pairs and those without a pose are left
+    out; a highlighted pair is drawn alone.
     """
     if choice.pair is not None:
         row = pairs.places.get(choice.pair)
@@ -57,6 +58,7 @@ def shown_rows(pairs: Pairs, choice: Choice) -> np.ndarray:
     rows = np.flatnonzero(wanted)
     rows = rows[np.argsort(pairs.lower[rows], kind="stable")]
     near = np.arange(len(rows)) < choice.lines
+    near |= np.array([choice.body in pairs.names[i] for i in rows], bool)
     return rows[near | (pairs.level[rows] != 0) | pairs.touching[rows]]
 
 

@@ -29,5 +29,4 @@ STYLE = """<style>
 .pm-bar u { position: absolute; top: -2px; bottom: -2px; width: 1px; background: #666; }
 .pm-press { cursor: pointer; text-decoration: underline dotted; opacity: .75; }
 .pm-press:hover { opacity: 1; }
-.pm-kv { display: grid; grid-template-columns: auto 1fr; gap: 1px 12px; }
 </style>"""

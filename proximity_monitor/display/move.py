@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import numpy as np
 import viser
 
@@ -28,7 +30,7 @@ class Move:
         self._parts: Parts | None = None
         self._frame: Frame | None = None
         self._gizmo: viser.TransformControlsHandle | None = None
-        self._dragging = False
+        self._dragging: str | None = None  # a drag stays with its body, whatever is chosen then
         self._hidden = False
         self._edited = False  # what was typed waits for its button
         self._told: tuple[str | None, bytes] = (None, b"")
@@ -57,6 +59,7 @@ class Move:
     def begin(self, scene: Scene, parts: Parts) -> None:
         """Take a scene; the gizmo is made anew at its size."""
         self._scene, self._parts, self._frame = scene, parts, None
+        self._dragging = None  # the old gizmo tells no end
         names = tuple(body.name for body in scene.bodies if body.topic is not None)
         self._who.options = (NOBODY, *names)
         digits = DECIMALS.get(scene.unit.symbol, 4)
@@ -90,7 +93,7 @@ class Move:
             button.disabled = name not in held
         self._undo.disabled = not self._holds.can_undo
         self._note.content = _note(name, held.keys(), news.rivals)
-        if pose is None or self._dragging:
+        if pose is None or self._dragging is not None:
             return
         at = moved(pose, self._parts[name].centre / self._parts.scale)
         self._gizmo.position, self._gizmo.wxyz = at[:3] * self._parts.scale, at[3:]
@@ -120,22 +123,24 @@ class Move:
         self._turn.value = tuple(round(angle, 3) for angle in to_degrees(pose[3:]))
 
     async def _on_drag(self, event: viser.TransformControlsEvent) -> None:
-        name = self._choice.body
+        if event.phase == "start":
+            name = self._choice.body
+            pose = None if name is None else self._pose(name)
+            self._dragging = None if pose is None else name
+            if pose is not None:
+                self._holds.take(name, pose)
+        name = self._dragging
         if name is None:
             return
-        if event.phase == "start":
-            pose = self._pose(name)
-            if pose is not None:
-                self._dragging = True
-                self._holds.take(name, pose)
         scale, centre = self._parts.scale, self._parts[name].centre
         turned = np.array(event.target.wxyz) / np.linalg.norm(event.target.wxyz)
         at = np.concatenate((np.array(event.target.position) / scale, turned))
         pose = moved(at, -centre / scale)
         self._holds.move(name, pose)
-        self._tell(pose)
+        if name == self._choice.body:
+            self._tell(pose)
         if event.phase == "end":
-            self._dragging = False
+            self._dragging = None
 
     async def _on_who(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
@@ -161,7 +166,8 @@ class Move:
         self._holds.reset(self._choice.body)
 
     async def _on_release(self, _) -> None:
-        self._holds.release(self._choice.body)
+        if self._choice.body is not None:
+            self._holds.release(self._choice.body)
 
 
 def _note(name: str | None, held, rivals: tuple[str, ...]) -> str:
@@ -170,7 +176,7 @@ def _note(name: str | None, held, rivals: tuple[str, ...]) -> str:
     elif name not in held:
         text = "Drag the gizmo to take the part; its pose is published 40 times a second."
     elif rivals:
-        text = f"▲ held here, but {', '.join(rivals)} publishes poses of held parts too"
+        text = f"▲ held here, but {escape(', '.join(rivals))} publishes poses of held parts too"
     else:
         text = f"held here, with {len(held) - 1} more" if len(held) > 1 else "held here"
     return f'<div class="pm pm-small" id="pm-held">{text}</div>'

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -12,11 +12,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
-from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from proximity_monitor.display.holds import Holds
-from proximity_monitor.display.inbox import Alert, Inbox
+from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.state import Health, Scene
 
 HELD_HZ = 40.0
@@ -26,15 +25,6 @@ _LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
-_ALERTS = QoSProfile(
-    depth=200, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
-_LEVELS = {
-    DiagnosticStatus.OK: "clear",
-    DiagnosticStatus.WARN: "warn",
-    DiagnosticStatus.ERROR: "stop",
-    DiagnosticStatus.STALE: "stale",
-}
 
 
 class ProximityDisplay(Node):
@@ -58,6 +48,7 @@ class ProximityDisplay(Node):
         self._inbox = inbox
         self._holds = holds
         self._scene: Scene | None = None
+        self._topics: dict[str, str] = {}  # of the bodies that can be held
         self._publishers_of: dict[str, object] = {}
         self._parts = None
         text = "Name of the monitor's node, in this node's namespace unless it begins with a slash."
@@ -65,7 +56,7 @@ class ProximityDisplay(Node):
         text = "Address to listen on. There is no login: whoever reaches it can move the bodies."
         self.host = self._declare("host", "127.0.0.1", text)
         text = "Name of a player, which leaves the bodies that are held here alone."
-        player = self.resolve_topic_name(self._declare("player", "proximity_player", text))
+        self._player = self.resolve_topic_name(self._declare("player", "proximity_player", text))
         ports = [IntegerRange(from_value=0, to_value=65535)]
         text = "Port of the page; 0: any that is free. Where it is taken, the next free one."
         self.port = self._declare("port", 8080, text, integer_range=ports)
@@ -77,14 +68,13 @@ class ProximityDisplay(Node):
         hear(String, "scene", self._on_scene, _LATCHED)
         hear(DiagnosticArray, "closest_points", inbox.put_points, _LATEST, raw=True)
         hear(PoseArray, "poses", inbox.put_poses, _LATEST, raw=True)
-        hear(DiagnosticStatus, "alerts", self._on_alert, _ALERTS)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        self._parameters = self.create_client(
+        self._to_monitor = self.create_client(
             SetParametersAtomically, f"{self.monitor}/set_parameters_atomically"
         )
-        self._player = self.create_client(SetParameters, f"{player}/set_parameters")
-        self._released: frozenset[str] = frozenset()
-        self._reset = self.create_client(Trigger, f"{self.monitor}/reset_minima")
+        self._to_player = self.create_client(SetParameters, f"{self._player}/set_parameters")
+        self._asked: frozenset[str] | None = None  # what the player was told to leave alone
+        self._released: frozenset[str] | None = None  # what it has agreed to; None: not known
         self.create_timer(1.0 / HELD_HZ, self._publish_held)
         self.create_timer(0.5, self._look_around)
 
@@ -98,60 +88,47 @@ class ProximityDisplay(Node):
             result = future.result().result
             self._inbox.tell(refusal="" if result.successful else result.reason)
 
-        self._ask(self._parameters, request, on_answer)
+        if self._to_monitor.service_is_ready():
+            self._inbox.tell(refusal="")
+            self._to_monitor.call_async(request).add_done_callback(on_answer)
+        else:
+            self._inbox.tell(refusal=f"{self._to_monitor.srv_name} does not answer")
 
-    def reset_minima(self) -> None:
-        """Have the monitor forget its smallest clearances. Any thread may call."""
-        self._ask(self._reset, Trigger.Request(), lambda future: None)
+    @property
+    def player_knows(self) -> bool:
+        """Whether a player that is there has agreed to leave alone what is held, and no more."""
+        return not self._to_player.service_is_ready() or self._holds.poses.keys() == self._released
 
     def _declare(self, name: str, default, text: str, **limits):
         descriptor = ParameterDescriptor(description=text, read_only=True, **limits)
         return self.declare_parameter(name, default, descriptor).value
-
-    def _ask(self, client, request, on_answer: Callable) -> None:
-        if not client.service_is_ready():
-            self._inbox.tell(refusal=f"{client.srv_name} does not answer")
-            return
-        client.call_async(request).add_done_callback(on_answer)
 
     def _on_scene(self, message: String) -> None:
         try:
             scene = Scene.read(message.data)
         except ValueError as error:
             self.get_logger().error(str(error))
-            self._inbox.tell(refusal=str(error))
+            self._inbox.judge("scene", str(error))
             return
         before, self._scene = self._scene, scene
-        if before is None or (before.name, before.frame, before.bodies) != (
-            scene.name,
-            scene.frame,
-            scene.bodies,
-        ):
+        if before is None or before.key != scene.key:
+            self._topics = {body.name: body.topic for body in scene.bodies if body.topic}
             self._inbox.forget()
             self._holds.release()
             self._hear_parts(True)
+        self._inbox.judge("scene", None)
         self._inbox.tell(scene=scene)
 
-    def _on_alert(self, message: DiagnosticStatus) -> None:
-        values = {each.key: each.value for each in message.values}
-        stamp_s = float(values.get("stamp", "nan"))
-        self._inbox.put_alert(Alert(stamp_s, _LEVELS[message.level], message.name, message.message))
-
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        prefix = f"{self.monitor.lstrip('/')}: "
-        told = {
-            status.name.removeprefix(prefix): {v.key: v.value for v in status.values}
-            | {"message": status.message}
-            for status in message.status
-            if status.name.startswith(prefix)
-        }
-        if told:
-            kinds = ("schedule", "clearance", "inputs")
-            self._inbox.put_health(Health(**{kind: told.get(kind, {}) for kind in kinds}))
+        schedule = f"{self.monitor.lstrip('/')}: schedule"
+        for status in message.status:
+            if status.name == schedule:
+                told = {each.key: each.value for each in status.values}
+                self._inbox.put_health(Health(told | {"message": status.message}))
 
     def _publish_held(self) -> None:
         held = self._holds.poses
-        if held.keys() != self._released:
+        if held.keys() != self._asked:
             self._tell_player(frozenset(held))
         if not held or self._scene is None:
             return
@@ -159,18 +136,26 @@ class ProximityDisplay(Node):
         message.header.stamp = self.get_clock().now().to_msg()
         message.header.frame_id = self._scene.frame
         place, turn = message.pose.position, message.pose.orientation
-        for name, pose in held.items():
+        for name in held.keys() & self._topics.keys():
+            pose = held[name]
             place.x, place.y, place.z, turn.w, turn.x, turn.y, turn.z = pose.tolist()
             self._publisher(name).publish(message)
 
     def _tell_player(self, held: frozenset[str]) -> None:
-        if self._player.service_is_ready():
-            self._released = held
-            value = Parameter("released", Parameter.Type.STRING_ARRAY, sorted(held))
-            self._player.call_async(SetParameters.Request(parameters=[value.to_parameter_msg()]))
+        if not self._to_player.service_is_ready():
+            return
+        self._asked = held
+        value = Parameter("released", Parameter.Type.STRING_ARRAY, sorted(held))
+        request = SetParameters.Request(parameters=[value.to_parameter_msg()])
+
+        def on_answer(future) -> None:
+            if all(result.successful for result in future.result().results):
+                self._released = held
+
+        self._to_player.call_async(request).add_done_callback(on_answer)
 
     def _publisher(self, name: str):
-        topic = self._scene.body(name).topic
+        topic = self._topics[name]
         if topic not in self._publishers_of:
             self._publishers_of[topic] = self.create_publisher(PoseStamped, topic, _LATEST)
         return self._publishers_of[topic]
@@ -180,15 +165,23 @@ class ProximityDisplay(Node):
         news = self._inbox.news
         names = self.get_node_names_and_namespaces()
         present = any(f"{space.rstrip('/')}/{name}" == self.monitor for name, space in names)
+        if self._asked != self._released or not self._to_player.service_is_ready():
+            # It refused, its answer was lost, or it is gone and another may come: tell it again.
+            self._asked = self._released = None
         rivals = {
             info.node_name
-            for name in self._holds.poses
-            for info in self.get_publishers_info_by_topic(self._scene.body(name).topic)
-            if info.node_name != self.get_name()
+            for name in self._holds.poses.keys() & self._topics.keys()
+            for info in self.get_publishers_info_by_topic(self._topics[name])
+            if self._is_rival(name, f"{info.node_namespace.rstrip('/')}/{info.node_name}")
         }
         self._inbox.tell(present=present, rivals=tuple(sorted(rivals)))
         if self._scene is not None:
             self._hear_parts(news.parts is None or bool(self._scene.deforming))
+
+    def _is_rival(self, body: str, node: str) -> bool:
+        """Whether a publisher of a held body's topic may publish poses of it."""
+        agreed = node == self._player and body in (self._released or ())
+        return not agreed and node != self.get_fully_qualified_name()
 
     def _hear_parts(self, wanted: bool) -> None:
         """A large mesh is worth a core if it comes several times a second, and comes but once."""

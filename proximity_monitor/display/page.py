@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -12,7 +11,7 @@ import viser
 from proximity_monitor.display import serving
 from proximity_monitor.display.bridge import Bridge
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.connection import banner, connection, pill
+from proximity_monitor.display.connection import Connection, banner, connection, pill
 from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox, News
 from proximity_monitor.display.limits import Limits
@@ -22,10 +21,8 @@ from proximity_monitor.display.move import Move
 from proximity_monitor.display.node import ProximityDisplay
 from proximity_monitor.display.pairs import as_pair, table
 from proximity_monitor.display.parts import Parts
-from proximity_monitor.display.received import Part
-from proximity_monitor.display.save import Save
+from proximity_monitor.display.save import Save, Shown
 from proximity_monitor.display.session import Session
-from proximity_monitor.display.state import Frame, Scene
 from proximity_monitor.display.timeline import Timeline
 
 TABLE_S = 0.1
@@ -54,10 +51,8 @@ class Page:
         self._holds = holds
         self._choice = Choice()
         self._session = Session()
-        self._scene: Scene | None = None
-        self._frame: Frame | None = None
+        self._shown: Shown | None = None
         self._parts: Parts | None = None
-        self._meshes: Sequence[Part] = ()
         self._lines: Lines | None = None
         self._drawn: tuple = ()
         self._table_due_s = 0.0
@@ -80,42 +75,43 @@ class Page:
         over_time.float(x=14, y=-14, width=600, height=290)
         with tabs.add_tab("Session", viser.Icon.HISTORY):
             self._timeline = Timeline(gui, plot, self._session, self._choice, self._return_to_worst)
-            self._save = Save(gui, inbox, self._session, self._choice, self._shown, self._move.hide)
+            self._save = Save(
+                gui, self._session, self._choice, lambda: self._shown, self._move.hide
+            )
 
     def step(self) -> None:
         """Bring the page up to date: one block of changes for all browsers."""
-        try:
-            news = self._inbox.read()
-        except ValueError as error:  # of another version's monitor, or no monitor at all
-            self._inbox.tell(refusal=str(error))
-            news = self._inbox.news
+        news = self._inbox.read()
         now_s = time.monotonic()
+        told = connection(news, now_s)
         with self._server.atomic():
-            self._pill.content = pill(connection(news, now_s))
+            self._pill.content = pill(told, self._choice)
             if _complete(news):
-                self._show(news, now_s)
+                self._show(news, told, now_s)
+            else:
+                self._banner.content = ""  # what it said was of the scene before
 
-    def _show(self, news: News, now_s: float) -> None:
-        scene = news.scene
-        if self._scene is None or self._scene.bodies != scene.bodies:
+    def _show(self, news: News, told: Connection, now_s: float) -> None:
+        scene, before = news.scene, self._shown
+        if before is None or before.scene.key != scene.key:
             self._build(news)
-        elif news.parts is not self._meshes:
+        elif news.parts is not before.parts:
             self._parts.reshape(news.parts, scene.deforming)
-        self._scene, self._meshes = scene, news.parts
         if news.frame is not self._session.newest:
             self._session.add(news.frame)
         at, choice = self._choice.at_s, self._choice
-        frame = self._frame = news.frame if at is None else self._session.at(at)
+        frame = news.frame if at is None else self._session.at(at)
+        self._shown = Shown(scene, frame, news.parts)
         held = self._holds.poses if at is None else {}
         self._parts.show(frame, held, choice, choice.pair or ())
         self._move.show(frame, news)
-        drawn = (frame, choice.pair, choice.ignored, choice.lines, scene)
+        drawn = (frame, choice.pair, choice.body, choice.ignored, choice.lines, scene)
         if drawn != self._drawn:
             self._drawn = drawn
             self._lines.show(frame.pairs, scene, choice)
         if now_s >= self._table_due_s:
             self._table_due_s = now_s + TABLE_S
-            self._banner.content = banner(frame, scene, choice)
+            self._banner.content = banner(news.frame, scene, choice, told)
             self._table.content = table(frame.pairs, scene, choice)
             self._limits.show(scene, news.frame, news.health, news.refusal, now_s)
         self._timeline.show(scene, now_s)
@@ -125,6 +121,8 @@ class Page:
         self._server.scene.reset()
         serving.light(self._server)
         self._session.clear()
+        self._holds.release()  # what was taken since the scene came was taken of the one before
+        self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
         self._parts = Parts(self._server, news.scene, news.parts, self._move.pick)
         self._parts.show(news.frame, {}, self._choice, ())
@@ -162,9 +160,6 @@ class Page:
         async def _(_) -> None:
             self._choice.names = names.value
 
-    def _shown(self) -> tuple[Scene, Frame] | None:
-        return None if self._frame is None else (self._scene, self._frame)
-
     def _on_word(self, word: str, client: viser.ClientHandle | None) -> None:
         what, _, name = word.partition(":")
         pair, choice = as_pair(name), self._choice
@@ -177,7 +172,7 @@ class Page:
 
     def _zoom(self, client: viser.ClientHandle) -> None:
         """Look at the gap of the highlighted pair from where the camera stands, but nearer."""
-        pairs = self._frame.pairs
+        pairs = self._shown.frame.pairs
         row = pairs.places.get(self._choice.pair)
         if row is None or np.isnan(pairs.points[row]).any():
             return
@@ -198,11 +193,12 @@ class Page:
         pair, worst = found
         self._choice.at_s = None
         self._choice.pair = pair
+        scene = self._shown.scene
         for name in pair:
-            if name in self._scene.moving and self._scene.body(name).topic is not None:
-                row = self._scene.moving.index(name)
-                now = self._holds.poses.get(name, self._frame.pose(row))
-                self._holds.place(name, worst.poses[row], now)
+            if name in scene.moving and scene.body(name).topic is not None:
+                row = scene.moving.index(name)
+                there, now = worst.poses[row], self._session.newest.pose(row)
+                self._holds.place(name, there, there if now is None else now)
 
 
 def _complete(news: News) -> bool:

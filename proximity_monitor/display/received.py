@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from proximity_monitor.display.cdr import Cursor
-from proximity_monitor.display.state import LEVELS, STATUSES, Pairs
+from proximity_monitor.display.state import LEVELS, STATUSES, Pairs, shared
 
 _LEVEL = {name.encode(): i for i, name in enumerate(LEVELS)}
 _STATUS = {name.encode(): i for i, name in enumerate(STATUSES)}
@@ -38,7 +40,7 @@ def read_pairs(data: bytes) -> tuple[float, Pairs]:
         numbers = np.array(
             [
                 (*map(float, (t[b"lower_m"], t[b"upper_m"], t[b"age_s"], t[b"stamp"])),
-                 _STATUS[t[b"status"]], _LEVEL[t[b"state"]])
+                 _code(_STATUS, t[b"status"]), _code(_LEVEL, t[b"state"]))
                 for t in told
             ]
         ).reshape(-1, 6)  # fmt: skip
@@ -48,9 +50,16 @@ def read_pairs(data: bytes) -> tuple[float, Pairs]:
         raise ValueError(f"a pair of ~/closest_points has no {error}") from error
     lower, upper, age, stamp, status, level = numbers.T
     return stamp_s, Pairs(
-        tuple(names), lower, upper, places, status.astype(np.int8), level.astype(np.int8),
+        shared(tuple(names)), lower, upper, places, status.astype(np.int8), level.astype(np.int8),
         age, stamp, tuple(silent),
     )  # fmt: skip
+
+
+def _code(codes: Mapping[bytes, int], word: bytes) -> int:
+    code = codes.get(word)
+    if code is None:
+        raise ValueError(f"{word.decode()} of a pair of ~/closest_points is not known")
+    return code
 
 
 def _values(cursor: Cursor) -> dict[bytes, bytes]:
@@ -73,6 +82,9 @@ def read_poses(data: bytes) -> tuple[float, np.ndarray]:
 
     Returns:
         The stamp in seconds, and the poses (m, 7): x y z, quaternion w x y z.
+
+    Raises:
+        ValueError: it is not what a monitor publishes.
     """
     cursor = Cursor(data)
     stamp_s = cursor.stamp_s()
@@ -93,7 +105,11 @@ class Part:
 
 
 def read_parts(data: bytes) -> list[Part]:
-    """Read ~/parts, a serialised MarkerArray with one marker a body in the scene's order."""
+    """Read ~/parts, a serialised MarkerArray with one marker a body in the scene's order.
+
+    Raises:
+        ValueError: it is not what a monitor publishes.
+    """
     cursor = Cursor(data)
     return [_part(cursor) for _ in range(cursor.count())]
 

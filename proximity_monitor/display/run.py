@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -21,6 +22,9 @@ from proximity_monitor.display.page import Page
 
 FRAMES_HZ = 25.0
 """How often the page is brought up to date."""
+
+FAREWELL_S = 1.0
+"""So long a player has to hear that nothing is held here any more."""
 
 _IDLE_S = 0.1
 
@@ -45,26 +49,31 @@ def main(args: Sequence[str] | None = None) -> int:
         node.destroy_node()
         rclpy.try_shutdown()
         return 1
-    spinning = threading.Thread(target=_spin, args=(node, stop))
-    spinning.start()
+    threads = ThreadPoolExecutor(1)
+    spinning = threads.submit(_spin, node, holds, stop)
     try:
         page = Page(server, inbox, holds, node)
         _say_where(node, server)
         _frames(page, stop)
     finally:
         stop.set()
-        spinning.join()
+        threads.shutdown()
         serving.stop(server)
         node.destroy_node()
         rclpy.try_shutdown()
+    spinning.result()  # what ended that thread, if anything did, ends the program
     return 0
 
 
-def _spin(node: ProximityDisplay, stop: threading.Event) -> None:
+def _spin(node: ProximityDisplay, holds: Holds, stop: threading.Event) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         while not stop.is_set() and rclpy.ok():
+            executor.spin_once(timeout_sec=_IDLE_S)
+        holds.release()
+        until_s = time.monotonic() + FAREWELL_S
+        while rclpy.ok() and not node.player_knows and time.monotonic() < until_s:
             executor.spin_once(timeout_sec=_IDLE_S)
     except ExternalShutdownException:
         pass
@@ -85,8 +94,9 @@ def _say_where(node: ProximityDisplay, server) -> None:
     port = server.get_port()
     if node.port not in (0, port):
         node.get_logger().warning(f"port {node.port} is taken: using {port}")
-    if node.host not in ("127.0.0.1", "localhost", "::1"):
+    if node.host not in serving.LOOPBACK:
         node.get_logger().warning(
             f"listening on {node.host}: there is no login, whoever reaches it can move the bodies"
         )
-    print(f"display: http://{node.host}:{port}", flush=True)
+    host = f"[{node.host}]" if ":" in node.host else node.host
+    print(f"display: http://{host}:{port}", flush=True)

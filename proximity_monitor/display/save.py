@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.export import pairs_csv, series_csv
-from proximity_monitor.display.inbox import Inbox
+from proximity_monitor.display.received import Part
 from proximity_monitor.display.replay import replay_html
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.state import Frame, Scene
 
-Shown = Callable[[], tuple[Scene, Frame] | None]
+RENDER_S = 30.0
+"""A browser that has sent no picture after so many seconds sends none."""
+
+
+class Shown(NamedTuple):
+    """What the page shows, all of one scene."""
+
+    scene: Scene
+    frame: Frame
+    parts: Sequence[Part]
 
 
 class Save:
@@ -25,23 +35,20 @@ class Save:
     def __init__(
         self,
         gui: viser.GuiApi,
-        inbox: Inbox,
         session: Session,
         choice: Choice,
-        shown: Shown,
+        shown: Callable[[], Shown | None],
         hide_gizmo: Callable[[bool], None],
     ) -> None:
         """Add them where the GUI stands.
 
         Args:
             gui: where they go.
-            inbox: has the meshes.
             session: what is recorded.
             choice: what is highlighted and ignored.
-            shown: returns the scene and the frame that the page shows, None before the first.
+            shown: returns what the page shows, None before the first frame.
             hide_gizmo: hides it while a picture is taken.
         """
-        self._inbox = inbox
         self._session = session
         self._choice = choice
         self._shown = shown
@@ -64,35 +71,35 @@ class Save:
         picture.on_click(self._send("png", self._picture))
         replay.on_click(self._send("html", self._replay))
 
-    def _send(self, suffix: str, make: Callable[[Scene, Frame, viser.ClientHandle], bytes]):
+    def _send(self, suffix: str, make: Callable[[Shown, viser.ClientHandle], bytes]):
         def on_click(event: viser.GuiEvent) -> None:
             shown = self._shown()
             if shown is not None and event.client is not None:
-                content = make(*shown, event.client)
-                name = f"{shown[0].name}.{suffix}"
+                content = make(shown, event.client)
+                name = f"{shown.scene.name}.{suffix}"
                 event.client.send_file_download(name, content, save_immediately=True)
 
         return on_click
 
-    def _table(self, scene: Scene, frame: Frame, _: viser.ClientHandle) -> bytes:
-        return pairs_csv(frame, scene, self._session).encode()
+    def _table(self, shown: Shown, _: viser.ClientHandle) -> bytes:
+        return pairs_csv(shown.frame, shown.scene, self._session).encode()
 
-    def _series(self, scene: Scene, _: Frame, __: viser.ClientHandle) -> bytes:
-        return series_csv(self._session, scene).encode()
+    def _series(self, shown: Shown, _: viser.ClientHandle) -> bytes:
+        return series_csv(self._session, shown.scene).encode()
 
-    def _picture(self, _: Scene, __: Frame, client: viser.ClientHandle) -> bytes:
+    def _picture(self, _: Shown, client: viser.ClientHandle) -> bytes:
         self._hide_gizmo(True)
         try:
             camera = client.camera
-            image = client.get_render(camera.image_height, camera.image_width)
+            image = client.get_render(camera.image_height, camera.image_width, timeout=RENDER_S)
         finally:
             self._hide_gizmo(False)
         return png(image)
 
-    def _replay(self, scene: Scene, _: Frame, client: viser.ClientHandle) -> bytes:
+    def _replay(self, shown: Shown, client: viser.ClientHandle) -> bytes:
         camera = np.array([client.camera.position, client.camera.look_at])
-        parts = self._inbox.news.parts
-        return replay_html(scene, parts, self._session, self._choice, camera).encode()
+        document = replay_html(shown.scene, shown.parts, self._session, self._choice, camera)
+        return document.encode()
 
 
 def png(image: np.ndarray) -> bytes:

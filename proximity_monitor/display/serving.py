@@ -12,6 +12,9 @@ from urllib.parse import urlsplit
 import viser
 import websockets.asyncio.server
 
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+"""The names under which this machine alone can be reached."""
+
 
 def serve(host: str, port: int, title: str) -> viser.ViserServer:
     """Start the server in threads of its own.
@@ -24,8 +27,10 @@ def serve(host: str, port: int, title: str) -> viser.ViserServer:
     Raises:
         OSError: there is no such address on this machine.
     """
-    socket.create_server((host, 0)).close()  # on such an address viser would wait for ever
-    with _same_origin_only(), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
+    # On an address that is not ours viser would wait for ever.
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    socket.create_server((host, 0), family=family).close()
+    with _own_pages_only(), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=False)
     light(server)
@@ -48,18 +53,19 @@ def stop(server: viser.ViserServer) -> None:
 
 
 @contextlib.contextmanager
-def _same_origin_only() -> Iterator[None]:
-    """Have the server that starts meanwhile refuse websockets that another site's page opens.
+def _own_pages_only() -> Iterator[None]:
+    """Have the server that starts meanwhile refuse what another site's page asks.
 
     A browser lets every page connect to every address of its own machine, and says in `Origin`
-    which page it is; viser's server does not look. It has no setting for it, and takes `serve` from
-    the module at the moment it starts.
+    which page it is, in `Host` under which name it asks; viser's server does not look. It has no
+    setting for it, and takes `serve` from the module at the moment it starts.
     """
     plain = websockets.asyncio.server.serve
 
     def checked(handler, host, port, *, process_request, **options):
         def look_at(connection, request):
-            if foreign(request.headers.get("Origin"), request.headers.get("Host")):
+            named = request.headers.get("Host")
+            if foreign(request.headers.get("Origin"), named) or disguised(host, named):
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "foreign origin\n")
             return process_request(connection, request)
 
@@ -75,3 +81,12 @@ def _same_origin_only() -> Iterator[None]:
 def foreign(origin: str | None, host: str | None) -> bool:
     """Return whether a request comes from the page of another site; programs name no origin."""
     return origin is not None and urlsplit(origin).netloc != host
+
+
+def disguised(listening: str, host: str | None) -> bool:
+    """Return whether a request to this machine alone came under a name that others gave it.
+
+    Another site can have its own name resolve to 127.0.0.1 once its page is loaded (DNS rebinding);
+    then the page's origin and the host that it asks are the same.
+    """
+    return listening in LOOPBACK and urlsplit(f"//{host}").hostname not in LOOPBACK

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from array import array
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Collection
@@ -41,6 +42,8 @@ class Session:
         """Begin with none."""
         self._frames: deque[Frame] = deque()
         self._bytes = 0
+        self._of: tuple[PairName | None, frozenset[PairName]] = (None, frozenset())
+        self._curve = array("d")  # stamp, lower and upper bound of each kept frame, for `_of`
         self._worst: dict[PairName, Worst] = {}
         self.newest: Frame | None = None
         """The last that was added, kept or not."""
@@ -54,18 +57,17 @@ class Session:
         if self._frames and frame.stamp_s < self._frames[-1].stamp_s + PERIOD_S:
             return
         self._frames.append(frame)
+        self._curve.extend((frame.stamp_s, *_bounds(frame.pairs, *self._of)))
         self._bytes += _size(frame)
         while self._bytes > BYTES and len(self._frames) > 1:
             self._bytes -= _size(self._frames.popleft())
+            del self._curve[:3]
 
     def clear(self) -> None:
         """Begin anew."""
         self._frames.clear()
         self._bytes = 0
-        self.forget_worst()
-
-    def forget_worst(self) -> None:
-        """Begin anew with the smallest clearances."""
+        del self._curve[:]
         self._worst.clear()
 
     @property
@@ -94,7 +96,9 @@ class Session:
         if pair is not None:
             found = self._worst.get(pair)
             return None if found is None else (pair, found)
-        watched = [(name, worst) for name, worst in self._worst.items() if name not in ignored]
+        watched = [
+            (name, worst) for name, worst in list(self._worst.items()) if name not in ignored
+        ]
         return min(watched, key=lambda each: each[1].upper, default=None)
 
     def series(
@@ -103,16 +107,20 @@ class Session:
         """Return stamps, lower and upper bounds (n,), in metres, for a plot.
 
         They are those of a pair or, without one, of the smallest clearance of all that are not
-        ignored. Of several ticks that fall on one point the nearest is shown; NaN is a gap.
+        ignored. Of several ticks that fall on one point the nearest is shown; NaN is a gap. Only
+        when it is asked for others than before does it go through the whole session.
         """
-        frames = self.frames
-        stamps = np.array([frame.stamp_s for frame in frames])
-        bounds = np.array([_bounds(frame.pairs, pair, ignored) for frame in frames], float).reshape(
-            -1, 2
-        )
-        step = -(-len(frames) // POINTS)
+        wanted = (pair, frozenset(ignored))
+        if wanted != self._of:
+            self._of = wanted
+            self._curve = array("d")
+            for frame in self._frames:
+                self._curve.extend((frame.stamp_s, *_bounds(frame.pairs, *wanted)))
+        curve = np.array(self._curve).reshape(-1, 3)
+        stamps, bounds = curve[:, 0], curve[:, 1:]
+        step = -(-len(stamps) // POINTS)
         if step > 1:
-            starts = np.arange(0, len(frames), step)
+            starts = np.arange(0, len(stamps), step)
             stamps = stamps[starts]
             bounds = np.fmin.reduceat(bounds, starts, axis=0)
         return stamps, bounds[:, 0], bounds[:, 1]
@@ -144,5 +152,6 @@ def _bounds(
 
 
 def _size(frame: Frame) -> int:
+    """Bytes, nearly: of the arrays, the rest of a pair, and the objects themselves."""
     pairs = frame.pairs
-    return frame.poses.nbytes + pairs.points.nbytes + 66 * len(pairs)
+    return frame.poses.nbytes + pairs.points.nbytes + 70 * len(pairs) + 2_500

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
@@ -42,6 +42,8 @@ class Body:
     topic: str | None
     """Where its PoseStamped are taken in; None: nowhere, so it cannot be dragged."""
     point: bool
+    mesh: str
+    """Another one where the mesh is another."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,11 @@ class Scene:
         """The names of the moving bodies, in the order of ~/poses."""
         return tuple(body.name for body in self.bodies if body.moving)
 
+    @property
+    def key(self) -> Hashable:
+        """What makes it another scene where it changes: all that is built once stands on it."""
+        return self.name, self.frame, self.unit, self.bodies
+
     def body(self, name: str) -> Body:
         """Return a body by its name."""
         return next(body for body in self.bodies if body.name == name)
@@ -110,6 +117,12 @@ class Scene:
     def limits(self, pair: tuple[str, str]) -> Limits:
         """Return the thresholds of a pair, given by the names of its bodies."""
         return self.own_thresholds.get(pair, self.thresholds)
+
+
+@lru_cache(maxsize=16)
+def shared(names: PairNames) -> PairNames:
+    """Return the same object for the same names: the ticks of a session nearly all have them."""
+    return names
 
 
 @lru_cache(maxsize=16)
@@ -150,14 +163,8 @@ class Pairs:
 
     @cached_property
     def touching(self) -> np.ndarray:
-        """(k,) whether contact is certain, or cannot be excluded, or the bodies overlap."""
+        """(k,) whether the bodies touch, cross or overlap, which is certain."""
         return (self.status == INTERSECTING) | (self.status == OVERLAPPING) | (self.upper <= 0.0)
-
-
-NO_PAIRS = Pairs(
-    (), np.empty(0), np.empty(0), np.empty((0, 2, 3)), np.empty(0, np.int8),
-    np.empty(0, np.int8), np.empty(0), np.empty(0), (),
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,12 +185,11 @@ class Frame:
 
 @dataclass(frozen=True)
 class Health:
-    """What the monitor says of itself each second, by key."""
+    """What the monitor says of its own work each second."""
 
     schedule: Mapping[str, str] = field(default_factory=dict)
-    clearance: Mapping[str, str] = field(default_factory=dict)
-    inputs: Mapping[str, str] = field(default_factory=dict)
+    """By key, and "message" for the whole."""
 
-    def number(self, task: str, key: str) -> float:
+    def number(self, key: str) -> float:
         """Return a value as a number; NaN where it is not told."""
-        return float(getattr(self, task).get(key, math.nan))
+        return float(self.schedule.get(key, math.nan))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from html import escape
 
 import numpy as np
 import viser
@@ -91,11 +92,12 @@ class Timeline:
         (a, b), worst = found
         bounds = ""
         if worst.lower < worst.upper:
-            bounds = f" (not below {length(worst.lower, scene.unit)})"
+            bounds = f" (at least {length(worst.lower, scene.unit)} at that tick)"
         ago = self._session.span_s[1] - worst.stamp_s
         self._worst.content = (
             f'<div class=pm id="pm-worst">Smallest in this session: <b>'
-            f"{length(worst.upper, scene.unit)}</b>{bounds}, {a} - {b}, {ago:.0f} s ago</div>"
+            f"{length(worst.upper, scene.unit)}</b>{bounds}, {escape(f'{a} - {b}')},"
+            f" {ago:.0f} s ago</div>"
         )
 
     def _draw(self, scene: Scene, start: float) -> None:

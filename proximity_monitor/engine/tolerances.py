@@ -38,6 +38,16 @@ takes their frame's share from 8 to 29 u32 M and a normal's from 32 to 60 u32 M.
 120 u32 M.
 """
 
+ALONG_MARGIN = 32.0 * SINGLE_EPS
+"""What a node's float32 extent along a given direction is increased by, as a share of its reach.
+
+The reach is that of the node's volumes from its centre: |c|, both half lengths and the radius
+together. Rounding the direction errs by √3 u32 |c| for a centre, its product by 3 u32 |c|; the
+same for the axes, times their half lengths; the sums err by 4 u32 of the reach; comparing two
+nodes' with what is left, a float32 that matters only up to both reaches, by as much again. Together
+less than 14 u32 of the reach. What the direction in float64 errs by, the slack of volumes covers.
+"""
+
 SINGLE_TINY = 1e-30
 """Floor, in squared node units, under which a direction's length is not divided by.
 

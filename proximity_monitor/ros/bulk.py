@@ -120,5 +120,5 @@ def _read_slowly(data: bytes) -> Poses:
 def _deserialised(data: bytes, kind: type):
     try:
         return deserialize_message(data, kind)
-    except Exception as error:  # rclpy raises RCLError or RuntimeError, as the middleware likes
+    except RuntimeError as error:  # rclpy's RMWError is one
         raise ValueError(f"no serialised {kind.__name__}: {error}") from error

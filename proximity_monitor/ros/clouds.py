@@ -23,6 +23,9 @@ def read_vertices(message: PointCloud2) -> np.ndarray:
         if field is None or field.datatype not in _KINDS or field.count > 1:
             raise ValueError(f"a cloud of vertices needs one float32 or float64 '{name}' a point")
         kinds[name] = (f"{order}{_KINDS[field.datatype]}", field.offset)
+    if message.height > 1 and message.row_step < message.width * message.point_step:
+        # Few bytes would be billions of points.
+        raise ValueError("the rows of the cloud overlap")
     try:
         record = np.dtype(
             {

@@ -102,7 +102,8 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         page: whether the page in the browser is served, too.
 
     Returns:
-        The exit code: 1 if the scene cannot be used, or the monitor published nothing.
+        The exit code: 1 if the scene cannot be used, the motion failed while it was played, or the
+        monitor published nothing.
     """
     # Nobody else's network needs to see a demo.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -130,11 +131,21 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         started = time.monotonic()
         ends = math.inf if seconds is None else started + seconds
 
+        played = False
+
         def over() -> bool:
             return time.monotonic() >= ends
 
+        def play() -> None:
+            nonlocal ends, played
+            try:
+                spin([player], stop, over)
+                played = True
+            finally:  # the watch ends as well, if it is by an error, which the thread prints
+                ends = -math.inf
+
         # In a thread of its own: a motion that is computed with effort must not hold up the watch.
-        playing = Thread(target=spin, args=([player], stop, over))
+        playing = Thread(target=play)
         playing.start()
         try:
             spin([monitor, view], stop, over)
@@ -143,6 +154,8 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
             playing.join()
         view.read()
         stack.close()
+        if not played:
+            return 1
         if picture.results or not stop.asked:
             return _summary(picture, time.monotonic() - started)
     return 0  # interrupted while it started

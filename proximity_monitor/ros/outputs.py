@@ -76,7 +76,7 @@ class Outputs:
         self._parts = create(MarkerArray, "parts", LATCHED)
         self._poses = create(PoseArray, "poses", LATEST)
         self._described = create(String, "scene", LATCHED)
-        self._scene_message = SceneMessage(scene)
+        self._scene_message = SceneMessage(scene, models, node.resolve_topic_name)
         self._scene_is_new = True
         self._deforming: set[str] = set()
         moving = [body.name for body in scene.bodies if body.moving]

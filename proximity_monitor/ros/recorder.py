@@ -33,7 +33,11 @@ def dump(recording: Recording, folder: str, node: str, frame: str) -> list[Path]
             says.
     """
     name = f"{node.strip('/').replace('/', '_')}_{time.strftime('%Y%m%d_%H%M%S')}"
-    made = _new_folder(Path(folder or ".").expanduser().resolve(), name)
+    try:
+        parent = Path(folder or ".").expanduser().resolve()
+    except RuntimeError as error:  # of "~name" where nobody has that name
+        raise FileNotFoundError(f"recording_dir {folder}: {error}") from error
+    made = _new_folder(parent, name)
     tables = recording.write_csv(made)
     try:
         bag = _write_bag(recording, made / "bag", node, frame)

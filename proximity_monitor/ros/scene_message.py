@@ -10,8 +10,8 @@ when a body's vertices arrive for the first time.
 ``frame``           of all poses and points
 ``unit``            ``symbol`` and ``to_metre``
 ``bodies``          in the scene's order (that of the markers of ``~/parts``): ``name``,
-                    ``moving``, ``topic`` on which its PoseStamped are taken in or null, and
-                    ``point``, whether it is a single point
+                    ``moving``, ``topic`` (its full name) of its PoseStamped or null where none are
+                    taken in, ``point``, whether it is a single point, and ``mesh``, a checksum
 ``deforming``       names of the bodies whose vertices have arrived since the start
 ``pairs``           how many are watched
 ``thresholds``      ``warn``, ``stop`` and ``hysteresis`` of the pairs that have none of their own
@@ -25,11 +25,13 @@ when a body's vertices arrive for the first time.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+import zlib
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from std_msgs.msg import String
 
+from proximity_monitor import engine
 from proximity_monitor.ros.scene_parameters import MAX_PAIRS, Settings
 from proximity_monitor.scene import Body, Scene, Thresholds
 from proximity_monitor.scene.description import Point
@@ -38,9 +40,15 @@ from proximity_monitor.scene.description import Point
 class SceneMessage:
     """Makes the message; what does not change is found once."""
 
-    def __init__(self, scene: Scene) -> None:
-        """Take the scene that is watched."""
+    def __init__(
+        self,
+        scene: Scene,
+        models: Mapping[str, engine.TriangleMesh],
+        full_name: Callable[[str], str],
+    ) -> None:
+        """Take the scene that is watched, its meshes, and what returns a topic's full name."""
         self._scene = scene
+        self._bodies = [_body(body, models[body.name], full_name) for body in scene.bodies]
         self._own = [i for i, pair in enumerate(scene.pairs) if pair.own_thresholds]
         with_own = set(self._own)
         self._common = next((i for i in range(len(scene.pairs)) if i not in with_own), None)
@@ -59,7 +67,9 @@ class SceneMessage:
             "description": scene.description,
             "frame": settings.frame,
             "unit": {"symbol": unit.symbol, "to_metre": unit.to_metre},
-            "bodies": [_body(body, settings) for body in scene.bodies],
+            "bodies": [
+                body if settings.body_topics else body | {"topic": None} for body in self._bodies
+            ],
             "deforming": sorted(deforming),
             "pairs": len(scene.pairs),
             "thresholds": _limits(
@@ -81,12 +91,14 @@ class SceneMessage:
         return String(data=json.dumps(told))
 
 
-def _body(body: Body, settings: Settings) -> dict[str, Any]:
+def _body(body: Body, mesh: engine.TriangleMesh, full_name: Callable[[str], str]) -> dict[str, Any]:
     return {
         "name": body.name,
         "moving": body.moving,
-        "topic": body.topic if settings.body_topics else None,
+        # Whoever reads this may have another namespace, and other names for topics.
+        "topic": None if body.topic is None else full_name(body.topic),
         "point": isinstance(body.primitive, Point),
+        "mesh": f"{zlib.crc32(mesh.faces, zlib.crc32(mesh.vertices)):08x}",
     }
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
@@ -17,7 +18,7 @@ class Services:
         *,
         reset: Callable[[], str],
         pause: Callable[[bool], str],
-        dump: Callable[[], str],
+        dump: Callable[[], Awaitable[str]],
     ) -> None:
         """Create the services.
 
@@ -25,7 +26,8 @@ class Services:
             node: whose services they are.
             reset: forgets the session's minima; returns what to answer, as do the others.
             pause: pauses the watch, or lets it go on.
-            dump: writes the recording; raises OSError or ImportError where it cannot.
+            dump: writes the recording while the watch goes on; what it returns raises OSError or
+                ImportError where it cannot.
         """
         self._node = node
 
@@ -37,21 +39,25 @@ class Services:
             response.success, response.message = True, pause(request.data)
             return response
 
-        def on_dump(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        async def on_dump(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
-                response.success, response.message = True, dump()
+                response.success, response.message = True, await dump()
             except (OSError, ImportError) as error:
                 response.success, response.message = False, str(error)
                 node.get_logger().error(f"dump_recording: {error}")
             return response
 
+        # In a group of its own: until it is answered, nothing else of its group is called.
+        alone = MutuallyExclusiveCallbackGroup()
         self._services = [
             node.create_service(Trigger, "~/reset_minima", on_reset),
             node.create_service(SetBool, "~/pause", on_pause),
-            node.create_service(Trigger, "~/dump_recording", on_dump),
+            node.create_service(Trigger, "~/dump_recording", on_dump, callback_group=alone),
         ]
 
     def destroy(self) -> None:
         """Answer no more."""
         for service in self._services:
+            # A dump may still be going on: rclpy raises where it answers for what is gone.
+            service.send_response = lambda *_: None
             self._node.destroy_service(service)

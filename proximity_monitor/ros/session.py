@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from threading import Thread
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
+from rclpy.task import Future
 
 from proximity_monitor import engine
 from proximity_monitor.ros import spin
@@ -147,6 +149,9 @@ class Session:
         for timer in (self._ticking, self._seconds):
             self._node.destroy_timer(timer)
         self._monitor.close()
+        # Each callback is a cycle, and Python never looks for cycles in what was there when `spin`
+        # began: meshes and search trees would stay for good.
+        vars(self).clear()
 
     def _on_timer(self) -> None:
         # Where poses come at the very rate, the timer ends just before the next ones: a tick now,
@@ -316,11 +321,21 @@ class Session:
             return "paused: nothing is watched or published until it goes on"
         return "running again"
 
-    def _dump_recording(self) -> str:
-        name = self._node.get_fully_qualified_name()
-        folder = self.settings.recording_dir
-        paths = dump(self._recording, folder, name, self.settings.frame)
-        return ", ".join(map(str, paths))
+    def _dump_recording(self) -> Future:
+        """Write in a thread: a full recording takes seconds, in which the watch goes on."""
+        name, settings = self._node.get_fully_qualified_name(), self.settings
+        taken, done = self._recording.snapshot(), Future(executor=self._node.executor)
+
+        def write() -> None:
+            try:
+                paths = dump(taken, settings.recording_dir, name, settings.frame)
+            except Exception as error:
+                done.set_exception(error)
+            else:
+                done.set_result(", ".join(map(str, paths)))
+
+        Thread(target=write).start()
+        return done
 
 
 def _effort(settings: Settings) -> tuple[float | None, ...]:

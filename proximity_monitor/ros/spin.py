@@ -81,7 +81,7 @@ def ros(args: Sequence[str] | None = None) -> Iterator[Stop]:
         stop.asked = True
     finally:
         rclpy.try_shutdown()
-        gc.freeze()  # or Python looks through all of them once more, for half a second, to end
+        gc.freeze()  # or Python looks through all objects once more, for half a second, to end
         for kind, handler in zip(kinds, before, strict=True):
             signal.signal(kind, handler)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.connection import State, banner, connection
+from proximity_monitor.display.connection import Connection, State, banner, connection, pill
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.state import (
     BOUNDED,
@@ -99,6 +99,12 @@ NEVER = float("-inf")
             State.DISCONNECTED,
             "the monitor is gone for 8 s",
         ),
+        ({"unreadable": {"tick": "cut"}}, State.STALE, "cannot be read: tick: cut"),
+        (
+            {"scene": None, "frame": None, "unreadable": {"scene": "is the monitor older?"}},
+            State.STALE,
+            "scene: is the monitor older?",
+        ),
     ],
 )
 def test_the_state_of_the_connection(changes, state, text):
@@ -122,25 +128,63 @@ def test_a_body_that_never_had_a_pose_is_named():
     assert told.text == "no recent pose: c never given"
 
 
+LIVE = Connection(State.LIVE, "")
+
+
 def words(html):
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", html)).strip()
 
 
 def test_the_banner_names_the_worst_pair_and_its_threshold():
-    told = banner(frame(level=(WARN, 0, STOP)), SCENE, Choice())
+    told = banner(frame(level=(WARN, 0, STOP)), SCENE, Choice(), LIVE)
     assert words(told) == "■ STOP b - c: 10.000 mm, stop at 20.000 mm + 1 more"
     assert "role=alert" in told
 
 
 def test_contact_comes_before_all_else():
-    told = banner(frame(level=(STOP, 0, STOP), status=(INTERSECTING, 0, 0)), SCENE, Choice())
+    wrong = frame(level=(STOP, 0, STOP), status=(INTERSECTING, 0, 0))
+    told = banner(wrong, SCENE, Choice(), LIVE)
     assert words(told).startswith("✖ CONTACT a - b")
 
 
 def test_ignored_pairs_raise_no_banner():
-    told = banner(frame(level=(0, 0, STOP)), SCENE, Choice(ignored=frozenset({("b", "c")})))
-    assert words(told) == "● clear all 3 pairs"
+    hidden = Choice(ignored=frozenset({("b", "c")}))
+    told = banner(frame(level=(0, 0, STOP)), SCENE, hidden, LIVE)
+    assert words(told) == "● clear all but 1 hidden of 3 pairs"
     assert "role=status" in told
+    # Nor do they where they are stale: the tick is of now all the same.
+    stale = news(frame=frame((0, 0, STALE), silent=("", "", "no recent pose of c")))
+    told = banner(stale.frame, SCENE, hidden, connection(stale, NOW))
+    assert words(told) == "● clear all but 1 hidden of 3 pairs"
+
+
+@pytest.mark.parametrize(
+    "changes, text",
+    [
+        (
+            {"frame_at_s": NOW - 9.0, "health_at_s": NOW - 8.0, "present": False},
+            "the monitor is gone for 8 s",
+        ),
+        ({"frame_at_s": NOW - 2.0}, "no tick for 2.0 s: paused"),
+        ({"frame_at_s": NOW - 9.0, "health_at_s": NOW - 8.0}, "no word from the monitor for 9 s"),
+        ({"unreadable": {"tick": "cut"}}, "cannot be read: tick: cut"),
+    ],
+)
+def test_what_was_clear_is_no_longer_said_to_be_when_no_tick_comes(changes, text):
+    given = news(**changes)
+    told = banner(given.frame, SCENE, Choice(), connection(given, NOW))
+    assert words(told) == f"? stale {text}"
+    assert "role=alert" in told
+    stop = banner(frame(level=(0, 0, STOP)), SCENE, Choice(), connection(given, NOW))
+    assert words(stop).startswith("■ STOP b - c")
+
+
+def test_who_looks_back_is_told_what_is_of_now():
+    told = connection(news(), NOW)
+    assert "every number is of the present poses" in pill(told, Choice())
+    assert "looking back" in pill(told, Choice(at_s=3.0))
+    assert "present poses" not in pill(told, Choice(at_s=3.0))
+    assert 'data-state="live"' in pill(told, Choice(at_s=3.0))
 
 
 def test_what_others_named_is_no_html():
@@ -148,6 +192,4 @@ def test_what_others_named_is_no_html():
         (("<b>", "x"),), *(np.array([0.01]),) * 2, np.zeros((1, 2, 3)), np.zeros(1, np.int8),
         np.array([STOP], np.int8), np.zeros(1), np.zeros(1), ("",),
     )  # fmt: skip
-    assert "<b>" not in banner(Frame(1.0, np.zeros((0, 7)), odd), SCENE, Choice()).replace(
-        "<b style", ""
-    )
+    assert "<b>" not in banner(Frame(1.0, np.zeros((0, 7)), odd), SCENE, Choice(), LIVE)

@@ -1,5 +1,7 @@
 """Reading the monitor's messages from their bytes, against rclpy's own serialisation."""
 
+import contextlib
+
 import numpy as np
 import pytest
 
@@ -12,12 +14,17 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.received import read_pairs, read_parts, read_poses
-from proximity_monitor.display.state import LEVELS, STATUSES
+from proximity_monitor.display.state import LEVELS, STATUSES, Scene, Unit
 from proximity_monitor.ros import messages
 from proximity_monitor.ros.poses_message import PosesMessage
+from proximity_monitor.ros.scene_message import SceneMessage
+from proximity_monitor.ros.scene_parameters import Settings
+from proximity_monitor.scene import Thresholds, load_scene
 from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.description import UNITS
+from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.state import PairState, PairStatus, PoseSample
 
 
@@ -88,6 +95,96 @@ def test_what_is_no_pair_is_refused():
     message.status.append(DiagnosticStatus(name="a - b"))
     with pytest.raises(ValueError, match="has no b'lower_m'"):
         read_pairs(serialize_message(message))
+
+
+def test_a_state_of_another_version_is_refused():
+    pairs = [pair(0, PairStatus.EXACT, 0.1, 0.1)]
+    message = told(pairs, {0: Level.CLEAR}, "world")
+    read_pairs(message)
+    with pytest.raises(ValueError, match="clean of a pair of ~/closest_points is not known"):
+        read_pairs(message.replace(b"clear", b"clean"))
+
+
+@pytest.mark.parametrize("read", [read_pairs, read_poses, read_parts])
+def test_a_message_that_ends_too_early_is_refused(read):
+    whole = {
+        read_pairs: told([pair(0, PairStatus.EXACT, 0.1, 0.1)], {0: Level.CLEAR}, "world"),
+        read_poses: serialize_message(PoseArray(poses=[Pose()])),
+        read_parts: serialize_message(MarkerArray(markers=[marker(1, 1)])),
+    }[read]
+    read(whole)
+    for end in range(len(whole)):  # within the last texts it may go unseen
+        with contextlib.suppress(ValueError):
+            read(whole[:end])
+    with pytest.raises(ValueError):
+        read(whole[: len(whole) // 2])
+
+
+def test_ticks_with_the_same_pairs_share_their_names():
+    message = told([pair(0, PairStatus.EXACT, 0.1, 0.1)], {0: Level.CLEAR}, "world")
+    assert read_pairs(message)[1].names is read_pairs(message)[1].names
+
+
+def test_a_tick_is_of_the_moment_in_which_it_came_and_only_if_it_can_be_read():
+    inbox = Inbox()
+    points = told([pair(0, PairStatus.EXACT, 0.1, 0.1)], {0: Level.CLEAR}, "world")
+    stamp = Time(sec=5, nanosec=500_000_000)
+    poses = serialize_message(PoseArray(header=Header(stamp=stamp), poses=[Pose()]))
+    inbox.put_points(points)
+    assert inbox.read().frame is None
+    inbox.put_poses(poses)
+    good = inbox.read()
+    assert (good.frame.stamp_s, good.unreadable) == (5.5, {})
+    inbox.put_points(points.replace(b"clear", b"clean"))
+    bad = inbox.read()
+    assert bad.frame is good.frame
+    assert bad.frame_at_s == good.frame_at_s
+    assert "clean" in bad.unreadable["tick"]
+    inbox.put_parts(serialize_message(MarkerArray(markers=[marker(1, 1)])))
+    assert "tick" in inbox.read().unreadable
+    inbox.put_points(points)
+    better = inbox.read()
+    assert better.frame_at_s > good.frame_at_s
+    assert not better.unreadable
+
+
+SCENE = """
+version: 1
+frame: cell
+unit: mm
+bodies:
+  - {name: table, primitive: {box: {size: [800, 800, 50]}}, pose: {position: [0, 0, -25]}}
+  - {name: ball, primitive: {sphere: {radius: 100}}, moving: true}
+  - {name: cursor, primitive: {point: {}}, topic: hand}
+"""
+
+
+def described(folder, text, **settings):
+    path = folder / "cell.yaml"
+    path.write_text(text)
+    scene = load_scene(path)
+    made = SceneMessage(scene, load_models(scene), lambda topic: f"/left/{topic}")
+    in_force = dict.fromkeys(Settings._fields) | {
+        "frame": "cell", "budget_s": 0.01, "body_topics": True, "thresholds": (Thresholds(2, 1, 0),)
+    } | settings  # fmt: skip
+    return Scene.read(made.message(Settings(**in_force), ()).data)
+
+
+def test_the_scene_is_read_as_the_monitor_writes_it(tmp_path):
+    scene = described(tmp_path, SCENE)
+    assert scene.unit == Unit("mm", 0.001)
+    assert scene.moving == ("ball", "cursor")
+    topics = [body.topic for body in scene.bodies]
+    assert topics == [None, "/left/bodies/ball/pose", "/left/hand"]
+    assert [body.point for body in scene.bodies] == [False, False, True]
+    in_bulk = described(tmp_path, SCENE, body_topics=False)
+    assert [body.topic for body in in_bulk.bodies] == [None] * 3
+
+
+def test_another_mesh_makes_it_another_scene(tmp_path):
+    key = described(tmp_path, SCENE).key
+    assert described(tmp_path, SCENE).key == key
+    assert described(tmp_path, SCENE.replace("radius: 100", "radius: 101")).key != key
 
 
 def test_another_serialisation_is_refused():

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from proximity_monitor.display import session as sessions
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.geometry import (
     feature_edges,
@@ -39,9 +40,9 @@ TOLD = {
     "frame": "world",
     "unit": {"symbol": "mm", "to_metre": 0.001},
     "bodies": [
-        {"name": "a", "moving": False, "topic": None, "point": False},
-        {"name": "b", "moving": True, "topic": "bodies/b/pose", "point": False},
-        {"name": "c", "moving": True, "topic": None, "point": True},
+        {"name": "a", "moving": False, "topic": None, "point": False, "mesh": "1"},
+        {"name": "b", "moving": True, "topic": "/bodies/b/pose", "point": False, "mesh": "2"},
+        {"name": "c", "moving": True, "topic": None, "point": True, "mesh": "3"},
     ],
     "deforming": [],
     "pairs": 2,
@@ -78,6 +79,21 @@ def test_a_scene_is_read():
     assert scene.body("c").point
     assert scene.limits(("a", "b")) == Limits(0.1, 0.02, 0.0)
     assert scene.limits(("a", "c")) == Limits(0.2, 0.1, 0.0)
+
+
+@pytest.mark.parametrize(
+    "changed, other",
+    [
+        ({"name": "cell_2"}, True),
+        ({"frame": "base"}, True),
+        ({"unit": {"symbol": "in", "to_metre": 0.0254}}, True),
+        ({"bodies": [*TOLD["bodies"][:2], TOLD["bodies"][2] | {"mesh": "4"}]}, True),
+        ({"settings": {"rate_hz": 10.0}, "deforming": ["b"]}, False),
+    ],
+)
+def test_what_makes_it_another_scene(changed, other):
+    before, after = (Scene.read(json.dumps(told)) for told in (TOLD, TOLD | changed))
+    assert (before.key != after.key) is other
 
 
 @pytest.mark.parametrize("text", ["[]", "{}", json.dumps(TOLD | {"unit": {"symbol": "mm"}})])
@@ -177,8 +193,32 @@ def test_the_series_is_of_a_pair_or_of_the_nearest_and_keeps_each_dip():
     assert np.isnan(session.series(("x", "y"))[1]).all()
 
 
+def test_the_series_goes_through_the_session_only_for_another_choice(monkeypatch):
+    looked = []
+    bounds = sessions._bounds
+    monkeypatch.setattr(sessions, "_bounds", lambda *given: looked.append(given) or bounds(*given))
+    session = Session()
+    for i in range(100):
+        session.add(frame(float(i), [0.2, 0.3]))
+        session.series(("a", "c"))
+    assert len(looked) < 110
+    stamps, lower, _ = session.series(("a", "c"))
+    assert stamps.tolist() == list(range(100))
+    assert (lower == 0.3).all()
+
+
+def test_a_session_that_begins_anew_or_forgets_has_no_older_curve(monkeypatch):
+    monkeypatch.setattr(sessions, "BYTES", 20_000)
+    session = Session()
+    for i in range(100):
+        session.add(frame(float(i), [0.2, 0.3]))
+    assert session.series()[0].tolist() == [each.stamp_s for each in session.frames]
+    session.add(frame(2.0, [0.4, 0.5]))
+    assert [part.tolist() for part in session.series()] == [[2.0], [0.4], [0.4]]
+
+
 def test_the_oldest_ticks_go_when_memory_is_full(monkeypatch):
-    monkeypatch.setattr("proximity_monitor.display.session.BYTES", 20_000)
+    monkeypatch.setattr(sessions, "BYTES", 100_000)
     session = Session()
     for i in range(500):
         session.add(frame(float(i), [0.2, 0.3]))

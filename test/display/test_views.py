@@ -34,7 +34,7 @@ def server():
 
 
 def test_a_deforming_body_gets_its_new_shape_and_others_keep_theirs(server):
-    bodies = tuple(Body(name, True, name, False) for name in "ab")
+    bodies = tuple(Body(name, True, name, False, "") for name in "ab")
     scene = Scene(
         "s", "", "w", Unit("mm", 0.001), bodies, frozenset("b"), 1, Limits(1, 0, 0), {}, True, {}
     )
@@ -48,7 +48,7 @@ def test_a_deforming_body_gets_its_new_shape_and_others_keep_theirs(server):
 
 @pytest.mark.parametrize("size", [0.003, 0.5, 40.0])
 def test_whatever_a_scene_measures_it_is_about_a_unit_on_the_page(server, size):
-    body = Body("a", True, "a", False)
+    body = Body("a", True, "a", False, "")
     scene = Scene(
         "s", "", "w", Unit("m", 1.0), (body,), frozenset(), 0, Limits(1, 0, 0), {}, True, {}
     )
@@ -80,3 +80,5 @@ def test_the_nearest_are_drawn_all_that_are_not_clear_and_never_what_is_ignored(
     assert shown_rows(told, Choice(lines=2, ignored=ignored)).tolist() == [1, 2]
     assert shown_rows(told, Choice(pair=("a", "0"))).tolist() == [0]
     assert shown_rows(told, Choice(pair=("a", "5"))).tolist() == []
+    # Whatever is at the gizmo has all its lines.
+    assert shown_rows(told, Choice(lines=1, body="2")).tolist() == [4, 2, 3]

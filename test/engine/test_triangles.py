@@ -190,4 +190,4 @@ def test_edges_in_parallel_have_the_nearest_points_of_edges_one_by_one(kind):
                 ]
                 attained = np.linalg.norm(ends[1] - ends[0])
                 assert abs(attained - np.sqrt(squared[k])) <= 1e-15 * size, case
-                assert 0.0 <= min(s[k], t[k]) and max(s[k], t[k]) <= 1.0, case
+                assert min(s[k], t[k]) >= 0.0 and max(s[k], t[k]) <= 1.0, case

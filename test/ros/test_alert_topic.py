@@ -54,10 +54,10 @@ def test_an_alert_says_the_way_out_and_how_long_there_is(peer):
     began = peer.node.get_clock().now().nanoseconds
 
     def sink():
-        """The ball comes down at 100 mm/s, from 160 mm."""
+        """The ball comes down at 10 mm/s, from 105 mm: seconds pass between warn and stop."""
         now = peer.node.get_clock().now().nanoseconds
-        fall = 0.1 * (now - began) * 1e-9
-        pose = peer.pose(ball_at(0.16 - fall))
+        fall = 0.01 * (now - began) * 1e-9
+        pose = peer.pose(ball_at(0.105 - fall))
         pose.header.stamp.sec, pose.header.stamp.nanosec = divmod(now, 1_000_000_000)
         peer.publish(ball=pose)
         return peer.alerts(PAIR)
@@ -69,8 +69,8 @@ def test_an_alert_says_the_way_out_and_how_long_there_is(peer):
     assert values["body"] == "ball"
     escape = [float(part) for part in values["escape"].split()]
     assert escape == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
-    assert float(values["closing_m_s"]) == pytest.approx(0.1, rel=0.05)
-    left = (float(values["lower_m"]) - 0.02) / 0.1
+    assert float(values["closing_m_s"]) == pytest.approx(0.01, rel=0.05)
+    left = (float(values["lower_m"]) - 0.02) / 0.01
     assert float(values["seconds_left"]) == pytest.approx(left, rel=0.05)
     assert "closing at" in alert.message
     assert "stop in" in alert.message
@@ -88,23 +88,25 @@ def test_a_level_is_held_for_its_time(holding):
     peer = holding
     peer.settle(ball=ball_at(0.05))
     peer.wait(lambda: len(changes(peer)) == 1, "the warning")
+    near_s = max(seen(peer))[0]  # of those after it, some may be lost
     peer.forget()
     peer.hold(ball=ball_at(0.5), die=APART["die"])
     peer.wait(lambda: changes(peer), "its end")
-    peer.wait(lambda: seen(peer)[-1][2] == "clear", "the end among the points")
+    ended_s = peer.wait(
+        lambda: next((at_s for at_s, state in seen(peer) if state == "clear"), None),
+        "the end among the points",
+    )
     assert changes(peer) == [("warn", "clear")]
-    held = [at_s for at_s, lower, state in seen(peer) if lower > 0.11 and state == "warn"]
-    ended = next(at_s for at_s, lower, state in seen(peer) if state == "clear")
-    assert ended - held[0] >= 0.6
+    assert ended_s - near_s >= 0.6
 
 
 def seen(peer):
-    """The ticks that were published so far: when, and the pair's lower bound and state."""
+    """The ticks that were published so far: when, and the pair's state."""
     ticks = []
     for message in peer.received.get("closest_points", ()):
         pair = peer.pairs(message)[PAIR]
         at_s = message.header.stamp.sec + message.header.stamp.nanosec * 1e-9
-        ticks.append((at_s, float(pair["lower_m"]), pair["state"]))
+        ticks.append((at_s, pair["state"]))
     return ticks
 
 
@@ -152,12 +154,14 @@ def test_a_pause_stops_the_watch_visibly_and_clears_nothing(peer):
         lambda: (s := peer.health().get("schedule")) and s["activity"] == "paused" and s,
         "diagnostics of the pause",
     )
-    peer.forget()  # after the diagnostics: what was published before the pause has arrived
+    paused = peer.last("diagnostics").header.stamp
+    peer.forget()
     peer.hold(ball=ball_at(0.5), die=(0.8, 0.1, 0.9))
     peer.next("diagnostics")
     assert schedule["level"] == DiagnosticStatus.WARN
     assert peer.health()["clearance"]["pairs stop"] == "1"
-    assert not peer.received.get("closest_points")
+    ticks = [message.header.stamp for message in peer.received.get("closest_points", ())]
+    assert not [at for at in ticks if (at.sec, at.nanosec) > (paused.sec, paused.nanosec)]
     assert not peer.alerts(PAIR)
 
     assert peer.call(SetBool, "pause", SetBool.Request(data=False)).message == "running again"

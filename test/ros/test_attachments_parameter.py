@@ -100,7 +100,7 @@ def test_a_node_can_start_with_bodies_attached(launch, scene_file, new_peer):
         **{"attachments.ball": "table", "attachments.die": "ball"},
     )
     peer = new_peer(process, "assembled")
-    waiting = peer.wait(lambda: inputs(peer).get("waiting to be attached"), "the diagnostics")
+    waiting = peer.wait(lambda: inputs(peer).get("waiting to be attached"), "the start", 180.0)
     assert waiting == "ball on table, die on ball"
     peer.hold(ball=(0.0, 0.0, 0.5), die=(0.8, 0.1, 0.9))
     peer.wait(lambda: inputs(peer).get("attached bodies") == waiting, "both to be attached")

@@ -17,9 +17,9 @@ BAD = {
     "quaternion not unit": dict(position=FAR, quaternion=(0.0, 0.0, 0.0, 1.1)),
     "position out of range": dict(position=(0.0, 0.0, 1e12)),
     "other frame": dict(position=FAR, frame="world"),
-    "stale stamp": dict(position=FAR, late_s=2.0),
+    "stale stamp": dict(position=FAR, late_s=6.0),
     "stamp in the future": dict(position=FAR, late_s=-5.0),
-    "stamp out of order": dict(position=FAR, late_s=0.3),
+    "stamp out of order": dict(position=FAR),
 }
 MORE = [
     ("not finite", dict(position=FAR, quaternion=(0.0, 0.0, math.inf, 1.0))),
@@ -46,7 +46,13 @@ def test_a_bad_pose_is_counted_by_reason_and_never_looks_clear(peer, reason, bad
         seen = len(peer.received.get("closest_points", ()))
         if seen >= ticks:  # ten a second: a flood would crowd out the good ones that are held
             ticks = seen + 5
-            peer.publish(ball=peer.pose(**bad))
+            pose = peer.pose(**bad)
+            if reason == "stamp out of order":  # older than the one that the monitor has
+                if not seen:
+                    return None
+                at = int(peer.pairs()["table - ball"]["stamp"].replace(".", "")) - 1
+                pose.header.stamp.sec, pose.header.stamp.nanosec = divmod(at, 1_000_000_000)
+            peer.publish(ball=pose)
         health = peer.health()
         return health if health and rejected(health, reason) > before else None
 
@@ -91,15 +97,15 @@ def test_a_body_that_falls_silent_makes_its_pairs_stale_until_it_speaks_again(pe
     assert "no recent pose of ball" in pairs["table - ball"]["text"]
     assert pairs["ball - die"]["state"] == "stale"
     assert pairs["table - die"]["state"] == "clear"
-    assert peer.next("clearance").data == 0.0
+    peer.wait(lambda: peer.next("clearance").data == 0.0, "no clearance")
 
-    def reported():
-        inputs = peer.health().get("inputs")
-        return inputs if inputs and inputs["silent bodies"] == "ball" else None
+    def reported():  # the body may be silent a tick earlier than its pairs
+        health = peer.health()
+        silent = health and health["inputs"]["silent bodies"] == "ball"
+        return health if silent and health["clearance"]["pairs stale"] == "2" else None
 
-    inputs = peer.wait(reported, "diagnostics of the silent body")
-    assert inputs["level"] == DiagnosticStatus.WARN
-    assert peer.health()["clearance"]["pairs stale"] == "2"
+    health = peer.wait(reported, "diagnostics of the silent body and its two pairs")
+    assert health["inputs"]["level"] == DiagnosticStatus.WARN
     (alert,) = peer.wait(lambda: peer.alerts("table - ball"), "an alert")
     assert alert.level == DiagnosticStatus.STALE
     assert alert.message == "clear -> stale: no recent pose of ball"
@@ -129,11 +135,11 @@ def test_bodies_that_never_had_a_pose_are_unknown_and_not_room(launch, scene_fil
         pairs = peer.pairs()
         return pairs if pairs and pairs["table - die"]["state"] == "clear" else None
 
-    pairs = peer.wait(known, "the die's distance")
+    pairs = peer.wait(known, "the die's distance", 180.0)
     ball = pairs["table - ball"]
     assert (ball["status"], ball["state"]) == ("unknown pose", "stale")
     assert (ball["lower_m"], ball["upper_m"], ball["point_a"]) == ("nan", "nan", "")
     assert ball["text"] == "no pose yet of ball"
     assert peer.next("clearance").data == 0.0
-    lines = peer.next("markers").markers[0]
+    lines = peer.marks().markers[0]
     assert len(lines.points) == 2, "only the pair with poses is drawn"

@@ -2,6 +2,9 @@
 
 import os
 import signal
+import subprocess
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -9,7 +12,6 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
 from lifecycle_msgs.msg import Transition
-from lifecycle_msgs.srv import ChangeState
 
 ROUND = (
     Transition.TRANSITION_CONFIGURE,
@@ -39,6 +41,10 @@ pairs:
 """
 
 
+FREED_BYTES = 50_000_000
+"""Of the spheres below and their search trees, which are some 120 MB."""
+
+
 def footprint(process):
     """Bytes of memory and number of threads of a process."""
     lines = Path(f"/proc/{process.popen.pid}/status").read_text().splitlines()
@@ -50,13 +56,6 @@ def spent(process):
     """Seconds of processor time of a process."""
     fields = Path(f"/proc/{process.popen.pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
-def caught(process, kind):
-    """Whether a process has a handler of its own for a signal."""
-    lines = Path(f"/proc/{process.popen.pid}/status").read_text().splitlines()
-    mask = next(line for line in lines if line.startswith("SigCgt")).split()[1]
-    return bool(int(mask, 16) >> (kind - 1) & 1)
 
 
 def left_behind(peer):
@@ -72,27 +71,28 @@ def left_behind(peer):
 def test_a_hundred_lives_leave_nothing_behind(launch, scene_file, new_peer):
     process = launch("node", "-r", "__ns:=/lives", scene=scene_file, autostart="false")
     peer = new_peer(process, "lives")
-    client = peer.node.create_client(ChangeState, "proximity_monitor/change_state")
-    peer.wait(client.service_is_ready, "the node")
-
-    def live():
-        for transition in ROUND:
-            request = ChangeState.Request(transition=Transition(id=transition))
-            future = client.call_async(request)
-            peer.wait(future.done, f"transition {transition}", 180.0)
-            assert future.result().success, process.text
-
     for _ in range(25):
-        live()
+        assert peer.change(*ROUND), process.text
     memory, threads = footprint(process)
     for _ in range(75):
-        live()
+        assert peer.change(*ROUND), process.text
     after = footprint(process)
-    assert after[1] <= threads
+    assert after[1] < threads + 10
     assert after[0] - memory < GROWTH_BYTES
     peer.wait(lambda: not left_behind(peer), "the last endpoints to go")
     assert process.stop(signal.SIGTERM)[0] == 0
     assert "Traceback" not in process.text
+
+
+def test_what_was_there_before_the_node_was_spun_is_freed_as_well(launch, tmp_path, new_peer):
+    """`spin` takes what is there when it begins out of the collector's sight."""
+    (tmp_path / "slow.yaml").write_text(SLOW)
+    process = launch("node", "-r", "__ns:=/first", scene=tmp_path / "slow.yaml")
+    peer = new_peer(process, "first")
+    peer.wait(lambda: peer.last("closest_points"), "a tick without poses", 180.0)
+    before = footprint(process)[0]
+    assert peer.change(*ROUND[2:]), process.text
+    peer.wait(lambda: footprint(process)[0] < before - FREED_BYTES, "its memory to be given back")
 
 
 def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
@@ -110,7 +110,7 @@ def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
     code, took_s = process.stop(signal.SIGTERM)
     assert code == 0, process.text
     # Half a second where nothing else runs; the tick would have gone on for ten.
-    assert took_s < 5.0
+    assert took_s < 8.0
     peer.monitor.popen.poll = lambda: None  # that it has ended is no trouble now
     pairs = peer.wait(peer.pairs, "what it published last")
     bounded = [pair for pair in pairs.values() if pair["status"] == "bounded"]
@@ -120,12 +120,19 @@ def test_a_signal_in_the_middle_of_a_long_tick_ends_it_with_its_state_published(
     assert "Traceback" not in process.text
 
 
-def test_an_interrupt_while_python_imports_ends_it_without_a_traceback(launch, scene_file):
-    """The launcher leaves the signal to the system as soon as it runs, until the node takes it."""
-    process = launch("node", scene=scene_file)
-    for by_python in (True, False):  # Python takes the signal when it starts, the launcher gives up
-        while caught(process, signal.SIGINT) is not by_python:
-            assert process.popen.poll() is None, process.text
+def test_an_interrupt_while_python_imports_ends_it_without_a_traceback(
+    launch, scene_file, tmp_path
+):
+    """The launcher leaves the signal to the system; here what it imports never comes to an end."""
+    endless = "import threading\nprint('importing', flush=True)\nthreading.Event().wait(600)\n"
+    (tmp_path / "lifecycle_msgs.py").write_text(endless)
+    path = f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
+    process = launch("node", scene=scene_file, environment={"PYTHONPATH": path})
+    deadline = time.monotonic() + 180.0
+    while process.text != "importing\n":
+        assert time.monotonic() < deadline, process.text
+        with suppress(subprocess.TimeoutExpired):
+            pytest.fail(f"ended with {process.popen.wait(0.05)}: {process.text}")
     code, _ = process.stop(signal.SIGINT)
     assert code == -signal.SIGINT
-    assert process.text == ""
+    assert process.text == "importing\n"

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
 from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState, GetState
+from lifecycle_msgs.srv import GetState
 from rosgraph_msgs.msg import Clock
 
 BROKEN = {
@@ -21,7 +21,7 @@ BROKEN = {
         "nowhere.stl",
     ),
 }
-PROMPT_S = 5.0  # half a second where nothing else runs
+PROMPT_S = 15.0  # half a second where nothing else runs
 
 
 @pytest.mark.parametrize("name", BROKEN)
@@ -77,7 +77,7 @@ def test_a_signal_ends_an_active_node_cleanly(launch, scene_file, new_peer, kind
 def test_a_signal_ends_a_node_that_still_compiles(launch, scene_file, tmp_path, new_peer):
     empty = {"NUMBA_CACHE_DIR": str(tmp_path)}
     process = launch("node", "-r", "__ns:=/cold", scene=scene_file, environment=empty)
-    new_peer(process, "cold").wait(lambda: "compiling" in process.text, "its start")
+    new_peer(process, "cold").wait(lambda: "compiling" in process.text, "its start", 180.0)
     code, took_s = process.stop(signal.SIGINT)
     assert code == 0, process.text
     assert took_s < PROMPT_S
@@ -100,10 +100,6 @@ def test_a_lifecycle_manager_can_drive_it_through_its_states(launch, scene_file,
     process = launch("node", "-r", "__ns:=/led", scene=scene_file, autostart="false")
     peer = new_peer(process, "led")
 
-    def change(transition):
-        request = ChangeState.Request(transition=Transition(id=transition))
-        return peer.call(ChangeState, "change_state", request).success
-
     def state():
         return peer.call(GetState, "get_state", GetState.Request()).current_state.label
 
@@ -111,30 +107,30 @@ def test_a_lifecycle_manager_can_drive_it_through_its_states(launch, scene_file,
         return {name for name, _ in peer.node.get_topic_names_and_types()}
 
     for _ in range(2):
-        assert change(Transition.TRANSITION_CONFIGURE)
+        assert peer.change(Transition.TRANSITION_CONFIGURE)
         assert state() == "inactive"
         schedule = peer.wait(
             lambda: (s := peer.health().get("schedule")) and s["activity"] == "inactive" and s,
             "diagnostics of an inactive node",
         )
         assert "no clearance is watched" in schedule["text"]
-        assert change(Transition.TRANSITION_ACTIVATE)
+        assert peer.change(Transition.TRANSITION_ACTIVATE)
         assert {pair["state"] for pair in peer.settle().values()} == {"clear"}
         assert not peer.set_parameters(scene="engine")[0]
 
-        assert change(Transition.TRANSITION_DEACTIVATE)
+        assert peer.change(Transition.TRANSITION_DEACTIVATE)
         peer.wait(
-            lambda: all(marker.action == 2 for marker in peer.last("markers").markers),
+            lambda: (m := peer.last("markers")) and all(each.action == 2 for each in m.markers),
             "the marks to be taken down",
         )
-        assert change(Transition.TRANSITION_CLEANUP)
+        assert peer.change(Transition.TRANSITION_CLEANUP)
         assert state() == "unconfigured"
         peer.forget()
         assert peer.set_parameters(fixed_frame="cell") == (True, "")
         done, _ = peer.set_parameters(thresholds__warn=0.2)
         assert not done, "thresholds belong to a configured scene"
 
-    assert change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+    assert peer.change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
     assert state() == "finalized"
     assert process.stop(signal.SIGINT)[0] == 0
 
@@ -143,18 +139,16 @@ def test_a_transition_that_is_not_possible_does_not_kill_the_node(launch, scene_
     process = launch("node", "-r", "__ns:=/steady", scene=scene_file)
     peer = new_peer(process, "steady")
     peer.settle()
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
-    assert not peer.call(ChangeState, "change_state", request).success
+    assert not peer.change(Transition.TRANSITION_CONFIGURE)
     assert {pair["state"] for pair in peer.settle().values()} == {"clear"}
 
 
 def test_a_scene_that_fails_to_configure_can_be_replaced(launch, scene_file, tmp_path, new_peer):
     process = launch("node", "-r", "__ns:=/again", scene=tmp_path / "none.yaml", autostart="false")
     peer = new_peer(process, "again")
-    request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
-    assert not peer.call(ChangeState, "change_state", request).success
+    assert not peer.change(Transition.TRANSITION_CONFIGURE)
     assert peer.set_parameters(scene=str(scene_file)) == (True, "")
-    assert peer.call(ChangeState, "change_state", request).success
+    assert peer.change(Transition.TRANSITION_CONFIGURE)
 
 
 def test_simulated_time_stamps_the_results(launch, scene_file, new_peer):
@@ -175,7 +169,7 @@ def test_simulated_time_stamps_the_results(launch, scene_file, new_peer):
         states = {pair["state"] for pair in peer.pairs().values()}
         return message is not None and message.header.stamp.sec == at_s and states == {"clear"}
 
-    peer.wait(lambda: tell(time_s), "results stamped with simulated time")
+    peer.wait(lambda: tell(time_s), "results stamped with simulated time", 180.0)
     peer.wait(lambda: tell(time_s + 3600), "results after a jump ahead")
     peer.wait(lambda: tell(10), "results after the clock went back")
     assert "clock went back" in process.text
@@ -196,7 +190,7 @@ def test_the_player_publishes_the_motion_with_stamps(launch, new_peer, rclpy_con
             peer.node.create_subscription(
                 PoseStamped, body.topic, lambda m, n=body.name: got.setdefault(n, []).append(m), 10
             )
-    peer.wait(lambda: len(got) == 5 and all(len(m) > 5 for m in got.values()), "poses")
+    peer.wait(lambda: len(got) == 5 and all(len(m) > 5 for m in got.values()), "poses", 180.0)
     assert set(got) == set(moved.bodies)
     for messages in got.values():
         assert {m.header.frame_id for m in messages} == {described.frame}

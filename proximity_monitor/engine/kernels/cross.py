@@ -1,7 +1,8 @@
 """All triangles of one lowest node against all of another.
 
-The sixteen volumes of one node are moved into the other's frame together and bounded against its
-volume as a whole; each that is left is bounded against its sixteen. None of them goes by way of the
+First all are bounded along one direction, which costs next to nothing. The volumes of one node that
+are left are moved into the other's frame together and bounded against its volume as a whole, unless
+they are few; each that is left is bounded against its sixteen. None of them goes by way of the
 stack, and nothing is moved one by one: it takes half the time of opening one after the other.
 """
 
@@ -12,22 +13,23 @@ from collections import namedtuple
 import numpy as np
 from numba import uint64
 
-from ..tolerances import CROSS_MARGIN, SINGLE_EPS, SINGLE_LIMIT, SINGLE_TINY
+from ..tolerances import ALONG_MARGIN, CROSS_MARGIN, SINGLE_EPS, SINGLE_LIMIT, SINGLE_TINY
 from .boxes import box_bounds
 from .build import EMPTY
 from .jit import inlined, loop16
-from .lanes import lowest, not_above
+from .lanes import has_three, lowest, not_above, smallest
 from .memory import read_only
-from .state import BOUND_SLACK, BOUND_TESTS
+from .state import BOUND_SLACK, BOUND_TESTS, NORMAL_A, NORMAL_B, OFFSET
 from .vectors import add, moved, scaled, sub
-from .volumes import STRIDE, WIDTH, lower_bounds, read_vector, row
+from .volumes import STRIDE, WIDTH, lower_bounds, lows_along, read_vector, row
 
 Waiting = namedtuple("Waiting", "lanes bounds")
 """Pairs of triangles that wait to be tested: their lanes (int32, n × 2) and bounds (n,) metres."""
 
-Scratch = namedtuple("Scratch", "single found frame placed owns")
+Scratch = namedtuple("Scratch", "single found frame placed owns lows other_lows")
 """Room for float32: a single volume (16,), bounds (16 × 16), a motion (16,), a moved node
-(STRIDE,); and for the numbers of sixteen lanes."""
+(STRIDE,); for the numbers of sixteen lanes; and how far the lanes of either node keep from the
+other's along a direction (16,)."""
 
 
 @loop16
@@ -73,6 +75,20 @@ def _pick(lanes, base, margin, single):
 
 
 @inlined
+def _apart(tree, node, normal, sign, lows, reals):
+    """How far along the direction from a to b the node of a tree keeps from the other's, in metres.
+
+    That is of its centre; how much less it is of its lanes is written to `lows`, in node units. For
+    b, whose sign is 1, it is measured along the direction, for a against it.
+    """
+    x, y, z = sign * reals[normal], sign * reals[normal + 1], sign * reals[normal + 2]
+    lows_along(tree.nodes, uint64(node * STRIDE), np.float32(x), np.float32(y), np.float32(z), lows)
+    c = tree.centres
+    centre = x * c[node, 0] + y * c[node, 1] + z * c[node, 2]
+    return (centre - ALONG_MARGIN * c[node, 3]) * tree.scale[0]
+
+
+@inlined
 def cross_leaves(
     tree, node, fixed, lane, motion, flip, state, inherited, limit, scratch, waiting, n
 ):
@@ -83,9 +99,22 @@ def cross_leaves(
     `inherited` is a bound of all pairs. Returns how many pairs are waiting then, of n before; or -1
     where single precision does not serve.
     """
-    single, found, frame, placed, owns = scratch
+    single, found, frame, placed, owns, lows, other_lows = scratch
     other = fixed.children[lane]
     unit, inverse = fixed.scale[0], fixed.scale[1]
+    reals = state.reals
+    state.counts[BOUND_TESTS] += WIDTH
+    # Along the direction between the nearest points, all pairs of volumes at once.
+    if flip:
+        room = limit - _apart(tree, node, NORMAL_B, 1.0, lows, reals)
+        room -= _apart(fixed, other, NORMAL_A, -1.0, other_lows, reals)
+    else:
+        room = limit - _apart(tree, node, NORMAL_A, -1.0, lows, reals)
+        room -= _apart(fixed, other, NORMAL_B, 1.0, other_lows, reals)
+    room += reals[BOUND_SLACK] - reals[OFFSET]
+    rows = not_above(lows, 0, np.float32((room - smallest(other_lows) * unit) * tree.scale[1]))
+    if not rows:
+        return n
     ratio = tree.scale[0] * inverse
     centre = row(fixed.centres, other)
     d = scaled(moved(motion, scaled(row(tree.centres, node), tree.scale[0])), inverse)
@@ -110,11 +139,12 @@ def cross_leaves(
     frame[12] = np.float32(ratio)
     move_lanes(tree.nodes, uint64(node * STRIDE), frame, placed)
     moved_lanes = read_only(placed)
-    _pick(fixed.nodes, base, margin, single)
-    single[0], single[1], single[2] = np.float32(o[0]), np.float32(o[1]), np.float32(o[2])
-    lower_bounds(moved_lanes, uint64(0), single, found, uint64(0))
-    tests = WIDTH
-    rows = not_above(found, 0, threshold)
+    if has_three(rows):
+        _pick(fixed.nodes, base, margin, single)
+        single[0], single[1], single[2] = np.float32(o[0]), np.float32(o[1]), np.float32(o[2])
+        lower_bounds(moved_lanes, uint64(0), single, found, uint64(0))
+        state.counts[BOUND_TESTS] += WIDTH
+        rows &= not_above(found, 0, threshold)
     # All are bounded before any result is looked at, so that the processor works on two at once.
     count = 0
     while rows:
@@ -132,9 +162,10 @@ def cross_leaves(
             )  # fmt: skip
         owns[count] = own
         count += 1
-    tests += WIDTH * count
+    state.counts[BOUND_TESTS] += WIDTH * count
     for i in range(count):
-        survivors = not_above(found, i * WIDTH, threshold)
+        own_room = np.float32((room - lows[owns[i]] * tree.scale[0]) * inverse)
+        survivors = not_above(found, i * WIDTH, threshold) & not_above(other_lows, 0, own_room)
         while survivors:
             k = lowest(survivors)
             survivors &= survivors - 1
@@ -143,5 +174,4 @@ def cross_leaves(
             waiting.lanes[n, 1] = one if flip else two
             waiting.bounds[n] = max(found[i * WIDTH + k] * unit, inherited)
             n += 1
-    state.counts[BOUND_TESTS] += tests
     return n

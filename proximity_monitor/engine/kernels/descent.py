@@ -55,11 +55,12 @@ steps is one of time."""
 
 
 @inlined
-def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch):
+def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch, waiting, n):
     """Bound one lane of the tree `fixed` against the sixteen under lane `parent` of `tree`.
 
-    Pushes the pairs that survive, in a search depth first the nearest on top. `flip` says that
-    `fixed` is tree b, `inherited` is a bound of all pairs.
+    Pushes the pairs that survive, in a search depth first the nearest on top; but pairs of
+    triangles are appended to the `waiting` ones. `flip` says that `fixed` is tree b, `inherited` is
+    a bound of all pairs. Returns how many pairs are waiting then, of n before.
     """
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
     single, found = scratch.single, scratch.found
@@ -81,6 +82,16 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     top = first
     order = counts[ORDER]
     survivors = not_above(found, 0, reach)
+    if fixed.children[lane] < 0 and tree.children[node * WIDTH] < 0:
+        while survivors:
+            k = lowest(survivors)
+            survivors &= survivors - 1
+            child = node * WIDTH + k
+            waiting.lanes[n, 0] = child if flip else lane
+            waiting.lanes[n, 1] = lane if flip else child
+            waiting.bounds[n] = max(found[k] * unit, inherited)
+            n += 1
+        return n
     while survivors:
         k = lowest(survivors)
         survivors &= survivors - 1
@@ -105,6 +116,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
             rise(stack, bounds, counts[BASE], at)
         top += 1
     counts[DEPTH] = top
+    return n
 
 
 @inlined
@@ -165,7 +177,7 @@ def advance(tree_a, tree_b, state):
     scratch = Scratch(
         on_stack(16, np.float32(0.0)), on_stack(_CROSSED, np.float32(0.0)),
         on_stack(16, np.float32(0.0)), on_stack(STRIDE, np.float32(0.0)),
-        on_stack(WIDTH, 0),
+        on_stack(WIDTH, 0), on_stack(WIDTH, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0)),
     )  # fmt: skip
     waiting = Waiting(table_on_stack(_WAITING, 2, np.int32(0)), on_stack(_WAITING, 0.0))
     pairs, corners = table_on_stack(BATCH, 2, 0), on_stack(CORNERS, 0.0)
@@ -245,8 +257,12 @@ def advance(tree_a, tree_b, state):
             size_a, size_b = (size_a, 4.0 * size_b) if lowest_a else (4.0 * size_a, size_b)
         flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
         if flip:
-            open_pair(tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch)
+            n = open_pair(
+                tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, waiting, n
+            )
         else:
-            open_pair(tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch)
+            n = open_pair(
+                tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, waiting, n
+            )
     counts[STEPS] = steps
     return code

@@ -56,6 +56,9 @@ def _cache_directory() -> Path:
 CACHE_DIRECTORY = _cache_directory()
 
 
+_PACKAGE = __package__.partition(".")[0] + "."
+
+
 class _Announcement(event.Listener):
     """Says once a process that it compiles: nobody likes half a minute of silence.
 
@@ -67,7 +70,7 @@ class _Announcement(event.Listener):
 
     def on_start(self, start: event.Event) -> None:
         """Hear of a compilation, ours or another package's."""
-        if not self._made and start.data["dispatcher"].py_func.__module__.startswith(__package__):
+        if not self._made and start.data["dispatcher"].py_func.__module__.startswith(_PACKAGE):
             self._made = True
             logging.getLogger(__package__.rpartition(".")[0]).warning(
                 "compiling proximity_monitor's kernels for this machine, once: some 25 s in all;"

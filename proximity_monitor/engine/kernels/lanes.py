@@ -1,14 +1,17 @@
-"""Three LLVM operations that numba has no name for.
+"""LLVM operations that numba has no name for.
 
 Comparing sixteen float32 at once into a bit mask, and counting its trailing zeros: which lanes
-survive. And the fused multiply-add.
+survive. The smallest of sixteen. And the fused multiply-add.
 """
 
 from __future__ import annotations
 
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
+
+from .jit import inlined
 
 
 @intrinsic
@@ -35,6 +38,27 @@ def not_above(typingctx, values, first, limit):
 
 
 @intrinsic
+def smallest(typingctx, values):
+    """The smallest of values[0:16], none of which is NaN."""
+    if not (isinstance(values, types.Array) and values.dtype == types.float32):
+        return None
+
+    def codegen(context, builder, signature, args):
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        vector = ir.VectorType(ir.FloatType(), 16)
+        loaded = builder.load(builder.bitcast(array.data, vector.as_pointer()))
+        loaded.align = 4
+        function = cgutils.get_or_insert_function(
+            builder.module,
+            ir.FunctionType(ir.FloatType(), [vector]),
+            "llvm.vector.reduce.fmin.v16f32",
+        )
+        return builder.call(function, [loaded])
+
+    return types.float32(values), codegen
+
+
+@intrinsic
 def lowest(typingctx, mask):
     """Number of the lowest set bit of a mask that is not zero."""
 
@@ -42,6 +66,13 @@ def lowest(typingctx, mask):
         return builder.cttz(args[0], ir.Constant(ir.IntType(1), 1))
 
     return types.int64(types.int64), codegen
+
+
+@inlined
+def has_three(mask):
+    """Whether more than two bits of a mask are set."""
+    mask &= mask - 1
+    return (mask & (mask - 1)) != 0
 
 
 @intrinsic

@@ -117,6 +117,21 @@ def lower_bounds(nodes, base, single, bounds, first):
         bounds[first + uint64(k)] = max(max(gap, gap_lane), gap_single) - nodes[i + _F9] - radius
 
 
+@loop16
+def lows_along(nodes, base, x, y, z, lows):
+    """How far each lane of a node lies from the node's centre along a direction, at the least.
+
+    Two such vectors bound all pairs of two nodes' lanes along it: by one sum each. In node units.
+    """
+    for k in range(WIDTH):
+        i = base + uint64(k)
+        centre = nodes[i] * x + nodes[i + _F1] * y + nodes[i + _F2] * z
+        u = nodes[i + _F3] * x + nodes[i + _F4] * y + nodes[i + _F5] * z
+        v = nodes[i + _F6] * x + nodes[i + _F7] * y + nodes[i + _F8] * z
+        reach = nodes[i + _F10] * abs(u) + nodes[i + _F11] * abs(v) + nodes[i + _F9]
+        lows[k] = centre - reach
+
+
 @inlined
 def place(fixed, lane, motion, tree, node, slack, out):
     """Move one lane of `fixed` into the frame of a node of `tree`, as `single` of `lower_bounds`.

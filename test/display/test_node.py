@@ -1,0 +1,196 @@
+"""The display's node beside a player and a monitor that these tests play."""
+
+import json
+import subprocess
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+import rclpy
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+
+from proximity_monitor.display import run
+from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.inbox import Inbox
+from proximity_monitor.display.node import ProximityDisplay
+
+DEADLINE_S = 60.0
+HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
+BODIES = [
+    {"name": name, "moving": True, "topic": f"/bodies/{name}/pose", "point": False, "mesh": "1"}
+    for name in ("ball", "die")
+]
+SCENE = {
+    "name": "cell",
+    "description": "",
+    "frame": "world",
+    "unit": {"symbol": "mm", "to_metre": 0.001},
+    "bodies": BODIES,
+    "deforming": [],
+    "pairs": 1,
+    "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
+    "own_thresholds": [],
+    "own_parameters": True,
+    "settings": {"rate_hz": 30.0},
+}
+
+
+@pytest.fixture
+def display(rclpy_context):
+    """The node with a scene, and an executor that others may join."""
+    inbox, holds = Inbox(), Holds()
+    node = ProximityDisplay(inbox, holds)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    node._on_scene(String(data=json.dumps(SCENE)))
+
+    def until(condition, what):
+        deadline = time.monotonic() + DEADLINE_S
+        while not condition():
+            assert time.monotonic() < deadline, f"waited for {what}"
+            executor.spin_once(timeout_sec=0.05)
+
+    yield SimpleNamespace(node=node, inbox=inbox, holds=holds, executor=executor, until=until)
+    executor.shutdown()
+    node.destroy_node()
+
+
+@pytest.fixture
+def player(display):
+    """Makes a player that publishes the ball's poses, and says what it was told to leave alone."""
+    made = []
+
+    def start(refuses=False):
+        node = rclpy.create_node("proximity_player")
+        node.create_publisher(PoseStamped, "bodies/ball/pose", 1)
+        node.declare_parameter("released", Parameter.Type.STRING_ARRAY)
+        node.refuses = refuses
+        node.add_on_set_parameters_callback(
+            lambda _: SetParametersResult(successful=not node.refuses, reason="not now")
+        )
+        made.append(node)
+        display.executor.add_node(node)
+        return node
+
+    def end(node):
+        made.remove(node)
+        display.executor.remove_node(node)
+        node.destroy_node()
+
+    yield SimpleNamespace(start=start, end=end)
+    for node in list(made):
+        end(node)
+
+
+def released(player):
+    value = player.get_parameter_or("released").value
+    return None if value is None else list(value)
+
+
+def test_a_player_that_comes_is_told_what_is_held_and_one_that_comes_later_too(display, player):
+    first = player.start()
+    # What a display before this one held is let go.
+    display.until(lambda: released(first) == [], "the player to hear that nothing is held")
+    display.holds.take("ball", HERE)
+    display.until(lambda: released(first) == ["ball"], "the player to leave the ball alone")
+    player.end(first)
+    display.until(lambda: not display.node._to_player.service_is_ready(), "the player to go")
+    display.until(lambda: display.node._released is None, "the display to notice")
+    second = player.start()
+    display.until(lambda: released(second) == ["ball"], "the next player to leave the ball alone")
+    display.holds.release()
+    display.until(lambda: released(second) == [], "the ball to be let go")
+
+
+def test_a_player_is_a_rival_until_it_has_agreed(display, player):
+    node = player.start(refuses=True)
+    display.holds.take("ball", HERE)
+    display.until(lambda: display.inbox.news.rivals == ("proximity_player",), "the rival")
+    assert not display.node.player_knows
+    node.refuses = False
+    display.until(lambda: display.inbox.news.rivals == (), "the player to agree")
+    assert released(node) == ["ball"]
+    assert display.node.player_knows
+    # Another publisher of that topic stays one, and so does a player of another namespace.
+    other = rclpy.create_node("proximity_player", namespace="/left")
+    try:
+        other.create_publisher(PoseStamped, "/bodies/ball/pose", 1)
+        display.until(lambda: display.inbox.news.rivals == ("proximity_player",), "the other")
+    finally:
+        other.destroy_node()
+
+
+def test_what_is_held_is_let_go_at_the_end(display, player, monkeypatch):
+    monkeypatch.setattr(run, "FAREWELL_S", DEADLINE_S)
+    node = player.start()
+    display.holds.take("ball", HERE)
+    display.until(lambda: released(node) == ["ball"], "the player to leave the ball alone")
+    display.executor.remove_node(display.node)
+    stop = threading.Event()
+    stop.set()
+    ending = threading.Thread(target=run._spin, args=(display.node, display.holds, stop))
+    ending.start()
+    display.until(lambda: not ending.is_alive(), "the end")
+    assert released(node) == []
+
+
+def test_a_body_that_the_scene_has_not_is_neither_published_nor_looked_for(display):
+    display.holds.take("ghost", HERE)
+    display.node._publish_held()
+    display.node._look_around()
+    display.holds.take("die", HERE)
+    heard = []
+    display.node.create_subscription(PoseStamped, "/bodies/die/pose", heard.append, 1)
+    display.until(lambda: heard, "the die's pose")
+
+
+def test_what_fails_beside_the_page_ends_the_program_with_its_error(display):
+    display.executor.remove_node(display.node)
+    display.node.create_timer(0.001, lambda: 1 / 0)
+    stop = threading.Event()
+    with pytest.raises(ZeroDivisionError):
+        run._spin(display.node, display.holds, stop)
+    assert stop.is_set()
+
+
+BROKEN = """
+from proximity_monitor.display import run
+
+def broken(node, holds, stop):
+    stop.set()
+    raise ZeroDivisionError
+
+run._spin = broken
+run.main(["--ros-args", "-p", "port:=0"])
+"""
+
+
+def test_the_program_says_so_with_its_exit_code(ros_environment):
+    ended = subprocess.run(
+        [sys.executable, "-c", BROKEN], capture_output=True, text=True, timeout=DEADLINE_S
+    )
+    assert ended.returncode == 1
+    assert "ZeroDivisionError" in ended.stderr
+
+
+def test_a_scene_of_another_version_is_said_to_be_unreadable(display):
+    display.node._on_scene(String(data="{}"))
+    assert "same version" in display.inbox.news.unreadable["scene"]
+    display.node._on_scene(String(data=json.dumps(SCENE)))
+    assert not display.inbox.news.unreadable
+
+
+def test_the_node_s_own_parameters_can_be_read(display):
+    assert display.node.get_parameter("host").value == "127.0.0.1"
+    assert "port" in display.node.list_parameters([], 0).names

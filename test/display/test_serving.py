@@ -1,0 +1,58 @@
+"""Whom the page's server answers."""
+
+import socket
+
+import pytest
+
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+import viser
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from proximity_monitor.display import serving
+
+PROTOCOL = [f"viser-v{viser.__version__}"]
+
+
+@pytest.mark.parametrize(
+    "listening, host, expected",
+    [
+        ("127.0.0.1", "127.0.0.1:8080", False),
+        ("127.0.0.1", "localhost:9090", False),  # as through a tunnel
+        ("::1", "[::1]:8080", False),
+        ("localhost", "LOCALHOST", False),
+        ("127.0.0.1", "example.org:8080", True),
+        ("127.0.0.1", "127.0.0.1.example.org", True),
+        ("127.0.0.1", None, True),
+        ("0.0.0.0", "cell.example:8080", False),
+    ],
+)
+def test_a_machine_s_own_page_has_only_its_own_names(listening, host, expected):
+    assert serving.disguised(listening, host) is expected
+
+
+def test_a_foreign_name_for_this_machine_is_refused():
+    server = serving.serve("127.0.0.1", 0, "test")
+    try:
+        port = server.get_port()
+        with connect(f"ws://127.0.0.1:{port}", subprotocols=PROTOCOL) as websocket:
+            assert websocket.recv(timeout=60.0)
+        # As a browser asks once example.org's name resolves to 127.0.0.1.
+        own = socket.create_connection(("127.0.0.1", port))
+        named = f"example.org:{port}"
+        with pytest.raises(InvalidStatus, match="403"):
+            connect(f"ws://{named}", sock=own, origin=f"http://{named}")
+    finally:
+        serving.stop(server)
+
+
+@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="this machine has no IPv6")
+def test_the_address_may_be_one_of_ipv6():
+    server = serving.serve("::1", 0, "test")
+    try:
+        address = f"ws://[::1]:{server.get_port()}"
+        with connect(address, subprotocols=PROTOCOL) as websocket:
+            assert websocket.recv(timeout=60.0)
+    finally:
+        serving.stop(server)

@@ -1,0 +1,246 @@
+"""The page's own steps, on a server that nobody looks at: what follows what, and what is kept."""
+
+import asyncio
+import re
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+from proximity_monitor.display import page as pages
+from proximity_monitor.display import serving
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.inbox import Inbox
+from proximity_monitor.display.limits import ASK_S, HAND_S
+from proximity_monitor.display.limits import Limits as LimitsPanel
+from proximity_monitor.display.received import Part
+from proximity_monitor.display.state import STALE, STOP, Body, Frame, Limits, Pairs, Scene, Unit
+
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
+THERE = np.array([3.0, 0, 0, 1, 0, 0, 0])
+NAMES = ("<i>a", "b")
+SCENE = Scene(
+    name="cell",
+    description="",
+    frame="world",
+    unit=Unit("mm", 0.001),
+    bodies=tuple(Body(name, True, f"/{i}", False, "1") for i, name in enumerate(NAMES)),
+    deforming=frozenset(),
+    pairs=1,
+    thresholds=Limits(0.1, 0.02, 0.0),
+    own_thresholds={},
+    own_parameters=True,
+    settings={"rate_hz": 30.0, "budget_ms": 10.0, "rel_err": 0.0, "abs_err": 0.0},
+)
+PARTS = [Part(HERE, np.ones(4), CORNERS) for _ in NAMES]
+PERSON = SimpleNamespace(client=object())
+
+
+def frame(stamp_s, clearance=0.3, level=0, poses=(HERE, THERE)):
+    bound = np.array([clearance])
+    told = Pairs(
+        (NAMES,), bound, bound, np.zeros((1, 2, 3)), np.zeros(1, np.int8),
+        np.array([level], np.int8), np.zeros(1), np.zeros(1), ("",),
+    )  # fmt: skip
+    return Frame(stamp_s, np.array(poses), told)
+
+
+@pytest.fixture
+def server():
+    made = serving.serve("127.0.0.1", 0, "test")
+    yield made
+    serving.stop(made)
+
+
+@pytest.fixture
+def page(server, monkeypatch):
+    monkeypatch.setattr(pages, "TABLE_S", 0.0)
+    inbox, holds = Inbox(), Holds()
+    asked = SimpleNamespace(set_parameters_of_monitor=lambda values: None)
+    made = pages.Page(server, inbox, holds, asked)
+
+    def tell(**news):
+        inbox.tell(**news, frame_at_s=time.monotonic(), health_at_s=time.monotonic(), present=True)
+        made.step()
+
+    tell(scene=SCENE, parts=PARTS, frame=frame(0.0))
+    return SimpleNamespace(tell=tell, all=made, move=made._move, choice=made._choice, holds=holds)
+
+
+def words(html):
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", html.content)).strip()
+
+
+def test_the_banner_is_of_now_while_somebody_looks_back(page):
+    page.choice.at_s = 0.0
+    page.tell(frame=frame(1.0, 0.01, STOP))
+    assert words(page.all._banner).startswith("■ STOP")
+    assert "looking back" in words(page.all._pill)
+    assert "clear" in words(page.all._table)
+    assert words(page.all._banner).startswith("■ STOP &lt;i&gt;a - b: 10.000 mm")
+
+
+def test_a_banner_does_not_outlive_its_scene(page):
+    assert "clear" in words(page.all._banner)
+    page.tell(frame=None, parts=None)
+    assert words(page.all._banner) == ""
+
+
+def test_new_settings_change_nothing_that_another_scene_begins_anew(page):
+    page.choice.ignore(NAMES)
+    page.holds.place("b", THERE, now=HERE)
+    page.tell(scene=replace(SCENE, settings=SCENE.settings | {"budget_ms": 5.0}))
+    assert page.choice.ignored
+    assert page.holds.poses
+    other = tuple(replace(body, mesh="2") for body in SCENE.bodies)
+    bent = [Part(HERE, np.ones(4), 2.0 * CORNERS) for _ in NAMES]
+    page.tell(scene=replace(SCENE, bodies=other), parts=bent)
+    assert not page.choice.ignored
+    assert not page.holds.poses
+    mesh = page.all._parts["b"].mesh
+    np.testing.assert_allclose(mesh.vertices, page.all._parts.scale * bent[1].corners)
+
+
+def test_the_worst_pose_of_a_body_that_has_none_now_comes_back(page):
+    page.tell(frame=frame(1.0, np.nan, STALE, (np.zeros(7), THERE)))
+    page.all._return_to_worst()
+    np.testing.assert_array_equal(page.holds.poses[NAMES[0]], HERE)
+    while page.holds.undo():
+        pass
+    np.testing.assert_array_equal(page.holds.poses[NAMES[0]], HERE)
+
+
+def drag(page, phase, x):
+    at = SimpleNamespace(position=(x, 0.0, 0.0), wxyz=(1.0, 0.0, 0.0, 0.0))
+    asyncio.run(page.move._on_drag(SimpleNamespace(phase=phase, target=at)))
+
+
+def test_a_drag_stays_with_its_body_and_ends_whatever_is_chosen_meanwhile(page):
+    page.move.pick("b")
+    page.tell()
+    drag(page, "start", 3.5)
+    drag(page, "update", 4.0)
+    begun = page.holds.poses["b"]
+    page.move.pick(None)
+    drag(page, "update", 5.0)
+    drag(page, "end", 5.0)
+    assert page.holds.poses["b"][0] == pytest.approx(begun[0] + 1.0)
+    page.move.pick("b")
+    page.holds.release()
+    page.tell(frame=frame(1.0, poses=(HERE, HERE)))
+    np.testing.assert_allclose(page.move._gizmo.position, [0.5, 0.5, 0.0])
+
+
+def test_a_drag_does_not_outlive_its_scene(page):
+    page.move.pick("b")
+    page.tell()
+    drag(page, "start", 3.5)
+    page.tell(scene=replace(SCENE, name="other"))
+    drag(page, "update", 4.0)
+    assert not page.holds.poses
+    page.move.pick("b")
+    page.tell(frame=frame(1.0, poses=(HERE, HERE)))
+    np.testing.assert_allclose(page.move._gizmo.position, [0.5, 0.5, 0.0])
+
+
+def test_letting_nothing_go_keeps_what_is_held(page):
+    page.holds.place("b", THERE, now=HERE)
+    page.move.pick(None)
+    asyncio.run(page.move._on_release(None))
+    assert page.holds.poses
+    page.move.pick("b")
+    asyncio.run(page.move._on_release(None))
+    assert not page.holds.poses
+
+
+def test_what_others_named_is_no_html(page):
+    page.move.pick("b")
+    page.holds.place("b", THERE, now=HERE)
+    page.choice.pair = NAMES
+    page.all._timeline._due_s = 0.0
+    page.tell(rivals=("<i>robot",), refusal="<i>no")
+    limits = page.all._limits
+    own = replace(SCENE, own_thresholds={NAMES: Limits(0.2, 0.1, 0.0)})
+    limits.show(own, frame(0.0), None, "<i>no", time.monotonic())
+    told = (page.move._note, page.all._timeline._worst, limits._refusal, limits._whose)
+    for html in told:
+        assert "&lt;i&gt;" in html.content
+        assert "<i>" not in html.content
+
+
+@pytest.fixture
+def panel(server):
+    asked = []
+    made = LimitsPanel(server.gui, Choice(), asked.append)
+    return SimpleNamespace(all=made, asked=asked, lengths=made._lengths)
+
+
+def set_by_hand(panel, name, value):
+    slider = panel.lengths[name]
+    slider.value = value
+    asyncio.run(panel.all._on_length(name, slider)(PERSON))
+
+
+def show(panel, scene, now_s, refusal=""):
+    panel.all.show(scene, frame(0.0), None, refusal, now_s)
+
+
+def test_a_threshold_beyond_its_slider_is_not_lowered_with_another(panel):
+    show(panel, SCENE, 0.0)
+    far = replace(SCENE, thresholds=Limits(7.0, 0.02, 0.0))
+    show(panel, far, 10.0)
+    assert panel.lengths["warn"].value == panel.lengths["warn"].max == 500.0
+    set_by_hand(panel, "stop", 30.0)
+    show(panel, far, 20.0)
+    assert panel.asked == [{"thresholds.stop": pytest.approx(0.03)}]
+
+
+def test_warn_and_stop_push_each_other(panel):
+    show(panel, SCENE, 0.0)
+    set_by_hand(panel, "warn", 10.0)
+    show(panel, SCENE, 10.0)
+    set_by_hand(panel, "stop", 40.0)
+    show(panel, SCENE, 20.0)
+    assert panel.asked == [
+        {f"thresholds.{name}": pytest.approx(metres) for name in ("warn", "stop")}
+        for metres in (0.01, 0.04)
+    ]
+    assert panel.lengths["warn"].value == 40.0
+
+
+@pytest.mark.parametrize("refusal", ["", "too small"])
+def test_a_slider_follows_once_its_request_was_answered(panel, refusal):
+    show(panel, SCENE, 0.0)
+    set_by_hand(panel, "hysteresis", 5.0)
+    show(panel, SCENE, 10.0)
+    show(panel, SCENE, 60.0)
+    assert panel.lengths["hysteresis"].value == 5.0
+    answer = SCENE if refusal else replace(SCENE, thresholds=Limits(0.1, 0.02, 0.004))
+    show(panel, answer, 61.0, refusal)
+    assert panel.lengths["hysteresis"].value == (0.0 if refusal else pytest.approx(4.0))
+
+
+def test_a_slider_is_not_pulled_from_the_hand(panel):
+    show(panel, SCENE, 0.0)
+    set_by_hand(panel, "hysteresis", 5.0)
+    show(panel, SCENE, 10.0)
+    show(panel, replace(SCENE), 10.0 + ASK_S)
+    assert panel.lengths["hysteresis"].value == 5.0
+    show(panel, replace(SCENE), 10.0 + HAND_S)
+    assert panel.lengths["hysteresis"].value == 0.0
+
+
+def test_sliders_have_the_unit_of_the_scene(panel):
+    show(panel, SCENE, 0.0)
+    show(panel, replace(SCENE, unit=Unit("in", 0.0254)), 10.0)
+    assert panel.lengths["warn"].label == "warn [in]"
+    set_by_hand(panel, "warn", 10.0)
+    show(panel, SCENE, 20.0)
+    assert panel.asked == [{"thresholds.warn": pytest.approx(0.254)}]
