@@ -7,6 +7,7 @@ from typing import get_args
 import fcl
 import numpy as np
 import trimesh
+from numba import njit
 
 from proximity_monitor import engine
 from proximity_monitor.engine import run, tree
@@ -133,3 +134,13 @@ class Fcl:
         if self.collide(pose_a, pose_b):
             return 0.0
         return fcl.distance(*self._objects)
+
+
+def from_python(kernel):
+    """A kernel that only other compiled code can call, as Python can."""
+
+    @njit
+    def call(*arguments):
+        return kernel(*arguments)
+
+    return call

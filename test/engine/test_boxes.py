@@ -6,14 +6,16 @@ import itertools
 
 import numpy as np
 import pytest
-from engine_bodies import box, pose, rotation, soup, sphere, torus, translation
+from engine_bodies import box, from_python, pose, rotation, soup, sphere, torus, translation
 from engine_oracles import exact_squared_distance, pairwise_distances, root
 
 from proximity_monitor import engine
 from proximity_monitor.engine import check_tree
-from proximity_monitor.engine.kernels.boxes import box_bounds, shortest
-from proximity_monitor.engine.kernels.motion import relative_motions
-from proximity_monitor.engine.kernels.volumes import lower_bounds, place
+from proximity_monitor.engine.kernels import boxes, motion, volumes
+
+box_bounds, shortest = from_python(boxes.box_bounds), from_python(boxes.shortest)
+relative_motions = from_python(motion.relative_motions)
+lower_bounds, place = from_python(volumes.lower_bounds), from_python(volumes.place)
 
 KINDS = ("obb", "aabb")
 WIDTH, FIELDS = 16, 12

@@ -6,14 +6,18 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, pose
+from engine_bodies import IDENTITY, from_python, pose
 from engine_oracles import exact_motion, exact_squared_distance, exactly_moved, root
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
+from proximity_monitor.engine.kernels import aim
+from proximity_monitor.engine.kernels import gaps as filters
 from proximity_monitor.engine.kernels import state as index
-from proximity_monitor.engine.kernels.aim import gap_along
-from proximity_monitor.engine.kernels.gaps import BATCH, CORNERS, gaps, gather, shift
+from proximity_monitor.engine.kernels.gaps import BATCH, CORNERS
+
+gather, shift = from_python(filters.gather), from_python(filters.shift)
+gaps, gap_along = from_python(filters.gaps), from_python(aim.gap_along)
 
 EACH = 4
 """Triangles of either model: all their pairs make one batch."""

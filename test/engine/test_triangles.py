@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, pose
+from engine_bodies import IDENTITY, from_python, pose
 from engine_oracles import (
     exact_motion,
     exact_squared_distance,
@@ -17,8 +17,9 @@ from engine_oracles import (
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.edges import LANES, edge_pairs
-from proximity_monitor.engine.kernels.triangles import segments
+from proximity_monitor.engine.kernels import edges, triangles
+
+edge_pairs, segments = from_python(edges.edge_pairs), from_python(triangles.segments)
 
 CASES = 60
 FACE = [[0, 1, 2]]
@@ -168,7 +169,7 @@ def test_a_corner_above_a_face_at_every_scale():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_edges_in_parallel_have_the_nearest_points_of_edges_one_by_one(kind):
-    s, t, squared, touching = np.empty((4, LANES))
+    s, t, squared, touching = np.empty((4, edges.LANES))
     for case, a, b in cases(kind):
         a, b = ([tuple(corner) for corner in each.tolist()] for each in (a, b))
         edges_a, edges_b = (

@@ -78,13 +78,13 @@ def approach(tree_a, tree_b, state, found):
         other = _near(tree_b, moved(motions[1], p), tb, state, stack, bounds, found)
         if other != tb:
             counts[PRIMITIVE_TESTS] += 1
-            test_triangles(tree_a, tree_b, state, ta, other, False)
+            test_triangles(tree_a, tree_b, state, ta, other, 0.0)
         ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
         q = mixed(corners(tree_b.triangles, tb), reals[WEIGHTS_B : WEIGHTS_B + 3])
         other = _near(tree_a, moved(motions[0], q), ta, state, stack, bounds, found)
         if other != ta:
             counts[PRIMITIVE_TESTS] += 1
-            test_triangles(tree_a, tree_b, state, other, tb, False)
+            test_triangles(tree_a, tree_b, state, other, tb, 0.0)
         if not reals[DISTANCE] < _WORTH * before:
             break
     reals[APPROACHED] = reals[DISTANCE]

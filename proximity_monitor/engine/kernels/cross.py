@@ -105,12 +105,10 @@ def cross_leaves(
     reals = state.reals
     state.counts[BOUND_TESTS] += WIDTH
     # Along the direction between the nearest points, all pairs of volumes at once.
-    if flip:
-        room = limit - _apart(tree, node, NORMAL_B, 1.0, lows, reals)
-        room -= _apart(fixed, other, NORMAL_A, -1.0, other_lows, reals)
-    else:
-        room = limit - _apart(tree, node, NORMAL_A, -1.0, lows, reals)
-        room -= _apart(fixed, other, NORMAL_B, 1.0, other_lows, reals)
+    normal, other_normal = (NORMAL_B, NORMAL_A) if flip else (NORMAL_A, NORMAL_B)
+    sign = 1.0 if flip else -1.0
+    room = limit - _apart(tree, node, normal, sign, lows, reals)
+    room -= _apart(fixed, other, other_normal, -sign, other_lows, reals)
     room += reals[BOUND_SLACK] - reals[OFFSET]
     rows = not_above(lows, 0, np.float32((room - smallest(other_lows) * unit) * tree.scale[1]))
     if not rows:

@@ -73,7 +73,9 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     if place(fixed, lane, motion, tree, node, reals[BOUND_SLACK], single):
         lower_bounds(tree.nodes, uint64(node * STRIDE), single, found, uint64(0))
         if fixed.scale[3] + tree.scale[3] > 0.0:
-            box_bounds(fixed, lane, motion, tree, node, reals[BOUND_SLACK], reach, found, 0)
+            box_bounds(
+                fixed, lane, motion, tree, node, reals[BOUND_SLACK], reach, found, np.int64(0)
+            )
     else:
         inherited = max(inherited, far_bound(fixed, lane, motion, tree, node, reals[BOUND_SLACK]))
         for k in range(WIDTH):
@@ -183,7 +185,7 @@ def advance(tree_a, tree_b, state):
     pairs, corners = table_on_stack(BATCH, 2, 0), on_stack(CORNERS, 0.0)
     local = on_stack(_LOCAL, np.float32(0.0))
     room = state.collected.shape[0]
-    n = 0
+    n = np.int64(0)
     code = ENDED
     while True:
         full = room > 0 and counts[COLLECTED] + n + _CROSSED > room

@@ -96,18 +96,19 @@ def mixed(triangle, weights):
 
 
 @entry
-def test_triangles(tree_a, tree_b, state, ta, tb, apart):
+def test_triangles(tree_a, tree_b, state, ta, tb, bound):
     """Exact distance of two triangles; keeps it where it is the smallest. Returns it.
 
-    `apart` says that they certainly do not cross. Where they are as near as others, but in another
-    direction, that is the next to measure along: their neighbours are so too.
+    `bound` is a lower bound of it: where it is positive, they certainly do not cross. Where they
+    are as near as others, but in another direction, that is the next to measure along: their
+    neighbours are so too.
     """
     reals = state.reals
     a, b = _both(tree_a, tree_b, state, ta, tb)
     known = reals[DISTANCE]
     tied = known + _TIED * reals[SLACK]
     matters = np.inf if state.collected.shape[0] > 0 else tied * tied
-    if apart:
+    if bound > 0.0:
         squared, wa, wb = distance_apart(a, b, matters)
     else:
         squared, wa, wb = triangle_distance(a, b, matters)
@@ -163,7 +164,7 @@ def test_batch(tree_a, tree_b, state, pairs, count, corners, local, found):
             gap = gap_along(reals, tree_a.triangles, ta, tree_b.triangles, tb)
             if gap >= reals[LIMIT]:
                 continue
-        distance = test_triangles(tree_a, tree_b, state, ta, tb, found[k] > 0.0)
+        distance = test_triangles(tree_a, tree_b, state, ta, tb, np.float64(found[k]))
         tested += 1
         if state.collected.shape[0] > 0 and distance - reals[SLACK] < reals[LIMIT]:
             collect(state, ta, tb, distance)

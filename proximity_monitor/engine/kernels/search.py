@@ -98,7 +98,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     counts[LEVEL_END], counts[NEAREST_A], counts[NEAREST_B] = 0, 0, 0
     reals[LEVEL_LOWER], reals[NEXT_LOWER] = 0.0, 0.0
     reals[APPROACHED] = test_triangles(
-        tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B], False
+        tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B], 0.0
     )
     return CUT
 
