@@ -23,6 +23,7 @@ from proximity_monitor.display.pairs import as_pair, table
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.save import Save, Shown
 from proximity_monitor.display.session import Session
+from proximity_monitor.display.state import Frame
 from proximity_monitor.display.timeline import Timeline
 
 TABLE_S = 0.1
@@ -55,6 +56,7 @@ class Page:
         self._parts: Parts | None = None
         self._lines: Lines | None = None
         self._drawn: tuple = ()
+        self._all_placed = True
         self._table_due_s = 0.0
         gui = server.gui
         gui.main_panel.dock_right()
@@ -104,6 +106,8 @@ class Page:
         self._shown = Shown(scene, frame, news.parts)
         held = self._holds.poses if at is None else {}
         self._parts.show(frame, held, choice, choice.pair or ())
+        if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
+            self._look_at_all(frame)
         self._move.show(frame, news)
         drawn = (frame, choice.pair, choice.body, choice.ignored, choice.lines, scene)
         if drawn != self._drawn:
@@ -128,14 +132,26 @@ class Page:
         self._parts.show(news.frame, {}, self._choice, ())
         self._lines = Lines(self._server, self._parts.scale, self._parts.size)
         self._move.begin(news.scene, self._parts)
+        self._look_at_all(news.frame)
+        self._server.gui.set_panel_label(news.scene.name)
+        self._about.content = f"<div class='pm pm-dim'>{escape(news.scene.description)}</div>"
+
+    def _look_at_all(self, frame: Frame) -> None:
+        """Show all parts to who comes, and to who has not looked elsewhere yet."""
         low, high = self._parts.box()
         middle, across = (low + high) / 2.0, float(np.linalg.norm(high - low))
         camera = self._server.initial_camera
+        before = camera.position
         middle[2] -= 0.12 * across  # the plot covers what is beneath
         camera.look_at = middle
         camera.position = middle + across * np.array([0.55, -0.75, 0.45])
-        self._server.gui.set_panel_label(news.scene.name)
-        self._about.content = f"<div class='pm pm-dim'>{escape(news.scene.description)}</div>"
+        for client in self._server.get_clients().values():
+            if np.allclose(client.camera.position, before, atol=1e-3 * across):
+                with client.atomic():
+                    client.camera.look_at = middle
+                    client.camera.position = camera.position
+        # A monitor's first ticks may come before the first poses.
+        self._all_placed = bool(frame.poses[:, 3:].any(axis=1).all())
 
     def _add_list(self, gui: viser.GuiApi) -> None:
         self._about = gui.add_html("")

@@ -93,6 +93,18 @@ def test_a_banner_does_not_outlive_its_scene(page):
     assert words(page.all._banner) == ""
 
 
+def test_all_parts_come_into_view_once_they_have_poses(page):
+    camera = page.all._server.initial_camera
+    middle = camera.look_at.copy()
+    nowhere = replace(SCENE, name="another")
+    page.tell(scene=nowhere, frame=frame(1.0, np.nan, STALE, (HERE, np.zeros(7))))
+    assert camera.look_at[0] < 0.5 * middle[0]
+    page.tell(frame=frame(2.0))
+    np.testing.assert_allclose(camera.look_at, middle)
+    page.tell(frame=frame(3.0, poses=(HERE, 9.0 * THERE)))
+    np.testing.assert_allclose(camera.look_at, middle)
+
+
 def test_new_settings_change_nothing_that_another_scene_begins_anew(page):
     page.choice.ignore(NAMES)
     page.holds.place("b", THERE, now=HERE)
