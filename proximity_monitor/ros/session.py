@@ -329,7 +329,7 @@ class Session:
         def write() -> None:
             try:
                 paths = dump(taken, settings.recording_dir, name, settings.frame)
-            except Exception as error:
+            except Exception as error:  # whatever it is, who awaits it raises it
                 done.set_exception(error)
             else:
                 done.set_result(", ".join(map(str, paths)))

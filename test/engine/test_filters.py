@@ -6,18 +6,20 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, from_python, pose
+from engine_bodies import IDENTITY, box, from_python, pose
 from engine_oracles import exact_motion, exact_squared_distance, exactly_moved, root
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels import aim
+from proximity_monitor.engine.kernels import aim, cross
 from proximity_monitor.engine.kernels import gaps as filters
 from proximity_monitor.engine.kernels import state as index
+from proximity_monitor.engine.kernels.build import EMPTY
 from proximity_monitor.engine.kernels.gaps import BATCH, CORNERS
 
 gather, shift = from_python(filters.gather), from_python(filters.shift)
 gaps, gap_along = from_python(filters.gaps), from_python(aim.gap_along)
+node_apart = from_python(cross._apart)
 
 EACH = 4
 """Triangles of either model: all their pairs make one batch."""
@@ -81,3 +83,49 @@ def test_the_filters_are_tight_where_it_counts(kind):
         along = gap_along(reals, a._tree.triangles, ta, b._tree.triangles, tb)
         slack = reals[index.SLACK]
         assert along >= answer.upper - 3.0 * slack or np.isclose(along, answer.upper, rtol=1e-12)
+
+
+def lowest_node(mesh):
+    """The one node of a small mesh that holds triangles; its lanes that do, and which."""
+    children = mesh._tree.children.reshape(-1, 16)
+    node = int(children[0, 0])  # the first node has but one lane: all of the mesh
+    lanes = [(k, ~child) for k, child in enumerate(children[node].tolist()) if child != EMPTY]
+    assert sorted(triangle for _, triangle in lanes) == list(range(len(mesh.faces)))
+    return node, lanes
+
+
+def check_along_the_aim(a, b, pose_a, pose_b):
+    """How many pairs of triangles their volumes dismiss; none is nearer than these say."""
+    lows = np.empty((2, 16), np.float32)
+    pair = engine.Pair(a, b)
+    upper = pair.distance(pose_a, pose_b).upper
+    reals = pair._search.reals
+    (node_a, lanes_a), (node_b, lanes_b) = lowest_node(a), lowest_node(b)
+    between = node_apart(a._tree, node_a, index.NORMAL_A, -1.0, lows[0], reals)
+    between += node_apart(b._tree, node_b, index.NORMAL_B, 1.0, lows[1], reals)
+    between += reals[index.OFFSET] - reals[index.BOUND_SLACK]
+    exact = exact_distances(a, b, pose_a, pose_b)
+    dismissed = 0
+    for k, ta in lanes_a:
+        for m, tb in lanes_b:
+            own, other = lows[0, k] * a._tree.scale[0], lows[1, m] * b._tree.scale[0]
+            bound = float(between + own + other)
+            assert Fraction(bound) <= exact[len(b.faces) * ta + tb]
+            dismissed += bound >= upper
+    return dismissed
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_volumes_of_two_nodes_are_no_farther_along_the_aim_than_their_triangles(kind):
+    for crowd in crowds(kind):
+        check_along_the_aim(*crowd)
+
+
+def test_the_aim_dismisses_most_triangles_of_bodies_that_are_apart():
+    rng = np.random.default_rng(8)
+    cube, dismissed = box((1.0, 0.8, 0.6)), 0
+    for _ in range(ROUNDS):
+        pose_a, pose_b = pose(rng, 0.0), pose(rng, 0.0)
+        pose_b[0, 3] = 2.0
+        dismissed += check_along_the_aim(cube, cube, pose_a, pose_b)
+    assert dismissed > 0.5 * ROUNDS * len(cube.faces) ** 2

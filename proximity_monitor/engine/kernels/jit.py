@@ -74,8 +74,8 @@ class _Announcement(event.Listener):
         if not self._made and start.data["dispatcher"].py_func.__module__.startswith(_PACKAGE):
             self._made = True
             logging.getLogger(__package__.rpartition(".")[0]).warning(
-                "compiling proximity_monitor's kernels for this machine, once: some 25 s in all;"
-                " kept in %s",
+                "compiling proximity_monitor's kernels for this machine, once: half a minute in"
+                " all; kept in %s",
                 CACHE_DIRECTORY,
             )
 
