@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
@@ -9,6 +10,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray
+from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64, String
@@ -29,6 +31,9 @@ from proximity_monitor.scene.state import PoseSample, Tick
 KEPT_ALERTS = 1000
 """So many alerts at most are kept for subscribers that are slow or come late; and so many of one
 tick are published, the most urgent ones, as no subscriber could hold more."""
+
+LAST_WORD_S = 0.5
+"""So long at most is waited for subscribers to have the last state, before its publishers go."""
 
 _URGENCY = (Level.STOP, Level.STALE, Level.WARN, Level.CLEAR)
 
@@ -193,7 +198,19 @@ class Outputs:
             self._markers.publish(self._marks.farewell(stamp))
 
     def destroy(self) -> None:
-        """Destroy the publishers."""
+        """Destroy the publishers, once the last state has arrived.
+
+        What is still under way when its publisher goes is lost: one message in four, as measured
+        where six processes share two cores.
+        """
+        until = time.monotonic() + LAST_WORD_S
+        for publisher in (self._closest, self._clearance, self._markers):
+            left_s = max(0.0, until - time.monotonic())
+            if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
+                log = self._node.get_logger()
+                log.warning(f"{publisher.topic_name}: not all who listen have the last message")
+        # Fast DDS asks for the receipt of what has a longer history every three seconds only.
+        self._alerts.wait_for_all_acked(Duration(seconds=0.02))
         for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)
 
