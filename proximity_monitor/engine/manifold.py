@@ -17,7 +17,7 @@ def manifold_of(a: TriangleMesh, b: TriangleMesh, search: Search) -> Manifold:
     Those are the pairs of triangles whose distance was found, the pairs of volumes left alone, and
     where the search was cut those not yet looked into.
     """
-    upper, slack = search.answers[0, index.UPPER], search.reals[index.SLACK]
+    upper, slack = search.answers[index.UPPER], search.reals[index.SLACK]
     rows = search.collected(upper)
     tested = rows[:, 0] >= 0.0
     triangles = rows[tested, :2].astype(np.int32)

@@ -68,7 +68,7 @@ class Pair:
         search = self._search
         self._asked = None
         search.run(
-            pose_a[None], pose_b[None],
+            pose_a, pose_b,
             rel_err=rel_err, abs_err=abs_err, deadline=deadline, fresh=fresh, collect=manifold,
         )  # fmt: skip
         self._asked = asked
@@ -95,10 +95,10 @@ class Pair:
         check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         search = Search(self.a, self.b)
-        search.run(pose_a[None], pose_b[None])
+        search.run(pose_a, pose_b)
         # The next begins with the distance of the triangles that this one found.
         start = perf_counter()
-        search.run(pose_a[None], pose_b[None], rel_err=rel_err, abs_err=abs_err)
+        search.run(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err)
         return self._distance(search, start)
 
     def signed_distance(
@@ -129,8 +129,8 @@ class Pair:
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         self._asked = None
         beyond = math.nextafter(clearance, math.inf)
-        self._search.run(pose_a[None], pose_b[None], stop=clearance, limit=beyond)
-        answer = self._search.answers[0].copy()
+        self._search.run(pose_a, pose_b, stop=clearance, limit=beyond)
+        answer = self._search.answers
         lower, tests = float(answer[index.LOWER]), _tests(answer)
         return Clearance(
             lower <= clearance, lower, float(answer[index.UPPER]), answer[2:5], answer[5:8], *tests
@@ -147,15 +147,15 @@ class Pair:
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         self._asked = None
         search = self._search
-        search.run(pose_a[None], pose_b[None], limit=math.ulp(0.0))
-        answer = search.answers[0].copy()
+        search.run(pose_a, pose_b, limit=math.ulp(0.0))
+        answer = search.answers
         colliding = bool(answer[index.LOWER] == 0.0)
         tests = _tests(answer)
         pairs = answer[None, index.TREE_A : index.TREE_B + 1][: int(colliding)]
         if colliding and all_contacts:
-            search.run(pose_a[None], pose_b[None], limit=math.ulp(0.0), collect=True)
+            search.run(pose_a, pose_b, limit=math.ulp(0.0), collect=True)
             pairs = search.collected(0.0)[:, :2]
-            tests = tests + _tests(search.answers[0])
+            tests = tests + _tests(search.answers)
         pairs = pairs.astype(np.int32)
         contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
         return Collision(colliding, contacts, answer[2:5], *tests.tolist())
@@ -169,7 +169,7 @@ class Pair:
     def _distance(self, search: Search, start: float, collected: bool = False) -> Distance:
         """The answer of a search that was asked at `start` of perf_counter."""
         manifold = manifold_of(self.a, self.b, search) if collected else None
-        return distance_of(search.answers[0], start, manifold)
+        return distance_of(search.answers, start, manifold)
 
 
 def _tests(answer: NDArray[np.float64]) -> NDArray[np.int64]:

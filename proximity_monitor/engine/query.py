@@ -231,13 +231,13 @@ def distances(
     many_a, many_b = as_poses(poses_a, "poses_a"), as_poses(poses_b, "poses_b")
     if len(many_a) != len(many_b):
         raise ValueError(f"{len(many_a)} poses_a but {len(many_b)} poses_b")
-    Search(a, b, order, rows=0)  # refuses an order that there is not, before any thread starts
+    Search(a, b, order)  # refuses an order that there is not, before any thread starts
 
     def answer(first: int) -> Search:
         last = first + _CHUNK
-        search = Search(a, b, order, rows=len(many_a[first:last]))
+        search = Search(a, b, order)
         search.run(
-            many_a[first:last], many_b[first:last],
+            many_a[first:last].reshape(-1, 4), many_b[first:last].reshape(-1, 4),
             rel_err=rel_err, abs_err=abs_err, first=first,
         )  # fmt: skip
         return search
@@ -248,5 +248,5 @@ def distances(
     else:
         with ThreadPoolExecutor(threads) as pool:
             chunks = list(pool.map(answer, starts))
-    none = np.empty((0, index.ANSWER))
-    return distances_of(np.concatenate([none, *(each.answers for each in chunks)]))
+    rows = np.concatenate([np.empty(0), *(each.answers for each in chunks)])
+    return distances_of(rows.reshape(-1, index.ANSWER))

@@ -42,13 +42,12 @@ _COLLECTED = 4096
 
 
 class Search:
-    """The memory of a search over two models, and of its answers to so many questions.
+    """The memory of a search over two models, and its last answers.
 
     Args:
         a: first model.
         b: second model.
         order: in which order pairs of volumes are visited.
-        rows: how many poses are asked about in one run.
 
     Raises:
         ValueError: there is no such order.
@@ -56,9 +55,7 @@ class Search:
 
     __slots__ = ("_models", "answers", "counts", "memory", "order", "reals", "state")
 
-    def __init__(
-        self, a: TriangleMesh, b: TriangleMesh, order: Order = "depth_first", rows: int = 1
-    ) -> None:
+    def __init__(self, a: TriangleMesh, b: TriangleMesh, order: Order = "depth_first") -> None:
         if order not in _ORDERS:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
         self._models = a, b
@@ -88,7 +85,7 @@ class Search:
                 no_corners,
             )
         )
-        self.answers = np.empty((rows, index.ANSWER))
+        self.answers = np.empty(0)
 
     def _keep(self, state: index.State) -> None:
         """Take the arrays of a search, and make the table by which kernels find them."""
@@ -109,7 +106,7 @@ class Search:
         collect: bool = False,
         first: int | None = None,
     ) -> int:
-        """Answer at poses (rows, 4, 4), into `answers`.
+        """Answer at k poses, one below the other (4 k, 4), into new `answers` (k ANSWER,).
 
         Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
         alone, it collects every pair that may be as near as the upper bound, and ends only when it
@@ -131,11 +128,13 @@ class Search:
         if fresh and self.order == "breadth_first":
             corners = a._spread_corners(), b._spread_corners()
             self._keep(self.state._replace(spread_a=corners[0], spread_b=corners[1]))
+        count = len(poses_a) // 4
+        answers = self.answers = np.empty(count * index.ANSWER)
         row = 0
         while True:
             code, row = kernel.search(
-                a._table, b._table, self.memory, poses_a, poses_b, row, len(poses_a),
-                rel_err, abs_err, stop, limit, steps, fresh, self.answers,
+                a._table, b._table, self.memory, poses_a, poses_b, row, count,
+                rel_err, abs_err, stop, limit, steps, fresh, answers,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:
                 self._make_room()
@@ -148,7 +147,7 @@ class Search:
         if code in (index.BAD_POSE_A, index.BAD_POSE_B):
             letter, poses = ("a", poses_a) if code == index.BAD_POSE_A else ("b", poses_b)
             name = f"pose_{letter}" if first is None else f"poses_{letter}[{first + row}]"
-            check_pose(poses[row], name)
+            check_pose(poses[4 * row : 4 * row + 4], name)
         return code
 
     def _make_room(self) -> None:

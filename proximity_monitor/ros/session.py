@@ -218,13 +218,14 @@ class Session:
         self._distance_ticks += distances
         budget, spent, looked_at = self.settings.budget_s, 0.0, ()
         while True:
-            part = min(budget - spent, SLICE_S)
-            tick = self._monitor.tick(samples, part, distances=distances)
+            left_s = budget - spent
+            tick = self._monitor.tick(samples, min(left_s, SLICE_S), distances=distances)
             spent += tick.elapsed_s
             looked_at += tick.looked_at
-            if not tick.left or tick.elapsed_s < part or spent >= budget or spin.asked_to_stop():
+            # A slice ends a little early: what closes a tick is set aside.
+            if not tick.left or left_s <= SLICE_S or spent >= budget or spin.asked_to_stop():
                 break
-        if part == budget:
+        if left_s == budget:
             return tick
         return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=looked_at)
 

@@ -17,6 +17,7 @@ from .motion import deviation, is_rigid, relative_motions
 from .primitives import corners, mixed, test_triangles
 from .state import (
     ABS_ERR,
+    ANSWER,
     APPROACHED,
     BAD_POSE_A,
     BAD_POSE_B,
@@ -152,25 +153,26 @@ def search(
     model_a, model_b, memory,
     poses_a, poses_b, first, last, rel_err, abs_err, stop, limit, steps, fresh, answers,
 ):  # fmt: skip
-    """Answer the queries first to last at poses (k, 4, 4), each with at most `steps` steps.
+    """Answer the queries first to last at poses (4 k, 4), each with at most `steps` steps.
 
     A query starts from the triangles that the last one left in the state; where not `fresh`, the
     first goes on with the search that the state holds. Models and state come as tables (see
-    tables.py). Writes answers (k, ANSWER). Returns ENDED, or another code and the query that it is
+    tables.py). Writes answers (k ANSWER,). Returns ENDED, or another code and the query that it is
     about.
     """
     tree_a, faces_a = tree_at(model_a)
     tree_b, faces_b = tree_at(model_b)
     state = state_at(memory)
     for k in range(first, last):
-        pose_a, pose_b = poses_a[k], poses_b[k]
+        pose_a, pose_b = poses_a[4 * k : 4 * k + 4], poses_b[4 * k : 4 * k + 4]
+        answer = answers[k * ANSWER : (k + 1) * ANSWER]
         if fresh or k > first:
             code = begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit)
             if code != CUT:
                 return code, k
         state.counts[STEPS] = steps
         code = advance(tree_a, tree_b, state)
-        finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answers[k])
+        finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer)
         if code != ENDED:
             return code, k
     return ENDED, last
