@@ -82,8 +82,6 @@ class Inputs:
         self._frame = frame
         self._counted: set[bytes] = set()
         self._awaited: set[str] = set()
-        self.news = False
-        """Whether poses were kept since the round began (see `await_again`)."""
         self.attached: frozenset[str] = frozenset()
         """Bodies whose own poses do not count now."""
         self.strangers: list[str] = []
@@ -108,7 +106,6 @@ class Inputs:
             return reason
         last.keep(pose_matrix(pose.position, pose.quaternion), pose.stamp_ns)
         self._awaited.discard(name)
-        self.news = True
         return None
 
     def store_array(
@@ -192,7 +189,6 @@ class Inputs:
     def await_again(self, names: Iterable[str]) -> None:
         """Begin a new round, which is `complete` when each of these bodies has a new pose."""
         self._awaited = set(names)
-        self.news = False
 
     @property
     def complete(self) -> bool:
@@ -252,7 +248,6 @@ class Inputs:
                 self._last[names[i]].keep(poses[i], stamp_ns)
                 kept.append(names[i])
         self._awaited.difference_update(kept)
-        self.news |= bool(kept)
         return len(kept)
 
     def _count(self, tests: Iterable[tuple[str, np.ndarray]]) -> np.ndarray:

@@ -69,7 +69,7 @@ class Session:
         self.settings = settings
         self._node = node
         self._paused = False
-        self._by_poses = False  # the last tick was
+        self._late = False  # the timer waits longer, see _on_poses
         self._tick: Tick | None = None
         self._distance_ticks = 0
         self._now_ns = 0
@@ -122,9 +122,8 @@ class Session:
             self._health.timing.forget_window()  # so that the next percentiles are of the new ones
         if before.rate_hz != settings.rate_hz:
             self._pace.limit(settings.rate_hz)
-            self._ticking.timer_period_ns = int(1e9 / settings.rate_hz)
             if not self._ticking.is_canceled():
-                self._ticking.reset()  # else the old period has to end first
+                self._restart(1.0)  # else the old period has to end first
         self._inputs.timeout_s = settings.pose_timeout_s
         self._outputs.apply(settings)
         self._attach(settings.attachments)
@@ -132,7 +131,7 @@ class Session:
     def start(self) -> None:
         """Begin to tick."""
         self._health.timing.forget_window()
-        self._ticking.reset()
+        self._restart(1.0)
 
     def stop(self) -> None:
         """Tick no more, and take down what viewers show of the last tick."""
@@ -153,16 +152,24 @@ class Session:
         # began: meshes and search trees would stay for good.
         vars(self).clear()
 
+    def _restart(self, periods: float) -> None:
+        """Have the timer end after so many periods from now, and again and again."""
+        self._late = periods > 1.0
+        self._ticking.timer_period_ns = int(1e9 * periods / self.settings.rate_hz)
+        self._ticking.reset()
+
     def _on_timer(self) -> None:
-        # Where poses come at the very rate, the timer ends just before the next ones: a tick now,
-        # which would find nothing new, would make those wait for its end. So it is left out, once.
-        idle = self._by_poses and not self._inputs.news and not self._tick.left
-        self._by_poses = False
-        if not self._paused and not idle:
+        if self._late:
+            self._restart(1.0)
+        if not self._paused:
             self._step()
 
     def _on_poses(self) -> None:
-        """Tick at once where all bodies have new poses; the next tick is a period later."""
+        """Tick at once where all bodies have new poses.
+
+        The timer then gives the next poses half a period more: where they come at the very rate, it
+        would else end just before they do, and its tick, which finds nothing new, have them wait.
+        """
         if (
             self.settings.tick_on_pose
             and self._inputs.complete
@@ -171,8 +178,7 @@ class Session:
             and self._pace.allows(time.perf_counter())
         ):
             self._step()
-            self._by_poses = True
-            self._ticking.reset()
+            self._restart(1.5)
 
     def _step(self) -> None:
         started = time.perf_counter()
