@@ -32,7 +32,7 @@ Times are microseconds of processor time a query, medians; `10 %` is this engine
 of 0.1, `batch` the mean of `engine.distances`. Ratios say how many times as long the peer's exact
 query takes: medians against medians, for `batch` and `means` means against means. `ideal` are the
 bound tests of searches that are given the distance beforehand: no search over the same hierarchies
-makes fewer.
+makes fewer that knows nothing of the poses before.
 """
 
 

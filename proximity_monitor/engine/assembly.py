@@ -155,7 +155,7 @@ class Assembly:
             self._tables = np.stack([model._table for model in self.models])
             self._trees = trees
         while len(self._searches) < threads:
-            self._searches.append(Search(self._deepest, self._deepest))
+            self._searches.append(Search(self._deepest, self._deepest, coherent=False))
 
     def _run(
         self,

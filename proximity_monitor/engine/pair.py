@@ -23,7 +23,8 @@ class Pair:
 
     The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section
     6.2), so are the deepest vertex and what was found of other points' sides and depths, and a
-    search that ran out of time is continued where the same question is asked again.
+    search that ran out of time is continued where the same question is asked again. Volumes that
+    were too far are not opened again before the models may have moved by as much.
     A Pair belongs to one thread at a time; the models may be shared.
 
     Args:
@@ -85,8 +86,9 @@ class Pair:
         """The answer of `distance`, by the search that is given the true distance beforehand.
 
         A diagnostic: its `bound_tests` and `primitive_tests` are the fewest that can prove the
-        answer with these hierarchies (Larsen et al. 1999, section 7), and `elapsed_s` is the time
-        of that search alone. What this Pair remembers is left as it is.
+        answer with these hierarchies from nothing but these poses (Larsen et al. 1999, section 7),
+        and `elapsed_s` is the time of that search alone. What this Pair remembers, which may spare
+        some of them, is not used and left as it is.
 
         Raises:
             ValueError: a pose that is no rigid motion, a tolerance that is negative or NaN.
@@ -94,7 +96,7 @@ class Pair:
         check_tolerance("rel_err", rel_err)
         check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        search = Search(self.a, self.b)
+        search = Search(self.a, self.b, coherent=False)
         search.run(pose_a, pose_b)
         # The next begins with the distance of the triangles that this one found.
         start = perf_counter()

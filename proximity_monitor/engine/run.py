@@ -37,6 +37,9 @@ _LIST = 1 << 20
 """Pairs that a search level by level has room for, a power of two: 16 MB, of which the system gives
 only what is used."""
 
+_COHERENT = 1024
+"""Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
+
 _COLLECTED = 4096
 """Pairs that there is room for when collecting begins."""
 
@@ -48,6 +51,8 @@ class Search:
         a: first model.
         b: second model.
         order: in which order pairs of volumes are visited.
+        coherent: whether successive poses are near each other, of these two models alone: what is
+            known from the last serves the next.
 
     Raises:
         ValueError: there is no such order.
@@ -55,7 +60,13 @@ class Search:
 
     __slots__ = ("_models", "answers", "counts", "memory", "order", "reals", "state")
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh, order: Order = "depth_first") -> None:
+    def __init__(
+        self,
+        a: TriangleMesh,
+        b: TriangleMesh,
+        order: Order = "depth_first",
+        coherent: bool = True,
+    ) -> None:
         if order not in _ORDERS:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
         self._models = a, b
@@ -83,6 +94,8 @@ class Search:
                 np.empty((0, 3)),
                 no_corners,
                 no_corners,
+                np.full(_COHERENT if coherent else 0, -1),
+                np.zeros(_COHERENT if coherent else 0),
             )
         )
         self.answers = np.empty(0)

@@ -145,6 +145,14 @@ taken for exact by 5/3 u |b| and u |t|; the two sums by u (|b| + |t|) and u (|a|
 Together 4 u |a| + 11.9 u |b| + 6 u |t|, at most 0.71 of each part of the margin.
 """
 
+TRAVEL_SHARE = 64.0 * DOUBLE_EPS
+"""By what share the way that models have moved is increased, and a bound kept with it lowered.
+
+A sum of two roundings, one more where they are compared, and the products, roots and sums of a
+displacement, less than 30 u of it. Where these cancel they err by 20 u S (see POINT_MARGIN), the
+motions themselves by 11 u S each: the slacks of volumes before and after, 64 u S, cover that.
+"""
+
 RIGID_TOLERANCE = 1e-6
 """By what share a pose may change lengths: what six-digit files and float32 messages hold.
 

@@ -49,17 +49,17 @@ def refit(tree: Tree, corners: NDArray[np.float64], faces: NDArray[np.int32], vo
         faces: (m, 3) which corners are the same vertex, in tree order.
         volume: a key of VOLUMES.
     """
-    scale = _scale(corners, volume)
+    scale = _scale(corners, volume, tree.scale[4] + 1.0)
     nodes, centres, sizes = refit_tree(corners, faces, tree.children, scale[0], VOLUMES[volume])
     return _frozen(Tree(nodes, centres, tree.children, sizes, corners, scale))
 
 
-def _scale(corners: NDArray[np.float64], volume: str) -> NDArray[np.float64]:
-    """Metres in a node unit, its inverse, the largest norm of a corner, and 1 for boxes, else 0."""
+def _scale(corners: NDArray[np.float64], volume: str, revision: float = 0.0) -> NDArray[np.float64]:
+    """The numbers of a hierarchy as a whole: see `Tree`."""
     _, _, largest, longest = measure(corners)
     # A power of two: dividing by it is exact. Zero for a model at the origin alone.
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
-    return np.array([unit, 1.0 / unit, longest, float(volume in BOXES)])
+    return np.array([unit, 1.0 / unit, longest, float(volume in BOXES), revision])
 
 
 def _frozen(tree: Tree) -> Tree:
@@ -100,7 +100,7 @@ def check_tree(tree: Tree, volume: str = "rss") -> None:
 
 def _check_scale(tree: Tree) -> None:
     """Node units and metres agree, and no corner is longer than the margins suppose."""
-    unit, inverse, longest, _ = tree.scale
+    unit, inverse, longest = tree.scale[:3]
     if not (inverse * unit == 1.0 and np.abs(tree.triangles).max() <= unit):
         raise TreeError(f"scale: {unit} metres in a node unit, of which {inverse} in a metre")
     norms = np.sqrt((tree.triangles.reshape(-1, 3) ** 2).sum(axis=1))

@@ -19,7 +19,7 @@ from .build import EMPTY
 from .jit import inlined, loop16
 from .lanes import has_three, lowest, not_above, smallest
 from .memory import read_only
-from .state import BOUND_SLACK, BOUND_TESTS, NORMAL_A, NORMAL_B, OFFSET
+from .state import BOUND_SLACK, BOUND_TESTS, NORMAL_A, NORMAL_B, OFFSET, PROVEN
 from .vectors import add, moved, scaled, sub
 from .volumes import STRIDE, WIDTH, lower_bounds, lows_along, read_vector, row
 
@@ -27,9 +27,12 @@ Waiting = namedtuple("Waiting", "lanes bounds")
 """Pairs of triangles that wait to be tested: their lanes (int32, n × 2) and bounds (n,) metres."""
 
 Scratch = namedtuple("Scratch", "single found frame placed owns lows other_lows")
-"""Room for float32: a single volume (16,), bounds (16 × 16), a motion (16,), a moved node
+"""Room for float32: a single volume (16,), bounds (17 × 16), a motion (16,), a moved node
 (STRIDE,); for the numbers of sixteen lanes; and how far the lanes of either node keep from the
 other's along a direction (16,)."""
+
+
+_ALL = (1 << WIDTH) - 1  # lanes
 
 
 @loop16
@@ -89,6 +92,22 @@ def _apart(tree, node, normal, sign, lows, reals):
 
 
 @inlined
+def _proven(lows, found, along, own_unit, unit, aligned, whole, count):
+    """Lower bound, metres, of all pairs of two nodes of which none is left.
+
+    Every lane of the one was dismissed: along the direction, unless its bit in `aligned` is set;
+    against the other's volume as a whole, unless it is in `whole`; or against all its lanes, which
+    `count` of them were.
+    """
+    proven = along + smallest(lows, 0, ~aligned) * own_unit
+    proven = min(proven, smallest(found, 0, aligned & ~whole) * unit)
+    for i in range(count):
+        # Where a lane was dismissed along the direction alone, this is below the limit: no matter.
+        proven = min(proven, smallest(found, (i + 1) * WIDTH, _ALL) * unit)
+    return proven
+
+
+@inlined
 def cross_leaves(
     tree, node, fixed, lane, motion, flip, state, inherited, limit, scratch, waiting, n
 ):
@@ -96,22 +115,28 @@ def cross_leaves(
 
     One triangle is of the lowest node `node` of `tree`, the other of the one under `lane` of the
     tree `fixed`; `motion` moves the former into the latter's frame, `flip` says that `tree` is b.
-    `inherited` is a bound of all pairs. Returns how many pairs are waiting then, of n before; or -1
-    where single precision does not serve.
+    `inherited` is a bound of all pairs; where none is left, PROVEN is as good a one or better.
+    Returns how many pairs are waiting then, of n before; or -1 where single precision does not
+    serve.
     """
     single, found, frame, placed, owns, lows, other_lows = scratch
     other = fixed.children[lane]
     unit, inverse = fixed.scale[0], fixed.scale[1]
     reals = state.reals
     state.counts[BOUND_TESTS] += WIDTH
+    before = n
     # Along the direction between the nearest points, all pairs of volumes at once.
     normal, other_normal = (NORMAL_B, NORMAL_A) if flip else (NORMAL_A, NORMAL_B)
     sign = 1.0 if flip else -1.0
-    room = limit - _apart(tree, node, normal, sign, lows, reals)
-    room -= _apart(fixed, other, other_normal, -sign, other_lows, reals)
-    room += reals[BOUND_SLACK] - reals[OFFSET]
-    rows = not_above(lows, 0, np.float32((room - smallest(other_lows) * unit) * tree.scale[1]))
+    apart = _apart(tree, node, normal, sign, lows, reals)
+    apart += _apart(fixed, other, other_normal, -sign, other_lows, reals)
+    apart += reals[OFFSET] - reals[BOUND_SLACK]
+    room = limit - apart
+    nearest = smallest(other_lows, 0, _ALL) * unit
+    rows = not_above(lows, 0, np.float32((room - nearest) * tree.scale[1]))
+    aligned, whole = rows, rows
     if not rows:
+        reals[PROVEN] = apart + nearest + smallest(lows, 0, _ALL) * tree.scale[0]
         return n
     ratio = tree.scale[0] * inverse
     centre = row(fixed.centres, other)
@@ -142,7 +167,8 @@ def cross_leaves(
         single[0], single[1], single[2] = np.float32(o[0]), np.float32(o[1]), np.float32(o[2])
         lower_bounds(moved_lanes, uint64(0), single, found, uint64(0))
         state.counts[BOUND_TESTS] += WIDTH
-        rows &= not_above(found, 0, threshold)
+        whole = not_above(found, 0, threshold)
+        rows &= whole
     # All are bounded before any result is looked at, so that the processor works on two at once.
     count = 0
     while rows:
@@ -151,25 +177,31 @@ def cross_leaves(
         # An unused lane's radius, scaled, need not be beyond every distance.
         if tree.children[node * WIDTH + own] == EMPTY:
             continue
+        at = (count + 1) * WIDTH
         _pick(moved_lanes, uint64(own), margin, single)
-        lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found, uint64(count * WIDTH))
+        lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found, uint64(at))
         if fixed.scale[3] + tree.scale[3] > 0.0:
             box_bounds(
                 tree, node * WIDTH + own, motion, fixed, other, state.reals[BOUND_SLACK],
-                threshold, found, count * WIDTH,
+                threshold, found, at,
             )  # fmt: skip
         owns[count] = own
         count += 1
     state.counts[BOUND_TESTS] += WIDTH * count
     for i in range(count):
+        at = (i + 1) * WIDTH
         own_room = np.float32((room - lows[owns[i]] * tree.scale[0]) * inverse)
-        survivors = not_above(found, i * WIDTH, threshold) & not_above(other_lows, 0, own_room)
+        survivors = not_above(found, at, threshold) & not_above(other_lows, 0, own_room)
         while survivors:
             k = lowest(survivors)
             survivors &= survivors - 1
             one, two = node * WIDTH + owns[i], other * WIDTH + k
             waiting.lanes[n, 0] = two if flip else one
             waiting.lanes[n, 1] = one if flip else two
-            waiting.bounds[n] = max(found[i * WIDTH + k] * unit, inherited)
+            waiting.bounds[n] = max(found[at + k] * unit, inherited)
             n += 1
+    if n == before:
+        along = apart + nearest
+        proven = _proven(lows, found, along, tree.scale[0], unit, aligned, whole, count)
+        reals[PROVEN] = max(proven, inherited)
     return n

@@ -15,10 +15,11 @@ from .aim import gap_along
 from .approach import APPROACH_STEPS, approach, far_from_nearest
 from .boxes import box_bounds
 from .build import EMPTY
+from .coherence import is_coherent, remember_far, still_far
 from .cross import Scratch, Waiting, cross_leaves
 from .gaps import BATCH, CORNERS, gather
 from .jit import entry, inlined
-from .lanes import lowest, not_above
+from .lanes import lowest, not_above, smallest
 from .levels import list_pair, take_first
 from .memory import on_stack, table_on_stack
 from .primitives import collect, test_batch
@@ -40,14 +41,17 @@ from .state import (
     ORDER,
     PRIMITIVE_TESTS,
     PRIORITY,
+    PROVEN,
     SLACK,
     STEPS,
     STOP,
 )
 from .volumes import STRIDE, WIDTH, far_bound, lower_bounds, place
 
+_ALL = (1 << WIDTH) - 1
 _LOCAL = CORNERS - 3 * BATCH
 _CROSSED = WIDTH * WIDTH
+_FOUND = WIDTH + _CROSSED
 _WAITING = BATCH + _CROSSED
 _FILTER_STEPS, _EXACT_STEPS = 5, 4
 """Steps that the filter of a batch of triangles takes as long as, and an exact test: so a slice of
@@ -60,7 +64,8 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
 
     Pushes the pairs that survive, in a search depth first the nearest on top; but pairs of
     triangles are appended to the `waiting` ones. `flip` says that `fixed` is tree b, `inherited` is
-    a bound of all pairs. Returns how many pairs are waiting then, of n before.
+    a bound of all pairs; where none survives, PROVEN is as good a one or better. Returns how many
+    pairs are waiting then, of n before.
     """
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
     single, found = scratch.single, scratch.found
@@ -84,6 +89,10 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     top = first
     order = counts[ORDER]
     survivors = not_above(found, 0, reach)
+    reals[PROVEN] = inherited
+    if not survivors:
+        reals[PROVEN] = max(inherited, smallest(found, 0, _ALL) * unit)
+        return n
     if fixed.children[lane] < 0 and tree.children[node * WIDTH] < 0:
         while survivors:
             k = lowest(survivors)
@@ -177,7 +186,7 @@ def advance(tree_a, tree_b, state):
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
     steps = counts[STEPS]
     scratch = Scratch(
-        on_stack(16, np.float32(0.0)), on_stack(_CROSSED, np.float32(0.0)),
+        on_stack(16, np.float32(0.0)), on_stack(_FOUND, np.float32(0.0)),
         on_stack(16, np.float32(0.0)), on_stack(STRIDE, np.float32(0.0)),
         on_stack(WIDTH, 0), on_stack(WIDTH, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0)),
     )  # fmt: skip
@@ -186,6 +195,7 @@ def advance(tree_a, tree_b, state):
     local = on_stack(_LOCAL, np.float32(0.0))
     room = state.collected.shape[0]
     n = np.int64(0)
+    coherent = is_coherent(state)
     code = ENDED
     while True:
         full = room > 0 and counts[COLLECTED] + n + _CROSSED > room
@@ -225,6 +235,8 @@ def advance(tree_a, tree_b, state):
             # is LIMIT, and only pairs of triangles are collected.
             collect(state, ~a, ~b, bound)
             continue
+        if coherent and still_far(state, a, b):
+            continue
         child_a, child_b = tree_a.children[a], tree_b.children[b]
         if child_a < 0 and child_b < 0:
             waiting.lanes[n, 0], waiting.lanes[n, 1], waiting.bounds[n] = a, b, bound
@@ -252,12 +264,15 @@ def advance(tree_a, tree_b, state):
             if n > before + BATCH:
                 nearest_last(waiting, before, n)
             if n >= 0:
+                if coherent and n == before:
+                    remember_far(state, a, b, reals[PROVEN])
                 continue
             n = before
         # Two lowest nodes together are the better bargain, unless one is far larger.
         if lowest_a != lowest_b:
             size_a, size_b = (size_a, 4.0 * size_b) if lowest_a else (4.0 * size_a, size_b)
         flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
+        before, depth = n, counts[DEPTH]
         if flip:
             n = open_pair(
                 tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, waiting, n
@@ -266,5 +281,7 @@ def advance(tree_a, tree_b, state):
             n = open_pair(
                 tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, waiting, n
             )
+        if coherent and n == before and counts[DEPTH] == depth:
+            remember_far(state, a, b, reals[PROVEN])
     counts[STEPS] = steps
     return code

@@ -38,24 +38,33 @@ def not_above(typingctx, values, first, limit):
 
 
 @intrinsic
-def smallest(typingctx, values):
-    """The smallest of values[0:16], none of which is NaN."""
+def smallest(typingctx, values, first, mask):
+    """The smallest of those of values[first:first + 16], none NaN, whose bit of the mask is set.
+
+    Infinity where none is.
+    """
     if not (isinstance(values, types.Array) and values.dtype == types.float32):
         return None
 
     def codegen(context, builder, signature, args):
         array = context.make_array(signature.args[0])(context, builder, args[0])
         vector = ir.VectorType(ir.FloatType(), 16)
-        loaded = builder.load(builder.bitcast(array.data, vector.as_pointer()))
+        start = builder.gep(array.data, [args[1]])
+        loaded = builder.load(builder.bitcast(start, vector.as_pointer()))
         loaded.align = 4
+        bits = builder.bitcast(
+            builder.trunc(args[2], ir.IntType(16)), ir.VectorType(ir.IntType(1), 16)
+        )
+        none = ir.Constant(vector, [float("inf")] * 16)
+        loaded = builder.select(bits, loaded, none)
         function = cgutils.get_or_insert_function(
             builder.module,
             ir.FunctionType(ir.FloatType(), [vector]),
             "llvm.vector.reduce.fmin.v16f32",
         )
-        return builder.call(function, [loaded])
+        return builder.call(function, [loaded], fastmath=("nnan",))
 
-    return types.float32(values), codegen
+    return types.float32(values, types.int64, types.int64), codegen
 
 
 @intrinsic

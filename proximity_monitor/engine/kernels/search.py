@@ -11,8 +11,10 @@ import numpy as np
 
 from ..tolerances import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from .aim import no_aim
+from .coherence import travel
 from .descent import advance
 from .jit import entry, kernel
+from .memory import table_on_stack
 from .motion import deviation, is_rigid, relative_motions
 from .primitives import corners, mixed, test_triangles
 from .state import (
@@ -81,6 +83,10 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
         return BAD_POSE_A
     if not is_rigid(error_b):
         return BAD_POSE_B
+    before = table_on_stack(2, 12, 0.0)
+    for i in range(12):
+        before[0, i], before[1, i] = motions[0, i], motions[1, i]
+    slack = reals[BOUND_SLACK]
     relative_motions(pose_a, pose_b, motions[0], motions[1])
     t = motions[0]
     apart = np.sqrt(t[9] * t[9] + t[10] * t[10] + t[11] * t[11])
@@ -88,6 +94,8 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     reals[SLACK] = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
     imperfect = POINT_MARGIN + POSE_MARGIN * (error_a + error_b)
     reals[BOUND_SLACK] = imperfect * (size_a + size_b + apart) + POINT_FLOOR
+    if state.keys.shape[0] > 0:
+        travel(tree_a, tree_b, state, before, slack)
     reals[UPPER_SLACK] = reals[SLACK]
     reals[DISTANCE] = np.inf
     no_aim(reals)

@@ -9,16 +9,22 @@ Tree = namedtuple("Tree", "nodes centres children sizes triangles scale")
 
 nodes (float32, flat) the volumes; centres (k, 4) each node's centre and reach in node units;
 children (int32, k × 16) a node, ~triangle or EMPTY; sizes (float32, k × 16) each volume's extent
-in node units; triangles (m, 9) in tree order, metres; scale (4,) metres in a node unit, its
-inverse, the largest norm of a vertex in metres, and 1 where the volumes are boxes, else 0.
+in node units; triangles (m, 9) in tree order, metres; scale (5,) metres in a node unit, its
+inverse, the largest norm of a vertex in metres, 1 where the volumes are boxes, else 0, and how
+often it was refitted.
 """
 
-State = namedtuple("State", "motions reals counts stack bounds frames collected spread_a spread_b")
+State = namedtuple(
+    "State",
+    "motions reals counts stack bounds frames collected spread_a spread_b keys reaches",
+)
 """A search. motions (2, 12): b to a, a to b; reals and counts by the indices below; stack (int32,
 n × 2) the pairs of volumes still to be looked at, as lanes 16 node + lane, and their lower bounds
 (n,) in metres; collected (n, 3) every pair that may hold the minimum, where they are asked for
 (n > 0): two triangles and their distance, or ~lane, ~lane and a lower bound; spread_a and spread_b
-(int32, k × 4) vertices of each node, as 3 triangle + corner, where the order needs them.
+(int32, k × 4) vertices of each node, as 3 triangle + corner, where the order needs them; keys
+(int64) and reaches (n,), which pairs of lanes were too far, and how far the models will have moved
+when they no longer are (see coherence.py).
 """
 
 DISTANCE, SLACK, BOUND_SLACK, LIMIT, REL_ERR, ABS_ERR, STOP, UPPER_SLACK = 0, 1, 2, 3, 4, 5, 6, 7
@@ -31,9 +37,12 @@ product with the translation from b to a (see aim.py)."""
 ENOUGH, LEVEL_LOWER, NEXT_LOWER = 15, 16, 17
 """Reals: bound from which a pair cannot improve the answer by more than was asked for: LIMIT, but
 where pairs are collected; the least bound of this level and what follows, and of the next."""
-WEIGHTS_A, WEIGHTS_B, APPROACHED, REALS = 18, 21, 24, 25
+WEIGHTS_A, WEIGHTS_B, APPROACHED = 18, 21, 24
 """Reals: barycentric weights of the nearest points, three each; and the distance from which they
 were last improved (see approach.py)."""
+TRAVELLED, STEP, SHAPE_A, SHAPE_B, PROVEN, REALS = 25, 26, 27, 28, 29, 30
+"""Reals: how far the models have moved in all, and since the last search, metres; how often they
+had been refitted; and the bound of all pairs that were opened last, metres, if none was left."""
 
 DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, COLLECTED = 0, 1, 2, 3, 4, 5
 ORDER, BASE, FRAMES = 6, 7, 8

@@ -49,4 +49,6 @@ def state_at(memory):
         rows_at(at[6], rows[6], 3, 0.0),
         rows_at(at[7], rows[7], KEPT, np.int32(0)),
         rows_at(at[8], rows[8], KEPT, np.int32(0)),
+        rows_at(at[9], rows[9], 0, np.int64(0)),
+        rows_at(at[10], rows[10], 0, 0.0),
     )

@@ -1,0 +1,154 @@
+"""What is kept of one moment's search for the next: it spares tests, and changes no answer."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY, box, from_python, rotation, soup, sphere, torus
+
+from proximity_monitor import engine
+from proximity_monitor.engine import run
+from proximity_monitor.engine.kernels import coherence
+from proximity_monitor.engine.kernels import state as index
+from proximity_monitor.engine.kernels.motion import relative_motions
+
+displacement = from_python(coherence._displacement)
+motions_of = from_python(relative_motions)
+BODIES = {
+    "tori": lambda: (torus(), torus(18)),
+    "spheres": lambda: (sphere(3), sphere(3)),
+    "boxes": lambda: (box(), box((0.3, 0.2, 2.0))),
+    "soups": lambda: (soup(1, 300, 0.1), soup(2, 300, 0.1)),
+}
+STEPS = (0.0, 1e-15, 1e-9, 1e-4, 1e-3, 1e-2, 0.1)
+
+
+def pose(turn, at):
+    """A pose (4, 4) of a rotation and a place."""
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = turn, at
+    return matrix
+
+
+def turned(axis, angle):
+    """A rotation (3, 3)."""
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
+
+
+def wander(rng, step, count, nearest=1.0):
+    """Poses along which a body moves and turns by about `step` a time, around the other."""
+    at, turn = rng.normal(size=3), rotation(rng)
+    at *= rng.uniform(nearest, 3.0) / np.linalg.norm(at)
+    for _ in range(count):
+        u, _, v = np.linalg.svd(turn)
+        yield pose(u @ v, at)
+        at = at + step * rng.normal(size=3) - step * 0.3 * at
+        turn = turned(rng.normal(size=3), step) @ turn
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_no_vertex_moves_farther_than_the_bound(size):
+    rng = np.random.default_rng(5)
+    model = engine.TriangleMesh(size * (soup(3).vertices + rng.normal(size=3)), soup(3).faces)
+    for step in (1e-12, 1e-6, 1e-2, 1.0, 3.0):
+        turn = rotation(rng)
+        poses = [pose(turn, rng.normal(size=3))]
+        there = poses[0][:3, 3] + step * rng.normal(size=3)
+        poses.append(pose(turned(rng.normal(size=3), step) @ turn, there))
+        found = np.empty((2, 2, 12))
+        for k, at in enumerate(poses):
+            motions_of(IDENTITY, at, found[k, 0], found[k, 1])
+        moved = [model.vertices @ m[0, :9].reshape(3, 3).T + m[0, 9:] for m in found]
+        farthest = np.linalg.norm(moved[1] - moved[0], axis=1).max()
+        bound = displacement(model._tree, found[0, 0], found[1, 0])
+        assert farthest <= bound * (1.0 + 1e-15) + 1e-14 * (size + 5.0)
+        assert bound <= 4.0 * farthest + 1e-14 * (size + 5.0)
+
+
+@pytest.mark.parametrize("step", STEPS)
+@pytest.mark.parametrize("bodies", BODIES)
+def test_answers_along_a_path_are_those_of_single_questions(bodies, step):
+    a, b = BODIES[bodies]()
+    rng = np.random.default_rng(7)
+    for _ in range(3):
+        pair = engine.Pair(a, b)
+        for k, at in enumerate(wander(rng, step, 40)):
+            alone = engine.distance(a, IDENTITY, b, at)
+            if k % 5 == 2:  # other questions in between
+                assert pair.within(IDENTITY, at, 0.5).within == (alone.lower <= 0.5)
+                assert pair.collide(IDENTITY, at).colliding == (alone.lower == 0.0)
+            if k % 7 == 3:
+                cut = pair.distance(IDENTITY, at, budget_s=0.0)
+                assert cut.lower <= alone.upper
+                assert cut.upper >= alone.lower
+            rel_err = 0.1 if k % 3 == 1 else 0.0
+            found = pair.distance(IDENTITY, at, rel_err=rel_err)
+            assert found.lower <= alone.upper
+            assert alone.lower <= found.upper <= (1.0 + rel_err) * alone.upper + 1e-14
+            if rel_err == 0.0:
+                assert found.upper == pytest.approx(alone.upper, rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("order", ["priority", "breadth_first"])
+@pytest.mark.parametrize("volume", ["rss", "pss", "obb", "aabb"])
+def test_every_order_and_volume_keeps_its_answers(order, volume):
+    a, b = (engine.TriangleMesh(m.vertices, m.faces, volume=volume) for m in BODIES["tori"]())
+    pair = engine.Pair(a, b)
+    for at in wander(np.random.default_rng(11), 1e-3, 25):
+        found = pair.distance(IDENTITY, at, order=order)
+        alone = engine.distance(a, IDENTITY, b, at)
+        assert found.upper == pytest.approx(alone.upper, rel=1e-12, abs=1e-14)
+        whole = pair.distance(IDENTITY, at, order=order, manifold=True)
+        assert len(whole.manifold) == len(
+            engine.Pair(a, b).distance(IDENTITY, at, manifold=True).manifold
+        )
+
+
+def _tests(search, path):
+    """How many bound tests a search makes along a path, but for its first moments."""
+    made = []
+    for at in path:
+        search.run(IDENTITY, at)
+        made.append(search.answers[index.TESTS])
+    return sum(made[3:])
+
+
+def test_it_spares_tests_where_the_models_move_little_and_none_where_they_leap():
+    a, b = sphere(4), torus(48)
+    for step, least, most in ((1e-4, 0.2, 0.8), (10.0, 1.0, 1.0)):
+        path = list(wander(np.random.default_rng(13), step, 60, nearest=2.6))
+        spared = _tests(run.Search(a, b), path) / _tests(run.Search(a, b, coherent=False), path)
+        assert least <= spared <= most
+
+
+def test_a_model_that_was_refitted_is_looked_at_anew():
+    rng = np.random.default_rng(17)
+    for _ in range(40):
+        a, b = sphere(4), torus()
+        at = pose(rotation(rng), (0.0, 0.0, 2.5))
+        pair = engine.Pair(a, b)
+        for _ in range(3):
+            found = pair.distance(IDENTITY, at)
+        # Not far from where they were nearest, one comes a little nearer.
+        vertices = np.array(a.vertices)
+        away = np.linalg.norm(vertices - found.point_b, axis=1)
+        k = np.argsort(away)[rng.integers(5, 300)]
+        nearer = rng.uniform(0.7, 0.99) * found.upper / away[k]
+        vertices[k] = found.point_b + nearer * (vertices[k] - found.point_b)
+        a.refit(vertices)
+        found, alone = pair.distance(IDENTITY, at), engine.distance(a, IDENTITY, b, at)
+        assert found.upper == pytest.approx(alone.upper, rel=1e-12, abs=1e-14)
+
+
+def test_the_ideal_search_knows_nothing_of_before():
+    a, b = sphere(4), sphere(4)
+    at = pose(np.eye(3), (2.1, 0.0, 0.0))
+    pair = engine.Pair(a, b)
+    ask = partial(pair.distance, IDENTITY, at)
+    first = ask()
+    ideal = pair.ideal(IDENTITY, at).bound_tests
+    ask()
+    assert ask().bound_tests < ideal <= first.bound_tests
+    assert pair.ideal(IDENTITY, at).bound_tests == ideal
