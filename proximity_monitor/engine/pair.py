@@ -30,14 +30,16 @@ class Pair:
     Args:
         a: the first model.
         b: the second model.
+        coherent: whether to remember volumes, too: of use where successive poses are near each
+            other, as along a path.
     """
 
     __slots__ = ("_asked", "_search", "_signed", "a", "b")
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh) -> None:
+    def __init__(self, a: TriangleMesh, b: TriangleMesh, *, coherent: bool = True) -> None:
         self.a = a
         self.b = b
-        self._search = Search(a, b)
+        self._search = Search(a, b, coherent=coherent)
         self._asked: tuple[object, ...] | None = None
         self._signed: SignedSearch | None = None
 
@@ -165,7 +167,8 @@ class Pair:
     def _change_order(self, order: Order) -> None:
         """Search in another order from now on; the remembered triangles stay."""
         remembered = self._search.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1]
-        self._search = Search(self.a, self.b, order)
+        coherent = len(self._search.state.keys) > 0
+        self._search = Search(self.a, self.b, order, coherent)
         self._search.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = remembered
 
     def _distance(self, search: Search, start: float, collected: bool = False) -> Distance:

@@ -151,4 +151,9 @@ def test_the_ideal_search_knows_nothing_of_before():
     ideal = pair.ideal(IDENTITY, at).bound_tests
     ask()
     assert ask().bound_tests < ideal <= first.bound_tests
+    forgetful = engine.Pair(a, b, coherent=False)
+    for _ in range(3):
+        again = forgetful.distance(IDENTITY, at)
+    assert again.bound_tests == ideal
+    assert forgetful.distance(IDENTITY, at, order="priority").bound_tests == ideal
     assert pair.ideal(IDENTITY, at).bound_tests == ideal
