@@ -56,7 +56,6 @@ class TriangleMesh:
         "faces",
         "name",
         "radius",
-        "revision",
         "vertices",
         "volume",
     )
@@ -71,8 +70,6 @@ class TriangleMesh:
     """Metres: radius of that sphere, rounding included."""
     volume: str
     """The kind of bounding volume."""
-    revision: int
-    """How often the vertices were moved by `refit`: what was computed from others is outdated."""
 
     def __init__(
         self,
@@ -87,7 +84,6 @@ class TriangleMesh:
             raise ModelError(f"{name}: volume = {volume!r}: unknown; choose one of {known}")
         self.name = name
         self.volume = volume
-        self.revision = 0
         self.vertices = _checked_vertices(vertices, name)
         self.faces = _checked_faces(faces, len(self.vertices), name)
         corners = np.ascontiguousarray(self.vertices[self.faces].reshape(-1, 9))
@@ -125,7 +121,11 @@ class TriangleMesh:
         self.vertices, self.centre, self.radius = moved, centre, radius
         self._keep(tree)
         self._spread = None
-        self.revision += 1
+
+    @property
+    def revision(self) -> int:
+        """How often the vertices were moved by `refit`: what was computed before is outdated."""
+        return int(self._tree.scale[4])
 
     def _keep(self, tree: Tree) -> None:
         """Take a hierarchy, and make the table by which kernels find it."""
