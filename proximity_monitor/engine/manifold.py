@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import state as index
+from .kernels.leaf import first_of, last_of
 from .mesh import TriangleMesh
 from .result import Manifold
 from .run import Search
@@ -47,8 +48,9 @@ def _one(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
 def _under(mesh: TriangleMesh, lanes: NDArray[np.int32]) -> NDArray[np.int32]:
     """Ranges of the triangles under volumes."""
     children = mesh._tree.children[lanes]
-    single = children < 0
-    return np.where(single[:, None], _one(~children), mesh._ranges()[np.where(single, 0, children)])
+    leaves = children < 0
+    own = np.stack((first_of.py_func(children), last_of.py_func(children) + 1), axis=1)
+    return np.where(leaves[:, None], own, mesh._ranges()[np.where(leaves, 0, children)])
 
 
 def _apart(

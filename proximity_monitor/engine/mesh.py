@@ -88,7 +88,7 @@ class TriangleMesh:
         self.faces = _checked_faces(faces, len(self.vertices), name)
         corners = np.ascontiguousarray(self.vertices[self.faces].reshape(-1, 9))
         self.centre, self.radius = _bounding_sphere(corners)
-        tree, self._face_of, self.depth = build(corners, volume)
+        tree, self._face_of, self.depth = build(corners, self.faces, volume)
         self._keep(tree)
         self._node_ranges: NDArray[np.int32] | None = None
         self._spread: NDArray[np.int32] | None = None
@@ -203,7 +203,8 @@ def _checked_faces(faces: ArrayLike, vertex_count: int, name: str) -> NDArray[np
 
 def _bounding_sphere(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """Centre of the bounding box and the largest distance from it, rounded up."""
-    centre, radius, _, _ = measure(corners)
+    centre = np.empty(3)
+    radius, _, _ = measure(corners, centre)
     centre.setflags(write=False)
     rounding = 8.0 * DOUBLE_EPS * (radius + float(np.abs(centre).sum()))
     return centre, radius + rounding

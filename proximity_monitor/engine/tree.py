@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels.build import EMPTY, build_tree
+from .kernels.build import build_tree
 from .kernels.fit import AABB, HYBRID, LSS, OBB, PSS, RSS
+from .kernels.fit_tree import fit_tree
+from .kernels.leaf import EMPTY, first_of, last_of
 from .kernels.measure import measure
-from .kernels.refit import refit_tree
+from .kernels.pairing import pair_up
 from .kernels.state import Tree
 from .kernels.volumes import EMPTY_RADIUS, FIELDS, STRIDE, WIDTH
 from .tolerances import SINGLE_EPS
@@ -23,20 +25,22 @@ _EDGES = {"rss": 2, "lss": 1, "pss": 0, "hybrid": 2, "obb": 2, "aabb": 2}
 """How many half edges a core of each kind may have."""
 
 
-def build(corners: NDArray[np.float64], volume: str = "rss") -> tuple[Tree, NDArray[np.int32], int]:
+def build(
+    corners: NDArray[np.float64], faces: NDArray[np.int32], volume: str = "rss"
+) -> tuple[Tree, NDArray[np.int32], int]:
     """Build the hierarchy over triangles.
 
     Args:
         corners: (m, 9) metres; C-contiguous.
+        faces: (m, 3) which corners are the same vertex.
         volume: a key of VOLUMES.
 
     Returns:
         The hierarchy, (m,) which triangle stands where in tree order, and the number of levels.
     """
     scale = _scale(corners, volume)
-    nodes, centres, children, sizes, order, depth = build_tree(corners, scale[0], VOLUMES[volume])
-    triangles = np.ascontiguousarray(corners[order])
-    tree = _frozen(Tree(nodes, centres, children, sizes, triangles, scale))
+    children, order, depth = build_tree(corners, pair_up(corners, faces, scale[0]))
+    tree = _fitted(children, corners.take(order, axis=0), faces.take(order, axis=0), scale, volume)
     return tree, order.astype(np.int32), depth + 1
 
 
@@ -50,22 +54,30 @@ def refit(tree: Tree, corners: NDArray[np.float64], faces: NDArray[np.int32], vo
         volume: a key of VOLUMES.
     """
     scale = _scale(corners, volume, tree.scale[4] + 1.0)
-    nodes, centres, sizes = refit_tree(corners, faces, tree.children, scale[0], VOLUMES[volume])
-    return _frozen(Tree(nodes, centres, tree.children, sizes, corners, scale))
+    return _fitted(tree.children, corners, faces, scale, volume)
+
+
+def _fitted(
+    children: NDArray[np.int32],
+    corners: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    scale: NDArray[np.float64],
+    volume: str,
+) -> Tree:
+    """A hierarchy of a structure over triangles in tree order."""
+    nodes, centres, sizes = fit_tree(corners, faces, children, scale[0], VOLUMES[volume])
+    tree = Tree(nodes, centres, children, sizes, corners, scale)
+    for array in tree:
+        array.setflags(write=False)
+    return tree
 
 
 def _scale(corners: NDArray[np.float64], volume: str, revision: float = 0.0) -> NDArray[np.float64]:
     """The numbers of a hierarchy as a whole: see `Tree`."""
-    _, _, largest, longest = measure(corners)
+    _, largest, longest = measure(corners, np.empty(3))
     # A power of two: dividing by it is exact. Zero for a model at the origin alone.
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
     return np.array([unit, 1.0 / unit, longest, float(volume in BOXES), revision])
-
-
-def _frozen(tree: Tree) -> Tree:
-    for array in tree:
-        array.setflags(write=False)
-    return tree
 
 
 class TreeError(AssertionError):
@@ -121,8 +133,8 @@ def _check_node(tree: Tree, node: int, seen: NDArray[np.int64], edges: int) -> N
         if child == EMPTY:
             continue
         if child < 0:
-            below = np.array([~child])
-            seen[~child] += 1
+            below = np.arange(first_of.py_func(child), last_of.py_func(child) + 1)
+            seen[below] += 1
         else:
             below = _check_node(tree, child, seen, edges)
         held.append(below)

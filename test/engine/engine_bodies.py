@@ -46,6 +46,12 @@ def soup(seed: int, count: int = 60, size: float = 0.3) -> engine.TriangleMesh:
     )
 
 
+def leaf_triangles(child: int) -> range:
+    """Triangles, in tree order, of a lane's child that is a leaf: see kernels/leaf.py."""
+    first, second = divmod(~child, 2)
+    return range(first, first + second + 1)
+
+
 def rotation(rng: np.random.Generator) -> np.ndarray:
     """A random rotation (3, 3)."""
     w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)

@@ -6,11 +6,22 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, SMALL, VOLUMES, of, pose, soup, sphere, torus, translation
+from engine_bodies import (
+    IDENTITY,
+    SMALL,
+    VOLUMES,
+    leaf_triangles,
+    of,
+    pose,
+    soup,
+    sphere,
+    torus,
+    translation,
+)
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status, run
-from proximity_monitor.engine.kernels.build import EMPTY
+from proximity_monitor.engine.kernels.leaf import EMPTY
 from proximity_monitor.engine.kernels.volumes import WIDTH
 
 A, B = sphere(3), torus(24)
@@ -25,7 +36,7 @@ def triangles_under(mesh, node):
         if child >= 0:
             found += triangles_under(mesh, child)
         elif child != EMPTY:
-            found.append(~child)
+            found += leaf_triangles(child)
     return found
 
 
@@ -49,9 +60,9 @@ def test_kept_vertices_are_the_nodes_own_and_far_apart(name):
             nearest = np.linalg.norm(points[:, None] - kept, axis=2).min(axis=1)
             assert nearest.max() <= apart * (1.0 + 1e-12)
         else:
-            single = 3 * ~children[(children < 0) & (children != EMPTY), None] + np.arange(3)
-            below = spread[children[children >= 0]]
-            assert set(spread[node]) <= {*below.ravel(), *single.ravel()}
+            leaves = children[(children < 0) & (children != EMPTY)].tolist()
+            single = {3 * t + i for leaf in leaves for t in leaf_triangles(leaf) for i in range(3)}
+            assert set(spread[node]) <= {*spread[children[children >= 0]].ravel(), *single}
 
 
 def test_a_mesh_that_is_never_searched_so_keeps_no_vertices():

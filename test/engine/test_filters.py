@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, box, from_python, pose
+from engine_bodies import IDENTITY, box, from_python, leaf_triangles, pose
 from engine_oracles import exact_motion, exact_squared_distance, exactly_moved, root
 from triangle_cases import KINDS
 
@@ -14,8 +14,8 @@ from proximity_monitor import engine
 from proximity_monitor.engine.kernels import aim, cross
 from proximity_monitor.engine.kernels import gaps as filters
 from proximity_monitor.engine.kernels import state as index
-from proximity_monitor.engine.kernels.build import EMPTY
 from proximity_monitor.engine.kernels.gaps import BATCH, CORNERS
+from proximity_monitor.engine.kernels.leaf import EMPTY
 
 gather, shift = from_python(filters.gather), from_python(filters.shift)
 gaps, gap_along = from_python(filters.gaps), from_python(aim.gap_along)
@@ -89,7 +89,12 @@ def lowest_node(mesh):
     """The one node of a small mesh that holds triangles; its lanes that do, and which."""
     children = mesh._tree.children.reshape(-1, 16)
     node = int(children[0, 0])  # the first node has but one lane: all of the mesh
-    lanes = [(k, ~child) for k, child in enumerate(children[node].tolist()) if child != EMPTY]
+    lanes = [
+        (k, triangle)
+        for k, child in enumerate(children[node].tolist())
+        if child != EMPTY
+        for triangle in leaf_triangles(child)
+    ]
     assert sorted(triangle for _, triangle in lanes) == list(range(len(mesh.faces)))
     return node, lanes
 

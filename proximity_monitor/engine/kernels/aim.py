@@ -51,9 +51,27 @@ def _along(reals, normal, triangles, t):
 
 
 @inlined
+def end_along(reals, triangles_a, ta):
+    """Where a triangle of a ends along the aim."""
+    a0, a1, a2 = _along(reals, NORMAL_A, triangles_a, ta)
+    return max(max(a0, a1), a2)
+
+
+@inlined
+def begin_along(reals, triangles_b, tb):
+    """Where a triangle of b begins along the aim, in b's frame."""
+    b0, b1, b2 = _along(reals, NORMAL_B, triangles_b, tb)
+    return min(min(b0, b1), b2)
+
+
+@inlined
+def gap_between(reals, end, begin):
+    """Certified lower bound of the distance, metres, of what ends and what begins there."""
+    return ((begin + reals[OFFSET]) - end) - GAP_SHARE * reals[SLACK]
+
+
+@inlined
 def gap_along(reals, triangles_a, ta, triangles_b, tb):
     """Certified lower bound of the distance of two triangles, metres: their gap along the aim."""
-    a0, a1, a2 = _along(reals, NORMAL_A, triangles_a, ta)
-    b0, b1, b2 = _along(reals, NORMAL_B, triangles_b, tb)
-    gap = (min(min(b0, b1), b2) + reals[OFFSET]) - max(max(a0, a1), a2)
-    return gap - GAP_SHARE * reals[SLACK]
+    end = end_along(reals, triangles_a, ta)
+    return gap_between(reals, end, begin_along(reals, triangles_b, tb))

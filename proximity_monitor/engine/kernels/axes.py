@@ -1,4 +1,4 @@
-"""Axes to fit a volume along: principal axes of points, and a triangle's own."""
+"""Axes to fit a volume along: principal axes of points, and those along an edge of a leaf."""
 
 from __future__ import annotations
 
@@ -6,7 +6,18 @@ import numpy as np
 
 from .jit import kernel
 from .memory import table_on_stack
-from .vectors import cross, dot, scaled, sub
+from .vectors import along, cross, dot, scaled, sub
+from .volumes import row
+
+_NEEDLE = 1e-24
+"""Square of a leaf's area, as a share of its longest side to the fourth, that is only noise."""
+
+_UPRIGHT = 1e-8
+"""Square of a side in its leaf's plane, as a share of the side's own, that is only noise."""
+
+_LONGER = 0.01
+"""Share by which a rectangle may be larger along a longer side: those of one triangle are the same.
+"""
 
 
 @kernel
@@ -87,29 +98,62 @@ def axes_of_points(points, n):
 
 
 @kernel
-def axes_of_triangle(points):
-    """Axes of one triangle: its longest edge, then the perpendicular in its plane."""
-    p = (points[0, 0], points[0, 1], points[0, 2])
-    q = (points[1, 0], points[1, 1], points[1, 2])
-    r = (points[2, 0], points[2, 1], points[2, 2])
-    e0, e1, e2 = sub(q, p), sub(r, q), sub(p, r)
-    l0, l1, l2 = dot(e0, e0), dot(e1, e1), dot(e2, e2)
-    along, other, longest = e0, e1, l0
-    if l1 > longest:
-        along, other, longest = e1, e2, l1
-    if l2 > longest:
-        along, other, longest = e2, e0, l2
+def axes_of_leaf(points, n):
+    """Axes of a leaf of outline points[:n], n >= 3: along one of its sides, in its plane.
+
+    That side is taken whose rectangle is smallest: around two triangles that make a rectangle, or
+    nearly so, it is no larger than they are.
+    """
+    longest, first = 0.0, (1.0, 0.0, 0.0)
+    for i in range(n):
+        e = _side(points, i, n)
+        ee = dot(e, e)
+        if ee > longest:
+            longest, first = ee, e
     if longest == 0.0 or not np.isfinite(1.0 / longest):
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-    first = scaled(along, 1.0 / np.sqrt(longest))
-    normal = cross(first, other)
+    first = scaled(first, 1.0 / np.sqrt(longest))
+    # Of four points the product of the diagonals.
+    p, q = sub(row(points, 2), row(points, 0)), sub(row(points, n - 1), row(points, 1))
+    normal = cross(p, q)
+    # Twice: the second time removes what rounding left along the side.
+    normal = along(normal, first, -dot(normal, first))
+    normal = along(normal, first, -dot(normal, first))
     length = dot(normal, normal)
-    # A needle's perpendicular is rounding noise: any perpendicular of its long edge serves.
-    if length <= (1e-12 * 1e-12) * longest:
+    if length <= _NEEDLE * longest * longest:
+        # Its normal is rounding noise: any perpendicular of its long side serves.
         normal = cross(first, _least_aligned(first))
-        length = dot(normal, normal)
+        normal = scaled(normal, 1.0 / np.sqrt(dot(normal, normal)))
+        return first, cross(normal, first), normal
     normal = scaled(normal, 1.0 / np.sqrt(length))
+    smallest = np.inf
+    for i in range(n):
+        e = _side(points, i, n)
+        f = along(e, normal, -dot(e, normal))
+        ee, ff = dot(e, e), dot(f, f)
+        if ff > _UPRIGHT * ee:
+            f = scaled(f, 1.0 / np.sqrt(ff))
+            area = _area(points, n, f, cross(normal, f)) * (1.0 - _LONGER * ee / longest)
+            if area < smallest:
+                smallest, first = area, f
     return first, cross(normal, first), normal
+
+
+@kernel
+def _side(points, i, n):
+    """The side of an outline from a point to the next."""
+    return sub(row(points, i + 1 if i + 1 < n else 0), row(points, i))
+
+
+@kernel
+def _area(points, n, u, v):
+    """Area of the rectangle around points[:n] along two axes."""
+    low_s, high_s, low_t, high_t = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(n):
+        d = sub(row(points, i), row(points, 0))
+        s, t = dot(d, u), dot(d, v)
+        low_s, high_s, low_t, high_t = min(low_s, s), max(high_s, s), min(low_t, t), max(high_t, t)
+    return (high_s - low_s) * (high_t - low_t)
 
 
 @kernel

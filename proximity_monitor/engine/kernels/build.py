@@ -1,20 +1,17 @@
-"""Building the hierarchy of wide nodes, top down (Larsen et al. 1999, section 4.1)."""
+"""Building the structure of a hierarchy, top down (Larsen et al. 1999, section 4.1)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .jit import allocating_entry, kernel
-from .record import close_node, fit_lane
-from .volumes import STRIDE, WIDTH
-
-EMPTY = -(2**31)
-"""Child of an unused lane. A used lane holds a node (>= 0) or ~triangle (< 0)."""
+from .jit import allocating, allocating_entry, kernel
+from .leaf import EMPTY, leaf
+from .volumes import WIDTH
 
 
 @kernel
 def _lanes(n, most):
-    """How many lanes n triangles need, of which one can hold `most`."""
+    """How many lanes n leaves need, of which one can hold `most`."""
     return (n + most - 1) // most
 
 
@@ -89,7 +86,7 @@ def _partition(centroids, order, low, high, starts, ends):
 
     The largest range is cut again until none exceeds what a lane can hold: all of them together,
     no more than they have to, so that the levels below can be full.
-    A range that fits into the lanes that are left is opened into single triangles; they stand last.
+    A range that fits into the lanes that are left is opened into single leaves; they stand last.
     """
     starts[0], ends[0] = low, high
     most = WIDTH
@@ -116,7 +113,7 @@ def _partition(centroids, order, low, high, starts, ends):
                 used += 1
             ends[k] = starts[k] + 1
         k += 1
-    # Ranges of several triangles come first: where lane 0 holds a triangle, all lanes do.
+    # Ranges of several leaves come first: where lane 0 holds a leaf, all lanes do.
     first = 0
     for k in range(used):
         if ends[k] - starts[k] > 1:
@@ -127,80 +124,77 @@ def _partition(centroids, order, low, high, starts, ends):
 
 
 @kernel
-def _gather(triangles, order, low, high, unit, points):
-    """Corners of the triangles order[low:high], in node units, into `points`; returns how many."""
+def _centroids(triangles, leaves, centroids):
+    """Three times the mean of each leaf's triangles' centres, into `centroids` (n, 3)."""
+    for k in range(len(leaves)):
+        for axis in range(3):
+            total, count = 0.0, 0
+            for t in leaves[k]:
+                if t >= 0:
+                    total += triangles[t, axis] + triangles[t, 3 + axis] + triangles[t, 6 + axis]
+                    count += 1
+            centroids[k, axis] = total / count
+
+
+@allocating
+def _in_order(leaves, order, children, m):
+    """Number the triangles by their leaves, and the leaves in `children` by their triangles.
+
+    Returns which of the caller's m triangles stands where in tree order.
+    """
+    triangles, first = np.empty(m, np.int64), np.empty(len(leaves), np.int32)
     n = 0
-    for i in range(low, high):
-        t = order[i]
-        for corner in range(3):
-            for axis in range(3):
-                points[n, axis] = triangles[t, 3 * corner + axis] / unit
-            n += 1
-    return n
+    for k in range(len(leaves)):
+        first[k] = n
+        for t in leaves[order[k]]:
+            if t >= 0:
+                triangles[n] = t
+                n += 1
+    for lane in range(len(children)):
+        child = children[lane]
+        if child < 0 and child != EMPTY:
+            k = ~child
+            after = first[k + 1] if k + 1 < len(leaves) else m
+            children[lane] = leaf(first[k], after - first[k])
+    return triangles
 
 
 @allocating_entry
-def build_tree(triangles, unit, volume):
-    """Build the hierarchy over `triangles` (m, 9), metres, with node units of `unit` metres.
+def build_tree(triangles, leaves):
+    """Build the structure of a hierarchy over `triangles` (m, 9), metres.
 
-    `volume` is one of the codes in fit.py.
+    `leaves` (n, 2) says which of them share one, -1 for no second one.
 
-    Returns nodes (float32, flat), centres (k, 4) with each node's reach in node units, children
-    (int32, k × 16), sizes (float32, k × 16), order (m,) of the triangles from tree order to the
-    caller's, and how many levels lie below node 0, which holds the whole model as lane 0.
+    Returns children (int32, k × 16), order (m,) of the triangles from tree order to the caller's,
+    and how many levels lie below node 0, which holds the whole model as lane 0.
     """
-    m = triangles.shape[0]
-    capacity = 2 * ((m + WIDTH - 1) // WIDTH) + 2
-    nodes = np.zeros(capacity * STRIDE, np.float32)
-    centres = np.zeros((capacity, 4))
+    n = leaves.shape[0]
+    capacity = 2 * _lanes(n, WIDTH) + 2
     children = np.full(capacity * WIDTH, EMPTY, np.int32)
-    sizes = np.zeros(capacity * WIDTH, np.float32)
     levels = np.zeros(capacity, np.int32)
-    order = np.arange(m)
-    centroids = np.empty((m, 3))
-    for t in range(m):
-        for axis in range(3):
-            centroids[t, axis] = (
-                triangles[t, axis] + triangles[t, 3 + axis] + triangles[t, 6 + axis]
-            )
-    points, local = np.empty((3 * m, 3)), np.empty((3 * m, 3))
+    order, centroids = np.empty(n, np.int64), np.empty((n, 3))
+    for k in range(n):
+        order[k] = k
+    _centroids(triangles, leaves, centroids)
     starts, ends = np.empty(WIDTH, np.int64), np.empty(WIDTH, np.int64)
     lows, highs = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-    lows[0], highs[0] = 0, m
-    # A literal 0 would have the helpers compiled twice.
-    count, node, depth = 1, np.int64(0), 0
+    lows[0], highs[0] = 0, n
+    count, depth = 1, 0
+    node = 0
     while node < count:
-        low, high = lows[node], highs[node]
-        n = _gather(triangles, order, low, high, unit, points)
-        for axis in range(3):
-            smallest, largest = np.inf, -np.inf
-            for i in range(n):
-                smallest, largest = min(smallest, points[i, axis]), max(largest, points[i, axis])
-            centres[node, axis] = 0.5 * (smallest + largest)
-        if node == 0:
-            starts[0], ends[0] = low, high
-            used = 1
-        else:
-            used = _partition(centroids, order, low, high, starts, ends)
+        starts[0], ends[0], used = lows[node], highs[node], 1
+        if node > 0:
+            used = _partition(centroids, order, lows[node], highs[node], starts, ends)
         for lane in range(used):
-            n = _gather(triangles, order, starts[lane], ends[lane], unit, points)
-            single = ends[lane] - starts[lane] == 1
-            fit_lane(points, n, single, volume, local, nodes, centres[node], node, lane, sizes)
-            if single:
-                children[node * WIDTH + lane] = ~starts[lane]
-            else:
-                children[node * WIDTH + lane] = count
-                levels[count] = levels[node] + 1
-                depth = max(depth, levels[count])
-                lows[count], highs[count] = starts[lane], ends[lane]
-                count += 1
-        close_node(nodes, node, used, centres)
+            at = node * WIDTH + lane
+            if ends[lane] - starts[lane] == 1:
+                children[at] = ~starts[lane]  # which leaf, for now
+                continue
+            children[at] = count
+            levels[count] = levels[node] + 1
+            depth = max(depth, levels[count])
+            lows[count], highs[count] = starts[lane], ends[lane]
+            count += 1
         node += 1
-    return (
-        nodes[: count * STRIDE].copy(),
-        centres[:count].copy(),
-        children[: count * WIDTH].copy(),
-        sizes[: count * WIDTH].copy(),
-        order,
-        depth,
-    )
+    children = children[: count * WIDTH].copy()
+    return children, _in_order(leaves, order, children, triangles.shape[0]), depth

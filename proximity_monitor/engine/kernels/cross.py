@@ -15,9 +15,9 @@ from numba import uint64
 
 from ..tolerances import ALONG_MARGIN, CROSS_MARGIN, SINGLE_EPS, SINGLE_LIMIT, SINGLE_TINY
 from .boxes import box_bounds
-from .build import EMPTY
 from .jit import inlined, loop16
 from .lanes import has_three, lowest, not_above, smallest
+from .leaf import EMPTY
 from .memory import read_only
 from .state import BOUND_SLACK, BOUND_TESTS, NORMAL_A, NORMAL_B, OFFSET, PROVEN
 from .vectors import add, moved, scaled, sub

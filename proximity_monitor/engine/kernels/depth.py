@@ -14,8 +14,8 @@ import numpy as np
 from numba import uint64
 
 from ..tolerances import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
-from .build import EMPTY
 from .jit import entry, kernel
+from .leaf import EMPTY, first_of, last_of
 from .memory import on_stack
 from .motion import deviation, relative_motions
 from .nearest import point_triangle
@@ -165,9 +165,8 @@ def _open_lane(body, owned, model, lane, bound, centre, radius, deep, clear, sid
             kept = side if away < clear else 0
             _push(state, min(bound, deep + away + s + slack), model, below, kept)
             continue
-        for corner in range(3):
-            if owned[~child] >> corner & 1:
-                vertex = 3 * ~child + corner
+        for vertex in range(3 * first_of(child), 3 * last_of(child) + 3):
+            if owned[vertex // 3] >> vertex % 3 & 1:
                 away = length(sub(_corner(body, vertex), centre))
                 kept = side if away < clear else 0
                 _push(state, min(bound, deep + away + slack), model, ~vertex, kept)

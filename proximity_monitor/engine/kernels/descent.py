@@ -11,15 +11,15 @@ from __future__ import annotations
 import numpy as np
 from numba import uint64
 
-from .aim import gap_along
+from .aim import begin_along, end_along, gap_between
 from .approach import APPROACH_STEPS, approach, far_from_nearest
 from .boxes import box_bounds
-from .build import EMPTY
 from .coherence import is_coherent, remember_far, still_far
 from .cross import Scratch, Waiting, cross_leaves
 from .gaps import BATCH, CORNERS, gather
 from .jit import entry, inlined
 from .lanes import lowest, not_above, smallest
+from .leaf import EMPTY, LARGEST, first_of, last_of
 from .levels import list_pair, take_first
 from .memory import on_stack, table_on_stack
 from .primitives import collect, test_batch
@@ -146,20 +146,35 @@ def nearest_last(waiting, first, last):
 
 @inlined
 def take_batch(tree_a, tree_b, state, waiting, n, pairs, corners):
-    """Gather the last of n waiting pairs that still matter; returns how many, and how many wait."""
-    limit = state.reals[LIMIT]
+    """Gather the triangles of the last of n waiting pairs of leaves that still matter.
+
+    Returns how many pairs of triangles were taken, and how many pairs of leaves wait.
+    """
+    reals, a, b = state.reals, tree_a.triangles, tree_b.triangles
+    limit = reals[LIMIT]
     taken = np.int64(0)  # a literal would have `gather` compiled twice
-    while n > 0 and taken < BATCH:
+    while n > 0 and taken <= BATCH - LARGEST * LARGEST:
         n -= 1
-        if waiting.bounds[n] < limit:
-            ta = ~tree_a.children[waiting.lanes[n, 0]]
-            tb = ~tree_b.children[waiting.lanes[n, 1]]
-            state.counts[PRIMITIVE_TESTS] += 1
-            if gap_along(state.reals, tree_a.triangles, ta, tree_b.triangles, tb) >= limit:
-                continue
-            pairs[taken, 0], pairs[taken, 1] = ta, tb
-            gather(tree_a.triangles, ta, tree_b.triangles, tb, taken, corners)
-            taken += 1
+        if waiting.bounds[n] >= limit:
+            continue
+        leaf_a = np.int64(tree_a.children[waiting.lanes[n, 0]])
+        leaf_b = np.int64(tree_b.children[waiting.lanes[n, 1]])
+        # The gaps along the aim of all their triangles, each of which is measured once.
+        first_a, last_a = first_of(leaf_a), last_of(leaf_a)
+        first_b, last_b = first_of(leaf_b), last_of(leaf_b)
+        state.counts[PRIMITIVE_TESTS] += (last_a - first_a + 1) * (last_b - first_b + 1)
+        end, other_end = end_along(reals, a, first_a), end_along(reals, a, last_a)
+        begin, other_begin = begin_along(reals, b, first_b), begin_along(reals, b, last_b)
+        if gap_between(reals, max(end, other_end), min(begin, other_begin)) >= limit:
+            continue
+        for ta in range(first_a, last_a + 1):
+            ends = end if ta == first_a else other_end
+            for tb in range(first_b, last_b + 1):
+                begins = begin if tb == first_b else other_begin
+                if gap_between(reals, ends, begins) < limit:
+                    pairs[taken, 0], pairs[taken, 1] = ta, tb
+                    gather(a, ta, b, tb, taken, corners)
+                    taken += 1
     return taken, n
 
 
@@ -198,7 +213,7 @@ def advance(tree_a, tree_b, state):
     coherent = is_coherent(state)
     code = ENDED
     while True:
-        full = room > 0 and counts[COLLECTED] + n + _CROSSED > room
+        full = room > 0 and counts[COLLECTED] + LARGEST * LARGEST * (n + _CROSSED) > room
         while n >= BATCH or (
             n > 0
             and (

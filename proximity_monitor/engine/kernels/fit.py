@@ -1,9 +1,9 @@
 """Fitting a volume to triangles (Larsen et al. 1999, section 4.1).
 
-The axes come from the covariance of the vertices. A rectangle is shrunk by the radius along both
-sides and its corners grown back at 45 degrees; a line stands in the middle of the smallest circle
-around the vertices seen along it, shrunk by its caps; a point is the centre of the smallest ball.
-Boxes are in boxfit.py.
+The axes come from the covariance of the vertices, those of a leaf from its sides (axes.py). A
+rectangle is shrunk by the radius along both sides and its corners grown back at 45 degrees; a line
+stands in the middle of the smallest circle around the vertices seen along it, shrunk by its caps; a
+point is the centre of the smallest ball. Boxes are in boxfit.py.
 None of that is trusted to contain anything: after rounding to float32 the radius is measured again
 from the rounded core to every vertex, and a volume is convex, so the triangles are inside whatever
 the fit did.
@@ -14,52 +14,54 @@ from __future__ import annotations
 import numpy as np
 
 from ..tolerances import DOUBLE_EPS, SINGLE_EPS
-from .axes import axes_of_points, axes_of_triangle
 from .ball import enclosing_ball
 from .boxfit import box
 from .jit import kernel
 from .vectors import add, dot
 
-RSS, LSS, PSS, HYBRID, OBB, AABB = 0, 1, 2, 3, 4, 5
+RSS = None
+LSS, PSS, HYBRID, OBB, AABB = 1, 2, 3, 4, 5
 """Which volumes a hierarchy consists of: rectangle, line or point swept spheres, or of each node
 the one that its box's dimensions choose; from OBB on boxes, along the principal axes of what they
-hold or along the coordinate axes."""
+hold or along the coordinate axes. Of the usual one numba sees at compile time that it is None, and
+leaves out the code of the others."""
 
 _SQRT_HALF = 0.7071067811865476
 _X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 @kernel
-def core(points, n, single, volume, local):
+def core(points, n, axes, volume, local):
     """Centre, unit axes and half lengths along them of the core of a volume around points[:n].
 
-    `single` says that they are one triangle; `local` (n, 3) is scratch. Half lengths may vanish.
+    It is fitted along three given axes, but for point swept spheres and boxes along the coordinate
+    axes; `local` (n, 3) is scratch. Half lengths may vanish.
     """
-    if volume == PSS:
-        return point(points, n, local)
+    first, second, normal = axes
+    if volume is None:
+        return rectangle(points, n, first, second, normal, local)
+    return _other_core(points, n, first, second, normal, volume, local)
+
+
+@kernel
+def _other_core(points, n, first, second, normal, volume, local):
+    """The core of another volume than RSS."""
     if volume == AABB:
         return box(points, n, _X, _Y, _Z)
-    if single:
-        first, second, normal = axes_of_triangle(points)
-    else:
-        first, second, normal = axes_of_points(points, n)
     if volume == OBB:
         return box(points, n, first, second, normal)
-    if volume != RSS:
-        x = extent(points, n, first)
-        y = extent(points, n, second)
-        z = extent(points, n, normal)
-        if volume == HYBRID:
-            volume = choice(x, y, z)
-        if volume == PSS:
-            return point(points, n, local)
-        if volume == LSS:
-            if z > max(x, y):
-                return line(points, n, normal, first, second, local)
-            if y > x:
-                return line(points, n, second, normal, first, local)
-            return line(points, n, first, second, normal, local)
-    return rectangle(points, n, first, second, normal, local)
+    x, y, z = extent(points, n, first), extent(points, n, second), extent(points, n, normal)
+    if volume == HYBRID:
+        volume = choice(x, y, z)
+    if volume == PSS:
+        return point(points, n, local)
+    if volume != LSS:
+        return rectangle(points, n, first, second, normal, local)
+    if z > max(x, y):
+        return line(points, n, normal, first, second, local)
+    if y > x:
+        return line(points, n, second, normal, first, local)
+    return line(points, n, first, second, normal, local)
 
 
 @kernel
@@ -77,7 +79,7 @@ def choice(x, y, z):
     """The static rule of section 4.2: one dimension is larger than another from twice its length.
 
     A line needs two dimensions that are not only small but like each other: a flat strip, and so a
-    long triangle, fits a rectangle better.
+    long triangle, fits a rectangle better. Returns PSS, LSS, or HYBRID for a rectangle.
     """
     largest, smallest = max(x, y, z), min(x, y, z)
     middle = max(min(x, y), min(max(x, y), z))
@@ -85,7 +87,7 @@ def choice(x, y, z):
         return PSS
     if largest > 2.0 * middle and middle <= 2.0 * smallest:
         return LSS
-    return RSS
+    return HYBRID
 
 
 @kernel

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from .jit import inlined, kernel
+from .leaf import first_of, last_of
 from .primitives import keep
 from .state import (
     BASE,
@@ -104,7 +105,12 @@ def _test_vertices(tree_a, tree_b, state, a, b):
 def _vertex(tree, spread, lane, i):
     """The i-th vertex that is kept of a lane, as 3 triangle + corner, and where it is."""
     child = tree.children[lane]
-    corner = spread[child, i] if child >= 0 else 3 * ~child + min(i, 2)
+    if child >= 0:
+        corner = np.int64(spread[child, i])
+    elif i < 2:
+        corner = 3 * first_of(child) + i
+    else:
+        corner = 3 * last_of(child) + i - 1
     t, at = corner // 3, 3 * (corner % 3)
     return corner, (
         tree.triangles[t, at],

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from .jit import allocating_entry
+from .jit import entry
+from .memory import on_stack
 
 
-@allocating_entry
-def measure(corners):
-    """Measures of triangles (m, 9).
+@entry
+def measure(corners, centre):
+    """Measures of triangles (m, 9); writes the centre (3,) of their box.
 
-    Returns the centre (3,) of their box, the largest distance of a corner from it, the largest
-    coordinate and the largest norm of a corner.
+    Returns the largest distance of a corner from it, the largest coordinate and the largest norm of
+    a corner.
     """
-    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    low, high = on_stack(3, np.inf), on_stack(3, -np.inf)
+    for axis in range(3):
+        low[axis], high[axis] = np.inf, -np.inf
     squared_norm = 0.0
     for t in range(corners.shape[0]):
         for corner in range(0, 9, 3):
@@ -24,7 +27,10 @@ def measure(corners):
                 low[axis], high[axis] = min(low[axis], x), max(high[axis], x)
                 squared += x * x
             squared_norm = max(squared_norm, squared)
-    centre = 0.5 * low + 0.5 * high
+    largest = 0.0
+    for axis in range(3):
+        centre[axis] = 0.5 * low[axis] + 0.5 * high[axis]
+        largest = max(largest, max(-low[axis], high[axis]))
     squared_distance = 0.0
     for t in range(corners.shape[0]):
         for corner in range(0, 9, 3):
@@ -33,5 +39,4 @@ def measure(corners):
                 x = corners[t, corner + axis] - centre[axis]
                 squared += x * x
             squared_distance = max(squared_distance, squared)
-    largest = max(-low.min(), high.max())
-    return centre, np.sqrt(squared_distance), largest, np.sqrt(squared_norm)
+    return np.sqrt(squared_distance), largest, np.sqrt(squared_norm)

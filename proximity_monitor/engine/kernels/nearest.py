@@ -8,6 +8,7 @@ from numba import float32, uint64
 from ..tolerances import ILL_CONDITIONED, SINGLE_LIMIT, SINGLE_MARGIN
 from .jit import kernel, loop16
 from .lanes import lowest, not_above
+from .leaf import first_of, last_of
 from .precise import cross_precise
 from .primitives import corners
 from .triangles import point_face
@@ -99,10 +100,11 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
         steps -= 1
         child = stack[top]
         if child < 0:
-            a, b, c = corners(tree.triangles, ~child)
-            distance = np.sqrt(point_triangle(p, a, b, c)[0])
-            if distance < best:
-                best, nearby = distance, ~child
+            for t in range(first_of(child), last_of(child) + 1):
+                a, b, c = corners(tree.triangles, t)
+                distance = np.sqrt(point_triangle(p, a, b, c)[0])
+                if distance < best:
+                    best, nearby = distance, t
             continue
         x = p[0] / unit - tree.centres[child, 0]
         y = p[1] / unit - tree.centres[child, 1]

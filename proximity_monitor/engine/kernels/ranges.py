@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .build import EMPTY
 from .jit import allocating_entry
+from .leaf import EMPTY, first_of, last_of
 from .volumes import WIDTH
 
 
@@ -21,6 +21,6 @@ def node_ranges(children):
             if child >= 0:
                 low, high = min(low, ranges[child, 0]), max(high, ranges[child, 1])
             elif child != EMPTY:
-                low, high = min(low, ~child), max(high, ~child + 1)
+                low, high = min(low, first_of(child)), max(high, last_of(child) + 1)
         ranges[node, 0], ranges[node, 1] = low, high
     return ranges

@@ -12,9 +12,9 @@ from .volumes import EMPTY_RADIUS, STRIDE, WIDTH, read_vector
 
 
 @kernel
-def fit_lane(points, n, single, volume, local, nodes, centre, node, lane, sizes):
+def fit_lane(points, n, axes, volume, local, nodes, centre, node, lane, sizes):
     """Fit a volume to points[:n] and write it, rounded to float32, into a lane of a node."""
-    c, u, v, a, b = core(points, n, single, volume, local)
+    c, u, v, a, b = core(points, n, axes, volume, local)
     base = uint64(node * STRIDE + lane)
     put(nodes, base, (c[0] - centre[0], c[1] - centre[1], c[2] - centre[2]))
     put(nodes, base + uint64(3 * WIDTH), u)
@@ -22,6 +22,16 @@ def fit_lane(points, n, single, volume, local, nodes, centre, node, lane, sizes)
     nodes[base + uint64(10 * WIDTH)] = np.float32(a)
     nodes[base + uint64(11 * WIDTH)] = np.float32(b)
     write_radius(points, n, volume, nodes, centre, node, lane, sizes)
+
+
+@kernel
+def put_centre(points, centre):
+    """The middle of the box around points (n, 3), as a node's centre."""
+    for axis in range(3):
+        low, high = np.inf, -np.inf
+        for i in range(len(points)):
+            low, high = min(low, points[i, axis]), max(high, points[i, axis])
+        centre[axis] = 0.5 * (low + high)
 
 
 @kernel
@@ -45,12 +55,11 @@ def write_radius(points, n, volume, nodes, centre, node, lane, sizes):
     v = read_vector(nodes, base + uint64(6 * WIDTH))
     a = np.float64(nodes[base + uint64(10 * WIDTH)])
     b = np.float64(nodes[base + uint64(11 * WIDTH)])
-    if volume >= OBB:
+    radius = enclosing_radius(points, n, c, u, v, a, b)
+    if volume is not None and volume >= OBB:
         long_u, long_v, radius = box_extents(points, n, c, u, v)
         nodes[base + uint64(10 * WIDTH)], nodes[base + uint64(11 * WIDTH)] = long_u, long_v
         a, b = np.float64(long_u), np.float64(long_v)
-    else:
-        radius = enclosing_radius(points, n, c, u, v, a, b)
     nodes[base + uint64(9 * WIDTH)] = radius
     sizes[node * WIDTH + lane] = np.float32(np.sqrt(a * a + b * b) + radius)
 

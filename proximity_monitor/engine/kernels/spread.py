@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .build import EMPTY
 from .jit import allocating_entry, kernel
+from .leaf import EMPTY, LARGEST, first_of, last_of
 from .levels import KEPT
 from .volumes import WIDTH
 
@@ -20,17 +20,18 @@ def spread_corners(triangles, children):
     k = children.shape[0] // WIDTH
     spread = np.empty((k, KEPT), np.int32)
     corners = triangles.reshape((3 * triangles.shape[0], 3))
-    candidates, nearest = np.empty(WIDTH * KEPT, np.int32), np.empty(WIDTH * KEPT)
+    candidates, nearest = np.empty(3 * LARGEST * WIDTH, np.int32), np.empty(3 * LARGEST * WIDTH)
     for node in range(k - 1, -1, -1):
         n = 0
         for lane in range(node * WIDTH, (node + 1) * WIDTH):
             child = children[lane]
-            for i in range(KEPT):
-                if child >= 0:
+            if child >= 0:
+                for i in range(KEPT):
                     candidates[n] = spread[child, i]
                     n += 1
-                elif child != EMPTY and i < 3:
-                    candidates[n] = 3 * ~child + i
+            elif child != EMPTY:
+                for corner in range(3 * first_of(child), 3 * last_of(child) + 3):
+                    candidates[n] = corner
                     n += 1
         nearest[:n] = np.inf
         chosen = _farthest(corners, candidates, n, 0, nearest)

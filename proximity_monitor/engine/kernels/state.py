@@ -8,10 +8,10 @@ Tree = namedtuple("Tree", "nodes centres children sizes triangles scale")
 """A hierarchy as the kernels see it.
 
 nodes (float32, flat) the volumes; centres (k, 4) each node's centre and reach in node units;
-children (int32, k × 16) a node, ~triangle or EMPTY; sizes (float32, k × 16) each volume's extent
-in node units; triangles (m, 9) in tree order, metres; scale (5,) metres in a node unit, its
-inverse, the largest norm of a vertex in metres, 1 where the volumes are boxes, else 0, and how
-often it was refitted.
+children (int32, k × 16) a node, a leaf or EMPTY (see leaf.py); sizes (float32, k × 16) each
+volume's extent in node units; triangles (m, 9) in tree order, metres; scale (5,) metres in a node
+unit, its inverse, the largest norm of a vertex in metres, 1 where the volumes are boxes, else 0,
+and how often it was refitted.
 """
 
 State = namedtuple(

@@ -19,6 +19,7 @@ from numba import float32, uint64
 from ..tolerances import DOUBLE_EPS, SINGLE_LIMIT, SINGLE_MARGIN
 from .jit import kernel, loop16
 from .lanes import lowest, not_above
+from .leaf import first_of, last_of
 from .precise import orientation
 from .volumes import STRIDE, WIDTH
 
@@ -169,10 +170,11 @@ def _along_ray(tree, p, slack, alpha, beta, forth, stack, gaps):
                 stack[top] = child
                 top += 1
             else:
-                crossing = _crossing(tree.triangles, ~child, start, alpha, beta, forth)
-                if crossing == UNKNOWN:
-                    return UNKNOWN
-                winding += crossing
+                for t in range(first_of(child), last_of(child) + 1):
+                    crossing = _crossing(tree.triangles, t, start, alpha, beta, forth)
+                    if crossing == UNKNOWN:
+                        return UNKNOWN
+                    winding += crossing
     return winding
 
 
