@@ -17,7 +17,7 @@ from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
 from .result import PairDistances
 from .rows import pair_distances_of
-from .run import LONG_SLICE, SLICE, Search, check_tolerance
+from .run import LONG_SLICE, SLICE, Search, check_tolerance, code_for
 
 
 class Assembly:
@@ -42,6 +42,7 @@ class Assembly:
         self._trees: list[Tree] = []
         self._deepest = max(self._meshes, key=lambda model: model.depth)
         self._searches: list[Search] = []
+        self._unusual = code_for(self._meshes)
 
     def distances(
         self,
@@ -174,7 +175,7 @@ class Assembly:
         while deadline is None or perf_counter() < deadline:
             code, at = kernel.search_pairs(
                 self._tables, search.memory, poses, pairs, hints, wanted, at, len(pairs), every,
-                LONG_SLICE if deadline is None else SLICE, fresh, answers,
+                LONG_SLICE if deadline is None else SLICE, fresh, answers, self._unusual,
             )  # fmt: skip
             fresh = code == index.CUT_BETWEEN
             if code in (index.BAD_POSE_A, index.BAD_POSE_B):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from time import perf_counter
 from typing import Literal
 
@@ -16,6 +17,7 @@ from .kernels.queue import QUEUE
 from .kernels.tables import table
 from .mesh import TriangleMesh
 from .poses import check_pose
+from .tree import BOXES
 
 Order = Literal["depth_first", "priority", "breadth_first"]
 """In which order a search visits pairs of volumes; the answer is the same."""
@@ -44,6 +46,12 @@ _COLLECTED = 4096
 """Pairs that there is room for when collecting begins."""
 
 
+def code_for(models: Iterable[TriangleMesh], order: Order = "depth_first") -> int | None:
+    """Which code a search between some models needs: `unusual` of `kernels.descent.advance`."""
+    usual = order == "depth_first" and not any(model.volume in BOXES for model in models)
+    return None if usual else 1
+
+
 class Search:
     """The memory of a search over two models, and its last answers.
 
@@ -58,7 +66,7 @@ class Search:
         ValueError: there is no such order.
     """
 
-    __slots__ = ("_models", "answers", "counts", "memory", "order", "reals", "state")
+    __slots__ = ("_models", "_unusual", "answers", "counts", "memory", "order", "reals", "state")
 
     def __init__(
         self,
@@ -71,6 +79,7 @@ class Search:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
         self._models = a, b
         self.order = order
+        self._unusual = code_for((a, b), order)
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model; a priority queue that is full besides leaves all its pairs below. A list of levels
         # is full while there is still room for a search depth first (see levels.py).
@@ -147,7 +156,7 @@ class Search:
         while True:
             code, row = kernel.search(
                 a._table, b._table, self.memory, poses_a, poses_b, row, count,
-                rel_err, abs_err, stop, limit, steps, fresh, answers,
+                rel_err, abs_err, stop, limit, steps, fresh, answers, self._unusual,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:
                 self._make_room()

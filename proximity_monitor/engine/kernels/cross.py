@@ -109,7 +109,7 @@ def _proven(lows, found, along, own_unit, unit, aligned, whole, count):
 
 @inlined
 def cross_leaves(
-    tree, node, fixed, lane, motion, flip, state, inherited, limit, scratch, waiting, n
+    tree, node, fixed, lane, motion, flip, state, inherited, limit, scratch, waiting, n, unusual
 ):
     """Append to `waiting` the pairs of triangles that may be nearer than `limit`.
 
@@ -180,7 +180,7 @@ def cross_leaves(
         at = (count + 1) * WIDTH
         _pick(moved_lanes, uint64(own), margin, single)
         lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found, uint64(at))
-        if fixed.scale[3] + tree.scale[3] > 0.0:
+        if unusual is not None and fixed.scale[3] + tree.scale[3] > 0.0:
             box_bounds(
                 tree, node * WIDTH + own, motion, fixed, other, state.reals[BOUND_SLACK],
                 threshold, found, at,

@@ -59,7 +59,9 @@ steps is one of time."""
 
 
 @inlined
-def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch, waiting, n):
+def open_pair(
+    fixed, lane, tree, parent, motion, flip, state, inherited, scratch, waiting, n, unusual
+):
     """Bound one lane of the tree `fixed` against the sixteen under lane `parent` of `tree`.
 
     Pushes the pairs that survive, in a search depth first the nearest on top; but pairs of
@@ -77,7 +79,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     reach = np.float32(min(limit * tree.scale[1] * (1.0 + 1e-6), 1e29))
     if place(fixed, lane, motion, tree, node, reals[BOUND_SLACK], single):
         lower_bounds(tree.nodes, uint64(node * STRIDE), single, found, uint64(0))
-        if fixed.scale[3] + tree.scale[3] > 0.0:
+        if unusual is not None and fixed.scale[3] + tree.scale[3] > 0.0:
             box_bounds(
                 fixed, lane, motion, tree, node, reals[BOUND_SLACK], reach, found, np.int64(0)
             )
@@ -114,7 +116,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
         child = node * WIDTH + k
         a, b = (child, lane) if flip else (lane, child)
         at = top
-        if order == DEPTH_FIRST:
+        if unusual is None or order == DEPTH_FIRST:
             while at > first and bounds[at - 1] < bound:
                 bounds[at] = bounds[at - 1]
                 stack[at, 0], stack[at, 1] = stack[at - 1, 0], stack[at - 1, 1]
@@ -123,7 +125,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
             at = list_pair(state, top, a, b, bound)
         bounds[at] = bound
         stack[at, 0], stack[at, 1] = a, b
-        if order == PRIORITY:
+        if unusual is not None and order == PRIORITY:
             rise(stack, bounds, counts[BASE], at)
         top += 1
     counts[DEPTH] = top
@@ -179,25 +181,30 @@ def take_batch(tree_a, tree_b, state, waiting, n, pairs, corners):
 
 
 @inlined
-def take_pair(tree_a, tree_b, state):
+def take_pair(tree_a, tree_b, state, unusual):
     """Take the next pair off the stack, queue or list, where it still stands.
 
     Returns its place, or -1 where it is pruned.
     """
     counts = state.counts
-    if counts[ORDER] == PRIORITY:
-        return take_nearest(state)
-    if counts[ORDER] == BREADTH_FIRST:
-        at = take_first(tree_a, tree_b, state)
-    else:
-        counts[DEPTH] -= 1
-        at = counts[DEPTH]
+    if unusual is not None:
+        if counts[ORDER] == PRIORITY:
+            return take_nearest(state)
+        if counts[ORDER] == BREADTH_FIRST:
+            at = take_first(tree_a, tree_b, state)
+            return at if state.bounds[at] < state.reals[LIMIT] else -1
+    counts[DEPTH] -= 1
+    at = counts[DEPTH]
     return at if state.bounds[at] < state.reals[LIMIT] else -1
 
 
 @entry
-def advance(tree_a, tree_b, state):
-    """Run a search for the steps that it has left; returns ENDED, CUT or COLLECTED_FULL."""
+def advance(tree_a, tree_b, state, unusual):
+    """Run a search for the steps that it has left; returns ENDED, CUT or COLLECTED_FULL.
+
+    `unusual` is None for a search depth first between swept spheres: numba sees that at compile
+    time and leaves out the code of the others, of which a quarter of the compiling would be.
+    """
     reals, counts, stack, bounds = state.reals, state.counts, state.stack, state.bounds
     steps = counts[STEPS]
     scratch = Scratch(
@@ -240,7 +247,7 @@ def advance(tree_a, tree_b, state):
         if full:
             code = COLLECTED_FULL
             break
-        at = take_pair(tree_a, tree_b, state)
+        at = take_pair(tree_a, tree_b, state, unusual)
         if at < 0:
             continue
         steps -= 1
@@ -268,12 +275,12 @@ def advance(tree_a, tree_b, state):
             if flip:
                 n = cross_leaves(
                     tree_b, child_b, tree_a, a, state.motions[0], flip, state, bound,
-                    reals[LIMIT], scratch, waiting, n,
+                    reals[LIMIT], scratch, waiting, n, unusual,
                 )  # fmt: skip
             else:
                 n = cross_leaves(
                     tree_a, child_a, tree_b, b, state.motions[1], flip, state, bound,
-                    reals[LIMIT], scratch, waiting, n,
+                    reals[LIMIT], scratch, waiting, n, unusual,
                 )  # fmt: skip
             steps -= min(steps, (counts[BOUND_TESTS] - tests) // WIDTH)
             if n > before + BATCH:
@@ -290,12 +297,14 @@ def advance(tree_a, tree_b, state):
         before, depth = n, counts[DEPTH]
         if flip:
             n = open_pair(
-                tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, waiting, n
-            )
+                tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, waiting, n,
+                unusual,
+            )  # fmt: skip
         else:
             n = open_pair(
-                tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, waiting, n
-            )
+                tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, waiting, n,
+                unusual,
+            )  # fmt: skip
         if coherent and n == before and counts[DEPTH] == depth:
             remember_far(state, a, b, reals[PROVEN])
     counts[STEPS] = steps

@@ -159,14 +159,14 @@ def _witness(triangles, t, reals, weights, pose, answer, at):
 @entry
 def search(
     model_a, model_b, memory,
-    poses_a, poses_b, first, last, rel_err, abs_err, stop, limit, steps, fresh, answers,
+    poses_a, poses_b, first, last, rel_err, abs_err, stop, limit, steps, fresh, answers, unusual,
 ):  # fmt: skip
     """Answer the queries first to last at poses (4 k, 4), each with at most `steps` steps.
 
     A query starts from the triangles that the last one left in the state; where not `fresh`, the
     first goes on with the search that the state holds. Models and state come as tables (see
-    tables.py). Writes answers (k ANSWER,). Returns ENDED, or another code and the query that it is
-    about.
+    tables.py); `unusual` is as for `advance`. Writes answers (k ANSWER,). Returns ENDED, or another
+    code and the query that it is about.
     """
     tree_a, faces_a = tree_at(model_a)
     tree_b, faces_b = tree_at(model_b)
@@ -179,7 +179,7 @@ def search(
             if code != CUT:
                 return code, k
         state.counts[STEPS] = steps
-        code = advance(tree_a, tree_b, state)
+        code = advance(tree_a, tree_b, state, unusual)
         finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer)
         if code != ENDED:
             return code, k
@@ -192,7 +192,7 @@ _ONE_QUERY = 8
 
 @entry
 def search_pairs(
-    models, memory, poses, pairs, hints, wanted, first, last, every, steps, fresh, answers
+    models, memory, poses, pairs, hints, wanted, first, last, every, steps, fresh, answers, unusual
 ):
     """Answer for the pairs first, first + every, ... below last, with `steps` steps for all.
 
@@ -211,6 +211,7 @@ def search_pairs(
             is interrupted, and which of several nearest pairs it finds, depends on it alone.
         fresh: whether the first pair's search has not begun.
         answers: (k, ANSWER) written.
+        unusual: as for `advance`.
 
     Returns:
         ENDED and `last`; or another code and the pair that it is about.
@@ -236,7 +237,7 @@ def search_pairs(
             if code != CUT:
                 return code, k
         counts[STEPS] = steps
-        code = advance(tree_a, tree_b, state)
+        code = advance(tree_a, tree_b, state, unusual)
         left -= steps - counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, poses[i], poses[j], code, answers[k])
         if code != ENDED:
