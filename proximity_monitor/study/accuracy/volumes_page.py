@@ -162,9 +162,10 @@ def _why(rows: Rows, applications: list[tuple[Application, str]]) -> str:
     said.append(
         f"Over all cells, as geometric means of multiples of rss, the kinds make this many bound "
         f"tests: {_multiples(tests)}; and take this much time: {_multiples(times)}. Numbers of "
-        f"tests differ from the paper's for another reason, too: nodes have {WIDTH} children "
-        f"and an opening counts {WIDTH} tests, empty lanes included, where a binary tree counts "
-        f"two; a query that is decided at the roots still counts {WIDTH}."
+        f"tests differ from the paper's for other reasons, too: a leaf holds two triangles "
+        f"where they are flat together, nodes have {WIDTH} children and an opening counts {WIDTH} "
+        f"tests, empty lanes included, where a binary tree counts two; a query that is decided at "
+        f"the roots still counts {WIDTH}."
     )
     return " ".join(said) + "\n"
 
