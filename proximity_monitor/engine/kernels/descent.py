@@ -17,7 +17,7 @@ from .boxes import box_bounds
 from .coherence import is_coherent, remember_far, still_far
 from .cross import Scratch, Waiting, cross_leaves
 from .gaps import BATCH, CORNERS, gather
-from .jit import entry, inlined
+from .jit import inlined, shared
 from .lanes import lowest, not_above, smallest
 from .leaf import EMPTY, LARGEST, first_of, last_of
 from .levels import list_pair, take_first
@@ -198,7 +198,7 @@ def take_pair(tree_a, tree_b, state, unusual):
     return at if state.bounds[at] < state.reals[LIMIT] else -1
 
 
-@entry
+@shared
 def advance(tree_a, tree_b, state, unusual):
     """Run a search for the steps that it has left; returns ENDED, CUT or COLLECTED_FULL.
 

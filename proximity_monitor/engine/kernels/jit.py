@@ -1,9 +1,10 @@
 """How every kernel of this package is compiled: the decorators and one cache directory.
 
 `entry` marks the few functions that Python calls: they are cached on disk. `kernel` marks their
-helpers, which are compiled into the entries and need no cache of their own. `loop16` is `kernel`
-with the fast-math flags that a vectorised loop over 16 lanes needs; it keeps NaN and infinity
-meaningful, and whatever it computes is used as a bound only with a margin for reordered sums.
+helpers, which are compiled into the entries and need no cache of their own; the large ones that
+several entries have in common are `shared`, and cached as well. `loop16` is `kernel` with the
+fast-math flags that a vectorised loop over 16 lanes needs; it keeps NaN and infinity meaningful,
+and whatever it computes is used as a bound only with a margin for reordered sums.
 
 These run without numba's reference counts, which are atomic and took half the time of a query: each
 use of an array out of a tuple of arrays counts up and down. They may not make arrays, but for small
@@ -86,14 +87,19 @@ class _Announcement(event.Listener):
 event.register("numba:compile", _Announcement())
 
 
-def _entry(function, counted):
+def _entry(function, counted, wrapped=True):
     # Numba reads its cache directory when the decorator runs. It is set for that moment only,
     # so that other packages' functions keep the cache of their own choice.
     previous = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(CACHE_DIRECTORY)
     try:
         return njit(
-            cache=True, nogil=True, no_cfunc_wrapper=True, error_model="numpy", _nrt=counted
+            cache=True,
+            nogil=True,
+            no_cpython_wrapper=not wrapped,
+            no_cfunc_wrapper=True,
+            error_model="numpy",
+            _nrt=counted,
         )(function)
     finally:
         numba.config.CACHE_DIR = previous
@@ -102,6 +108,11 @@ def _entry(function, counted):
 def entry(function):
     """Compile a function that Python calls: cached on disk, releases the GIL, no exceptions."""
     return _entry(function, counted=False)
+
+
+def shared(function):
+    """Compile a helper that several entries call, once for all of them: cached like an entry."""
+    return _entry(function, counted=False, wrapped=False)
 
 
 def allocating_entry(function):

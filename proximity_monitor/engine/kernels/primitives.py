@@ -7,7 +7,7 @@ from numba import float32
 
 from .aim import gap_along, take_aim
 from .gaps import BATCH, gaps, gather, shift
-from .jit import entry, inlined, kernel
+from .jit import inlined, kernel, shared
 from .lanes import lowest, not_above
 from .state import (
     ABS_ERR,
@@ -95,7 +95,7 @@ def mixed(triangle, weights):
     return along(along(scaled(p, weights[0]), q, weights[1]), r, weights[2])
 
 
-@entry
+@shared
 def test_triangles(tree_a, tree_b, state, ta, tb, bound):
     """Exact distance of two triangles; keeps it where it is the smallest. Returns it.
 

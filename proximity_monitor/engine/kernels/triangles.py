@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from ..tolerances import DOUBLE_EPS, ILL_CONDITIONED, PARALLEL, TOUCHING
 from .edges import LANES, edge_pairs
-from .jit import entry, kernel
+from .jit import kernel
 from .memory import on_stack
 from .precise import cross_precise, orientation, volume
 from .vectors import along, cross, dot, sub
@@ -285,7 +285,7 @@ def distance_apart(a, b, limit):
     return best, _corner(first), _face_weights(a[first], b[0], eb[0], fb, nb, nnb)
 
 
-@entry
+@kernel
 def triangle_distance(a, b, limit):
     """Squared distance of two triangles (three corners each), if it is below `limit`.
 
