@@ -171,3 +171,17 @@ def test_a_leaf_that_is_folded_later_still_holds_both(volume):
     for folded in (0.0 * points, points[:, [0, 0, 0]], points * [1.0, 1e-200, 1.0]):
         mesh.refit(folded)
         engine.check_tree(mesh._tree, volume)
+
+
+@pytest.mark.parametrize("volume", ["rss", "lss", "obb"])
+@pytest.mark.parametrize("size", [1e-79, 1e-80, 1e-82, 1e-101, 1e-150, 1e-158, 1e-160, 1e-162])
+def test_leaves_whose_products_underflow_have_perpendicular_unit_axes(size, volume):
+    """In float64 a square below 1e-308 has lost digits, and so has the direction it normalises."""
+    rng = np.random.default_rng(11)
+    tiny = size * rng.normal(size=(40, 3, 3))
+    thin = rng.normal(size=(40, 3, 3))
+    thin[:, 1] = thin[:, 0] * (1.0, 0.0, 0.0)
+    thin[:, 0] = thin[:, 1] + size * rng.normal(size=(40, 3)) * (0.0, 1.0, 1.0)
+    corners = np.concatenate((tiny, thin)).reshape(-1, 3)
+    mesh = engine.TriangleMesh(corners, np.arange(240).reshape(-1, 3), volume=volume)
+    engine.check_tree(mesh._tree, volume)

@@ -1,4 +1,4 @@
-"""Axes to fit a volume along: principal axes of points, and those along an edge of a leaf."""
+"""Axes to fit a volume along: principal axes of points, and those along a side of a leaf."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from .jit import kernel
 from .memory import table_on_stack
 from .vectors import along, cross, dot, scaled, sub
 from .volumes import row
+
+_SHORTEST = 1e-200
+"""Square, in node units, of a vector that is divided by its length. One below 1e-308 has lost
+digits, and what was divided by its root is no unit vector, which the margins suppose."""
 
 _NEEDLE = 1e-24
 """Square of a leaf's area, as a share of its longest side to the fourth, that is only noise."""
@@ -110,7 +114,7 @@ def axes_of_leaf(points, n):
         ee = dot(e, e)
         if ee > longest:
             longest, first = ee, e
-    if longest == 0.0 or not np.isfinite(1.0 / longest):
+    if longest <= _SHORTEST:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
     first = scaled(first, 1.0 / np.sqrt(longest))
     # Of four points the product of the diagonals.
@@ -120,7 +124,7 @@ def axes_of_leaf(points, n):
     normal = along(normal, first, -dot(normal, first))
     normal = along(normal, first, -dot(normal, first))
     length = dot(normal, normal)
-    if length <= _NEEDLE * longest * longest:
+    if length <= max(_NEEDLE * longest * longest, _SHORTEST):
         # Its normal is rounding noise: any perpendicular of its long side serves.
         normal = cross(first, _least_aligned(first))
         normal = scaled(normal, 1.0 / np.sqrt(dot(normal, normal)))
@@ -131,7 +135,7 @@ def axes_of_leaf(points, n):
         e = _side(points, i, n)
         f = along(e, normal, -dot(e, normal))
         ee, ff = dot(e, e), dot(f, f)
-        if ff > _UPRIGHT * ee:
+        if ff > max(_UPRIGHT * ee, _SHORTEST):
             f = scaled(f, 1.0 / np.sqrt(ff))
             area = _area(points, n, f, cross(normal, f)) * (1.0 - _LONGER * ee / longest)
             if area < smallest:

@@ -16,7 +16,7 @@ _FLAT = 0.9
 curved pairs make thicker volumes than they save."""
 
 _ROUNDS = 16
-"""How often the triangles that are left choose. Nearly all are chosen in three."""
+"""How often the triangles that are left choose, at the most."""
 
 
 @kernel
