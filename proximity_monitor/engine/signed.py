@@ -199,6 +199,7 @@ class SignedSearch:
             row[at : at + 3] = pose[:3, :3] @ local + pose[:3, 3]
             at = (state.FEATURE_A, state.FEATURE_B)[k]
             row[at : at + 3], row[at + 3] = weights_of[k], face
+            row[(state.RADIUS_A, state.RADIUS_B)[k]] = body.swept_radius
         status = Status.OUT_OF_TIME
         if ended:
             exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]
