@@ -183,13 +183,13 @@ def test_a_wall_between_two_solids_counts_from_either_side():
     """Two boxes share a wall, drawn in either direction; between them they are one solid."""
     cube = box((1.0, 1.0, 1.0))
     reach = cube.vertices.max(axis=0)[0]
-    mirrored = cube.vertices * (-1.0, 1.0, 1.0)
-    mirrored[:, 0] += 2.0 * reach
+    mirrored = cube.vertices * (-3.0, 1.0, 1.0)
+    mirrored[:, 0] += 4.0 * reach
     vertices = np.concatenate((cube.vertices, mirrored))
     both = engine.TriangleMesh(vertices, np.concatenate((cube.faces, cube.faces[:, ::-1] + 8)))
     assert len(seen(both)) == len(both.faces) - 2
     y, z = vertices.mean(axis=0)[1:]
-    for x in (-0.5, 0.5, -1.5, 1.5):
+    for x, outside in ((-0.5, False), (0.5, False), (2.5, False), (-1.5, True), (3.5, True)):
         pose_b = translation(reach + x, y, z)
         found = engine.signed_distance(both, IDENTITY, sphere(0, 0.01), pose_b)
-        assert (found.upper < 0.0) if abs(x) < 1.0 else (found.lower > 0.0)
+        assert (found.lower > 0.0) if outside else (found.upper < 0.0)
