@@ -61,6 +61,8 @@ def build(
     vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     volume: str = "rss",
+    swept: float = 0.0,
+    deviation: float = 0.0,
 ) -> Built:
     """Build the hierarchy over triangles.
 
@@ -72,6 +74,8 @@ def build(
         vertices: (n, 3) metres; C-contiguous.
         faces: (m, 3) which corners are which vertices.
         volume: a key of VOLUMES.
+        swept: metres; radius of the ball that sweeps the triangles.
+        deviation: metres; how far they may be from what they stand for.
     """
     first = places(vertices)
     if (first[1:] > first[:-1]).all():
@@ -79,7 +83,7 @@ def build(
     else:
         faces = first.take(faces)
         faces.setflags(write=False)  # as the mesh's: kernels need no second form
-    scale = _scale(corners, volume)
+    scale = _scale(corners, volume, 0.0, swept, deviation)
     drawn = first_drawn(faces)
     leaves, distinct = pair_up(corners, faces, drawn, scale[0])
     children, order, depth = build_tree(corners, leaves, distinct)
@@ -121,7 +125,7 @@ def refit(
         # One that has come away from the first of its place stands for itself.
         there = (vertices == vertices.take(first, axis=0)).all(axis=1)
         faces = np.where(there, first, np.arange(len(first), dtype=np.int32)).take(faces)
-    scale = _scale(corners, volume, tree.scale[4] + 1.0)
+    scale = _scale(corners, volume, tree.scale[4] + 1.0, *tree.scale[5:])
     fitted = _fitted(tree.children, corners, faces, scale, volume)
     return fitted, _distinct(fitted, faces, coincident.twins)
 
@@ -150,12 +154,15 @@ def _fitted(
     return tree
 
 
-def _scale(corners: NDArray[np.float64], volume: str, revision: float = 0.0) -> NDArray[np.float64]:
+def _scale(
+    corners: NDArray[np.float64], volume: str, revision: float, swept: float, deviation: float
+) -> NDArray[np.float64]:
     """The numbers of a hierarchy as a whole: see `Tree`."""
     _, largest, longest = measure(corners, np.empty(3))
     # A power of two: dividing by it is exact. Zero for a model at the origin alone.
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
-    return np.array([unit, 1.0 / unit, longest, float(volume in BOXES), revision])
+    boxes = float(volume in BOXES)
+    return np.array([unit, 1.0 / unit, longest, boxes, revision, swept, deviation])
 
 
 class TreeError(AssertionError):
