@@ -53,10 +53,13 @@ class TriangleMesh:
 
     __slots__ = (
         "__weakref__",
+        "_coincident",
+        "_distinct",
         "_face_of",
         "_node_ranges",
         "_spread",
         "_table",
+        "_table_of_all",
         "_tree",
         "centre",
         "core_radius",
@@ -107,11 +110,11 @@ class TriangleMesh:
         self.vertices = _checked_vertices(vertices, name)
         self.faces = _checked_faces(faces, len(self.vertices), name)
         corners = np.ascontiguousarray(self.vertices[self.faces].reshape(-1, 9))
-        tree, self._face_of, self.depth = build(
-            corners, self.faces, volume, self.swept_radius, self.deviation
+        tree, distinct, self._face_of, self.depth, self._coincident = build(
+            corners, self.vertices, self.faces, volume, self.swept_radius, self.deviation
         )
         self._enclose(*_bounding_sphere(corners))
-        self._keep(tree)
+        self._keep(tree, distinct)
         self._node_ranges: NDArray[np.int32] | None = None
         self._spread: NDArray[np.int32] | None = None
 
@@ -139,10 +142,10 @@ class TriangleMesh:
         faces = self.faces.take(self._face_of, axis=0)
         corners = moved.take(faces, axis=0).reshape(-1, 9)
         sphere = _bounding_sphere(corners)
-        tree = refit(self._tree, corners, faces, self.volume)
+        tree, distinct = refit(self._tree, self._coincident, corners, moved, faces, self.volume)
         self.vertices = moved
         self._enclose(*sphere)
-        self._keep(tree)
+        self._keep(tree, distinct)
         self._spread = None
 
     @property
@@ -156,10 +159,16 @@ class TriangleMesh:
         radius = core_radius + self.swept_radius + self.deviation
         self.radius = radius * (1.0 + 4.0 * DOUBLE_EPS)
 
-    def _keep(self, tree: Tree) -> None:
-        """Take a hierarchy, and make the table by which kernels find it."""
-        self._tree = tree
-        self._table = table((*tree, self._face_of))
+    def _keep(self, tree: Tree, distinct: Tree) -> None:
+        """Take a hierarchy, and make the tables by which kernels find it.
+
+        Who looks for the nearest needs one of those triangles that lie on each other (`_table`);
+        who lists or counts them needs all (`_table_of_all`, and `_tree` itself).
+        """
+        self._tree, self._distinct = tree, distinct
+        self._table = self._table_of_all = table((*tree, self._face_of))
+        if distinct is not tree:
+            self._table = table((*distinct, self._face_of))
 
     def _ranges(self) -> NDArray[np.int32]:
         """Which triangles, in tree order, stand under each node (k, 2); made when first needed."""
@@ -177,9 +186,9 @@ class TriangleMesh:
         """Freeze what pickle thawed: of other arrays the kernels would be compiled once more."""
         for name, value in state[1].items():
             setattr(self, name, value)
-        for array in (self.vertices, self.faces, self.centre, *self._tree):
+        for array in (self.vertices, self.faces, self.centre, *self._tree, *self._distinct):
             array.setflags(write=False)
-        self._keep(self._tree)  # which lies elsewhere now
+        self._keep(self._tree, self._distinct)  # which lie elsewhere now
 
     def __repr__(self) -> str:
         """Name and size."""

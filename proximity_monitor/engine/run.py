@@ -182,7 +182,12 @@ class Search:
         steps = LONG_SLICE if deadline is None else SLICE
         if collect:
             stop = -math.inf
+        tables = a._table, b._table
+        if collect:
+            tables = a._table_of_all, b._table_of_all
         if collect != bool(len(self.state.collected)):
+            if collect and not (a._distinct is a._tree and b._distinct is b._tree):
+                self.state.keys.fill(-1)  # too far were those pairs that it looked at
             room = np.empty((_COLLECTED if collect else 0, 3))
             self._keep(self.state._replace(collected=room))
         if fresh and self.order == "breadth_first":
@@ -193,7 +198,7 @@ class Search:
         row = 0
         while True:
             code, row = kernel.search(
-                a._table, b._table, self.memory, poses_a, poses_b, row, count,
+                *tables, self.memory, poses_a, poses_b, row, count,
                 rel_err, abs_err, stop, limit, steps, fresh, answers, self._unusual,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:

@@ -12,6 +12,7 @@ from .kernels import solids
 from .kernels.solids import Solid
 from .mesh import ModelError, TriangleMesh
 from .tolerances import DOUBLE_EPS
+from .tree import places
 
 _WAY_OUT = "repair it (close holes, orient faces alike), or ask `distance`, which takes any surface"
 
@@ -51,7 +52,7 @@ def as_solid(mesh: TriangleMesh) -> Solid:
         first, part = known.first, known.part
         owned, samples = known.solid.owned, known.solid.samples
     else:
-        first = solids.first_of_place((mesh.vertices + 0.0).view(np.int64))  # -0.0 becomes 0.0
+        first = places(mesh.vertices)
         faces = first[mesh.faces[mesh._face_of]]
         _check_edges(mesh, faces)
         part, owned, samples = solids.parts_and_owners(faces, len(first))

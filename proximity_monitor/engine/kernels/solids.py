@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import namedtuple
 
 import numpy as np
-from numba import uint64
 
 from .jit import allocating, allocating_entry, kernel
 from .precise import two_sum
@@ -18,42 +17,6 @@ owned (uint8, m) which corners of a triangle, in tree order, are first of their 
 samples (int32, k) one vertex of every connected part, as 3 triangle + corner in tree order; ball
 (4,) centre and radius of a sphere around it, metres.
 """
-
-
-@kernel
-def _slot(bits, i, slots):
-    """Where a table of so many slots, a power of two, begins to look for the place of vertex i."""
-    mixed = uint64(0)
-    for axis in range(3):
-        mixed = (mixed ^ uint64(bits[i, axis])) * uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> uint64(29)
-    return np.int64(mixed & uint64(slots - 1))
-
-
-@allocating_entry
-def first_of_place(bits):
-    """For each vertex the first one at the same place, (n,) int32.
-
-    Args:
-        bits: (n, 3) int64; the coordinates bit by bit, none of them a negative zero.
-    """
-    n = bits.shape[0]
-    slots = 4
-    while slots < 2 * n:
-        slots *= 2
-    table = np.full(slots, -1, np.int32)
-    first = np.empty(n, np.int32)
-    for i in range(n):
-        at = _slot(bits, i, slots)
-        while table[at] >= 0:
-            j = table[at]
-            if bits[i, 0] == bits[j, 0] and bits[i, 1] == bits[j, 1] and bits[i, 2] == bits[j, 2]:
-                break
-            at = (at + 1) & (slots - 1)
-        if table[at] < 0:
-            table[at] = i
-        first[i] = table[at]
-    return first
 
 
 @allocating
