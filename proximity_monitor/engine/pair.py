@@ -131,7 +131,7 @@ class Pair:
         abs_err: float = 0.0,
         budget_s: float | None = None,
     ) -> Distance:
-        """Signed distance of two solids at two poses; see `engine.signed_distance`."""
+        """Signed distance at two poses; see `engine.signed_distance`."""
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         if budget_s is not None:
