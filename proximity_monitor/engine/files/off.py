@@ -17,7 +17,7 @@ _EXTRA = (2, 4, 3)
 
 def read_off(data: bytes, _: Path) -> Triangles:
     """Read an OFF file, with one vertex or face a line, or one behind the other."""
-    rows, numbers = lines(data, b"#")
+    rows, numbers = lines(data, comments=True)
     head = _HEAD.fullmatch(rows.words[0]) if rows.words else None
     if not head:
         raise FormatError("does not begin with OFF")
