@@ -93,6 +93,20 @@ def as_reals(
     return np.require(array, np.float64, "CAWE")
 
 
+def as_indices(values: ArrayLike, name: str) -> NDArray[np.int64]:
+    """Whole numbers as an int64 array (k,) that is C-contiguous and writable.
+
+    Raises:
+        ValueError: not whole numbers of this shape.
+    """
+    given = np.asarray(values)
+    if given.size == 0:
+        return np.empty(0, np.int64)
+    if given.ndim != 1 or given.dtype.kind not in "iu":
+        raise ValueError(f"{name}: {given.dtype} {given.shape}, expected integers (k,)")
+    return np.require(given, np.int64, "CAWE")
+
+
 def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]:
     """Whole numbers as an int32 array (k, columns) that is C-contiguous and writable.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arguments import as_reals
+from .kernels.cache import KERNELS
 from .kernels.measure import measure
 from .kernels.ranges import node_ranges
 from .kernels.spread import spread_corners
@@ -145,9 +146,23 @@ class TriangleMesh:
             self._spread = spread_corners(self._tree.triangles, self._tree.children)
         return self._spread
 
-    def __setstate__(self, state: tuple[None, dict[str, Any]]) -> None:
-        """Freeze what pickle thawed: of other arrays the kernels would be compiled once more."""
-        for name, value in state[1].items():
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but addresses, and for which kernels the hierarchy was built."""
+        kept = (name for name in self.__slots__ if name not in ("__weakref__", "_table"))
+        return {"kernels": KERNELS, **{name: getattr(self, name) for name in kept}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Freeze what pickle thawed: of other arrays the kernels would be compiled once more.
+
+        Raises:
+            ModelError: another version pickled it, whose hierarchies are other ones.
+        """
+        if state.pop("kernels") != KERNELS:
+            raise ModelError(
+                f"{state['name']}: pickled by another version of proximity_monitor; make it anew "
+                "from its file, or from vertices and faces"
+            )
+        for name, value in state.items():
             setattr(self, name, value)
         for array in (self.vertices, self.faces, self.centre, *self._tree):
             array.setflags(write=False)
