@@ -1,4 +1,4 @@
-"""Where kernels are kept: what is broken or could be another's is not taken, and no place is needed.
+"""Where kernels are kept: nothing broken is taken, nor what others could have written.
 
 All with the one kernel that is compiled fastest.
 """
@@ -195,6 +195,7 @@ from pathlib import Path
 import numpy as np
 from proximity_monitor.engine.kernels import cache, jit, motion
 
+jit.entry(motion.pose_deviation.py_func)(np.eye(4))  # imports all that it takes
 if os.geteuid() == 0:  # which may write anywhere
     os.setgid(65534)
     os.setuid(65534)
