@@ -14,6 +14,7 @@ from .arguments import as_indices, as_reals
 from .kernels import carry as kernel
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
+from .run import check_models
 
 _UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
 _FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
@@ -46,6 +47,9 @@ class Answers:
     Args:
         models: the bodies' models; several bodies may share one.
         names: what errors call the bodies.
+
+    Raises:
+        TypeError: one that is no model.
     """
 
     __slots__ = (
@@ -57,8 +61,8 @@ class Answers:
     """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
 
     def __init__(self, models: Sequence[TriangleMesh], names: Sequence[str]) -> None:
-        count = len(models)
-        self._models = tuple(models)
+        self._models = check_models(models)
+        count = len(self._models)
         self._names = tuple(names)
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)

@@ -19,7 +19,7 @@ from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
 from .result import PairDistances
 from .rows import pair_distances_of
-from .run import LONG_SLICE, SLICE, Search, check_model, code_for
+from .run import LONG_SLICE, SLICE, Search, check_models, code_for
 from .sharing import share
 
 
@@ -39,7 +39,7 @@ class Assembly:
     """
 
     def __init__(self, models: Sequence[TriangleMesh]) -> None:
-        self.models = tuple(check_model(model, f"models[{i}]") for i, model in enumerate(models))
+        self.models = check_models(models)
         if not self.models:
             raise ValueError("models: there are none; an assembly needs at least one body")
         self._meshes = tuple({id(model): model for model in self.models}.values())

@@ -131,8 +131,9 @@ class TriangleMesh:
 
     def _keep(self, tree: Tree) -> None:
         """Take a hierarchy, and make the table by which kernels find it."""
-        self._tree = tree
-        self._table = table((*tree, self._face_of))
+        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
+        addresses = table((*tree, self._face_of))
+        self._tree, self._table = tree, addresses
 
     def _ranges(self) -> NDArray[np.int32]:
         """Which triangles, in tree order, stand under each node (k, 2); made when first needed."""

@@ -215,6 +215,7 @@ def test_what_is_no_model_is_refused_by_name(other):
         r"b\b.*": lambda: engine.collide(A, HERE, other, THERE),
         "model": lambda: engine.closest_points(other, HERE, [[0.0, 0.0, 0.0]]),
         r"models\[1\]": lambda: engine.Assembly([A, other]),
+        r"models\[0\]": lambda: engine.Answers([other, A], ["a", "b"]),
     }.items():
         with pytest.raises(TypeError, match=rf"^{name}: expected a model .*TriangleMesh"):
             ask()
