@@ -14,6 +14,7 @@ from .kernels import depth as kernel
 from .kernels import probe, state
 from .kernels.solids import HALF, NOWHERE
 from .mesh import TriangleMesh
+from .overlap import overlap
 from .result import STATUSES, Distance, Status
 from .run import LONG_SLICE, SLICE
 from .solid import sides_of
@@ -85,6 +86,8 @@ class SignedSearch:
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err)
         row = self._answer()
+        if not row[state.LOWER] > 0.0:
+            overlap(self._models, self._poses, row)
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits
