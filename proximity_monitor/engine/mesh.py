@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import as_reals
 from .kernels.measure import measure
 from .kernels.ranges import node_ranges
 from .kernels.spread import spread_corners
@@ -196,10 +197,7 @@ class TriangleMesh:
 
 
 def _checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:
-    try:
-        array = np.array(vertices, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"{name}: vertices: not an array of numbers: {error}") from None
+    array = as_reals(vertices, f"{name}: vertices", error=ModelError).copy()
     if array.ndim != 2 or array.shape[1] != 3:
         raise ModelError(f"{name}: vertices: shape {array.shape}, expected (n, 3)")
     if len(array) == 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,10 @@ class SignedSearch:
             ),
         )
         self._revisions = -1, -1
+
+    def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
+        """Of what another is made: its memory is its own."""
+        return SignedSearch, (*self._models, self._apart)
 
     def ask(
         self,
@@ -139,9 +144,8 @@ class SignedSearch:
 
     def _search(self, samples_alone: bool) -> bool:
         """Search for the deepest vertex until the end, or until the deadline: then False."""
+        # At least one slice: whoever asks again and again comes to an end.
         steps = LONG_SLICE if self._deadline == math.inf else SLICE
-        if perf_counter() >= self._deadline:
-            steps = 0
         while True:
             code = kernel.search_depth(
                 self._models[0]._tree, self._models[1]._tree, *self._solids, self._depth,
@@ -199,6 +203,7 @@ class SignedSearch:
             row[at : at + 3] = pose[:3, :3] @ local + pose[:3, 3]
             at = (state.FEATURE_A, state.FEATURE_B)[k]
             row[at : at + 3], row[at + 3] = weights_of[k], face
+            row[(state.RADIUS_A, state.RADIUS_B)[k]] = body.swept_radius
         status = Status.OUT_OF_TIME
         if ended:
             exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]
