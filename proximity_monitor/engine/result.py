@@ -189,14 +189,21 @@ class Collision:
         colliding: False only where it is certain that they do neither.
         contacts: (k, 2) int32; triangles of a and of b, indices into their faces, that touch or
             cross. One pair, or every pair where all of them were asked for.
-        point: (3,) metres, world; a point of the first contact (meaningless without one).
+        points: (k, 3) metres, world; a point of each contact, on both surfaces to rounding (on a,
+            where only what the models may deviate lets them touch).
+        normals: (k, 3) unit vectors, world; the way from a to b of each contact, along which b is
+            pushed away. Where balls touch it is the line of their centres. Else it is the outward
+            normal of a's triangle or the inward one of b's (outward as the order of their corners
+            says): that one along which the two triangles are parted sooner. Of segments that cross
+            it is perpendicular to both, of points that coincide it is zero.
         bound_tests: bounding volume pairs tested.
         primitive_tests: triangle pairs tested.
     """
 
     colliding: bool
     contacts: NDArray[np.int32]
-    point: NDArray[np.float64]
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
     bound_tests: int
     primitive_tests: int
 
