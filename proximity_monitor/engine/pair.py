@@ -182,9 +182,7 @@ class Pair:
         contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
         points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
         if colliding:
-            contacts_of(
-                self.a._table, self.b._table, search.memory, pose_a, pairs, points, normals
-            )
+            contacts_of(self.a._table, self.b._table, search.memory, pose_a, pairs, points, normals)
         return Collision(colliding, contacts, points, normals, *tests.tolist())
 
     def _change_order(self, order: Order) -> None:

@@ -86,8 +86,9 @@ class SignedSearch:
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err)
         row = self._answer()
-        if not row[state.LOWER] > 0.0:
-            overlap(self._models, self._poses, row)
+        offset = any(model.swept_radius + model.deviation > 0.0 for model in self._models)
+        if offset and not row[state.LOWER] > 0.0:
+            overlap(self._models, self._poses, row, int(self._depth.counts[kernel.MODEL]))
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits
