@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import as_indices, as_reals
 from .kernels import carry as kernel
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
+from .run import check_models
+from .witness import surface_points
 
 _UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
 _FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
@@ -44,6 +48,9 @@ class Answers:
     Args:
         models: the bodies' models; several bodies may share one.
         names: what errors call the bodies.
+
+    Raises:
+        TypeError: one that is no model.
     """
 
     __slots__ = (
@@ -55,12 +62,12 @@ class Answers:
     """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
 
     def __init__(self, models: Sequence[TriangleMesh], names: Sequence[str]) -> None:
-        count = len(models)
-        self._models = tuple(models)
+        self._models = check_models(models)
+        count = len(self._models)
         self._names = tuple(names)
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
-        self._balls = np.zeros((count, 4))
+        self._balls = np.zeros((count, kernel.BALL))
         self._first = np.zeros((count, 3))  # the first corner of each
         self._places = np.zeros((count, kernel.PLACE))
         self._labels = np.zeros((0, kernel.LABEL), np.int64)
@@ -70,6 +77,10 @@ class Answers:
         for body in everything:
             self._measure(body)
         self._place(everything, self.poses, True)
+
+    def __copy__(self) -> Answers:
+        """Another about the same models, with a table of its own."""
+        return deepcopy(self, {id(model): model for model in self._models})
 
     @property
     def centres(self) -> NDArray[np.float64]:
@@ -83,7 +94,7 @@ class Answers:
         """
         defect = self._places[:, kernel.DEFECT].max(initial=0.0)
         slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * self._places[:, kernel.SIZE]
-        return self._balls[:, 3] + slack
+        return self._balls[:, kernel.CORE :].sum(axis=1) + slack
 
     @property
     def bodies(self) -> tuple[NDArray, ...]:
@@ -101,7 +112,7 @@ class Answers:
         Raises:
             ValueError: a pose that is no rigid motion; it names the body, and nothing has changed.
         """
-        return self._place(bodies, as_poses(poses, "poses"), False)
+        return self._place(as_indices(bodies, "bodies"), as_poses(poses, "poses"), False)
 
     def _place(self, bodies: NDArray[np.int64], poses: NDArray[np.float64], anew: bool) -> int:
         moved = kernel.place(
@@ -147,16 +158,19 @@ class Answers:
 
     def carried(self, rows: NDArray[np.int64]) -> Carried:
         """Bounds of rows (k,) at the present poses."""
+        rows = as_indices(rows, "rows")
         bounds, points = np.empty((len(rows), 2)), np.empty((len(rows), 6))
         motions = np.empty(len(rows), np.int8)
         kernel.carry(
             self.poses, self._versions, self._balls, self._places, rows,
             self._labels, self._answers, bounds, points, motions,
         )  # fmt: skip
+        bodies = self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
+        radii = self._balls[bodies, kernel.SWEPT]
         return Carried(
             bounds[:, 0],
             bounds[:, 1],
-            points.reshape(-1, 2, 3),
+            np.stack(surface_points(points[:, :3], points[:, 3:], radii), axis=1),
             motions != kernel.MOVED,
             motions == kernel.SAME,
         )
@@ -173,10 +187,12 @@ class Answers:
         Args:
             rows: which, each at most once.
             bounds: (k, 2) metres, certified.
-            points: (k, 2, 3) metres, world: points of the models that attain the upper bounds.
+            points: (k, 2, 3) metres, world: points of the models' triangles that attain the upper
+                bounds (where they are swept, less the radii).
             features: (k, 2, 4) where they lie on the models: weights of a triangle's corners, and
                 its face; None: not known.
         """
+        rows, bounds = as_indices(rows, "rows"), as_reals(bounds, "bounds")
         witness = np.empty((len(rows), kernel.WITNESS))
         witness[:, :6] = np.reshape(points, (-1, 6))
         witness[:, 6:] = _UNKNOWN if features is None else np.reshape(features, (-1, 8))
@@ -187,7 +203,7 @@ class Answers:
 
     def _measure(self, body: int) -> None:
         model = self._models[body]
-        self._balls[body, :3], self._balls[body, 3] = model.centre, model.radius
+        self._balls[body] = *model.centre, model.core_radius, model.swept_radius, model.deviation
         self._first[body] = model.vertices[model.faces[0, 0]]
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:

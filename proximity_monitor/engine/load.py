@@ -16,7 +16,7 @@ from .files.ply import read_ply
 from .files.stl import read_stl
 from .files.threemf import read_3mf
 from .files.triangles import FormatError, Triangles, check_finite
-from .mesh import ModelError, TriangleMesh
+from .mesh import ModelError, Solid, TriangleMesh
 
 _READERS = {
     ".stl": read_stl, ".obj": read_obj, ".ply": read_ply, ".off": read_off, ".glb": read_glb,
@@ -25,7 +25,13 @@ _READERS = {
 
 
 def load(
-    path: str | PathLike[str], *, unit: float = 1.0, scale: float = 1.0, volume: str = "rss"
+    path: str | PathLike[str],
+    *,
+    unit: float = 1.0,
+    scale: float = 1.0,
+    deviation: float = 0.0,
+    volume: str = "rss",
+    solid: Solid = None,
 ) -> TriangleMesh:
     """Read a model from a file: .stl, .obj, .ply, .off, .glb, .gltf, .dae or .3mf.
 
@@ -41,7 +47,9 @@ def load(
         unit: metres in the file's unit of length, 0.001 for millimetres, where the file does not
             state it; .dae and .3mf files do.
         scale: how much larger the model is than the file says.
+        deviation: metres; how far its surface may be from that of the thing, as for TriangleMesh.
         volume: the bounding volumes, as for TriangleMesh.
+        solid: whether it has an inside, as for TriangleMesh.
 
     Returns:
         The model in metres, named after the file without its extension.
@@ -50,8 +58,8 @@ def load(
         FileNotFoundError: there is no such file.
         IsADirectoryError: it is a directory.
         ModelError: another extension; an empty, truncated or damaged file; a vertex that is not
-            finite, a face that names no vertex, no triangles; an unknown volume. The message starts
-            with the path.
+            finite, a face that names no vertex, no triangles; an unknown volume; no solid though it
+            must be one. The message starts with the path.
         ValueError: a unit or a scale that is not finite and above 0.
     """
     for key, value in (("unit", unit), ("scale", scale)):
@@ -61,7 +69,9 @@ def load(
     found = _read(file)
     with np.errstate(over="ignore"):  # what becomes infinite is refused next, with its index
         vertices = found.vertices * ((unit if found.unit is None else found.unit) * scale)
-    mesh = TriangleMesh(vertices, found.faces, name=str(file), volume=volume)
+    mesh = TriangleMesh(
+        vertices, found.faces, name=str(file), deviation=deviation, volume=volume, solid=solid
+    )
     mesh.name = file.stem
     return mesh
 
