@@ -188,6 +188,11 @@ def test_what_else_an_obj_may_hold(load):
     assert load("part.obj", text).faces.tolist() == [[0, 1, 2], [2, 1, 0]]
 
 
+def test_a_comment_does_not_go_on_in_the_next_line(load):
+    mesh = load("part.obj", "# C:\\parts\\\n" + OBJ + "f 1 2 3 # \\\nf 3 2 1\n")
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
+
+
 def test_a_face_may_stand_before_its_vertices(load):
     assert load("part.obj", "f 1 2 3\n" + OBJ).faces.tolist() == [[0, 1, 2]]
 

@@ -85,6 +85,8 @@ BAD = {
     "no index": ("a.obj", OBJ + "f 1 2 x\n", "line 4: 'x' is no whole number"),
     "half an index": ("a.obj", OBJ + "f 1 2 3.5\n", "line 4: '3.5' is no whole number"),
     "in a word": ("a.obj", OBJ + "f 1 2 3\nusemt", "line 5: 'usemt' is no OBJ statement"),
+    "surface": ("a.obj", OBJ + "f 1 2 3\nsurf 0 1 0 1 1 2 3\n", "line 5: 'surf' is not read"),
+    "other file": ("a.obj", OBJ + "f 1 2 3\ncall b.obj\n", "line 5: 'call' is not read"),
     "bad coordinate": ("a.obj", OBJ.replace("1 0 0", "1 0 0 y") + "f 1 2 3", "line 2: 'y' is no"),
     "obj nan": ("a.obj", OBJ.replace("1 0 0", "nan 0 0") + "f 1 2 3", r"vertices\[1\] = \[nan"),
     "unused nan": ("a.obj", OBJ + "v 0 0 inf\nf 1 2 3", r"vertices\[3\] = \[0.0, 0.0, inf\]"),

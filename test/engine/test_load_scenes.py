@@ -117,6 +117,10 @@ def test_buffers_that_are_not_there(refused):
         ({"nodes": [{"mesh": True}]}, r"meshes\[True\] is named"),
         ({"scene": 1}, r"scenes\[1\] is named, but there are 1"),
         ({"nodes": [{"mesh": 0, "rotation": [0, 0, 0, 0]}]}, "its rotation is no quaternion"),
+        (
+            {"nodes": [{"mesh": 0, "matrix": [1, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}]},
+            r"a matrix with the last row \[0.5, 0",
+        ),
         ({"nodes": [{"mesh": 0, "translation": [0, 0]}]}, "its translation is not 3 finite"),
     ],
 )
@@ -232,7 +236,8 @@ DAE_FLAWS = {
         "<library_animations><animation><channel/></animation></library_animations><scene>",
         "has animations",
     ),
-    "spline": ("mesh>", "brep>", "is no mesh, but <brep>"),
+    "brep": ("mesh>", "brep>", "is no mesh, but <brep>"),
+    "spline": ("mesh>", "spline>", "no triangles"),
     "skew": ("<translate>0 0 10</translate>", "<skew>1 2</skew>", "<skew> of a node"),
     "itself": ("<translate>", '<instance_node url="#n"/><translate>', "contains itself"),
     "corner": ("<p>0 2 1", "<p>0 2 4", r"<triangles>\[0\]: corners \[0, 2, 4\]"),

@@ -121,6 +121,8 @@ def _geometry(geometry: Element) -> list[Part]:
     """Vertices and faces of each primitive."""
     name = f"geometry {geometry.get('id')!r}"
     mesh = geometry.find("mesh")
+    if mesh is None and geometry.find("spline") is not None:
+        return []
     if mesh is None:
         kinds = ", ".join(f"<{each.tag}>" for each in geometry) or "nothing"
         raise FormatError(f"{name} is no mesh, but {kinds}, which is not read")
