@@ -32,6 +32,8 @@ class Questions(NamedTuple):
     distance; infinity: it does not."""
     hints: NDArray[np.int32]
     """(m, 2) see `Assembly`."""
+    signed: NDArray[np.bool_]
+    """(m,) whether the sign of the distance is asked for: one is a solid, and may overlap."""
     how: NDArray[np.int8]
     """(m,) Agenda.TOGETHER, ALONE (it takes long) or INSIDE (by itself, and signed)."""
 
@@ -134,11 +136,12 @@ class Agenda:
         count = len(at)
         bodies, hints = np.empty((2, count, 2), np.int32)
         wanted, how = np.empty((count, 3)), np.empty(count, np.int8)
+        signed = np.empty(count, np.bool_)
         kernel.ask(
             self._rows, self._answers.table[0], self.book, self._views, at, bodies, wanted, hints,
-            how,
+            signed, how,
         )  # fmt: skip
-        return Questions(at, bodies, wanted, hints, how)
+        return Questions(at, bodies, wanted, hints, signed, how)
 
     def search(
         self, questions: Questions, budget_s: float, threads: int, clock: Callable[[], float]
@@ -148,8 +151,8 @@ class Agenda:
         `clock` says when they were.
         """
         found = self._assembly.rows(
-            self._answers.poses, questions.bodies, questions.wanted, questions.hints, budget_s,
-            threads,
+            self._answers.poses, questions.bodies, questions.wanted, questions.hints,
+            questions.signed, budget_s, threads,
         )  # fmt: skip
         return self._take(questions, found, clock())
 
@@ -191,6 +194,7 @@ class Agenda:
         """
         states = np.empty(len(self._rows), kernel.STATE)
         listed, left = kernel.report(
-            self._rows, self._answers.table[0], self._silent, self.book, self._views, now_s, states
-        )
+            self._rows, self._answers.table[0], self._answers.bodies[2], self._silent, self.book,
+            self._views, now_s, states,
+        )  # fmt: skip
         return states[:listed], left

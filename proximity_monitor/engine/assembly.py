@@ -12,12 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from .kernels import search as kernel
 from .kernels import state as index
+from .kernels.contain import Insides
 from .kernels.state import Tree
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
 from .result import PairDistances
 from .rows import pair_distances_of
 from .run import LONG_SLICE, SLICE, Search, check_tolerance, code_for
+from .solid import sides_of
+
+_UNASKED = Insides(np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32))
+"""What bodies enclose, where no sign is asked for."""
 
 
 class Assembly:
@@ -42,6 +47,7 @@ class Assembly:
         self._trees: list[Tree] = []
         self._deepest = max(self._meshes, key=lambda model: model.depth)
         self._searches: list[Search] = []
+        self._insides: Insides | None = None
         self._unusual = code_for(self._meshes)
 
     def distances(
@@ -101,7 +107,9 @@ class Assembly:
         hints = np.require(hints, np.int32, "CAW")  # read-only ones would be compiled for anew
         if hints.shape != (k, 2):
             raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
-        return pair_distances_of(self.rows(poses, chosen, wanted, hints, budget_s, threads))
+        unsigned = np.zeros(k, np.bool_)
+        found = self.rows(poses, chosen, wanted, hints, unsigned, budget_s, threads)
+        return pair_distances_of(found)
 
     def rows(
         self,
@@ -109,25 +117,29 @@ class Assembly:
         pairs: NDArray[np.int32],
         wanted: NDArray[np.float64],
         hints: NDArray[np.int32],
+        signed: NDArray[np.bool_],
         budget_s: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
         """As `distances`, of what needs no check; rows (k, ANSWER) as the kernel writes them.
 
-        wanted (k, 3) is rel_err, abs_err and clearance. A pair that is not searched has NaN as
-        status.
+        wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,), an answer is one of
+        the signed distance, or has -inf as lower bound, if the bodies may overlap. A pair that is
+        not searched has NaN as status.
         """
         deadline = None if budget_s is None else perf_counter() + budget_s
         answers = np.full((len(pairs), index.ANSWER), np.nan)
         answers[:, index.LOWER], answers[:, index.UPPER] = 0.0, np.inf
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
+        insides = self._enclosed() if signed.any() else _UNASKED
+        asked = poses, pairs, hints, wanted, signed, insides
         if threads == 1:
-            self._run(0, 1, poses, pairs, hints, wanted, deadline, answers)
+            self._run(0, 1, asked, deadline, answers)
             return answers
 
         def answer(first: int) -> None:
-            self._run(first, threads, poses, pairs, hints, wanted, deadline, answers)
+            self._run(first, threads, asked, deadline, answers)
 
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(answer, range(threads)))
@@ -155,27 +167,43 @@ class Assembly:
         if len(trees) != len(self._trees) or any(map(is_not, trees, self._trees)):
             self._tables = np.stack([model._table for model in self.models])
             self._trees = trees
+            self._insides = None
         while len(self._searches) < threads:
             self._searches.append(Search(self._deepest, self._deepest, coherent=False))
+
+    def _enclosed(self) -> Insides:
+        """What the bodies enclose as they are now."""
+        if self._insides is None:
+            regions = [sides_of(mesh).region for mesh in self._meshes]
+            starts = np.cumsum([0, *(len(each.samples) for each in regions)])
+            place = {id(mesh): k for k, mesh in enumerate(self._meshes)}
+            of = np.array([place[id(model)] for model in self.models])
+            self._insides = Insides(
+                np.array([each.inside for each in regions], np.int8)[of],
+                np.stack((starts[of], starts[of + 1]), axis=1),
+                np.concatenate([each.samples for each in regions]),
+            )
+        return self._insides
 
     def _run(
         self,
         first: int,
         every: int,
-        poses: NDArray[np.float64],
-        pairs: NDArray[np.int32],
-        hints: NDArray[np.int32],
-        wanted: NDArray[np.float64],
+        asked: tuple,
         deadline: float | None,
         answers: NDArray[np.float64],
     ) -> None:
-        """Answer for every so many of the pairs from the first on, into `answers`."""
+        """Answer for every so many of the pairs from the first on, into `answers`.
+
+        `asked` are poses, pairs, hints, wanted, signed and insides, as for `search_pairs`.
+        """
+        poses, pairs, hints, wanted, signed, insides = asked
         search = self._searches[first]
         at, fresh = first, True
         while deadline is None or perf_counter() < deadline:
             code, at = kernel.search_pairs(
-                self._tables, search.memory, poses, pairs, hints, wanted, at, len(pairs), every,
-                LONG_SLICE if deadline is None else SLICE, fresh, answers, self._unusual,
+                self._tables, search.memory, poses, pairs, hints, wanted, signed, insides,
+                at, len(pairs), every, LONG_SLICE if deadline is None else SLICE, fresh, answers, self._unusual,
             )  # fmt: skip
             fresh = code == index.CUT_BETWEEN
             if code in (index.BAD_POSE_A, index.BAD_POSE_B):

@@ -11,8 +11,18 @@ from __future__ import annotations
 import numpy as np
 
 from . import carry, state
-from .carry import BODY_A, BODY_B, SIGNED, carry_one, keep_one, was_deformed
+from .carry import (
+    BODY_A,
+    BODY_B,
+    JUMPING,
+    SIGNED,
+    UNSIGNED,
+    carry_one,
+    keep_one,
+    was_deformed,
+)
 from .jit import entry, kernel
+from .swept import surface_points
 
 LEVELS = 4
 
@@ -31,6 +41,7 @@ QUESTION = np.dtype(
         ("ignored", np.bool_),  # nothing is
         ("done", np.bool_),  # the last search answered all that can be asked
         ("hard", np.bool_),  # the last search ran out of time
+        ("met", np.bool_),  # by it the models may overlap
     ],
     align=True,
 )
@@ -79,8 +90,8 @@ OVERLAPPING, UNKNOWN = 4, 5
 all bounds that are wider than was asked for."""
 
 TOGETHER, ALONE, INSIDE = 0, 1, 2
-"""How a pair is to be searched: with others; by itself, as it takes long; or so because the
-distance of two solids may be negative, and the search has to look inside."""
+"""How a pair is to be searched: with others; by itself, as it takes long; or so because a solid may
+overlap the other, and the search has to look how deep."""
 
 
 @kernel
@@ -174,12 +185,13 @@ def _level(question, view):
 
 
 @entry
-def ask(rows, labels, book, views, at, bodies, wanted, hints, how):
+def ask(rows, labels, book, views, at, bodies, wanted, hints, signed, how):
     """Write the questions about the views `at` (m,).
 
-    bodies (m, 2), wanted (m, 3) and hints (m, 2) are those of `search_pairs`; `how` (m,) is one of
-    TOGETHER, ALONE and INSIDE. Whose side of a level alone is asked for has no tolerance: the level
-    ends its search.
+    bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `search_pairs`; `how`
+    (m,) is one of TOGETHER, ALONE and INSIDE. Whose side of a level alone is asked for has no
+    tolerance: the level ends its search. A solid that is certainly apart from the other is as far
+    apart as the surfaces are; the sign of others is asked for, and nearly all turn out apart.
     """
     for i in range(len(at)):
         row, view = rows[at[i]], views[at[i]]
@@ -189,11 +201,10 @@ def ask(rows, labels, book, views, at, bodies, wanted, hints, how):
         wanted[i, 1] = 0.0 if view.deciding else question.abs_err
         wanted[i, 2] = _level(question, view)
         hints[i, 0], hints[i, 1] = question.hint[0], question.hint[1]
-        # Two solids that are certainly apart are as far apart as their surfaces.
-        if label[SIGNED] != 0 and view.lower <= 0.0:
+        signed[i] = label[SIGNED] != UNSIGNED and view.lower <= 0.0
+        how[i] = ALONE if question.hard else TOGETHER
+        if signed[i] and (question.hard or question.met or label[SIGNED] == JUMPING):
             how[i] = INSIDE
-        else:
-            how[i] = ALONE if question.hard else TOGETHER
 
 
 @entry
@@ -203,7 +214,7 @@ def take(
     """Take what searches of the views `at` (m,) found, and return how many there were.
 
     found (m, state.ANSWER) has NaN as status where there was none, and as triangles where they are
-    no hints; reached (m,) is written.
+    no hints, and -inf as lower bound where the sign stayed open; reached (m,) is written.
     """
     count = 0
     for i in range(len(at)):
@@ -214,7 +225,7 @@ def take(
         count += 1
         row, view, level = rows[at[i]], views[at[i]], wanted[i, 2]
         question, status = book[row], int(answer[state.STATUS])
-        ended = status != state.OUT_OF_TIME
+        ended, unsure = status != state.OUT_OF_TIME, answer[state.LOWER] == -np.inf
         final = ended and level == np.inf
         # Points that were carried through a deformation are none of the models any more.
         nearer = final or was_deformed(places, labels[row], answers[row])
@@ -226,10 +237,12 @@ def take(
         if final or answer[state.LOWER] > view.lower:
             view.lower = answer[state.LOWER]
         view.asked = level if ended else np.nan
-        view.answered = final or (ended and status == state.INTERSECTING)
+        intersecting = status == state.INTERSECTING
+        view.answered = final or (intersecting and not unsure)
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
         question.hard = not ended and not decided
+        question.met = (intersecting or not ended) if unsure else view.lower <= 0.0
         question.done, question.status, question.looked = view.answered, status, now_s
         if answer[state.TREE_A] >= 0.0:
             question.hint[0] = int(answer[state.TREE_A])
@@ -254,7 +267,7 @@ def _status(question, view):
 
 
 @entry
-def report(rows, labels, silent, book, views, now_s, states):
+def report(rows, labels, balls, silent, book, views, now_s, states):
     """Write the states of the listed views; return how many, and how many want a search yet.
 
     Listed are those that may be within their range, as far as is known. The smallest bounds of all
@@ -278,12 +291,16 @@ def report(rows, labels, silent, book, views, now_s, states):
         made.status = _status(question, view)
         made.age_s = 0.0 if view.answered or view.searched else now_s - question.looked
         made.min_upper, made.min_lower = question.min_upper, question.min_lower
+        witness = view.witness
+        points = surface_points(
+            (witness[0], witness[1], witness[2]), (witness[3], witness[4], witness[5]),
+            balls[label[BODY_A], carry.SWEPT], balls[label[BODY_B], carry.SWEPT],
+        )  # fmt: skip
         for side in range(2):
             body = label[BODY_A + side]
             made.bodies[side], made.silent[side] = body, silent[body]
-            made.faces[side] = int(view.witness[9 + 4 * side])
+            made.faces[side] = int(witness[9 + 4 * side])
             for i in range(3):
-                point = view.witness[3 * side + i]
-                made.points[side, i] = point if view.known else np.nan
-                made.weights[side, i] = view.witness[6 + 4 * side + i]
+                made.points[side, i] = points[side][i] if view.known else np.nan
+                made.weights[side, i] = witness[6 + 4 * side + i]
     return listed, left

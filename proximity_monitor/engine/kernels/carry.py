@@ -11,7 +11,7 @@ which unlike an arc cosine loses no digits for small angles. The same holds with
 the smaller of the two counts: call it m. A body whose vertices were moved by up to e changes every
 distance by at most e more. The balls give a second lower bound that needs no earlier answer.
 
-The *signed* distance of two solids changes by no more than m + e either, in both directions. Let
+The *signed* distance of a solid changes by no more than m + e either, in both directions. Let
 s(v) be the distance of a point v from B's surface, negative inside: it is 1-Lipschitz, and B moved
 by g has s(g⁻¹ v). A vertex v of A inside B or g B is moved by g⁻¹ no farther than B's ball allows,
 so its depth changes by at most m, and so does the deepest one's. A vertex that is at depth D after
@@ -20,7 +20,15 @@ D <= m - d: the bound holds across a jump from outside to inside, and likewise b
 is deformed along straight lines passes every point that changes sides, which so lies within the
 share of e before, and the rest of it after, of either surface. Where balls overlap by p, no vertex
 is deeper than p, because it leaves the other's ball by then; and the distance of two points of the
-surfaces is never less than the signed distance.
+surfaces is never less than the signed distance. Of a solid with holes this holds for the magnitude
+alone: the sign is unknown once the bodies have moved, unless their balls do not meet.
+
+Where balls sweep the models, all of this is about their cores, and every bound of a distance one of
+the cores' less both radii, widened by both deviations: a sphere that spins does not move. What is
+below zero is about the swept models, whose points lie farther out: it uses the motion of those. At
+two core points p and q the models hold balls of both radii, so the signed distance is at most |q -
+p| less the radii, but for a ball that lies wholly inside: then minus the smaller diameter. As depth
+is twice what points have, a deviation counts twice there.
 """
 
 from __future__ import annotations
@@ -45,6 +53,10 @@ bound's chain (a witness point to its body's frame and back to the world) is sho
 could certify a bound that is wrong by rounding; larger ones only blur it.
 """
 
+CORE, SWEPT, DEVIATION, BALL = 3, 4, 5, 6
+"""Of a body's ball, after its centre in the model's frame: the radius that holds the core, the one
+that sweeps it, and the deviation, metres."""
+
 CENTRE, SIZE, DEFECT, STRETCH, PLACE = 0, 3, 4, 5, 6
 """Of a body: its ball's centre in the world; its share of s; d; metres by which its vertices have
 been moved so far, each time the largest displacement, added rounding up."""
@@ -52,15 +64,19 @@ been moved so far, each time the largest displacement, added rounding up."""
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
 ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 28, 29
 FEATURES, ANSWER = 30, 38
-"""Of an answer: bounds; the nearest points in the world and in their bodies' frames; the pose of B
-in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their models,
+"""Of an answer: bounds; the cores' nearest points in the world and in the bodies' frames; the pose of
+B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their models,
 which no motion changes: weights of a triangle's three corners and its face, of A and then of B."""
 
 WITNESS = 14
 """Numbers that say which points are nearest: both points in the world, and their FEATURES."""
 
 BODY_A, BODY_B, SEEN_A, SEEN_B, SIGNED, LABEL = 0, 1, 2, 3, 4, 5
-"""Of an answer, whole numbers: the bodies; their versions then; 1 where it is of two solids."""
+"""Of an answer, whole numbers: the bodies; their versions then; and one of the following."""
+
+UNSIGNED, CONTINUOUS, JUMPING = 0, 1, 2
+"""Of what kind a distance is: one of two surfaces; the signed one of a solid; or the signed one of
+a solid with holes, which jumps from d to -d where a body passes one, and back."""
 
 MOVED, STILL, SAME = 0, 1, 2
 """How the bodies of a pair moved relative to each other since its answer: more than rounding, not
@@ -107,7 +123,8 @@ def _place(pose, ball, place):
     """Write where the ball of a body at this pose is."""
     centre = (ball[0], ball[1], ball[2])
     place[CENTRE], place[CENTRE + 1], place[CENTRE + 2] = _image(pose, centre)
-    place[SIZE] = _norm(_column(pose, 3)) + _norm(centre) + ball[3]
+    reach = ball[CORE] + ball[SWEPT] + ball[DEVIATION]
+    place[SIZE] = _norm(_column(pose, 3)) + _norm(centre) + reach
     defect = 0.0
     for i in range(3):
         for j in range(3):
@@ -131,7 +148,7 @@ def place(bodies, given, anew, balls, poses, versions, places):
     """Put bodies (m,) at poses `given` (m, 4, 4) and return how many so got another place.
 
     Or return -1 - i where given[i] is no rigid motion, with nothing written. Where `anew`, all of
-    them count as moved, because their balls (n, 4) are others. Writes poses (n, 4, 4), versions
+    them count as moved, because their balls (n, BALL) are others. Writes poses (n, 4, 4), versions
     (n,) and places (n, PLACE).
     """
     for i in range(len(bodies)):
@@ -156,7 +173,9 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     slack = (
         ROUNDING + NON_RIGID * max(place_a[DEFECT], place_b[DEFECT], answer[THEN_DEFECT])
     ) * max(place_a[SIZE] + place_b[SIZE], answer[THEN_SIZE])
-    radius_a, radius_b = ball_a[3], ball_b[3]
+    radius_a, radius_b = ball_a[CORE], ball_b[CORE]
+    outer_a = ball_a[SWEPT] + ball_a[DEVIATION]
+    outer_b = ball_b[SWEPT] + ball_b[DEVIATION]
     centre_a = (ball_a[0], ball_a[1], ball_a[2])
     centre_b = (ball_b[0], ball_b[1], ball_b[2])
     shift = _into(pose_a, sub(_column(pose_b, 3), _column(pose_a, 3)))
@@ -178,12 +197,22 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     move_b = _norm(sub(image_b, old_b)) + turn * radius_b
     move_a = _norm(sub(origin_a, old_a)) + turn * radius_a
     stretched = place_a[STRETCH] - answer[THEN_A] + (place_b[STRETCH] - answer[THEN_B])
-    moved = min(move_a, move_b) + stretched * (1.0 + 8.0 * DOUBLE_EPS)
+    stretched *= 1.0 + 8.0 * DOUBLE_EPS
+    moved = min(move_a, move_b) + stretched
+    moved_outer = min(move_a + turn * outer_a, move_b + turn * outer_b) + stretched
 
     world_a = (place_a[CENTRE], place_a[CENTRE + 1], place_a[CENTRE + 2])
     world_b = (place_b[CENTRE], place_b[CENTRE + 1], place_b[CENTRE + 2])
-    apart = _norm(sub(world_b, world_a)) - radius_a - radius_b
-    lower = answer[LOWER] - moved
+    apart = _norm(sub(world_b, world_a)) - radius_a - radius_b - outer_a - outer_b
+    then_lower, then_upper = answer[LOWER], answer[UPPER]
+    if signed == JUMPING:
+        then_upper = max(abs(then_lower), abs(then_upper))
+        then_lower = -then_upper
+        if apart < 0.0:  # no two points of a ball are farther apart
+            apart = -2.0 * max(radius_a, radius_b) - outer_a - outer_b
+    lower = then_lower - moved
+    if signed and not lower > 0.0:
+        lower = then_lower - moved_outer
     # Coordinates too large to be squared give inf or NaN: then nothing is known.
     if not lower >= apart:
         lower = apart
@@ -196,14 +225,19 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     point_b = _image(pose_b, (answer[WITNESS_B], answer[WITNESS_B + 1], answer[WITNESS_B + 2]))
     for i in range(3):
         points[i], points[3 + i] = point_a[i], point_b[i]
-    between = _norm(sub(point_b, point_a)) + stretched * (1.0 + 8.0 * DOUBLE_EPS)
-    upper = answer[UPPER] + moved
+    between = _norm(sub(point_b, point_a)) + stretched - ball_a[SWEPT] - ball_b[SWEPT]
+    if signed:
+        between = max(between, -2.0 * min(ball_a[SWEPT], ball_b[SWEPT]))
+        between += 2.0 * max(ball_a[DEVIATION], ball_b[DEVIATION])
+    else:
+        between = max(between, 0.0) + ball_a[DEVIATION] + ball_b[DEVIATION]
+    upper = then_upper + (moved if then_upper >= 0.0 else moved_outer)
     if not upper < between:
         upper = between
     upper += slack
     if not upper < math.inf:
         upper = math.inf
-    return lower, upper, STILL if moved <= slack else MOVED
+    return lower, upper, STILL if moved <= slack and signed != JUMPING else MOVED
 
 
 @kernel
@@ -226,15 +260,15 @@ def carry_one(poses, versions, balls, places, label, answer, points):
         return answer[LOWER], answer[UPPER], SAME
     return _carried(
         poses[a], poses[b], balls[a], balls[b], places[a], places[b],
-        label[SIGNED] != 0, answer, points,
+        label[SIGNED], answer, points,
     )  # fmt: skip
 
 
 @entry
 def carry(poses, versions, balls, places, rows, labels, answers, bounds, points, motions):
-    """Bounds (k, 2), points (k, 6) in the world and motions (k,) of the answers `rows` (k,).
+    """Bounds (k, 2), the cores' points (k, 6) in the world and motions (k,) of the answers `rows` (k,).
 
-    poses (n, 4, 4), versions (n,), balls (n, 4) and places (n, PLACE) are of the bodies, labels
+    poses (n, 4, 4), versions (n,), balls (n, BALL) and places (n, PLACE) are of the bodies, labels
     (m, LABEL) and answers (m, ANSWER) the table.
     """
     for k in range(len(rows)):

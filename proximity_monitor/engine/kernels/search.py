@@ -12,6 +12,7 @@ import numpy as np
 from ..tolerances import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from .aim import no_aim
 from .coherence import travel
+from .contain import settle_sign
 from .descent import advance
 from .jit import entry, kernel
 from .memory import table_on_stack
@@ -31,6 +32,8 @@ from .state import (
     CUT,
     CUT_BETWEEN,
     DEPTH,
+    DEVIATION,
+    DEVIATIONS,
     DISTANCE,
     ENDED,
     ENOUGH,
@@ -51,11 +54,15 @@ from .state import (
     POINT_A,
     POINT_B,
     PRIMITIVE_TESTS,
+    RADII,
+    RADIUS_A,
+    RADIUS_B,
     REL_ERR,
     SLACK,
     STATUS,
     STEPS,
     STOP,
+    SWEPT,
     TESTS,
     TREE_A,
     TREE_B,
@@ -67,6 +74,7 @@ from .state import (
     WEIGHTS_B,
     WITHIN_TOLERANCE,
 )
+from .swept import core_of, lower_of, upper_of
 from .tables import state_at, tree_at
 
 
@@ -99,7 +107,10 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     reals[UPPER_SLACK] = reals[SLACK]
     reals[DISTANCE] = np.inf
     no_aim(reals)
-    reals[REL_ERR], reals[ABS_ERR], reals[STOP] = rel_err, abs_err, stop
+    reals[RADII] = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
+    reals[DEVIATIONS] = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
+    reals[REL_ERR], reals[ABS_ERR], reals[STOP] = rel_err, abs_err, stop + reals[RADII]
+    limit = core_of(limit, reals[RADII], reals[DEVIATIONS])
     reals[LIMIT], reals[ENOUGH] = limit, limit
     counts[BOUND_TESTS], counts[PRIMITIVE_TESTS], counts[COLLECTED] = 0, 1, 0
     state.stack[0, 0], state.stack[0, 1], state.bounds[0] = 0, 0, -np.inf
@@ -128,8 +139,9 @@ def finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer
     elif counts[DEPTH] > 0:
         # There may be a million of them.
         lower = min(lower, reals[LEVEL_LOWER])
-    answer[LOWER] = max(lower, 0.0)
-    answer[UPPER] = reals[DISTANCE] + reals[UPPER_SLACK]
+    radii, deviations = reals[RADII], reals[DEVIATIONS]
+    answer[LOWER] = max(lower_of(lower, radii, deviations), 0.0)
+    answer[UPPER] = upper_of(reals[DISTANCE] + reals[UPPER_SLACK], radii, deviations)
     ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
     _witness(tree_a.triangles, ta, reals, WEIGHTS_A, pose_a, answer, POINT_A)
     _witness(tree_b.triangles, tb, reals, WEIGHTS_B, pose_b, answer, POINT_B)
@@ -139,10 +151,11 @@ def finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer
     answer[FEATURE_A + 3], answer[FEATURE_B + 3] = faces_a[ta], faces_b[tb]
     answer[TREE_A], answer[TREE_B] = ta, tb
     answer[TESTS], answer[TESTS + 1] = counts[BOUND_TESTS], counts[PRIMITIVE_TESTS]
-    if certain <= 0.0:
-        answer[STATUS] = INTERSECTING
-    elif code != ENDED:
+    answer[RADIUS_A], answer[RADIUS_B] = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
+    if code != ENDED:
         answer[STATUS] = OUT_OF_TIME
+    elif lower_of(certain, radii, deviations) <= 0.0:
+        answer[STATUS] = INTERSECTING
     else:
         enough = reals[ENOUGH] < certain or counts[DEPTH] > 0
         answer[STATUS] = WITHIN_TOLERANCE if enough else EXACT
@@ -192,8 +205,9 @@ _ONE_QUERY = 8
 
 @entry
 def search_pairs(
-    models, memory, poses, pairs, hints, wanted, first, last, every, steps, fresh, answers, unusual
-):
+    models, memory, poses, pairs, hints, wanted, signed, insides,
+    first, last, every, steps, fresh, answers, unusual,
+):  # fmt: skip
     """Answer for the pairs first, first + every, ... below last, with `steps` steps for all.
 
     Args:
@@ -204,6 +218,8 @@ def search_pairs(
         hints: (k, 2) triangles in tree order to start from; others than there are count as 0.
         wanted: (k, 3) rel_err, abs_err, and the clearance on one side of which a distance is known
             to be when its search may end; infinity for none.
+        signed: (k,) whether the sign of the distance is wanted as well (see contain.py).
+        insides: what the bodies enclose, where it is.
         first: where to begin; if not `fresh`, with the search that the state holds.
         last: one after the last pair.
         every: how far apart the pairs of this call are.
@@ -240,6 +256,8 @@ def search_pairs(
         code = advance(tree_a, tree_b, state, unusual)
         left -= steps - counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, poses[i], poses[j], code, answers[k])
+        if signed[k]:
+            settle_sign(tree_a, tree_b, insides, i, j, state, wanted[k, 2], code, answers[k])
         if code != ENDED:
             return code, k
     return ENDED, last
