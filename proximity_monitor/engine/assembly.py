@@ -199,11 +199,12 @@ class Assembly:
         """
         poses, pairs, hints, wanted, signed, insides = asked
         search = self._searches[first]
+        steps = LONG_SLICE if deadline is None else SLICE
         at, fresh = first, True
         while deadline is None or perf_counter() < deadline:
             code, at = kernel.search_pairs(
                 self._tables, search.memory, poses, pairs, hints, wanted, signed, insides,
-                at, len(pairs), every, LONG_SLICE if deadline is None else SLICE, fresh, answers, self._unusual,
+                at, len(pairs), every, steps, fresh, answers, self._unusual,
             )  # fmt: skip
             fresh = code == index.CUT_BETWEEN
             if code in (index.BAD_POSE_A, index.BAD_POSE_B):

@@ -29,8 +29,9 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_earlier_tests", "_limits",
-        "_deviations", "_models", "_offset", "_poses", "_regions", "_revisions", "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_deviations",
+        "_earlier_tests", "_limits", "_models", "_offset", "_poses", "_regions", "_revisions",
+        "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:

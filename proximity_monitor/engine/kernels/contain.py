@@ -20,8 +20,8 @@ from .volumes import WIDTH
 from .winding import winding_number
 
 Insides = namedtuple("Insides", "where spans samples")
-"""What n bodies enclose: where (int8, n) as in Region; spans (int64, n × 2) the first of its samples
-and one after the last among the samples (int32, k) of all of them, as in Region.
+"""What n bodies enclose: where (int8, n), their Region.inside; samples (int32, k) of all of them;
+and spans (int64, n × 2), which of these are a body's: the first, and one after the last.
 """
 
 
