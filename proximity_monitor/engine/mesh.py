@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import as_reals
 from .kernels.measure import measure
 from .kernels.ranges import node_ranges
 from .kernels.spread import spread_corners
@@ -68,10 +69,13 @@ class TriangleMesh:
 
     __slots__ = (
         "__weakref__",
+        "_coincident",
+        "_distinct",
         "_face_of",
         "_node_ranges",
         "_spread",
         "_table",
+        "_table_of_all",
         "_tree",
         "centre",
         "core_radius",
@@ -123,17 +127,16 @@ class TriangleMesh:
             raise ModelError(f"{name}: solid = {solid!r}: must be True, False, 'robust' or None")
         self.name = name
         self.volume = volume
-        self.solid = solid
         self.swept_radius = _checked_length(radius, name, "radius")
         self.deviation = _checked_length(deviation, name, "deviation")
+        self.solid = solid
         self.vertices = _checked_vertices(vertices, name)
         self.faces = _checked_faces(faces, len(self.vertices), name)
         corners = np.ascontiguousarray(self.vertices[self.faces].reshape(-1, 9))
-        tree, self._face_of, self.depth = build(
-            corners, self.faces, volume, self.swept_radius, self.deviation
+        tree, distinct, self._face_of, self.depth, self._coincident = build(
+            corners, self.vertices, self.faces, volume, self.swept_radius, self.deviation
         )
-        self._enclose(*_bounding_sphere(corners))
-        self._keep(tree)
+        self._take(self.vertices, _bounding_sphere(corners), (tree, distinct))
         self._node_ranges: NDArray[np.int32] | None = None
         self._spread: NDArray[np.int32] | None = None
         self._check_solid()
@@ -162,17 +165,13 @@ class TriangleMesh:
         faces = self.faces.take(self._face_of, axis=0)
         corners = moved.take(faces, axis=0).reshape(-1, 9)
         sphere = _bounding_sphere(corners)
-        tree = refit(self._tree, corners, faces, self.volume)
-        before = self.vertices, (self.centre, self.core_radius), self._tree
-        self.vertices = moved
-        self._enclose(*sphere)
-        self._keep(tree)
+        tree, distinct = refit(self._tree, self._coincident, corners, moved, faces, self.volume)
+        before = self.vertices, (self.centre, self.core_radius), (self._tree, self._distinct)
+        self._take(moved, sphere, (tree, distinct))
         try:
             self._check_solid()
         except ModelError:
-            self.vertices, sphere, tree = before
-            self._enclose(*sphere)
-            self._keep(tree)
+            self._take(*before)
             raise
         self._spread = None
 
@@ -196,16 +195,29 @@ class TriangleMesh:
         """How often the vertices were moved by `refit`: what was computed before is outdated."""
         return int(self._tree.scale[4])
 
-    def _enclose(self, centre: NDArray[np.float64], core_radius: float) -> None:
-        """Take the sphere around the vertices."""
-        self.centre, self.core_radius = centre, core_radius
-        radius = core_radius + self.swept_radius + self.deviation
+    def _take(
+        self,
+        vertices: NDArray[np.float64],
+        sphere: tuple[NDArray[np.float64], float],
+        trees: tuple[Tree, Tree],
+    ) -> None:
+        """Take vertices, the centre and radius of the sphere around them, and the hierarchies."""
+        self.vertices = vertices
+        self.centre, self.core_radius = sphere
+        radius = self.core_radius + self.swept_radius + self.deviation
         self.radius = radius * (1.0 + 4.0 * DOUBLE_EPS)
+        self._keep(*trees)
 
-    def _keep(self, tree: Tree) -> None:
-        """Take a hierarchy, and make the table by which kernels find it."""
-        self._tree = tree
-        self._table = table((*tree, self._face_of))
+    def _keep(self, tree: Tree, distinct: Tree) -> None:
+        """Take a hierarchy, and make the tables by which kernels find it.
+
+        Who looks for the nearest needs one of those triangles that lie on each other (`_table`);
+        who lists or counts them needs all (`_table_of_all`, and `_tree` itself).
+        """
+        self._tree, self._distinct = tree, distinct
+        self._table = self._table_of_all = table((*tree, self._face_of))
+        if distinct is not tree:
+            self._table = table((*distinct, self._face_of))
 
     def _ranges(self) -> NDArray[np.int32]:
         """Which triangles, in tree order, stand under each node (k, 2); made when first needed."""
@@ -223,9 +235,9 @@ class TriangleMesh:
         """Freeze what pickle thawed: of other arrays the kernels would be compiled once more."""
         for name, value in state[1].items():
             setattr(self, name, value)
-        for array in (self.vertices, self.faces, self.centre, *self._tree):
+        for array in (self.vertices, self.faces, self.centre, *self._tree, *self._distinct):
             array.setflags(write=False)
-        self._keep(self._tree)  # which lies elsewhere now
+        self._keep(self._tree, self._distinct)  # which lie elsewhere now
 
     def __repr__(self) -> str:
         """Name and size."""
@@ -234,10 +246,7 @@ class TriangleMesh:
 
 
 def _checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:
-    try:
-        array = np.array(vertices, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"{name}: vertices: not an array of numbers: {error}") from None
+    array = as_reals(vertices, f"{name}: vertices", error=ModelError).copy()
     if array.ndim != 2 or array.shape[1] != 3:
         raise ModelError(f"{name}: vertices: shape {array.shape}, expected (n, 3)")
     if len(array) == 0:

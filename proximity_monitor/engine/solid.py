@@ -13,6 +13,7 @@ from .kernels import solids
 from .kernels.angles import MOMENTS, moments_of
 from .kernels.solids import HALF, NOWHERE, WHOLE, Region
 from .tolerances import DOUBLE_EPS
+from .tree import places
 
 if TYPE_CHECKING:
     from .mesh import TriangleMesh
@@ -60,7 +61,7 @@ def sides_of(mesh: TriangleMesh) -> Sides:
     if known is not None and known.vertices is mesh.vertices:
         return known
     robust = mesh.solid == "robust"
-    first = solids.first_of_place((mesh.vertices + 0.0).view(np.int64))  # -0.0 becomes 0.0
+    first = places(mesh.vertices)
     same = known is not None and np.array_equal(first, known.first)
     if same and not (robust and known.opening):  # of open edges the lengths count
         part, proper, opening = known.part, known.proper, known.opening

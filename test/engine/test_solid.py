@@ -11,7 +11,7 @@ import trimesh
 from engine_bodies import IDENTITY, box, pose, sphere
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.solids import first_of_place, unpaired_edges
+from proximity_monitor.engine.kernels.solids import unpaired_edges
 from proximity_monitor.engine.solid import sides_of
 
 
@@ -62,16 +62,6 @@ def test_a_refit_that_tears_parts_apart_leaves_a_solid():
     assert len(sides_of(model).region.samples) == 1
     model.refit(np.concatenate((CUBE.vertices, 3.0 * corner - CUBE.vertices)))
     assert len(sides_of(model).region.samples) == 2
-
-
-def test_vertices_of_one_place_are_found():
-    rng = np.random.default_rng(1)
-    for count in (1, 2, 3, 1000):
-        places = rng.integers(-2, 3, (count, 3)) * 0.5
-        places[::7] *= -0.0
-        first = first_of_place((places + 0.0).view(np.int64))
-        expected = [int((places == place).all(axis=1).argmax()) for place in places]
-        assert first.tolist() == expected
 
 
 def test_unpaired_edges_against_a_count_of_all():

@@ -77,6 +77,9 @@ from .state import (
 from .swept import core_of, lower_of, upper_of
 from .tables import state_at, tree_at
 
+_ONE_QUERY = 8
+"""Steps that a query takes as long as besides those of its descent."""
+
 
 @kernel
 def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
@@ -176,31 +179,32 @@ def search(
 ):  # fmt: skip
     """Answer the queries first to last at poses (4 k, 4), each with at most `steps` steps.
 
-    A query starts from the triangles that the last one left in the state; where not `fresh`, the
-    first goes on with the search that the state holds. Models and state come as tables (see
-    tables.py); `unusual` is as for `advance`. Writes answers (k ANSWER,). Returns ENDED, or another
-    code and the query that it is about.
+    No query begins once they took about as many together. It starts from the triangles that the
+    last one left in the state; where not `fresh`, the first goes on with the search that the state
+    holds. Models and state come as tables (see tables.py); `unusual` is as for `advance`. Writes
+    answers (k ANSWER,). Returns ENDED, or another code and the query that it is about.
     """
     tree_a, faces_a = tree_at(model_a)
     tree_b, faces_b = tree_at(model_b)
     state = state_at(memory)
+    left = steps
     for k in range(first, last):
         pose_a, pose_b = poses_a[4 * k : 4 * k + 4], poses_b[4 * k : 4 * k + 4]
         answer = answers[k * ANSWER : (k + 1) * ANSWER]
         if fresh or k > first:
+            if left <= 0:
+                return CUT_BETWEEN, k
+            left -= _ONE_QUERY
             code = begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit)
             if code != CUT:
                 return code, k
         state.counts[STEPS] = steps
         code = advance(tree_a, tree_b, state, unusual)
+        left -= steps - state.counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer)
         if code != ENDED:
             return code, k
     return ENDED, last
-
-
-_ONE_QUERY = 8
-"""Steps that a query takes as long as besides those of its descent."""
 
 
 @entry

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import namedtuple
 
 import numpy as np
-from numba import uint64
 
 from .jit import allocating, allocating_entry, kernel
 from .precise import two_sum
@@ -24,42 +23,6 @@ each lane (see angles.py), where the inside is HALF.
 NOWHERE, WHOLE, HALF = 0, 1, 2
 """Where a mesh has an inside: nowhere, it is a surface; where its winding number, a whole one, is
 not 0; or where that is more than one half either way, within its ball."""
-
-
-@kernel
-def _slot(bits, i, slots):
-    """Where a table of so many slots, a power of two, begins to look for the place of vertex i."""
-    mixed = uint64(0)
-    for axis in range(3):
-        mixed = (mixed ^ uint64(bits[i, axis])) * uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> uint64(29)
-    return np.int64(mixed & uint64(slots - 1))
-
-
-@allocating_entry
-def first_of_place(bits):
-    """For each vertex the first one at the same place, (n,) int32.
-
-    Args:
-        bits: (n, 3) int64; the coordinates bit by bit, none of them a negative zero.
-    """
-    n = bits.shape[0]
-    slots = 4
-    while slots < 2 * n:
-        slots *= 2
-    table = np.full(slots, -1, np.int32)
-    first = np.empty(n, np.int32)
-    for i in range(n):
-        at = _slot(bits, i, slots)
-        while table[at] >= 0:
-            j = table[at]
-            if bits[i, 0] == bits[j, 0] and bits[i, 1] == bits[j, 1] and bits[i, 2] == bits[j, 2]:
-                break
-            at = (at + 1) & (slots - 1)
-        if table[at] < 0:
-            table[at] = i
-        first[i] = table[at]
-    return first
 
 
 @allocating
