@@ -123,7 +123,8 @@ class Agenda:
         """The entries that want a search, the most urgent first.
 
         Those come first of which it is open on which side of a level they are, then those with the
-        nearest lower bound, then those not searched for longest; and after all, stale ones.
+        nearest lower bound and at last models that overlap, then those not searched for longest;
+        and after all, stale ones.
         """
         count = kernel.wanting(self._rows, self.book, self._views, self._at, self._kind, self._keys)
         if count < 2:

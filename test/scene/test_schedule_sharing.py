@@ -59,7 +59,7 @@ def test_no_thread_is_no_way_to_search(load):
 
 def nested(load):
     """Two balls of 20,480 triangles, one in the other, all of whose parts are equally near."""
-    ball = "primitive: {sphere: {radius: %g, subdivisions: 5}}, moving: true"
+    ball = "primitive: {sphere: {radius: %g, subdivisions: 5}}, moving: true, solid: false"
     scene = load(
         "version: 1\nunit: m\nbodies:\n"
         f"  - {{name: outer, {ball % 1.1}}}\n  - {{name: inner, {ball % 1.0}}}\n"

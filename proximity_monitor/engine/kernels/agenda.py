@@ -41,7 +41,7 @@ QUESTION = np.dtype(
         ("ignored", np.bool_),  # nothing is
         ("done", np.bool_),  # the last search answered all that can be asked
         ("hard", np.bool_),  # the last search ran out of time
-        ("met", np.bool_),  # by it the models may overlap
+        ("met", np.bool_),  # it left open, or found, that the models overlap
     ],
     align=True,
 )
@@ -150,7 +150,7 @@ def wanting(rows, book, views, at, kind, keys):
     """Write which views want a search into `at`, and by what they are ordered; return how many.
 
     `kind` is 0 where the side of a level is open, 1 elsewhere, and 2 more for stale pairs; keys
-    (2, k) are the lower bounds, and when they were last searched.
+    (2, k) are the lower bounds, infinite for models that overlap, and when they were last searched.
     """
     count = 0
     for k in range(len(rows)):
@@ -158,7 +158,9 @@ def wanting(rows, book, views, at, kind, keys):
         if view.wanting:
             at[count] = k
             kind[count] = 2 * view.stale + (not view.urgent)
-            keys[0, count], keys[1, count] = view.lower, book[rows[k]].looked
+            # Of models that surely overlap no more than the depth is open, which takes long to say.
+            keys[0, count] = view.lower if view.upper >= 0.0 else np.inf
+            keys[1, count] = book[rows[k]].looked
             count += 1
     return count
 
@@ -242,7 +244,7 @@ def take(
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
         question.hard = not ended and not decided
-        question.met = (intersecting or not ended) if unsure else view.lower <= 0.0
+        question.met = not ended if unsure else view.lower <= 0.0
         question.done, question.status, question.looked = view.answered, status, now_s
         if answer[state.TREE_A] >= 0.0:
             question.hint[0] = int(answer[state.TREE_A])
@@ -263,6 +265,8 @@ def _status(question, view):
         return OVERLAPPING
     if view.answered:
         return int(question.status)
+    if view.upper == 0.0:
+        return state.INTERSECTING
     return state.WITHIN_TOLERANCE if view.tolerated else state.OUT_OF_TIME
 
 
