@@ -34,6 +34,8 @@ class Questions(NamedTuple):
     distance; infinity: it does not."""
     hints: NDArray[np.int32]
     """(m, 2) see `Assembly`."""
+    signed: NDArray[np.bool_]
+    """(m,) whether the sign of the distance is asked for: one is a solid, and may overlap."""
     how: NDArray[np.int8]
     """(m,) Agenda.TOGETHER, ALONE (it takes long) or INSIDE (by itself, and signed)."""
 
@@ -128,7 +130,8 @@ class Agenda:
         """The entries that want a search, the most urgent first.
 
         Those come first of which it is open on which side of a level they are, then those with the
-        nearest lower bound, then those not searched for longest; and after all, stale ones.
+        nearest lower bound and at last models that overlap, then those not searched for longest;
+        and after all, stale ones.
         """
         count = kernel.wanting(self._rows, self.book, self._views, self._at, self._kind, self._keys)
         if count < 2:
@@ -142,11 +145,12 @@ class Agenda:
         count = len(at)
         bodies, hints = np.empty((2, count, 2), np.int32)
         wanted, how = np.empty((count, 3)), np.empty(count, np.int8)
+        signed = np.empty(count, np.bool_)
         kernel.ask(
             self._rows, self._answers.table[0], self.book, self._views, at, bodies, wanted, hints,
-            how,
+            signed, how,
         )  # fmt: skip
-        return Questions(at, bodies, wanted, hints, how)
+        return Questions(at, bodies, wanted, hints, signed, how)
 
     def search(
         self, questions: Questions, budget_s: float, threads: int, clock: Callable[[], float]
@@ -157,7 +161,7 @@ class Agenda:
         """
         found = self._assembly.rows(
             self._answers.poses, questions.bodies, questions.wanted, questions.hints,
-            check_tolerance("budget_s", budget_s), as_count(threads, "threads"),
+            questions.signed, check_tolerance("budget_s", budget_s), as_count(threads, "threads"),
         )  # fmt: skip
         return self._take(questions, found, clock())
 

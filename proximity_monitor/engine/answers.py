@@ -12,9 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arguments import as_indices, as_reals
 from .kernels import carry as kernel
+from .kernels.solids import HALF
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
 from .run import check_models
+from .solid import sides_of
 from .witness import surface_points
 
 _UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
@@ -141,15 +143,22 @@ class Answers:
     def add(self, pairs: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Rows (k,) for pairs of bodies (k, 2) that were never searched.
 
-        `signed` (k,) says whether a pair is of two solids, whose distance may be negative.
+        `signed` (k,) says whether one of a pair is a solid, so that its distance may be negative.
         """
         if len(pairs) > len(self._free):
             self._grow(len(pairs) - len(self._free))
         rows, self._free = np.split(self._free, [len(pairs)])
         self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = pairs
-        self._labels[rows, kernel.SIGNED] = signed
+        self._labels[rows, kernel.SIGNED] = signed * self._kinds(pairs)
         self._forget(rows)
         return rows
+
+    def _kinds(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Of what kind the signed distances of pairs (k, 2) are."""
+        chosen = {int(body) for body in np.unique(pairs)}
+        holed = [body for body in chosen if sides_of(self._models[body]).region.inside == HALF]
+        jumping = np.isin(pairs, holed).any(axis=1)
+        return np.where(jumping, kernel.JUMPING, kernel.CONTINUOUS)
 
     def drop(self, rows: NDArray[np.int64]) -> None:
         """Give rows back; they must not be asked about any more."""

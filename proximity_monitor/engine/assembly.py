@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .arguments import as_count, as_integers, as_real, as_reals, check_tolerance
 from .kernels import search as kernel
 from .kernels import state as index
+from .kernels.contain import Insides
 from .kernels.state import Tree
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
@@ -21,6 +22,10 @@ from .result import PairDistances
 from .rows import pair_distances_of
 from .run import LONG_SLICE, SLICE, Search, check_models, code_for
 from .sharing import share
+from .solid import sides_of
+
+_UNASKED = Insides(np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32))
+"""What bodies enclose, where no sign is asked for."""
 
 
 class Assembly:
@@ -46,6 +51,7 @@ class Assembly:
         self._trees: list[Tree] = []
         self._deepest = max(self._meshes, key=lambda model: model.depth)
         self._searches: list[Search] = []
+        self._insides: Insides | None = None
         self._cut: dict[tuple[object, ...], Search] = {}  # by the question in which they were
         self._unusual = code_for(self._meshes)
 
@@ -112,7 +118,9 @@ class Assembly:
         hints = np.full((k, 2), -1, np.int32) if hints is None else as_integers(hints, "hints", 2)
         if len(hints) != k:
             raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
-        return pair_distances_of(self.rows(poses, chosen, wanted, hints, budget_s, threads))
+        unsigned = np.zeros(k, np.bool_)
+        found = self.rows(poses, chosen, wanted, hints, unsigned, budget_s, threads)
+        return pair_distances_of(found)
 
     def rows(
         self,
@@ -120,41 +128,27 @@ class Assembly:
         pairs: NDArray[np.int32],
         wanted: NDArray[np.float64],
         hints: NDArray[np.int32],
+        signed: NDArray[np.bool_],
         budget_s: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
         """As `distances`, of what needs no check; rows (k, ANSWER) as the kernel writes them.
 
-        wanted (k, 3) is rel_err, abs_err and clearance. A pair that is not searched has NaN as
-        status.
+        wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,), an answer is one of
+        the signed distance, or has -inf as lower bound, if the bodies may overlap. A pair that is
+        not searched has NaN as status.
         """
         deadline = None if budget_s is None else perf_counter() + budget_s
-        steps = LONG_SLICE if deadline is None else SLICE
         answers = np.full((len(pairs), index.ANSWER), np.nan)
         answers[:, index.LOWER], answers[:, index.UPPER] = 0.0, np.inf
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
+        insides = self._enclosed() if signed.any() else _UNASKED
+        asked = poses, pairs, hints, wanted, signed, insides
         searches = self._allot(threads, poses, pairs, wanted)
 
         def answer(first: int, stopped: Event) -> None:
-            """Every so many of the pairs from the first on; at least one slice."""
-            search, fresh = searches[first]
-            at = first
-            while True:
-                code, at = kernel.search_pairs(
-                    self._tables, search.memory, poses, pairs, hints, wanted, at, len(pairs),
-                    threads, steps, fresh, answers, self._unusual,
-                )  # fmt: skip
-                fresh = code == index.CUT_BETWEEN
-                if code in (index.BAD_POSE_A, index.BAD_POSE_B):
-                    body = int(pairs[at, code - index.BAD_POSE_A])
-                    check_pose(poses[body], f"poses[{body}]")
-                if code == index.ENDED or stopped.is_set():
-                    return
-                if deadline is not None and perf_counter() >= deadline:
-                    if code == index.CUT:
-                        self._cut[self._question(poses, pairs[at], wanted[at])] = search
-                    return
+            self._run(*searches[first], first, threads, asked, deadline, stopped, answers)
 
         share(answer, range(threads), threads)
         return answers
@@ -177,8 +171,23 @@ class Assembly:
         if len(trees) != len(self._trees) or any(map(is_not, trees, self._trees)):
             self._tables = np.stack([model._table for model in self.models])
             self._trees = trees
+            self._insides = None
         while len(self._searches) < threads:
             self._searches.append(Search(self._deepest, self._deepest, coherent=False))
+
+    def _enclosed(self) -> Insides:
+        """What the bodies enclose as they are now."""
+        if self._insides is None:
+            regions = [sides_of(mesh).region for mesh in self._meshes]
+            starts = np.cumsum([0, *(len(each.samples) for each in regions)])
+            place = {id(mesh): k for k, mesh in enumerate(self._meshes)}
+            of = np.array([place[id(model)] for model in self.models])
+            self._insides = Insides(
+                np.array([each.inside for each in regions], np.int8)[of],
+                np.stack((starts[of], starts[of + 1]), axis=1),
+                np.concatenate([each.samples for each in regions]),
+            )
+        return self._insides
 
     def _question(
         self, poses: NDArray[np.float64], pair: NDArray[np.int32], wanted: NDArray[np.float64]
@@ -205,3 +214,36 @@ class Assembly:
                 free.remove(search)
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
+
+    def _run(
+        self,
+        search: Search,
+        fresh: bool,
+        first: int,
+        every: int,
+        asked: tuple,
+        deadline: float | None,
+        stopped: Event,
+        answers: NDArray[np.float64],
+    ) -> None:
+        """Answer for every so many of the pairs from the first on, into `answers`.
+
+        `asked` are poses, pairs, hints, wanted, signed and insides, as for `search_pairs`.
+        """
+        poses, pairs, _, wanted, _, _ = asked
+        at, steps = first, LONG_SLICE if deadline is None else SLICE
+        while True:
+            code, at = kernel.search_pairs(
+                self._tables, search.memory, *asked, at, len(pairs), every, steps, fresh, answers,
+                self._unusual,
+            )  # fmt: skip
+            fresh = code == index.CUT_BETWEEN
+            if code in (index.BAD_POSE_A, index.BAD_POSE_B):
+                body = int(pairs[at, code - index.BAD_POSE_A])
+                check_pose(poses[body], f"poses[{body}]")
+            if code == index.ENDED or stopped.is_set():
+                break
+            if deadline is not None and perf_counter() >= deadline:
+                if code == index.CUT:
+                    self._cut[self._question(poses, pairs[at], wanted[at])] = search
+                break

@@ -140,7 +140,7 @@ def signed_distance(
     to faces within a union as well.
 
     Of a mesh with holes, `solid="robust"`, a point is inside where the winding number is more than
-    one half either way, and within the sphere `centre`, `radius` of the mesh. The surface is still
+    one half either way, and within the sphere `centre`, `core_radius`. The surface is still
     the triangles': nothing is there across a hole but that what passes it changes sides, and the
     signed distance jumps. A triangle that reaches in through a hole is seen by its vertices alone.
 

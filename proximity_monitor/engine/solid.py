@@ -84,6 +84,8 @@ def sides_of(mesh: TriangleMesh) -> Sides:
     else:
         text, i, j = opening
         reason = f"{text} {mesh.vertices[i].tolist()} and {mesh.vertices[j].tolist()}"
+    if mesh.solid is not False and mesh.swept_radius > 0.0:
+        reason = ""  # whatever comes into the ball is near its core
     ball = np.array([*mesh.centre, mesh.core_radius])
     region = Region(inside, owned, samples, ball, rim, moments)
     for array in (owned, samples, ball, moments):

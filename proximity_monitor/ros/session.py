@@ -32,6 +32,7 @@ from proximity_monitor.scene.attachments import Attachments, Samples
 from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import Tick
+from proximity_monitor.scene.unseen import unseen_containment
 
 SLICE_S = 0.2
 """A longer budget is spent in slices of this, so that a signal ends the node in good order, with
@@ -75,6 +76,9 @@ class Session:
         self._now_ns = 0
         self._monitor = monitor
         self._unwatched: frozenset[int] = frozenset()
+        self._unseen = unseen_containment(scene, models)
+        if self._unseen.count:
+            node.get_logger().warning(str(self._unseen))
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
         self._attachments = Attachments(scene.bodies)
@@ -312,6 +316,7 @@ class Session:
             alerts_left_out=self._outputs.alerts_left_out,
             distance_ticks=self._distance_ticks,
             incompatible=self._incompatible.count,
+            unseen=self._unseen,
         )
         self._diagnostics.publish(self._health.message(now.to_msg(), state))
 

@@ -73,7 +73,7 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
         pose=pose,
         topic=topic,
         colour=read_colour(data),
-        solid=data.get("solid", False),
+        **read_solid(data, keys, report),
         deforming=data.get("deforming", False),
     )
 
@@ -100,6 +100,13 @@ def read_topic(topic: str, keys: Keys, report: Report) -> str:
             f"front, joined by single slashes (got '{topic}')",
         )
     return topic
+
+
+def read_solid(data: Mapping[str, Any], keys: Keys, report: Report) -> dict[str, Any]:
+    """Return what a body or robot says of being solid, as a Body has it."""
+    if "solid" not in data:
+        return {}
+    return {"solid": data["solid"], "solid_at": report.place((*keys, "solid"))}
 
 
 def read_colour(data: Mapping[str, Any]) -> tuple[float, float, float, float]:

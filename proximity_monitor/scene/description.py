@@ -85,6 +85,10 @@ class Compound:
 Primitive = Box | Cylinder | Sphere | Point | Compound
 
 
+Solid = bool | Literal["robust"] | None
+"""Whether a model is to be a solid."""
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """One body: its shape, and either a fixed pose or the topic that its poses come from."""
@@ -102,8 +106,10 @@ class Body:
     poses follow from the positions of joints (see `Robot`)."""
     colour: tuple[float, float, float, float]
     """Red, green, blue, opacity, each 0 to 1."""
-    solid: bool = False
-    """Whether its model encloses a solid: two solids have a signed distance."""
+    solid: Solid = None
+    """Whether it must be a solid, as for `engine.TriangleMesh`; None: if its model encloses one."""
+    solid_at: str = ""
+    """Where the file says so."""
     deforming: bool = False
     """Whether its vertices change while the monitor runs."""
 

@@ -50,7 +50,7 @@ def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:
     shared: dict[tuple, engine.TriangleMesh] = {}
     models = {}
     for body in scene.bodies:
-        look = (body.model, body.primitive, body.scale)
+        look = (body.model, body.primitive, body.scale, body.solid)
         if look not in shared:
             shared[look] = load_model(body, scene.unit)
         models[body.name] = shared[look]

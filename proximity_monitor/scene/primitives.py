@@ -35,14 +35,28 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Triangl
     Raises:
         ValueError: the scale is not a number greater than 0.
         FileNotFoundError: the model file is gone.
-        engine.ModelError: it holds no usable mesh; an unknown volume.
+        engine.ModelError: it holds no usable mesh; an unknown volume; no solid where the scene says
+            that it is one: then the message names the file, line and key.
     """
     if not (math.isfinite(body.scale) and body.scale > 0.0):
         raise ValueError(f"body '{body.name}': scale must be greater than 0 (got {body.scale})")
+    how = {"volume": volume, "solid": None if body.solid is True else body.solid}
     if body.primitive is None:
-        return engine.load(body.model, unit=unit.to_metre, scale=body.scale, volume=volume)
-    vertices, faces = _mesh(body.primitive)
-    return engine.TriangleMesh(vertices * body.scale, faces, name=body.name, volume=volume)
+        model = engine.load(body.model, unit=unit.to_metre, scale=body.scale, **how)
+    else:
+        vertices, faces = _mesh(body.primitive)
+        model = engine.TriangleMesh(vertices * body.scale, faces, name=body.name, **how)
+    check_solid(body, model)
+    return model
+
+
+def check_solid(body: Body, model: engine.TriangleMesh) -> None:
+    """Raise ModelError where a body must be a solid and its model is none; it says where."""
+    if body.solid is True and not model.is_solid:
+        raise engine.ModelError(
+            f"{body.solid_at or 'solid'}: true, but body '{body.name}' is none: {model.not_solid}; "
+            "repair the model, say 'robust', which bridges holes, or leave the key out"
+        )
 
 
 def _mesh(primitive: Primitive) -> tuple[np.ndarray, np.ndarray]:
@@ -74,7 +88,15 @@ def _placed(part: Part) -> tuple[np.ndarray, np.ndarray]:
         vertices, faces = mesh.vertices, mesh.faces
     if math.prod(part.scale) < 0.0:  # mirrored, which turns the outside in
         faces = faces[:, ::-1]
+    if _volume(vertices, faces) * math.prod(part.scale) < 0.0:
+        faces = faces[:, ::-1]  # or where this part overlaps another, both would count for nothing
     return vertices * part.scale @ rpy_matrix(part.rpy).T + part.xyz, faces
+
+
+def _volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Six times what faces enclose; negative where they point inwards."""
+    a, b, c = (vertices[faces[:, i]] - vertices[faces[0, 0]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)))
 
 
 def _joined(meshes: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:

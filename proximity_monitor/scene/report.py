@@ -37,6 +37,10 @@ class Report:
             keys = keys[:-1]
         return self.lines.get(keys, 1)
 
+    def place(self, keys: Keys) -> str:
+        """Say where a value stands, for what can only be told of it later."""
+        return f"{self.name}:{self.line(keys)}: {spelled(keys)}"
+
     def check(self) -> None:
         """Raise a SceneError if anything was noted, its problems sorted by line."""
         if self._problems:

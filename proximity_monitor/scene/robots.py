@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from proximity_monitor import engine
-from proximity_monitor.scene.bodies import read_colour, read_pose, read_topic
+from proximity_monitor.scene.bodies import read_colour, read_pose, read_solid, read_topic
 from proximity_monitor.scene.description import Body, Compound, Part, Robot, Unit
 from proximity_monitor.scene.kinematics import Joint, Kinematics
 from proximity_monitor.scene.paths import mesh_path, model_path
@@ -165,6 +165,7 @@ class _Reader:
                 pose=pose,
                 topic=None,
                 colour=read_colour(self._data),
+                **read_solid(self._data, self._keys, self._report),
             )
 
     def _parts(self, link: Link) -> Iterator[Part]:

@@ -12,6 +12,7 @@ import numpy as np
 from ..tolerances import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from .aim import no_aim
 from .coherence import travel
+from .contain import settle_sign
 from .descent import advance
 from .jit import entry, kernel
 from .memory import table_on_stack
@@ -208,8 +209,9 @@ def search(
 
 @entry
 def search_pairs(
-    models, memory, poses, pairs, hints, wanted, first, last, every, steps, fresh, answers, unusual
-):
+    models, memory, poses, pairs, hints, wanted, signed, insides,
+    first, last, every, steps, fresh, answers, unusual,
+):  # fmt: skip
     """Answer for the pairs first, first + every, ... below last, with `steps` steps for all.
 
     Args:
@@ -220,6 +222,8 @@ def search_pairs(
         hints: (k, 2) triangles in tree order to start from; others than there are count as 0.
         wanted: (k, 3) rel_err, abs_err, and the clearance on one side of which a distance is known
             to be when its search may end; infinity for none.
+        signed: (k,) whether the sign of the distance is wanted as well (see contain.py).
+        insides: what the bodies enclose, where it is.
         first: where to begin; if not `fresh`, with the search that the state holds.
         last: one after the last pair.
         every: how far apart the pairs of this call are.
@@ -256,6 +260,8 @@ def search_pairs(
         code = advance(tree_a, tree_b, state, unusual)
         left -= steps - counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, poses[i], poses[j], code, answers[k])
+        if signed[k]:
+            settle_sign(tree_a, tree_b, insides, i, j, state, wanted[k, 2], code, answers[k])
         if code != ENDED:
             return code, k
     return ENDED, last

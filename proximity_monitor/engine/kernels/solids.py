@@ -14,10 +14,10 @@ Region = namedtuple("Region", "inside owned samples ball rim moments")
 """A mesh as the kernels of signed distances see it, beside its Tree.
 
 inside, one of the following; owned (uint8, m) which corners of a triangle, in tree order, are first
-of their vertex: bits 0 to 2; samples (int32, k) one vertex of every connected part, as 3 triangle +
-corner in tree order; ball (4,) centre and radius of a sphere around it, metres; rim, metres: how
-long its open edges are together; moments (k, MOMENTS) of what is under each lane (see angles.py),
-where the inside is HALF.
+of their vertex: bits 0 to 2; samples (int32, k) one vertex of every connected part, as 3 times the
+triangle, in tree order, whose first corner it is; ball (4,) centre and radius of a sphere around
+it, metres; rim, metres: how long its open edges are together; moments (k, MOMENTS) of what is under
+each lane (see angles.py), where the inside is HALF.
 """
 
 NOWHERE, WHOLE, HALF = 0, 1, 2
