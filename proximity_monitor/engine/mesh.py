@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import as_reals
+from .kernels.cache import KERNELS
 from .kernels.measure import measure
 from .kernels.ranges import node_ranges
 from .kernels.spread import spread_corners
@@ -129,8 +131,9 @@ class TriangleMesh:
 
     def _keep(self, tree: Tree) -> None:
         """Take a hierarchy, and make the table by which kernels find it."""
-        self._tree = tree
-        self._table = table((*tree, self._face_of))
+        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
+        addresses = table((*tree, self._face_of))
+        self._tree, self._table = tree, addresses
 
     def _ranges(self) -> NDArray[np.int32]:
         """Which triangles, in tree order, stand under each node (k, 2); made when first needed."""
@@ -144,9 +147,23 @@ class TriangleMesh:
             self._spread = spread_corners(self._tree.triangles, self._tree.children)
         return self._spread
 
-    def __setstate__(self, state: tuple[None, dict[str, Any]]) -> None:
-        """Freeze what pickle thawed: of other arrays the kernels would be compiled once more."""
-        for name, value in state[1].items():
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but addresses, and for which kernels the hierarchy was built."""
+        kept = (name for name in self.__slots__ if name not in ("__weakref__", "_table"))
+        return {"kernels": KERNELS, **{name: getattr(self, name) for name in kept}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Freeze what pickle thawed: of other arrays the kernels would be compiled once more.
+
+        Raises:
+            ModelError: another version pickled it, whose hierarchies are other ones.
+        """
+        if state.pop("kernels") != KERNELS:
+            raise ModelError(
+                f"{state['name']}: pickled by another version of proximity_monitor; make it anew "
+                "from its file, or from vertices and faces"
+            )
+        for name, value in state.items():
             setattr(self, name, value)
         for array in (self.vertices, self.faces, self.centre, *self._tree):
             array.setflags(write=False)
@@ -159,10 +176,7 @@ class TriangleMesh:
 
 
 def _checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:
-    try:
-        array = np.array(vertices, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"{name}: vertices: not an array of numbers: {error}") from None
+    array = as_reals(vertices, f"{name}: vertices", error=ModelError).copy()
     if array.ndim != 2 or array.shape[1] != 3:
         raise ModelError(f"{name}: vertices: shape {array.shape}, expected (n, 3)")
     if len(array) == 0:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import as_count, as_reals, check_tolerance
 from .kernels import closest as closest_kernel
 from .kernels import state as index
 from .mesh import TriangleMesh
@@ -14,7 +15,8 @@ from .pair import Pair
 from .poses import as_poses, check_pose
 from .result import Clearance, ClosestPoints, Collision, Distance, Distances
 from .rows import distances_of
-from .run import Order, Search, check_tolerance
+from .run import LONG_SLICE, Order, Search, check_model
+from .sharing import share
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
@@ -45,7 +47,9 @@ def distance(
         pose_b: (4, 4) model to world, metres.
         rel_err: stop when upper <= (1 + rel_err) · true distance.
         abs_err: metres; stop when upper <= true distance + abs_err, whichever is reached first.
-        budget_s: seconds; stop with certified bounds when they are over. None: no limit.
+        budget_s: seconds; stop with certified bounds when they are over. None: no limit. Some
+            microseconds' work is done at least, so a `Pair` that is asked again and again comes to
+            an end with any budget.
         order: "depth_first" takes the nearer child first, with the least bookkeeping; "priority"
             the nearest of all pairs that are left (section 6.1), which makes fewer tests where no
             good answer is known beforehand; "breadth_first" bounds all pairs of one level of the
@@ -61,6 +65,7 @@ def distance(
         The bounds, in metres, witness points and why the search stopped.
 
     Raises:
+        TypeError: a model that is none, a tolerance or budget that is no real number.
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
     return Pair(a, b).distance(
@@ -174,13 +179,12 @@ def closest_points(
         points: (k, 3) metres, world.
 
     Raises:
+        TypeError: a model that is none.
         ValueError: a pose that is no rigid motion; points of another shape or not finite.
     """
+    check_model(model, "model")
     pose = check_pose(pose)
-    try:
-        given = np.require(points, dtype=np.float64, requirements="CAW")
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"points: not an array of numbers: {error}") from None
+    given = as_reals(points, "points")
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
     if not np.isfinite(given).all():
@@ -189,10 +193,12 @@ def closest_points(
     k = len(given)
     bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
     capacity = 1 + model.depth * 15
-    closest_kernel.closest_points(
-        model._tree, pose, given, np.empty(capacity, np.int32), np.empty(capacity),
-        bounds, nearest, triangles,
-    )  # fmt: skip
+    stack, stacked = np.empty(capacity, np.int32), np.empty(capacity)
+    first = 0
+    while first < k:  # in slices, so that Ctrl-C is heard
+        first = closest_kernel.closest_points(
+            model._tree, pose, given, first, LONG_SLICE, stack, stacked, bounds, nearest, triangles
+        )
     return ClosestPoints(bounds[:, 0], bounds[:, 1], nearest, model._face_of[triangles])
 
 
@@ -224,29 +230,23 @@ def distances(
     Raises:
         ValueError: other shapes, a pose that is no rigid motion (naming it), a negative tolerance.
     """
-    check_tolerance("rel_err", rel_err)
-    check_tolerance("abs_err", abs_err)
-    if threads < 1:
-        raise ValueError(f"threads = {threads}: must be at least 1")
+    rel_err = check_tolerance("rel_err", rel_err)
+    abs_err = check_tolerance("abs_err", abs_err)
+    threads = as_count(threads, "threads")
     many_a, many_b = as_poses(poses_a, "poses_a"), as_poses(poses_b, "poses_b")
     if len(many_a) != len(many_b):
         raise ValueError(f"{len(many_a)} poses_a but {len(many_b)} poses_b")
     Search(a, b, order)  # refuses an order that there is not, before any thread starts
 
-    def answer(first: int) -> Search:
+    def answer(first: int, stopped: Event) -> Search:
         last = first + _CHUNK
         search = Search(a, b, order)
         search.run(
             many_a[first:last].reshape(-1, 4), many_b[first:last].reshape(-1, 4),
-            rel_err=rel_err, abs_err=abs_err, first=first,
+            rel_err=rel_err, abs_err=abs_err, first=first, stopped=stopped,
         )  # fmt: skip
         return search
 
-    starts = range(0, len(many_a), _CHUNK)
-    if threads == 1:
-        chunks = list(map(answer, starts))
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            chunks = list(pool.map(answer, starts))
+    chunks = share(answer, range(0, len(many_a), _CHUNK), threads)
     rows = np.concatenate([np.empty(0), *(each.answers for each in chunks)])
     return distances_of(rows.reshape(-1, index.ANSWER))

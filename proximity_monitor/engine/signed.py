@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,10 @@ class SignedSearch:
             ),
         )
         self._revisions = -1, -1
+
+    def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
+        """Of what another is made: its memory is its own."""
+        return SignedSearch, (*self._models, self._apart)
 
     def ask(
         self,
@@ -139,9 +144,8 @@ class SignedSearch:
 
     def _search(self, samples_alone: bool) -> bool:
         """Search for the deepest vertex until the end, or until the deadline: then False."""
+        # At least one slice: whoever asks again and again comes to an end.
         steps = LONG_SLICE if self._deadline == math.inf else SLICE
-        if perf_counter() >= self._deadline:
-            steps = 0
         while True:
             code = kernel.search_depth(
                 self._models[0]._tree, self._models[1]._tree, *self._solids, self._depth,

@@ -69,6 +69,9 @@ from .state import (
 )
 from .tables import state_at, tree_at
 
+_ONE_QUERY = 8
+"""Steps that a query takes as long as besides those of its descent."""
+
 
 @kernel
 def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
@@ -139,7 +142,8 @@ def finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer
     answer[FEATURE_A + 3], answer[FEATURE_B + 3] = faces_a[ta], faces_b[tb]
     answer[TREE_A], answer[TREE_B] = ta, tb
     answer[TESTS], answer[TESTS + 1] = counts[BOUND_TESTS], counts[PRIMITIVE_TESTS]
-    if certain <= 0.0:
+    # Where pairs are collected, a contact does not end the search.
+    if certain <= 0.0 and (code == ENDED or state.collected.shape[0] == 0):
         answer[STATUS] = INTERSECTING
     elif code != ENDED:
         answer[STATUS] = OUT_OF_TIME
@@ -163,31 +167,32 @@ def search(
 ):  # fmt: skip
     """Answer the queries first to last at poses (4 k, 4), each with at most `steps` steps.
 
-    A query starts from the triangles that the last one left in the state; where not `fresh`, the
-    first goes on with the search that the state holds. Models and state come as tables (see
-    tables.py); `unusual` is as for `advance`. Writes answers (k ANSWER,). Returns ENDED, or another
-    code and the query that it is about.
+    No query begins once they took about as many together. It starts from the triangles that the
+    last one left in the state; where not `fresh`, the first goes on with the search that the state
+    holds. Models and state come as tables (see tables.py); `unusual` is as for `advance`. Writes
+    answers (k ANSWER,). Returns ENDED, or another code and the query that it is about.
     """
     tree_a, faces_a = tree_at(model_a)
     tree_b, faces_b = tree_at(model_b)
     state = state_at(memory)
+    left = steps
     for k in range(first, last):
         pose_a, pose_b = poses_a[4 * k : 4 * k + 4], poses_b[4 * k : 4 * k + 4]
         answer = answers[k * ANSWER : (k + 1) * ANSWER]
         if fresh or k > first:
+            if left <= 0:
+                return CUT_BETWEEN, k
+            left -= _ONE_QUERY
             code = begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit)
             if code != CUT:
                 return code, k
         state.counts[STEPS] = steps
         code = advance(tree_a, tree_b, state, unusual)
+        left -= steps - state.counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer)
         if code != ENDED:
             return code, k
     return ENDED, last
-
-
-_ONE_QUERY = 8
-"""Steps that a query takes as long as besides those of its descent."""
 
 
 @entry
