@@ -19,7 +19,7 @@ from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
 from .result import PairDistances
 from .rows import pair_distances_of
-from .run import LONG_SLICE, SLICE, Search, check_model, code_for
+from .run import LONG_SLICE, SLICE, Search, check_models, code_for
 from .sharing import share
 
 
@@ -39,7 +39,7 @@ class Assembly:
     """
 
     def __init__(self, models: Sequence[TriangleMesh]) -> None:
-        self.models = tuple(check_model(model, f"models[{i}]") for i, model in enumerate(models))
+        self.models = check_models(models)
         if not self.models:
             raise ValueError("models: there are none; an assembly needs at least one body")
         self._meshes = tuple({id(model): model for model in self.models}.values())
@@ -129,26 +129,33 @@ class Assembly:
         status.
         """
         deadline = None if budget_s is None else perf_counter() + budget_s
-
-        def answer(first: int, stopped: Event) -> None:
-            self._run(
-                *searches[first],
-                first,
-                threads,
-                poses,
-                pairs,
-                hints,
-                wanted,
-                deadline,
-                stopped,
-                answers,
-            )
-
+        steps = LONG_SLICE if deadline is None else SLICE
         answers = np.full((len(pairs), index.ANSWER), np.nan)
         answers[:, index.LOWER], answers[:, index.UPPER] = 0.0, np.inf
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
         searches = self._allot(threads, poses, pairs, wanted)
+
+        def answer(first: int, stopped: Event) -> None:
+            """Every so many of the pairs from the first on; at least one slice."""
+            search, fresh = searches[first]
+            at = first
+            while True:
+                code, at = kernel.search_pairs(
+                    self._tables, search.memory, poses, pairs, hints, wanted, at, len(pairs),
+                    threads, steps, fresh, answers, self._unusual,
+                )  # fmt: skip
+                fresh = code == index.CUT_BETWEEN
+                if code in (index.BAD_POSE_A, index.BAD_POSE_B):
+                    body = int(pairs[at, code - index.BAD_POSE_A])
+                    check_pose(poses[body], f"poses[{body}]")
+                if code == index.ENDED or stopped.is_set():
+                    return
+                if deadline is not None and perf_counter() >= deadline:
+                    if code == index.CUT:
+                        self._cut[self._question(poses, pairs[at], wanted[at])] = search
+                    return
+
         share(answer, range(threads), threads)
         return answers
 
@@ -184,7 +191,10 @@ class Assembly:
         self, threads: int, poses: NDArray[np.float64], pairs: NDArray[np.int32],
         wanted: NDArray[np.float64],
     ) -> list[tuple[Search, bool]]:  # fmt: skip
-        """A search for each thread, and whether it begins: not one cut in that thread's first pair."""
+        """A search for each thread, and whether it is to begin.
+
+        It goes on instead where it was cut in the very question that comes first to that thread.
+        """
         free, cut = self._searches[:], self._cut
         self._cut = {}
         found = []
@@ -195,35 +205,3 @@ class Assembly:
                 free.remove(search)
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
-
-    def _run(
-        self,
-        search: Search,
-        fresh: bool,
-        first: int,
-        every: int,
-        poses: NDArray[np.float64],
-        pairs: NDArray[np.int32],
-        hints: NDArray[np.int32],
-        wanted: NDArray[np.float64],
-        deadline: float | None,
-        stopped: Event,
-        answers: NDArray[np.float64],
-    ) -> None:
-        """Answer for every so many of the pairs from the first on, into `answers`."""
-        at = first
-        while True:
-            code, at = kernel.search_pairs(
-                self._tables, search.memory, poses, pairs, hints, wanted, at, len(pairs), every,
-                LONG_SLICE if deadline is None else SLICE, fresh, answers, self._unusual,
-            )  # fmt: skip
-            fresh = code == index.CUT_BETWEEN
-            if code in (index.BAD_POSE_A, index.BAD_POSE_B):
-                body = int(pairs[at, code - index.BAD_POSE_A])
-                check_pose(poses[body], f"poses[{body}]")
-            if code == index.ENDED or stopped.is_set():
-                break
-            if deadline is not None and perf_counter() >= deadline:
-                if code == index.CUT:
-                    self._cut[self._question(poses, pairs[at], wanted[at])] = search
-                break

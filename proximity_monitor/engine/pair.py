@@ -132,7 +132,7 @@ class Pair:
         abs_err: float = 0.0,
         budget_s: float | None = None,
     ) -> Distance:
-        """Signed distance of two solids at two poses; see `engine.signed_distance`."""
+        """Signed distance at two poses; see `engine.signed_distance`."""
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         if budget_s is not None:
@@ -182,9 +182,7 @@ class Pair:
         contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
         points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
         if colliding:
-            contacts_of(
-                self.a._table, self.b._table, search.memory, pose_a, pairs, points, normals
-            )
+            contacts_of(self.a._table, self.b._table, search.memory, pose_a, pairs, points, normals)
         return Collision(colliding, contacts, points, normals, *tests.tolist())
 
     def _change_order(self, order: Order) -> None:

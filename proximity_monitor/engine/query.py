@@ -125,14 +125,18 @@ def signed_distance(
     abs_err: float = 0.0,
     budget_s: float | None = None,
 ) -> Distance:
-    """Signed distance of two solids: positive apart, negative where they overlap.
+    """Signed distance where a model is solid: positive apart, negative where they overlap.
 
-    Where the solids are disjoint it is the minimum distance of their surfaces, as `distance` has
-    it. Where they overlap, also where one lies wholly inside the other, it is minus the **depth of
-    the deepest vertex**: the largest distance to the other model's surface of any vertex of one
-    that lies inside the other. Where surfaces cross although no vertex of either lies inside the
-    other, as with crossed bars, the depth and the signed distance are 0. The depth is not the
-    shortest motion that would separate the solids.
+    Where nothing of one lies inside the other it is the minimum distance of their surfaces, as
+    `distance` has it. Where they overlap, also where one lies wholly inside the other, it is minus
+    the **depth of the deepest vertex**: the largest distance to the other model's surface of any
+    vertex of one that lies inside the other. Where surfaces cross although no vertex of either lies
+    inside the other, as with crossed bars, the depth and the signed distance are 0. The depth is
+    not the shortest motion that would separate the models.
+
+    Which models are solid their `solid` says, by default those that enclose one; `is_solid` tells,
+    and `not_solid` why not. Of a solid and a surface, only vertices of the surface can lie inside;
+    of two surfaces none can, and this is `distance`.
 
     A point is inside a solid where the surface's winding number around it is not 0 (Jacobson et al.
     2013, section 3, "Robust inside-outside segmentation using generalized winding numbers"). So
@@ -140,16 +144,21 @@ def signed_distance(
     the other way inside another is a cavity. The depth is measured to the surface as it is given:
     to faces within a union as well.
 
+    Of a mesh with holes, `solid="robust"`, a point is inside where the winding number is more than
+    one half either way, and within the sphere `centre`, `radius` of the mesh. The surface is still
+    the triangles': nothing is there across a hole but that what passes it changes sides, and the
+    signed distance jumps. A triangle that reaches in through a hole is seen by its vertices alone.
+
     Args:
-        a: first solid: a watertight mesh, see Raises.
+        a: first model.
         pose_a: (4, 4) model to world, metres.
-        b: second solid.
+        b: second model.
         pose_b: (4, 4) model to world, metres.
         rel_err: stop when the bounds differ by at most rel_err · true distance or depth.
         abs_err: metres; stop when the bounds differ by at most abs_err, whichever is first.
         budget_s: seconds; stop with certified bounds when they are over. None: no limit. The first
-            question about a mesh checks besides whether it encloses a solid, some 15 ms for
-            100,000 triangles, which no budget cuts.
+            question about a mesh finds out besides whether it is a solid, some 15 ms for 100,000
+            triangles, which no budget cuts.
 
     Returns:
         The bounds, in metres: `lower <= signed distance <= upper`, whatever stopped the search.
@@ -160,12 +169,10 @@ def signed_distance(
         `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
         tested counts as one of either.
         Status INTERSECTING: the surfaces touch, cross without a vertex inside, or are so close that
-        rounding cannot tell; a depth that is known to differ from 0 comes as EXACT,
-        WITHIN_TOLERANCE or OUT_OF_TIME.
+        rounding cannot tell, as it cannot where a winding number is one half; a depth that is known
+        to differ from 0 comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
 
     Raises:
-        ModelError: a mesh that encloses no solid: open edges, faces of unlike orientation, or no
-            volume; the message names the mesh and the place.
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
     return Pair(a, b).signed_distance(

@@ -22,8 +22,8 @@ class Status(Enum):
     OUT_OF_TIME = "out of time"
     """The budget ended first; the bounds hold, and the same Pair can go on."""
     INTERSECTING = "intersecting"
-    """The models cross or touch, or are so close that rounding or what they may deviate cannot tell:
-    lower is 0, or the least value that `signed_distance` can have."""
+    """The models cross or touch, or are so close that rounding or deviations cannot tell: lower is
+    0, or the least value that `signed_distance` can have."""
 
 
 STATUSES = tuple(Status)

@@ -114,7 +114,6 @@ def test_a_cut_search_has_all_that_is_left_and_goes_on(order):
         pair = engine.Pair(a, b)
         options = {"order": order, "manifold": True, **tolerance}
         found = [pair.distance(IDENTITY, IDENTITY, budget_s=0.0, **options)]
-        assert pairs(found[0].manifold).all()
         while found[-1].status is Status.OUT_OF_TIME:
             found.append(pair.distance(IDENTITY, IDENTITY, budget_s=1e-4, **options))
         assert len(found) > 3
@@ -125,6 +124,21 @@ def test_a_cut_search_has_all_that_is_left_and_goes_on(order):
         assert found[-1].upper == pytest.approx(whole.upper, abs=1e-14)
         assert found[-1].status is whole.status
         assert np.array_equal(left[-1], pairs(whole.manifold))
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_contacts_are_all_there_when_the_search_says_so(order):
+    """A contact ends other searches, and not this one."""
+    a = plate(20)
+    whole = engine.distance(a, IDENTITY, a, IDENTITY, order=order, manifold=True)
+    pair, answers = engine.Pair(a, a), []
+    while not answers or answers[-1].status is Status.OUT_OF_TIME:
+        options = {"order": order, "manifold": True, "budget_s": 0.0}
+        answers.append(pair.distance(IDENTITY, IDENTITY, **options))
+        assert len(answers) < 10_000
+    assert len(answers) > 3
+    assert answers[-1].status is whole.status is Status.INTERSECTING
+    assert np.array_equal(pairs(answers[-1].manifold), pairs(whole.manifold))
 
 
 def test_intersecting_bodies_give_every_contact():

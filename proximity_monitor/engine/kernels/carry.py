@@ -63,9 +63,10 @@ been moved so far, each time the largest displacement, added rounding up."""
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
 ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 28, 29
 FEATURES, ANSWER = 30, 38
-"""Of an answer: bounds; the cores' nearest points in the world and in the bodies' frames; the pose of
-B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their models,
-which no motion changes: weights of a triangle's three corners and its face, of A and then of B."""
+"""Of an answer: bounds; the cores' nearest points in the world and in their bodies' frames; the
+pose of B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their
+models, which no motion changes: weights of a triangle's three corners and its face, of A, then of
+B."""
 
 WITNESS = 14
 """Numbers that say which points are nearest: both points in the world, and their FEATURES."""
@@ -255,7 +256,7 @@ def carry_one(poses, versions, balls, places, label, answer, points):
 
 @entry
 def carry(poses, versions, balls, places, rows, labels, answers, bounds, points, motions):
-    """Bounds (k, 2), the cores' points (k, 6) in the world and motions (k,) of the answers `rows` (k,).
+    """Bounds (k, 2), the cores' points (k, 6) in the world and motions (k,) of answers `rows` (k,).
 
     poses (n, 4, 4), versions (n,), balls (n, BALL) and places (n, PLACE) are of the bodies, labels
     (m, LABEL) and answers (m, ANSWER) the table.
