@@ -212,17 +212,27 @@ class Collision:
 class ClosestPoints:
     """The point of a surface nearest to each of many points.
 
+    A point beyond the `max_distance` that was asked for has that or more as its lower bound, and
+    one that the budget did not suffice for has 0. The upper bound of both is infinite, their
+    points and normals are NaN and their triangles -1.
+
     Attributes:
         lower: (k,) metres; certified lower bounds of the distances.
         upper: (k,) metres; certified upper bounds.
         points: (k, 3) metres, world; the nearest points of the surface.
         triangles: (k,) int32; the triangles they lie on, indices into the faces.
+        done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
+        normals: (k, 3) unit vectors, world, where they were asked for: that of the triangle, which
+            points outward as the order of its corners says, or zero where it has no area; of a
+            model swept by a ball that of its surface.
     """
 
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     points: NDArray[np.float64]
     triangles: NDArray[np.int32]
+    done: NDArray[np.bool_]
+    normals: NDArray[np.float64] | None
 
 
 @dataclass(frozen=True, slots=True)

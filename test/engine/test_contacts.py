@@ -32,7 +32,7 @@ def test_a_corner_in_a_face_is_pushed_out_through_it():
 
 def test_each_contact_has_a_point_of_both_and_the_shorter_way_apart():
     rng = np.random.default_rng(2)
-    a, b = soup(3, 60), sphere(1)
+    a, b = soup(3, 150), sphere(1)
     count = 0
     for _ in range(8):
         pose_a, pose_b = pose(rng, 0.6), pose(rng, 0.6)

@@ -14,38 +14,11 @@ from .primitives import corners, mixed, test_triangles
 from .state import DISTANCE, SLACK, SWEPT, TRIANGLE_A, TRIANGLE_B, WEIGHTS_A, WEIGHTS_B
 from .swept import surface_points
 from .tables import state_at, tree_at
-from .vectors import cross, dot, moved, scaled, sub
+from .vectors import across, dot, face_normal, moved, scaled, sub, unit
 
 _NOISE = 8.0
 """Up to how many times what rounding does to a distance the way between two points has no direction
 that means anything."""
-
-_NEEDLE = 1e-24
-"""Squared sine of two edges' angle below which a triangle's normal is only noise."""
-
-_NOWHERE = (0.0, 0.0, 0.0)
-
-
-@kernel
-def _unit(v):
-    """A vector divided by its length, however small; zero where it has none."""
-    size = max(max(abs(v[0]), abs(v[1])), abs(v[2]))
-    if size < 1e-300:
-        return _NOWHERE
-    v = scaled(v, 1.0 / size)
-    return scaled(v, 1.0 / np.sqrt(dot(v, v)))
-
-
-@kernel
-def _across(e, f):
-    """The unit vector perpendicular to two; zero where they are parallel, or either is none."""
-    n = cross(_unit(e), _unit(f))
-    return _unit(n) if dot(n, n) > _NEEDLE else _NOWHERE
-
-
-@kernel
-def _face_normal(t):
-    return _across(sub(t[1], t[0]), sub(t[2], t[0]))
 
 
 @kernel
@@ -68,13 +41,13 @@ def _overlap(a, b, n):
 @kernel
 def _normal(a, b):
     """The normal of two triangles that have a point in common."""
-    na, nb = _face_normal(a), scaled(_face_normal(b), -1.0)
+    na, nb = face_normal(a), scaled(face_normal(b), -1.0)
     flat_a, flat_b = dot(na, na) > 0.0, dot(nb, nb) > 0.0
     if flat_a and flat_b:
         return na if _overlap(a, b, na) <= _overlap(a, b, nb) else nb
     if flat_a or flat_b:
         return na if flat_a else nb
-    n = _across(_longest(a), _longest(b))
+    n = across(_longest(a), _longest(b))
     back = scaled(n, -1.0)
     return n if _overlap(a, b, n) <= _overlap(a, b, back) else back
 
@@ -100,7 +73,7 @@ def contacts(model_a, model_b, memory, pose, pairs, points, normals):
         p = mixed(a, reals[WEIGHTS_A : WEIGHTS_A + 3])
         q = mixed(b, reals[WEIGHTS_B : WEIGHTS_B + 3])
         apart = reals[DISTANCE] > _NOISE * reals[SLACK]
-        normal = _unit(sub(q, p)) if apart else _normal(a, b)
+        normal = unit(sub(q, p)) if apart else _normal(a, b)
         p, q = surface_points(p, q, tree_a.scale[SWEPT], tree_b.scale[SWEPT])
         for i in range(3):
             points[k, i] = pose[i, 0] * p[0] + pose[i, 1] * p[1] + pose[i, 2] * p[2] + pose[i, 3]
