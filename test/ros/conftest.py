@@ -278,13 +278,13 @@ class Peer:
         return self.wait(answered, f"answers to {positions}", START_DEADLINE_S)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_monitor(launch_for_all, scene_file):
-    """One monitor for all tests that leave it as they found it."""
+    """One monitor for all tests of a file that leave it as they found it."""
     return launch_for_all("node", scene=scene_file, pose_timeout_s=3.0)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_peer(rclpy_context, shared_monitor):
     peer = Peer(shared_monitor)
     yield peer

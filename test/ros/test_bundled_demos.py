@@ -26,6 +26,7 @@ def installed(package):
         return False
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("name", LEAST)
 def test_a_bundled_scene_runs(ros_environment, name):
     if name == "arm" and not installed("example-robot-data"):
