@@ -18,10 +18,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from deadlines import DEADLINE_S, START_DEADLINE_S
 from hypothesis import settings
-
-DEADLINE_S = 60.0  # Fast DDS forgets a killed peer after 20 s
-START_DEADLINE_S = 600.0  # the first start on a machine compiles the kernels
 
 settings.register_profile("search", deadline=None, print_blob=True)
 settings.register_profile("repeatable", settings.get_profile("search"), derandomize=True)

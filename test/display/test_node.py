@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from deadlines import DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -25,7 +26,6 @@ from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.node import ProximityDisplay
 
-DEADLINE_S = 60.0
 NAMESPACE = "/shown"
 """Of the display and its player. The monitors of other tests are heard elsewhere: a scene of theirs
 would replace the one below, and let go what is held."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 
 import pytest
+from deadlines import DEADLINE_S, START_DEADLINE_S
 
 SCENE = """
 version: 1
@@ -27,8 +28,6 @@ pairs:
     - {between: [ball, die], thresholds: {warn: 50, stop: 5}}
 """
 APART = {"ball": (0.0, 0.0, 0.5), "die": (0.8, 0.1, 0.9)}
-DEADLINE_S = 60.0  # Fast DDS forgets a killed peer after 20 s
-START_DEADLINE_S = 600.0  # the first start on a machine compiles the kernels
 
 
 @pytest.fixture(scope="session", autouse=True)
