@@ -3,6 +3,8 @@
 # editable one would leave out the launchers and the ament index that `ros2 run` reads.
 
 ARGS ?=
+# All tests are shared among two workers. A few of them are over before a second worker is there.
+WORKERS ?= $(if $(ARGS),0,2)
 VENV ?= .venv$(if $(ROS_DISTRO),-$(ROS_DISTRO))
 ENV_PYTHON = $(VENV)/bin/python
 
@@ -52,13 +54,14 @@ help:
 	@echo 'make lint                         run the linter and check the format'
 	@echo 'make format                       let the linter mend what it can, and format'
 	@echo 'make clean                        remove the virtual environments and caches'
-	@echo 'Variables: PYTHON (an interpreter, 3.11 or newer), VENV (default $(VENV)).'
+	@echo 'Variables: PYTHON (an interpreter, 3.11 or newer), VENV (default $(VENV)),'
+	@echo '           WORKERS (of the tests; default 2, and 0 with ARGS: none but pytest itself).'
 
 demo: $(VENV)/.installed-demo
 	@$(RUN) $(ENV_PYTHON) -m proximity_monitor demo $(ARGS)
 
 test: $(VENV)/.installed-test
-	$(RUN) $(ENV_PYTHON) -m pytest $(ARGS)
+	$(RUN) $(ENV_PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 # The benchmark's modules lie beside its scripts, so PYTHONSAFEPATH must not hide them.
 bench: $(VENV)/.installed-bench

@@ -23,6 +23,7 @@ peers = [
 # The formatter's output differs between its minor versions, so one of them decides for everybody.
 checks = [
     "pytest>=7.4",
+    "pytest-xdist>=3.7",
     "hypothesis>=6.90",
     "python-fcl>=0.7",
     "playwright>=1.45",

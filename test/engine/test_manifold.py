@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
 from time import perf_counter
 
@@ -41,6 +42,13 @@ CONTINUA = {
 """Bodies whose nearest points are a continuum or many ties."""
 
 
+@cache
+def distances_of(name):
+    """Distances (m, n) of all triangles of such bodies, which brute force takes long for."""
+    a, b, pose_b = CONTINUA[name]
+    return pairwise_distances(triangles(a), triangles(b, pose_b))
+
+
 def pairs(manifold):
     """Which faces (m, n) of a and of b make up a manifold; each pair is in it once."""
     held = np.zeros((len(manifold.faces_a), len(manifold.faces_b)), int)
@@ -68,7 +76,7 @@ def check(found, distances, rounding):
 @pytest.mark.parametrize("name", list(CONTINUA))
 def test_continua_are_found_whole(name, order):
     a, b, pose_b = CONTINUA[name]
-    distances = pairwise_distances(triangles(a), triangles(b, pose_b))
+    distances = distances_of(name)
     found = engine.distance(a, IDENTITY, b, pose_b, order=order, manifold=True)
     plain = engine.distance(a, IDENTITY, b, pose_b, order=order)
     assert (found.lower, found.upper) == pytest.approx((plain.lower, plain.upper), abs=1e-14)
@@ -94,8 +102,8 @@ def test_bodies_anywhere(name):
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("tolerance", [{"rel_err": 0.1}, {"abs_err": 0.05}, {"abs_err": np.inf}])
 def test_a_tolerance_leaves_volumes_alone_and_misses_nothing(tolerance, order):
-    for a, b, pose_b in CONTINUA.values():
-        distances = pairwise_distances(triangles(a), triangles(b, pose_b))
+    for name, (a, b, pose_b) in CONTINUA.items():
+        distances = distances_of(name)
         found = engine.distance(a, IDENTITY, b, pose_b, order=order, manifold=True, **tolerance)
         exact = engine.distance(a, IDENTITY, b, pose_b, order=order, manifold=True)
         held = check(found, distances, 1e-14)

@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -297,7 +298,7 @@ def settled(robot, lowest):
         lower = float(pairs["floor - gantry_arm"]["lower_m"]) if pairs else math.nan
         return pairs if abs(lower - lowest) < 1e-9 else None
 
-    return robot.wait(near, f"the arm at {lowest} m", 180.0)
+    return robot.wait(near, f"the arm at {lowest} m", START_DEADLINE_S)
 
 
 def test_the_monitor_follows_the_joints(robot):
