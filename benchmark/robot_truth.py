@@ -3,6 +3,10 @@
 What a link is: the union of its collision shapes. A primitive is solid, and coal takes it so. Of a
 mesh, coal sees the triangles alone; that something is wholly inside a mesh that encloses a solid is
 found here, by the winding number of a point of each of its connected parts.
+
+Meshes are as pinocchio reads them, but for COLLADA files: where such a mesh has several lists of
+polygons, as the head of iCub, coal 3.0 gives the later ones the vertices of others. trimesh reads
+these.
 """
 
 from __future__ import annotations
@@ -11,8 +15,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import coal
 import numpy as np
 import pinocchio
+import trimesh
 from numpy.typing import NDArray
 
 INSIDE = -1.0
@@ -55,6 +61,8 @@ class Truth:
         self.links = [frame.name for frame in self._model.frames]
         owner: dict[str, list[int]] = {}
         for i, shape in enumerate(self._shapes.geometryObjects):
+            if shape.meshPath.endswith(".dae"):
+                shape.geometry = _collada(shape)
             owner.setdefault(self.links[shape.parentFrame], []).append(i)
         self._starts, both = [], []
         for a, b in pairs:
@@ -146,6 +154,26 @@ class _Enclosures:
             if len(points) and _inside(points, self._meshes[outer]):
                 found.append(k)
         return found
+
+
+def _collada(shape: pinocchio.GeometryObject) -> coal.BVHModelOBBRSS:
+    """The mesh of a COLLADA file.
+
+    Raises:
+        ValueError: it is not where pinocchio's is.
+    """
+    read = trimesh.load(shape.meshPath, force="mesh", process=False)
+    vertices = np.asarray(read.vertices) * shape.meshScale
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(read.faces), len(vertices))
+    model.addVertices(vertices)
+    model.addTriangles(np.asarray(read.faces, np.int64))
+    model.endModel()
+    theirs = np.asarray(shape.geometry.vertices())
+    for bound in (np.min, np.max):
+        if not np.allclose(bound(vertices, axis=0), bound(theirs, axis=0), atol=1e-6):
+            raise ValueError(f"{shape.meshPath}: trimesh and pinocchio do not agree on its size")
+    return model
 
 
 def _mesh(shape: object) -> Mesh | None:
