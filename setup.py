@@ -10,13 +10,14 @@ scene = ["pyyaml>=6.0", "jsonschema>=4.10"]
 nodes = [*scene, "rich>=13.0"]
 bag = ["rosbags>=0.11.9"]
 display = ["viser>=1.1,<2"]
-robots = ["pycollada>=0.9", "example-robot-data>=6.0"]
+robots = ["pycollada>=0.9", "example-robot-data>=6.0", "xacro>=2.0"]
 study = [*scene, "rich>=13.0", "matplotlib>=3.6"]
 ros = [*nodes, "ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-rclpy[fastrtps]"]
 peers = [
     "python-fcl>=0.7",
     "coal>=3.0",
     "fcpw>=1.2",
+    "pin>=3.4",
     *robots,
 ]
 # The formatter's output differs between its minor versions, so one of them decides for everybody.
@@ -61,7 +62,7 @@ setup(
         "ros": ros,  # the nodes with ROS 2 from wheels
         "bag": bag,  # motion from ROS 2 bags
         "display": display,  # the page in the browser
-        "robots": robots,  # the robots of the bundled scene, and COLLADA meshes
+        "robots": robots,  # the robots of the bundled scene, COLLADA meshes and xacro files
         "bench": [*nodes, *peers],  # the engine beside the libraries that people use today
         "study": study,  # what accuracy costs, with figures
         "checks": checks,  # the test tools alone, for the same case as `nodes`

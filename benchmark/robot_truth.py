@@ -119,9 +119,7 @@ class Truth:
 class _Enclosures:
     """What may lie wholly inside a mesh."""
 
-    def __init__(
-        self, meshes: Mapping[int, Mesh | None], pairs: Sequence[tuple[int, int]]
-    ) -> None:
+    def __init__(self, meshes: Mapping[int, Mesh | None], pairs: Sequence[tuple[int, int]]) -> None:
         self._meshes = meshes
         self._boxes = {
             i: (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0))

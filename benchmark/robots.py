@@ -73,8 +73,10 @@ def main(arguments: list[str] | None = None) -> int:
         root = model_path("package://example-robot-data/package.xml", Path("/")).parent
     except SceneError as error:
         sys.exit(str(error))
-    robots = {path.stem if path.stem not in ("anymal",) else path.parts[-3]: path
-              for path in sorted((root / "robots").rglob("*.urdf"))}
+    robots = {
+        path.stem if path.stem not in ("anymal",) else path.parts[-3]: path
+        for path in sorted((root / "robots").rglob("*.urdf"))
+    }
     chosen = {
         name: path
         for name, path in robots.items()
@@ -91,7 +93,9 @@ def main(arguments: list[str] | None = None) -> int:
         for name, path in chosen.items():
             progress.update(task, description=name)
             try:
-                row = _watch(name, path, root.parent, configurations, lambda: progress.advance(task))
+                row = _watch(
+                    name, path, root.parent, configurations, lambda: progress.advance(task)
+                )
             except (SceneError, ValueError, RuntimeError) as error:
                 refused[name] = str(error).splitlines()[0]
                 progress.advance(task, configurations)
@@ -110,9 +114,7 @@ def main(arguments: list[str] | None = None) -> int:
     return int(any(row.wrong for row in rows))
 
 
-def _watch(
-    name: str, urdf: Path, packages: Path, configurations: int, advance
-) -> Row:
+def _watch(name: str, urdf: Path, packages: Path, configurations: int, advance) -> Row:
     began = perf_counter()
     scene = _scene(urdf)
     robot, names = scene.robots[0], _links(scene, urdf)

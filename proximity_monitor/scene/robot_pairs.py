@@ -68,15 +68,11 @@ def _adjacent(kinematics: Kinematics, names: Mapping[str, str]) -> Pairs:
             yield frozenset((link, parent))
 
 
-def _named(
-    pairs: list[list[str]], keys: Keys, names: Mapping[str, str], report: Report
-) -> Pairs:
+def _named(pairs: list[list[str]], keys: Keys, names: Mapping[str, str], report: Report) -> Pairs:
     for index, pair in enumerate(pairs):
         for at, link in enumerate(pair):
             if link not in names:
-                report.add(
-                    (*keys, index, at), f"no link '{link}' has a shape{meant(link, names)}"
-                )
+                report.add((*keys, index, at), f"no link '{link}' has a shape{meant(link, names)}")
         if pair[0] == pair[1]:
             report.add((*keys, index), f"'{pair[0]}' and '{pair[1]}' are one link; name two")
         yield frozenset(pair)

@@ -179,7 +179,8 @@ class _Reader:
         if any(getattr(link, other) for link in self._urdf.links):
             way_out = f", but some have a {other} shape: set 'meshes: {other}'"
         self._report.add(
-            (*self._keys, "meshes"), f"no link of {self._data['name']} has a {wanted} shape{way_out}"
+            (*self._keys, "meshes"),
+            f"no link of {self._data['name']} has a {wanted} shape{way_out}",
         )
         self._report.check()
 
