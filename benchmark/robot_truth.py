@@ -139,7 +139,7 @@ class _Enclosures:
         ]
 
     def hold(self, placements: Sequence[NDArray[np.float64]], apart: NDArray) -> list[int]:
-        """Which of the pairs of shapes that are `apart` (k,) by their surfaces are one in the other."""
+        """Which pairs of shapes are one in the other: those are `apart` (k,) by their surfaces."""
         found = []
         for k, outer, inner in self._asked:
             if not apart[k] > 0.0:

@@ -1,9 +1,9 @@
 """The monitor's subscriptions: what arrives is checked, kept or counted, and nothing more.
 
 Poses come one body a message on each body's topic, all in one `geometry_msgs/PoseArray` on
-``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots (and each
-moving root's topic), or by /tf. The vertices of a deforming body come as `sensor_msgs/PointCloud2` on
-``bodies/<name>/vertices``, in the model's frame and metres.
+``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, whose
+roots may have a topic of their own, or by /tf. The vertices of a deforming body come as
+`sensor_msgs/PointCloud2` on ``bodies/<name>/vertices``, in the model's frame and metres.
 """
 
 from __future__ import annotations

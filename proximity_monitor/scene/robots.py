@@ -92,8 +92,11 @@ def _descriptions(
     # Arguments of xacro files are text; YAML's true is Python's True, which xacro reads.
     arguments = {name: str(value) for name, value in data.get("xacro_args", {}).items()}
     key, srdf = "urdf", None
+    if not isinstance(data[key], str):
+        read_topic(data[key]["topic"], (*keys, key, "topic"), report)
+        report.check()
     try:
-        urdf = _urdf(data["urdf"], (*keys, "urdf"), folder, arguments, report, describe)
+        urdf = _urdf(data[key], folder, arguments, describe)
         key = "srdf"
         if key in data:
             srdf = read_srdf(model_path(data[key], folder), arguments)
@@ -109,16 +112,13 @@ def _descriptions(
 
 def _urdf(
     source: str | Mapping[str, str],
-    keys: Keys,
     folder: Path,
     arguments: Mapping[str, str],
-    report: Report,
     describe: Describe | None,
 ) -> Urdf:
     if isinstance(source, str):
         return read_urdf(model_path(source, folder), arguments)
-    topic = read_topic(source["topic"], (*keys, "topic"), report)
-    report.check()
+    topic = source["topic"]
     if describe is None:
         raise SceneError(
             f"the description comes from the topic {topic}, so this scene can be used by the nodes "
