@@ -64,6 +64,7 @@ test: $(VENV)/.installed-test
 bench: $(VENV)/.installed-bench
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/compare.py $(ARGS)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/assembly.py $(if $(findstring --quick,$(ARGS)),--quick)
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/welding.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/points.py
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/startup.py
 

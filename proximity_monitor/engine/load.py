@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from .formats import FormatError, Plain, plain_obj, plain_off, plain_stl
 from .glb import plain_glb
-from .mesh import ModelError, TriangleMesh
+from .mesh import ModelError, Solid, TriangleMesh
 from .ply import plain_ply
 
 _PLAIN = {
@@ -29,7 +29,9 @@ _Geometry = tuple[str, NDArray[np.float64], NDArray[np.int64]]
 """Name, vertices (n, 3) and faces (m, 3)."""
 
 
-def load(path: str | PathLike[str], *, scale: float = 1.0, volume: str = "rss") -> TriangleMesh:
+def load(
+    path: str | PathLike[str], *, scale: float = 1.0, volume: str = "rss", solid: Solid = None
+) -> TriangleMesh:
     """Read a model from a file: .stl, .obj, .ply, .off or .glb, binary or ASCII.
 
     Several geometries in one file are merged with their transforms; points and curves among them
@@ -41,6 +43,7 @@ def load(path: str | PathLike[str], *, scale: float = 1.0, volume: str = "rss") 
         path: the file; its extension says the format.
         scale: metres in the file's unit of length, 0.001 for millimetres.
         volume: the bounding volumes, as for TriangleMesh.
+        solid: whether it has an inside, as for TriangleMesh.
 
     Returns:
         The model in metres, named after the file without its extension.
@@ -49,8 +52,8 @@ def load(path: str | PathLike[str], *, scale: float = 1.0, volume: str = "rss") 
         FileNotFoundError: there is no such file.
         IsADirectoryError: it is a directory.
         ModelError: another extension; an empty, truncated or damaged file; a vertex that is not
-            finite, a face that names no vertex, no triangles; an unknown volume. The message starts
-            with the path.
+            finite, a face that names no vertex, no triangles; an unknown volume; no solid though it
+            must be one. The message starts with the path.
         ValueError: a scale that is not finite and above 0.
     """
     if not 0.0 < scale < math.inf:
@@ -73,7 +76,7 @@ def load(path: str | PathLike[str], *, scale: float = 1.0, volume: str = "rss") 
         ) from error
     with np.errstate(over="ignore"):  # what becomes infinite is refused next, with its index
         vertices = vertices * scale
-    mesh = TriangleMesh(vertices, faces, name=str(file), volume=volume)
+    mesh = TriangleMesh(vertices, faces, name=str(file), volume=volume, solid=solid)
     mesh.name = file.stem
     return mesh
 

@@ -30,8 +30,15 @@ def torus_and_unused_vertices():
     return engine.TriangleMesh(vertices, mesh.faces)
 
 
+def unwelded():
+    """A torus whose triangles have vertices of their own: what is one edge by place may tear."""
+    corners = torus(9).vertices[torus(9).faces].reshape(-1, 3)
+    return engine.TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
 BODIES = {
     "torus": torus,
+    "unwelded torus": unwelded,
     "sphere": lambda: sphere(3),
     "soup": lambda: soup(3, 300),
     "17 triangles": lambda: soup(4, 17),
