@@ -65,7 +65,7 @@ def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe 
     bodies += robots.bodies
     motion = None
     if "motion" in data:
-        motion = read_motion(data["motion"], bodies, unit, report, path.parent)
+        motion = read_motion(data["motion"], bodies, unit, report, path.parent, robots.robots)
         check_script(data["motion"], robots.robots, report)
     return Scene(
         path=path,
