@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from proximity_monitor import engine
-from proximity_monitor.scene.collada import read_collada
 from proximity_monitor.scene.description import (
     Body,
     Box,
@@ -27,7 +26,7 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Triangl
 
     Args:
         body: of a loaded scene, or made by hand; its scale must be greater than 0.
-        unit: the length unit of model files.
+        unit: the length unit of model files that do not state their own.
         volume: the bounding volumes, as for engine.TriangleMesh.
 
     Returns:
@@ -41,7 +40,7 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Triangl
     if not (math.isfinite(body.scale) and body.scale > 0.0):
         raise ValueError(f"body '{body.name}': scale must be greater than 0 (got {body.scale})")
     if body.primitive is None:
-        return engine.load(body.model, scale=unit.to_metre * body.scale, volume=volume)
+        return engine.load(body.model, unit=unit.to_metre, scale=body.scale, volume=volume)
     vertices, faces = _mesh(body.primitive)
     return engine.TriangleMesh(vertices * body.scale, faces, name=body.name, volume=volume)
 
@@ -70,8 +69,6 @@ def _placed(part: Part) -> tuple[np.ndarray, np.ndarray]:
     """The mesh of a part in the frame of its compound."""
     if not isinstance(part.shape, Path):
         vertices, faces = _mesh(part.shape)
-    elif part.shape.suffix.lower() == ".dae":
-        vertices, faces = read_collada(part.shape)
     else:
         mesh = engine.load(part.shape)
         vertices, faces = mesh.vertices, mesh.faces

@@ -105,7 +105,7 @@ def test_distances_are_those_of_the_cores_less_the_radii(
 @pytest.mark.parametrize("volume", ["rss", "obb"])
 def test_manifolds_and_contacts_hold_every_pair(order, volume):
     rng = np.random.default_rng(7)
-    a, b = rng.normal(size=(150, 3)), rng.normal(size=(150, 3)) + (4.0, 0.0, 0.0)
+    a, b = rng.normal(size=(150, 3)), rng.normal(size=(150, 3)) + np.array([4, 0, 0])
     for radius, deviation in ((0.8, 0.0), (0.1, 0.0), (0.1, 0.05)):
         face = np.tile(np.arange(150)[:, None], 3)
         first = engine.TriangleMesh(a, face, radius=radius, deviation=deviation, volume=volume)
