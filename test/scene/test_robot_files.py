@@ -293,3 +293,35 @@ def test_a_root_stands_or_moves(problems):
     assert found == "4: robots[0]: needs only one of 'pose', 'root'"
     (found,) = problems("    root: {topic: no topic}\n")
     assert found.startswith("6: robots[0].root.topic: must be a topic name")
+
+
+PATH = "keys: [{t: 0, position: [0, 0, 0]}, {t: 2, position: [4000, 0, 0]}]"
+
+
+def test_a_script_moves_a_root(load):
+    from proximity_monitor import motion
+
+    scene = load(f"    root: {{}}\nmotion: {{script: {{bodies: {{arm: {{{PATH}}}}}}}}}\n")
+    moves = motion.from_scene(scene)
+    assert moves.bodies == ("arm",)
+    np.testing.assert_allclose(moves.poses(1.0)["arm"][:3, 3], [2.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("more", "told"),
+    [
+        ("motion: {script: {bodies: {arm: {PATH}}}}", "'arm' is a robot whose root is fixed; give"),
+        (
+            "    root: {}\nmotion: {script: {bodies: {arm_a: {PATH}}}}",
+            "'arm_a' is the link of a robot",
+        ),
+        (
+            "    root: {}\nmotion: {dynamics: {bodies: {arm: {density: 1,"
+            " pose: {position: [0, 0, 0]}}}}}",
+            "no body is named 'arm'",
+        ),
+    ],
+)
+def test_what_cannot_move_a_root_is_told(problems, more, told):
+    (found,) = problems(more.replace("PATH", PATH) + "\n")
+    assert told in found
