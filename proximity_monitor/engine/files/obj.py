@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .text import Rows, shown, wholes, without_mark
+from .text import Rows, shown, wholes, without_comment, without_mark
 from .triangles import FormatError, Triangles, fans
 
 _OTHERS = frozenset(
@@ -33,7 +33,7 @@ def read_obj(data: bytes, _: Path) -> Triangles:
             continue
         if begun:
             line, begun = begun + line, b""
-        key, *words = line.split(b"#", 1)[0].split() or (b"",)
+        key, *words = without_comment(line).split() or (b"",)
         if key == b"v":
             vertices += words
             widths.append(len(words))
