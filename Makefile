@@ -43,12 +43,13 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 	AMENT_PREFIX_PATH="$(abspath $(VENV))$${AMENT_PREFIX_PATH:+:$$AMENT_PREFIX_PATH}"
 
 .NOTPARALLEL:
-.PHONY: help demo test bench latency accuracy lint format clean
+.PHONY: help demo test bench robots latency accuracy lint format clean
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
 	@echo 'make test [ARGS="-k scene"]       run the tests (ARGS go to pytest)'
 	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal'
+	@echo 'make robots [ARGS="--quick"]       all links of real robots against pinocchio and coal'
 	@echo 'make latency [ARGS="--quick"]      from a pose to its closest points, across processes'
 	@echo 'make accuracy [ARGS="--quick"]     what accuracy costs in time: data, figures and a page'
 	@echo 'make lint                         run the linter and check the format'
@@ -70,6 +71,9 @@ bench: $(VENV)/.installed-bench
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/welding.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/points.py
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/startup.py
+
+robots: $(VENV)/.installed-bench
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/robots.py $(ARGS)
 
 latency: $(VENV)/.installed-demo
 	@$(RUN) $(ENV_PYTHON) benchmark/latency.py $(ARGS)

@@ -10,13 +10,14 @@ scene = ["pyyaml>=6.0", "jsonschema>=4.10", "trimesh>=4.6"]
 nodes = [*scene, "rich>=13.0"]
 bag = ["rosbags>=0.11.9"]
 display = ["viser>=1.1,<2"]
-robots = ["example-robot-data>=6.0"]
+robots = ["example-robot-data>=6.0", "xacro>=2.0"]
 study = [*scene, "rich>=13.0", "matplotlib>=3.6"]
 ros = [*nodes, "ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-rclpy[fastrtps]"]
 peers = [
     "python-fcl>=0.7",
     "coal>=3.0",
     "fcpw>=1.2",
+    "pin>=3.4",
     "pycollada>=0.9",
     *robots,
 ]
@@ -63,7 +64,7 @@ setup(
         "ros": ros,  # the nodes with ROS 2 from wheels
         "bag": bag,  # motion from ROS 2 bags
         "display": display,  # the page in the browser
-        "robots": robots,  # the robots of the bundled scene
+        "robots": robots,  # the robots of the bundled scene, and xacro files
         "bench": [*nodes, *peers],  # the engine beside the libraries that people use today
         "study": study,  # what accuracy costs, with figures
         "checks": checks,  # the test tools alone, for the same case as `nodes`
