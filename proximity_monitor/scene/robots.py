@@ -12,7 +12,6 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from proximity_monitor import engine
 from proximity_monitor.scene.bodies import read_colour, read_pose, read_solid, read_topic
 from proximity_monitor.scene.description import Body, Compound, Part, Robot, Root, Unit
 from proximity_monitor.scene.kinematics import Joint, Kinematics
