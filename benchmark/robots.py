@@ -215,20 +215,23 @@ def _check_poses(
             raise ValueError(f"{names[body]}: pinocchio puts it {error:g} m elsewhere")
 
 
-def _before(path: Path | None) -> dict[str, int]:
-    """The wrong answers of a former run by robot."""
+def _before(path: Path | None) -> dict[str, str]:
+    """The share of wrong answers in a former run, by robot."""
     if path is None:
         return {}
     with path.open(newline="") as file:
-        return {row["robot"]: int(row["wrong"]) for row in csv.DictReader(file)}
+        return {
+            row["robot"]: f"{100 * int(row['wrong']) / int(row['answers']):.3g} %"
+            for row in csv.DictReader(file)
+        }
 
 
-def _page(rows: Sequence[Row], refused: Mapping[str, str], before: Mapping[str, int]) -> str:
+def _page(rows: Sequence[Row], refused: Mapping[str, str], before: Mapping[str, str]) -> str:
     heads = ["robot", "links", "pairs", "triangles", "answers", "wrong"]
     heads += [*(["before"] if before else []), "missed", "widest (mm)", "s"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for row in rows:
-        was = [str(before.get(row.robot, ""))] if before else []
+        was = [before.get(row.robot, "")] if before else []
         lines.append(
             f"| {row.robot} | {row.links} | {row.pairs} | {row.triangles} | {row.answers} |"
             f" {' | '.join([str(row.wrong), *was])} | {row.missed} | {row.widest:.3g} |"
