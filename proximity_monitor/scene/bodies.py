@@ -12,6 +12,7 @@ import numpy as np
 from proximity_monitor.scene.description import (
     Body,
     Box,
+    Capsule,
     Cylinder,
     Point,
     Primitive,
@@ -74,6 +75,7 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
         topic=topic,
         colour=read_colour(data),
         **read_solid(data, keys, report),
+        deviation=unit.to_metre * data.get("deviation", 0.0),
         deforming=data.get("deforming", False),
     )
 
@@ -88,7 +90,9 @@ def _primitive(data: dict[str, Any], unit: Unit) -> Primitive:
     radius = unit.to_metre * values["radius"]
     if kind == "cylinder":
         return Cylinder(radius, unit.to_metre * values["height"], int(values.get("segments", 64)))
-    return Sphere(radius, int(values.get("subdivisions", 3)))
+    if kind == "capsule":
+        return Capsule(radius, unit.to_metre * values["length"])
+    return Sphere(radius, values.get("subdivisions"))
 
 
 def read_topic(topic: str, keys: Keys, report: Report) -> str:
