@@ -22,7 +22,7 @@ from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.listed import as_arrays
-from proximity_monitor.scene.state import STATUSES, PairStatus, Tick
+from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, silence
 
 WINDOW_S = 10.0
 """Percentiles and the achieved rate are over the ticks of so many seconds."""
@@ -82,8 +82,8 @@ class State(NamedTuple):
     watched: int
     """Pairs of the scene."""
     inputs: Inputs
-    silent: Sequence[str]
-    """Bodies whose pose is stale or was never given."""
+    silent: Mapping[str, str]
+    """By a body that is not to be relied on, why."""
     refused_joints: Mapping[str, int]
     """By reason."""
     held: Mapping[str, str]
@@ -173,7 +173,7 @@ class Health:
         strangers = state.inputs.strangers
         wrong = []
         if state.silent:
-            wrong.append(f"no recent pose of {_some(state.silent)}")
+            wrong.append(silence(state.silent, state.silent, listed=_some))
         if strangers:
             wrong.append(f"unknown bodies: {_some(strangers)}")
         if state.waiting:

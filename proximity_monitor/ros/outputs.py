@@ -114,6 +114,7 @@ class Outputs:
         tick: Tick,
         levels: Mapping[int, Level],
         changes: Sequence[Alert],
+        silent: Mapping[str, str],
         pose_stamp_ns: Callable[[str], int | None],
     ) -> None:
         """Publish a tick: alerts always, as late subscribers get them too, the rest on demand.
@@ -125,6 +126,7 @@ class Outputs:
             tick: what it found.
             levels: by a pair's index.
             changes: of the levels.
+            silent: by a silent body, why it is.
             pose_stamp_ns: the stamp of a body's pose, by name.
         """
         told = changes
@@ -146,6 +148,7 @@ class Outputs:
                     stamp=stamp,
                     frame=self._frame,
                     unit=self._scene.unit,
+                    silent=silent,
                     pose_stamp_ns=pose_stamp_ns,
                 ),
             )

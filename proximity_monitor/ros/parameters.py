@@ -79,8 +79,10 @@ SPECS: Mapping[str, Spec] = {
     ),
     "pose_timeout_s": Spec(
         0.5,
-        "Seconds after its stamp at which a pose is stale: refused if it arrives so late, and a"
-        " body without a newer one makes its pairs stale.",
+        "Seconds after its stamp at which a pose, a joint's position or a shape is stale: refused"
+        " if it arrives so late, and a body without a newer one makes its pairs stale. With"
+        " use_sim_time all bodies are stale when /clock stands still for so many seconds of real"
+        " time.",
         0.01,
         3600.0,
     ),

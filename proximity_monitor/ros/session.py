@@ -24,6 +24,7 @@ from proximity_monitor.ros.recorder import dump
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.ros.services import Services
 from proximity_monitor.ros.sources import Sources
+from proximity_monitor.ros.still_clock import REASON, StillClock
 from proximity_monitor.ros.strangers import strangers
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
@@ -74,7 +75,7 @@ class Session:
         self._distance_ticks = 0
         self._now_ns = 0
         self._monitor = monitor
-        self._unwatched: frozenset[int] = frozenset()
+        self._unwatched: dict[int, str] = {}
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
         self._attachments = Attachments(scene.bodies)
@@ -83,7 +84,13 @@ class Session:
             for body in scene.bodies
             if not body.moving
         }
-        self._inputs = Inputs([body.name for body in scene.bodies if body.moving], settings.frame)
+        self._inputs = Inputs(
+            [body.name for body in scene.bodies if body.moving],
+            settings.frame,
+            {body.name: "vertices" for body in scene.bodies if body.deforming},
+        )
+        self._changeable = [body.name for body in scene.bodies if body.moving or body.deforming]
+        self._clock = StillClock(node.get_clock())
         self._health = Health(node.get_fully_qualified_name().lstrip("/"), settings.frame)
         self._pace = Pace(settings.rate_hz)
 
@@ -194,20 +201,22 @@ class Session:
             name for name, at in samples.items() if at and not at.stale and name not in held
         )
 
-        tick = self._tick = self._search(samples)
+        silent = self._silent(samples, now.nanoseconds)
+        tick = self._tick = self._search(samples, silent)
         changes = self._alerts.update(
             tick,
             self.settings.thresholds,
             started,
             courses=self._course,
-            attached=self._unwatched,
-            silent=_silent(samples),
+            unwatched=self._unwatched,
+            silent=silent,
         )
         self._outputs.publish(
             stamp,
             tick,
             self._alerts.levels,
             changes,
+            silent,
             self._stamp_ns,
         )
         self._outputs.publish_scene()
@@ -217,15 +226,18 @@ class Session:
         self._log(changes)
         ended = time.perf_counter()
         self._health.timing.record(ended, tick, ended - started, 1.0 / self.settings.rate_hz)
+        self._clock.pardon(ended - started)
 
-    def _search(self, samples: Samples) -> Tick:
+    def _search(self, samples: Samples, silent: Mapping[str, str]) -> Tick:
         """Spend the budget, or as much of it as there is time for before a signal."""
         distances = self._outputs.look() or self.settings.record_distances
         self._distance_ticks += distances
         budget, spent, looked_at = self.settings.budget_s, 0.0, ()
         while True:
             left_s = budget - spent
-            tick = self._monitor.tick(samples, min(left_s, SLICE_S), distances=distances)
+            tick = self._monitor.tick(
+                samples, min(left_s, SLICE_S), silent=silent, distances=distances
+            )
             spent += tick.elapsed_s
             looked_at += tick.looked_at
             # A slice ends a little early: what closes a tick is set aside.
@@ -241,13 +253,25 @@ class Session:
         held = self._attachments.held
         if held.keys() != self._inputs.attached:
             self._inputs.attached = frozenset(held)
-            self._unwatched = frozenset(
-                i
+            self._unwatched = {
+                i: "attached to each other: not watched"
                 for i, pair in enumerate(self.scene.pairs)
                 if held.get(pair.a) == pair.b or held.get(pair.b) == pair.a
-            )
+            }
             self._monitor.ignore(self._unwatched)
         return samples
+
+    def _silent(self, samples: Samples, now_ns: int) -> dict[str, str]:
+        """By each body that is not to be relied on, why."""
+        if self._clock.look(now_ns, self.settings.pose_timeout_s):
+            logger = self._node.get_logger()
+            if self._clock.still:
+                logger.warning("/clock stands still: all bodies are stale until it goes on")
+            else:
+                logger.info("/clock goes on")
+        if self._clock.still:
+            return dict.fromkeys(self._changeable, REASON)
+        return self._inputs.silent(samples, now_ns)
 
     def _attach(self, parents: Mapping[str, str]) -> None:
         """Let bodies hang on each other so, from this moment on where their poses are known."""
@@ -269,7 +293,10 @@ class Session:
         return self._attachments.course(name, self._inputs.course(root))
 
     def _stamp_ns(self, name: str) -> int | None:
-        return self._inputs.stamp_ns(self._attachments.root(name))
+        """The stamp of the oldest message that says where a body is and what shape it has."""
+        pose_ns = self._inputs.stamp_ns(self._attachments.root(name))
+        stamps = [ns for ns in (pose_ns, self._inputs.shape_stamp_ns(name)) if ns is not None]
+        return min(stamps, default=None)
 
     def _set_vertices(self, name: str, vertices: np.ndarray) -> None:
         self._monitor.set_vertices(name, vertices)
@@ -304,7 +331,7 @@ class Session:
             levels=self._alerts.levels,
             watched=len(self.scene.pairs),
             inputs=self._inputs,
-            silent=_silent(samples),
+            silent=self._silent(samples, now.nanoseconds),
             refused_joints=joints.rejected if joints is not None else {},
             held=self._attachments.held,
             waiting=self._attachments.waiting,
@@ -348,7 +375,3 @@ class Session:
 def _effort(settings: Settings) -> tuple[float | None, ...]:
     """What decides how long a search takes."""
     return settings.budget_s, settings.rel_err, settings.abs_err
-
-
-def _silent(samples: Samples) -> list[str]:
-    return [name for name, at in samples.items() if at is None or at.stale]

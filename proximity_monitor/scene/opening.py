@@ -42,7 +42,7 @@ def descriptions() -> dict[str, str]:
 
 
 def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:
-    """Return each body's model in metres by name; bodies that look the same share one.
+    """Return each body's model in metres by name; rigid bodies that look the same share one.
 
     Raises:
         FileNotFoundError, engine.ModelError: as `scene.load_model`.
@@ -50,7 +50,7 @@ def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:
     shared: dict[tuple, engine.TriangleMesh] = {}
     models = {}
     for body in scene.bodies:
-        look = (body.model, body.primitive, body.scale)
+        look = (body.model, body.primitive, body.scale, body.name if body.deforming else None)
         if look not in shared:
             shared[look] = load_model(body, scene.unit)
         models[body.name] = shared[look]

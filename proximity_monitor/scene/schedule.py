@@ -129,6 +129,7 @@ class Monitor:
         poses: Mapping[str, PoseSample | None],
         budget_s: float,
         *,
+        silent: Collection[str] = (),
         distances: bool = True,
     ) -> Tick:
         """Answer for the given poses within the budget.
@@ -136,6 +137,8 @@ class Monitor:
         Args:
             poses: the last good pose of each moving body by name; None or a missing name means that
                 the body has no pose yet. Names of other bodies are ignored.
+            silent: bodies, fixed ones too, that are not to be relied on, whatever their poses say:
+                such as a deforming one whose vertices are late.
             budget_s: seconds for the whole tick. 0 searches nothing and still certifies
                 everything. A search that is running at the end of the budget overruns it by one
                 slice at most.
@@ -147,7 +150,7 @@ class Monitor:
         """
         started = self._clock()
         placing = self._placing
-        moved = placing.take(poses)
+        moved = placing.take(poses, silent)
         change = self._near.update(placing.known, placing.silent, moved)
         self._searches.forget(change.left)
         self._books.update(change)

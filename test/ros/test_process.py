@@ -151,28 +151,37 @@ def test_a_scene_that_fails_to_configure_can_be_replaced(launch, scene_file, tmp
     assert peer.change(Transition.TRANSITION_CONFIGURE)
 
 
-def test_simulated_time_stamps_the_results(launch, scene_file, new_peer):
+def test_simulated_time_stamps_the_results_and_may_not_stand_still(launch, scene_file, new_peer):
     process = launch("node", "-r", "__ns:=/sim", scene=scene_file, use_sim_time="true")
     peer = new_peer(process, "sim")
     clock = peer.node.create_publisher(Clock, "/clock", 1)
-    time_s = 1000
+    message, time_s = Clock(), 1000
 
-    def tell(at_s):
-        message = Clock()
+    def tell(at_s, states, step_ns=10_000):
+        message.clock.nanosec += step_ns
         message.clock.sec = at_s
         clock.publish(message)
         for name, position in (("ball", (0.0, 0.0, 0.5)), ("die", (0.8, 0.1, 0.9))):
             pose = peer.pose(position)
-            pose.header.stamp.sec, pose.header.stamp.nanosec = at_s, 0
+            pose.header.stamp = message.clock
             peer.publish(**{name: pose})
-        message = peer.last("closest_points")
-        states = {pair["state"] for pair in peer.pairs().values()}
-        return message is not None and message.header.stamp.sec == at_s and states == {"clear"}
+        told = peer.last("closest_points")
+        found = {pair["state"] for pair in peer.pairs().values()}
+        return told is not None and told.header.stamp.sec == at_s and found == states
 
-    peer.wait(lambda: tell(time_s), "results stamped with simulated time", 180.0)
-    peer.wait(lambda: tell(time_s + 3600), "results after a jump ahead")
-    peer.wait(lambda: tell(10), "results after the clock went back")
+    peer.wait(lambda: tell(time_s, {"clear"}), "results stamped with simulated time", 180.0)
+    peer.wait(lambda: tell(time_s + 3600, {"clear"}), "results after a jump ahead")
+    peer.wait(lambda: tell(10, {"clear"}), "results after the clock went back")
     assert "clock went back" in process.text
+
+    # As in a paused simulation, whose sources may go on.
+    peer.wait(lambda: tell(10, {"stale"}, step_ns=0), "all to be stale as time stands still")
+    assert all("no new time on /clock" in pair["text"] for pair in peer.pairs().values())
+    peer.wait(
+        lambda: tell(10, {"stale"}, step_ns=0) and "/clock" in peer.health()["inputs"]["text"],
+        "the diagnostics to say so",
+    )
+    peer.wait(lambda: tell(10, {"clear"}), "all to be clear as time goes on")
 
 
 def test_the_player_publishes_the_motion_with_stamps(launch, new_peer, rclpy_context):
