@@ -191,6 +191,7 @@ class Agenda:
         """
         states = np.empty(len(self._rows), kernel.STATE)
         listed, left = kernel.report(
-            self._rows, self._answers.table[0], self._silent, self.book, self._views, now_s, states
-        )
+            self._rows, self._answers.table[0], self._answers.bodies[2], self._silent, self.book,
+            self._views, now_s, states,
+        )  # fmt: skip
         return states[:listed], left

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from .kernels import carry as kernel
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
+from .witness import surface_points
 
 _UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
 _FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
@@ -60,7 +61,7 @@ class Answers:
         self._names = tuple(names)
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
-        self._balls = np.zeros((count, 4))
+        self._balls = np.zeros((count, kernel.BALL))
         self._first = np.zeros((count, 3))  # the first corner of each
         self._places = np.zeros((count, kernel.PLACE))
         self._labels = np.zeros((0, kernel.LABEL), np.int64)
@@ -83,7 +84,7 @@ class Answers:
         """
         defect = self._places[:, kernel.DEFECT].max(initial=0.0)
         slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * self._places[:, kernel.SIZE]
-        return self._balls[:, 3] + slack
+        return self._balls[:, kernel.CORE :].sum(axis=1) + slack
 
     @property
     def bodies(self) -> tuple[NDArray, ...]:
@@ -153,10 +154,12 @@ class Answers:
             self.poses, self._versions, self._balls, self._places, rows,
             self._labels, self._answers, bounds, points, motions,
         )  # fmt: skip
+        bodies = self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
+        radii = self._balls[bodies, kernel.SWEPT]
         return Carried(
             bounds[:, 0],
             bounds[:, 1],
-            points.reshape(-1, 2, 3),
+            np.stack(surface_points(points[:, :3], points[:, 3:], radii), axis=1),
             motions != kernel.MOVED,
             motions == kernel.SAME,
         )
@@ -173,7 +176,8 @@ class Answers:
         Args:
             rows: which, each at most once.
             bounds: (k, 2) metres, certified.
-            points: (k, 2, 3) metres, world: points of the models that attain the upper bounds.
+            points: (k, 2, 3) metres, world: points of the models' triangles that attain the upper
+                bounds (where they are swept, less the radii).
             features: (k, 2, 4) where they lie on the models: weights of a triangle's corners, and
                 its face; None: not known.
         """
@@ -187,7 +191,7 @@ class Answers:
 
     def _measure(self, body: int) -> None:
         model = self._models[body]
-        self._balls[body, :3], self._balls[body, 3] = model.centre, model.radius
+        self._balls[body] = *model.centre, model.core_radius, model.swept_radius, model.deviation
         self._first[body] = model.vertices[model.faces[0, 0]]
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:

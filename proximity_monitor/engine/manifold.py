@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from .kernels import state as index
 from .kernels.leaf import first_of, last_of
+from .kernels.swept import lower_of, reach_of, upper_of
 from .mesh import TriangleMesh
 from .result import Manifold
 from .run import Search
@@ -18,22 +19,25 @@ def manifold_of(a: TriangleMesh, b: TriangleMesh, search: Search) -> Manifold:
     Those are the pairs of triangles whose distance was found, the pairs of volumes left alone, and
     where the search was cut those not yet looked into.
     """
-    upper, slack = search.answers[index.UPPER], search.reals[index.SLACK]
-    rows = search.collected(upper)
+    reals = search.reals
+    slack = reals[index.SLACK]
+    reach = reach_of.py_func(reals[index.DISTANCE] + reals[index.UPPER_SLACK], *search.offsets)
+    rows = search.collected(reach)
     tested = rows[:, 0] >= 0.0
     triangles = rows[tested, :2].astype(np.int32)
     distances = rows[tested, 2]
     lanes, bounds = search.pending()
-    near = bounds <= upper
+    near = bounds <= reach
     lanes = np.concatenate((~rows[~tested, :2].astype(np.int32), lanes[near]))
     ranges = [
         np.concatenate((_one(triangles[:, side]), _under(mesh, lanes[:, side])))
         for side, mesh in enumerate((a, b))
     ]
     lower = np.concatenate((distances - slack, rows[~tested, 2], bounds[near]))
+    upper = np.concatenate((distances, _apart(a, b, search, ranges, len(triangles)))) + slack
     return Manifold(
-        np.maximum(lower, 0.0),
-        np.concatenate((distances, _apart(a, b, search, ranges, len(triangles)))) + slack,
+        np.maximum(lower_of.py_func(lower, *search.offsets), 0.0),
+        upper_of.py_func(upper, *search.offsets),
         *ranges,
         a._face_of,
         b._face_of,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,10 @@ class TriangleMesh:
         vertices: (n, 3) metres, model frame.
         faces: (m, 3) integers, indices of vertices; m >= 1.
         name: what messages call this mesh.
+        radius: metres; the ball that sweeps the triangles: the model is all points as near to them,
+            so that a point is a sphere and a segment a capsule, exactly.
+        deviation: metres; how far the surface may be from that of the thing it stands for, as a
+            tessellation's is. Every bound is widened by as much.
         volume: the bounding volumes: "rss", "lss" or "pss" (rectangle, line and point swept
             spheres), "hybrid" (of each node the one that its dimensions suggest; Larsen et al.
             1999, section 4.2), or, for comparison, "obb" or "aabb" (boxes along the principal axes
@@ -41,7 +46,8 @@ class TriangleMesh:
 
     Raises:
         ModelError: wrong shapes, no faces, a vertex that is not finite or beyond 1e45 m, a face
-            that names no vertex, an unknown volume; the message says which.
+            that names no vertex, a radius or deviation that is not a number from 0 to 1e45 m, an
+            unknown volume; the message says which.
     """
 
     __slots__ = (
@@ -52,10 +58,13 @@ class TriangleMesh:
         "_table",
         "_tree",
         "centre",
+        "core_radius",
         "depth",
+        "deviation",
         "faces",
         "name",
         "radius",
+        "swept_radius",
         "vertices",
         "volume",
     )
@@ -66,8 +75,14 @@ class TriangleMesh:
     """(m, 3) indices of vertices; read-only."""
     centre: NDArray[np.float64]
     """(3,) metres, model frame: centre of a sphere that holds every used vertex."""
-    radius: float
+    core_radius: float
     """Metres: radius of that sphere, rounding included."""
+    radius: float
+    """Metres: radius of a sphere around `centre` that holds all the model stands for."""
+    swept_radius: float
+    """Metres: the ball that sweeps the triangles."""
+    deviation: float
+    """Metres: how far the surface may be from that of the thing it stands for."""
     volume: str
     """The kind of bounding volume."""
 
@@ -77,6 +92,8 @@ class TriangleMesh:
         faces: ArrayLike,
         *,
         name: str = "mesh",
+        radius: float = 0.0,
+        deviation: float = 0.0,
         volume: str = "rss",
     ) -> None:
         if volume not in VOLUMES:
@@ -84,11 +101,15 @@ class TriangleMesh:
             raise ModelError(f"{name}: volume = {volume!r}: unknown; choose one of {known}")
         self.name = name
         self.volume = volume
+        self.swept_radius = _checked_length(radius, name, "radius")
+        self.deviation = _checked_length(deviation, name, "deviation")
         self.vertices = _checked_vertices(vertices, name)
         self.faces = _checked_faces(faces, len(self.vertices), name)
         corners = np.ascontiguousarray(self.vertices[self.faces].reshape(-1, 9))
-        self.centre, self.radius = _bounding_sphere(corners)
-        tree, self._face_of, self.depth = build(corners, self.faces, volume)
+        tree, self._face_of, self.depth = build(
+            corners, self.faces, volume, self.swept_radius, self.deviation
+        )
+        self._enclose(*_bounding_sphere(corners))
         self._keep(tree)
         self._node_ranges: NDArray[np.int32] | None = None
         self._spread: NDArray[np.int32] | None = None
@@ -116,9 +137,10 @@ class TriangleMesh:
             )
         faces = self.faces.take(self._face_of, axis=0)
         corners = moved.take(faces, axis=0).reshape(-1, 9)
-        centre, radius = _bounding_sphere(corners)
+        sphere = _bounding_sphere(corners)
         tree = refit(self._tree, corners, faces, self.volume)
-        self.vertices, self.centre, self.radius = moved, centre, radius
+        self.vertices = moved
+        self._enclose(*sphere)
         self._keep(tree)
         self._spread = None
 
@@ -126,6 +148,12 @@ class TriangleMesh:
     def revision(self) -> int:
         """How often the vertices were moved by `refit`: what was computed before is outdated."""
         return int(self._tree.scale[4])
+
+    def _enclose(self, centre: NDArray[np.float64], core_radius: float) -> None:
+        """Take the sphere around the vertices."""
+        self.centre, self.core_radius = centre, core_radius
+        radius = core_radius + self.swept_radius + self.deviation
+        self.radius = radius * (1.0 + 4.0 * DOUBLE_EPS)
 
     def _keep(self, tree: Tree) -> None:
         """Take a hierarchy, and make the table by which kernels find it."""
@@ -178,6 +206,19 @@ def _checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:
     return array
 
 
+def _checked_length(value: float, name: str, what: str) -> float:
+    try:
+        length = float(value)
+    except (TypeError, ValueError):
+        length = math.nan
+    if not 0.0 <= length <= LARGEST_COORDINATE:
+        raise ModelError(
+            f"{name}: {what} = {value!r}: must be a number of metres from 0 to "
+            f"{LARGEST_COORDINATE:g}"
+        )
+    return length
+
+
 def _checked_faces(faces: ArrayLike, vertex_count: int, name: str) -> NDArray[np.int32]:
     try:
         given = np.asarray(faces)
@@ -210,11 +251,14 @@ def _bounding_sphere(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64],
     return centre, radius + rounding
 
 
-def points(coordinates: ArrayLike, *, name: str = "points", volume: str = "rss") -> TriangleMesh:
-    """Points as a model: each is a degenerate triangle.
+def points(
+    coordinates: ArrayLike, *, radius: float = 0.0, name: str = "points", volume: str = "rss"
+) -> TriangleMesh:
+    """Points, or with a radius spheres, as a model: each is a degenerate triangle.
 
     Args:
         coordinates: (n, 3) metres, model frame; n >= 1.
+        radius: metres; of the spheres around them.
         name: what messages call it.
         volume: the bounding volumes, as for TriangleMesh.
 
@@ -223,16 +267,18 @@ def points(coordinates: ArrayLike, *, name: str = "points", volume: str = "rss")
     """
     array = _checked_vertices(coordinates, name)
     index = np.arange(len(array), dtype=np.int32)
-    return TriangleMesh(array, np.stack((index, index, index), axis=1), name=name, volume=volume)
+    faces = np.stack((index, index, index), axis=1)
+    return TriangleMesh(array, faces, name=name, radius=radius, volume=volume)
 
 
 def polyline(
-    coordinates: ArrayLike, *, name: str = "polyline", volume: str = "rss"
+    coordinates: ArrayLike, *, radius: float = 0.0, name: str = "polyline", volume: str = "rss"
 ) -> TriangleMesh:
-    """A polyline as a model: each segment is a degenerate triangle.
+    """A polyline, or with a radius a chain of capsules, as a model of degenerate triangles.
 
     Args:
         coordinates: (n, 3) metres, model frame; n >= 2; repeat the first point to close it.
+        radius: metres; of the capsules.
         name: what messages call it.
         volume: the bounding volumes, as for TriangleMesh.
 
@@ -243,6 +289,5 @@ def polyline(
     if len(array) < 2:
         raise ModelError(f"{name}: a polyline needs at least two points, got {len(array)}")
     index = np.arange(len(array) - 1, dtype=np.int32)
-    return TriangleMesh(
-        array, np.stack((index, index + 1, index + 1), axis=1), name=name, volume=volume
-    )
+    faces = np.stack((index, index + 1, index + 1), axis=1)
+    return TriangleMesh(array, faces, name=name, radius=radius, volume=volume)

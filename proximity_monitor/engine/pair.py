@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .kernels import state as index
+from .kernels.swept import reach_of
 from .manifold import manifold_of
 from .mesh import TriangleMesh
 from .poses import as_pose, check_pose
@@ -16,6 +17,7 @@ from .result import Clearance, Collision, Distance
 from .rows import distance_of
 from .run import Order, Search, check_tolerance
 from .signed import SignedSearch
+from .witness import witness_points
 
 
 class Pair:
@@ -137,7 +139,7 @@ class Pair:
         answer = self._search.answers
         lower, tests = float(answer[index.LOWER]), _tests(answer)
         return Clearance(
-            lower <= clearance, lower, float(answer[index.UPPER]), answer[2:5], answer[5:8], *tests
+            lower <= clearance, lower, float(answer[index.UPPER]), *witness_points(answer), *tests
         )
 
     def collide(
@@ -158,11 +160,11 @@ class Pair:
         pairs = answer[None, index.TREE_A : index.TREE_B + 1][: int(colliding)]
         if colliding and all_contacts:
             search.run(pose_a, pose_b, limit=math.ulp(0.0), collect=True)
-            pairs = search.collected(0.0)[:, :2]
+            pairs = search.collected(reach_of.py_func(0.0, *search.offsets))[:, :2]
             tests = tests + _tests(search.answers)
         pairs = pairs.astype(np.int32)
         contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
-        return Collision(colliding, contacts, answer[2:5], *tests.tolist())
+        return Collision(colliding, contacts, witness_points(answer)[0], *tests.tolist())
 
     def _change_order(self, order: Order) -> None:
         """Search in another order from now on; the remembered triangles stay."""

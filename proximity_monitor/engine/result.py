@@ -9,20 +9,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import state as index
+from .witness import witness_points
 
 
 class Status(Enum):
     """Why a distance search stopped."""
 
     EXACT = "exact"
-    """The bounds differ by rounding alone."""
+    """The bounds differ by rounding alone, and by what the models may deviate."""
     WITHIN_TOLERANCE = "within tolerance"
-    """upper <= (1 + rel_err) · true, or upper <= true + abs_err."""
+    """upper <= (1 + rel_err) · true, or upper <= true + abs_err, deviations left out."""
     OUT_OF_TIME = "out of time"
     """The budget ended first; the bounds hold, and the same Pair can go on."""
     INTERSECTING = "intersecting"
-    """The surfaces cross or touch, or are so close that rounding cannot tell: lower is 0, or the
-    least value that `signed_distance` can have."""
+    """The models cross or touch, or are so close that rounding or what they may deviate cannot tell:
+    lower is 0, or the least value that `signed_distance` can have."""
 
 
 STATUSES = tuple(Status)
@@ -127,12 +128,12 @@ class Distance:
     @property
     def point_a(self) -> NDArray[np.float64]:
         """(3,) metres, world; the witness point on a."""
-        return self.row[index.POINT_A : index.POINT_A + 3]
+        return witness_points(self.row)[0]
 
     @property
     def point_b(self) -> NDArray[np.float64]:
         """(3,) metres, world; the witness point on b."""
-        return self.row[index.POINT_B : index.POINT_B + 3]
+        return witness_points(self.row)[1]
 
     @property
     def feature_a(self) -> Feature:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .kernels import state as index
 from .result import Distance, Distances, Manifold, PairDistances
+from .witness import witness_points
 
 _new = object.__new__
 
@@ -30,8 +31,7 @@ def distances_of(rows: NDArray[np.float64]) -> Distances:
     return Distances(
         rows[:, index.LOWER],
         rows[:, index.UPPER],
-        rows[:, 2:5],
-        rows[:, 5:8],
+        *witness_points(rows),
         faces,
         tests[:, 0],
         tests[:, 1],
@@ -41,14 +41,13 @@ def distances_of(rows: NDArray[np.float64]) -> Distances:
 def pair_distances_of(rows: NDArray[np.float64]) -> PairDistances:
     """The answers of rows (k, ANSWER), which are kept; NaN stands where nothing was searched."""
     searched = ~np.isnan(rows[:, index.STATUS])
-    whole = rows[:, [index.FEATURE_A + 3, index.FEATURE_B + 3, *range(index.TREE_A, index.ANSWER)]]
+    whole = rows[:, [index.FEATURE_A + 3, index.FEATURE_B + 3, *range(index.TREE_A, index.RADIUS_A)]]
     whole[~searched] = (-1, -1, -1, -1, 0, 0, index.OUT_OF_TIME)
     numbers = whole.astype(np.int32)
     return PairDistances(
         rows[:, index.LOWER],
         rows[:, index.UPPER],
-        rows[:, 2:5],
-        rows[:, 5:8],
+        *witness_points(rows),
         numbers[:, 0:2],
         rows[:, [*range(8, 11), *range(12, 15)]].reshape(-1, 2, 3),
         numbers[:, 2:4],

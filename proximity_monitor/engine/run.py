@@ -180,8 +180,13 @@ class Search:
         self.counts[index.COLLECTED] = len(rows)
         self._keep(self.state._replace(collected=room))
 
+    @property
+    def offsets(self) -> tuple[float, float]:
+        """Both models' swept radii together and both deviations, metres."""
+        return float(self.reals[index.RADII]), float(self.reals[index.DEVIATIONS])
+
     def collected(self, reach: float) -> NDArray[np.float64]:
-        """The rows of `State.collected` that may be as near as `reach` metres."""
+        """The rows of `State.collected` whose cores may be as near as `reach` metres."""
         rows = self.state.collected[: self.counts[index.COLLECTED]]
         lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.reals[index.SLACK], 0.0)
         return rows[lower <= reach]

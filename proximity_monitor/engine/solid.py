@@ -56,7 +56,7 @@ def as_solid(mesh: TriangleMesh) -> Solid:
         _check_edges(mesh, faces)
         part, owned, samples = solids.parts_and_owners(faces, len(first))
     _check_volume(mesh, part, samples)
-    solid = Solid(owned, samples, np.array([*mesh.centre, mesh.radius]))
+    solid = Solid(owned, samples, np.array([*mesh.centre, mesh.core_radius]))
     for array in solid:
         array.setflags(write=False)
     _known[mesh] = _Checked(first, part, mesh.vertices, solid)

@@ -153,6 +153,21 @@ displacement, less than 30 u of it. Where these cancel they err by 20 u S (see P
 motions themselves by 11 u S each: the slacks of volumes before and after, 64 u S, cover that.
 """
 
+OFFSET_MARGIN = 8.0 * DOUBLE_EPS
+"""By what share of the cores' distance d and of what is subtracted from it, R, a bound is widened.
+
+R is the sum of two radii and two deviations, which three roundings change by less than 3 u R; the
+differences err by u (d + R) each, of which there are two at most, the margin's own subtraction by
+as much. Together less than 4 u d + 7 u R.
+"""
+
+OFFSET_RESERVE = 32.0 * DOUBLE_EPS
+"""By what share a limit l and R are increased before they limit the cores' distance.
+
+Of the sum L of both, OFFSET_MARGIN takes at most 8 u (L + R) <= 16 u L when the limit becomes a
+bound again, and adding up L errs by less than 4 u L.
+"""
+
 RIGID_TOLERANCE = 1e-6
 """By what share a pose may change lengths: what six-digit files and float32 messages hold.
 

@@ -26,7 +26,11 @@ _EDGES = {"rss": 2, "lss": 1, "pss": 0, "hybrid": 2, "obb": 2, "aabb": 2}
 
 
 def build(
-    corners: NDArray[np.float64], faces: NDArray[np.int32], volume: str = "rss"
+    corners: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    volume: str = "rss",
+    swept: float = 0.0,
+    deviation: float = 0.0,
 ) -> tuple[Tree, NDArray[np.int32], int]:
     """Build the hierarchy over triangles.
 
@@ -34,11 +38,13 @@ def build(
         corners: (m, 9) metres; C-contiguous.
         faces: (m, 3) which corners are the same vertex.
         volume: a key of VOLUMES.
+        swept: metres; radius of the ball that sweeps the triangles.
+        deviation: metres; how far they may be from what they stand for.
 
     Returns:
         The hierarchy, (m,) which triangle stands where in tree order, and the number of levels.
     """
-    scale = _scale(corners, volume)
+    scale = _scale(corners, volume, 0.0, swept, deviation)
     children, order, depth = build_tree(corners, pair_up(corners, faces, scale[0]))
     tree = _fitted(children, corners.take(order, axis=0), faces.take(order, axis=0), scale, volume)
     return tree, order.astype(np.int32), depth + 1
@@ -53,7 +59,7 @@ def refit(tree: Tree, corners: NDArray[np.float64], faces: NDArray[np.int32], vo
         faces: (m, 3) which corners are the same vertex, in tree order.
         volume: a key of VOLUMES.
     """
-    scale = _scale(corners, volume, tree.scale[4] + 1.0)
+    scale = _scale(corners, volume, tree.scale[4] + 1.0, *tree.scale[5:])
     return _fitted(tree.children, corners, faces, scale, volume)
 
 
@@ -72,12 +78,15 @@ def _fitted(
     return tree
 
 
-def _scale(corners: NDArray[np.float64], volume: str, revision: float = 0.0) -> NDArray[np.float64]:
+def _scale(
+    corners: NDArray[np.float64], volume: str, revision: float, swept: float, deviation: float
+) -> NDArray[np.float64]:
     """The numbers of a hierarchy as a whole: see `Tree`."""
     _, largest, longest = measure(corners, np.empty(3))
     # A power of two: dividing by it is exact. Zero for a model at the origin alone.
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
-    return np.array([unit, 1.0 / unit, longest, float(volume in BOXES), revision])
+    boxes = float(volume in BOXES)
+    return np.array([unit, 1.0 / unit, longest, boxes, revision, swept, deviation])
 
 
 class TreeError(AssertionError):

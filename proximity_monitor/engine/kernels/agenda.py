@@ -13,6 +13,7 @@ import numpy as np
 from . import carry, state
 from .carry import BODY_A, BODY_B, SIGNED, carry_one, keep_one, was_deformed
 from .jit import entry, kernel
+from .swept import surface_points
 
 LEVELS = 4
 
@@ -254,7 +255,7 @@ def _status(question, view):
 
 
 @entry
-def report(rows, labels, silent, book, views, now_s, states):
+def report(rows, labels, balls, silent, book, views, now_s, states):
     """Write the states of the listed views; return how many, and how many want a search yet.
 
     Listed are those that may be within their range, as far as is known. The smallest bounds of all
@@ -278,12 +279,16 @@ def report(rows, labels, silent, book, views, now_s, states):
         made.status = _status(question, view)
         made.age_s = 0.0 if view.answered or view.searched else now_s - question.looked
         made.min_upper, made.min_lower = question.min_upper, question.min_lower
+        witness = view.witness
+        points = surface_points(
+            (witness[0], witness[1], witness[2]), (witness[3], witness[4], witness[5]),
+            balls[label[BODY_A], carry.SWEPT], balls[label[BODY_B], carry.SWEPT],
+        )  # fmt: skip
         for side in range(2):
             body = label[BODY_A + side]
             made.bodies[side], made.silent[side] = body, silent[body]
-            made.faces[side] = int(view.witness[9 + 4 * side])
+            made.faces[side] = int(witness[9 + 4 * side])
             for i in range(3):
-                point = view.witness[3 * side + i]
-                made.points[side, i] = point if view.known else np.nan
-                made.weights[side, i] = view.witness[6 + 4 * side + i]
+                made.points[side, i] = points[side][i] if view.known else np.nan
+                made.weights[side, i] = witness[6 + 4 * side + i]
     return listed, left

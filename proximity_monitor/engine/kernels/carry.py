@@ -21,6 +21,13 @@ is deformed along straight lines passes every point that changes sides, which so
 share of e before, and the rest of it after, of either surface. Where balls overlap by p, no vertex
 is deeper than p, because it leaves the other's ball by then; and the distance of two points of the
 surfaces is never less than the signed distance.
+
+Where balls sweep the models, all of this is about their cores, and every bound of a distance one of
+the cores' less both radii, widened by both deviations: a sphere that spins does not move. What is
+below zero is about the swept models, whose points lie farther out: it uses the motion of those. At
+two core points p and q the models hold balls of both radii, so the signed distance is at most |q -
+p| less the radii, but for a ball that lies wholly inside: then minus the smaller diameter. As depth
+is twice what points have, a deviation counts twice there.
 """
 
 from __future__ import annotations
@@ -45,6 +52,10 @@ bound's chain (a witness point to its body's frame and back to the world) is sho
 could certify a bound that is wrong by rounding; larger ones only blur it.
 """
 
+CORE, SWEPT, DEVIATION, BALL = 3, 4, 5, 6
+"""Of a body's ball, after its centre in the model's frame: the radius that holds the core, the one
+that sweeps it, and the deviation, metres."""
+
 CENTRE, SIZE, DEFECT, STRETCH, PLACE = 0, 3, 4, 5, 6
 """Of a body: its ball's centre in the world; its share of s; d; metres by which its vertices have
 been moved so far, each time the largest displacement, added rounding up."""
@@ -52,8 +63,8 @@ been moved so far, each time the largest displacement, added rounding up."""
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
 ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 28, 29
 FEATURES, ANSWER = 30, 38
-"""Of an answer: bounds; the nearest points in the world and in their bodies' frames; the pose of B
-in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their models,
+"""Of an answer: bounds; the cores' nearest points in the world and in the bodies' frames; the pose of
+B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their models,
 which no motion changes: weights of a triangle's three corners and its face, of A and then of B."""
 
 WITNESS = 14
@@ -107,7 +118,8 @@ def _place(pose, ball, place):
     """Write where the ball of a body at this pose is."""
     centre = (ball[0], ball[1], ball[2])
     place[CENTRE], place[CENTRE + 1], place[CENTRE + 2] = _image(pose, centre)
-    place[SIZE] = _norm(_column(pose, 3)) + _norm(centre) + ball[3]
+    reach = ball[CORE] + ball[SWEPT] + ball[DEVIATION]
+    place[SIZE] = _norm(_column(pose, 3)) + _norm(centre) + reach
     defect = 0.0
     for i in range(3):
         for j in range(3):
@@ -131,7 +143,7 @@ def place(bodies, given, anew, balls, poses, versions, places):
     """Put bodies (m,) at poses `given` (m, 4, 4) and return how many so got another place.
 
     Or return -1 - i where given[i] is no rigid motion, with nothing written. Where `anew`, all of
-    them count as moved, because their balls (n, 4) are others. Writes poses (n, 4, 4), versions
+    them count as moved, because their balls (n, BALL) are others. Writes poses (n, 4, 4), versions
     (n,) and places (n, PLACE).
     """
     for i in range(len(bodies)):
@@ -156,7 +168,9 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     slack = (
         ROUNDING + NON_RIGID * max(place_a[DEFECT], place_b[DEFECT], answer[THEN_DEFECT])
     ) * max(place_a[SIZE] + place_b[SIZE], answer[THEN_SIZE])
-    radius_a, radius_b = ball_a[3], ball_b[3]
+    radius_a, radius_b = ball_a[CORE], ball_b[CORE]
+    outer_a = ball_a[SWEPT] + ball_a[DEVIATION]
+    outer_b = ball_b[SWEPT] + ball_b[DEVIATION]
     centre_a = (ball_a[0], ball_a[1], ball_a[2])
     centre_b = (ball_b[0], ball_b[1], ball_b[2])
     shift = _into(pose_a, sub(_column(pose_b, 3), _column(pose_a, 3)))
@@ -178,12 +192,16 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     move_b = _norm(sub(image_b, old_b)) + turn * radius_b
     move_a = _norm(sub(origin_a, old_a)) + turn * radius_a
     stretched = place_a[STRETCH] - answer[THEN_A] + (place_b[STRETCH] - answer[THEN_B])
-    moved = min(move_a, move_b) + stretched * (1.0 + 8.0 * DOUBLE_EPS)
+    stretched *= 1.0 + 8.0 * DOUBLE_EPS
+    moved = min(move_a, move_b) + stretched
+    moved_outer = min(move_a + turn * outer_a, move_b + turn * outer_b) + stretched
 
     world_a = (place_a[CENTRE], place_a[CENTRE + 1], place_a[CENTRE + 2])
     world_b = (place_b[CENTRE], place_b[CENTRE + 1], place_b[CENTRE + 2])
-    apart = _norm(sub(world_b, world_a)) - radius_a - radius_b
+    apart = _norm(sub(world_b, world_a)) - radius_a - radius_b - outer_a - outer_b
     lower = answer[LOWER] - moved
+    if signed and not lower > 0.0:
+        lower = answer[LOWER] - moved_outer
     # Coordinates too large to be squared give inf or NaN: then nothing is known.
     if not lower >= apart:
         lower = apart
@@ -196,8 +214,13 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     point_b = _image(pose_b, (answer[WITNESS_B], answer[WITNESS_B + 1], answer[WITNESS_B + 2]))
     for i in range(3):
         points[i], points[3 + i] = point_a[i], point_b[i]
-    between = _norm(sub(point_b, point_a)) + stretched * (1.0 + 8.0 * DOUBLE_EPS)
-    upper = answer[UPPER] + moved
+    between = _norm(sub(point_b, point_a)) + stretched - ball_a[SWEPT] - ball_b[SWEPT]
+    if signed:
+        between = max(between, -2.0 * min(ball_a[SWEPT], ball_b[SWEPT]))
+        between += 2.0 * max(ball_a[DEVIATION], ball_b[DEVIATION])
+    else:
+        between = max(between, 0.0) + ball_a[DEVIATION] + ball_b[DEVIATION]
+    upper = answer[UPPER] + (moved if answer[UPPER] >= 0.0 else moved_outer)
     if not upper < between:
         upper = between
     upper += slack
@@ -232,9 +255,9 @@ def carry_one(poses, versions, balls, places, label, answer, points):
 
 @entry
 def carry(poses, versions, balls, places, rows, labels, answers, bounds, points, motions):
-    """Bounds (k, 2), points (k, 6) in the world and motions (k,) of the answers `rows` (k,).
+    """Bounds (k, 2), the cores' points (k, 6) in the world and motions (k,) of the answers `rows` (k,).
 
-    poses (n, 4, 4), versions (n,), balls (n, 4) and places (n, PLACE) are of the bodies, labels
+    poses (n, 4, 4), versions (n,), balls (n, BALL) and places (n, PLACE) are of the bodies, labels
     (m, LABEL) and answers (m, ANSWER) the table.
     """
     for k in range(len(rows)):

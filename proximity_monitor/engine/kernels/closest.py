@@ -8,7 +8,9 @@ from ..tolerances import POINT_FLOOR, POINT_MARGIN
 from .jit import entry
 from .memory import on_stack
 from .nearest import begin_nearest, nearest, point_triangle
-from .primitives import corners
+from .primitives import corners, mixed
+from .state import DEVIATION, SWEPT
+from .swept import lower_of, surface_points, upper_of
 from .volumes import WIDTH
 
 _TO_THE_END = 1 << 62
@@ -22,7 +24,7 @@ def closest_points(tree, pose, points, stack, bounds, answers, feet, triangles):
     tree order.
     """
     found = on_stack(WIDTH, np.float32(0.0))
-    nearby = 0
+    nearby, radius = 0, tree.scale[SWEPT]
     for k in range(points.shape[0]):
         d = (points[k, 0] - pose[0, 3], points[k, 1] - pose[1, 3], points[k, 2] - pose[2, 3])
         p = (
@@ -35,12 +37,14 @@ def closest_points(tree, pose, points, stack, bounds, answers, feet, triangles):
         distance, nearby, _, _ = nearest(
             tree, p, distance, nearby, top, slack, 0.0, stack, bounds, found, _TO_THE_END
         )
-        answers[k, 0], answers[k, 1] = max(distance - slack, 0.0), distance + slack
+        answers[k, 0] = max(lower_of(distance - slack, radius, tree.scale[DEVIATION]), 0.0)
+        answers[k, 1] = upper_of(distance + slack, radius, tree.scale[DEVIATION])
         triangles[k] = nearby
         a, b, c = corners(tree.triangles, nearby)
         _, v, w = point_triangle(p, a, b, c)
-        u = max(1.0 - v - w, 0.0)
+        foot = mixed((a, b, c), (max(1.0 - v - w, 0.0), v, w))
+        foot, _ = surface_points(foot, p, radius, 0.0)
         for i in range(3):
             feet[k, i] = pose[i, 3]
             for j in range(3):
-                feet[k, i] += pose[i, j] * (u * a[j] + v * b[j] + w * c[j])
+                feet[k, i] += pose[i, j] * foot[j]

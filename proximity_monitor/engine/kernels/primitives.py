@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import float32
 
+from ..tolerances import OFFSET_MARGIN
 from .aim import gap_along, take_aim
 from .gaps import BATCH, gaps, gather, shift
 from .jit import inlined, kernel, shared
@@ -12,9 +13,11 @@ from .lanes import lowest, not_above
 from .state import (
     ABS_ERR,
     COLLECTED,
+    DEVIATIONS,
     DISTANCE,
     ENOUGH,
     LIMIT,
+    RADII,
     REL_ERR,
     SLACK,
     TRIANGLE_A,
@@ -23,6 +26,7 @@ from .state import (
     WEIGHTS_A,
     WEIGHTS_B,
 )
+from .swept import reach_of
 from .triangles import certainly_cross, distance_apart, triangle_distance
 from .vectors import along, moved, scaled, sub
 
@@ -33,9 +37,11 @@ _TIED = 8.0
 @kernel
 def _enough(reals):
     """Bound from which a pair cannot improve the answer by more than was asked for."""
-    distance, slack = reals[DISTANCE], reals[SLACK]
+    slack, radii = reals[SLACK], reals[RADII]
+    distance = max(reals[DISTANCE], radii)
     upper = distance + slack
-    enough = min(distance - slack, upper / (1.0 + reals[REL_ERR]))
+    share = (upper - radii) / (1.0 + reals[REL_ERR])
+    enough = min(distance - slack, radii + share - OFFSET_MARGIN * radii)
     return min(enough, upper - reals[ABS_ERR])
 
 
@@ -50,14 +56,17 @@ def keep(state, distance, ta, tb, wa, wb, way):
     counts[TRIANGLE_A], counts[TRIANGLE_B] = ta, tb
     reals[WEIGHTS_A], reals[WEIGHTS_A + 1], reals[WEIGHTS_A + 2] = wa
     reals[WEIGHTS_B], reals[WEIGHTS_B + 1], reals[WEIGHTS_B + 2] = wb
-    enough = min(reals[ENOUGH], _enough(reals))
-    reals[ENOUGH] = enough
+    enough = _enough(reals)
     if state.collected.shape[0] > 0:
         # All that may be as near as the upper bound, distance + slack, matters; the second slack,
         # of many units in its last place, has the comparison leave out none.
-        reals[LIMIT] = min(reals[LIMIT], distance + 2.0 * reals[SLACK])
+        enough += 2.0 * reals[DEVIATIONS]
+        reach = reach_of(distance, reals[RADII], reals[DEVIATIONS])
+        reals[ENOUGH] = min(reals[ENOUGH], enough)
+        reals[LIMIT] = min(reals[LIMIT], reach + 2.0 * reals[SLACK])
     else:
-        reals[LIMIT] = enough
+        reals[ENOUGH] = min(reals[ENOUGH], enough)
+        reals[LIMIT] = reals[ENOUGH]
     take_aim(reals, state.motions[0], way)
 
 

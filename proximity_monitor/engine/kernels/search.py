@@ -31,6 +31,8 @@ from .state import (
     CUT,
     CUT_BETWEEN,
     DEPTH,
+    DEVIATION,
+    DEVIATIONS,
     DISTANCE,
     ENDED,
     ENOUGH,
@@ -51,11 +53,15 @@ from .state import (
     POINT_A,
     POINT_B,
     PRIMITIVE_TESTS,
+    RADII,
+    RADIUS_A,
+    RADIUS_B,
     REL_ERR,
     SLACK,
     STATUS,
     STEPS,
     STOP,
+    SWEPT,
     TESTS,
     TREE_A,
     TREE_B,
@@ -67,6 +73,7 @@ from .state import (
     WEIGHTS_B,
     WITHIN_TOLERANCE,
 )
+from .swept import core_of, lower_of, upper_of
 from .tables import state_at, tree_at
 
 
@@ -99,7 +106,10 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     reals[UPPER_SLACK] = reals[SLACK]
     reals[DISTANCE] = np.inf
     no_aim(reals)
-    reals[REL_ERR], reals[ABS_ERR], reals[STOP] = rel_err, abs_err, stop
+    reals[RADII] = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
+    reals[DEVIATIONS] = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
+    reals[REL_ERR], reals[ABS_ERR], reals[STOP] = rel_err, abs_err, stop + reals[RADII]
+    limit = core_of(limit, reals[RADII], reals[DEVIATIONS])
     reals[LIMIT], reals[ENOUGH] = limit, limit
     counts[BOUND_TESTS], counts[PRIMITIVE_TESTS], counts[COLLECTED] = 0, 1, 0
     state.stack[0, 0], state.stack[0, 1], state.bounds[0] = 0, 0, -np.inf
@@ -128,8 +138,9 @@ def finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer
     elif counts[DEPTH] > 0:
         # There may be a million of them.
         lower = min(lower, reals[LEVEL_LOWER])
-    answer[LOWER] = max(lower, 0.0)
-    answer[UPPER] = reals[DISTANCE] + reals[UPPER_SLACK]
+    radii, deviations = reals[RADII], reals[DEVIATIONS]
+    answer[LOWER] = max(lower_of(lower, radii, deviations), 0.0)
+    answer[UPPER] = upper_of(reals[DISTANCE] + reals[UPPER_SLACK], radii, deviations)
     ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
     _witness(tree_a.triangles, ta, reals, WEIGHTS_A, pose_a, answer, POINT_A)
     _witness(tree_b.triangles, tb, reals, WEIGHTS_B, pose_b, answer, POINT_B)
@@ -139,10 +150,11 @@ def finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer
     answer[FEATURE_A + 3], answer[FEATURE_B + 3] = faces_a[ta], faces_b[tb]
     answer[TREE_A], answer[TREE_B] = ta, tb
     answer[TESTS], answer[TESTS + 1] = counts[BOUND_TESTS], counts[PRIMITIVE_TESTS]
-    if certain <= 0.0:
-        answer[STATUS] = INTERSECTING
-    elif code != ENDED:
+    answer[RADIUS_A], answer[RADIUS_B] = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
+    if code != ENDED:
         answer[STATUS] = OUT_OF_TIME
+    elif lower_of(certain, radii, deviations) <= 0.0:
+        answer[STATUS] = INTERSECTING
     else:
         enough = reals[ENOUGH] < certain or counts[DEPTH] > 0
         answer[STATUS] = WITHIN_TOLERANCE if enough else EXACT

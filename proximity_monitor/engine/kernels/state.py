@@ -9,10 +9,14 @@ Tree = namedtuple("Tree", "nodes centres children sizes triangles scale")
 
 nodes (float32, flat) the volumes; centres (k, 4) each node's centre and reach in node units;
 children (int32, k × 16) a node, a leaf or EMPTY (see leaf.py); sizes (float32, k × 16) each
-volume's extent in node units; triangles (m, 9) in tree order, metres; scale (5,) metres in a node
+volume's extent in node units; triangles (m, 9) in tree order, metres; scale (7,) metres in a node
 unit, its inverse, the largest norm of a vertex in metres, 1 where the volumes are boxes, else 0,
-and how often it was refitted.
+how often it was refitted, the radius of the ball that sweeps the triangles, and how far they may
+deviate from what they stand for, both in metres.
 """
+
+SWEPT, DEVIATION = 5, 6
+"""Of `Tree.scale`."""
 
 State = namedtuple(
     "State",
@@ -40,9 +44,12 @@ where pairs are collected; the least bound of this level and what follows, and o
 WEIGHTS_A, WEIGHTS_B, APPROACHED = 18, 21, 24
 """Reals: barycentric weights of the nearest points, three each; and the distance from which they
 were last improved (see approach.py)."""
-TRAVELLED, STEP, SHAPE_A, SHAPE_B, PROVEN, REALS = 25, 26, 27, 28, 29, 30
+TRAVELLED, STEP, SHAPE_A, SHAPE_B, PROVEN = 25, 26, 27, 28, 29
 """Reals: how far the models have moved in all, and since the last search, metres; how often they
 had been refitted; and the bound of all pairs that were opened last, metres, if none was left."""
+RADII, DEVIATIONS, REALS = 30, 31, 32
+"""Reals: both models' swept radii together, and both deviations, metres. Every other real is about
+the models' triangles, the cores of what is swept: `finish` makes it one of the models."""
 
 DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, COLLECTED = 0, 1, 2, 3, 4, 5
 ORDER, BASE, FRAMES = 6, 7, 8
@@ -53,10 +60,12 @@ LEVEL_END, NEAREST_A, NEAREST_B, FULL, STEPS, COUNTS = 9, 10, 11, 12, 13, 14
 how many pairs may be listed; and, of any search, how many steps this slice has left."""
 
 LOWER, UPPER, POINT_A, POINT_B = 0, 1, 2, 5
-FEATURE_A, FEATURE_B, TREE_A, TREE_B, TESTS, STATUS, ANSWER = 8, 12, 16, 17, 18, 20, 21
-"""An answer, one row of float64: the certified bounds, metres; the witness points in the world; for
-each its barycentric weights and then its face; the triangles in tree order; bound tests and
-primitive tests made; and one of the following."""
+FEATURE_A, FEATURE_B, TREE_A, TREE_B, TESTS, STATUS = 8, 12, 16, 17, 18, 20
+RADIUS_A, RADIUS_B, ANSWER = 21, 22, 23
+"""An answer, one row of float64: the certified bounds, metres; the nearest points of the triangles
+in the world; for each its barycentric weights and then its face; the triangles in tree order; bound
+tests and primitive tests made; one of the following; and the radii that sweep the triangles, by
+which the points lie inside the models (see swept.py)."""
 
 EXACT, WITHIN_TOLERANCE, OUT_OF_TIME, INTERSECTING = 0, 1, 2, 3
 """Why a search stopped, in the order of `result.Status`."""
