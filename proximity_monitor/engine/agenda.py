@@ -107,7 +107,8 @@ class Agenda:
             rows: the entries from now on.
             known: (n,) the bodies whose pose is.
             silent: (n,) those whose pose is unknown or too old; their pairs come last.
-            distances: whether anybody wants numbers; if not, all pairs are only decided.
+            distances: whether anybody wants numbers; if not, pairs are only decided, but for
+                those that are at a level.
         """
         if len(rows) > len(self._views):
             self._reserve(2 * len(rows))

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from proximity_monitor import engine
+from proximity_monitor.scene.paths import WITH_ROBOTS
 
 
 def read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -28,7 +29,7 @@ def read_collada(path: Path) -> tuple[np.ndarray, np.ndarray]:
         import collada
     except ImportError:
         raise engine.ModelError(
-            f"{path}: reading COLLADA needs pycollada; install it: pip install pycollada "
+            f"{path}: reading COLLADA needs pycollada; install it, {WITH_ROBOTS} "
             "(or let the robot have 'meshes: collision')"
         ) from None
     vertices, faces, first = [], [], 0

@@ -142,8 +142,9 @@ class Monitor:
             budget_s: seconds for the whole tick. 0 searches nothing and still certifies
                 everything. A search that is running at the end of the budget overruns it by one
                 slice at most.
-            distances: whether anybody wants the distances; if not, all pairs are only decided
-                against their thresholds, which is cheaper.
+            distances: whether anybody wants the distances; if not, pairs are only decided against
+                their thresholds, which is cheaper; but the distance of one that is at a threshold
+                is searched, as its alert tells it.
 
         Raises:
             ValueError: a pose is not finite or not rigid; it names the body, nothing has changed.

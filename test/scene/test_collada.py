@@ -60,5 +60,5 @@ def test_damaged_files_name_themselves(read, text):
 
 def test_without_pycollada_the_error_says_how_to_get_it(read, monkeypatch):
     monkeypatch.setitem(sys.modules, "collada", None)
-    with pytest.raises(engine.ModelError, match=r"base\.dae: .* pip install pycollada"):
+    with pytest.raises(engine.ModelError, match=r"base\.dae: .* pip install '\.\[robots\]'"):
         read(COLLADA)
