@@ -4,7 +4,8 @@
 ``<node>: schedule`` a warning when ticks overran since the last message, or the node is paused or
 not active; ``<node>: inputs`` a warning while a body is silent, an unknown one is published, or
 messages were refused since the last message; ``<node>: outputs`` a warning when a peer came whose
-quality of service does not fit. Counts run from the time the node was configured.
+quality of service does not fit, or while another node has the same name. Counts run from the time
+the node was configured.
 """
 
 from __future__ import annotations
@@ -98,6 +99,8 @@ class State(NamedTuple):
     """Ticks that were asked for distances."""
     incompatible: Mapping[str, int]
     """By topic, peers whose quality of service does not fit."""
+    namesakes: int
+    """Other nodes of the same name."""
 
 
 @dataclass
@@ -195,11 +198,16 @@ class Health:
         values |= {f"incompatible QoS: {topic}": str(n) for topic, n in state.incompatible.items()}
         values["alerts left out"] = str(state.alerts_left_out)
         values["incompatible QoS"] = str(incompatible)
-        level, what = DiagnosticStatus.OK, "all peers fit"
+        values["nodes of the same name"] = str(state.namesakes)
+        wrong = []
+        if state.namesakes:
+            wrong.append(
+                f"{state.namesakes + 1} nodes are called {self.node}: their results are mixed"
+            )
         if new:
-            level = DiagnosticStatus.WARN
-            what = f"{new} peers with an incompatible quality of service in the last second"
-        return self._status("outputs", level, what, values)
+            wrong.append(f"{new} peers with an incompatible quality of service in the last second")
+        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
+        return self._status("outputs", level, "; ".join(wrong) or "all peers fit", values)
 
     def _status(
         self, task: str, level: bytes, message: str, values: dict[str, str]

@@ -5,34 +5,39 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from threading import Thread
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
-from proximity_monitor import engine
+from proximity_monitor.engine import compiling
 from proximity_monitor.ros import spin
 from proximity_monitor.ros.diagnostics import Health, State
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.outputs import Outputs
 from proximity_monitor.ros.pace import Pace
+from proximity_monitor.ros.preparing import saying
 from proximity_monitor.ros.qos import Incompatible
 from proximity_monitor.ros.recorder import dump
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.ros.services import Services
 from proximity_monitor.ros.sources import Sources
+from proximity_monitor.ros.spin import interruptible
 from proximity_monitor.ros.still_clock import REASON, StillClock
-from proximity_monitor.ros.strangers import strangers
+from proximity_monitor.ros.strangers import namesakes, strangers
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
 from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.attachments import Attachments, Samples
+from proximity_monitor.scene.opening import kernels_of, load_models
 from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.schedule import Monitor
-from proximity_monitor.scene.state import Tick
+from proximity_monitor.scene.state import NO_POSE_YET, Tick
 
 SLICE_S = 0.2
 """A longer budget is spent in slices of this, so that a signal ends the node in good order, with
@@ -49,21 +54,12 @@ class Session:
     stands still; stamps, and the age of poses, are of the node's clock.
     """
 
-    def __init__(
-        self,
-        node: LifecycleNode,
-        scene: Scene,
-        models: Mapping[str, engine.TriangleMesh],
-        monitor: Monitor,
-        settings: Settings,
-    ) -> None:
-        """Create publishers, services, subscriptions and timers; ticking begins with `start`.
+    def __init__(self, node: LifecycleNode, scene: Scene, settings: Settings) -> None:
+        """Create the publishers; all else is created by `prepare`, and ticking begins by `start`.
 
         Args:
             node: whose they are.
             scene: what to watch.
-            models: of the bodies by name.
-            monitor: of the scene and the models; `close` closes it.
             settings: in force to begin with.
         """
         self.scene = scene
@@ -74,7 +70,8 @@ class Session:
         self._tick: Tick | None = None
         self._distance_ticks = 0
         self._now_ns = 0
-        self._monitor = monitor
+        self._prepared = False
+        self._namesakes = 0
         self._unwatched: dict[int, str] = {}
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
@@ -95,16 +92,24 @@ class Session:
         self._pace = Pace(settings.rate_hz)
 
         self._incompatible = Incompatible(node)
-        self._outputs = Outputs(node, scene, models, settings, self._incompatible)
+        self._outputs = Outputs(node, scene, settings, self._incompatible)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._services = Services(
-            node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
-        )
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._ticking = node.create_timer(
-            1.0 / settings.rate_hz, self._on_timer, clock=steady, autostart=False
-        )
-        self._seconds = node.create_timer(1.0, self._on_second, clock=steady)
+
+    def prepare(self) -> None:
+        """Load the models, get the search ready, and listen.
+
+        The topics are there meanwhile, and the diagnostics say that it compiles, if it does.
+
+        Raises:
+            OSError, ValueError: a model cannot be used, or a parameter cannot be in force.
+            KeyboardInterrupt: a signal came.
+        """
+        node, scene, settings = self._node, self.scene, self.settings
+        progress = compiling.Progress(kernels_of(scene))
+        with saying(partial(self._say_progress, progress)), progress, interruptible():
+            models = load_models(scene)
+            self._monitor = Monitor(scene, models, threads=settings.threads)
+        self._outputs.show(models)
         self._sources = Sources(
             node,
             scene,
@@ -115,6 +120,15 @@ class Session:
             set_vertices=self._set_vertices,
             on_poses=self._on_poses,
         )
+        self._services = Services(
+            node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._ticking = node.create_timer(
+            1.0 / settings.rate_hz, self._on_timer, clock=steady, autostart=False
+        )
+        self._seconds = node.create_timer(1.0, self._on_second, clock=steady)
+        self._prepared = True
         self.apply(settings)
 
     def apply(self, settings: Settings) -> None:
@@ -147,14 +161,15 @@ class Session:
 
     def close(self) -> None:
         """Stop, and destroy everything that was created."""
-        self.stop()
-        self._sources.destroy()
-        self._services.destroy()
+        if self._prepared:
+            self.stop()
+            self._sources.destroy()
+            self._services.destroy()
+            for timer in (self._ticking, self._seconds):
+                self._node.destroy_timer(timer)
+            self._monitor.close()
         self._outputs.destroy()
         self._node.destroy_publisher(self._diagnostics)
-        for timer in (self._ticking, self._seconds):
-            self._node.destroy_timer(timer)
-        self._monitor.close()
         # Each callback is a cycle, and Python never looks for cycles in what was there when `spin`
         # began: meshes and search trees would stay for good.
         vars(self).clear()
@@ -314,16 +329,49 @@ class Session:
         if len(changes) > LOGGED:
             logger.warning(f"and {len(changes) - LOGGED} more pairs changed their state")
 
+    def _say_progress(self, progress: compiling.Progress) -> None:
+        """Tell that it is not ready yet, and why not."""
+        doing = "preparing the search"
+        if progress.started:
+            doing = str(progress)
+            self._node.get_logger().info(doing)
+        silent = dict.fromkeys(self._changeable, NO_POSE_YET)
+        self._tell_state(self._node.get_clock().now().to_msg(), doing, silent, {})
+
     def _on_second(self) -> None:
         now = self._node.get_clock().now()
         for name in self._inputs.note_strangers(strangers(self._node, self._sources.topics)):
             self._node.get_logger().warning(
                 f"poses of {name} are published, but {self.scene.path.name} has no such moving body"
             )
+        self._note_namesakes()
         activity = "inactive" if self._ticking.is_canceled() else "active"
         if self._paused and activity == "active":
             activity = "paused"
-        samples, joints = self._samples(now.nanoseconds), self._sources.joints
+        silent = self._silent(self._samples(now.nanoseconds), now.nanoseconds)
+        joints = self._sources.joints
+        self._tell_state(now.to_msg(), activity, silent, joints.rejected if joints else {})
+
+    def _note_namesakes(self) -> None:
+        """Warn when other nodes of this name come, and say when they have gone."""
+        before, self._namesakes = self._namesakes, namesakes(self._node)
+        logger, name = self._node.get_logger(), self._node.get_fully_qualified_name()
+        if self._namesakes > before:
+            logger.warning(
+                f"another node is called {name}: they publish on the same topics, and their results"
+                " are mixed; give one another name or namespace (-r __ns:=/other)"
+            )
+        elif self._namesakes < before and not self._namesakes:
+            logger.info(f"no other node is called {name} any more")
+
+    def _tell_state(
+        self,
+        stamp: Time,
+        activity: str,
+        silent: Mapping[str, str],
+        refused_joints: Mapping[str, int],
+    ) -> None:
+        """Publish the diagnostics."""
         state = State(
             activity=activity,
             settings=self.settings,
@@ -331,16 +379,17 @@ class Session:
             levels=self._alerts.levels,
             watched=len(self.scene.pairs),
             inputs=self._inputs,
-            silent=self._silent(samples, now.nanoseconds),
-            refused_joints=joints.rejected if joints is not None else {},
+            silent=silent,
+            refused_joints=refused_joints,
             held=self._attachments.held,
             waiting=self._attachments.waiting,
             built=self._outputs.built,
             alerts_left_out=self._outputs.alerts_left_out,
             distance_ticks=self._distance_ticks,
             incompatible=self._incompatible.count,
+            namesakes=self._namesakes,
         )
-        self._diagnostics.publish(self._health.message(now.to_msg(), state))
+        self._diagnostics.publish(self._health.message(stamp, state))
 
     def _reset_minima(self) -> str:
         self._monitor.reset_minima()

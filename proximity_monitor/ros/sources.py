@@ -59,6 +59,7 @@ class Sources:
         Raises:
             ValueError: /tf is asked for, and tf2_msgs is not installed.
         """
+        transforms = _transforms_type() if settings.tf else None
         self._node = node
         self._inputs = inputs
         self._frame = settings.frame
@@ -80,8 +81,8 @@ class Sources:
             if body.deforming:
                 take = partial(self._on_vertices, body.name, len(models[body.name].vertices))
                 self._subscribe(PointCloud2, f"bodies/{body.name}/vertices", take, LATEST)
-        if settings.tf:
-            self._subscribe(_transforms_type(), "/tf", self._on_transforms, TRANSFORMS)
+        if transforms is not None:
+            self._subscribe(transforms, "/tf", self._on_transforms, TRANSFORMS)
         self.joints = None
         if scene.robots:
             self.joints = JointInputs(node, scene, self._store_many, frame=settings.frame)

@@ -71,7 +71,9 @@ class Searches:
         for body in {id(self._models[body]): body for body in bodies}.values():
             model = self._models[body]
             try:
-                engine.Pair(model, model).signed_distance(near, far, rel_err=0.5, budget_s=1.0)
+                pair = engine.Pair(model, model)
+                pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
+                pair.signed_distance(near, near, budget_s=0.0)  # has kernels of its own
             except engine.ModelError as error:
                 raise engine.ModelError(f"body '{self._names[body]}' is solid: {error}") from None
 
