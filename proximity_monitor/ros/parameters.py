@@ -179,7 +179,8 @@ def refusal(values: Mapping[str, Any], changed: Sequence[str]) -> str:
         if isinstance(value, float) and not math.isfinite(value):
             return f"{name} must be a finite number, not {value}"
         spec = SPECS.get(name)
-        if spec is not None and spec.overrides and value != AS_SCENE and value < spec.low:
+        given = isinstance(value, int | float) and value != AS_SCENE
+        if spec is not None and spec.overrides and given and value < spec.low:
             return (
                 f"{name} must be at least {spec.low:g}, or -1 for the scene file's; not {value:g}"
             )

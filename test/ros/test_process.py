@@ -70,7 +70,7 @@ def test_a_bad_parameter_at_start_ends_the_node_with_a_message(launch, scene_fil
 
 
 def test_a_real_number_may_be_given_as_a_whole_one(launch, scene_file, new_peer):
-    whole = {"rel_err": 1, "rate_hz": 40, "thresholds.hold_s": 1}
+    whole = {"rel_err": 0, "rate_hz": 40, "thresholds.hold_s": 1}
     process = launch("node", "-r", "__ns:=/whole", **{"scene": scene_file, **whole})
     peer = new_peer(process, "whole")
     peer.settle()
