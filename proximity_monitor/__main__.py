@@ -187,6 +187,8 @@ def _check(chosen: argparse.Namespace) -> int:
     print(f"{scene.path}: frame {scene.frame}, {scene.rate_hz:g} Hz, {scene.budget_s * 1e3:g} ms")
     for body in scene.bodies:
         where = f"moving, {body.topic or 'by joints'}" if body.moving else "fixed"
+        if body.cloud is not None:
+            where = f"a cloud, {body.cloud.topic}, in frame {body.cloud.frame or scene.frame}"
         print(f"  body {body.name}: {len(models[body.name].faces)} triangles, {where}")
     if len(scene.pairs) > _LISTED:
         print(f"  {len(scene.pairs)} pairs; the first {_LISTED}:")

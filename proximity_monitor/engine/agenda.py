@@ -94,6 +94,11 @@ class Agenda:
             fresh[name] = value
         self.book[rows] = fresh
 
+    def renew(self, rows: NDArray[np.int64]) -> None:
+        """Forget what searches of rows (k,) found: a body of theirs has another model now."""
+        self.book["done"][rows] = self.book["hard"][rows] = False
+        self.book["hint"][rows] = _FIRST["hint"]
+
     def look(
         self,
         rows: NDArray[np.int64],

@@ -44,6 +44,18 @@ class Assembly:
         self._searches: list[Search] = []
         self._unusual = code_for(self._meshes)
 
+    def replace(self, body: int, model: TriangleMesh) -> None:
+        """Give a body another model; what was found with the old one is no hint any more."""
+        models = list(self.models)
+        models[body] = model
+        self.models = tuple(models)
+        self._meshes = tuple({id(each): each for each in models}.values())
+        self._unusual = code_for(self._meshes)
+        self._trees = []  # the tables are made anew
+        if model.depth > self._deepest.depth:
+            self._deepest = model
+            self._searches.clear()
+
     def distances(
         self,
         poses: ArrayLike,

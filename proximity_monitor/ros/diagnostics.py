@@ -101,6 +101,8 @@ class State(NamedTuple):
     """By topic, peers whose quality of service does not fit."""
     namesakes: int
     """Other nodes of the same name."""
+    dropped: Mapping[str, int]
+    """By body that is a cloud, points that are not finite."""
 
 
 @dataclass
@@ -184,6 +186,7 @@ class Health:
         if new:
             wrong.append(f"{new} messages rejected in the last second")
         values = {f"rejected: {reason}": str(n) for reason, n in refused.items()}
+        values |= {f"points dropped: {name}": str(n) for name, n in state.dropped.items()}
         values["silent bodies"] = ", ".join(state.silent)
         values["unknown bodies"] = ", ".join(strangers)
         values["attached bodies"] = _hanging(state.held)

@@ -238,7 +238,9 @@ class Inputs:
             if at is None or at.stale
         }
         for name, (heard, what) in self._shapes.items():
-            if name not in found and heard.late(now_ns, self.timeout_s):
+            # Of who takes no poses it is the shape that is missing.
+            first = name not in found or name not in self._last
+            if first and heard.late(now_ns, self.timeout_s):
                 found[name] = f"no {what} yet" if heard.stamp_ns is None else f"no recent {what}"
         return found
 

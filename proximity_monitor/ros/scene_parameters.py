@@ -78,7 +78,7 @@ class SceneParameters:
                 self._own[i] = f"pairs.{pair.a}.{pair.b}"
                 self._groups[self._own[i]] = pair.thresholds
         self._fixed = {i: scene.pairs[i].thresholds for i in own if i not in self._own}
-        self._attachable = [body.name for body in scene.bodies if body.moving]
+        self._attachable = [body.name for body in scene.bodies if body.posed]
         self._hangers = Attachments(scene.bodies)
         try:
             self._declare()

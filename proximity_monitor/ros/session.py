@@ -15,8 +15,10 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
+from proximity_monitor import engine
 from proximity_monitor.engine import compiling
 from proximity_monitor.ros import spin
+from proximity_monitor.ros.cloud_bodies import CloudBodies
 from proximity_monitor.ros.diagnostics import Health, State
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.outputs import Outputs
@@ -82,10 +84,12 @@ class Session:
             if not body.moving
         }
         self._inputs = Inputs(
-            [body.name for body in scene.bodies if body.moving],
+            [body.name for body in scene.bodies if body.posed],
             settings.frame,
-            {body.name: "vertices" for body in scene.bodies if body.deforming},
+            {body.name: "vertices" for body in scene.bodies if body.deforming}
+            | {body.name: "cloud" for body in scene.bodies if body.cloud is not None},
         )
+        self._unwatched_for: object = None
         self._changeable = [body.name for body in scene.bodies if body.moving or body.deforming]
         self._clock = StillClock(node.get_clock())
         self._health = Health(node.get_fully_qualified_name().lstrip("/"), settings.frame)
@@ -107,7 +111,7 @@ class Session:
         node, scene, settings = self._node, self.scene, self.settings
         progress = compiling.Progress(kernels_of(scene))
         with saying(partial(self._say_progress, progress)), progress, interruptible():
-            models = load_models(scene)
+            models = self._models = load_models(scene)
             self._monitor = Monitor(scene, models, threads=settings.threads)
         self._outputs.show(models)
         self._sources = Sources(
@@ -119,6 +123,14 @@ class Session:
             self._incompatible,
             set_vertices=self._set_vertices,
             on_poses=self._on_poses,
+        )
+        self._clouds = CloudBodies(
+            node,
+            scene.bodies,
+            settings.frame,
+            self._inputs,
+            self._incompatible,
+            self._replace_model,
         )
         self._services = Services(
             node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
@@ -164,6 +176,7 @@ class Session:
         if self._prepared:
             self.stop()
             self._sources.destroy()
+            self._clouds.destroy()
             self._services.destroy()
             for timer in (self._ticking, self._seconds):
                 self._node.destroy_timer(timer)
@@ -210,6 +223,7 @@ class Session:
             self._attachments.forget()
             self._node.get_logger().warning("the clock went back: waiting for new poses")
         self._now_ns, stamp = now.nanoseconds, now.to_msg()
+        self._clouds.build(now.nanoseconds)
         samples = self._samples(now.nanoseconds)
         held = self._inputs.attached
         self._inputs.await_again(
@@ -265,16 +279,23 @@ class Session:
     def _samples(self, now_ns: int) -> Samples:
         """The poses of all moving bodies, those of attached ones as they are carried."""
         samples = self._attachments.carry(self._inputs.samples(now_ns))
-        held = self._attachments.held
-        if held.keys() != self._inputs.attached:
-            self._inputs.attached = frozenset(held)
-            self._unwatched = {
-                i: "attached to each other: not watched"
-                for i, pair in enumerate(self.scene.pairs)
-                if held.get(pair.a) == pair.b or held.get(pair.b) == pair.a
-            }
-            self._monitor.ignore(self._unwatched)
+        self._inputs.attached = frozenset(self._attachments.held)
+        silent = self._inputs.silent({}, now_ns)
+        self._clouds.place(samples, silent)
+        self._leave_out(self._attachments.held, self._clouds.absent(silent))
         return samples
+
+    def _leave_out(self, held: Mapping[str, str], absent: frozenset[str]) -> None:
+        """Do not watch bodies against those they hang on, nor clouds without points."""
+        if (held, absent) == self._unwatched_for:
+            return
+        self._unwatched_for, self._unwatched = (dict(held), absent), {}
+        for i, pair in enumerate(self.scene.pairs if held or absent else ()):
+            if held.get(pair.a) == pair.b or held.get(pair.b) == pair.a:
+                self._unwatched[i] = "attached to each other: not watched"
+            elif nothing := absent & {pair.a, pair.b}:
+                self._unwatched[i] = f"nothing is seen of {' and '.join(sorted(nothing))}"
+        self._monitor.ignore(self._unwatched)
 
     def _silent(self, samples: Samples, now_ns: int) -> dict[str, str]:
         """By each body that is not to be relied on, why."""
@@ -301,6 +322,8 @@ class Session:
         self._samples(now_ns)
 
     def _course(self, name: str) -> Course | None:
+        if name in self._clouds.dropped:
+            return None  # its points are others each time
         root = self._attachments.root(name)
         fixed = self._fixed.get(root)
         if fixed is not None:
@@ -312,6 +335,11 @@ class Session:
         pose_ns = self._inputs.stamp_ns(self._attachments.root(name))
         stamps = [ns for ns in (pose_ns, self._inputs.shape_stamp_ns(name)) if ns is not None]
         return min(stamps, default=None)
+
+    def _replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+        self._models[name] = model
+        self._monitor.replace_model(name, model)
+        self._outputs.reshape(name)
 
     def _set_vertices(self, name: str, vertices: np.ndarray) -> None:
         self._monitor.set_vertices(name, vertices)
@@ -388,6 +416,7 @@ class Session:
             distance_ticks=self._distance_ticks,
             incompatible=self._incompatible.count,
             namesakes=self._namesakes,
+            dropped=self._clouds.dropped if self._prepared else {},
         )
         self._diagnostics.publish(self._health.message(stamp, state))
 

@@ -85,6 +85,16 @@ class Compound:
 Primitive = Box | Cylinder | Sphere | Point | Compound
 
 
+@dataclass(frozen=True)
+class Cloud:
+    """Points that arrive on a topic, and a ball of `radius` metres around each of them."""
+
+    topic: str
+    radius: float
+    frame: str
+    """The body in whose frame the points are; empty: the fixed frame."""
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """One body: its shape, and either a fixed pose or the topic that its poses come from."""
@@ -106,11 +116,18 @@ class Body:
     """Whether its model encloses a solid: two solids have a signed distance."""
     deforming: bool = False
     """Whether its vertices change while the monitor runs."""
+    cloud: Cloud | None = None
+    """Where its shape comes from if it is a point cloud; `primitive` is a point until then."""
 
     @property
     def moving(self) -> bool:
-        """Whether poses arrive while it runs."""
+        """Whether it may be elsewhere at any time."""
         return self.pose is None
+
+    @property
+    def posed(self) -> bool:
+        """Whether poses of it arrive: it moves, and not only with the frame that it is seen in."""
+        return self.moving and self.cloud is None
 
 
 @dataclass(frozen=True)

@@ -73,6 +73,18 @@ class Placing:
         """
         return self.models[self._at[name]]
 
+    def replace(self, name: str, model: engine.TriangleMesh) -> tuple[int, np.ndarray]:
+        """Give a body another model; returns its index, and the rows of its pairs.
+
+        Raises:
+            KeyError: there is no such body.
+        """
+        body = self._at[name]
+        self.models = (*self.models[:body], model, *self.models[body + 1 :])
+        self._revisions[body] = model.revision
+        self._reshaped = True
+        return body, self.answers.replace(body, model)
+
     def refit(self, name: str, vertices: np.ndarray) -> list[int]:
         """Refit a body's model to other vertices (n, 3); returns the bodies that share it.
 

@@ -109,6 +109,16 @@ class Monitor:
             placing.refit(name, before)
             raise
 
+    def replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+        """Give a body that is no solid another model, as of a cloud of which a new one has come.
+
+        Raises:
+            KeyError: there is no such body.
+        """
+        body, rows = self._placing.replace(name, model)
+        self._searches.replace(body, model)
+        self._agenda.renew(rows)
+
     def ignore(self, pairs: Collection[int]) -> None:
         """Neither search nor list these pairs, positions among the scene's, from now on."""
         positions = np.array(sorted(pairs), dtype=np.int64)

@@ -61,6 +61,13 @@ class Searches:
         first = self._models[0]
         engine.Pair(first, first).distance(near, far, rel_err=0.5, budget_s=1.0, order="priority")
 
+    def replace(self, body: int, model: engine.TriangleMesh) -> None:
+        """Give a body another model; what was not finished about its pairs is forgotten."""
+        self._models = (*self._models[:body], model, *self._models[body + 1 :])
+        self.assembly.replace(body, model)
+        for key in [key for key in self._kept if body in divmod(key, len(self._models))]:
+            del self._kept[key]
+
     def check_solids(self, bodies: Iterable[int]) -> None:
         """Have the engine check, and remember, that the models of bodies enclose solids.
 
