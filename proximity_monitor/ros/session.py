@@ -30,12 +30,11 @@ from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.ros.services import Services
 from proximity_monitor.ros.sources import Sources
 from proximity_monitor.ros.spin import interruptible
-from proximity_monitor.ros.still_clock import REASON, StillClock
 from proximity_monitor.ros.strangers import namesakes, strangers
+from proximity_monitor.ros.whereabouts import Whereabouts
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
-from proximity_monitor.scene.approach import Course
-from proximity_monitor.scene.attachments import Attachments, Samples
+from proximity_monitor.scene.attachments import Samples
 from proximity_monitor.scene.opening import kernels_of, load_models
 from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.schedule import Monitor
@@ -74,24 +73,15 @@ class Session:
         self._now_ns = 0
         self._prepared = False
         self._namesakes = 0
-        self._unwatched: dict[int, str] = {}
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
-        self._attachments = Attachments(scene.bodies)
-        self._fixed = {
-            body.name: Course(body.pose, body.pose, np.inf)
-            for body in scene.bodies
-            if not body.moving
-        }
         self._inputs = Inputs(
             [body.name for body in scene.bodies if body.posed],
             settings.frame,
             {body.name: "vertices" for body in scene.bodies if body.deforming}
             | {body.name: "cloud" for body in scene.bodies if body.cloud is not None},
         )
-        self._unwatched_for: object = None
         self._changeable = [body.name for body in scene.bodies if body.moving or body.deforming]
-        self._clock = StillClock(node.get_clock())
         self._health = Health(node.get_fully_qualified_name().lstrip("/"), settings.frame)
         self._pace = Pace(settings.rate_hz)
 
@@ -132,6 +122,7 @@ class Session:
             self._incompatible,
             self._replace_model,
         )
+        self._where = Whereabouts(node, scene, self._inputs, self._clouds, self._monitor.ignore)
         self._services = Services(
             node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
         )
@@ -159,7 +150,7 @@ class Session:
                 self._restart(1.0)  # else the old period has to end first
         self._inputs.timeout_s = settings.pose_timeout_s
         self._outputs.apply(settings)
-        self._attach(settings.attachments)
+        self._where.attach(settings.attachments, self._node.get_clock().now().nanoseconds)
 
     def start(self) -> None:
         """Begin to tick."""
@@ -219,25 +210,24 @@ class Session:
         started = time.perf_counter()
         now = self._node.get_clock().now()
         if now.nanoseconds < self._now_ns:
-            self._inputs.forget()
-            self._attachments.forget()
+            self._where.forget()
             self._node.get_logger().warning("the clock went back: waiting for new poses")
         self._now_ns, stamp = now.nanoseconds, now.to_msg()
         self._clouds.build(now.nanoseconds)
-        samples = self._samples(now.nanoseconds)
+        samples = self._where.samples(now.nanoseconds)
         held = self._inputs.attached
         self._inputs.await_again(
             name for name, at in samples.items() if at and not at.stale and name not in held
         )
 
-        silent = self._silent(samples, now.nanoseconds)
+        silent = self._where.silent(samples, now.nanoseconds)
         tick = self._tick = self._search(samples, silent)
         changes = self._alerts.update(
             tick,
             self.settings.thresholds,
             started,
-            courses=self._course,
-            unwatched=self._unwatched,
+            courses=self._where.course,
+            unwatched=self._where.unwatched,
             silent=silent,
         )
         self._outputs.publish(
@@ -246,7 +236,7 @@ class Session:
             self._alerts.levels,
             changes,
             silent,
-            self._stamp_ns,
+            self._where.stamp_ns,
         )
         self._outputs.publish_scene()
         self._outputs.publish_poses(samples, stamp)
@@ -255,7 +245,7 @@ class Session:
         self._log(changes)
         ended = time.perf_counter()
         self._health.timing.record(ended, tick, ended - started, 1.0 / self.settings.rate_hz)
-        self._clock.pardon(ended - started)
+        self._where.clock.pardon(ended - started)
 
     def _search(self, samples: Samples, silent: Mapping[str, str]) -> Tick:
         """Spend the budget, or as much of it as there is time for before a signal."""
@@ -275,66 +265,6 @@ class Session:
         if left_s == budget:
             return tick
         return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=looked_at)
-
-    def _samples(self, now_ns: int) -> Samples:
-        """The poses of all moving bodies, those of attached ones as they are carried."""
-        samples = self._attachments.carry(self._inputs.samples(now_ns))
-        self._inputs.attached = frozenset(self._attachments.held)
-        silent = self._inputs.silent({}, now_ns)
-        self._clouds.place(samples, silent)
-        self._leave_out(self._attachments.held, self._clouds.absent(silent))
-        return samples
-
-    def _leave_out(self, held: Mapping[str, str], absent: frozenset[str]) -> None:
-        """Do not watch bodies against those they hang on, nor clouds without points."""
-        if (held, absent) == self._unwatched_for:
-            return
-        self._unwatched_for, self._unwatched = (dict(held), absent), {}
-        for i, pair in enumerate(self.scene.pairs if held or absent else ()):
-            if held.get(pair.a) == pair.b or held.get(pair.b) == pair.a:
-                self._unwatched[i] = "attached to each other: not watched"
-            elif nothing := absent & {pair.a, pair.b}:
-                self._unwatched[i] = f"nothing is seen of {' and '.join(sorted(nothing))}"
-        self._monitor.ignore(self._unwatched)
-
-    def _silent(self, samples: Samples, now_ns: int) -> dict[str, str]:
-        """By each body that is not to be relied on, why."""
-        if self._clock.look(now_ns, self.settings.pose_timeout_s):
-            logger = self._node.get_logger()
-            if self._clock.still:
-                logger.warning("/clock stands still: all bodies are stale until it goes on")
-            else:
-                logger.info("/clock goes on")
-        if self._clock.still:
-            return dict.fromkeys(self._changeable, REASON)
-        return self._inputs.silent(samples, now_ns)
-
-    def _attach(self, parents: Mapping[str, str]) -> None:
-        """Let bodies hang on each other so, from this moment on where their poses are known."""
-        now_ns = self._node.get_clock().now().nanoseconds
-        before, carried = self._attachments.held, self._samples(now_ns)
-        roots = {child: self._attachments.root(child) for child in before}
-        self._attachments.want(parents)
-        for child in before.keys() - self._attachments.held.keys():
-            if (at := carried[child]) is not None:  # it stays where it was carried to
-                stamp_ns = self._inputs.stamp_ns(roots[child])
-                self._inputs.place(child, at.pose, now_ns if stamp_ns is None else stamp_ns)
-        self._samples(now_ns)
-
-    def _course(self, name: str) -> Course | None:
-        if name in self._clouds.dropped:
-            return None  # its points are others each time
-        root = self._attachments.root(name)
-        fixed = self._fixed.get(root)
-        if fixed is not None:
-            return fixed
-        return self._attachments.course(name, self._inputs.course(root))
-
-    def _stamp_ns(self, name: str) -> int | None:
-        """The stamp of the oldest message that says where a body is and what shape it has."""
-        pose_ns = self._inputs.stamp_ns(self._attachments.root(name))
-        stamps = [ns for ns in (pose_ns, self._inputs.shape_stamp_ns(name)) if ns is not None]
-        return min(stamps, default=None)
 
     def _replace_model(self, name: str, model: engine.TriangleMesh) -> None:
         self._models[name] = model
@@ -376,7 +306,7 @@ class Session:
         activity = "inactive" if self._ticking.is_canceled() else "active"
         if self._paused and activity == "active":
             activity = "paused"
-        silent = self._silent(self._samples(now.nanoseconds), now.nanoseconds)
+        silent = self._where.silent(self._where.samples(now.nanoseconds), now.nanoseconds)
         joints = self._sources.joints
         self._tell_state(now.to_msg(), activity, silent, joints.rejected if joints else {})
 
@@ -409,8 +339,8 @@ class Session:
             inputs=self._inputs,
             silent=silent,
             refused_joints=refused_joints,
-            held=self._attachments.held,
-            waiting=self._attachments.waiting,
+            held=self._where.attachments.held if self._prepared else {},
+            waiting=self._where.attachments.waiting if self._prepared else {},
             built=self._outputs.built,
             alerts_left_out=self._outputs.alerts_left_out,
             distance_ticks=self._distance_ticks,
