@@ -347,6 +347,7 @@ class Session:
             incompatible=self._incompatible.count,
             namesakes=self._namesakes,
             dropped=self._clouds.dropped if self._prepared else {},
+            clouds=self._clouds.built if self._prepared else {},
         )
         self._diagnostics.publish(self._health.message(stamp, state))
 

@@ -65,8 +65,8 @@ def test_progress_counts_what_is_compiled(tmp_path):
     code = (
         "import numpy as np; from proximity_monitor import engine;"
         "from proximity_monitor.engine import compiling\n"
-        "said = []\n"
-        "with compiling.Progress({'motion.pose_deviation', 'x.y'}, lambda p: said.append(str(p))):\n"
+        "needed, said = {'motion.pose_deviation', 'x.y'}, []\n"
+        "with compiling.Progress(needed, lambda p: said.append(str(p))):\n"
         "    engine.check_pose(np.eye(4))\n"
         "print(said)"
     )
