@@ -156,7 +156,7 @@ class Log:
         upper: float,
     ) -> None:
         """Compare bounds with the exact distance."""
-        exact = engine.distance(a, pose_a, b, pose_b)
+        exact = engine.signed_distance(a, pose_a, b, pose_b)
         self._wrong += not (lower <= exact.upper and exact.lower <= upper)
 
     def row(self) -> dict[str, float | str]:

@@ -83,7 +83,8 @@ def _pair(
     place: NDArray[np.float64],
     turning: float,
 ) -> tuple[Scene, dict[str, engine.TriangleMesh], Poses]:
-    models = {"fixed": engine.TriangleMesh(*fixed), "moving": engine.TriangleMesh(*moving)}
+    surfaces = (engine.TriangleMesh(*each, solid=False) for each in (fixed, moving))
+    models = dict(zip(("fixed", "moving"), surfaces, strict=True))
     limits, exceptions = Limits(thresholds=_THRESHOLDS), np.array([[0, 1, 0]])
     pairs = WatchedPairs(list(models), [False, True], [limits], UNWATCHED, exceptions)
 

@@ -201,6 +201,7 @@ def _check(chosen: argparse.Namespace) -> int:
     from proximity_monitor import motion
     from proximity_monitor.scene import load_scene
     from proximity_monitor.scene.opening import find_scene, load_models
+    from proximity_monitor.scene.unseen import unseen_containment
 
     scene = load_scene(find_scene(chosen.scene))
     models = load_models(scene)
@@ -219,6 +220,8 @@ def _check(chosen: argparse.Namespace) -> int:
         print(f"  pair {pair.a} - {pair.b}: warn {warn:g}, stop {stop:g} {scene.unit.symbol}")
     for line in moves.splitlines():
         print(f"  motion {line}")
+    for line in str(unseen_containment(scene, models)).splitlines():
+        print(f"  warning: {line}")
     return 0
 
 

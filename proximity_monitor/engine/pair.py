@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import check_tolerance
 from .kernels import state as index
+from .kernels.contacts import contacts as contacts_of
 from .kernels.swept import reach_of
 from .manifold import manifold_of
 from .mesh import TriangleMesh
 from .poses import as_pose, check_pose
 from .result import Clearance, Collision, Distance
 from .rows import distance_of
-from .run import Order, Search, check_tolerance
+from .run import Order, Search
 from .signed import SignedSearch
 from .witness import witness_points
 
@@ -27,23 +31,35 @@ class Pair:
     6.2), so are the deepest vertex and what was found of other points' sides and depths, and a
     search that ran out of time is continued where the same question is asked again. Volumes that
     were too far are not opened again before the models may have moved by as much.
-    A Pair belongs to one thread at a time; the models may be shared.
+    A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, and one that
+    comes out of a pickle, starts from the nearest triangles that this one found, and has a memory
+    of its own.
 
     Args:
         a: the first model.
         b: the second model.
         coherent: whether to remember volumes, too: of use where successive poses are near each
             other, as along a path.
+
+    Raises:
+        TypeError: a model that is none.
     """
 
     __slots__ = ("_asked", "_search", "_signed", "a", "b")
 
     def __init__(self, a: TriangleMesh, b: TriangleMesh, *, coherent: bool = True) -> None:
-        self.a = a
-        self.b = b
-        self._search = Search(a, b, coherent=coherent)
+        self._begin(Search(a, b, coherent=coherent))
+
+    def _begin(self, search: Search) -> None:
+        """Take a search that nobody else has, and know nothing else."""
+        self.a, self.b = search.models
+        self._search = search
         self._asked: tuple[object, ...] | None = None
         self._signed: SignedSearch | None = None
+
+    def __reduce__(self) -> tuple[Callable[..., Pair], tuple[Any, ...]]:
+        """Of what another is made."""
+        return _pair_of, (type(self), *self._search.__reduce__())
 
     def distance(
         self,
@@ -58,12 +74,12 @@ class Pair:
     ) -> Distance:
         """Minimum distance at two poses; see `engine.distance`."""
         start = perf_counter()
-        check_tolerance("rel_err", rel_err)
-        check_tolerance("abs_err", abs_err)
+        rel_err = check_tolerance("rel_err", rel_err)
+        abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         fresh, asked, deadline = True, None, None
         if budget_s is not None:
-            check_tolerance("budget_s", budget_s)
+            budget_s = check_tolerance("budget_s", budget_s)
             shapes = self.a.revision, self.b.revision
             asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, order, manifold, shapes)
             fresh = asked != self._asked
@@ -97,8 +113,8 @@ class Pair:
         Raises:
             ValueError: a pose that is no rigid motion, a tolerance that is negative or NaN.
         """
-        check_tolerance("rel_err", rel_err)
-        check_tolerance("abs_err", abs_err)
+        rel_err = check_tolerance("rel_err", rel_err)
+        abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         search = Search(self.a, self.b, coherent=False)
         search.run(pose_a, pose_b)
@@ -116,11 +132,11 @@ class Pair:
         abs_err: float = 0.0,
         budget_s: float | None = None,
     ) -> Distance:
-        """Signed distance of two solids at two poses; see `engine.signed_distance`."""
-        check_tolerance("rel_err", rel_err)
-        check_tolerance("abs_err", abs_err)
+        """Signed distance at two poses; see `engine.signed_distance`."""
+        rel_err = check_tolerance("rel_err", rel_err)
+        abs_err = check_tolerance("abs_err", abs_err)
         if budget_s is not None:
-            check_tolerance("budget_s", budget_s)
+            budget_s = check_tolerance("budget_s", budget_s)
         pose_a, pose_b = check_pose(pose_a, "pose_a"), check_pose(pose_b, "pose_b")
         if self._signed is None:
             # With searches of its own: questions of either kind leave those of the other alone.
@@ -131,7 +147,7 @@ class Pair:
         self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], clearance: float
     ) -> Clearance:
         """Whether the surfaces may be as near as `clearance`; see `engine.within`."""
-        check_tolerance("clearance", clearance)
+        clearance = check_tolerance("clearance", clearance)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         self._asked = None
         beyond = math.nextafter(clearance, math.inf)
@@ -162,21 +178,29 @@ class Pair:
             search.run(pose_a, pose_b, limit=math.ulp(0.0), collect=True)
             pairs = search.collected(reach_of.py_func(0.0, *search.offsets))[:, :2]
             tests = tests + _tests(search.answers)
-        pairs = pairs.astype(np.int32)
+        pairs = np.ascontiguousarray(pairs, np.int32)
         contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
-        return Collision(colliding, contacts, witness_points(answer)[0], *tests.tolist())
+        points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+        if colliding:
+            contacts_of(self.a._table, self.b._table, search.memory, pose_a, pairs, points, normals)
+        return Collision(colliding, contacts, points, normals, *tests.tolist())
 
     def _change_order(self, order: Order) -> None:
         """Search in another order from now on; the remembered triangles stay."""
-        remembered = self._search.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1]
-        coherent = len(self._search.state.keys) > 0
-        self._search = Search(self.a, self.b, order, coherent)
-        self._search.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = remembered
+        search = self._search
+        self._search = Search(self.a, self.b, order, search.coherent, search.nearest)
 
     def _distance(self, search: Search, start: float, collected: bool = False) -> Distance:
         """The answer of a search that was asked at `start` of perf_counter."""
         manifold = manifold_of(self.a, self.b, search) if collected else None
         return distance_of(search.answers, start, manifold)
+
+
+def _pair_of(kind: type[Pair], make: type[Search], arguments: tuple[Any, ...]) -> Pair:
+    """A pair with a search of its own."""
+    pair = kind.__new__(kind)
+    pair._begin(make(*arguments))
+    return pair
 
 
 def _tests(answer: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import as_reals
 from .kernels.motion import pose_deviation
 from .tolerances import LARGEST_COORDINATE, RIGID_TOLERANCE
 
@@ -15,16 +16,12 @@ def as_pose(pose: ArrayLike, name: str) -> NDArray[np.float64]:
     """The pose as the kernels take it, (4, 4) float64 and contiguous; its content is not checked.
 
     Raises:
-        ValueError: not numbers, or another shape.
+        ValueError: not real numbers, or another shape.
     """
     if type(pose) is np.ndarray and pose.dtype is _FLOAT64 and pose.flags.carray:
         array = pose
     else:
-        try:  # a copy: the kernels are compiled for writable arrays, and a read-only one would
-            # have them compiled again
-            array = np.array(pose, dtype=np.float64, order="C")
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{name}: not a matrix of numbers: {error}") from None
+        array = as_reals(pose, name, "a matrix of numbers")
     if array.shape != (4, 4):
         raise ValueError(f"{name}: shape {array.shape}, expected a (4, 4) homogeneous matrix")
     return array
@@ -51,8 +48,10 @@ def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
         raise ValueError(
             f"{name}: last row {array[3].tolist()}, expected [0, 0, 0, 1] (is it transposed?)"
         )
-    if np.abs(array[:3, 3]).max() >= LARGEST_COORDINATE / 3.0:
-        raise ValueError(f"{name}: translation {array[:3, 3].tolist()} m is beyond any world")
+    if np.abs(array[:3, 3]).max() > LARGEST_COORDINATE:
+        raise ValueError(
+            f"{name}: translation {array[:3, 3].tolist()} m is beyond {LARGEST_COORDINATE:g} m"
+        )
     rotation = array[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         error = float(np.abs(rotation.T @ rotation - np.eye(3)).max()) / 2.0
@@ -68,12 +67,9 @@ def as_poses(poses: ArrayLike, name: str) -> NDArray[np.float64]:
     """Poses as the kernels take them, (k, 4, 4) float64; their content is not checked.
 
     Raises:
-        ValueError: not numbers, or another shape.
+        ValueError: not real numbers, or another shape.
     """
-    try:
-        array = np.require(poses, dtype=np.float64, requirements="CAW")
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: not an array of numbers: {error}") from None
+    array = as_reals(poses, name)
     if array.ndim != 3 or array.shape[1:] != (4, 4):
         raise ValueError(f"{name}: shape {array.shape}, expected (k, 4, 4)")
     return array

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+import math
+from threading import Event
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import as_count, as_reals, check_tolerance
 from .kernels import closest as closest_kernel
 from .kernels import state as index
 from .mesh import TriangleMesh
@@ -14,11 +17,15 @@ from .pair import Pair
 from .poses import as_poses, check_pose
 from .result import Clearance, ClosestPoints, Collision, Distance, Distances
 from .rows import distances_of
-from .run import Order, Search, check_tolerance
+from .run import LONG_SLICE, SLICE, Order, Search, check_model
+from .sharing import share
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
 answers are the same however many threads there are."""
+
+_POINTS = 4096
+"""Points of which the same is true."""
 
 
 def distance(
@@ -45,7 +52,9 @@ def distance(
         pose_b: (4, 4) model to world, metres.
         rel_err: stop when upper <= (1 + rel_err) · true distance.
         abs_err: metres; stop when upper <= true distance + abs_err, whichever is reached first.
-        budget_s: seconds; stop with certified bounds when they are over. None: no limit.
+        budget_s: seconds; stop with certified bounds when they are over. None: no limit. Some
+            microseconds' work is done at least, so a `Pair` that is asked again and again comes to
+            an end with any budget.
         order: "depth_first" takes the nearer child first, with the least bookkeeping; "priority"
             the nearest of all pairs that are left (section 6.1), which makes fewer tests where no
             good answer is known beforehand; "breadth_first" bounds all pairs of one level of the
@@ -61,6 +70,7 @@ def distance(
         The bounds, in metres, witness points and why the search stopped.
 
     Raises:
+        TypeError: a model that is none, a tolerance or budget that is no real number.
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
     return Pair(a, b).distance(
@@ -115,14 +125,18 @@ def signed_distance(
     abs_err: float = 0.0,
     budget_s: float | None = None,
 ) -> Distance:
-    """Signed distance of two solids: positive apart, negative where they overlap.
+    """Signed distance where a model is solid: positive apart, negative where they overlap.
 
-    Where the solids are disjoint it is the minimum distance of their surfaces, as `distance` has
-    it. Where they overlap, also where one lies wholly inside the other, it is minus the **depth of
-    the deepest vertex**: the largest distance to the other model's surface of any vertex of one
-    that lies inside the other. Where surfaces cross although no vertex of either lies inside the
-    other, as with crossed bars, the depth and the signed distance are 0. The depth is not the
-    shortest motion that would separate the solids.
+    Where nothing of one lies inside the other it is the minimum distance of their surfaces, as
+    `distance` has it. Where they overlap, also where one lies wholly inside the other, it is minus
+    the **depth of the deepest vertex**: the largest distance to the other model's surface of any
+    vertex of one that lies inside the other. Where surfaces cross although no vertex of either lies
+    inside the other, as with crossed bars, the depth and the signed distance are 0. The depth is
+    not the shortest motion that would separate the models.
+
+    Which models are solid their `solid` says, by default those that enclose one; `is_solid` tells,
+    and `not_solid` why not. Of a solid and a surface, only vertices of the surface can lie inside;
+    of two surfaces none can, and this is `distance`.
 
     A point is inside a solid where the surface's winding number around it is not 0 (Jacobson et al.
     2013, section 3, "Robust inside-outside segmentation using generalized winding numbers"). So
@@ -130,16 +144,21 @@ def signed_distance(
     the other way inside another is a cavity. The depth is measured to the surface as it is given:
     to faces within a union as well.
 
+    Of a mesh with holes, `solid="robust"`, a point is inside where the winding number is more than
+    one half either way, and within the sphere `centre`, `core_radius`. The surface is still
+    the triangles': nothing is there across a hole but that what passes it changes sides, and the
+    signed distance jumps. A triangle that reaches in through a hole is seen by its vertices alone.
+
     Args:
-        a: first solid: a watertight mesh, see Raises.
+        a: first model.
         pose_a: (4, 4) model to world, metres.
-        b: second solid.
+        b: second model.
         pose_b: (4, 4) model to world, metres.
         rel_err: stop when the bounds differ by at most rel_err · true distance or depth.
         abs_err: metres; stop when the bounds differ by at most abs_err, whichever is first.
         budget_s: seconds; stop with certified bounds when they are over. None: no limit. The first
-            question about a mesh checks besides whether it encloses a solid, some 15 ms for
-            100,000 triangles, which no budget cuts.
+            question about a mesh finds out besides whether it is a solid, some 15 ms for 100,000
+            triangles, which no budget cuts.
 
     Returns:
         The bounds, in metres: `lower <= signed distance <= upper`, whatever stopped the search.
@@ -150,12 +169,10 @@ def signed_distance(
         `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
         tested counts as one of either.
         Status INTERSECTING: the surfaces touch, cross without a vertex inside, or are so close that
-        rounding cannot tell; a depth that is known to differ from 0 comes as EXACT,
-        WITHIN_TOLERANCE or OUT_OF_TIME.
+        rounding cannot tell, as it cannot where a winding number is one half; a depth that is known
+        to differ from 0 comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
 
     Raises:
-        ModelError: a mesh that encloses no solid: open edges, faces of unlike orientation, or no
-            volume; the message names the mesh and the place.
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
     return Pair(a, b).signed_distance(
@@ -164,7 +181,14 @@ def signed_distance(
 
 
 def closest_points(
-    model: TriangleMesh, pose: NDArray[np.float64], points: ArrayLike
+    model: TriangleMesh,
+    pose: NDArray[np.float64],
+    points: ArrayLike,
+    *,
+    max_distance: float = math.inf,
+    budget_s: float | None = None,
+    threads: int = 1,
+    normals: bool = False,
 ) -> ClosestPoints:
     """The points of a surface nearest to many given points.
 
@@ -172,28 +196,54 @@ def closest_points(
         model: the surface.
         pose: (4, 4) model to world, metres.
         points: (k, 3) metres, world.
+        max_distance: metres; of points farther away only that is found out, which is cheaper.
+        budget_s: seconds; when they are over the points that are left stay undone. None: no limit.
+            Some microseconds' work is done at least.
+        threads: how many threads share the work; the answers do not depend on it.
+        normals: whether to return the surface's normals at the nearest points.
 
     Raises:
-        ValueError: a pose that is no rigid motion; points of another shape or not finite.
+        TypeError: a model that is none, a distance or budget that is no real number.
+        ValueError: a pose that is no rigid motion; points of another shape or not finite; a
+            distance or budget that is negative or NaN, less than one thread.
     """
+    start = perf_counter()
+    check_model(model, "model")
     pose = check_pose(pose)
-    try:
-        given = np.require(points, dtype=np.float64, requirements="CAW")
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"points: not an array of numbers: {error}") from None
+    given = as_reals(points, "points")
+    max_distance = check_tolerance("max_distance", max_distance)
+    threads = as_count(threads, "threads")
+    deadline = math.inf if budget_s is None else start + check_tolerance("budget_s", budget_s)
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
     if not np.isfinite(given).all():
         first = int(np.argwhere(~np.isfinite(given))[0, 0])
         raise ValueError(f"points[{first}] = {given[first].tolist()}: must be finite")
     k = len(given)
-    bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
+    bounds, done = np.tile([0.0, math.inf], (k, 1)), np.zeros(k, np.bool_)
+    nearest, triangles = np.full((k, 3), np.nan), np.full(k, closest_kernel.NONE, np.int32)
+    directions = np.full((k if normals else 0, 3), np.nan)
     capacity = 1 + model.depth * 15
-    closest_kernel.closest_points(
-        model._tree, pose, given, np.empty(capacity, np.int32), np.empty(capacity),
-        bounds, nearest, triangles,
-    )  # fmt: skip
-    return ClosestPoints(bounds[:, 0], bounds[:, 1], nearest, model._face_of[triangles])
+    steps = LONG_SLICE if budget_s is None else SLICE  # in slices, so that Ctrl-C is heard, too
+
+    def answer(first: int, stopped: Event) -> None:
+        part = slice(first, first + _POINTS)
+        stack, stacked = np.empty(capacity, np.int32), np.empty(capacity)
+        count, at = len(given[part]), 0
+        while at < count and not stopped.is_set():
+            if perf_counter() >= deadline and (first or at):
+                break
+            at = closest_kernel.closest_points(
+                model._distinct, pose, given[part], max_distance, at, steps, stack, stacked,
+                bounds[part], nearest[part], triangles[part], directions[part],
+            )  # fmt: skip
+            done[first : first + at] = True
+
+    share(answer, range(0, k, _POINTS), threads)
+    faces = np.where(triangles >= 0, model._face_of[triangles], np.int32(-1))
+    return ClosestPoints(
+        bounds[:, 0], bounds[:, 1], nearest, faces, done, directions if normals else None
+    )
 
 
 def distances(
@@ -224,29 +274,23 @@ def distances(
     Raises:
         ValueError: other shapes, a pose that is no rigid motion (naming it), a negative tolerance.
     """
-    check_tolerance("rel_err", rel_err)
-    check_tolerance("abs_err", abs_err)
-    if threads < 1:
-        raise ValueError(f"threads = {threads}: must be at least 1")
+    rel_err = check_tolerance("rel_err", rel_err)
+    abs_err = check_tolerance("abs_err", abs_err)
+    threads = as_count(threads, "threads")
     many_a, many_b = as_poses(poses_a, "poses_a"), as_poses(poses_b, "poses_b")
     if len(many_a) != len(many_b):
         raise ValueError(f"{len(many_a)} poses_a but {len(many_b)} poses_b")
     Search(a, b, order)  # refuses an order that there is not, before any thread starts
 
-    def answer(first: int) -> Search:
+    def answer(first: int, stopped: Event) -> Search:
         last = first + _CHUNK
         search = Search(a, b, order)
         search.run(
             many_a[first:last].reshape(-1, 4), many_b[first:last].reshape(-1, 4),
-            rel_err=rel_err, abs_err=abs_err, first=first,
+            rel_err=rel_err, abs_err=abs_err, first=first, stopped=stopped,
         )  # fmt: skip
         return search
 
-    starts = range(0, len(many_a), _CHUNK)
-    if threads == 1:
-        chunks = list(map(answer, starts))
-    else:
-        with ThreadPoolExecutor(threads) as pool:
-            chunks = list(pool.map(answer, starts))
+    chunks = share(answer, range(0, len(many_a), _CHUNK), threads)
     rows = np.concatenate([np.empty(0), *(each.answers for each in chunks)])
     return distances_of(rows.reshape(-1, index.ANSWER))

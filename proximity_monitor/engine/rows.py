@@ -41,7 +41,9 @@ def distances_of(rows: NDArray[np.float64]) -> Distances:
 def pair_distances_of(rows: NDArray[np.float64]) -> PairDistances:
     """The answers of rows (k, ANSWER), which are kept; NaN stands where nothing was searched."""
     searched = ~np.isnan(rows[:, index.STATUS])
-    whole = rows[:, [index.FEATURE_A + 3, index.FEATURE_B + 3, *range(index.TREE_A, index.RADIUS_A)]]
+    whole = rows[
+        :, [index.FEATURE_A + 3, index.FEATURE_B + 3, *range(index.TREE_A, index.RADIUS_A)]
+    ]
     whole[~searched] = (-1, -1, -1, -1, 0, 0, index.OUT_OF_TIME)
     numbers = whole.astype(np.int32)
     return PairDistances(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from threading import Event
 from time import perf_counter
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,8 +53,34 @@ def code_for(models: Iterable[TriangleMesh], order: Order = "depth_first") -> in
     return None if usual else 1
 
 
+def check_model(model: TriangleMesh, name: str) -> TriangleMesh:
+    """The model, if it is one.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if not isinstance(model, TriangleMesh):
+        raise TypeError(
+            f"{name}: expected a model (TriangleMesh, or what load, points or polyline return), "
+            f"got {'None' if model is None else type(model).__name__}"
+        )
+    return model
+
+
+def check_models(models: Iterable[TriangleMesh]) -> tuple[TriangleMesh, ...]:
+    """The models, if all of them are.
+
+    Raises:
+        TypeError: one is something else.
+    """
+    return tuple(check_model(model, f"models[{i}]") for i, model in enumerate(models))
+
+
 class Search:
     """The memory of a search over two models, and its last answers.
+
+    Kernels find that memory by its addresses. So a copy, and what pickle makes of it, is another
+    search of the models, which begins with the nearest triangles of this one.
 
     Args:
         a: first model.
@@ -61,12 +88,14 @@ class Search:
         order: in which order pairs of volumes are visited.
         coherent: whether successive poses are near each other, of these two models alone: what is
             known from the last serves the next.
+        nearest: the triangles, in tree order, to begin with.
 
     Raises:
+        TypeError: a model that is none.
         ValueError: there is no such order.
     """
 
-    __slots__ = ("_models", "_unusual", "answers", "counts", "memory", "order", "reals", "state")
+    __slots__ = ("_unusual", "answers", "counts", "memory", "models", "order", "reals", "state")
 
     def __init__(
         self,
@@ -74,10 +103,11 @@ class Search:
         b: TriangleMesh,
         order: Order = "depth_first",
         coherent: bool = True,
+        nearest: tuple[int, int] = (0, 0),
     ) -> None:
         if order not in _ORDERS:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
-        self._models = a, b
+        self.models = check_model(a, "a"), check_model(b, "b")
         self.order = order
         self._unusual = code_for((a, b), order)
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
@@ -90,6 +120,7 @@ class Search:
         self.reals = np.zeros(index.REALS)
         self.counts = np.zeros(index.COUNTS, np.int64)
         self.counts[index.ORDER] = _ORDERS[order]
+        self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = nearest
         self.counts[index.FULL] = capacity - 15 * levels - 16
         no_corners = np.empty((0, KEPT), np.int32)
         self._keep(
@@ -109,10 +140,26 @@ class Search:
         )
         self.answers = np.empty(0)
 
+    @property
+    def coherent(self) -> bool:
+        """Whether it remembers volumes."""
+        return len(self.state.keys) > 0
+
+    @property
+    def nearest(self) -> tuple[int, int]:
+        """The nearest triangles of the last answer, in tree order."""
+        a, b = self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1].tolist()
+        return a, b
+
+    def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
+        """Of what another is made."""
+        return Search, (*self.models, self.order, self.coherent, self.nearest)
+
     def _keep(self, state: index.State) -> None:
         """Take the arrays of a search, and make the table by which kernels find them."""
-        self.state = state
-        self.memory = table(state)
+        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
+        memory = table(state)
+        self.state, self.memory = state, memory
 
     def run(
         self,
@@ -127,24 +174,30 @@ class Search:
         fresh: bool = True,
         collect: bool = False,
         first: int | None = None,
+        stopped: Event | None = None,
     ) -> int:
         """Answer at k poses, one below the other (4 k, 4), into new `answers` (k ANSWER,).
 
         Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
         alone, it collects every pair that may be as near as the upper bound, and ends only when it
         has them all. `first` is the number of the first pose among many, for messages about one of
-        them. Returns ENDED, or CUT where the deadline (of perf_counter) came first.
+        them. Returns ENDED, or CUT where the deadline (of perf_counter) came first, though after
+        one slice at least; or another code where `stopped` was set meanwhile.
 
         Raises:
             ValueError: a pose that is no rigid motion.
         """
-        a, b = self._models
-        steps = LONG_SLICE
-        if deadline is not None:
-            steps = SLICE if perf_counter() < deadline else 0
+        a, b = self.models
+        # At least one slice: whoever asks again and again comes to an end.
+        steps = LONG_SLICE if deadline is None else SLICE
         if collect:
             stop = -math.inf
+        tables = a._table, b._table
+        if collect:
+            tables = a._table_of_all, b._table_of_all
         if collect != bool(len(self.state.collected)):
+            if collect and not (a._distinct is a._tree and b._distinct is b._tree):
+                self.state.keys.fill(-1)  # too far were those pairs that it looked at
             room = np.empty((_COLLECTED if collect else 0, 3))
             self._keep(self.state._replace(collected=room))
         if fresh and self.order == "breadth_first":
@@ -155,17 +208,19 @@ class Search:
         row = 0
         while True:
             code, row = kernel.search(
-                a._table, b._table, self.memory, poses_a, poses_b, row, count,
+                *tables, self.memory, poses_a, poses_b, row, count,
                 rel_err, abs_err, stop, limit, steps, fresh, answers, self._unusual,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:
                 self._make_room()
                 code = index.CUT
-            if code != index.CUT:
+            if code not in (index.CUT, index.CUT_BETWEEN):
                 break
             if deadline is not None and perf_counter() >= deadline:
                 break
-            fresh = False
+            if stopped is not None and stopped.is_set():
+                break
+            fresh = code == index.CUT_BETWEEN
         if code in (index.BAD_POSE_A, index.BAD_POSE_B):
             letter, poses = ("a", poses_a) if code == index.BAD_POSE_A else ("b", poses_b)
             name = f"pose_{letter}" if first is None else f"poses_{letter}[{first + row}]"
@@ -197,9 +252,3 @@ class Search:
         first = self.counts[index.BASE] if ring else 0
         where = np.arange(first, self.counts[index.DEPTH]) % len(self.state.bounds)
         return self.state.stack[where], self.state.bounds[where]
-
-
-def check_tolerance(name: str, value: float) -> None:
-    """Raise ValueError unless `value` is a number that is not negative (infinity is allowed)."""
-    if not value >= 0.0:
-        raise ValueError(f"{name} = {value!r}: must be a number that is not negative")

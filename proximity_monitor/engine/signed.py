@@ -1,20 +1,24 @@
-"""The signed distance of two solids: the distance of their surfaces, or minus their depth."""
+"""The signed distance where a model is solid: the surfaces' distance, or minus their depth."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import depth as kernel
 from .kernels import probe, state
+from .kernels.solids import HALF, NOWHERE
 from .mesh import TriangleMesh
+from .overlap import overlap
 from .result import STATUSES, Distance, Status
 from .run import LONG_SLICE, SLICE
-from .solid import as_solid
+from .solid import sides_of
+from .tolerances import DOUBLE_EPS
 
 
 class SignedSearch:
@@ -27,8 +31,9 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_earlier_tests", "_limits",
-        "_models", "_poses", "_revisions", "_solids", "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_deviations",
+        "_earlier_tests", "_limits", "_models", "_offset", "_poses", "_regions", "_revisions",
+        "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:
@@ -36,6 +41,11 @@ class SignedSearch:
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
         models = self._models
+        # A depth found is one of the cores. The things lie nearer to its surface, and farther
+        # out than it, by less than this.
+        self._deviations = (a.deviation + b.deviation) * (1.0 + 4.0 * DOUBLE_EPS)
+        self._offset = a.swept_radius + b.swept_radius + self._deviations
+        self._offset *= 1.0 + 4.0 * DOUBLE_EPS
         # Each lane and each vertex enters the heap at most once.
         room = sum(len(each._tree.children) + 3 * len(each.faces) for each in models)
         descent = 1 + max(each.depth for each in models) * 15
@@ -51,10 +61,14 @@ class SignedSearch:
                 np.empty(descent, np.int32),
                 np.empty(descent),
                 np.full(probe.MEMOS, probe.NOBODY),
-                np.empty((probe.MEMOS, 5)),
+                np.empty((probe.MEMOS, 6)),
             ),
         )
         self._revisions = -1, -1
+
+    def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
+        """Of what another is made: its memory is its own."""
+        return SignedSearch, (*self._models, self._apart)
 
     def ask(
         self,
@@ -65,6 +79,9 @@ class SignedSearch:
         budget_s: float | None,
     ) -> Distance:
         """The answer at two poses, which are rigid motions; see `engine.signed_distance`."""
+        if not any(model.is_solid for model in self._models):
+            self._asked = None
+            return self._apart(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s)
         start = perf_counter()
         self._deadline = math.inf if budget_s is None else start + budget_s
         asked = None
@@ -76,6 +93,9 @@ class SignedSearch:
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err)
         row = self._answer()
+        offset = any(model.swept_radius + model.deviation > 0.0 for model in self._models)
+        if offset and not row[state.LOWER] > 0.0:
+            overlap(self._models, self._poses, row, int(self._depth.counts[kernel.MODEL]))
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits
@@ -92,21 +112,32 @@ class SignedSearch:
     ) -> None:
         """Start a search from what the last one found."""
         a, b = self._models
-        self._solids = as_solid(a), as_solid(b)
-        if (a.revision, b.revision) != self._revisions:
-            self._revisions = a.revision, b.revision
+        self._regions = sides_of(a).region, sides_of(b).region
+        revisions = a.revision, b.revision
+        if revisions != self._revisions:
+            self._revisions = revisions
             self._depth.probe.keys[:] = probe.NOBODY  # found on surfaces that are no more
+            if NOWHERE in self._insides:  # what was deepest may have been inside what is none now
+                self._depth.reals[kernel.DEEPEST] = -math.inf
         self._poses = pose_a.copy(), pose_b.copy()
         self._limits = -math.inf, math.inf
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
+        if HALF in self._insides:
+            abs_err = 0.0  # with it a vertex that decides on the sign might be left out
         kernel.begin_depth(
-            a._tree, b._tree, *self._solids, *self._poses, rel_err, abs_err, self._depth
+            a._tree, b._tree, *self._regions, *self._poses, rel_err, abs_err, self._depth
         )
+
+    @property
+    def _insides(self) -> tuple[int, int]:
+        """Where the models have an inside."""
+        return self._regions[0].inside, self._regions[1].inside
 
     def _answer(self) -> NDArray[np.float64]:
         """The row (ANSWER,) of what is known when the search ends, or time is over."""
-        decided = self._test_samples()
+        decided = self._test_samples() and HALF not in self._insides
+        decided = decided and not self._found
         if self._overlapping:
             return self._inside(self._search(samples_alone=False))
         apart = self._distance()
@@ -114,37 +145,41 @@ class SignedSearch:
             # The surfaces do not meet and no part of either lies inside the other.
             return self._outside(apart, apart.lower, apart.status)
         certain = apart.lower > 0.0 or apart.status is not Status.OUT_OF_TIME
-        ended = decided and certain and self._search(samples_alone=False)
+        ended = certain and self._search(samples_alone=False)
         if self._overlapping:
             return self._inside(ended)
         _, depth = self._bounds()
         if apart.lower > 0.0 and depth == 0.0:
             return self._outside(apart, apart.lower, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
-        return self._outside(apart, 0.0 - depth, status)
+        return self._outside(apart, 0.0 - depth - self._offset, status)
 
     @property
     def _overlapping(self) -> bool:
-        """Whether a vertex of one solid certainly lies inside the other."""
+        """Whether a vertex of one model certainly lies inside the other, and deviates by less."""
+        return self._found and self._bounds()[0] > self._deviations
+
+    @property
+    def _found(self) -> bool:
+        """Whether a vertex of one mesh certainly lies inside the other."""
         return bool(self._depth.reals[kernel.DEEPEST] > self._depth.reals[kernel.SLACK])
 
     def _test_samples(self) -> bool:
-        """Test one vertex of each connected part of either solid; False where time ran out.
+        """Test one vertex of each connected part of what may lie inside; False where time ran out.
 
-        A part whose surface does not meet the other's lies wholly on the side of that vertex.
+        A part that does not meet a closed surface lies wholly on the side of that vertex.
         """
         if self._depth.counts[kernel.SIZE] == 0 and self._depth.reals[kernel.DROPPED] == 0.0:
-            return True  # the balls around the solids do not meet
+            return True  # the balls around the models do not meet, or neither has an inside
         return self._search(samples_alone=True)
 
     def _search(self, samples_alone: bool) -> bool:
         """Search for the deepest vertex until the end, or until the deadline: then False."""
+        # At least one slice: whoever asks again and again comes to an end.
         steps = LONG_SLICE if self._deadline == math.inf else SLICE
-        if perf_counter() >= self._deadline:
-            steps = 0
         while True:
             code = kernel.search_depth(
-                self._models[0]._tree, self._models[1]._tree, *self._solids, self._depth,
+                self._models[0]._tree, self._models[1]._tree, *self._regions, self._depth,
                 samples_alone, steps,
             )  # fmt: skip
             if code == state.ENDED:
@@ -199,11 +234,14 @@ class SignedSearch:
             row[at : at + 3] = pose[:3, :3] @ local + pose[:3, 3]
             at = (state.FEATURE_A, state.FEATURE_B)[k]
             row[at : at + 3], row[at + 3] = weights_of[k], face
+            row[(state.RADIUS_A, state.RADIUS_B)[k]] = body.swept_radius
         status = Status.OUT_OF_TIME
         if ended:
             exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]
             status = Status.EXACT if exact else Status.WITHIN_TOLERANCE
-        return self._with_tests(row, -deep, -shallow, status)
+        # The difference of two positive numbers, rounded, is not above their exact one's sign.
+        shallow -= self._deviations
+        return self._with_tests(row, -deep - self._offset, -shallow, status)
 
     def _with_tests(
         self, row: NDArray[np.float64], lower: float, upper: float, status: Status

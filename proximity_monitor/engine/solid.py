@@ -1,90 +1,121 @@
-"""Whether a mesh encloses a solid: the check, what it finds for the search, and its refusals."""
+"""Where a mesh has an inside: the check, what it finds for the search, and the reason for none."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import solids
-from .kernels.solids import Solid
-from .mesh import ModelError, TriangleMesh
+from .kernels.angles import MOMENTS, moments_of
+from .kernels.solids import HALF, NOWHERE, WHOLE, Region
 from .tolerances import DOUBLE_EPS
+from .tree import places
 
-_WAY_OUT = "repair it (close holes, orient faces alike), or ask `distance`, which takes any surface"
+if TYPE_CHECKING:
+    from .mesh import TriangleMesh
+
+_AS_TOLD = "it is to be taken for a surface (solid=False)"
+_NO_MOMENTS = np.empty((0, MOMENTS))
 
 
 @dataclass(slots=True)
-class _Checked:
-    """A mesh that passed the check of its edges, and the solid that it was last."""
+class Sides:
+    """What is known of a mesh's inside."""
 
-    first: NDArray[np.int32]  # (n,) of each vertex the first one at the same place
-    part: NDArray[np.int32]  # (m,) of each triangle, in tree order
-    vertices: NDArray[np.float64]  # with which it was that solid
-    solid: Solid
+    first: NDArray[np.int32]
+    """(n,) of each vertex the first one at the same place."""
+    part: NDArray[np.int32]
+    """(m,) of each triangle, in tree order, the number of its connected part."""
+    proper: bool
+    """Whether any face has an area."""
+    opening: tuple[str, int, int] | None
+    """Why its edges bound no solid, and between which vertices first; None where they do."""
+    rim: float
+    """Metres: how long its open edges are together."""
+    vertices: NDArray[np.float64]
+    """With which all this is so."""
+    region: Region
+    reason: str
+    """Why it is no solid; empty where it is one."""
 
 
-_known: WeakKeyDictionary[TriangleMesh, _Checked] = WeakKeyDictionary()
+_known: WeakKeyDictionary[TriangleMesh, Sides] = WeakKeyDictionary()
 
 
-def as_solid(mesh: TriangleMesh) -> Solid:
-    """The solid that a mesh encloses; checked once a mesh and remembered.
+def sides_of(mesh: TriangleMesh) -> Sides:
+    """Where a mesh has an inside; found once a mesh and remembered.
 
     Vertices of equal coordinates count as one, so a soup of triangles, as STL files hold it, can
     be a solid. Each edge must be passed as often one way as the other: by two faces, or by four
     and more where parts touch along an edge. Then every point off the surface has a whole winding
     number. Faces that repeat a vertex enclose nothing and are passed over.
 
-    A mesh whose vertices were moved keeps its edges, unless vertices that only had equal
-    coordinates came apart; so after `refit` its volume alone is computed again.
-
-    Raises:
-        ModelError: naming the mesh and its open edges, its faces of unlike orientation, or that it
-            encloses no volume.
+    A mesh whose vertices were moved keeps its edges, unless vertices came apart or together; so
+    after `refit` little more than its volume is computed again.
     """
     known = _known.get(mesh)
     if known is not None and known.vertices is mesh.vertices:
-        return known.solid
-    if known is not None and (mesh.vertices == mesh.vertices[known.first]).all():
-        first, part = known.first, known.part
-        owned, samples = known.solid.owned, known.solid.samples
+        return known
+    robust = mesh.solid == "robust"
+    first = places(mesh.vertices)
+    same = known is not None and np.array_equal(first, known.first)
+    if same and not (robust and known.opening):  # of open edges the lengths count
+        part, proper, opening = known.part, known.proper, known.opening
+        rim, owned, samples = known.rim, known.region.owned, known.region.samples
     else:
-        first = solids.first_of_place((mesh.vertices + 0.0).view(np.int64))  # -0.0 becomes 0.0
         faces = first[mesh.faces[mesh._face_of]]
-        _check_edges(mesh, faces)
+        proper, opening, rim = _edges(mesh, faces)
         part, owned, samples = solids.parts_and_owners(faces, len(first))
-    _check_volume(mesh, part, samples)
-    solid = Solid(owned, samples, np.array([*mesh.centre, mesh.core_radius]))
-    for array in solid:
+    inside, reason, moments = NOWHERE, "", _NO_MOMENTS
+    if mesh.solid is False:
+        reason = _AS_TOLD
+    elif not proper:
+        reason = "none of its faces has an area"
+    elif opening is None:
+        reason = _no_volume(mesh, part, samples)
+        inside = NOWHERE if reason else WHOLE
+    elif robust:
+        inside = HALF
+        moments = moments_of(mesh._tree.triangles, mesh._tree.children, mesh._ranges())
+    else:
+        text, i, j = opening
+        reason = f"{text} {mesh.vertices[i].tolist()} and {mesh.vertices[j].tolist()}"
+    if mesh.solid is not False and mesh.swept_radius > 0.0:
+        reason = ""  # whatever comes into the ball is near its core
+    ball = np.array([*mesh.centre, mesh.core_radius])
+    region = Region(inside, owned, samples, ball, rim, moments)
+    for array in (owned, samples, ball, moments):
         array.setflags(write=False)
-    _known[mesh] = _Checked(first, part, mesh.vertices, solid)
-    return solid
+    found = Sides(first, part, proper, opening, rim, mesh.vertices, region, reason)
+    _known[mesh] = found
+    return found
 
 
-def _check_edges(mesh: TriangleMesh, faces: NDArray[np.int32]) -> None:
-    """Every edge is passed as often one way as the other."""
-    proper, odd, unlike, firsts = solids.unpaired_edges(faces, len(mesh.vertices))
-    if not proper:
-        raise ModelError(f"{mesh.name}: no solid: none of its faces has an area; {_WAY_OUT}")
+def _edges(
+    mesh: TriangleMesh, faces: NDArray[np.int32]
+) -> tuple[bool, tuple[str, int, int] | None, float]:
+    """Whether any face has an area; `Sides.opening`; how long the edges are that bound nothing."""
+    proper, odd, unlike, firsts, rim = solids.unpaired_edges(faces, mesh.vertices)
     for count, (i, j), text in (
         (odd, firsts[0], "not watertight: {} open edges (of an odd number of faces)"),
         (unlike, firsts[1], "faces of unlike orientation at {} edges"),
     ):
         if count:
-            raise ModelError(
-                f"{mesh.name}: no solid: {text.format(count)}, the first between the vertices "
-                f"{mesh.vertices[i].tolist()} and {mesh.vertices[j].tolist()}; {_WAY_OUT}"
-            )
+            text = f"{text.format(count)}, the first between the vertices"
+            return True, (text, int(i), int(j)), rim * (1.0 + 1e-6)
+    return proper > 0, None, 0.0
 
 
-def _check_volume(mesh: TriangleMesh, part: NDArray[np.int32], samples: NDArray[np.int32]) -> None:
-    """At least one connected part encloses a volume that is more than rounding.
+def _no_volume(mesh: TriangleMesh, part: NDArray[np.int32], samples: NDArray[np.int32]) -> str:
+    """Empty where at least one connected part encloses a volume that is more than rounding.
 
     A part that does not is a folded sheet, around which no point has a winding number but 0.
     """
     tree = mesh._tree
     volumes, terms = solids.part_volumes(tree.triangles, tree.scale[0], part, samples).T
-    if not (np.abs(volumes) > 32.0 * DOUBLE_EPS * terms).any():
-        raise ModelError(f"{mesh.name}: no solid: it encloses no volume; {_WAY_OUT}")
+    enclosed = (np.abs(volumes) > 32.0 * DOUBLE_EPS * terms).any()
+    return "" if enclosed else "it encloses no volume"

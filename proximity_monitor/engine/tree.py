@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from .kernels.fit_tree import fit_tree
 from .kernels.leaf import EMPTY, first_of, last_of
 from .kernels.measure import measure
 from .kernels.pairing import pair_up
+from .kernels.places import first_drawn, first_of_place, without_twins
 from .kernels.state import Tree
 from .kernels.volumes import EMPTY_RADIUS, FIELDS, STRIDE, WIDTH
 from .tolerances import SINGLE_EPS
@@ -25,42 +28,116 @@ _EDGES = {"rss": 2, "lss": 1, "pss": 0, "hybrid": 2, "obb": 2, "aabb": 2}
 """How many half edges a core of each kind may have."""
 
 
+class Coincident(NamedTuple):
+    """What of a mesh lay on what when its hierarchy was built."""
+
+    first: NDArray[np.int32] | None
+    """(n,) for each vertex the first one at the same place; None where each has a place of its own.
+    """
+    twins: NDArray[np.int32]
+    """(k, 2) in tree order: a triangle that lay on another one, and that one."""
+
+
+class Built(NamedTuple):
+    """What `build` returns."""
+
+    tree: Tree
+    distinct: Tree
+    """The same without the volumes that hold nothing but twins: for who asks for the nearest."""
+    order: NDArray[np.int32]
+    """(m,) which triangle stands where in tree order."""
+    depth: int
+    """The number of levels."""
+    coincident: Coincident
+
+
+def places(vertices: NDArray[np.float64]) -> NDArray[np.int32]:
+    """For each vertex (n, 3) the first one with equal coordinates, (n,)."""
+    given = np.ascontiguousarray(vertices, np.float64)
+    return first_of_place((given + 0.0).view(np.int64))  # -0.0 becomes 0.0
+
+
 def build(
     corners: NDArray[np.float64],
+    vertices: NDArray[np.float64],
     faces: NDArray[np.int32],
     volume: str = "rss",
     swept: float = 0.0,
     deviation: float = 0.0,
-) -> tuple[Tree, NDArray[np.int32], int]:
+) -> Built:
     """Build the hierarchy over triangles.
+
+    What lies on what is told by place, not by index: triangles that do not share vertices get the
+    same hierarchy as if they did.
 
     Args:
         corners: (m, 9) metres; C-contiguous.
-        faces: (m, 3) which corners are the same vertex.
+        vertices: (n, 3) metres; C-contiguous.
+        faces: (m, 3) which corners are which vertices.
         volume: a key of VOLUMES.
         swept: metres; radius of the ball that sweeps the triangles.
         deviation: metres; how far they may be from what they stand for.
-
-    Returns:
-        The hierarchy, (m,) which triangle stands where in tree order, and the number of levels.
     """
+    first = places(vertices)
+    if (first[1:] > first[:-1]).all():
+        first = None
+    else:
+        faces = first.take(faces)
+        faces.setflags(write=False)  # as the mesh's: kernels need no second form
     scale = _scale(corners, volume, 0.0, swept, deviation)
-    children, order, depth = build_tree(corners, pair_up(corners, faces, scale[0]))
-    tree = _fitted(children, corners.take(order, axis=0), faces.take(order, axis=0), scale, volume)
-    return tree, order.astype(np.int32), depth + 1
+    drawn = first_drawn(faces)
+    leaves, distinct = pair_up(corners, faces, drawn, scale[0])
+    children, order, depth = build_tree(corners, leaves, distinct)
+    again = np.flatnonzero(drawn[order] != order)
+    where = np.empty(len(order), np.int32)
+    where[order] = np.arange(len(order), dtype=np.int32)
+    twins = np.stack((again.astype(np.int32), where[drawn[order[again]]]), axis=1)
+    faces = faces.take(order, axis=0)
+    tree = _fitted(children, corners.take(order, axis=0), faces, scale, volume)
+    return Built(
+        tree, _distinct(tree, faces, twins), order.astype(np.int32), depth + 1,
+        Coincident(first, twins),
+    )  # fmt: skip
 
 
-def refit(tree: Tree, corners: NDArray[np.float64], faces: NDArray[np.int32], volume: str) -> Tree:
-    """A hierarchy of the same structure over the same triangles, whose corners moved.
+def refit(
+    tree: Tree,
+    coincident: Coincident,
+    corners: NDArray[np.float64],
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    volume: str,
+) -> tuple[Tree, Tree]:
+    """A hierarchy of the same structure over the same triangles, whose vertices moved.
 
     Args:
         tree: the hierarchy that was built.
+        coincident: as `build` returned it.
         corners: (m, 9) metres, in tree order; C-contiguous, and kept.
-        faces: (m, 3) which corners are the same vertex, in tree order.
+        vertices: (n, 3) metres.
+        faces: (m, 3) which corners are which vertices, in tree order.
         volume: a key of VOLUMES.
+
+    Returns:
+        As `Built.tree` and `Built.distinct`.
     """
+    first = coincident.first
+    if first is not None:
+        # One that has come away from the first of its place stands for itself.
+        there = (vertices == vertices.take(first, axis=0)).all(axis=1)
+        faces = np.where(there, first, np.arange(len(first), dtype=np.int32)).take(faces)
     scale = _scale(corners, volume, tree.scale[4] + 1.0, *tree.scale[5:])
-    return _fitted(tree.children, corners, faces, scale, volume)
+    fitted = _fitted(tree.children, corners, faces, scale, volume)
+    return fitted, _distinct(fitted, faces, coincident.twins)
+
+
+def _distinct(tree: Tree, faces: NDArray[np.int32], twins: NDArray[np.int32]) -> Tree:
+    """A hierarchy without the volumes that hold nothing but twins; the same one without twins."""
+    if len(twins) == 0:
+        return tree
+    nodes = without_twins(tree.nodes, tree.children, faces, twins)
+    nodes.setflags(write=False)
+    return tree._replace(nodes=nodes)
 
 
 def _fitted(

@@ -24,6 +24,7 @@ from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.listed import as_arrays
 from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, silence
+from proximity_monitor.scene.unseen import Unseen
 
 WINDOW_S = 10.0
 """Percentiles and the achieved rate are over the ticks of so many seconds."""
@@ -99,6 +100,8 @@ class State(NamedTuple):
     """Ticks that were asked for distances."""
     incompatible: Mapping[str, int]
     """By topic, peers whose quality of service does not fit."""
+    unseen: Unseen
+    """Pairs that cannot see one body inside the other."""
     namesakes: int
     """Other nodes of the same name."""
     dropped: Mapping[str, int]
@@ -151,6 +154,9 @@ class Health:
         values.update({f"pairs {each.value}": str(kinds[each]) for each in PairStatus})
         values["pairs beyond range"] = str(tick.far) if tick is not None else "nan"
         values["pairs watched"] = str(state.watched)
+        values["pairs that cannot see containment"] = str(state.unseen.count)
+        if state.unseen.count:
+            values["containment unseen"] = ", ".join(f"{a} - {b}" for a, b in state.unseen.pairs)
         values["clearance_m"] = repr(tick.clearance()) if tick is not None else "nan"
         return self._status("clearance", level, worst, values)
 

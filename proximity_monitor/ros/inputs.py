@@ -74,17 +74,21 @@ class _Input:
 class _Last(_Input):
     """The last good pose of one body, and the one with another stamp before it."""
 
-    __slots__ = ("before", "before_ns", "pose")
+    __slots__ = ("before", "before_ns", "first", "pose")
 
     def forget(self) -> None:
         super().forget()
         self.pose: np.ndarray | None = None
         self.before_ns: int | None = None
         self.before: np.ndarray | None = None
+        self.first: np.ndarray | None = None
 
     def keep(self, pose: np.ndarray, stamp_ns: int) -> None:
         if stamp_ns != self.stamp_ns:
-            self.before, self.before_ns = self.pose, self.stamp_ns
+            # A link's stamp is that of what is oldest in its pose, which may move on meanwhile: the
+            # first pose of a stamp is the one of that moment, and a later one would hide motion.
+            self.before, self.before_ns = self.first, self.stamp_ns
+            self.first = pose
         self.pose, self.stamp_ns = pose, stamp_ns
 
 
@@ -92,19 +96,25 @@ class Inputs:
     """The last good pose of each moving body, how fresh each shape is, and what was refused."""
 
     def __init__(
-        self, bodies: Iterable[str], frame: str, shapes: Mapping[str, str] = MappingProxyType({})
+        self,
+        bodies: Iterable[str],
+        frame: str,
+        roots: Iterable[str] = (),
+        shapes: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Begin with nothing heard.
 
         Args:
             bodies: whose poses arrive.
             frame: the only one that is accepted of poses.
+            roots: robots whose root link moves. Its poses are kept like a body's; those of the
+                links follow from them.
             shapes: by a body whose shape arrives what it arrives as, such as "vertices".
         """
-        self._last = {name: _Last() for name in bodies}
-        self._shapes = {name: (_Input(), what) for name, what in shapes.items()}
-        self.names = tuple(self._last)
+        self.names = tuple(bodies)
         """The moving bodies, in the order of bulk messages."""
+        self._last = {name: _Last() for name in (*self.names, *roots)}
+        self._shapes = {name: (_Input(), what) for name, what in shapes.items()}
         self._frame = frame
         self._counted: set[bytes] = set()
         self._awaited: set[str] = set()
@@ -119,7 +129,7 @@ class Inputs:
         """Keep a pose if it is good; return the reason if it is not.
 
         Args:
-            name: a moving body of the scene.
+            name: a moving body of the scene, or a robot whose root moves.
             pose: as it arrived.
             now_ns: nanoseconds of the node's clock.
         """
@@ -219,11 +229,18 @@ class Inputs:
 
     def samples(self, now_ns: int) -> dict[str, PoseSample | None]:
         """Return each moving body's last good pose and whether it is stale."""
-        timeout_s = self.timeout_s
+        every = ((name, self._last[name]) for name in self.names)
         return {
-            name: None if last.pose is None else PoseSample(last.pose, last.late(now_ns, timeout_s))
-            for name, last in self._last.items()
+            name: None
+            if last.pose is None
+            else PoseSample(last.pose, last.late(now_ns, self.timeout_s))
+            for name, last in every
         }
+
+    def last(self, name: str) -> tuple[np.ndarray, int] | None:
+        """Return the last good pose (4, 4) of a body or root and its stamp in ns; None without."""
+        last = self._last[name]
+        return None if last.pose is None else (last.pose, last.stamp_ns)
 
     def silent(self, samples: Mapping[str, PoseSample | None], now_ns: int) -> dict[str, str]:
         """Return by each silent body why it is.

@@ -39,6 +39,7 @@ from proximity_monitor.scene.opening import kernels_of, load_models
 from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import NO_POSE_YET, Tick
+from proximity_monitor.scene.unseen import Unseen, unseen_containment
 
 SLICE_S = 0.2
 """A longer budget is spent in slices of this, so that a signal ends the node in good order, with
@@ -72,12 +73,14 @@ class Session:
         self._distance_ticks = 0
         self._now_ns = 0
         self._prepared = False
+        self._unseen = Unseen(0, (), {})
         self._namesakes = 0
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
         self._inputs = Inputs(
             [body.name for body in scene.bodies if body.posed],
             settings.frame,
+            [robot.name for robot in scene.robots if robot.root is not None],
             {body.name: "vertices" for body in scene.bodies if body.deforming}
             | {body.name: "cloud" for body in scene.bodies if body.cloud is not None},
         )
@@ -103,6 +106,9 @@ class Session:
         with saying(partial(self._say_progress, progress)), progress, interruptible():
             models = self._models = load_models(scene)
             self._monitor = Monitor(scene, models, threads=settings.threads)
+            self._unseen = unseen_containment(scene, models)
+        if self._unseen.count:
+            node.get_logger().warning(str(self._unseen))
         self._outputs.show(models)
         self._sources = Sources(
             node,
@@ -345,6 +351,7 @@ class Session:
             alerts_left_out=self._outputs.alerts_left_out,
             distance_ticks=self._distance_ticks,
             incompatible=self._incompatible.count,
+            unseen=self._unseen,
             namesakes=self._namesakes,
             dropped=self._clouds.dropped if self._prepared else {},
             clouds=self._clouds.built if self._prepared else {},

@@ -12,6 +12,7 @@ import numpy as np
 from proximity_monitor.scene.description import (
     Body,
     Box,
+    Capsule,
     Cloud,
     Cylinder,
     Point,
@@ -76,7 +77,8 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
         pose=pose,
         topic=topic,
         colour=read_colour(data),
-        solid=data.get("solid", False),
+        **read_solid(data, keys, report),
+        deviation=unit.to_metre * data.get("deviation", 0.0),
         deforming=data.get("deforming", False),
         cloud=cloud,
     )
@@ -111,7 +113,9 @@ def _primitive(data: dict[str, Any], unit: Unit) -> Primitive:
     radius = unit.to_metre * values["radius"]
     if kind == "cylinder":
         return Cylinder(radius, unit.to_metre * values["height"], int(values.get("segments", 64)))
-    return Sphere(radius, int(values.get("subdivisions", 3)))
+    if kind == "capsule":
+        return Capsule(radius, unit.to_metre * values["length"])
+    return Sphere(radius, values.get("subdivisions"))
 
 
 def read_topic(topic: str, keys: Keys, report: Report) -> str:
@@ -123,6 +127,13 @@ def read_topic(topic: str, keys: Keys, report: Report) -> str:
             f"front, joined by single slashes (got '{topic}')",
         )
     return topic
+
+
+def read_solid(data: Mapping[str, Any], keys: Keys, report: Report) -> dict[str, Any]:
+    """Return what a body or robot says of being solid, as a Body has it."""
+    if "solid" not in data:
+        return {}
+    return {"solid": data["solid"], "solid_at": report.place((*keys, "solid"))}
 
 
 def read_colour(data: Mapping[str, Any]) -> tuple[float, float, float, float]:

@@ -37,10 +37,10 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A prism of `segments` sides about z, centred on the origin; lengths in metres.
+    """About z, centred on the origin; lengths in metres.
 
-    Its corners lie on the cylinder, so its sides lie inside it, by at most
-    ``radius * (1 - cos(pi / segments))``.
+    It is measured as a prism of `segments` sides, from whose surface its own is
+    ``radius * tan(pi / segments / 2) ** 2`` away at most: bounds are widened by that.
     """
 
     radius: float
@@ -50,10 +50,20 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """An icosahedron subdivided `subdivisions` times, its corners on the sphere; metres."""
+    """Around the origin; metres."""
 
     radius: float
-    subdivisions: int
+    subdivisions: int | None = None
+    """How often an icosahedron is subdivided that stands for it; None: it is exact."""
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """All points within `radius` of a segment along z, centred on the origin; metres. Exact."""
+
+    radius: float
+    length: float
+    """Of the segment; the capsule is longer by twice its radius."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +75,7 @@ class Point:
 class Part:
     """One shape of a compound, placed in its frame."""
 
-    shape: Path | Box | Cylinder | Sphere
+    shape: Path | Box | Cylinder | Sphere | Capsule
     """A model file in metres, absolute, or a primitive."""
     scale: tuple[float, float, float]
     """Factors along the shape's own axes, not 0; a negative one mirrors it."""
@@ -82,7 +92,11 @@ class Compound:
     parts: tuple[Part, ...]
 
 
-Primitive = Box | Cylinder | Sphere | Point | Compound
+Primitive = Box | Cylinder | Sphere | Capsule | Point | Compound
+
+
+Solid = bool | Literal["robust"] | None
+"""Whether a model is to be a solid."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +126,12 @@ class Body:
     poses follow from the positions of joints (see `Robot`)."""
     colour: tuple[float, float, float, float]
     """Red, green, blue, opacity, each 0 to 1."""
-    solid: bool = False
-    """Whether its model encloses a solid: two solids have a signed distance."""
+    solid: Solid = None
+    """Whether it must be a solid, as for `engine.TriangleMesh`; None: if its model encloses one."""
+    solid_at: str = ""
+    """Where the file says so."""
+    deviation: float = 0.0
+    """How far the surface of the model may be from that of the thing, metres."""
     deforming: bool = False
     """Whether its vertices change while the monitor runs."""
     cloud: Cloud | None = None
@@ -164,6 +182,15 @@ class WatchedPair:
     """Metres; a pair that is certainly farther apart is not looked at."""
 
 
+@dataclass(frozen=True)
+class Root:
+    """Where the poses of a robot's root link come from, if it moves."""
+
+    topic: str
+    frame: str
+    """Its frame on /tf."""
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
     """Bodies that are the links of one robot, and how its joints move them."""
@@ -171,26 +198,32 @@ class Robot:
     name: str
     kinematics: Kinematics
     base: np.ndarray
-    """(4, 4) pose of its root link in the world, metres, read-only."""
+    """(4, 4) pose of its root link in the world, metres, read-only; the origin if that moves."""
     topic: str
     """Topic of the positions of its joints."""
     start: Mapping[str, float]
     """Positions of joints from the file, until others arrive; radians or metres."""
     links: Mapping[str, str]
     """Its moving bodies: by the body's name, the link that it is."""
+    root: Root | None = None
+    """None where its root link stands at `base`."""
 
-    def poses(self, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
+    def poses(
+        self, positions: Mapping[str, float], base: np.ndarray | None = None
+    ) -> dict[str, np.ndarray]:
         """Return the pose (4, 4) in metres, model to world, of each moving body.
 
         Args:
             positions: of joints by name, radians or metres. For those that are absent `start`
                 holds, else 0; names that are not of its free joints are passed over.
+            base: (4, 4) pose of its root link in the world, metres; None: its own `base`.
 
         Raises:
             ValueError: a position is not finite.
         """
         kinematics = self.kinematics
-        poses = kinematics.poses(kinematics.values({**self.start, **positions}), self.base)
+        base = self.base if base is None else base
+        poses = kinematics.poses(kinematics.values({**self.start, **positions}), base)
         by_link = dict(zip(kinematics.links, poses, strict=True))
         return {body: by_link[link] for body, link in self.links.items()}
 

@@ -158,4 +158,4 @@ class NearPairs:
         return a * len(self._solid) + b
 
     def _rows(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return self._answers.add(np.stack((a, b), axis=1), self._solid[a] & self._solid[b])
+        return self._answers.add(np.stack((a, b), axis=1), self._solid[a] | self._solid[b])

@@ -57,7 +57,8 @@ def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:
     shared: dict[tuple, engine.TriangleMesh] = {}
     models = {}
     for body in scene.bodies:
-        look = (body.model, body.primitive, body.scale, body.name if body.deforming else None)
+        own = body.name if body.deforming else None
+        look = (body.model, body.primitive, body.scale, body.solid, body.deviation, own)
         if look not in shared:
             shared[look] = load_model(body, scene.unit)
         models[body.name] = shared[look]

@@ -8,6 +8,7 @@ import numpy as np
 
 from proximity_monitor import engine
 from proximity_monitor.scene.description import Body
+from proximity_monitor.scene.primitives import check_solid
 from proximity_monitor.scene.state import PoseSample
 
 
@@ -24,10 +25,16 @@ class Placing:
     """
 
     def __init__(self, bodies: Sequence[Body], models: Mapping[str, engine.TriangleMesh]) -> None:
-        """Begin with the fixed bodies where they are, and the moving ones nowhere yet."""
+        """Begin with the fixed bodies where they are, and the moving ones nowhere yet.
+
+        Raises:
+            engine.ModelError: a body must be a solid, but its model is none; it names the body.
+        """
         self.names = tuple(body.name for body in bodies)
         self.models = tuple(models[name] for name in self.names)
-        self.solid = np.array([body.solid for body in bodies], dtype=bool)
+        for body, model in zip(bodies, self.models, strict=True):
+            check_solid(body, model)
+        self.solid = np.array([model.is_solid for model in self.models], dtype=bool)
         moving = np.array([body.moving for body in bodies], dtype=bool)
         self.known, self.silent = ~moving, moving.copy()
         self.answers = engine.Answers(self.models, self.names)
@@ -85,20 +92,27 @@ class Placing:
         self._reshaped = True
         return body, self.answers.replace(body, model)
 
-    def refit(self, name: str, vertices: np.ndarray) -> list[int]:
-        """Refit a body's model to other vertices (n, 3); returns the bodies that share it.
+    def refit(self, name: str, vertices: np.ndarray) -> None:
+        """Refit a body's model to other vertices (n, 3), for every body that shares it.
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.TriangleMesh.refit`; nothing has changed.
+            engine.ModelError: see `engine.TriangleMesh.refit`; or a solid would be none any more.
+                Nothing has changed.
         """
         model = self.model(name)
-        before = model.vertices
+        before, solid = model.vertices, self.solid[self.names.index(name)]
         model.refit(vertices)
+        if solid and (reason := model.not_solid):
+            model.refit(before)
+            self._reshape(model, 0.0)
+            raise engine.ModelError(
+                f"body '{name}' is a solid, and would be none: {reason}; say 'solid: false' in the "
+                "scene if it is to be a surface"
+            )
         # Differences, squares, sums and root err by less than 4 u of the length in all.
         largest = float(np.sqrt(((model.vertices - before) ** 2).sum(axis=1).max()))
         self._reshape(model, largest * (1.0 + 4.0 * np.finfo(np.float64).eps))
-        return [i for i, each in enumerate(self.models) if each is model]
 
     def _stacked(self, given: list[np.ndarray], bodies: np.ndarray) -> np.ndarray:
         """The poses (k, 4, 4) of bodies (k,)."""

@@ -52,17 +52,16 @@ class Monitor:
             clock: seconds, never going back; measures the budget and the ages.
 
         Raises:
-            engine.ModelError: a body is `solid`, but its model encloses none; it names the body.
+            engine.ModelError: a body must be a solid, but its model is none; it names the body.
             ValueError: no thread at all.
         """
         self._clock = clock
         self._pairs = scene.pairs
         self._placing = placing = Placing(scene.bodies, models)
         self._near = NearPairs(scene.pairs, placing.answers, placing.solid)
-        self._searches = Searches(placing.names, placing.models, threads)
+        self._searches = Searches(placing.models, threads)
         self._agenda = engine.Agenda(placing.answers, self._searches.assembly)
         self._books = Books(scene.pairs, self._near, self._agenda)
-        self._searches.check_solids(np.flatnonzero(placing.solid).tolist())
         self._searches.prepare()
         self._compile()
         self._ignored = 0
@@ -97,17 +96,10 @@ class Monitor:
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.TriangleMesh.refit`; or a `solid` body's model would
-                enclose a solid no more. The model stays as it was, though bounds may be wider.
+            engine.ModelError: see `engine.TriangleMesh.refit`; or a solid would be none any more.
+                Nothing has changed.
         """
-        placing = self._placing
-        before = placing.model(name).vertices
-        changed = placing.refit(name, vertices)
-        try:
-            self._searches.check_solids(body for body in changed if placing.solid[body])
-        except engine.ModelError:
-            placing.refit(name, before)
-            raise
+        self._placing.refit(name, vertices)
 
     def replace_model(self, name: str, model: engine.TriangleMesh) -> None:
         """Give a body that is no solid another model, as of a cloud of which a new one has come.

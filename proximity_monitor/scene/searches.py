@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -38,14 +38,11 @@ class Question(NamedTuple):
 class Searches:
     """Searches over the bodies of a scene."""
 
-    def __init__(
-        self, names: Sequence[str], models: Sequence[engine.TriangleMesh], threads: int
-    ) -> None:
+    def __init__(self, models: Sequence[engine.TriangleMesh], threads: int) -> None:
         """Get ready for the models (n,) of the bodies, and for so many threads."""
         if threads < 1:
             raise ValueError(f"threads = {threads}: must be at least 1")
         self.threads = threads
-        self._names = tuple(names)
         self._models = tuple(models)
         self.assembly = engine.Assembly(models)
         self._kept: OrderedDict[int, engine.Pair] = OrderedDict()  # by key, see `forget`
@@ -60,6 +57,11 @@ class Searches:
         self.assembly.distances(poses, [[0, last]], clearance=0.0, budget_s=1.0)
         first = self._models[0]
         engine.Pair(first, first).distance(near, far, rel_err=0.5, budget_s=1.0, order="priority")
+        solid = next((model for model in self._models if model.is_solid), None)
+        if solid is not None:
+            pair = engine.Pair(solid, solid)
+            pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
+            pair.signed_distance(near, near, budget_s=0.0)  # has kernels of its own
 
     def replace(self, body: int, model: engine.TriangleMesh) -> None:
         """Give a body another model; what was not finished about its pairs is forgotten."""
@@ -67,22 +69,6 @@ class Searches:
         self.assembly.replace(body, model)
         for key in [key for key in self._kept if body in divmod(key, len(self._models))]:
             del self._kept[key]
-
-    def check_solids(self, bodies: Iterable[int]) -> None:
-        """Have the engine check, and remember, that the models of bodies enclose solids.
-
-        Raises:
-            engine.ModelError: one of them encloses none; it names the body.
-        """
-        near, far = self._apart()
-        for body in {id(self._models[body]): body for body in bodies}.values():
-            model = self._models[body]
-            try:
-                pair = engine.Pair(model, model)
-                pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
-                pair.signed_distance(near, near, budget_s=0.0)  # has kernels of its own
-            except engine.ModelError as error:
-                raise engine.ModelError(f"body '{self._names[body]}' is solid: {error}") from None
 
     def _apart(self) -> tuple[np.ndarray, np.ndarray]:
         """Two poses (4, 4) at which any two of the models are far apart."""

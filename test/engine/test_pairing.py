@@ -124,10 +124,32 @@ def test_a_sharp_edge_parts_leaves():
 
 
 @pytest.mark.parametrize("faces", [[[0, 1, 2]] * 5, [[0, 1, 2], [1, 2, 0], [2, 1, 0], [0, 2, 1]]])
-def test_the_same_triangle_many_times_is_one_leaf_for_two(faces):
-    mesh = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces)
-    assert len(shared(mesh)) == len(faces) // 2
+def test_a_triangle_that_is_drawn_again_stands_alone(faces):
+    """With its neighbour it would be bounded twice: see test_places."""
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
+    mesh = engine.TriangleMesh(points, [*faces, [1, 3, 2]])
+    assert len(shared(mesh)) == 1
     engine.check_tree(mesh._tree)
+
+
+def unwelded(mesh):
+    """The same triangles, each with vertices of its own."""
+    corners = mesh.vertices[mesh.faces].reshape(-1, 3)
+    return engine.TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_triangles_that_share_no_vertices_have_the_same_hierarchy(name):
+    mesh = body(name)
+    other = unwelded(mesh)
+    assert np.array_equal(mesh._face_of, other._face_of)
+    for first, second in zip(mesh._tree, other._tree, strict=True):
+        assert np.array_equal(first, second)
+
+
+def test_zeros_of_either_sign_are_one_place():
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [-0.0, 1, -0.0], [1, -0.0, 0], [1, 1, 0]]
+    assert len(shared(engine.TriangleMesh(points, [[0, 1, 2], [3, 4, 5]]))) == 1
 
 
 def test_an_edge_of_many_triangles_parts_them_by_twos():

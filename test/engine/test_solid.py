@@ -1,49 +1,56 @@
-"""What `signed_distance` refuses, and how it says so."""
+"""Which meshes are solids, and why the others are not."""
 
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
+import trimesh
 from engine_bodies import IDENTITY, box, pose, sphere
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.solids import first_of_place, unpaired_edges
-from proximity_monitor.engine.solid import as_solid
+from proximity_monitor.engine.kernels.solids import unpaired_edges
+from proximity_monitor.engine.solid import sides_of
 
 
 def test_a_solid_is_checked_once():
     model = box()
-    assert as_solid(model) is as_solid(model)
+    assert sides_of(model) is sides_of(model)
 
 
-def as_soup(mesh):
+def as_soup(mesh, solid=None):
     """The same triangles, none of which share a vertex."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
-    return engine.TriangleMesh(corners, np.arange(len(corners)).reshape(-1, 3), name="soup")
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return engine.TriangleMesh(corners, faces, name="soup", solid=solid)
 
 
 def test_a_refit_keeps_what_was_found_of_the_edges():
     for model in (box(), as_soup(box())):
-        before = as_solid(model)
+        before = sides_of(model).region
         model.refit(2.0 * model.vertices + 1.0)
-        after = as_solid(model)
+        after = sides_of(model).region
         assert after.owned is before.owned
         assert after.samples is before.samples
         assert after.ball == pytest.approx([1.0, 1.0, 1.0, 2.0 * before.ball[3]])
 
 
 def test_a_refit_that_tears_vertices_apart_is_noticed():
-    model = as_soup(CUBE)
-    as_solid(model)
+    model, must_be = as_soup(CUBE), as_soup(CUBE, solid=True)
     torn = model.vertices.copy()
     torn[0] += 0.1
+    assert model.is_solid
     model.refit(torn)
+    assert model.not_solid.startswith("not watertight: 4 open edges")
     with pytest.raises(engine.ModelError, match="soup: no solid: not watertight: 4 open edges"):
-        as_solid(model)
+        must_be.refit(torn)
+    assert np.array_equal(must_be.vertices, as_soup(CUBE).vertices)
+    assert must_be.is_solid
     model.refit(as_soup(CUBE).vertices)
-    assert len(as_solid(model).samples) == 1
+    assert len(sides_of(model).region.samples) == 1
+    assert model.is_solid
 
 
 def test_a_refit_that_tears_parts_apart_leaves_a_solid():
@@ -52,19 +59,9 @@ def test_a_refit_that_tears_parts_apart_leaves_a_solid():
     vertices = np.concatenate((CUBE.vertices, 2.0 * corner - CUBE.vertices))
     faces = np.concatenate((CUBE.faces, CUBE.faces[:, ::-1] + 8))
     model = engine.TriangleMesh(vertices, faces)
-    assert len(as_solid(model).samples) == 1
+    assert len(sides_of(model).region.samples) == 1
     model.refit(np.concatenate((CUBE.vertices, 3.0 * corner - CUBE.vertices)))
-    assert len(as_solid(model).samples) == 2
-
-
-def test_vertices_of_one_place_are_found():
-    rng = np.random.default_rng(1)
-    for count in (1, 2, 3, 1000):
-        places = rng.integers(-2, 3, (count, 3)) * 0.5
-        places[::7] *= -0.0
-        first = first_of_place((places + 0.0).view(np.int64))
-        expected = [int((places == place).all(axis=1).argmax()) for place in places]
-        assert first.tolist() == expected
+    assert len(sides_of(model).region.samples) == 2
 
 
 def test_unpaired_edges_against_a_count_of_all():
@@ -80,7 +77,13 @@ def test_unpaired_edges_against_a_count_of_all():
         unlike = sorted(
             edge for edge, ways in uses.items() if len(ways) % 2 == 0 and 2 * sum(ways) != len(ways)
         )
-        found = unpaired_edges(faces, count)
+        vertices = rng.normal(size=(count, 3))
+        found = unpaired_edges(faces, vertices)
+        rim = sum(
+            abs(2 * sum(ways) - len(ways)) * np.linalg.norm(vertices[i] - vertices[j])
+            for (i, j), ways in uses.items()
+        )
+        assert found[4] == pytest.approx(rim)
         assert found[:3] == (len(proper), len(odd), len(unlike))
         for edges, first in zip((odd, unlike), found[3].tolist(), strict=True):
             assert not edges or tuple(first) == edges[0]
@@ -92,8 +95,7 @@ def test_a_curved_sheet_of_two_sides_encloses_nothing():
     half = ball.faces[(ball.vertices[ball.faces][:, :, 2] > 0.0).all(axis=1)]
     vertices = ball.vertices + np.array((1.0 / 3.0, 0.1, 1e3))
     sheet = engine.TriangleMesh(vertices, np.concatenate((half, half[::-1, ::-1])), name="sheet")
-    with pytest.raises(engine.ModelError, match="sheet: no solid: it encloses no volume"):
-        as_solid(sheet)
+    assert sheet.not_solid == "it encloses no volume"
 
 
 CUBE = box((1.0, 1.0, 1.0))
@@ -111,21 +113,53 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("vertices, faces, message", REFUSED.values(), ids=REFUSED)
-def test_what_is_no_solid_is_refused_by_name(vertices, faces, message):
+def test_what_is_no_solid_is_a_surface_and_says_why(vertices, faces, message):
     surface = engine.TriangleMesh(vertices, faces, name="bracket")
-    for first, second in ((surface, CUBE), (CUBE, surface)):
-        with pytest.raises(engine.ModelError, match=f"^bracket: no solid: .*{message}"):
-            engine.signed_distance(first, IDENTITY, second, IDENTITY)
-    with pytest.raises(engine.ModelError, match=r"`distance`, which takes any surface$"):
-        engine.signed_distance(surface, IDENTITY, CUBE, IDENTITY)
+    assert not surface.is_solid
+    assert re.search(message, surface.not_solid)
+    with pytest.raises(engine.ModelError, match=f"^bracket: no solid: .*{message}.*'robust'"):
+        engine.TriangleMesh(vertices, faces, name="bracket", solid=True)
 
 
-def test_a_rotated_flat_sheet_is_refused():
+def test_a_surface_is_one_because_it_is_told_so():
+    told = engine.TriangleMesh(CUBE.vertices, CUBE.faces, solid=False)
+    assert not told.is_solid
+    assert told.not_solid == "it is to be taken for a surface (solid=False)"
+    assert CUBE.is_solid
+    assert CUBE.not_solid == ""
+
+
+@pytest.mark.parametrize("solid", ["yes", 1, "Robust", 0.5])
+def test_what_solid_may_not_be(solid):
+    with pytest.raises(
+        engine.ModelError, match=r"solid = .*: must be True, False, 'robust' or None"
+    ):
+        engine.TriangleMesh(CUBE.vertices, CUBE.faces, solid=solid)
+
+
+def test_a_file_says_the_same(tmp_path):
+    path = tmp_path / "open.stl"
+    trimesh.Trimesh(CUBE.vertices, CUBE.faces[1:]).export(path)
+    assert not engine.load(path).is_solid
+    assert engine.load(path, solid="robust").is_solid
+    with pytest.raises(
+        engine.ModelError, match=r"open.stl: no solid: not watertight: 3 open edges"
+    ):
+        engine.load(path, solid=True)
+
+
+def test_robust_makes_no_difference_to_what_is_watertight():
+    robust = engine.TriangleMesh(CUBE.vertices, CUBE.faces, solid="robust")
+    assert sides_of(robust).region.inside == sides_of(CUBE).region.inside
+    points = engine.TriangleMesh(CUBE.vertices, [[0, 0, 0]], solid="robust")
+    assert points.not_solid == "none of its faces has an area"
+
+
+def test_a_rotated_flat_sheet_is_no_solid():
     matrix = pose(np.random.default_rng(6), 100.0)
     corners = box((1.0, 1.0, 0.3)).vertices[:3] @ matrix[:3, :3].T + matrix[:3, 3]
     sheet = engine.TriangleMesh(corners, [[0, 1, 2], [2, 1, 0]], name="sheet")
-    with pytest.raises(engine.ModelError, match="no volume"):
-        engine.signed_distance(sheet, IDENTITY, CUBE, IDENTITY)
+    assert sheet.not_solid == "it encloses no volume"
 
 
 @pytest.mark.parametrize(

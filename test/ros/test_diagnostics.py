@@ -11,6 +11,7 @@ from proximity_monitor.ros.diagnostics import Health, State
 from proximity_monitor.scene import Thresholds, Unit, WatchedPair
 from proximity_monitor.scene.alerts import Alerts
 from proximity_monitor.scene.state import PairState, PairStatus, Tick
+from proximity_monitor.scene.unseen import Unseen
 
 LIMITS = Thresholds(warn=0.010, stop=0.002, hysteresis=0.001, hold_s=5.0)
 
@@ -32,10 +33,12 @@ def test_every_pair_is_counted_once_listed_or_not():
     tick = Tick(near[:1], 0.0, 0.0, (), 0, far=2, unsure=2)
     alerts.update(tick, thresholds, 2.0, silent=dict.fromkeys(("a1", "a3"), "no recent pose"))
     nothing = dict.fromkeys(State._fields)
-    told = Health("monitor", "cell")._clearance(
-        State(**nothing | {"tick": tick, "levels": alerts.levels, "watched": 5})
-    )
+    unseen = Unseen(2, (("a0", "b0"), ("a1", "b1")), {"a0": "not watertight"})
+    given = {"tick": tick, "levels": alerts.levels, "watched": 5, "unseen": unseen}
+    told = Health("monitor", "cell")._clearance(State(**nothing | given))
     counts = {each.key: each.value for each in told.values}
+    assert counts["pairs that cannot see containment"] == "2"
+    assert counts["containment unseen"] == "a0 - b0, a1 - b1"
     assert [counts[f"pairs {level}"] for level in ("stop", "warn", "stale", "clear")] == [
         "0", "2", "2", "1",
     ]  # fmt: skip

@@ -7,6 +7,7 @@ import sys
 import time
 
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -104,7 +105,7 @@ def test_a_signal_ends_a_node_that_still_compiles(launch, scene_file, tmp_path, 
         text = peer.health().get("schedule", {"text": ""})["text"]
         return re.fullmatch(r"compiling kernels: (\d+) of (\d+): no clearance is watched", text)
 
-    peer.wait(progress, "the diagnostics to say how far it is", 180.0)
+    peer.wait(progress, "the diagnostics to say how far it is", START_DEADLINE_S)
     assert 0 <= int(progress()[1]) < int(progress()[2])
     peer.wait(lambda: "/cold/proximity_monitor/closest_points" in topics(), "the topics")
     code, took_s = process.stop(signal.SIGINT)
@@ -260,7 +261,9 @@ def test_simulated_time_stamps_the_results_and_may_not_stand_still(launch, scene
         found = {pair["state"] for pair in peer.pairs().values()}
         return told is not None and told.header.stamp.sec == at_s and found == states
 
-    peer.wait(lambda: tell(time_s, {"clear"}), "results stamped with simulated time", 180.0)
+    peer.wait(
+        lambda: tell(time_s, {"clear"}), "results stamped with simulated time", START_DEADLINE_S
+    )
     peer.wait(lambda: tell(time_s + 3600, {"clear"}), "results after a jump ahead")
     peer.wait(lambda: tell(10, {"clear"}), "results after the clock went back")
     assert "clock went back" in process.text
@@ -290,7 +293,9 @@ def test_the_player_publishes_the_motion_with_stamps(launch, new_peer, rclpy_con
             peer.node.create_subscription(
                 PoseStamped, body.topic, lambda m, n=body.name: got.setdefault(n, []).append(m), 10
             )
-    peer.wait(lambda: len(got) == 5 and all(len(m) > 5 for m in got.values()), "poses", 180.0)
+    peer.wait(
+        lambda: len(got) == 5 and all(len(m) > 5 for m in got.values()), "poses", START_DEADLINE_S
+    )
     assert set(got) == set(moved.bodies)
     for messages in got.values():
         assert {m.header.frame_id for m in messages} == {described.frame}

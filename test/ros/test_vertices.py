@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -94,7 +95,9 @@ def soft(launch_for_all, peer_for_all, tmp_path_factory):
 
 def test_a_body_without_vertices_is_stale_until_they_come_and_follows_them(soft):
     shapes, soft.shapes = soft.shapes, {}
-    soft.peer.wait(lambda: soft.pair()["state"] == "stale", "the ball to be stale", 180.0)
+    soft.peer.wait(
+        lambda: soft.pair()["state"] == "stale", "the ball to be stale", START_DEADLINE_S
+    )
     soft.peer.wait(lambda: "no vertices yet of ball" in soft.pair()["text"], "the reason")
     soft.shapes = shapes
     soft.wait_for_gap(0.2)

@@ -48,7 +48,7 @@ def samples(poses, stale=()):
     return {name: PoseSample(pose, name in stale) for name, pose in poses.items()}
 
 
-def exact(models, poses, ask=engine.distance):
+def exact(models, poses, ask=engine.signed_distance):
     """The engine's answer for every pair of bodies, one by one."""
     return {
         (a, b): ask(models[a], poses[a], models[b], poses[b])

@@ -11,7 +11,7 @@ from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.schedule import Monitor
 
 
-@pytest.mark.parametrize("solid", ["", ", solid: true"])
+@pytest.mark.parametrize("solid", ["", ", solid: false"])
 @pytest.mark.parametrize("budget_s", [0.0, 1.0])
 def test_the_points_lie_where_their_features_say(load, budget_s, solid):
     scene = load(text(6, body=solid))

@@ -65,8 +65,9 @@ def test_progress_counts_what_is_compiled(tmp_path):
     code = (
         "import numpy as np; from proximity_monitor import engine;"
         "from proximity_monitor.engine import compiling\n"
-        "needed, said = {'motion.pose_deviation', 'x.y'}, []\n"
-        "with compiling.Progress(needed, lambda p: said.append(str(p))):\n"
+        "said = []\n"
+        "say = lambda progress: said.append(str(progress))\n"
+        "with compiling.Progress({'motion.pose_deviation', 'x.y'}, say):\n"
         "    engine.check_pose(np.eye(4))\n"
         "print(said)"
     )

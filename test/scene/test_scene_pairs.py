@@ -159,11 +159,13 @@ def test_a_range_that_would_hide_alerts_is_a_mistake(problems, text, expected):
     assert problem.startswith(expected)
 
 
-def test_a_body_is_a_surface_unless_it_is_said_to_be_a_solid(load, problems):
-    text = BODIES.replace("name: p1,", "name: p1, solid: true,")
-    assert [body.solid for body in load(text).bodies] == [False, True, False, False]
-    (problem,) = problems(text.replace("solid: true", "solid: 1"))
-    assert problem.startswith("7: bodies[1].solid: must be true or false")
+def test_what_a_file_says_of_being_solid(load, problems):
+    for said, meant in (("true", True), ("false", False), ("robust", "robust")):
+        text = BODIES.replace("name: p1,", f"name: p1, solid: {said},")
+        assert [body.solid for body in load(text).bodies] == [None, meant, None, None]
+        for wrong in ("1", "sturdy"):
+            (problem,) = problems(text.replace(f"solid: {said}", f"solid: {wrong}"))
+            assert problem.startswith("7: bodies[1].solid: must be one of true, false, 'robust'")
 
 
 def test_half_a_million_pairs_load_without_being_made(load):

@@ -40,6 +40,14 @@ class Clock:
         return self.now
 
 
+def meshes_of(scene):
+    """The bodies' meshes as such: distances are theirs, not those of what they stand for."""
+    return {
+        name: engine.TriangleMesh(model.vertices, model.faces, name=name)
+        for name, model in load_models(scene).items()
+    }
+
+
 @pytest.fixture
 def scene(load):
     return load(SCENE)
@@ -47,7 +55,7 @@ def scene(load):
 
 @pytest.fixture
 def models(scene):
-    return load_models(scene)
+    return meshes_of(scene)
 
 
 def pose(x, y, z, turn=0.0):
@@ -128,7 +136,7 @@ def test_an_ample_budget_gives_the_engines_own_answers(scene, models):
     tick = Monitor(scene, models).tick(samples(APART), budget_s=1.0)
     poses = {"table": np.eye(4), **APART}
     for pair in tick.pairs:
-        own = engine.distance(models[pair.a], poses[pair.a], models[pair.b], poses[pair.b])
+        own = engine.signed_distance(models[pair.a], poses[pair.a], models[pair.b], poses[pair.b])
         assert (pair.lower, pair.upper) == (own.lower, own.upper)
         assert pair.point_a.tolist() == own.point_a.tolist()
         assert pair.point_b.tolist() == own.point_b.tolist()
@@ -189,9 +197,9 @@ def test_bounds_that_straddle_a_threshold_come_first_then_the_nearest(scene, mod
     assert len(order) == len(bounds)
 
 
-def test_of_equally_near_pairs_the_one_not_looked_at_for_longest_comes_first(scene, models):
-    clock = Clock()
-    monitor = Monitor(scene, models, clock=clock)
+def test_of_equally_near_pairs_the_one_not_looked_at_for_longest_comes_first(load):
+    clock, surfaces = Clock(), load(SCENE.replace(", primitive", ", solid: false, primitive"))
+    monitor = Monitor(surfaces, load_models(surfaces), clock=clock)
     # All lower bounds are 0, and all bounds straddle it: every surface crosses every other.
     monitor.set_thresholds([Thresholds(0.0, 0.0, 0.0)] * 6)
     poses = {name: pose(0.15 * i, 0, 0) for i, name in enumerate(MOVING)}
@@ -218,8 +226,7 @@ def test_no_search_begins_when_the_time_is_gone(scene, models):
 
 def test_an_interrupted_search_goes_on_while_its_bodies_stand_still(load):
     scene = load(SCENE.replace("subdivisions: 2", "subdivisions: 5"))
-    models = load_models(scene)
-    monitor = Monitor(scene, models)
+    monitor = Monitor(scene, meshes_of(scene))
     ball_in_table = APART | {"ball": pose(0, 0, 0.4501)}
     reached = math.inf
     for _ in range(10_000):

@@ -71,9 +71,9 @@ def test_contact_alone_is_decided(load):
         true = exact(models, poses)
         assert_certified(tick, true)
         for pair in tick.pairs:
-            touching = true[pair.a, pair.b].status is engine.Status.INTERSECTING
+            touching = true[pair.a, pair.b].lower <= 0.0
             assert touching == (pair.lower <= 0.0)
-            assert touching == (pair.status is PairStatus.INTERSECTING)
+            assert touching == (pair.status in (PairStatus.INTERSECTING, PairStatus.OVERLAPPING))
             crossing += touching
     assert crossing > 10
 
@@ -96,11 +96,11 @@ def test_a_distance_that_is_the_threshold_to_rounding_is_settled(load):
 
 @pytest.mark.parametrize("budget_s", [0.0, 3e-4, 1.0])
 def test_solids_have_certified_signed_distances(load, budget_s):
-    _, models, monitor = watch(load, body=", solid: true")
+    _, models, monitor = watch(load)
     overlapping = 0
     for poses in walk(COUNT, 25, spread=0.5):
         tick = monitor.tick(samples(poses), budget_s)
-        true = exact(models, poses, engine.signed_distance)
+        true = exact(models, poses)
         assert_certified(tick, true)
         for pair in tick.pairs:
             at = true[pair.a, pair.b]
@@ -112,12 +112,20 @@ def test_solids_have_certified_signed_distances(load, budget_s):
     assert overlapping > 50
 
 
-def test_a_part_that_jumps_wholly_inside_another_is_never_clear(load):
-    """Its surface is far from the other's again: only the sign tells."""
-    body = (
-        "bodies:\n  - {name: room, primitive: {box: {size: [9, 9, 9]}}, moving: true, solid: true}"
+def room_and_body(load, room, body):
+    """A box of 9 m and a small body, each with what the file says of being solid."""
+    room = (
+        f"bodies:\n  - {{name: room, primitive: {{box: {{size: [9, 9, 9]}}}}, moving: true{room}}}"
     )
-    scene = load(text(1, body=", solid: true").replace("bodies:", body))
+    return load(text(1, body=body).replace("bodies:", room))
+
+
+@pytest.mark.parametrize(
+    "solid", [("", ""), (", solid: true", ", solid: false"), (", solid: robust", ", solid: true")]
+)
+def test_a_part_that_jumps_wholly_inside_another_is_never_clear(load, solid):
+    """Its surface is far from the other's again: only the sign tells."""
+    scene = room_and_body(load, *solid)
     models = load_models(scene)
     there = placed([20.0, 0.0, 0.0], [0, 0, 0, 1])
     for budget_s in (0.0, 1e-6, 1e-4, 1.0):
@@ -135,12 +143,10 @@ def test_a_part_that_jumps_wholly_inside_another_is_never_clear(load):
             assert later.upper <= -4.2
 
 
-def test_a_surface_may_lie_inside_another(load):
-    """Where only one of the two is a solid, the distance is that of the surfaces."""
-    body = (
-        "bodies:\n  - {name: room, primitive: {box: {size: [9, 9, 9]}}, moving: true, solid: true}"
-    )
-    scene = load(text(1).replace("bodies:", body))
+@pytest.mark.parametrize("body", ["", ", solid: false"])
+def test_a_body_may_lie_inside_a_surface(load, body):
+    """The distance is that of the surfaces, as nothing of the outer one lies inside the other."""
+    scene = room_and_body(load, ", solid: false", body)
     monitor = Monitor(scene, load_models(scene))
     (pair,) = monitor.tick(samples({"room": np.eye(4), "b0": np.eye(4)}), 1.0).pairs
     assert pair.status is PairStatus.EXACT
@@ -155,22 +161,28 @@ def test_signed_searches_are_for_solids_that_may_overlap_alone(load, monkeypatch
         asked.append(pair)
         return signed(pair, *arguments, **options)
 
-    solids, surfaces = (watch(load, body=body)[2] for body in (", solid: true", ""))
+    solids, surfaces = (watch(load, body=body)[2] for body in ("", ", solid: false"))
     monkeypatch.setattr(engine.Pair, "signed_distance", counted)
     for poses in walk(COUNT, 5, spread=1.0):
         surfaces.tick(samples(poses), 1.0)
     assert asked == []
-    for k, poses in enumerate(walk(COUNT, 2, spread=40.0)):
+    apart, was = 0, 0
+    for poses in walk(COUNT, 20, spread=1.0, step=0.3):
+        before = len(asked)
         tick = solids.tick(samples(poses), 1.0)
-        assert len(tick.looked_at) == len(tick.pairs)
-        assert asked == [], k
-    solids.tick(samples(next(walk(COUNT, 1, spread=0.1))), 1.0)
-    assert len(asked) == COUNT * (COUNT - 1) // 2
+        overlapping = sum(pair.lower <= 0.0 for pair in tick.pairs)
+        # One that was so may have come apart.
+        assert len(asked) - before <= overlapping + was
+        apart += len(tick.pairs) - overlapping
+        was = overlapping
+    assert apart > 300
+    assert len(asked) > 20
 
 
-def test_a_solid_that_is_none_is_refused_with_its_name(load, tmp_path):
+def test_a_solid_that_is_none_is_refused_with_its_place_in_the_file(load):
     scene = load(text(2, body=", solid: true"))
     models = load_models(scene)
     models["b1"] = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
-    with pytest.raises(engine.ModelError, match=r"body 'b1' is solid: .*not watertight"):
+    expected = r"\.yaml:6: bodies\[1\]\.solid: true, but body 'b1' is none: not watertight"
+    with pytest.raises(engine.ModelError, match=expected):
         Monitor(scene, models)

@@ -41,9 +41,9 @@ class Recording:
         return poses, vertices, [self._exact(pair, poses) for pair in self.scene.pairs]
 
     def _exact(self, pair, poses):
-        solid = {body.name for body in self.scene.bodies if body.solid}
-        ask = engine.signed_distance if {pair.a, pair.b} <= solid else engine.distance
-        return ask(self.models[pair.a], poses[pair.a], self.models[pair.b], poses[pair.b])
+        return engine.signed_distance(
+            self.models[pair.a], poses[pair.a], self.models[pair.b], poses[pair.b]
+        )
 
 
 @functools.cache

@@ -11,7 +11,16 @@ from __future__ import annotations
 import numpy as np
 
 from . import carry, state
-from .carry import BODY_A, BODY_B, SIGNED, carry_one, keep_one, was_deformed
+from .carry import (
+    BODY_A,
+    BODY_B,
+    JUMPING,
+    SIGNED,
+    UNSIGNED,
+    carry_one,
+    keep_one,
+    was_deformed,
+)
 from .jit import entry, kernel
 from .swept import surface_points
 
@@ -32,6 +41,7 @@ QUESTION = np.dtype(
         ("ignored", np.bool_),  # nothing is
         ("done", np.bool_),  # the last search answered all that can be asked
         ("hard", np.bool_),  # the last search ran out of time
+        ("met", np.bool_),  # it left open, or found, that the models overlap
     ],
     align=True,
 )
@@ -80,8 +90,8 @@ OVERLAPPING, UNKNOWN = 4, 5
 all bounds that are wider than was asked for."""
 
 TOGETHER, ALONE, INSIDE = 0, 1, 2
-"""How a pair is to be searched: with others; by itself, as it takes long; or so because the
-distance of two solids may be negative, and the search has to look inside."""
+"""How a pair is to be searched: with others; by itself, as it takes long; or so because a solid may
+overlap the other, and the search has to look how deep."""
 
 
 @kernel
@@ -148,7 +158,7 @@ def wanting(rows, book, views, at, kind, keys):
     """Write which views want a search into `at`, and by what they are ordered; return how many.
 
     `kind` is 0 where the side of a level is open, 1 elsewhere, and 2 more for stale pairs; keys
-    (2, k) are the lower bounds, and when they were last searched.
+    (2, k) are the lower bounds, infinite for models that overlap, and when they were last searched.
     """
     count = 0
     for k in range(len(rows)):
@@ -156,7 +166,9 @@ def wanting(rows, book, views, at, kind, keys):
         if view.wanting:
             at[count] = k
             kind[count] = 2 * view.stale + (not view.urgent)
-            keys[0, count], keys[1, count] = view.lower, book[rows[k]].looked
+            # Of models that surely overlap no more than the depth is open, which takes long to say.
+            keys[0, count] = view.lower if view.upper >= 0.0 else np.inf
+            keys[1, count] = book[rows[k]].looked
             count += 1
     return count
 
@@ -183,12 +195,13 @@ def _level(question, view):
 
 
 @entry
-def ask(rows, labels, book, views, at, bodies, wanted, hints, how):
+def ask(rows, labels, book, views, at, bodies, wanted, hints, signed, how):
     """Write the questions about the views `at` (m,).
 
-    bodies (m, 2), wanted (m, 3) and hints (m, 2) are those of `search_pairs`; `how` (m,) is one of
-    TOGETHER, ALONE and INSIDE. Whose side of a level alone is asked for has no tolerance: the level
-    ends its search.
+    bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `search_pairs`; `how`
+    (m,) is one of TOGETHER, ALONE and INSIDE. Whose side of a level alone is asked for has no
+    tolerance: the level ends its search. A solid that is certainly apart from the other is as far
+    apart as the surfaces are; the sign of others is asked for, and nearly all turn out apart.
     """
     for i in range(len(at)):
         row, view = rows[at[i]], views[at[i]]
@@ -198,11 +211,10 @@ def ask(rows, labels, book, views, at, bodies, wanted, hints, how):
         wanted[i, 1] = 0.0 if view.deciding else question.abs_err
         wanted[i, 2] = _level(question, view)
         hints[i, 0], hints[i, 1] = question.hint[0], question.hint[1]
-        # Two solids that are certainly apart are as far apart as their surfaces.
-        if label[SIGNED] != 0 and view.lower <= 0.0:
+        signed[i] = label[SIGNED] != UNSIGNED and view.lower <= 0.0
+        how[i] = ALONE if question.hard else TOGETHER
+        if signed[i] and (question.hard or question.met or label[SIGNED] == JUMPING):
             how[i] = INSIDE
-        else:
-            how[i] = ALONE if question.hard else TOGETHER
 
 
 @entry
@@ -212,7 +224,7 @@ def take(
     """Take what searches of the views `at` (m,) found, and return how many there were.
 
     found (m, state.ANSWER) has NaN as status where there was none, and as triangles where they are
-    no hints; reached (m,) is written.
+    no hints, and -inf as lower bound where the sign stayed open; reached (m,) is written.
     """
     count = 0
     for i in range(len(at)):
@@ -223,7 +235,7 @@ def take(
         count += 1
         row, view, level = rows[at[i]], views[at[i]], wanted[i, 2]
         question, status = book[row], int(answer[state.STATUS])
-        ended = status != state.OUT_OF_TIME
+        ended, unsure = status != state.OUT_OF_TIME, answer[state.LOWER] == -np.inf
         final = ended and level == np.inf
         # Points that were carried through a deformation are none of the models any more.
         nearer = final or was_deformed(places, labels[row], answers[row])
@@ -235,10 +247,12 @@ def take(
         if final or answer[state.LOWER] > view.lower:
             view.lower = answer[state.LOWER]
         view.asked = level if ended else np.nan
-        view.answered = final or (ended and status == state.INTERSECTING)
+        intersecting = status == state.INTERSECTING
+        view.answered = final or (intersecting and not unsure)
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
         question.hard = not ended and not decided
+        question.met = not ended if unsure else view.lower <= 0.0
         question.done, question.status, question.looked = view.answered, status, now_s
         if answer[state.TREE_A] >= 0.0:
             question.hint[0] = int(answer[state.TREE_A])
@@ -259,6 +273,8 @@ def _status(question, view):
         return OVERLAPPING
     if view.answered:
         return int(question.status)
+    if view.upper == 0.0:
+        return state.INTERSECTING
     return state.WITHIN_TOLERANCE if view.tolerated else state.OUT_OF_TIME
 
 

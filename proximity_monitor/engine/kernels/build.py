@@ -81,19 +81,21 @@ def _select(centroids, order, low, high, position, axis):
 
 
 @kernel
-def _partition(centroids, order, low, high, starts, ends):
+def _partition(centroids, order, low, apart, high, starts, ends):
     """Cut order[low:high] into the ranges of one node's lanes; returns how many there are.
 
     The largest range is cut again until none exceeds what a lane can hold: all of them together,
-    no more than they have to, so that the levels below can be full.
+    no more than they have to, so that the levels below can be full. What stands from `apart` on
+    gets a lane of its own.
     A range that fits into the lanes that are left is opened into single leaves; they stand last.
     """
-    starts[0], ends[0] = low, high
+    starts[0], ends[0] = low, apart
+    lanes = WIDTH if apart == high else WIDTH - 1
     most = WIDTH
-    while most * WIDTH < high - low:
+    while most * lanes < apart - low:
         most *= WIDTH
     used = 1
-    while used < WIDTH:
+    while used < lanes:
         largest = 0
         for k in range(1, used):
             if ends[k] - starts[k] > ends[largest] - starts[largest]:
@@ -103,6 +105,9 @@ def _partition(centroids, order, low, high, starts, ends):
         middle = split(centroids, order, starts[largest], ends[largest], most)
         starts[used], ends[used] = middle, ends[largest]
         ends[largest] = middle
+        used += 1
+    if apart < high:
+        starts[used], ends[used] = apart, high
         used += 1
     k = 0
     while k < used:
@@ -160,10 +165,11 @@ def _in_order(leaves, order, children, m):
 
 
 @allocating_entry
-def build_tree(triangles, leaves):
+def build_tree(triangles, leaves, distinct):
     """Build the structure of a hierarchy over `triangles` (m, 9), metres.
 
-    `leaves` (n, 2) says which of them share one, -1 for no second one.
+    `leaves` (n, 2) says which of them share one, -1 for no second one. Those from `distinct` on,
+    which are of twins, stand apart from the others, below one lane of the topmost node.
 
     Returns children (int32, k × 16), order (m,) of the triangles from tree order to the caller's,
     and how many levels lie below node 0, which holds the whole model as lane 0.
@@ -184,7 +190,9 @@ def build_tree(triangles, leaves):
     while node < count:
         starts[0], ends[0], used = lows[node], highs[node], 1
         if node > 0:
-            used = _partition(centroids, order, lows[node], highs[node], starts, ends)
+            low, high = lows[node], highs[node]
+            apart = distinct if low == 0 and high == n else high
+            used = _partition(centroids, order, low, apart, high, starts, ends)
         for lane in range(used):
             at = node * WIDTH + lane
             if ends[lane] - starts[lane] == 1:

@@ -11,7 +11,7 @@ which unlike an arc cosine loses no digits for small angles. The same holds with
 the smaller of the two counts: call it m. A body whose vertices were moved by up to e changes every
 distance by at most e more. The balls give a second lower bound that needs no earlier answer.
 
-The *signed* distance of two solids changes by no more than m + e either, in both directions. Let
+The *signed* distance of a solid changes by no more than m + e either, in both directions. Let
 s(v) be the distance of a point v from B's surface, negative inside: it is 1-Lipschitz, and B moved
 by g has s(g⁻¹ v). A vertex v of A inside B or g B is moved by g⁻¹ no farther than B's ball allows,
 so its depth changes by at most m, and so does the deepest one's. A vertex that is at depth D after
@@ -20,7 +20,8 @@ D <= m - d: the bound holds across a jump from outside to inside, and likewise b
 is deformed along straight lines passes every point that changes sides, which so lies within the
 share of e before, and the rest of it after, of either surface. Where balls overlap by p, no vertex
 is deeper than p, because it leaves the other's ball by then; and the distance of two points of the
-surfaces is never less than the signed distance.
+surfaces is never less than the signed distance. Of a solid with holes this holds for the magnitude
+alone: the sign is unknown once the bodies have moved, unless their balls do not meet.
 
 Where balls sweep the models, all of this is about their cores, and every bound of a distance one of
 the cores' less both radii, widened by both deviations: a sphere that spins does not move. What is
@@ -63,15 +64,20 @@ been moved so far, each time the largest displacement, added rounding up."""
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
 ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 28, 29
 FEATURES, ANSWER = 30, 38
-"""Of an answer: bounds; the cores' nearest points in the world and in the bodies' frames; the pose of
-B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their models,
-which no motion changes: weights of a triangle's three corners and its face, of A and then of B."""
+"""Of an answer: bounds; the cores' nearest points in the world and in their bodies' frames; the
+pose of B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their
+models, which no motion changes: weights of a triangle's three corners and its face, of A, then of
+B."""
 
 WITNESS = 14
 """Numbers that say which points are nearest: both points in the world, and their FEATURES."""
 
 BODY_A, BODY_B, SEEN_A, SEEN_B, SIGNED, LABEL = 0, 1, 2, 3, 4, 5
-"""Of an answer, whole numbers: the bodies; their versions then; 1 where it is of two solids."""
+"""Of an answer, whole numbers: the bodies; their versions then; and one of the following."""
+
+UNSIGNED, CONTINUOUS, JUMPING = 0, 1, 2
+"""Of what kind a distance is: one of two surfaces; the signed one of a solid; or the signed one of
+a solid with holes, which jumps from d to -d where a body passes one, and back."""
 
 MOVED, STILL, SAME = 0, 1, 2
 """How the bodies of a pair moved relative to each other since its answer: more than rounding, not
@@ -199,9 +205,15 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     world_a = (place_a[CENTRE], place_a[CENTRE + 1], place_a[CENTRE + 2])
     world_b = (place_b[CENTRE], place_b[CENTRE + 1], place_b[CENTRE + 2])
     apart = _norm(sub(world_b, world_a)) - radius_a - radius_b - outer_a - outer_b
-    lower = answer[LOWER] - moved
+    then_lower, then_upper = answer[LOWER], answer[UPPER]
+    if signed == JUMPING:
+        then_upper = max(abs(then_lower), abs(then_upper))
+        then_lower = -then_upper
+        if apart < 0.0:  # no two points of a ball are farther apart
+            apart = -2.0 * max(radius_a, radius_b) - outer_a - outer_b
+    lower = then_lower - moved
     if signed and not lower > 0.0:
-        lower = answer[LOWER] - moved_outer
+        lower = then_lower - moved_outer
     # Coordinates too large to be squared give inf or NaN: then nothing is known.
     if not lower >= apart:
         lower = apart
@@ -220,13 +232,13 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
         between += 2.0 * max(ball_a[DEVIATION], ball_b[DEVIATION])
     else:
         between = max(between, 0.0) + ball_a[DEVIATION] + ball_b[DEVIATION]
-    upper = answer[UPPER] + (moved if answer[UPPER] >= 0.0 else moved_outer)
+    upper = then_upper + (moved if then_upper >= 0.0 else moved_outer)
     if not upper < between:
         upper = between
     upper += slack
     if not upper < math.inf:
         upper = math.inf
-    return lower, upper, STILL if moved <= slack else MOVED
+    return lower, upper, STILL if moved <= slack and signed != JUMPING else MOVED
 
 
 @kernel
@@ -249,13 +261,13 @@ def carry_one(poses, versions, balls, places, label, answer, points):
         return answer[LOWER], answer[UPPER], SAME
     return _carried(
         poses[a], poses[b], balls[a], balls[b], places[a], places[b],
-        label[SIGNED] != 0, answer, points,
+        label[SIGNED], answer, points,
     )  # fmt: skip
 
 
 @entry
 def carry(poses, versions, balls, places, rows, labels, answers, bounds, points, motions):
-    """Bounds (k, 2), the cores' points (k, 6) in the world and motions (k,) of the answers `rows` (k,).
+    """Bounds (k, 2), the cores' points (k, 6) in the world and motions (k,) of answers `rows` (k,).
 
     poses (n, 4, 4), versions (n,), balls (n, BALL) and places (n, PLACE) are of the bodies, labels
     (m, LABEL) and answers (m, ANSWER) the table.

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..tolerances import TRAVEL_SHARE
+from .hashing import EMPTY_HASH, mixed, slot
 from .jit import inlined, kernel
 from .state import BOUND_SLACK, LIMIT, SHAPE_A, SHAPE_B, STEP, TRAVELLED
 from .vectors import dot, scaled
@@ -81,22 +82,19 @@ def is_coherent(state):
 
 
 @inlined
-def _slot(state, a, b):
-    return (a * 73856093 ^ b * 19349663) & (state.keys.shape[0] - 1)
-
-
-@inlined
 def still_far(state, a, b):
     """Whether it is known that nothing under the lanes a and b is nearer than the limit."""
-    i = _slot(state, a, b)
+    key = a << 32 | b
+    i = slot(mixed(EMPTY_HASH, key), state.keys.shape[0])
     far = state.reaches[i] - state.reals[TRAVELLED] >= state.reals[LIMIT]
-    return far and state.keys[i] == (a << 32 | b)
+    return far and state.keys[i] == key
 
 
 @inlined
 def remember_far(state, a, b, bound):
     """Keep the bound, metres, of all that is under the lanes a and b."""
     if bound > 0.0:
-        i = _slot(state, a, b)
-        state.keys[i] = a << 32 | b
+        key = a << 32 | b
+        i = slot(mixed(EMPTY_HASH, key), state.keys.shape[0])
+        state.keys[i] = key
         state.reaches[i] = (bound + state.reals[TRAVELLED]) * (1.0 - TRAVEL_SHARE)

@@ -1,9 +1,10 @@
-"""How deep two solids lie in each other: the deepest vertex of either inside the other.
+"""How deep two models lie in each other: the deepest vertex of either inside the other.
 
-A vertex within s of a point c is at most f(c) + s deep, f being the signed distance of `probe`. The
-search keeps volumes and vertices of both models in one heap by such bounds and looks at the
-largest: whatever stops it, no vertex is deeper than the largest bound left, and the answer is no
-shallower than the deepest found.
+A vertex within s of a point c is at most f(c) + s deep, f being the signed distance of `probe`; or
+|f(c)| + s where the other's surface is open and f no more continuous, unless all points within s
+are known to lie outside. The search keeps volumes and vertices of both models in one heap by such
+bounds and looks at the largest: whatever stops it, no vertex is deeper than the largest bound left,
+and the answer is no shallower than the deepest found. Inside a surface there is nothing.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from .motion import deviation, relative_motions
 from .nearest import point_triangle
 from .primitives import corners
 from .probe import NEAR, TESTS, TOP, descend, length, remembered, result, start
+from .solids import NOWHERE, WHOLE
 from .state import CUT, ENDED
 from .vectors import add, moved, scaled, sub
 from .volumes import STRIDE, WIDTH, read_vector, row
@@ -144,13 +146,25 @@ def _sphere(tree, lane):
 
 
 @kernel
+def _push_below(bound, model, index, side, away, radius, deep, clear, state):
+    """Put what stands below a lane into the heap, unless it surely lies outside.
+
+    It lies within `radius` of a point that is `away` from the lane's centre.
+    """
+    slack = state.reals[SLACK]
+    if side < 0 and away + radius + slack < clear:
+        return
+    kept = side if away < clear else 0
+    _push(state, min(bound, deep + away + radius + slack), model, index, kept)
+
+
+@kernel
 def _open_lane(body, owned, model, lane, bound, centre, radius, deep, clear, side, state):
     """Bound what stands under one lane of `body`, whose centre is `deep` deep or less.
 
-    The other surface is at least `clear` away from it.
+    All points less than `clear` away from that are on its side, if it is known.
     """
-    slack = state.reals[SLACK]
-    bound = min(bound, deep + radius + slack)
+    bound = min(bound, deep + radius + state.reals[SLACK])
     node = body.children[lane]
     first, last = node * WIDTH, (node + 1) * WIDTH
     if node < 0:
@@ -162,21 +176,22 @@ def _open_lane(body, owned, model, lane, bound, centre, radius, deep, clear, sid
         if child >= 0:
             c, s = _sphere(body, below)
             away = length(sub(c, centre))
-            kept = side if away < clear else 0
-            _push(state, min(bound, deep + away + s + slack), model, below, kept)
+            _push_below(bound, model, below, side, away, s, deep, clear, state)
             continue
         for vertex in range(3 * first_of(child), 3 * last_of(child) + 3):
             if owned[vertex // 3] >> vertex % 3 & 1:
                 away = length(sub(_corner(body, vertex), centre))
-                kept = side if away < clear else 0
-                _push(state, min(bound, deep + away + slack), model, ~vertex, kept)
+                _push_below(bound, model, ~vertex, side, away, 0.0, deep, clear, state)
 
 
 @kernel
-def _step(body, other, motion, owned, model, index, bound, side, sample, state, found, steps):
+def _step(
+    body, other, region, motion, owned, model, index, bound, side, sample, state, found, steps
+):
     """Look at a lane of `body` (index >= 0) or a vertex: the top of the heap, or a sample.
 
-    Returns how many of the steps are left; none where its test is not over.
+    `region` is that of the other. Returns how many of the steps are left; none where its test is
+    not over.
     """
     reals, counts, probe = state.reals, state.counts, state.probe
     slack = reals[SLACK]
@@ -187,9 +202,9 @@ def _step(body, other, motion, owned, model, index, bound, side, sample, state, 
     p = moved(motion, centre)
     key, spare = 2 * index + model, _SPARE * radius
     test = True
-    error, value, known = np.inf, 0.0, 0
+    error, value, known, clear = np.inf, 0.0, 0, 0.0
     if probe.counts[TOP] == 0:
-        error, value, known = remembered(probe, p, key, slack)
+        error, value, known, clear = remembered(probe, region, p, key, slack)
         if sample:
             test = known >= 0
         elif index >= 0:
@@ -203,7 +218,7 @@ def _step(body, other, motion, owned, model, index, bound, side, sample, state, 
         steps = descend(probe, other, p, model, slack, spare, found, steps)
         if probe.counts[TOP] > 0:
             return 0
-        error, value, side = result(probe, other, p, key, slack, spare, side, found)
+        error, value, side, clear = result(probe, other, region, p, key, slack, spare, side, found)
     elif known != 0:
         side = known
     # The vertex that was deepest before is a guess: that its side is uncertain says nothing yet.
@@ -213,10 +228,11 @@ def _step(body, other, motion, owned, model, index, bound, side, sample, state, 
     else:
         _pop(state)
     if index >= 0:
-        clear = abs(value) - error - 4.0 * slack
-        _open_lane(
-            body, owned, model, index, bound, centre, radius, value + error, clear, side, state
-        )
+        deep = value + error
+        clear -= 4.0 * slack
+        if region.inside != WHOLE:
+            deep = abs(value) + error
+        _open_lane(body, owned, model, index, bound, centre, radius, deep, clear, side, state)
     elif test and not (guess and side == 0):
         _keep_vertex(model, ~index, value, side, state)
     elif not test and not sample:
@@ -224,13 +240,24 @@ def _step(body, other, motion, owned, model, index, bound, side, sample, state, 
     return steps - _ITEM_STEPS
 
 
-@entry
-def begin_depth(tree_a, tree_b, solid_a, solid_b, pose_a, pose_b, rel_err, abs_err, state):
-    """Start a search: both models' roots, bounded by the balls around them.
+@kernel
+def _deepest_possible(region, apart, radius):
+    """Bound of the depth in a region of a body within `radius` of a point `apart` from its centre.
 
-    A point inside a solid is no deeper than it lies below the surface of the solid's ball, and no
-    vertex of the other model lies nearer to that ball's centre than its own ball does. What was
-    deepest in the search before, if anything, is the first sample.
+    A point inside a closed surface is no deeper than it lies below the surface of its ball; one
+    inside an open one is no farther from it than two points of the ball are. Below 0 there is none.
+    """
+    ball = region.ball
+    below = ball[3] - max(apart - radius, 0.0)
+    return 2.0 * ball[3] if below >= 0.0 and region.inside != WHOLE else below
+
+
+@entry
+def begin_depth(tree_a, tree_b, region_a, region_b, pose_a, pose_b, rel_err, abs_err, state):
+    """Start a search: the roots of what may lie inside the other, bounded by the balls around them.
+
+    No vertex of one model lies nearer to the centre of the other's ball than its own ball does.
+    What was deepest in the search before, if anything, is the first sample.
     """
     motions, reals, counts = state.motions, state.reals, state.counts
     relative_motions(pose_a, pose_b, motions[0], motions[1])
@@ -244,38 +271,44 @@ def begin_depth(tree_a, tree_b, solid_a, solid_b, pose_a, pose_b, rel_err, abs_e
     reals[REL_ERR], reals[ABS_ERR] = rel_err, abs_err
     counts[SIZE], counts[UNSURE] = 0, 0
     state.probe.counts[TESTS], state.probe.counts[TOP] = 0, 0
-    ball_a, ball_b = solid_a.ball, solid_b.ball
+    ball_a, ball_b = region_a.ball, region_b.ball
     apart = length(sub(
         moved(t, (ball_b[0], ball_b[1], ball_b[2])), (ball_a[0], ball_a[1], ball_a[2])
     )) - 2.0 * reals[SLACK]  # fmt: skip
-    _push(state, ball_b[3] - max(apart - ball_a[3], 0.0) + reals[SLACK], 0, 0, 0)
-    _push(state, ball_a[3] - max(apart - ball_b[3], 0.0) + reals[SLACK], 1, 0, 0)
+    if region_b.inside != NOWHERE:
+        _push(state, _deepest_possible(region_b, apart, ball_a[3]) + reals[SLACK], 0, 0, 0)
+    if region_a.inside != NOWHERE:
+        _push(state, _deepest_possible(region_a, apart, ball_b[3]) + reals[SLACK], 1, 0, 0)
 
 
 @kernel
-def _sample(state, solid_a, solid_b):
-    """The vertex that is tested next before any search: (bound, model, index, side)."""
-    i, first = state.counts[SAMPLED], solid_a.samples.shape[0]
+def _sample(state, region_a, region_b, first):
+    """The vertex that is tested next before any search: (bound, model, index, side).
+
+    The first so many are of a.
+    """
+    i = state.counts[SAMPLED]
     if i < 0:
         return np.inf, state.counts[MODEL], ~state.counts[VERTEX], 0
     if i < first:
-        return np.inf, 0, ~np.int64(solid_a.samples[i]), 0
-    return np.inf, 1, ~np.int64(solid_b.samples[i - first]), 0
+        return np.inf, 0, ~np.int64(region_a.samples[i]), 0
+    return np.inf, 1, ~np.int64(region_b.samples[i - first]), 0
 
 
 @entry
-def search_depth(tree_a, tree_b, solid_a, solid_b, state, samples_alone, steps):
+def search_depth(tree_a, tree_b, region_a, region_b, state, samples_alone, steps):
     """Test the samples until one lies inside, then search for the deepest vertex.
 
     At most `steps` steps, and no search where `samples_alone`. Returns ENDED or CUT.
     """
     counts, reals = state.counts, state.reals
     found = on_stack(WIDTH, np.float32(0.0))
-    last = solid_a.samples.shape[0] + solid_b.samples.shape[0]
+    first = region_a.samples.shape[0] if region_b.inside != NOWHERE else 0
+    last = first + (region_b.samples.shape[0] if region_a.inside != NOWHERE else 0)
     while True:
         sample = counts[SAMPLED] < last and reals[DEEPEST] <= reals[SLACK]
         if sample:
-            bound, owner, index, side = _sample(state, solid_a, solid_b)
+            bound, owner, index, side = _sample(state, region_a, region_b, first)
         elif samples_alone or counts[SIZE] == 0 or state.heap[0] <= _limit(reals):
             return ENDED
         else:
@@ -285,12 +318,15 @@ def search_depth(tree_a, tree_b, solid_a, solid_b, state, samples_alone, steps):
             return CUT
         # One call, so that the long code of a step is compiled once.
         if owner == 0:
-            body, other, motion, owned = tree_a, tree_b, state.motions[1], solid_a.owned
+            body, other, motion = tree_a, tree_b, state.motions[1]
+            owned, region = region_a.owned, region_b
         else:
-            body, other, motion, owned = tree_b, tree_a, state.motions[0], solid_b.owned
+            body, other, motion = tree_b, tree_a, state.motions[0]
+            owned, region = region_b.owned, region_a
         steps = _step(
-            body, other, motion, owned, owner, index, bound, side, sample, state, found, steps
-        )
+            body, other, region, motion, owned, owner, index, bound, side, sample, state, found,
+            steps,
+        )  # fmt: skip
 
 
 @entry

@@ -50,34 +50,52 @@ def _vertices_in_order(triangles, faces, begins, inverse, points, starts):
 
 @kernel
 def _stranger(faces, t, s):
-    """Which corner of the triangle t is none of the triangle s; -1 where all are."""
+    """Which corner of the triangle t is none of the triangle s, and how many there are; -1, 0."""
+    found, count = -1, 0
     for i in range(3):
         vertex = faces[t, i]
         if vertex != faces[s, 0] and vertex != faces[s, 1] and vertex != faces[s, 2]:
-            return i
-    return -1
+            found = i
+            count += 1
+    return found, count
+
+
+@kernel
+def _put_corner(triangles, t, corner, inverse, points, n):
+    for axis in range(3):
+        points[n, axis] = triangles[t, 3 * corner + axis] * inverse
 
 
 @kernel
 def _outline(triangles, faces, child, inverse, points):
-    """The corners of a leaf, node units, in the order of its outline; returns how many."""
+    """The corners of a leaf, node units, in the order of its outline; returns how many.
+
+    Six, in any order, where two triangles have come apart that once had an edge in common.
+    """
     t, s = first_of(child), last_of(child)
-    i, j = max(_stranger(faces, t, s), 0), _stranger(faces, s, t)
-    for axis in range(3):
-        points[0, axis] = triangles[t, 3 * i + axis] * inverse
-        points[1, axis] = triangles[t, 3 * ((i + 1) % 3) + axis] * inverse
-        if j >= 0:
-            points[2, axis] = triangles[s, 3 * j + axis] * inverse
-        points[3 if j >= 0 else 2, axis] = triangles[t, 3 * ((i + 2) % 3) + axis] * inverse
-    return 4 if j >= 0 else 3
+    i, _ = _stranger(faces, t, s)
+    j, strangers = _stranger(faces, s, t)
+    i = max(i, 0)
+    _put_corner(triangles, t, i, inverse, points, 0)
+    _put_corner(triangles, t, (i + 1) % 3, inverse, points, 1)
+    if strangers == 0:
+        _put_corner(triangles, t, (i + 2) % 3, inverse, points, 2)
+        return 3
+    _put_corner(triangles, s, j, inverse, points, 2)
+    _put_corner(triangles, t, (i + 2) % 3, inverse, points, 3)
+    if strangers == 1:
+        return 4
+    _put_corner(triangles, s, (j + 1) % 3, inverse, points, 4)
+    _put_corner(triangles, s, (j + 2) % 3, inverse, points, 5)
+    return 6
 
 
 @allocating_entry
 def fit_tree(triangles, faces, children, unit, volume):
     """Fit the volumes over `triangles` (m, 9), metres, in tree order.
 
-    `faces` (m, 3) says which corners are the same vertex, `children` (k × 16,) the structure;
-    `unit` is that of the nodes, metres, and `volume` one of the codes in fit.py.
+    `faces` (m, 3) names corners: those of one name are at one place. `children` (k × 16,) is the
+    structure; `unit` is that of the nodes, metres, and `volume` one of the codes in fit.py.
 
     Returns nodes (float32, flat), centres (k, 4) with each node's reach in node units, and sizes
     (float32, k × 16).
@@ -92,7 +110,7 @@ def fit_tree(triangles, faces, children, unit, volume):
     points, local = np.empty((3 * m, 3)), np.empty((3 * m + 1, 3))
     starts = np.empty(m + 1, np.int64)
     _vertices_in_order(triangles, faces, _begins(ranges, m), inverse, points, starts)
-    corners = np.empty((4, 3))
+    corners = np.empty((6, 3))
     for node in range(count):
         held = points[starts[ranges[node, 0]] : starts[ranges[node, 1]]]
         centre = centres[node]
@@ -107,7 +125,7 @@ def fit_tree(triangles, faces, children, unit, volume):
             elif child != EMPTY:
                 held = corners
                 n = _outline(triangles, faces, child, inverse, corners)
-                own = axes_of_leaf(corners, n)
+                own = axes_of_leaf(corners, n) if n <= 4 else axes_of_points(corners, n)
             else:
                 break
             fit_lane(held, n, own, volume, local, nodes, centre, node, lane, sizes)

@@ -1,4 +1,4 @@
-"""How every kernel of this package is compiled: the decorators and one cache directory.
+"""How every kernel of this package is compiled: the decorators and the announcement.
 
 `entry` marks the few functions that Python calls: they are cached on disk. `kernel` marks their
 helpers, which are compiled into the entries and need no cache of their own; the large ones that
@@ -14,51 +14,17 @@ helpers `allocating`.
 
 from __future__ import annotations
 
-import hashlib
 import logging
-import os
-import tempfile
 from functools import partial
-from pathlib import Path
 
-import numba
 from numba import njit
 from numba.core import event
 
-
-def _sources_digest() -> str:
-    """Digest of all kernel sources: an edited helper must not leave a caller's cache stale.
-
-    Nor must an edited constant, which is compiled into them.
-    """
-    digest = hashlib.sha256()
-    kernels = Path(__file__).parent
-    for source in [*sorted(kernels.glob("*.py")), kernels.parent / "tolerances.py"]:
-        digest.update(source.name.encode())
-        digest.update(source.read_bytes())
-    return digest.hexdigest()[:16]
-
-
-def _cache_directory() -> Path:
-    """A writable directory of this version of the kernels; the installation may be read-only."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
-    root = Path(chosen) if chosen else Path.home() / ".cache"
-    name = f"kernels-{_sources_digest()}"
-    for base in (root, Path(tempfile.gettempdir())):
-        directory = base / "proximity_monitor" / name
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(directory, os.W_OK):
-            return directory
-    return Path(tempfile.mkdtemp(prefix="proximity_monitor-"))
-
-
-CACHE_DIRECTORY = _cache_directory()
-
+from .cache import CACHE_DIRECTORY, KernelCache, refused
 
 _PACKAGE = __package__.partition(".")[0] + "."
+
+_NOWHERE = "not kept, for there is no place to write to: set NUMBA_CACHE_DIR to one"
 
 
 class _Announcement(event.Listener):
@@ -76,8 +42,9 @@ class _Announcement(event.Listener):
             self._made = True
             logging.getLogger(__package__.rpartition(".")[0]).warning(
                 "compiling proximity_monitor's kernels for this machine, once: half a minute in"
-                " all; kept in %s",
-                CACHE_DIRECTORY,
+                " all; %s%s",
+                f"kept in {CACHE_DIRECTORY}" if CACHE_DIRECTORY else _NOWHERE,
+                f" (not used: {refused[0]})" if refused else "",
             )
 
     def on_end(self, end: event.Event) -> None:
@@ -88,21 +55,15 @@ event.register("numba:compile", _Announcement())
 
 
 def _entry(function, counted, wrapped=True):
-    # Numba reads its cache directory when the decorator runs. It is set for that moment only,
-    # so that other packages' functions keep the cache of their own choice.
-    previous = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(CACHE_DIRECTORY)
-    try:
-        return njit(
-            cache=True,
-            nogil=True,
-            no_cpython_wrapper=not wrapped,
-            no_cfunc_wrapper=True,
-            error_model="numpy",
-            _nrt=counted,
-        )(function)
-    finally:
-        numba.config.CACHE_DIR = previous
+    compiled = njit(
+        nogil=True,
+        no_cpython_wrapper=not wrapped,
+        no_cfunc_wrapper=True,
+        error_model="numpy",
+        _nrt=counted,
+    )(function)
+    compiled._cache = KernelCache(function)
+    return compiled
 
 
 def entry(function):

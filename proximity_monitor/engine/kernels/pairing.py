@@ -1,13 +1,14 @@
 """Which triangles share a leaf: neighbours across a long edge, where they are nearly flat together.
 
 Each triangle chooses the neighbour across its longest edge that is free; two that chose each other
-share a leaf, and the others choose again.
+share a leaf, and the others choose again. Neighbours are so by place, whatever their indices.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from .hashing import EMPTY_HASH, mixed, slot, slots_for
 from .jit import allocating, allocating_entry, kernel
 from .leaf import LARGEST
 
@@ -19,32 +20,27 @@ _ROUNDS = 16
 """How often the triangles that are left choose, at the most."""
 
 
-@kernel
-def _slot(low, high, size):
-    return (low * 73856093 ^ high * 19349663) & (size - 1)
-
-
 @allocating
-def _neighbours(faces):
+def _neighbours(faces, drawn):
     """The edge (3 m,) at each edge of `faces` (m, 3), of another triangle; -1 where there is none.
 
     Edge 3 t + i leads from corner i of triangle t to the next. Where more than two triangles share
-    an edge, they are neighbours by twos.
+    an edge, they are neighbours by twos. Twins, of which `drawn` (m,) is another one, have none.
     """
     count = 3 * faces.shape[0]
-    size = 4
-    while size < 2 * count:
-        size *= 2
+    size = slots_for(count)
     slots = np.full(size, -1, np.int32)  # edges, by the hash of their vertices
-    lows, highs = np.empty(count, np.int32), np.empty(count, np.int32)
+    keys = np.empty(count, np.int64)
     across = np.full(count, -1, np.int32)
     for edge in range(count):
         t, i = edge // 3, edge % 3
         p, q = np.int64(faces[t, i]), np.int64(faces[t, (i + 1) % 3])
-        low, high = min(p, q), max(p, q)
-        lows[edge], highs[edge] = low, high
-        at = _slot(low, high, size)
-        while slots[at] >= 0 and not (lows[slots[at]] == low and highs[slots[at]] == high):
+        if p == q or drawn[t] != t:
+            continue
+        key = min(p, q) << 32 | max(p, q)
+        keys[edge] = key
+        at = slot(mixed(EMPTY_HASH, key), size)
+        while slots[at] >= 0 and keys[slots[at]] != key:
             at = (at + 1) & (size - 1)
         other = slots[at]
         if other >= 0 and across[other] < 0 and other // 3 != t:
@@ -88,14 +84,15 @@ def _lengths(triangles, across, inverse):
 
 
 @allocating_entry
-def pair_up(triangles, faces, unit):
-    """The leaves over `triangles` (m, 9), metres, with vertices `faces` (m, 3).
+def pair_up(triangles, faces, drawn, unit):
+    """The leaves over `triangles` (m, 9), metres.
 
+    `faces` (m, 3) names vertices of equal place alike, `drawn` (m,) is as `first_drawn` returns it,
     `unit` is that of the nodes, metres. Returns the triangles of each leaf (k, 2), -1 for no second
-    one.
+    one; and how many leaves come before those of twins, each of which stands alone.
     """
     m = faces.shape[0]
-    across = _neighbours(faces)
+    across = _neighbours(faces, drawn)
     lengths = _lengths(triangles, across, 1.0 / unit)
     mate, chosen = np.full(m, -1, np.int32), np.full(m, -1, np.int32)
     free = np.empty(m, np.int32)
@@ -131,7 +128,12 @@ def pair_up(triangles, faces, unit):
     leaves = np.full((m, LARGEST), -1, np.int32)
     k = 0
     for t in range(m):
-        if mate[t] < 0 or mate[t] > t:
+        if drawn[t] == t and (mate[t] < 0 or mate[t] > t):
             leaves[k, 0], leaves[k, 1] = t, mate[t]
             k += 1
-    return leaves[:k].copy()
+    distinct = k
+    for t in range(m):
+        if drawn[t] != t:
+            leaves[k, 0] = t
+            k += 1
+    return leaves[:k].copy(), distinct

@@ -12,6 +12,7 @@ import numpy as np
 from ..tolerances import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from .aim import no_aim
 from .coherence import travel
+from .contain import settle_sign
 from .descent import advance
 from .jit import entry, kernel
 from .memory import table_on_stack
@@ -75,6 +76,9 @@ from .state import (
 )
 from .swept import core_of, lower_of, upper_of
 from .tables import state_at, tree_at
+
+_ONE_QUERY = 8
+"""Steps that a query takes as long as besides those of its descent."""
 
 
 @kernel
@@ -175,37 +179,39 @@ def search(
 ):  # fmt: skip
     """Answer the queries first to last at poses (4 k, 4), each with at most `steps` steps.
 
-    A query starts from the triangles that the last one left in the state; where not `fresh`, the
-    first goes on with the search that the state holds. Models and state come as tables (see
-    tables.py); `unusual` is as for `advance`. Writes answers (k ANSWER,). Returns ENDED, or another
-    code and the query that it is about.
+    No query begins once they took about as many together. It starts from the triangles that the
+    last one left in the state; where not `fresh`, the first goes on with the search that the state
+    holds. Models and state come as tables (see tables.py); `unusual` is as for `advance`. Writes
+    answers (k ANSWER,). Returns ENDED, or another code and the query that it is about.
     """
     tree_a, faces_a = tree_at(model_a)
     tree_b, faces_b = tree_at(model_b)
     state = state_at(memory)
+    left = steps
     for k in range(first, last):
         pose_a, pose_b = poses_a[4 * k : 4 * k + 4], poses_b[4 * k : 4 * k + 4]
         answer = answers[k * ANSWER : (k + 1) * ANSWER]
         if fresh or k > first:
+            if left <= 0:
+                return CUT_BETWEEN, k
+            left -= _ONE_QUERY
             code = begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit)
             if code != CUT:
                 return code, k
         state.counts[STEPS] = steps
         code = advance(tree_a, tree_b, state, unusual)
+        left -= steps - state.counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, pose_a, pose_b, code, answer)
         if code != ENDED:
             return code, k
     return ENDED, last
 
 
-_ONE_QUERY = 8
-"""Steps that a query takes as long as besides those of its descent."""
-
-
 @entry
 def search_pairs(
-    models, memory, poses, pairs, hints, wanted, first, last, every, steps, fresh, answers, unusual
-):
+    models, memory, poses, pairs, hints, wanted, signed, insides,
+    first, last, every, steps, fresh, answers, unusual,
+):  # fmt: skip
     """Answer for the pairs first, first + every, ... below last, with `steps` steps for all.
 
     Args:
@@ -216,6 +222,8 @@ def search_pairs(
         hints: (k, 2) triangles in tree order to start from; others than there are count as 0.
         wanted: (k, 3) rel_err, abs_err, and the clearance on one side of which a distance is known
             to be when its search may end; infinity for none.
+        signed: (k,) whether the sign of the distance is wanted as well (see contain.py).
+        insides: what the bodies enclose, where it is.
         first: where to begin; if not `fresh`, with the search that the state holds.
         last: one after the last pair.
         every: how far apart the pairs of this call are.
@@ -252,6 +260,8 @@ def search_pairs(
         code = advance(tree_a, tree_b, state, unusual)
         left -= steps - counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, poses[i], poses[j], code, answers[k])
+        if signed[k]:
+            settle_sign(tree_a, tree_b, insides, i, j, state, wanted[k, 2], code, answers[k])
         if code != ENDED:
             return code, k
     return ENDED, last

@@ -1,59 +1,28 @@
-"""What a closed mesh's questions need beyond its hierarchy: its parts, and one owner a vertex."""
+"""What signed distances need of a mesh beyond its hierarchy: where its inside is, parts, owners."""
 
 from __future__ import annotations
 
 from collections import namedtuple
 
 import numpy as np
-from numba import uint64
 
 from .jit import allocating, allocating_entry, kernel
 from .precise import two_sum
 from .vectors import cross, dot
 
-Solid = namedtuple("Solid", "owned samples ball")
-"""A closed mesh as the kernels see it, beside its Tree.
+Region = namedtuple("Region", "inside owned samples ball rim moments")
+"""A mesh as the kernels of signed distances see it, beside its Tree.
 
-owned (uint8, m) which corners of a triangle, in tree order, are first of their vertex: bits 0 to 2;
-samples (int32, k) one vertex of every connected part, as 3 triangle + corner in tree order; ball
-(4,) centre and radius of a sphere around it, metres.
+inside, one of the following; owned (uint8, m) which corners of a triangle, in tree order, are first
+of their vertex: bits 0 to 2; samples (int32, k) one vertex of every connected part, as 3 times the
+triangle, in tree order, whose first corner it is; ball (4,) centre and radius of a sphere around
+it, metres; rim, metres: how long its open edges are together; moments (k, MOMENTS) of what is under
+each lane (see angles.py), where the inside is HALF.
 """
 
-
-@kernel
-def _slot(bits, i, slots):
-    """Where a table of so many slots, a power of two, begins to look for the place of vertex i."""
-    mixed = uint64(0)
-    for axis in range(3):
-        mixed = (mixed ^ uint64(bits[i, axis])) * uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> uint64(29)
-    return np.int64(mixed & uint64(slots - 1))
-
-
-@allocating_entry
-def first_of_place(bits):
-    """For each vertex the first one at the same place, (n,) int32.
-
-    Args:
-        bits: (n, 3) int64; the coordinates bit by bit, none of them a negative zero.
-    """
-    n = bits.shape[0]
-    slots = 4
-    while slots < 2 * n:
-        slots *= 2
-    table = np.full(slots, -1, np.int32)
-    first = np.empty(n, np.int32)
-    for i in range(n):
-        at = _slot(bits, i, slots)
-        while table[at] >= 0:
-            j = table[at]
-            if bits[i, 0] == bits[j, 0] and bits[i, 1] == bits[j, 1] and bits[i, 2] == bits[j, 2]:
-                break
-            at = (at + 1) & (slots - 1)
-        if table[at] < 0:
-            table[at] = i
-        first[i] = table[at]
-    return first
+NOWHERE, WHOLE, HALF = 0, 1, 2
+"""Where a mesh has an inside: nowhere, it is a surface; where its winding number, a whole one, is
+not 0; or where that is more than one half either way, within its ball."""
 
 
 @allocating
@@ -72,18 +41,20 @@ def _sorted_by(key, count, order):
 
 
 @allocating_entry
-def unpaired_edges(faces, count):
+def unpaired_edges(faces, vertices):
     """Edges of closed faces that are not passed as often one way as the other.
 
     Args:
         faces: (m, 3) int32, vertices of equal place named alike. Faces that repeat one are left
             out.
-        count: how many vertices there are.
+        vertices: (n, 3) metres.
 
     Returns:
         How many faces were looked at; how many edges belong to an odd number of faces, and how many
-        others are passed more often one way; (2, 2) the vertices of the first of either kind.
+        others are passed more often one way; (2, 2) the vertices of the first of either kind; how
+        long all these edges are together, metres, each as often as it is left over one way.
     """
+    count = len(vertices)
     low, high = np.empty(3 * len(faces), np.int32), np.empty(3 * len(faces), np.int32)
     forth = np.empty(3 * len(faces), np.bool_)
     n = 0
@@ -95,7 +66,7 @@ def unpaired_edges(faces, count):
             low[n], high[n], forth[n] = min(i, j), max(i, j), i < j
             n += 1
     order = _sorted_by(low, count, _sorted_by(high, count, np.arange(n, dtype=np.int32)))
-    odd, unlike = 0, 0
+    odd, unlike, rim = 0, 0, 0.0
     firsts = np.zeros((2, 2), np.int32)
     start = 0
     while start < n:
@@ -112,8 +83,13 @@ def unpaired_edges(faces, count):
             if unlike == 0:
                 firsts[1, 0], firsts[1, 1] = i, j
             unlike += 1
+        if balance != 0:
+            squared = 0.0
+            for axis in range(3):
+                squared += (vertices[j, axis] - vertices[i, axis]) ** 2
+            rim += abs(balance) * np.sqrt(squared)
         start = end
-    return n // 3, odd, unlike, firsts
+    return n // 3, odd, unlike, firsts, rim
 
 
 @kernel

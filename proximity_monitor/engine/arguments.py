@@ -1,0 +1,131 @@
+"""Numbers and arrays that a question is given, as the kernels take them.
+
+A kernel is compiled for the types that it is called with. So whatever is a real number becomes a
+float, and whatever holds real numbers an array of one kind; what is not is refused by its name.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import SupportsFloat
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+_REAL_KINDS = "iuf"
+
+
+def as_real(value: SupportsFloat, name: str) -> float:
+    """A real number as a float: of Python or numpy, a fraction, an array without dimensions.
+
+    Raises:
+        TypeError: text, None, a truth value, a complex number, an array of several.
+    """
+    if type(value) is float:
+        return value
+    given = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    if isinstance(given, np.generic | np.ndarray):
+        real = given.ndim == 0 and given.dtype.kind in _REAL_KINDS
+    else:
+        kind = type(given)
+        real = hasattr(kind, "__float__") or hasattr(kind, "__index__")
+        real = real and not isinstance(given, bool | complex)
+    if real:
+        try:
+            return float(given)
+        except (TypeError, ValueError, ArithmeticError, RuntimeError) as error:
+            raise TypeError(f"{name} = {value!r}: no real number: {error}") from None
+    raise TypeError(f"{name} = {value!r}: expected a real number, got {type(value).__name__}")
+
+
+def check_tolerance(name: str, value: SupportsFloat) -> float:
+    """The value as a float that is not negative; infinity is allowed.
+
+    Raises:
+        TypeError: no real number.
+        ValueError: negative or NaN.
+    """
+    number = value if type(value) is float else as_real(value, name)
+    if not number >= 0.0:
+        raise ValueError(f"{name} = {number!r}: must be a number that is not negative")
+    return number
+
+
+def as_count(value: int, name: str) -> int:
+    """A number of things as an int, at least 1.
+
+    Raises:
+        TypeError: no whole number.
+        ValueError: less than 1.
+    """
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        count = operator.index(value)
+    except TypeError:
+        text = f"{name} = {value!r}: expected a whole number, got {type(value).__name__}"
+        raise TypeError(text) from None
+    if count < 1:
+        raise ValueError(f"{name} = {count}: must be at least 1")
+    return count
+
+
+def as_reals(
+    values: ArrayLike,
+    name: str,
+    what: str = "an array of numbers",
+    error: type[ValueError] = ValueError,
+) -> NDArray[np.float64]:
+    """Real numbers as a float64 array that is C-contiguous and writable; copied where it must be.
+
+    Raises:
+        error: they are not `what`.
+    """
+    try:
+        array = np.asarray(values)
+        if array.dtype.kind == "O":  # fractions, or what is no number at all
+            numbers = [as_real(each, "an element") for each in array.ravel()]
+            array = np.array(numbers, np.float64).reshape(array.shape)
+    except (TypeError, ValueError) as cause:
+        raise error(f"{name}: not {what}: {cause}") from None
+    if array.dtype.kind not in _REAL_KINDS:
+        raise error(f"{name}: not {what}: dtype {array.dtype}, expected real numbers")
+    return np.require(array, np.float64, "CAWE")
+
+
+def as_indices(values: ArrayLike, name: str) -> NDArray[np.int64]:
+    """Whole numbers as an int64 array (k,) that is C-contiguous and writable.
+
+    Raises:
+        ValueError: not whole numbers of this shape.
+    """
+    return np.require(_whole(values, name, ()), np.int64, "CAWE")
+
+
+def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]:
+    """Whole numbers as an int32 array (k, columns) that is C-contiguous and writable.
+
+    Raises:
+        ValueError: not whole numbers of this shape, or beyond int32.
+    """
+    given = _whole(values, name, (columns,))
+    limits = np.iinfo(np.int32)
+    bad = ((given < limits.min) | (given > limits.max)).any(axis=1)
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise ValueError(f"{name}[{first}] = {given[first].tolist()}: beyond what an index can be")
+    return np.require(given, np.int32, "CAWE")
+
+
+def _whole(values: ArrayLike, name: str, row: tuple[int, ...]) -> NDArray[np.integer]:
+    """Whole numbers in any number of rows of a shape."""
+    try:
+        given = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{name}: not an array: {error}") from None
+    if given.size == 0:
+        return np.empty((0, *row), np.int32)
+    if given.dtype.kind not in "iu" or given.ndim != 1 + len(row) or given.shape[1:] != row:
+        expected = ", ".join(map(str, ("k", *row))) + ("" if row else ",")
+        raise ValueError(f"{name}: {given.dtype} {given.shape}, expected integers ({expected})")
+    return given

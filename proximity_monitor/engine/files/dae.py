@@ -1,0 +1,210 @@
+"""COLLADA (.dae), in which many robots' meshes come: the triangles of the scene as it stands.
+
+The file's unit counts. Its `up_axis` does not, as in RViz and Gazebo: robot descriptions are
+written for these. Materials are not looked at; what they refer to is often missing.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from .triangles import (
+    FormatError,
+    Ints,
+    Part,
+    Parts,
+    Reals,
+    Triangles,
+    check_finite,
+    fans,
+    spans,
+    strips,
+)
+from .xml import Element, need, parsed, real_list, whole_list
+
+_CURVES = ("lines", "linestrips")
+_INSTANCES = ("instance_geometry", "instance_node", "instance_controller")
+
+
+def read_dae(data: bytes, _: Path) -> Triangles:
+    """Read a COLLADA file."""
+    root = parsed(data)
+    if root.tag != "COLLADA":
+        raise FormatError(f"is no COLLADA file, but <{root.tag}>")
+    return _Document(root).triangles()
+
+
+class _Document:
+    def __init__(self, root: Element) -> None:
+        self._root = root
+        self._meshes: dict[Element, list[Part]] = {}
+        self._parts = Parts()
+
+    def triangles(self) -> Triangles:
+        """All triangles in the frame of the scene."""
+        stated = self._root.find("asset/unit")
+        unit = 1.0 if stated is None else real_list(stated.get("meter", "1"), "<unit meter>", 1)[0]
+        if not 0.0 < unit < math.inf:
+            raise FormatError(f"<unit meter> is {unit:g}, which is no length")
+        if self._root.find("library_animations//channel") is not None:
+            raise FormatError("has animations, which are not read: export the scene as it stands")
+        for shown in self._root.findall("scene/instance_visual_scene"):
+            for node in self._named("visual_scene", shown).findall("node"):
+                self._place(node, np.eye(4), ())
+        return self._parts.joined(float(unit))
+
+    def _named(self, kind: str, link: Element) -> Element:
+        """What an instance refers to."""
+        url = need(link, "url")
+        found = [each for each in self._root.iter(kind) if f"#{each.get('id')}" == url]
+        if len(found) != 1:
+            raise FormatError(f"<{link.tag}> names {url!r}; of such a {kind} are {len(found)}")
+        return found[0]
+
+    def _place(self, node: Element, above: Reals, within: tuple) -> None:
+        """Add what stands in a node and below it."""
+        if node in within:
+            raise FormatError(f"node {node.get('id')!r} contains itself")
+        if all(node.find(f".//{kind}") is None for kind in _INSTANCES):
+            return  # a camera, a light, a joint
+        within = (*within, node)
+        matrix = above
+        for element in node:
+            match element.tag:
+                case "node":
+                    self._place(element, matrix, within)
+                case "instance_node":
+                    self._place(self._named("node", element), matrix, within)
+                case "instance_geometry":
+                    for mesh in self._geometry(self._named("geometry", element)):
+                        self._parts.add(*mesh, matrix)
+                case "instance_controller":
+                    raise FormatError(
+                        f"<instance_controller> {need(element, 'url')!r}: skins and morph targets "
+                        "are not read: apply them first"
+                    )
+                case _:
+                    matrix = matrix @ _motion(element)
+
+    def _geometry(self, geometry: Element) -> list[Part]:
+        if geometry not in self._meshes:
+            self._meshes[geometry] = _geometry(geometry)
+        return self._meshes[geometry]
+
+
+def _motion(element: Element) -> Reals:
+    """The matrix of a transformation; one for any other element of a node."""
+    matrix, kind = np.eye(4), element.tag
+    if kind == "matrix":
+        matrix = real_list(element.text, "<matrix>", 16).reshape(4, 4)
+    elif kind == "translate":
+        matrix[:3, 3] = real_list(element.text, "<translate>", 3)
+    elif kind == "scale":
+        matrix[:3, :3] = np.diag(real_list(element.text, "<scale>", 3))
+    elif kind == "rotate":
+        *axis, degrees = real_list(element.text, "<rotate>", 4)
+        length, angle = math.hypot(*axis), math.radians(degrees)
+        if length > 0.0:
+            x, y, z = np.array(axis) / length
+            cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+            turned = math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+            matrix[:3, :3] += turned
+    elif kind in ("lookat", "skew"):
+        raise FormatError(f"<{kind}> of a node, which is not read: write it as a <matrix>")
+    return matrix
+
+
+def _geometry(geometry: Element) -> list[Part]:
+    """Vertices and faces of each primitive."""
+    name = f"geometry {geometry.get('id')!r}"
+    mesh = geometry.find("mesh")
+    if mesh is None and geometry.find("spline") is not None:
+        return []
+    if mesh is None:
+        kinds = ", ".join(f"<{each.tag}>" for each in geometry) or "nothing"
+        raise FormatError(f"{name} is no mesh, but {kinds}, which is not read")
+    found, positions = [], {}
+    for element in mesh:
+        kind = element.tag
+        if kind in ("source", "vertices", "extra", *_CURVES):
+            continue
+        if element.find("ph") is not None:
+            raise FormatError(f"{name}: <{kind}> has polygons with holes, which are not read")
+        inputs = element.findall("input")
+        offsets = [int(whole_list(need(each, "offset"), "offset", 1)[0]) for each in inputs]
+        which = [i for i, each in enumerate(inputs) if need(each, "semantic") == "VERTEX"]
+        if len(which) != 1 or min(offsets) < 0:
+            raise FormatError(f"{name}: <{kind}> does not say which numbers are its vertices")
+        source = need(inputs[which[0]], "source")
+        if source not in positions:
+            positions[source] = _positions(mesh, source, name)
+        vertices = positions[source]
+        width, column = max(offsets) + 1, offsets[which[0]]
+        runs = []
+        for p in element.findall("p"):
+            numbers = whole_list(p.text, f"{name}: <p>")
+            if len(numbers) % width:
+                raise FormatError(f"{name}: <p> holds {len(numbers)} numbers, {width} a corner")
+            runs.append(numbers[column::width])
+        corners = np.concatenate([np.empty(0, dtype=np.int64), *runs])
+        sizes = np.array([len(run) for run in runs], dtype=np.int64)
+        if kind == "triangles":
+            sizes = np.full(-(-len(corners) // 3), 3)
+        elif kind == "polylist":
+            sizes = whole_list(element.findtext("vcount"), f"{name}: <vcount>")
+        elif kind not in ("polygons", "tristrips", "trifans"):
+            raise FormatError(f"{name} has <{kind}>, which is not read")
+        if sizes.sum() != len(corners) or (sizes < 0).any():
+            raise FormatError(f"{name}: <{kind}> has {len(corners)} corners, not {sizes.sum()}")
+        _check_count(element, sizes, name)
+        cut = strips if kind == "tristrips" else fans
+        where = f"{name}: <{kind}>["
+        faces = cut(corners, sizes, len(vertices), lambda i, where=where: f"{where}{i}]: ")
+        found.append((vertices, faces))
+    return found
+
+
+def _check_count(element: Element, sizes: Ints, name: str) -> None:
+    """Refuse a primitive that has more or fewer items than it announces."""
+    count = whole_list(element.get("count", str(len(sizes))), "count", 1)[0]
+    if count != len(sizes):
+        raise FormatError(
+            f"{name}: <{element.tag}> announces {count} items, but {len(sizes)} follow"
+        )
+
+
+def _positions(mesh: Element, source: str, name: str) -> Reals:
+    """The positions (n, 3) that a VERTEX input names."""
+    for vertices in mesh.findall("vertices"):
+        for each in vertices.findall("input"):
+            if f"#{vertices.get('id')}" == source and each.get("semantic") == "POSITION":
+                found = [
+                    s for s in mesh.findall("source") if f"#{s.get('id')}" == each.get("source")
+                ]
+                if len(found) == 1:
+                    return _source(found[0], name)
+    raise FormatError(f"{name}: its positions {source!r} are missing")
+
+
+def _source(source: Element, name: str) -> Reals:
+    array = source.find("float_array")
+    accessor = source.find("technique_common/accessor")
+    if array is None or accessor is None:
+        raise FormatError(f"{name}: source {source.get('id')!r} has no numbers")
+    what = f"{name}: <float_array>"
+    announced = array.get("count")
+    count = None if announced is None else int(whole_list(announced, f"{what} count", 1)[0])
+    numbers = real_list(array.text, what, count)
+    count, stride, offset = (
+        int(whole_list(accessor.get(key, default), f"{name}: <accessor> {key}", 1)[0])
+        for key, default in (("count", "0"), ("stride", "1"), ("offset", "0"))
+    )
+    if count < 0 or stride < 3 or offset < 0 or offset + count * stride > len(numbers):
+        raise FormatError(f"{name}: <accessor> reaches beyond its {len(numbers)} numbers")
+    starts = offset + stride * np.arange(count)
+    points = numbers[spans(starts, np.full(count, 3))].reshape(-1, 3)
+    check_finite(points)
+    return points

@@ -1,0 +1,254 @@
+"""glTF 2.0, as text (.gltf) and binary (.glb): the triangles of the scene as it stands.
+
+What would move them (morph targets, skins, animations) or replaces them (compression, instancing)
+is refused by name. Frames, points, lines and looks are left out.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, unquote_to_bytes, urlsplit
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .text import without_mark
+from .triangles import (
+    FormatError,
+    Ints,
+    Part,
+    Parts,
+    Reals,
+    Triangles,
+    check_finite,
+    fans,
+    no_triangles,
+    strips,
+)
+
+_POINTS_AND_LINES, _TRIANGLES, _STRIP, _FAN = range(4), 4, 5, 6
+_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_HARMLESS = (
+    "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_mesh_quantization",
+)  # fmt: skip
+"""Beginnings of the names of extensions that leave the geometry alone, or are read."""
+
+_Json = Mapping[str, Any]
+
+
+def read_glb(data: bytes, folder: Path) -> Triangles:
+    """Read a GLB file."""
+    if data[:4] != b"glTF" or int.from_bytes(data[4:8], "little") != 2:
+        raise FormatError("does not begin as a GLB file of version 2")
+    announced = int.from_bytes(data[8:12], "little")
+    if announced != len(data):
+        raise FormatError(f"announces {announced} bytes, but has {len(data)}")
+    chunks, at = [], 12
+    while at < len(data):
+        length = int.from_bytes(data[at : at + 4], "little")
+        if at + 8 + length > len(data):
+            raise FormatError(f"a chunk of {length} bytes reaches beyond the end")
+        chunks.append((data[at + 4 : at + 8], data[at + 8 : at + 8 + length]))
+        at += 8 + length
+    if not chunks or chunks[0][0] != b"JSON":
+        raise FormatError("has no JSON")
+    return _Document(chunks[0][1], folder, dict(chunks[:0:-1]).get(b"BIN\0")).triangles()
+
+
+def read_gltf(data: bytes, folder: Path) -> Triangles:
+    """Read a glTF file and the buffers that lie beside it."""
+    return _Document(data, folder, None).triangles()
+
+
+class _Document:
+    """The JSON of a file, with its buffers."""
+
+    def __init__(self, text: bytes, folder: Path, chunk: bytes | None) -> None:
+        self._tree = json.loads(without_mark(text), parse_constant=_no_number)
+        if not isinstance(self._tree, dict):
+            raise FormatError("its JSON is no object")
+        version = self._tree.get("asset", {}).get("version")
+        if not str(version).startswith("2."):
+            raise FormatError(f"is of version {version}; read is glTF 2")
+        for name in self._tree.get("extensionsRequired", []):
+            if not name.startswith(_HARMLESS):
+                raise FormatError(f"requires the extension {name}, which is not read")
+        if any(each.get("channels") for each in self._tree.get("animations", [])):
+            raise FormatError("has animations, which are not read: export the scene as it stands")
+        self._folder = folder
+        self._chunk = chunk
+        self._buffers: dict[int, bytes] = {}
+
+    def triangles(self) -> Triangles:
+        """All triangles in the frame of the scene."""
+        parts = Parts()
+        if not self._tree.get("scenes"):
+            raise FormatError("has no scene, hence no triangles that are shown")
+        scene = self._item("scenes", self._tree.get("scene", 0))
+        waiting = [(i, np.eye(4)) for i in scene.get("nodes", [])]
+        seen: set[int] = set()
+        meshes: dict[int, list[Part]] = {}
+        while waiting:
+            i, above = waiting.pop()
+            node, name = self._item("nodes", i), f"nodes[{i}]"
+            if i in seen:
+                raise FormatError(f"{name} has two parents")
+            seen.add(i)
+            if "skin" in node or any(node.get("weights", [])):
+                raise FormatError(f"{name} has a skin or morph weights: apply them before export")
+            if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
+                raise FormatError(f"{name} has EXT_mesh_gpu_instancing, which is not read")
+            matrix = above @ _matrix(node, name)
+            if "mesh" in node:
+                mesh = node["mesh"]
+                if mesh not in meshes:
+                    meshes[mesh] = self._mesh(mesh)
+                for vertices, faces in meshes[mesh]:
+                    parts.add(vertices, faces, matrix)
+            waiting += [(child, matrix) for child in node.get("children", [])]
+        return parts.joined()
+
+    def _item(self, kind: str, i: object) -> _Json:
+        """An entry of one of the top lists."""
+        items = self._tree.get(kind, [])
+        if type(i) is not int or not 0 <= i < len(items):
+            raise FormatError(f"{kind}[{i}] is named, but there are {len(items)} {kind}")
+        return items[i]
+
+    def _mesh(self, i: int) -> list[Part]:
+        """Vertices and faces of the primitives of a mesh."""
+        mesh, name = self._item("meshes", i), f"meshes[{i}]"
+        if any(mesh.get("weights", [])):
+            raise FormatError(f"{name} has morph weights: apply them before export")
+        found = []
+        for primitive in mesh["primitives"]:
+            mode = primitive.get("mode", _TRIANGLES)
+            if mode in _POINTS_AND_LINES:
+                continue
+            vertices = self._accessor(primitive["attributes"]["POSITION"], 3).astype(np.float64)
+            check_finite(vertices)
+            corners = np.arange(len(vertices))
+            if "indices" in primitive:
+                corners = self._accessor(primitive["indices"], 1).reshape(-1).astype(np.int64)
+            found.append((vertices, _faces(mode, corners, len(vertices), name)))
+        return found
+
+    def _accessor(self, i: int, width: int) -> NDArray:
+        """The numbers of an accessor (n, width)."""
+        accessor, name = self._item("accessors", i), f"accessors[{i}]"
+        if "bufferView" not in accessor or "sparse" in accessor:
+            raise FormatError(f"{name} is compressed or sparse, which is not read")
+        view = self._item("bufferViews", accessor["bufferView"])
+        data = self._buffer(view["buffer"])
+        begin, length = view.get("byteOffset", 0), view["byteLength"]
+        if not 0 <= begin <= begin + length <= len(data):
+            raise FormatError(f"bufferViews[{accessor['bufferView']}] reaches beyond its buffer")
+        kind = np.dtype(_TYPES.get(accessor["componentType"], "V1"))
+        start, count = accessor.get("byteOffset", 0), accessor["count"]
+        row = width * kind.itemsize
+        stride = view.get("byteStride", row)
+        is_index = width == 1
+        if _WIDTHS.get(accessor["type"]) != width or kind.kind not in ("u" if is_index else "fiu"):
+            wanted = "whole numbers" if is_index else "three coordinates"
+            raise FormatError(f"{name} holds no {wanted}, which should stand there")
+        if start < 0 or count < 1 or stride < row:
+            raise FormatError(f"{name} is malformed")
+        if start + (count - 1) * stride + row > length:
+            raise FormatError(f"{name} reaches beyond its view")
+        values = np.ndarray((count, width), kind, data, begin + start, (stride, kind.itemsize))
+        if accessor.get("normalized") and kind.kind != "f":
+            return np.maximum(values / np.iinfo(kind).max, -1.0)
+        return values
+
+    def _buffer(self, i: int) -> bytes:
+        """The bytes of a buffer, wherever they lie."""
+        if i in self._buffers:
+            return self._buffers[i]
+        buffer, name = self._item("buffers", i), f"buffers[{i}]"
+        if "uri" in buffer:
+            data = self._fetched(buffer["uri"], name)
+        elif i == 0 and self._chunk is not None:
+            data = self._chunk
+        else:
+            raise FormatError(f"{name} has no bytes")
+        if not 0 <= buffer["byteLength"] <= len(data):
+            raise FormatError(
+                f"{name} has {buffer['byteLength']} bytes, of which {len(data)} are there"
+            )
+        self._buffers[i] = data[: buffer["byteLength"]]
+        return self._buffers[i]
+
+    def _fetched(self, uri: str, name: str) -> bytes:
+        """The bytes that a URI holds or names; no file outside the model's folder is opened."""
+        if uri.startswith("data:"):
+            kind, _, content = uri.partition(",")
+            if not kind.endswith(";base64"):
+                return unquote_to_bytes(content)
+            try:
+                return base64.b64decode(unquote_to_bytes(content), validate=True)
+            except ValueError as error:
+                raise FormatError(f"{name}: its data is no base64: {error}") from None
+        parts = urlsplit(uri)
+        folder = self._folder.resolve()
+        file = (folder / unquote(parts.path)).resolve()
+        if parts.scheme or parts.netloc or not file.is_relative_to(folder):
+            raise FormatError(
+                f"{name} lies outside the file's folder ({uri[:80]!r}): put it there, or embed it"
+            )
+        try:
+            return file.read_bytes()
+        except OSError as error:
+            raise FormatError(f"{name}: {file} cannot be read: {error.strerror}") from None
+
+
+def _no_number(word: str) -> float:
+    raise FormatError(f"{word} is no number")
+
+
+def _faces(mode: int, corners: Ints, count: int, name: str) -> Ints:
+    """The triangles of a primitive."""
+    size = np.array([len(corners)])
+    if mode == _TRIANGLES:
+        if len(corners) % 3:
+            raise FormatError(f"{name} has {len(corners)} corners, which make no triangles")
+        size = np.full(len(corners) // 3, 3)
+        return fans(corners, size, count, lambda i: f"{name}: faces[{i}]: ")
+    if mode not in (_STRIP, _FAN):
+        raise FormatError(f"{name} has primitives of mode {mode}, which glTF does not know")
+    if len(corners) < 3:
+        return no_triangles()
+    return (strips if mode == _STRIP else fans)(corners, size, count, lambda _: f"{name}: ")
+
+
+def _matrix(node: _Json, name: str) -> Reals:
+    """The motion of a node, or the scale, rotation and translation that it consists of."""
+    given = {
+        key: np.array(node.get(key, default), dtype=np.float64)
+        for key, default in (
+            ("matrix", np.eye(4).ravel()), ("translation", (0, 0, 0)),
+            ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1)),
+        )
+    }  # fmt: skip
+    for key, size in (("matrix", 16), ("translation", 3), ("rotation", 4), ("scale", 3)):
+        if given[key].shape != (size,) or not np.isfinite(given[key]).all():
+            raise FormatError(f"{name}: its {key} is not {size} finite numbers")
+    x, y, z, w = given["rotation"]
+    length = x * x + y * y + z * z + w * w
+    if not length > 0.0:
+        raise FormatError(f"{name}: its rotation is no quaternion")
+    s = 2.0 / length
+    rotation = np.array(
+        [
+            [1.0 - s * (y * y + z * z), s * (x * y - w * z), s * (x * z + w * y)],
+            [s * (x * y + w * z), 1.0 - s * (x * x + z * z), s * (y * z - w * x)],
+            [s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)],
+        ]
+    )
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation * given["scale"], given["translation"]
+    return matrix @ given["matrix"].reshape(4, 4).T

@@ -1,0 +1,59 @@
+"""Wavefront OBJ: vertices and polygons; points, curves and looks are left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from .text import Rows, shown, wholes, without_comment, without_mark
+from .triangles import FormatError, Triangles, fans
+
+_OTHERS = frozenset(
+    b"vt vn vp l p o g s mg usemtl mtllib usemap maplib lod bevel c_interp d_interp shadow_obj "
+    b"trace_obj ctech stech cstype deg bmat step curv curv2 parm trim hole scrv sp end con".split()
+)
+"""Statements that make no triangles. Any other word is a sign of damage."""
+_NOT_READ = frozenset(b"surf call csh bsp bzp cdc cdp res".split())
+"""Statements that make surfaces of other kinds, or take them from elsewhere."""
+
+
+def read_obj(data: bytes, _: Path) -> Triangles:
+    """Read an OBJ file; indices may be absolute, or count back from the vertices so far."""
+    vertices: list[bytes] = []
+    widths: list[int] = []
+    vertex_lines: list[int] = []
+    corners: list[bytes] = []
+    sizes: list[int] = []
+    so_far: list[int] = []  # vertices before a face, which relative indices count from
+    face_lines: list[int] = []
+    begun = b""
+    for number, line in enumerate(without_mark(data).splitlines(), 1):
+        if line.endswith(b"\\") and b"#" not in line:  # goes on in the next line
+            begun += line[:-1] + b" "
+            continue
+        if begun:
+            line, begun = begun + line, b""
+        key, *words = without_comment(line).split() or (b"",)
+        if key == b"v":
+            vertices += words
+            widths.append(len(words))
+            vertex_lines.append(number)
+        elif key == b"f":
+            corners += [word.split(b"/", 1)[0] for word in words] if b"/" in line else words
+            sizes.append(len(words))
+            so_far.append(len(widths))
+            face_lines.append(number)
+        elif key in _NOT_READ:
+            raise FormatError(f"line {number}: {shown(key)} is not read: export triangles instead")
+        elif key and key not in _OTHERS:
+            raise FormatError(f"line {number}: {shown(key)} is no OBJ statement")
+    if begun:
+        raise FormatError("ends within a statement: truncated")
+    points = Rows(vertices, widths, lambda i: f"line {vertex_lines[i]}: ").coordinates()
+    polygons = Rows(corners, sizes, lambda i: f"line {face_lines[i]}: ")
+    named = wholes(corners, polygons.place)
+    # Numbered from 1; zero is none.
+    base = np.where(named < 0, np.repeat(np.array(so_far, dtype=np.int64), polygons.sizes), -1)
+    faces = fans(named + base, polygons.sizes, len(points), polygons.where)
+    return Triangles(points, faces)

@@ -1,0 +1,66 @@
+"""OFF (Geomview): vertices and polygons; colours, normals and texture coordinates are left out."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from .text import Rows, lines, wholes
+from .triangles import FormatError, Triangles, fans, first, spans
+
+_HEAD = re.compile(rb"(ST)?(C)?(N)?OFF")
+_EXTRA = (2, 4, 3)
+"""How many numbers ST (texture), C (colour) and N (normal) add to a vertex."""
+
+
+def read_off(data: bytes, _: Path) -> Triangles:
+    """Read an OFF file, with one vertex or face a line, or one behind the other."""
+    rows, numbers = lines(data, comments=True)
+    head = _HEAD.fullmatch(rows.words[0]) if rows.words else None
+    if not head:
+        raise FormatError("does not begin with OFF")
+    # The counts stand behind the header or in the next line, or they and all else stand anyhow.
+    given = int(rows.sizes[0]) - 1 or int(rows.sizes[1:2].sum())
+    begin = 1 + (2 if given == 2 else 3)
+    announced = wholes(rows.words[1:begin], lambda i: rows.place(i + 1))[:2].tolist()
+    if len(announced) < 2 or min(announced) < 0:
+        raise FormatError("the numbers of vertices and faces are missing")
+    vertex_count, face_count = announced
+    words = rows.words[begin:]
+    line_of = np.repeat(numbers, rows.sizes)[begin:]
+    ends = np.cumsum(rows.sizes)
+    sizes = np.diff(ends[ends > begin], prepend=begin)
+    if len(sizes) != vertex_count + face_count:
+        width = 3 + sum(n for n, word in zip(_EXTRA, head.groups(), strict=True) if word)
+        line_count, sizes = len(sizes), _one_behind_the_other(words, *announced, width)
+        if sizes is None:
+            raise FormatError(
+                f"{vertex_count} vertices and {face_count} faces are announced, but {line_count} "
+                "lines follow, and one behind the other they do not fit either"
+            )
+    begins = np.cumsum(sizes) - sizes
+    items = Rows(words, sizes, lambda i: f"line {line_of[begins[i]]}: ")
+    vertices = items.cut(0, vertex_count).coordinates()
+    polygons = items.cut(vertex_count, vertex_count + face_count)
+    counts = wholes([polygons.words[i] for i in polygons.starts.tolist()], polygons.where)
+    bad = first((counts < 0) | (counts >= polygons.sizes))  # a colour may follow
+    if bad is not None:
+        found = f"{polygons.sizes[bad] - 1} of {counts[bad]}"
+        raise FormatError(f"{polygons.where(bad)}a face with {found} corners")
+    which = spans(polygons.starts + 1, counts)
+    named = [polygons.words[i] for i in which.tolist()]
+    corners = wholes(named, lambda i: polygons.place(which[i]))
+    return Triangles(vertices, fans(corners, counts, vertex_count, polygons.where))
+
+
+def _one_behind_the_other(
+    words: list[bytes], vertex_count: int, face_count: int, width: int
+) -> list[int] | None:
+    """How many words each vertex and each face has, or None; faces have no colours then."""
+    sizes, at = [width] * min(vertex_count, len(words)), vertex_count * width
+    while len(sizes) < vertex_count + face_count and at < len(words) and words[at].isdigit():
+        sizes.append(1 + int(words[at]))
+        at += sizes[-1]
+    return sizes if len(sizes) == vertex_count + face_count and at == len(words) else None

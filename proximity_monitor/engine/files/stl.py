@@ -1,0 +1,119 @@
+"""STL, binary and ASCII."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from .text import reals, shown, without_mark
+from .triangles import FormatError, Reals, Triangles, check_finite, no_triangles
+
+_BINARY = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_FACET = tuple(
+    b"facet normal 0 0 0 outer loop vertex 0 0 0 vertex 0 0 0 vertex 0 0 0 endloop endfacet".split()
+)
+_KEYWORDS = [i for i, word in enumerate(_FACET) if word.isalpha()]
+_COORDINATES = [8, 9, 10, 12, 13, 14, 16, 17, 18]
+_BLOCK = 1 << 22
+"""Bytes of a text whose words are held at once: they take ten times as much."""
+
+# A name goes to the end of its line, unless the line goes on with the next statement.
+_SOLID = re.compile(rb"\s*solid\b[^\r\n]*?(?=\sfacet\s+normal\s|\sendsolid\b|[\r\n]|\Z)")
+_ENDSOLID = re.compile(rb"endsolid\b[^\r\n]*?(?=\ssolid\b[^\r\n]*\sfacet\s|[\r\n]|\Z)")
+
+
+def read_stl(data: bytes, _: Path) -> Triangles:
+    """Read an STL file; the vertices that it repeats for each triangle are merged where equal."""
+    text = without_mark(data)
+    count = int.from_bytes(data[80:84], "little")
+    size = 84 + 50 * count
+    if len(data) < 84 or len(data) < size:
+        if text[:512].lstrip()[:5].lower() == b"solid" and b"\0" not in text:
+            return _merged(_ascii(text.lower()))
+        if len(data) < 84:
+            raise FormatError(f"{len(data)} bytes are less than the header of a binary STL")
+        raise FormatError(
+            f"a binary STL of {count} triangles has {size} bytes, this file {len(data)}"
+        )
+    rest = len(data) - size
+    if rest and rest % 50 == 0 and any(data[size:]):
+        raise FormatError(
+            f"{count} triangles are announced, but as many bytes follow as {rest // 50} more have"
+        )
+    facets = np.frombuffer(data, dtype=_BINARY, count=count, offset=84)
+    return _merged(facets["corners"].reshape(-1, 3).astype(np.float64))
+
+
+def _ascii(text: bytes) -> Reals:
+    """The corners (3 m, 3) of all solids."""
+    parts, at = [np.empty((0, 9))], 0
+    while solid := _SOLID.match(text, at):
+        end = text.find(b"endsolid", solid.end())
+        stop = end if end >= 0 else len(text)
+        parts += [_facets(text, *block) for block in _blocks(text, solid.end(), stop)]
+        if end < 0:
+            raise FormatError("ends before 'endsolid': truncated")
+        closing = _ENDSOLID.match(text, end)
+        at = closing.end() if closing else end
+        if closing is None:
+            break
+    rest = re.compile(rb"\S+").search(text, at)
+    if rest:
+        raise FormatError(f"{_line(text, rest.start())}{shown(rest[0])} where 'solid' should stand")
+    return np.concatenate(parts).reshape(-1, 3)
+
+
+def _blocks(text: bytes, start: int, stop: int) -> Iterator[tuple[int, int]]:
+    """Where blocks of whole facets start and end."""
+    while start < stop:
+        cut = text.find(b"endfacet", start + _BLOCK, stop)
+        cut = stop if cut < 0 else cut + len(b"endfacet")
+        yield start, cut
+        start = cut
+
+
+def _facets(text: bytes, start: int, stop: int) -> Reals:
+    """The coordinates (m, 9) of a block of facets."""
+    words, size = text[start:stop].split(), len(_FACET)
+
+    def where(i: int) -> str:
+        word = next(islice(re.compile(rb"\S+").finditer(text, start, stop), i, None))
+        return _line(text, word.start())
+
+    wrong = [
+        next(i for i in range(key, len(words), size) if words[i] != _FACET[key])
+        for key in _KEYWORDS
+        if not {*words[key::size]} <= {_FACET[key]}
+    ]
+    if wrong:
+        wanted = shown(_FACET[min(wrong) % size])
+        raise FormatError(f"{where(min(wrong))}{shown(words[min(wrong)])} where {wanted} should be")
+    if len(words) % size:
+        raise FormatError("ends within a facet, before 'endsolid': truncated")
+    columns = [
+        reals(words[key::size], lambda i, key=key: where(i * size + key)) for key in _COORDINATES
+    ]
+    return np.stack(columns, axis=1)
+
+
+def _line(text: bytes, at: int) -> str:
+    return f"line {len(text[: at + 1].splitlines())}: "
+
+
+def _merged(corners: Reals) -> Triangles:
+    """Triangles (3 m, 3) with each distinct corner once, in the order in which they appear."""
+    if not len(corners):
+        return Triangles(corners, no_triangles())
+    check_finite(corners)  # while they have their numbers
+    order = np.lexsort(corners.T)  # stable: equal ones keep the order in which they appear
+    ranked = corners[order]
+    starts = np.concatenate(([True], (ranked[1:] != ranked[:-1]).any(axis=1)))
+    firsts = order[starts]
+    rank = np.argsort(np.argsort(firsts))
+    merged = np.empty(len(corners), dtype=np.int64)
+    merged[order] = rank[np.cumsum(starts) - 1]
+    return Triangles(corners[np.sort(firsts)], merged.reshape(-1, 3))

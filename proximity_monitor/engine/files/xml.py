@@ -1,0 +1,56 @@
+"""XML as the readers of COLLADA and 3MF take it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from xml.etree import ElementTree
+
+from numpy.typing import NDArray
+
+from .text import reals, wholes
+from .triangles import FormatError, Ints, Reals
+
+Element = ElementTree.Element
+
+
+def parsed(data: bytes) -> Element:
+    """The root of a document, whose elements lose their namespaces."""
+    try:
+        root = ElementTree.fromstring(data)
+    except ElementTree.ParseError as error:
+        raise FormatError(f"its XML is damaged: {error}") from None
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    return root
+
+
+def need(element: Element, key: str) -> str:
+    """An attribute that must be there."""
+    value = element.get(key)
+    if value is None:
+        raise FormatError(f"<{element.tag}> has no {key}")
+    return value
+
+
+def real_list(text: str | None, what: str, count: int | None = None) -> Reals:
+    """The numbers of a text; `count` is how many there must be."""
+    return _counted(reals((text or "").encode().split(), lambda _: f"{what}: "), what, count)
+
+
+def whole_list(text: str | None, what: str, count: int | None = None) -> Ints:
+    """The whole numbers of a text; `count` is how many there must be."""
+    return _counted(wholes((text or "").encode().split(), lambda _: f"{what}: "), what, count)
+
+
+def attributes(elements: Sequence[Element], keys: Sequence[str]) -> str:
+    """The values of some attributes of all elements, one element after the other."""
+    try:
+        return " ".join([element.attrib[key] for element in elements for key in keys])
+    except KeyError as error:
+        raise FormatError(f"<{elements[0].tag}> has no {error.args[0]}") from None
+
+
+def _counted(numbers: NDArray, what: str, count: int | None) -> NDArray:
+    if count is not None and len(numbers) != count:
+        raise FormatError(f"{what} holds {len(numbers)} numbers, not {count}")
+    return numbers

@@ -1,0 +1,84 @@
+"""The signs of many pairs in one call: open wherever the models may overlap, and nowhere else."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import trimesh
+from engine_bodies import box, from_trimesh, pose, sphere, torus
+
+from proximity_monitor import engine
+from proximity_monitor.engine.kernels import state as index
+
+OUT_OF_TIME = tuple(engine.Status).index(engine.Status.OUT_OF_TIME)
+
+
+def shells() -> engine.TriangleMesh:
+    """A ball with a cavity, and two small ones beside it."""
+    parts = [trimesh.creation.icosphere(1, size) for size in (1.0, 0.8, 0.1, 0.1)]
+    parts[1].invert()
+    parts[2].apply_translation((1.5, 0.0, 0.0))
+    parts[3].apply_translation((0.0, 1.5, 0.0))
+    return from_trimesh(trimesh.util.concatenate(parts), "shells")
+
+
+BALL = sphere(2, 0.3)
+MODELS = (
+    box(),
+    sphere(2),
+    torus(16),
+    shells(),
+    BALL,
+    engine.TriangleMesh(BALL.vertices, BALL.faces, solid=False),
+    engine.TriangleMesh(sphere(2).vertices, sphere(2).faces[9:], solid="robust"),
+    engine.points(np.random.default_rng(1).normal(0.0, 0.2, (9, 3))),
+)
+PAIRS = np.array(list(itertools.combinations(range(len(MODELS)), 2)), np.int32)
+HOLED = 6
+
+
+def rows(poses, clearance=np.inf, budget_s=None, threads=1):
+    count = len(PAIRS)
+    wanted = np.tile([0.0, 0.0, clearance], (count, 1))
+    hints = np.full((count, 2), -1, np.int32)
+    signed = np.ones(count, np.bool_)
+    assembly = engine.Assembly(MODELS)
+    return assembly.rows(poses, PAIRS, wanted, hints, signed, budget_s, threads)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_sign_is_open_where_the_models_may_overlap_alone(threads):
+    rng = np.random.default_rng(4)
+    overlapping = 0
+    for spread in (0.1, 0.3, 0.6, 1.0) * 4:
+        poses = np.array([pose(rng, spread) for _ in MODELS])
+        for (a, b), row in zip(PAIRS, rows(poses, threads=threads), strict=True):
+            true = engine.signed_distance(MODELS[a], poses[a], MODELS[b], poses[b])
+            if row[index.LOWER] == -np.inf:
+                assert row[index.STATUS] == OUT_OF_TIME
+                assert true.lower <= 0.0 or HOLED in (a, b)
+            else:
+                assert true.lower > 0.0
+                assert row[index.LOWER] == pytest.approx(true.lower, abs=1e-12)
+            assert true.lower <= row[index.UPPER]
+            overlapping += true.upper < 0.0
+    assert overlapping > 50
+
+
+def test_what_the_upper_bound_decides_counts_as_ended():
+    poses = np.array([pose(np.random.default_rng(5), 0.2) for _ in MODELS])
+    decided = 0
+    for row in rows(poses, clearance=0.5):
+        if row[index.LOWER] == -np.inf:
+            assert (row[index.STATUS] != OUT_OF_TIME) == (row[index.UPPER] <= 0.5)
+            decided += row[index.UPPER] <= 0.5
+    assert decided > 5
+
+
+def test_what_is_cut_has_no_sign():
+    """Its lower bound is one of the surfaces' distance alone."""
+    poses = np.array([pose(np.random.default_rng(6), 0.2) for _ in MODELS])
+    for row in rows(poses, budget_s=0.0):
+        assert np.isnan(row[index.STATUS]) or row[index.LOWER] == -np.inf or row[index.LOWER] > 0.0
