@@ -3,6 +3,8 @@
 # editable one would leave out the launchers and the ament index that `ros2 run` reads.
 
 ARGS ?=
+# All tests are shared among two workers. A few of them are over before a second worker is there.
+WORKERS ?= $(if $(ARGS),0,2)
 VENV ?= .venv$(if $(ROS_DISTRO),-$(ROS_DISTRO))
 ENV_PYTHON = $(VENV)/bin/python
 
@@ -41,24 +43,26 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 	AMENT_PREFIX_PATH="$(abspath $(VENV))$${AMENT_PREFIX_PATH:+:$$AMENT_PREFIX_PATH}"
 
 .NOTPARALLEL:
-.PHONY: help demo test bench latency accuracy lint format clean
+.PHONY: help demo test bench robots latency accuracy lint format clean
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
 	@echo 'make test [ARGS="-k scene"]       run the tests (ARGS go to pytest)'
 	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal'
+	@echo 'make robots [ARGS="--quick"]       all links of real robots against pinocchio and coal'
 	@echo 'make latency [ARGS="--quick"]      from a pose to its closest points, across processes'
 	@echo 'make accuracy [ARGS="--quick"]     what accuracy costs in time: data, figures and a page'
 	@echo 'make lint                         run the linter and check the format'
 	@echo 'make format                       let the linter mend what it can, and format'
 	@echo 'make clean                        remove the virtual environments and caches'
-	@echo 'Variables: PYTHON (an interpreter, 3.11 or newer), VENV (default $(VENV)).'
+	@echo 'Variables: PYTHON (an interpreter, 3.11 or newer), VENV (default $(VENV)),'
+	@echo '           WORKERS (of the tests; default 2, and 0 with ARGS: none but pytest itself).'
 
 demo: $(VENV)/.installed-demo
 	@$(RUN) $(ENV_PYTHON) -m proximity_monitor demo $(ARGS)
 
 test: $(VENV)/.installed-test
-	$(RUN) $(ENV_PYTHON) -m pytest $(ARGS)
+	$(RUN) $(ENV_PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 # The benchmark's modules lie beside its scripts, so PYTHONSAFEPATH must not hide them.
 bench: $(VENV)/.installed-bench
@@ -67,6 +71,9 @@ bench: $(VENV)/.installed-bench
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/welding.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/points.py
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/startup.py
+
+robots: $(VENV)/.installed-bench
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/robots.py $(ARGS)
 
 latency: $(VENV)/.installed-demo
 	@$(RUN) $(ENV_PYTHON) benchmark/latency.py $(ARGS)

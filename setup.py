@@ -6,22 +6,25 @@ from setuptools import find_packages, setup
 
 package_name = "proximity_monitor"
 
-scene = ["pyyaml>=6.0", "jsonschema>=4.10"]
+scene = ["pyyaml>=6.0", "jsonschema>=4.10", "trimesh>=4.6"]
 nodes = [*scene, "rich>=13.0"]
 bag = ["rosbags>=0.11.9"]
 display = ["viser>=1.1,<2"]
-robots = ["pycollada>=0.9", "example-robot-data>=6.0"]
+robots = ["example-robot-data>=6.0", "xacro>=2.0"]
 study = [*scene, "rich>=13.0", "matplotlib>=3.6"]
 ros = [*nodes, "ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-rclpy[fastrtps]"]
 peers = [
     "python-fcl>=0.7",
     "coal>=3.0",
     "fcpw>=1.2",
+    "pin>=3.4",
+    "pycollada>=0.9",
     *robots,
 ]
 # The formatter's output differs between its minor versions, so one of them decides for everybody.
 checks = [
     "pytest>=7.4",
+    "pytest-xdist>=3.7",
     "hypothesis>=6.90",
     "python-fcl>=0.7",
     "playwright>=1.45",
@@ -54,14 +57,14 @@ setup(
         (f"lib/{package_name}", ["scripts/display", "scripts/node", "scripts/player"]),
     ],
     python_requires=">=3.11",
-    install_requires=["numpy>=1.26", "numba>=0.60", "trimesh>=4.6"],
+    install_requires=["numpy>=1.26", "numba>=0.60"],
     extras_require={
         "scene": scene,  # scene files
         "nodes": nodes,  # all that the nodes need where ROS 2 itself comes from the system
         "ros": ros,  # the nodes with ROS 2 from wheels
         "bag": bag,  # motion from ROS 2 bags
         "display": display,  # the page in the browser
-        "robots": robots,  # the robots of the bundled scene, and COLLADA meshes
+        "robots": robots,  # the robots of the bundled scene, and xacro files
         "bench": [*nodes, *peers],  # the engine beside the libraries that people use today
         "study": study,  # what accuracy costs, with figures
         "checks": checks,  # the test tools alone, for the same case as `nodes`

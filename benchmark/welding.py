@@ -1,4 +1,4 @@
-"""What it costs a query, a build and a refit that triangles share no vertices, or are drawn twice.
+"""What it costs that triangles share no vertices, or are drawn twice: queries, builds and refits.
 
     python benchmark/welding.py [--quick]
 
@@ -49,19 +49,21 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help="a few blocks of each scene")
     blocks = 4 if parser.parse_args(arguments).quick else 24
     others = list(_COPIES)[1:]
-    print("| scene | welded, µs | " + " | ".join(f"{name}, query" for name in others), end=" | ")
-    print(" | ".join(f"{name}, {what}" for name in others for what in ("build", "refit")), "|")
-    print("| --- " * (2 + 3 * len(others)) + "|")
+    columns = [
+        f"{name}, {what}" for name in others for what in ("query", "tests", "build", "refit")
+    ]
+    print("| scene | welded, µs |", " | ".join(columns), "|")
+    print("| --- " * (2 + len(columns)) + "|")
     agreed = True
     for name in _SCENES:
         scene = SCENES[name]()
         models, builds, refits = _build(scene)
-        times, same = _query(scene, models, blocks)
+        times, tests, same = _query(scene, models, blocks)
         agreed = agreed and same
         row = [1e6 * float(np.median(times["welded"]))]
-        row += [float(np.median(times[other] / times["welded"])) for other in others]
         for other in others:
-            row += [builds[other] / builds["welded"], refits[other] / refits["welded"]]
+            row += [float(np.median(times[other] / times["welded"]))]
+            row += [each[other] / each["welded"] for each in (tests, builds, refits)]
         print(f"| {name} | " + " | ".join(f"{value:.2f}" for value in row) + " |")
     if not agreed:
         print("THE COPIES DISAGREE", file=sys.stderr)
@@ -89,14 +91,17 @@ def _build(scene: Scene) -> tuple[dict, dict[str, float], dict[str, float]]:
     return models, builds, refits
 
 
-def _query(scene: Scene, models: dict, blocks: int) -> tuple[dict[str, np.ndarray], bool]:
-    """Seconds a query of each block by copy, and whether all copies' answers agree."""
+def _query(
+    scene: Scene, models: dict, blocks: int
+) -> tuple[dict[str, np.ndarray], dict[str, int], bool]:
+    """Of each copy the seconds a query of every block and all tests; whether all answers agree."""
     track = scene.tracks[0]
     pairs = {copy: engine.Pair(meshes[track.a], meshes[track.b]) for copy, meshes in models.items()}
     for pair in pairs.values():  # compiles
         pair.distance(track.poses_a[0], track.poses_b[0])
     last = max(len(track.poses_a) - _BLOCK, 1)
     seconds: dict[str, list[float]] = {copy: [] for copy in _COPIES}
+    tests = dict.fromkeys(_COPIES, 0)
     agreed = True
     for turn, first in enumerate(np.linspace(0, last, blocks).astype(int)):
         poses = list(zip(track.poses_a[first:], track.poses_b[first:], strict=True))[:_BLOCK]
@@ -108,10 +113,11 @@ def _query(scene: Scene, models: dict, blocks: int) -> tuple[dict[str, np.ndarra
             start = thread_time()
             answers = [ask(*pose) for pose in poses]
             seconds[copy].append((thread_time() - start) / len(poses))
+            tests[copy] += sum(answer.bound_tests + answer.primitive_tests for answer in answers)
             found[copy] = np.array([answer.upper for answer in answers])
         for copy in _COPIES:
             agreed = agreed and bool(np.allclose(found[copy], found["welded"], rtol=1e-12))
-    return {copy: np.array(values) for copy, values in seconds.items()}, agreed
+    return {copy: np.array(values) for copy, values in seconds.items()}, tests, agreed
 
 
 if __name__ == "__main__":

@@ -18,14 +18,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from deadlines import DEADLINE_S, START_DEADLINE_S
 from hypothesis import settings
-
-DEADLINE_S = 60.0  # Fast DDS forgets a killed peer after 20 s
-START_DEADLINE_S = 600.0  # the first start on a machine compiles the kernels
 
 settings.register_profile("search", deadline=None, print_blob=True)
 settings.register_profile("repeatable", settings.get_profile("search"), derandomize=True)
 settings.load_profile("repeatable")
+
+
+FIRST = ("test_bounds_check.py", "test_hard_cases.py", "test_process.py", "test_refit.py")
+"""With an empty cache, one worker compiles for the first of these alone, and the other meanwhile
+what all tests use: were both to need the same kernels, both would compile them."""
+
+
+def pytest_collection_modifyitems(items):
+    """Files whose tests start processes come early: what comes last should be short.
+
+    Workers are given whole files, in this order.
+    """
+    processes = {item.path for item in items if "ros_environment" in item.fixturenames}
+
+    def rank(item):
+        name = item.path.name
+        return FIRST.index(name) if name in FIRST else len(FIRST) + (item.path not in processes)
+
+    items.sort(key=rank)
 
 
 def _claim_domain():
@@ -121,9 +138,9 @@ def _launching(folder):
         yield start
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def launch_for_all(ros_environment, tmp_path_factory):
-    """`launch` of what several tests share."""
+    """`launch` of what the tests of a file share: it ends with them."""
     with _launching(tmp_path_factory.mktemp("processes")) as start:
         yield start
 

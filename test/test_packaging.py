@@ -28,7 +28,7 @@ ROSDEP = {
     "trimesh": "python3-trimesh-pip",
     "yaml": "python3-yaml",
 }
-NO_ROSDEP_KEY = {"viser", "rosbags", "collada"}
+NO_ROSDEP_KEY = {"viser", "rosbags"}
 COMES_ALONG = {"llvmlite", "websockets"}  # with numba and with viser
 STARTED_NOT_IMPORTED = {"rviz2"}
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .answers import Answers
+from .arguments import as_count, as_indices, as_real, check_tolerance
 from .assembly import Assembly
 from .kernels import agenda as kernel
 from .kernels import state as index
@@ -79,6 +81,10 @@ class Agenda:
         self._silent = np.empty(0, np.bool_)
         self._reserve(1)
 
+    def __copy__(self) -> Agenda:
+        """Another about the same answers and assembly, with a book of its own."""
+        return deepcopy(self, {id(each): each for each in (self._answers, self._assembly)})
+
     def _reserve(self, count: int) -> None:
         """Have memory for so many entries."""
         self._views = np.zeros(count, kernel.VIEW)
@@ -113,10 +119,11 @@ class Agenda:
         """
         if len(rows) > len(self._views):
             self._reserve(2 * len(rows))
-        self._rows, self._silent = rows, silent
+        self._rows = as_indices(rows, "rows")
+        known, self._silent = (np.require(each, np.bool_, "CAWE") for each in (known, silent))
         kernel.look(
-            *self._answers.bodies, *self._answers.table, known, silent, rows, self.book,
-            distances, self._views,
+            *self._answers.bodies, *self._answers.table, known, self._silent, self._rows, self.book,
+            bool(distances), self._views,
         )  # fmt: skip
 
     def order(self) -> NDArray[np.int64]:
@@ -134,6 +141,7 @@ class Agenda:
 
     def ask(self, at: NDArray[np.int64]) -> Questions:
         """The questions about entries (m,)."""
+        at = as_indices(at, "at")
         count = len(at)
         bodies, hints = np.empty((2, count, 2), np.int32)
         wanted, how = np.empty((count, 3)), np.empty(count, np.int8)
@@ -153,7 +161,7 @@ class Agenda:
         """
         found = self._assembly.rows(
             self._answers.poses, questions.bodies, questions.wanted, questions.hints,
-            questions.signed, budget_s, threads,
+            questions.signed, check_tolerance("budget_s", budget_s), as_count(threads, "threads"),
         )  # fmt: skip
         return self._take(questions, found, clock())
 
@@ -177,7 +185,7 @@ class Agenda:
         poses, versions, _, places = self._answers.bodies
         count = kernel.take(
             poses, versions, places, *self._answers.table, self._rows, self.book, self._views,
-            at, questions.wanted, found, now_s, reached,
+            at, questions.wanted, found, as_real(now_s, "now_s"), reached,
         )  # fmt: skip
         return at if count == len(at) else at[reached]
 
@@ -196,6 +204,6 @@ class Agenda:
         states = np.empty(len(self._rows), kernel.STATE)
         listed, left = kernel.report(
             self._rows, self._answers.table[0], self._answers.bodies[2], self._silent, self.book,
-            self._views, now_s, states,
+            self._views, as_real(now_s, "now_s"), states,
         )  # fmt: skip
         return states[:listed], left

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import as_indices, as_reals
 from .kernels import carry as kernel
 from .kernels.solids import HALF
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
+from .run import check_models
 from .solid import sides_of
 from .witness import surface_points
 
@@ -47,6 +50,9 @@ class Answers:
     Args:
         models: the bodies' models; several bodies may share one.
         names: what errors call the bodies.
+
+    Raises:
+        TypeError: one that is no model.
     """
 
     __slots__ = (
@@ -58,8 +64,8 @@ class Answers:
     """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
 
     def __init__(self, models: Sequence[TriangleMesh], names: Sequence[str]) -> None:
-        count = len(models)
-        self._models = tuple(models)
+        self._models = check_models(models)
+        count = len(self._models)
         self._names = tuple(names)
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
@@ -73,6 +79,10 @@ class Answers:
         for body in everything:
             self._measure(body)
         self._place(everything, self.poses, True)
+
+    def __copy__(self) -> Answers:
+        """Another about the same models, with a table of its own."""
+        return deepcopy(self, {id(model): model for model in self._models})
 
     @property
     def centres(self) -> NDArray[np.float64]:
@@ -104,7 +114,7 @@ class Answers:
         Raises:
             ValueError: a pose that is no rigid motion; it names the body, and nothing has changed.
         """
-        return self._place(bodies, as_poses(poses, "poses"), False)
+        return self._place(as_indices(bodies, "bodies"), as_poses(poses, "poses"), False)
 
     def _place(self, bodies: NDArray[np.int64], poses: NDArray[np.float64], anew: bool) -> int:
         moved = kernel.place(
@@ -157,6 +167,7 @@ class Answers:
 
     def carried(self, rows: NDArray[np.int64]) -> Carried:
         """Bounds of rows (k,) at the present poses."""
+        rows = as_indices(rows, "rows")
         bounds, points = np.empty((len(rows), 2)), np.empty((len(rows), 6))
         motions = np.empty(len(rows), np.int8)
         kernel.carry(
@@ -190,6 +201,7 @@ class Answers:
             features: (k, 2, 4) where they lie on the models: weights of a triangle's corners, and
                 its face; None: not known.
         """
+        rows, bounds = as_indices(rows, "rows"), as_reals(bounds, "bounds")
         witness = np.empty((len(rows), kernel.WITNESS))
         witness[:, :6] = np.reshape(points, (-1, 6))
         witness[:, 6:] = _UNKNOWN if features is None else np.reshape(features, (-1, 8))

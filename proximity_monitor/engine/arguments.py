@@ -45,7 +45,7 @@ def check_tolerance(name: str, value: SupportsFloat) -> float:
         TypeError: no real number.
         ValueError: negative or NaN.
     """
-    number = as_real(value, name)
+    number = value if type(value) is float else as_real(value, name)
     if not number >= 0.0:
         raise ValueError(f"{name} = {number!r}: must be a number that is not negative")
     return number
@@ -93,23 +93,39 @@ def as_reals(
     return np.require(array, np.float64, "CAWE")
 
 
+def as_indices(values: ArrayLike, name: str) -> NDArray[np.int64]:
+    """Whole numbers as an int64 array (k,) that is C-contiguous and writable.
+
+    Raises:
+        ValueError: not whole numbers of this shape.
+    """
+    return np.require(_whole(values, name, ()), np.int64, "CAWE")
+
+
 def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]:
     """Whole numbers as an int32 array (k, columns) that is C-contiguous and writable.
 
     Raises:
         ValueError: not whole numbers of this shape, or beyond int32.
     """
-    try:
-        given = np.asarray(values)
-    except ValueError as error:
-        raise ValueError(f"{name}: not an array: {error}") from None
-    if given.size == 0:
-        return np.empty((0, columns), np.int32)
-    if given.ndim != 2 or given.shape[1] != columns or given.dtype.kind not in "iu":
-        raise ValueError(f"{name}: {given.dtype} {given.shape}, expected integers (k, {columns})")
+    given = _whole(values, name, (columns,))
     limits = np.iinfo(np.int32)
     bad = ((given < limits.min) | (given > limits.max)).any(axis=1)
     if bad.any():
         first = int(np.flatnonzero(bad)[0])
         raise ValueError(f"{name}[{first}] = {given[first].tolist()}: beyond what an index can be")
     return np.require(given, np.int32, "CAWE")
+
+
+def _whole(values: ArrayLike, name: str, row: tuple[int, ...]) -> NDArray[np.integer]:
+    """Whole numbers in any number of rows of a shape."""
+    try:
+        given = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{name}: not an array: {error}") from None
+    if given.size == 0:
+        return np.empty((0, *row), np.int32)
+    if given.dtype.kind not in "iu" or given.ndim != 1 + len(row) or given.shape[1:] != row:
+        expected = ", ".join(map(str, ("k", *row))) + ("" if row else ",")
+        raise ValueError(f"{name}: {given.dtype} {given.shape}, expected integers ({expected})")
+    return given

@@ -20,7 +20,7 @@ from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
 from .result import PairDistances
 from .rows import pair_distances_of
-from .run import LONG_SLICE, SLICE, Search, check_model, code_for
+from .run import LONG_SLICE, SLICE, Search, check_models, code_for
 from .sharing import share
 from .solid import sides_of
 
@@ -44,7 +44,7 @@ class Assembly:
     """
 
     def __init__(self, models: Sequence[TriangleMesh]) -> None:
-        self.models = tuple(check_model(model, f"models[{i}]") for i, model in enumerate(models))
+        self.models = check_models(models)
         if not self.models:
             raise ValueError("models: there are none; an assembly needs at least one body")
         self._meshes = tuple({id(model): model for model in self.models}.values())
@@ -200,7 +200,10 @@ class Assembly:
         self, threads: int, poses: NDArray[np.float64], pairs: NDArray[np.int32],
         wanted: NDArray[np.float64],
     ) -> list[tuple[Search, bool]]:  # fmt: skip
-        """A search for each thread, and whether it begins: not one cut in that thread's first pair."""
+        """A search for each thread, and whether it is to begin.
+
+        It goes on instead where it was cut in the very question that comes first to that thread.
+        """
         free, cut = self._searches[:], self._cut
         self._cut = {}
         found = []

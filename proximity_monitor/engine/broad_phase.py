@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+
 import numpy as np
 from numpy.typing import NDArray
 
+from .arguments import as_indices, as_reals
 from .kernels.sweep import UNSORTED, WIDTH, sweep
 
 
@@ -23,6 +26,10 @@ class BroadPhase:
         self._low = np.empty(0)
         self._lanes = np.empty((5, 0))
         self._pairs = np.empty((1024, 2), np.int64)
+
+    def __copy__(self) -> BroadPhase:
+        """One that remembers the same, by itself."""
+        return deepcopy(self)
 
     def near(
         self,
@@ -45,7 +52,9 @@ class BroadPhase:
         """
         if len(taking_part) < 2:
             return np.empty((0, 2), np.int64)
-        centres = np.ascontiguousarray(centres)  # of other layouts it would be compiled again
+        centres, radii = as_reals(centres, "centres"), as_reals(radii, "radii")
+        moving = np.require(moving, np.bool_, "CAWE")
+        taking_part = as_indices(taking_part, "taking_part")
         with np.errstate(over="ignore"):
             axis = int(np.ptp(centres[taking_part], axis=0).argmax())
         if len(self._low) != len(radii) or not self._same(taking_part):

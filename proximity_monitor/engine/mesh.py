@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arguments import as_reals
+from .kernels.cache import KERNELS
 from .kernels.measure import measure
 from .kernels.ranges import node_ranges
 from .kernels.spread import spread_corners
@@ -178,7 +179,7 @@ class TriangleMesh:
     @property
     def is_solid(self) -> bool:
         """Whether it has an inside, of which `signed_distance` knows."""
-        return not self.not_solid
+        return self.swept_radius > 0.0 or not self.not_solid
 
     @property
     def not_solid(self) -> str:
@@ -214,10 +215,12 @@ class TriangleMesh:
         Who looks for the nearest needs one of those triangles that lie on each other (`_table`);
         who lists or counts them needs all (`_table_of_all`, and `_tree` itself).
         """
-        self._tree, self._distinct = tree, distinct
-        self._table = self._table_of_all = table((*tree, self._face_of))
+        # The new tables are there before the old arrays are gone: Ctrl-C may come at any moment.
+        addresses = addresses_of_all = table((*tree, self._face_of))
         if distinct is not tree:
-            self._table = table((*distinct, self._face_of))
+            addresses = table((*distinct, self._face_of))
+        self._tree, self._distinct = tree, distinct
+        self._table, self._table_of_all = addresses, addresses_of_all
 
     def _ranges(self) -> NDArray[np.int32]:
         """Which triangles, in tree order, stand under each node (k, 2); made when first needed."""
@@ -231,9 +234,24 @@ class TriangleMesh:
             self._spread = spread_corners(self._tree.triangles, self._tree.children)
         return self._spread
 
-    def __setstate__(self, state: tuple[None, dict[str, Any]]) -> None:
-        """Freeze what pickle thawed: of other arrays the kernels would be compiled once more."""
-        for name, value in state[1].items():
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but addresses, and for which kernels the hierarchy was built."""
+        left_out = ("__weakref__", "_table", "_table_of_all")
+        kept = (name for name in self.__slots__ if name not in left_out)
+        return {"kernels": KERNELS, **{name: getattr(self, name) for name in kept}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Freeze what pickle thawed: of other arrays the kernels would be compiled once more.
+
+        Raises:
+            ModelError: another version pickled it, whose hierarchies are other ones.
+        """
+        if state.pop("kernels") != KERNELS:
+            raise ModelError(
+                f"{state['name']}: pickled by another version of proximity_monitor; make it anew "
+                "from its file, or from vertices and faces"
+            )
+        for name, value in state.items():
             setattr(self, name, value)
         for array in (self.vertices, self.faces, self.centre, *self._tree, *self._distinct):
             array.setflags(write=False)

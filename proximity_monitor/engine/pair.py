@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arguments import check_tolerance
 from .kernels import state as index
+from .kernels.contacts import contacts as contacts_of
 from .kernels.swept import reach_of
 from .manifold import manifold_of
 from .mesh import TriangleMesh
@@ -177,9 +178,12 @@ class Pair:
             search.run(pose_a, pose_b, limit=math.ulp(0.0), collect=True)
             pairs = search.collected(reach_of.py_func(0.0, *search.offsets))[:, :2]
             tests = tests + _tests(search.answers)
-        pairs = pairs.astype(np.int32)
+        pairs = np.ascontiguousarray(pairs, np.int32)
         contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
-        return Collision(colliding, contacts, witness_points(answer)[0], *tests.tolist())
+        points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+        if colliding:
+            contacts_of(self.a._table, self.b._table, search.memory, pose_a, pairs, points, normals)
+        return Collision(colliding, contacts, points, normals, *tests.tolist())
 
     def _change_order(self, order: Order) -> None:
         """Search in another order from now on; the remembered triangles stay."""

@@ -48,8 +48,10 @@ def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
         raise ValueError(
             f"{name}: last row {array[3].tolist()}, expected [0, 0, 0, 1] (is it transposed?)"
         )
-    if np.abs(array[:3, 3]).max() >= LARGEST_COORDINATE / 3.0:
-        raise ValueError(f"{name}: translation {array[:3, 3].tolist()} m is beyond any world")
+    if np.abs(array[:3, 3]).max() > LARGEST_COORDINATE:
+        raise ValueError(
+            f"{name}: translation {array[:3, 3].tolist()} m is beyond {LARGEST_COORDINATE:g} m"
+        )
     rotation = array[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):
         error = float(np.abs(rotation.T @ rotation - np.eye(3)).max()) / 2.0

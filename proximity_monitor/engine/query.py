@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from threading import Event
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,12 +17,15 @@ from .pair import Pair
 from .poses import as_poses, check_pose
 from .result import Clearance, ClosestPoints, Collision, Distance, Distances
 from .rows import distances_of
-from .run import LONG_SLICE, Order, Search, check_model
+from .run import LONG_SLICE, SLICE, Order, Search, check_model
 from .sharing import share
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
 answers are the same however many threads there are."""
+
+_POINTS = 4096
+"""Points of which the same is true."""
 
 
 def distance(
@@ -176,7 +181,14 @@ def signed_distance(
 
 
 def closest_points(
-    model: TriangleMesh, pose: NDArray[np.float64], points: ArrayLike
+    model: TriangleMesh,
+    pose: NDArray[np.float64],
+    points: ArrayLike,
+    *,
+    max_distance: float = math.inf,
+    budget_s: float | None = None,
+    threads: int = 1,
+    normals: bool = False,
 ) -> ClosestPoints:
     """The points of a surface nearest to many given points.
 
@@ -184,29 +196,54 @@ def closest_points(
         model: the surface.
         pose: (4, 4) model to world, metres.
         points: (k, 3) metres, world.
+        max_distance: metres; of points farther away only that is found out, which is cheaper.
+        budget_s: seconds; when they are over the points that are left stay undone. None: no limit.
+            Some microseconds' work is done at least.
+        threads: how many threads share the work; the answers do not depend on it.
+        normals: whether to return the surface's normals at the nearest points.
 
     Raises:
-        TypeError: a model that is none.
-        ValueError: a pose that is no rigid motion; points of another shape or not finite.
+        TypeError: a model that is none, a distance or budget that is no real number.
+        ValueError: a pose that is no rigid motion; points of another shape or not finite; a
+            distance or budget that is negative or NaN, less than one thread.
     """
+    start = perf_counter()
     check_model(model, "model")
     pose = check_pose(pose)
     given = as_reals(points, "points")
+    max_distance = check_tolerance("max_distance", max_distance)
+    threads = as_count(threads, "threads")
+    deadline = math.inf if budget_s is None else start + check_tolerance("budget_s", budget_s)
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
     if not np.isfinite(given).all():
         first = int(np.argwhere(~np.isfinite(given))[0, 0])
         raise ValueError(f"points[{first}] = {given[first].tolist()}: must be finite")
     k = len(given)
-    bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
+    bounds, done = np.tile([0.0, math.inf], (k, 1)), np.zeros(k, np.bool_)
+    nearest, triangles = np.full((k, 3), np.nan), np.full(k, closest_kernel.NONE, np.int32)
+    directions = np.full((k if normals else 0, 3), np.nan)
     capacity = 1 + model.depth * 15
-    stack, stacked = np.empty(capacity, np.int32), np.empty(capacity)
-    first = 0
-    while first < k:  # in slices, so that Ctrl-C is heard
-        first = closest_kernel.closest_points(
-            model._tree, pose, given, first, LONG_SLICE, stack, stacked, bounds, nearest, triangles
-        )
-    return ClosestPoints(bounds[:, 0], bounds[:, 1], nearest, model._face_of[triangles])
+    steps = LONG_SLICE if budget_s is None else SLICE  # in slices, so that Ctrl-C is heard, too
+
+    def answer(first: int, stopped: Event) -> None:
+        part = slice(first, first + _POINTS)
+        stack, stacked = np.empty(capacity, np.int32), np.empty(capacity)
+        count, at = len(given[part]), 0
+        while at < count and not stopped.is_set():
+            if perf_counter() >= deadline and (first or at):
+                break
+            at = closest_kernel.closest_points(
+                model._distinct, pose, given[part], max_distance, at, steps, stack, stacked,
+                bounds[part], nearest[part], triangles[part], directions[part],
+            )  # fmt: skip
+            done[first : first + at] = True
+
+    share(answer, range(0, k, _POINTS), threads)
+    faces = np.where(triangles >= 0, model._face_of[triangles], np.int32(-1))
+    return ClosestPoints(
+        bounds[:, 0], bounds[:, 1], nearest, faces, done, directions if normals else None
+    )
 
 
 def distances(

@@ -22,8 +22,8 @@ class Status(Enum):
     OUT_OF_TIME = "out of time"
     """The budget ended first; the bounds hold, and the same Pair can go on."""
     INTERSECTING = "intersecting"
-    """The models cross or touch, or are so close that rounding or their deviations cannot tell: lower
-    is 0, or the least value that `signed_distance` can have."""
+    """The models cross or touch, or are so close that rounding or deviations cannot tell: lower is
+    0, or the least value that `signed_distance` can have."""
 
 
 STATUSES = tuple(Status)
@@ -189,14 +189,21 @@ class Collision:
         colliding: False only where it is certain that they do neither.
         contacts: (k, 2) int32; triangles of a and of b, indices into their faces, that touch or
             cross. One pair, or every pair where all of them were asked for.
-        point: (3,) metres, world; a point of the first contact (meaningless without one).
+        points: (k, 3) metres, world; a point of each contact, on both surfaces to rounding (on a,
+            where only what the models may deviate lets them touch).
+        normals: (k, 3) unit vectors, world; the way from a to b of each contact, along which b is
+            pushed away. Where balls touch it is the line of their centres. Else it is the outward
+            normal of a's triangle or the inward one of b's (outward as the order of their corners
+            says): that one along which the two triangles are parted sooner. Of segments that cross
+            it is perpendicular to both, of points that coincide it is zero.
         bound_tests: bounding volume pairs tested.
         primitive_tests: triangle pairs tested.
     """
 
     colliding: bool
     contacts: NDArray[np.int32]
-    point: NDArray[np.float64]
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
     bound_tests: int
     primitive_tests: int
 
@@ -205,17 +212,27 @@ class Collision:
 class ClosestPoints:
     """The point of a surface nearest to each of many points.
 
+    A point beyond the `max_distance` that was asked for has that or more as its lower bound, and
+    one that the budget did not suffice for has 0. The upper bound of both is infinite, their
+    points and normals are NaN and their triangles -1.
+
     Attributes:
         lower: (k,) metres; certified lower bounds of the distances.
         upper: (k,) metres; certified upper bounds.
         points: (k, 3) metres, world; the nearest points of the surface.
         triangles: (k,) int32; the triangles they lie on, indices into the faces.
+        done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
+        normals: (k, 3) unit vectors, world, where they were asked for: that of the triangle, which
+            points outward as the order of its corners says, or zero where it has no area; of a
+            model swept by a ball that of its surface.
     """
 
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     points: NDArray[np.float64]
     triangles: NDArray[np.int32]
+    done: NDArray[np.bool_]
+    normals: NDArray[np.float64] | None
 
 
 @dataclass(frozen=True, slots=True)

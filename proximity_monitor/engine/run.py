@@ -67,6 +67,15 @@ def check_model(model: TriangleMesh, name: str) -> TriangleMesh:
     return model
 
 
+def check_models(models: Iterable[TriangleMesh]) -> tuple[TriangleMesh, ...]:
+    """The models, if all of them are.
+
+    Raises:
+        TypeError: one is something else.
+    """
+    return tuple(check_model(model, f"models[{i}]") for i, model in enumerate(models))
+
+
 class Search:
     """The memory of a search over two models, and its last answers.
 
@@ -148,8 +157,9 @@ class Search:
 
     def _keep(self, state: index.State) -> None:
         """Take the arrays of a search, and make the table by which kernels find them."""
-        self.state = state
-        self.memory = table(state)
+        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
+        memory = table(state)
+        self.state, self.memory = state, memory
 
     def run(
         self,

@@ -14,6 +14,7 @@ from .kernels import depth as kernel
 from .kernels import probe, state
 from .kernels.solids import HALF, NOWHERE
 from .mesh import TriangleMesh
+from .overlap import overlap
 from .result import STATUSES, Distance, Status
 from .run import LONG_SLICE, SLICE
 from .solid import sides_of
@@ -92,6 +93,9 @@ class SignedSearch:
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err)
         row = self._answer()
+        offset = any(model.swept_radius + model.deviation > 0.0 for model in self._models)
+        if offset and not row[state.LOWER] > 0.0:
+            overlap(self._models, self._poses, row, int(self._depth.counts[kernel.MODEL]))
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits

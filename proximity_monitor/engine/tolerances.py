@@ -197,4 +197,7 @@ POINT_FLOOR = 1e-45
 """Metres. Added to every margin: products of six lengths below it would underflow."""
 
 LARGEST_COORDINATE = 1e45
-"""Metres. Products of six lengths below it do not overflow; a model beyond it is refused."""
+"""Metres, of a vertex in its model and of a model in the world; what lies beyond is refused.
+
+Lengths are then at most 8 √3 times as large, and products of six of them do not overflow.
+"""

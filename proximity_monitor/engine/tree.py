@@ -53,7 +53,8 @@ class Built(NamedTuple):
 
 def places(vertices: NDArray[np.float64]) -> NDArray[np.int32]:
     """For each vertex (n, 3) the first one with equal coordinates, (n,)."""
-    return first_of_place((vertices + 0.0).view(np.int64))  # -0.0 becomes 0.0
+    given = np.ascontiguousarray(vertices, np.float64)
+    return first_of_place((given + 0.0).view(np.int64))  # -0.0 becomes 0.0
 
 
 def build(

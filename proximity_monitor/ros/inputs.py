@@ -54,7 +54,7 @@ class Reason:
 class _Last:
     """The last good pose of one body, and the one with another stamp before it."""
 
-    __slots__ = ("before", "before_ns", "pose", "stamp_ns")
+    __slots__ = ("before", "before_ns", "first", "pose", "stamp_ns")
 
     def __init__(self) -> None:
         self.forget()
@@ -64,21 +64,32 @@ class _Last:
         self.pose: np.ndarray | None = None
         self.before_ns: int | None = None
         self.before: np.ndarray | None = None
+        self.first: np.ndarray | None = None
 
     def keep(self, pose: np.ndarray, stamp_ns: int) -> None:
         if stamp_ns != self.stamp_ns:
-            self.before, self.before_ns = self.pose, self.stamp_ns
+            # A link's stamp is that of what is oldest in its pose, which may move on meanwhile: the
+            # first pose of a stamp is the one of that moment, and a later one would hide motion.
+            self.before, self.before_ns = self.first, self.stamp_ns
+            self.first = pose
         self.pose, self.stamp_ns = pose, stamp_ns
 
 
 class Inputs:
     """The last good pose of each moving body, and what was refused."""
 
-    def __init__(self, bodies: Iterable[str], frame: str) -> None:
-        """Begin with no pose of any of the `bodies`; `frame` is the only one that is accepted."""
-        self._last = {name: _Last() for name in bodies}
-        self.names = tuple(self._last)
+    def __init__(self, bodies: Iterable[str], frame: str, roots: Iterable[str] = ()) -> None:
+        """Begin with no pose of anything.
+
+        Args:
+            bodies: the moving bodies.
+            frame: the only one that is accepted.
+            roots: robots whose root link moves. Its poses are kept like a body's; those of the
+                links follow from them.
+        """
+        self.names = tuple(bodies)
         """The moving bodies, in the order of bulk messages."""
+        self._last = {name: _Last() for name in (*self.names, *roots)}
         self._frame = frame
         self._counted: set[bytes] = set()
         self._awaited: set[str] = set()
@@ -93,7 +104,7 @@ class Inputs:
         """Keep a pose if it is good; return the reason if it is not.
 
         Args:
-            name: a moving body of the scene.
+            name: a moving body of the scene, or a robot whose root moves.
             pose: as it arrived.
             now_ns: nanoseconds of the node's clock.
         """
@@ -181,10 +192,16 @@ class Inputs:
 
     def samples(self, now_ns: int) -> dict[str, PoseSample | None]:
         """Return each moving body's last good pose and whether it is stale."""
+        every = ((name, self._last[name]) for name in self.names)
         return {
             name: None if last.pose is None else PoseSample(last.pose, self._stale(last, now_ns))
-            for name, last in self._last.items()
+            for name, last in every
         }
+
+    def last(self, name: str) -> tuple[np.ndarray, int] | None:
+        """Return the last good pose (4, 4) of a body or root and its stamp in ns; None without."""
+        last = self._last[name]
+        return None if last.pose is None else (last.pose, last.stamp_ns)
 
     def await_again(self, names: Iterable[str]) -> None:
         """Begin a new round, which is `complete` when each of these bodies has a new pose."""

@@ -2,8 +2,9 @@
 
 A message is checked as it arrives, and taken or refused and counted as a whole. It need not name
 all joints: the others keep their last positions, and a link's pose is as old as the oldest position
-that it depends on, so that a gripper that fell silent is stale although its arm goes on. Names of
-joints that no robot on the topic has are counted and passed over.
+that it depends on, so that a gripper that fell silent is stale although its arm goes on. Where the
+robot's root moves, its pose is one more of what the links depend on. Names of joints that no robot
+on the topic has are counted and passed over.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ effort accepts reliable publishers too."""
 
 Store = Callable[[Sequence[str], np.ndarray, int, str, int], object]
 """Takes poses of bodies: names, (n, 4, 4) poses, stamp in ns, frame, the node's time in ns."""
+
+RootPose = Callable[[str], tuple[np.ndarray, int] | None]
+"""Returns the last pose of the root of a robot by its name, and its stamp in ns; None without."""
 
 
 class JointReason:
@@ -76,15 +80,18 @@ class _Joints:
             self.positions[name], self.stamps[name] = value, stamp_ns
         return beyond
 
-    def by_stamp(self, stamp_ns: int) -> dict[int, list[str]]:
-        """The bodies whose poses are known, by the oldest stamp of a position in them.
+    def by_stamp(self, stamp_ns: int, root_ns: int | None) -> dict[int, list[str]]:
+        """The bodies whose poses are known, by the oldest stamp of what is in them.
 
-        Where all positions are the scene file's, which do not age, that is the message's stamp.
+        Where all positions are the scene file's, which do not age, and the root stands, that is the
+        message's stamp.
         """
         found: dict[int, list[str]] = {}
         for body, drivers in self._drivers.items():
             if drivers <= self.positions.keys():
                 stamps = [self.stamps[name] for name in drivers if name in self.stamps]
+                if root_ns is not None:
+                    stamps.append(root_ns)
                 found.setdefault(min(stamps, default=stamp_ns), []).append(body)
         return found
 
@@ -96,7 +103,15 @@ class JointInputs:
         rejected: how many messages were refused, or remarkable, by `JointReason`.
     """
 
-    def __init__(self, node: Node, scene: Scene, store: Store, *, frame: str | None = None) -> None:
+    def __init__(
+        self,
+        node: Node,
+        scene: Scene,
+        store: Store,
+        *,
+        frame: str | None = None,
+        root: RootPose = lambda name: None,
+    ) -> None:
         """Subscribe, once a topic.
 
         Args:
@@ -104,11 +119,13 @@ class JointInputs:
             scene: may have no robots.
             store: called with the poses of a message's robots; what it refuses, it counts.
             frame: fixed frame of the poses; None: the scene's.
+            root: of the robots whose root moves; `follow` is to be called when it has a new one.
         """
         self.rejected: Counter[str] = Counter({reason: 0 for reason in JointReason.ALL})
         self._node = node
         self._store = store
         self._frame = scene.frame if frame is None else frame
+        self._root = root
         self._told: set[str] = set()
         self._now_ns = 0
         self._by_topic: dict[str, list[_Joints]] = {}
@@ -130,15 +147,26 @@ class JointInputs:
         """Return the joints whose position is neither in the scene file nor arrived yet."""
         return [name for each in self._all() for name in each.missing()]
 
+    def follow(self, name: str) -> None:
+        """Let the links of a robot follow a new pose of its root."""
+        now_ns = self._now()
+        for each in self._all():
+            if each.robot.name == name:
+                self._place(each, now_ns, now_ns)
+
     def _all(self) -> Iterator[_Joints]:
         return itertools.chain.from_iterable(self._by_topic.values())
 
-    def _take(self, robots: list[_Joints], message: JointState) -> None:
+    def _now(self) -> int:
         now_ns = self._node.get_clock().now().nanoseconds
         if now_ns < self._now_ns:  # the clock went back: no stamp can be compared with a former one
             for each in self._all():
                 each.forget()
         self._now_ns = now_ns
+        return now_ns
+
+    def _take(self, robots: list[_Joints], message: JointState) -> None:
+        now_ns = self._now()
         stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         reason = _judge(message, robots, stamp_ns, now_ns)
         if reason is not None:
@@ -148,12 +176,21 @@ class JointInputs:
         self._note_unknown(positions.keys() - set().union(*(each.known for each in robots)))
         for each in robots:
             self.rejected[JointReason.LIMIT] += each.take(positions, stamp_ns)
-            for name in each.missing():
-                self._warn(name, "has no position yet, neither in the scene file nor in a message")
-            poses = each.robot.poses(each.positions)
-            for stamp, bodies in each.by_stamp(stamp_ns).items():
-                chosen = np.array([poses[body] for body in bodies])
-                self._store(bodies, chosen, stamp, self._frame, now_ns)
+            self._place(each, stamp_ns, now_ns)
+
+    def _place(self, each: _Joints, stamp_ns: int, now_ns: int) -> None:
+        """Store the poses of a robot's links as far as they are known."""
+        for name in each.missing():
+            self._warn(name, "has no position yet, neither in the scene file nor in a message")
+        base = root_ns = None
+        if each.robot.root is not None:
+            if (found := self._root(each.robot.name)) is None:
+                return
+            base, root_ns = found
+        poses = each.robot.poses(each.positions, base)
+        for stamp, bodies in each.by_stamp(stamp_ns, root_ns).items():
+            chosen = np.array([poses[body] for body in bodies])
+            self._store(bodies, chosen, stamp, self._frame, now_ns)
 
     def _note_unknown(self, names: set[str]) -> None:
         self.rejected[JointReason.UNKNOWN] += bool(names)

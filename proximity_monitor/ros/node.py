@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 
 from proximity_monitor import engine
 from proximity_monitor.ros import parameters
+from proximity_monitor.ros.descriptions import Descriptions
 from proximity_monitor.ros.scene_parameters import SceneParameters
 from proximity_monitor.ros.session import Session
 from proximity_monitor.ros.spin import interruptible, ros, spin
@@ -65,6 +66,7 @@ class ProximityMonitor(LifecycleNode):
         super().__init__("proximity_monitor", **node_options)
         self._session: Session | None = None
         self._declared: SceneParameters | None = None
+        self._descriptions = Descriptions(self)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         parameters.declare(self)
@@ -85,7 +87,7 @@ class ProximityMonitor(LifecycleNode):
     @_told
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Load the scene, prepare the search, create publishers, subscriptions and services."""
-        scene = load_scene(find_scene(self.get_parameter("scene").value))
+        scene = load_scene(find_scene(self.get_parameter("scene").value), self._descriptions.wait)
         self.get_logger().info(
             f"{scene.path}: {len(scene.bodies)} bodies, {len(scene.pairs)} pairs; preparing the"
             " search"
@@ -166,6 +168,7 @@ class ProximityMonitor(LifecycleNode):
     def _free(self) -> None:
         session, self._session = self._session, None
         declared, self._declared = self._declared, None
+        self._descriptions.forget()
         if session is not None:
             session.close()
             declared.undeclare()

@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 
 from proximity_monitor import motion
+from proximity_monitor.ros.descriptions import Descriptions
 from proximity_monitor.ros.parameters import AS_SCENE
 from proximity_monitor.ros.played import as_cloud, as_joint_state, set_pose
 from proximity_monitor.ros.qos import LATEST
@@ -30,9 +31,9 @@ _NOBODY = Parameter("released", Parameter.Type.STRING_ARRAY, [])
 class ProximityPlayer(Node):
     """Publishes what the effects of a scene move, stamped with the node's clock.
 
-    That is each driven body's PoseStamped on its topic or, with ``bulk``, one PoseArray on
-    ``poses`` with all moving bodies in the scene's order; a JointState with the driven joints on
-    the topic of their robot; the vertices of each deforming body as PointCloud2 on
+    That is the PoseStamped of each driven body or robot's root on its topic or, with ``bulk``, one
+    PoseArray on ``poses`` with all moving bodies in the scene's order; a JointState with the driven
+    joints on the topic of their robot; the vertices of each deforming body as PointCloud2 on
     ``bodies/NAME/vertices``.
 
     Bodies that are named in the parameter ``released``, which can change while it runs, are left
@@ -60,7 +61,9 @@ class ProximityPlayer(Node):
             values = self._declare()
         except ParameterException as error:
             raise ValueError(str(error)) from error
-        scene = load_scene(find_scene(values["scene"]))
+        descriptions = Descriptions(self)
+        scene = load_scene(find_scene(values["scene"]), descriptions.wait)
+        descriptions.forget()
         with interruptible():  # it may read a long recording, or simulate what is left out
             self._motion = moves if moves is not None else motion.from_scene(scene, live=True)
             self._motion.seek(values["seek_s"])
@@ -117,7 +120,9 @@ class ProximityPlayer(Node):
     def _advertise(self, scene: Scene, bulk: bool) -> None:
         """Make a publisher for everything that the motion drives, and for nothing else."""
         driven = set(self._motion.bodies)
-        moving = {body.name: body.topic for body in scene.bodies if body.topic is not None}
+        moving = [body.name for body in scene.bodies if body.moving]
+        posed = {body.name: body.topic for body in scene.bodies if body.topic is not None}
+        posed |= {robot.name: robot.root.topic for robot in scene.robots if robot.root is not None}
         self._bulk = None
         self._outputs = {}
         if bulk:
@@ -131,7 +136,7 @@ class ProximityPlayer(Node):
         else:
             self._outputs = {
                 name: self.create_publisher(PoseStamped, topic, LATEST)
-                for name, topic in moving.items()
+                for name, topic in posed.items()
                 if name in driven
             }
         joints = self._motion.joints(self._seek_s)

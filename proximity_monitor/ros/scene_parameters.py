@@ -7,10 +7,13 @@ atomic call. ``attachments.<child>`` names the body that a moving body hangs on,
 it hangs on none: so an assembly step is a call of the standard parameter service, is answered with
 the reason where it is refused, and is written down where a node is started from a file. (Of the
 standard services none takes two names.)
+
+What is given at start may name the bodies of a pair in either order; what names nothing is told.
 """
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -80,6 +83,8 @@ class SceneParameters:
         self._fixed = {i: scene.pairs[i].thresholds for i in own if i not in self._own}
         self._attachable = [body.name for body in scene.bodies if body.moving]
         self._hangers = Attachments(scene.bodies)
+        self._overrides = node._parameter_overrides  # rclpy offers no other way to see all of them
+        self._turn_overrides()
         try:
             self._declare()
         except ParameterException as error:
@@ -88,6 +93,7 @@ class SceneParameters:
         if reason := self._refusal(self._values()):
             self.undeclare()
             raise ValueError(reason)
+        self._tell_overrides_of_nothing()
 
     def undeclare(self) -> None:
         """Remove those that are declared."""
@@ -144,6 +150,34 @@ class SceneParameters:
             )
             self._node.declare_parameter(f"{_ATTACHMENTS}{child}", "", descriptor)
 
+    def _turn_overrides(self) -> None:
+        """Let what is given for pairs.b.a.* be given for pairs.a.b.*, as the pair is called."""
+        for i in self._own:
+            pair = self._scene.pairs[i]
+            for limit in _LIMITS:
+                turned = self._overrides.get(f"pairs.{pair.b}.{pair.a}.{limit}")
+                name = f"{self._own[i]}.{limit}"
+                if turned is not None and name not in self._overrides:
+                    del self._overrides[turned.name]
+                    self._overrides[name] = Parameter(name, turned.type_, turned.value)
+
+    def _tell_overrides_of_nothing(self) -> None:
+        for name in self._overrides:
+            if not (self._node.has_parameter(name) or name.startswith(_OF_ROS)):
+                self._node.get_logger().warning(
+                    f"parameter {name} was given, but there is none of that name{self._why(name)}"
+                )
+
+    def _why(self, name: str) -> str:
+        kind, *pair = name.split(".")[:-1] or [""]
+        if kind == "pairs" and {body.name for body in self._scene.bodies} >= set(pair):
+            if self.unadjustable:
+                return f": more than {MAX_PAIRS} pairs have thresholds of their own"
+            return ": the scene file watches no such pair with thresholds of its own"
+        known = self._node.list_parameters([], 0).names
+        near = difflib.get_close_matches(name, known, n=1)
+        return f"; did you mean {near[0]}?" if near else ""
+
     def _names(self) -> list[str]:
         return [f"{prefix}.{limit}" for prefix in self._groups for limit in _LIMITS] + [
             f"{_ATTACHMENTS}{child}" for child in self._attachable
@@ -177,6 +211,7 @@ class SceneParameters:
 
 
 _ATTACHMENTS = "attachments."
+_OF_ROS = ("qos_overrides.", "use_sim_time", "start_type_description_service")
 _AS_THEY_ARE = tuple(
     name for name in Settings._fields if name in SPECS and not SPECS[name].overrides
 )

@@ -87,7 +87,11 @@ class Session:
             for body in scene.bodies
             if not body.moving
         }
-        self._inputs = Inputs([body.name for body in scene.bodies if body.moving], settings.frame)
+        self._inputs = Inputs(
+            [body.name for body in scene.bodies if body.moving],
+            settings.frame,
+            [robot.name for robot in scene.robots if robot.root is not None],
+        )
         self._health = Health(node.get_fully_qualified_name().lstrip("/"), settings.frame)
         self._pace = Pace(settings.rate_hz)
 

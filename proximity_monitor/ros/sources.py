@@ -1,9 +1,9 @@
 """The monitor's subscriptions: what arrives is checked, kept or counted, and nothing more.
 
 Poses come one body a message on each body's topic, all in one `geometry_msgs/PoseArray` on
-``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, or by
-/tf. The vertices of a deforming body come as `sensor_msgs/PointCloud2` on
-``bodies/<name>/vertices``, in the model's frame and metres.
+``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, whose
+roots may have a topic of their own, or by /tf. The vertices of a deforming body come as
+`sensor_msgs/PointCloud2` on ``bodies/<name>/vertices``, in the model's frame and metres.
 """
 
 from __future__ import annotations
@@ -66,16 +66,21 @@ class Sources:
         self._on_poses = on_poses
         self._incompatible = incompatible
         self._subscriptions = []
-        self._moving = frozenset(inputs.names)
+        self._roots = {robot.name: robot.root for robot in scene.robots if robot.root is not None}
+        self._frames = {name: [name] for name in inputs.names}
+        """By a frame on /tf the bodies and robots' roots that it moves."""
+        for name, root in self._roots.items():
+            self._frames.setdefault(root.frame, []).append(name)
         self.topics: set[str] = set()
         """Full names of the bodies' own pose topics that are listened to."""
         self._subscribe(PoseArray, "poses", self._on_array, POSES, raw=True)
+        posed = [(name, root.topic) for name, root in self._roots.items()]
         if settings.body_topics:
-            for body in scene.bodies:
-                if body.topic is not None:
-                    take = partial(self._on_pose, body.name)
-                    made = self._subscribe(PoseStamped, body.topic, take, POSES, raw=True)
-                    self.topics.add(made.topic_name)
+            posed += [(body.name, body.topic) for body in scene.bodies if body.topic is not None]
+        for name, topic in posed:
+            take = partial(self._on_pose, name)
+            made = self._subscribe(PoseStamped, topic, take, POSES, raw=True)
+            self.topics.add(made.topic_name)
         for body in scene.bodies:
             if body.deforming:
                 take = partial(self._on_vertices, body.name, len(models[body.name].vertices))
@@ -84,7 +89,9 @@ class Sources:
             self._subscribe(_transforms_type(), "/tf", self._on_transforms, TRANSFORMS)
         self.joints = None
         if scene.robots:
-            self.joints = JointInputs(node, scene, self._store_many, frame=settings.frame)
+            self.joints = JointInputs(
+                node, scene, self._store_many, frame=settings.frame, root=inputs.last
+            )
 
     def destroy(self) -> None:
         """End all subscriptions."""
@@ -118,7 +125,10 @@ class Sources:
 
     def _take(self, name: str, pose: StampedPose) -> None:
         if self._inputs.store(name, pose, self._now_ns()) is None:
-            self._on_poses()
+            if name in self._roots:
+                self.joints.follow(name)
+            else:
+                self._on_poses()
 
     def _on_array(self, data: bytes) -> None:
         try:
@@ -157,11 +167,11 @@ class Sources:
         self.take_transforms(message.transforms)
 
     def take_transforms(self, transforms: Iterable[TransformStamped]) -> None:
-        """Keep the transforms to frames that are named like moving bodies; others are nobody's."""
+        """Keep the transforms to frames of moving bodies and roots; others are nobody's."""
         for transform in transforms:
-            if transform.child_frame_id in self._moving:
+            for name in self._frames.get(transform.child_frame_id, ()):
                 p, q = transform.transform.translation, transform.transform.rotation
-                self._take(transform.child_frame_id, stamped_pose(transform.header, p, q))
+                self._take(name, stamped_pose(transform.header, p, q))
 
 
 def _transforms_type():

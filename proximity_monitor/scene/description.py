@@ -153,6 +153,15 @@ class WatchedPair:
     """Metres; a pair that is certainly farther apart is not looked at."""
 
 
+@dataclass(frozen=True)
+class Root:
+    """Where the poses of a robot's root link come from, if it moves."""
+
+    topic: str
+    frame: str
+    """Its frame on /tf."""
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
     """Bodies that are the links of one robot, and how its joints move them."""
@@ -160,26 +169,32 @@ class Robot:
     name: str
     kinematics: Kinematics
     base: np.ndarray
-    """(4, 4) pose of its root link in the world, metres, read-only."""
+    """(4, 4) pose of its root link in the world, metres, read-only; the origin if that moves."""
     topic: str
     """Topic of the positions of its joints."""
     start: Mapping[str, float]
     """Positions of joints from the file, until others arrive; radians or metres."""
     links: Mapping[str, str]
     """Its moving bodies: by the body's name, the link that it is."""
+    root: Root | None = None
+    """None where its root link stands at `base`."""
 
-    def poses(self, positions: Mapping[str, float]) -> dict[str, np.ndarray]:
+    def poses(
+        self, positions: Mapping[str, float], base: np.ndarray | None = None
+    ) -> dict[str, np.ndarray]:
         """Return the pose (4, 4) in metres, model to world, of each moving body.
 
         Args:
             positions: of joints by name, radians or metres. For those that are absent `start`
                 holds, else 0; names that are not of its free joints are passed over.
+            base: (4, 4) pose of its root link in the world, metres; None: its own `base`.
 
         Raises:
             ValueError: a position is not finite.
         """
         kinematics = self.kinematics
-        poses = kinematics.poses(kinematics.values({**self.start, **positions}), self.base)
+        base = self.base if base is None else base
+        poses = kinematics.poses(kinematics.values({**self.start, **positions}), base)
         by_link = dict(zip(kinematics.links, poses, strict=True))
         return {body: by_link[link] for body, link in self.links.items()}
 

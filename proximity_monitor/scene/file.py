@@ -13,14 +13,19 @@ from proximity_monitor.scene.description import UNITS, Scene
 from proximity_monitor.scene.effects import read_motion
 from proximity_monitor.scene.pairs import Limits, read_limits, read_pairs
 from proximity_monitor.scene.report import Report, shown
-from proximity_monitor.scene.robots import check_script, read_robots
+from proximity_monitor.scene.robots import Describe, check_script, read_robots
 from proximity_monitor.scene.source import read
 
 _VERSION = 1
 
 
-def load_scene(path: str | os.PathLike[str]) -> Scene:
+def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -> Scene:
     """Read a scene file; the model files themselves are not opened yet (see `load_model`).
+
+    Args:
+        path: the file.
+        describe: returns the robot description that is published on a topic, for scenes that name
+            one; it may wait for it. None: such a scene is refused.
 
     Returns:
         The scene in SI units.
@@ -34,7 +39,7 @@ def load_scene(path: str | os.PathLike[str]) -> Scene:
     _check_version(data, report)
     schema.check(data, report)
     report.check()
-    scene = _scene(data, Path(os.path.abspath(os.fspath(path))), report)
+    scene = _scene(data, Path(os.path.abspath(os.fspath(path))), report, describe)
     report.check()
     return scene
 
@@ -51,16 +56,16 @@ def _check_version(data: Any, report: Report) -> None:
             )
 
 
-def _scene(data: dict[str, Any], path: Path, report: Report) -> Scene:
+def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe | None) -> Scene:
     unit = UNITS[data["unit"]]
     limits = read_limits(data, (), Limits(), unit, report)
     defaults = dataclasses.replace(limits, own_thresholds=False)
     bodies = read_bodies(data.get("bodies", []), path.parent, unit, report)
-    robots = read_robots(data.get("robots", []), bodies, path.parent, unit, report)
+    robots = read_robots(data.get("robots", []), bodies, path.parent, unit, report, describe)
     bodies += robots.bodies
     motion = None
     if "motion" in data:
-        motion = read_motion(data["motion"], bodies, unit, report, path.parent)
+        motion = read_motion(data["motion"], bodies, unit, report, path.parent, robots.robots)
         check_script(data["motion"], robots.robots, report)
     return Scene(
         path=path,

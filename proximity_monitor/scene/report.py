@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import difflib
+from collections.abc import Collection, Mapping
 from typing import Any, NoReturn
 
 Keys = tuple[str | int, ...]
@@ -57,6 +58,12 @@ def spelled(keys: Keys) -> str:
     """Spell a place as ``bodies[2].scale``."""
     text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
     return text.removeprefix(".")
+
+
+def meant(name: str, known: Collection[str]) -> str:
+    """Return the end of a sentence about an unknown name: which one it may be, or all that are."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f"; did you mean '{near[0]}'?" if near else f"; known are {', '.join(known) or 'none'}"
 
 
 def shown(value: Any) -> str:

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-import difflib
-import itertools
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
-from proximity_monitor import engine
 from proximity_monitor.scene.bodies import read_colour, read_pose, read_solid, read_topic
-from proximity_monitor.scene.description import Body, Compound, Part, Robot, Unit
+from proximity_monitor.scene.description import Body, Compound, Part, Robot, Root, Unit
 from proximity_monitor.scene.kinematics import Joint, Kinematics
+from proximity_monitor.scene.markup import is_xacro
 from proximity_monitor.scene.paths import mesh_path, model_path
-from proximity_monitor.scene.primitives import load_model
-from proximity_monitor.scene.report import Keys, Report, SceneError
-from proximity_monitor.scene.urdf import Link, Urdf, UrdfError, read_urdf
+from proximity_monitor.scene.report import Keys, Report, SceneError, meant
+from proximity_monitor.scene.robot_pairs import excluded
+from proximity_monitor.scene.srdf import Srdf, SrdfError, read_srdf
+from proximity_monitor.scene.urdf import Link, Urdf, UrdfError, parse_urdf, read_urdf
+
+Describe = Callable[[str], str]
+"""Returns the robot description that is published on a topic; it may have to wait for it."""
 
 _UNFIT = re.compile(r"[^a-z0-9_]")
 
@@ -45,6 +47,7 @@ def read_robots(
     folder: Path,
     unit: Unit,
     report: Report,
+    describe: Describe | None,
 ) -> Robots:
     """Make robots and the bodies of their links; what is wrong with them goes to the report.
 
@@ -54,32 +57,74 @@ def read_robots(
         folder: the scene file's.
         unit: of the base poses; a robot description is in metres and radians.
         report: takes the problems.
+        describe: for descriptions that come from topics; None: such a robot is a problem.
     """
     taken = {body.name for body in bodies}
-    robots, links, groups, excluded = [], [], {}, set()
+    robots, links, groups, apart = [], [], {}, set()
     for index, data in enumerate(section):
         keys = ("robots", index)
         if data["name"] in taken:
             report.add((*keys, "name"), f"'{data['name']}' is taken; each robot needs its own name")
         taken.add(data["name"])
-        urdf = _description(data["urdf"], (*keys, "urdf"), folder, report)
+        urdf, srdf = _descriptions(data, keys, folder, report, describe)
         reader = _Reader(data, keys, urdf, unit, report)
         robots.append(reader.robot)
         found = list(reader.bodies(taken))
         links += found
         groups[data["name"]] = [body.name for body in found]
         # Two links may have come to one name, which is told; it makes no pair.
-        excluded.update(pair for pair in reader.excluded(found) if len(pair) == 2)
-    return Robots(tuple(robots), tuple(links), groups, frozenset(excluded))
+        apart.update(
+            pair
+            for pair in excluded(data, keys, reader.robot, reader.names, found, srdf, unit, report)
+            if len(pair) == 2
+        )
+    return Robots(tuple(robots), tuple(links), groups, frozenset(apart))
 
 
-def _description(text: str, keys: Keys, folder: Path, report: Report) -> Urdf:
+def _descriptions(
+    data: Mapping[str, Any],
+    keys: Keys,
+    folder: Path,
+    report: Report,
+    describe: Describe | None,
+) -> tuple[Urdf, Srdf | None]:
+    """What describes a robot, and which of its pairs of links need not be watched."""
+    # Arguments of xacro files are text; YAML's true is Python's True, which xacro reads.
+    arguments = {name: str(value) for name, value in data.get("xacro_args", {}).items()}
+    key, srdf = "urdf", None
+    if not isinstance(data[key], str):
+        read_topic(data[key]["topic"], (*keys, key, "topic"), report)
+        report.check()
     try:
-        return read_urdf(model_path(text, folder))
-    except (SceneError, UrdfError) as error:
-        report.add(keys, str(error))
+        urdf = _urdf(data[key], folder, arguments, describe)
+        key = "srdf"
+        if key in data:
+            srdf = read_srdf(model_path(data[key], folder), arguments)
+        key = "xacro_args"
+        if arguments and not any(is_xacro(Path(str(data.get(each)))) for each in ("urdf", "srdf")):
+            raise SceneError("are for xacro files, whose names end in .xacro; remove them")
+    except (SceneError, UrdfError, SrdfError) as error:
+        report.add((*keys, key), str(error))
         report.check()  # without its links, nothing that names them can be judged
         raise
+    return urdf, srdf
+
+
+def _urdf(
+    source: str | Mapping[str, str],
+    folder: Path,
+    arguments: Mapping[str, str],
+    describe: Describe | None,
+) -> Urdf:
+    if isinstance(source, str):
+        return read_urdf(model_path(source, folder), arguments)
+    topic = source["topic"]
+    if describe is None:
+        raise SceneError(
+            f"the description comes from the topic {topic}, so this scene can be used by the nodes "
+            "alone; name a file to use it here"
+        )
+    return parse_urdf(describe(topic), f"topic {topic}", folder)
 
 
 class _Reader:
@@ -90,7 +135,8 @@ class _Reader:
     ) -> None:
         self._data, self._keys, self._urdf = data, keys, urdf
         self._unit, self._report = unit, report
-        self._names: dict[str, str] = {}
+        self.names: dict[str, str] = {}
+        """By a link with a shape, the body that it is."""
         kinematics = urdf.kinematics
         base = np.eye(4)
         if "pose" in data:
@@ -100,7 +146,10 @@ class _Reader:
         start = self._start(kinematics)
         for link in urdf.links:
             if self._shapes(link):
-                self._names[link.name] = self._body_name(link.name)
+                self.names[link.name] = self._body_name(link.name)
+        if not self.names:
+            self._tell_nothing_to_watch()
+        root = self._root() if "root" in data else None
         self.robot = Robot(
             name=data["name"],
             kinematics=kinematics,
@@ -108,9 +157,32 @@ class _Reader:
             topic=read_topic(data.get("topic", "joint_states"), (*keys, "topic"), report),
             start=MappingProxyType(start),
             links=MappingProxyType(
-                {name: link for link, name in self._names.items() if kinematics.drivers(link)}
+                {
+                    name: link
+                    for link, name in self.names.items()
+                    if root is not None or kinematics.drivers(link)
+                }
             ),
+            root=root,
         )
+
+    def _root(self) -> Root:
+        data, name = self._data["root"], self._data["name"]
+        topic = data.get("topic", f"bodies/{name}/pose")
+        read_topic(topic, (*self._keys, "root", "topic"), self._report)
+        return Root(topic, data.get("frame", name))
+
+    def _tell_nothing_to_watch(self) -> NoReturn:
+        wanted = self._data.get("meshes", "collision")
+        other = {"collision": "visual", "visual": "collision"}[wanted]
+        way_out = "; remove the robot"
+        if any(getattr(link, other) for link in self._urdf.links):
+            way_out = f", but some have a {other} shape: set 'meshes: {other}'"
+        self._report.add(
+            (*self._keys, "meshes"),
+            f"no link of {self._data['name']} has a {wanted} shape{way_out}",
+        )
+        self._report.check()
 
     def _start(self, kinematics: Kinematics) -> dict[str, float]:
         """The positions that the file gives, of joints that exist and can have them."""
@@ -144,9 +216,9 @@ class _Reader:
         poses = kinematics.poses(kinematics.values(robot.start), robot.base)
         standing = dict(zip(kinematics.links, poses, strict=True))
         for link in self._urdf.links:
-            if link.name not in self._names:
+            if link.name not in self.names:
                 continue
-            name = self._names[link.name]
+            name = self.names[link.name]
             if name in taken:
                 self._report.add(
                     (*self._keys, "name"),
@@ -154,7 +226,7 @@ class _Reader:
                 )
             taken.add(name)
             pose = None
-            if name not in robot.links:  # it hangs on fixed joints alone
+            if name not in robot.links:  # it hangs on fixed joints alone, and the root stands
                 pose = standing[link.name]
                 pose.setflags(write=False)
             yield Body(
@@ -179,47 +251,6 @@ class _Reader:
                     continue
             yield Part(found, shape.scale, shape.xyz, shape.rpy)
 
-    def excluded(self, bodies: list[Body]) -> Iterator[frozenset[str]]:
-        """The pairs of the robot's own bodies that are not to be watched."""
-        kinematics, names = self._urdf.kinematics, self._names
-        units = {link: kinematics.unit(link) for link in names}
-        for a, b in itertools.combinations(names, 2):
-            if units[a] == units[b]:  # their clearance never changes
-                yield frozenset((names[a], names[b]))
-        if self._data.get("exclude_adjacent", True):
-            for link in names:
-                parents = (joint.parent for joint in kinematics.path(link))
-                # Links without a shape, as for tool frames, stand between others in name alone.
-                if (parent := next((each for each in parents if each in names), None)) is not None:
-                    yield frozenset((names[link], names[parent]))
-        for index, pair in enumerate(self._data.get("exclude", ())):
-            keys = (*self._keys, "exclude", index)
-            for at, link in enumerate(pair):
-                if link not in names:
-                    self._report.add(
-                        (*keys, at), f"no link '{link}' has a shape{_meant(link, names)}"
-                    )
-            if pair[0] == pair[1]:
-                self._report.add(keys, f"'{pair[0]}' and '{pair[1]}' are one link; name two")
-            if all(link in names for link in pair):
-                yield frozenset(names[link] for link in pair)
-        if self._data.get("exclude_touching", False):
-            yield from self._touching(bodies)
-
-    def _touching(self, bodies: list[Body]) -> Iterator[frozenset[str]]:
-        """The pairs that touch where the robot starts."""
-        if not all(body.primitive.parts for body in bodies):
-            return  # a mesh is missing, which is told
-        poses = {body.name: body.pose for body in bodies} | self.robot.poses({})
-        try:
-            models = {body.name: load_model(body, self._unit) for body in bodies}
-        except (OSError, engine.ModelError) as error:
-            self._report.add((*self._keys, "exclude_touching"), str(error))
-            return
-        for a, b in itertools.combinations(models, 2):
-            if engine.collide(models[a], poses[a], models[b], poses[b]).colliding:
-                yield frozenset((a, b))
-
 
 def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: Report) -> None:
     """Report the joints that a `script` names and no robot has, or has of another kind."""
@@ -233,7 +264,7 @@ def _joint(name: str, kind: str, free: Sequence[Joint], keys: Keys, report: Repo
     """The joint of a name whose positions the file gives as `kind`: angles_deg or offsets."""
     by_name = {joint.name: joint for joint in free}
     if name not in by_name:
-        report.add(keys, f"no joint '{name}' can be set{_meant(name, by_name)}")
+        report.add(keys, f"no joint '{name}' can be set{meant(name, by_name)}")
         return None
     slides = by_name[name].kind == "prismatic"
     if slides != (kind == "offsets"):
@@ -241,8 +272,3 @@ def _joint(name: str, kind: str, free: Sequence[Joint], keys: Keys, report: Repo
         report.add(keys, f"'{name}' {does}; its positions are '{wanted}'")
         return None
     return by_name[name]
-
-
-def _meant(name: str, known: Mapping[str, Any]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; known are {', '.join(known) or 'none'}"

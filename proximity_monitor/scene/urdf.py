@@ -1,9 +1,8 @@
 """Reads robot descriptions in URDF: links with their shapes, and the joints between them.
 
 Only what moves and what has a shape is read; masses, materials, transmissions and everything that
-other programs add are passed over, so that a mistake there stops nobody. Nothing in the file is
-executed or fetched: it is parsed by the standard library, a document type declaration (which could
-make it grow without bound, or name other files) is refused, and meshes are only named here.
+other programs add are passed over, so that a mistake there stops nobody. Meshes are only named
+here.
 
 The format is in metres and radians (http://wiki.ros.org/urdf/XML).
 """
@@ -11,17 +10,18 @@ The format is in metres and radians (http://wiki.ros.org/urdf/XML).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from proximity_monitor.scene import markup
 from proximity_monitor.scene.description import Box, Cylinder, Primitive, Sphere
 from proximity_monitor.scene.kinematics import Joint, Kinematics, KinematicsError, Mimic
+from proximity_monitor.scene.markup import NO_ARGUMENTS, MarkupError
 from proximity_monitor.scene.poses import rpy_matrix
 from proximity_monitor.scene.report import shown
 
@@ -34,7 +34,7 @@ _Vector = tuple[float, float, float]
 
 
 class UrdfError(ValueError):
-    """A robot description cannot be used; the message starts with its path."""
+    """A robot description cannot be used; the message starts with its path or topic."""
 
 
 @dataclass(frozen=True)
@@ -65,46 +65,58 @@ class Urdf:
     """A robot as its description tells it."""
 
     path: Path
+    """The file; meshes are found from its folder, in which it need not exist."""
     links: tuple[Link, ...]
     kinematics: Kinematics
 
 
-def read_urdf(path: Path) -> Urdf:
+def read_urdf(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Urdf:
     """Read a robot description; its meshes are not opened.
+
+    Args:
+        path: a name that ends in .xacro means a xacro file.
+        arguments: of the xacro file, by name.
 
     Raises:
         UrdfError: not readable, not a robot description, a value that is missing or makes no sense,
             a joint of a kind without a single position (`floating`, `planar`), links that are no
             tree. The message says where and what.
     """
-    return _Reader(path).robot()
+    try:
+        root = markup.read(path, arguments)
+    except MarkupError as error:
+        raise UrdfError(f"{path}: the file: {error}") from None
+    return _Reader(root, str(path), path).robot()
 
 
-class _NoDoctype(ElementTree.TreeBuilder):
-    """Refuses a document type declaration before the entities in it can be declared."""
+def parse_urdf(text: str, name: str, folder: Path) -> Urdf:
+    """Read a robot description that is no file.
 
-    def doctype(self, name: str, pubid: str | None, system: str | None) -> NoReturn:
-        raise ValueError("it has a document type declaration; remove the line <!DOCTYPE ...>")
+    Args:
+        text: the description.
+        name: what messages call it.
+        folder: where meshes with a relative path are found.
+
+    Raises:
+        UrdfError: as `read_urdf`.
+    """
+    try:
+        root = markup.parse(text)
+    except MarkupError as error:
+        raise UrdfError(f"{name}: the text: {error}") from None
+    return _Reader(root, name, folder / "robot_description").robot()
 
 
 class _Reader:
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        try:
-            text = path.read_bytes()
-        except OSError as error:
-            self._fail("the file", f"cannot be read: {error.strerror}")
-        parser = ElementTree.XMLParser(target=_NoDoctype())
-        try:
-            self._root = ElementTree.fromstring(text, parser)
-        except (ElementTree.ParseError, ValueError, LookupError) as error:
-            self._fail("the file", f"is not XML that can be read: {error}")
-        if self._root.tag != "robot":
-            self._fail(f"<{self._root.tag}>", "a robot description begins with <robot>")
-        macros = next((e.tag for e in self._root.iter() if "xacro" in e.tag), None)
-        if macros is not None:
+    def __init__(self, root: Element, name: str, path: Path) -> None:
+        self._root, self._name, self._path = root, name, path
+        if root.tag != "robot":
+            self._fail(f"<{root.tag}>", "a robot description begins with <robot>")
+        if any("xacro" in element.tag for element in root.iter()):
             self._fail(
-                "the file", "holds xacro macros; expand them first: xacro IN.xacro > OUT.urdf"
+                "the file",
+                "holds xacro macros; let its name end in .xacro, or expand them first: "
+                "xacro IN.xacro > OUT.urdf",
             )
 
     def robot(self) -> Urdf:
@@ -115,7 +127,7 @@ class _Reader:
         try:
             kinematics = Kinematics([link.name for link in links], joints)
         except KinematicsError as error:
-            raise UrdfError(f"{self._path}: {error}") from None
+            raise UrdfError(f"{self._name}: {error}") from None
         return Urdf(self._path, links, kinematics)
 
     def _link(self, element: Element) -> Link:
@@ -254,4 +266,4 @@ class _Reader:
             self._fail(at, f"sizes must be greater than 0 (got {sizes})")
 
     def _fail(self, at: str, message: str) -> NoReturn:
-        raise UrdfError(f"{self._path}: {at}: {message}")
+        raise UrdfError(f"{self._name}: {at}: {message}")

@@ -14,6 +14,7 @@ import threading
 import time
 
 import pytest
+from deadlines import DEADLINE_S, START_DEADLINE_S
 
 SCENE = """
 version: 1
@@ -42,8 +43,6 @@ START = {"ball": (-0.2, 0.0, 0.3), "die": (0.2, 0.0, 0.3), "cursor": (0.2, -0.2,
 POSE_TIMEOUT_S = 3.0  # a busy machine lets the sources be silent for a while
 LOOK_S = 0.1
 RETRY_S = 2.0
-DEADLINE_S = 60.0
-START_DEADLINE_S = 600.0  # the first start on a machine compiles the kernels
 
 # Without a graphics card, on a machine that may be busy.
 FLAGS = (

@@ -8,11 +8,11 @@ import sys
 from urllib.request import ProxyHandler, build_opener
 
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-START_DEADLINE_S = 600.0  # the first start on a machine compiles the kernels
 BESIDE = "Drag the parts and see their clearances at "
 SCENE = """
 version: 1

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from deadlines import DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -25,11 +26,14 @@ from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.node import ProximityDisplay
 
-DEADLINE_S = 60.0
+NAMESPACE = "/shown"
+"""Of the display and its player. The monitors of other tests are heard elsewhere: a scene of theirs
+would replace the one below, and let go what is held."""
+BALL, DIE = f"{NAMESPACE}/bodies/ball/pose", f"{NAMESPACE}/bodies/die/pose"
 HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
 BODIES = [
-    {"name": name, "moving": True, "topic": f"/bodies/{name}/pose", "point": False, "mesh": "1"}
-    for name in ("ball", "die")
+    {"name": name, "moving": True, "topic": topic, "point": False, "mesh": "1"}
+    for name, topic in (("ball", BALL), ("die", DIE))
 ]
 SCENE = {
     "name": "cell",
@@ -50,7 +54,7 @@ SCENE = {
 def display(rclpy_context):
     """The node with a scene, and an executor that others may join."""
     inbox, holds = Inbox(), Holds()
-    node = ProximityDisplay(inbox, holds)
+    node = ProximityDisplay(inbox, holds, namespace=NAMESPACE)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     node._on_scene(String(data=json.dumps(SCENE)))
@@ -72,8 +76,8 @@ def player(display):
     made = []
 
     def start(refuses=False):
-        node = rclpy.create_node("proximity_player")
-        node.create_publisher(PoseStamped, "bodies/ball/pose", 1)
+        node = rclpy.create_node("proximity_player", namespace=NAMESPACE)
+        node.create_publisher(PoseStamped, BALL, 1)
         node.declare_parameter("released", Parameter.Type.STRING_ARRAY)
         node.refuses = refuses
         node.add_on_set_parameters_callback(
@@ -125,7 +129,7 @@ def test_a_player_is_a_rival_until_it_has_agreed(display, player):
     # Another publisher of that topic stays one, and so does a player of another namespace.
     other = rclpy.create_node("proximity_player", namespace="/left")
     try:
-        other.create_publisher(PoseStamped, "/bodies/ball/pose", 1)
+        other.create_publisher(PoseStamped, BALL, 1)
         display.until(lambda: display.inbox.news.rivals == ("proximity_player",), "the other")
     finally:
         other.destroy_node()
@@ -151,7 +155,7 @@ def test_a_body_that_the_scene_has_not_is_neither_published_nor_looked_for(displ
     display.node._look_around()
     display.holds.take("die", HERE)
     heard = []
-    display.node.create_subscription(PoseStamped, "/bodies/die/pose", heard.append, 1)
+    display.node.create_subscription(PoseStamped, DIE, heard.append, 1)
     display.until(lambda: heard, "the die's pose")
 
 

@@ -4,6 +4,7 @@ import signal
 import socket
 
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -15,8 +16,6 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from proximity_monitor.display.serving import foreign
-
-START_DEADLINE_S = 600.0
 
 
 @pytest.fixture

@@ -38,7 +38,8 @@ for first, a in enumerate(models[:10]):
             pair.within(here, IDENTITY, 0.5)
             pair.collide(here, IDENTITY, all_contacts=True)
     points = np.concatenate((rng.normal(size=(20, 3)), 1e20 * rng.normal(size=(3, 3))))
-    engine.closest_points(a, pose(rng, 1.0), points)
+    engine.closest_points(a, pose(rng, 1.0), points, normals=True, threads=2)
+    engine.closest_points(a, pose(rng, 1.0), points, max_distance=0.5, budget_s=0.0)
     poses = np.array([pose(rng, 1.0) for _ in range(10)])
     engine.distances(a, poses, models[first - 1], poses[::-1], threads=2)
 found = engine.collide(soup(5, 200, 3.0), IDENTITY, soup(6, 200, 3.0), IDENTITY, all_contacts=True)
@@ -86,7 +87,8 @@ for a in solids:
 tree = models[0]._tree
 children = tree.children.copy()
 children[16:] = ~np.int32(2**30)
-models[0]._keep(tree._replace(children=children))
+broken = tree._replace(children=children)
+models[0]._keep(broken, broken)
 try:
     engine.distance(models[0], IDENTITY, models[1], pose(rng, 3.0))
 except IndexError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import get_args
 
 import fcl
@@ -105,6 +106,21 @@ VOLUMES = tuple(tree.VOLUMES)
 
 ORDERS: tuple[str, ...] = get_args(run.Order)
 """Every order of a search."""
+
+
+def covering(first: Iterable, second: Iterable, third: Sequence) -> list[tuple]:
+    """Triples in which every pair of values occurs, of any two of three kinds.
+
+    They are as few as can be, the product of `first` and `second`, neither of which may be shorter
+    than `third`: that goes round along the rows, one further each row, as in a Latin square.
+    """
+    second = list(second)
+    made = [(a, b, third[(i + j) % len(third)])
+            for i, a in enumerate(first) for j, b in enumerate(second)]  # fmt: skip
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        pairs = {(row[i], row[j]) for row in made}
+        assert len(pairs) == len({p for p, _ in pairs}) * len({q for _, q in pairs})
+    return made
 
 
 def of(mesh: engine.TriangleMesh, volume: str) -> engine.TriangleMesh:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
+import zipfile
 
 import numpy as np
 import trimesh
@@ -71,10 +74,10 @@ def glb(tree: dict, binary: bytes = b"") -> bytes:
     return b"glTF" + (2).to_bytes(4, "little") + (12 + len(chunks)).to_bytes(4, "little") + chunks
 
 
-def triangle_glb(
+def triangle_tree(
     mode: int = 4, corners: int = 3, indices: list[int] | None = None, **more
-) -> bytes:
-    """A GLB file of one mesh with vertices (i, i², 1); `more` replaces parts of its JSON."""
+) -> tuple[dict, bytes]:
+    """Of glTF, one mesh with vertices (i, i², 1); `more` replaces parts of its JSON."""
     i = np.arange(corners)
     positions = np.column_stack((i, i * i, np.ones(corners))).astype("<f4").tobytes()
     primitive: dict = {"attributes": {"POSITION": 0}, "mode": mode}
@@ -98,8 +101,81 @@ def triangle_glb(
         "bufferViews": views,
         "buffers": [{"byteLength": len(binary)}],
     }
-    return glb({**tree, **more}, binary)
+    return {**tree, **more}, binary
 
+
+def triangle_glb(*args, **more) -> bytes:
+    """`triangle_tree` as a GLB file."""
+    return glb(*triangle_tree(*args, **more))
+
+
+def embedded(tree: dict, binary: bytes) -> dict:
+    """The JSON of a file whose buffer is a data: URI."""
+    uri = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
+    return {**tree, "buffers": [{"byteLength": len(binary), "uri": uri}]}
+
+
+DAE = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset><created>2020-01-01</created><modified>2020-01-01</modified>
+    <unit meter="0.001" name="millimetre"/><up_axis>Y_UP</up_axis></asset>
+  <library_geometries><geometry id="g"><mesh>
+    <source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 2 0 0 0 3</float_array>
+      <technique_common><accessor source="#a" count="4" stride="3">
+        <param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+      </accessor></technique_common></source>
+    <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+    <triangles count="1" material="missing"><input semantic="VERTEX" source="#v" offset="0"/>
+      <p>0 2 1</p></triangles>
+    <polylist count="2"><input semantic="VERTEX" source="#v" offset="0"/>
+      <vcount>3 3</vcount><p>0 1 3 1 2 3</p></polylist>
+  </mesh></geometry></library_geometries>
+  <library_visual_scenes><visual_scene id="s"><node>
+    <translate>0 0 10</translate><instance_geometry url="#g"/></node></visual_scene>
+  </library_visual_scenes>
+  <scene><instance_visual_scene url="#s"/></scene>
+</COLLADA>
+"""
+"""Three faces of a tetrahedron, lifted by 10 units."""
+
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+OBJECT = (
+    '<object id="1" type="model"><mesh><vertices>'
+    + "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in BOX.vertices.tolist())
+    + "</vertices><triangles>"
+    + "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in BOX.faces.tolist())
+    + "</triangles></mesh></object>"
+)
+
+
+def model_3mf(
+    objects: str = OBJECT, items: str = '<item objectid="1"/>', head: str = 'unit="meter"'
+) -> str:
+    """The model of a 3MF file."""
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?><model {head} xmlns="{CORE}">'
+        f"<resources>{objects}</resources><build>{items}</build></model>"
+    )
+
+
+def packed(model: str, **others: str) -> bytes:
+    """A 3MF file of a model and of others beside it, `3D/<name>.model`."""
+    rels = (
+        '<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
+        '<Relationship Target="/3D/3dmodel.model" Id="rel0" '
+        'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
+    )
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("_rels/.rels", rels)
+        archive.writestr("3D/3dmodel.model", model)
+        for name, text in others.items():
+            archive.writestr(f"3D/{name}.model", text)
+    return buffer.getvalue()
+
+
+MARK = b"\xef\xbb\xbf"
+"""What some editors write before UTF-8."""
 
 VALID = {
     "binary.stl": exported("stl"),
@@ -116,5 +192,20 @@ VALID = {
     "polygons.ply": binary_ply([[0, 1, 2], [1, 3, 2, 0], [0, 1, 2, 3, 4]]),
     "box.glb": exported("glb"),
     "strip.glb": triangle_glb(5, 5),
+    "fan.glb": triangle_glb(6, 5),
+    "data.glb": glb(embedded(*triangle_tree())),
+    "data.gltf": json.dumps(embedded(*triangle_tree(4, 4, [3, 1, 0]))).encode(),
+    "plain.dae": DAE.encode(),
+    "box.3mf": packed(model_3mf()),
+    "line.stl": b" ".join(exported("stl_ascii").split()),
+    "trailing.stl": exported("stl") + b"made by a CAD program",
+    "marked.stl": MARK + STL.encode(),
+    "marked.obj": MARK + OBJ.encode() + b"f 1 2 3\n",
+    "marked.off": MARK + OFF.encode(),
+    "marked.ply": MARK + PLY.encode(),
+    "line.off": b" ".join(exported("off").split()),
+    "strips.ply": PLY.replace("face 2", "tristrips 2")
+    .replace("3 0 1 2\n3 1 3 2", "4 0 1 2 3\n7 0 1 2 -1 1 3 2")
+    .encode(),
 }
 """Sound files by name; the extension says the format."""

@@ -7,7 +7,7 @@ import itertools
 
 import numpy as np
 import pytest
-from engine_bodies import SMALL, pose, sphere, torus
+from engine_bodies import IDENTITY, SMALL, pose, sphere, torus
 
 from proximity_monitor import engine
 
@@ -144,6 +144,57 @@ def test_no_pairs_have_no_answers():
         none = assembly.distances(poses, pairs, threads=2)
         assert len(none) == 0
         assert {len(getattr(none, field)) for field in FIELDS} == {0}
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_asking_about_what_is_left_comes_to_an_end_with_any_budget(threads):
+    models = [sphere(3, 1.0), sphere(3, 1.01), sphere(3, 1.02)]
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    left = np.array([(0, 1), (0, 2), (1, 2), (2, 0)])
+    assembly = engine.Assembly(models)
+    whole = {tuple(p): d for p, d in zip(left, assembly.distances(poses, left).upper, strict=True)}
+    tests = assembly.distances(poses, left).bound_tests.sum()
+    asked = 0
+    while len(left):
+        found = assembly.distances(poses, left, budget_s=0.0, threads=threads)
+        open_ = np.array([STATUS[code] is engine.Status.OUT_OF_TIME for code in found.status])
+        for pair, upper in zip(left[~open_], found.upper[~open_], strict=True):
+            assert upper == pytest.approx(whole[tuple(pair)], abs=1e-14)
+        left, asked = left[open_], asked + 1
+        assert asked <= tests
+    assert asked > 4, "searches were cut"
+
+
+def test_a_cut_search_goes_on_only_with_the_same_question():
+    models = [sphere(4, 1.0), sphere(4, 1.01), sphere(4, 1.02)]
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    turned = poses.copy()
+    turned[1] = pose(np.random.default_rng(3))
+
+    def cut():
+        assembly = engine.Assembly(models)
+        assembly.distances(poses, [[0, 1]], budget_s=0.0)
+        return assembly
+
+    once = engine.Assembly(models).distances(poses, [[0, 1]], budget_s=0.0).bound_tests[0]
+    again = cut().distances(poses, [[0, 1]], budget_s=0.0).bound_tests[0]
+    assert again > once
+    for asked in (
+        {"poses": turned, "pairs": [[0, 1]]},
+        {"poses": poses, "pairs": [[0, 2]]},
+        {"poses": poses, "pairs": [[0, 1]], "rel_err": 0.5},
+    ):
+        other = cut()
+        found, fresh = (each.distances(**asked) for each in (other, engine.Assembly(models)))
+        assert (found.lower, found.upper) == (fresh.lower, fresh.upper)
+        found, fresh = (
+            each.distances(**asked, budget_s=0.0) for each in (cut(), engine.Assembly(models))
+        )
+        assert found.bound_tests == fresh.bound_tests
+    refitted = cut()
+    models[0].refit(1.005 * models[0].vertices)
+    found = refitted.distances(poses, [[0, 1]], budget_s=60.0)
+    assert found.upper == engine.distance(models[0], IDENTITY, models[1], IDENTITY).upper
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from engine_bodies import IDENTITY, box, pose, soup, sphere, torus
+from engine_bodies import IDENTITY, box, pose, soup, sphere, torus, translation
 from engine_oracles import exact_squared_distance, pairwise_distances, triangles
 
 from proximity_monitor import engine
@@ -124,3 +124,92 @@ def test_points_that_are_not_finite(value):
 def test_a_pose_that_is_no_rigid_motion():
     with pytest.raises(ValueError, match="pose"):
         engine.closest_points(MODELS["box"], 2.0 * np.eye(4), [[0.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.2])
+@pytest.mark.parametrize("name", MODELS)
+def test_beyond_the_largest_distance_only_that_is_told(name, radius):
+    model = MODELS[name]
+    model = engine.TriangleMesh(model.vertices, model.faces, radius=radius, deviation=0.5 * radius)
+    rng = np.random.default_rng(11)
+    matrix, given = pose(rng, 1.0), 3.0 * rng.normal(size=(80, 3))
+    whole = engine.closest_points(model, matrix, given)
+    for farthest in (0.0, float(np.median(whole.lower)), float(whole.lower[3]), 1e9):
+        found = engine.closest_points(model, matrix, given, max_distance=farthest)
+        near = np.isfinite(found.upper)
+        assert found.done.all()
+        assert (found.lower[~near] >= farthest).all()
+        assert np.isnan(found.points[~near]).all()
+        assert (found.triangles[~near] == -1).all()
+        assert near[whole.lower < farthest - 1e-12].all()
+        assert found.lower[~near] == pytest.approx(farthest, abs=1e-12)
+        assert (found.lower[~near] <= whole.upper[~near]).all()
+        assert found.upper[near] == pytest.approx(whole.upper[near], abs=1e-13)
+        assert found.points[near] == pytest.approx(whole.points[near], abs=1e-9)
+    assert near.all()
+
+
+def test_what_the_budget_does_not_suffice_for_can_be_asked_again():
+    rng = np.random.default_rng(12)
+    model, given = sphere(4), 2.0 * rng.normal(size=(20_000, 3))
+    whole = engine.closest_points(model, IDENTITY, given)
+    left, calls = np.arange(len(given)), 0
+    upper = np.full(len(given), math.nan)
+    while len(left):
+        found = engine.closest_points(model, IDENTITY, given[left], budget_s=0.0005)
+        assert found.done.any()
+        assert (found.lower[~found.done] == 0.0).all()
+        assert np.isinf(found.upper[~found.done]).all()
+        assert (found.triangles[~found.done] == -1).all()
+        upper[left[found.done]] = found.upper[found.done]
+        left, calls = left[~found.done], calls + 1
+    assert calls > 2
+    assert upper == pytest.approx(whole.upper, abs=1e-14)
+
+
+def test_answers_do_not_depend_on_threads():
+    rng = np.random.default_rng(13)
+    given = rng.normal(size=(10_000, 3))
+    one, many = (
+        engine.closest_points(MODELS["soup"], IDENTITY, given, threads=threads, normals=True)
+        for threads in (1, 3)
+    )
+    for name in ("lower", "upper", "points", "triangles", "done", "normals"):
+        assert np.array_equal(getattr(one, name), getattr(many, name))
+
+
+def test_normals_are_those_of_faces():
+    rng = np.random.default_rng(14)
+    model, matrix = MODELS["box"], pose(rng, 1.0)
+    given = matrix[:3, 3] + 3.0 * rng.normal(size=(50, 3))
+    found = engine.closest_points(model, matrix, given, normals=True)
+    corners = triangles(model, matrix)[found.triangles]
+    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    assert np.allclose(found.normals, n, atol=1e-14)
+    assert engine.closest_points(model, matrix, given).normals is None
+
+
+def test_normals_of_balls_and_of_what_has_none():
+    given = np.random.default_rng(15).normal(size=(20, 3))
+    ball = engine.points([[0.0, 0.0, 0.0]], radius=0.3)
+    found = engine.closest_points(ball, translation(5.0), given, normals=True)
+    way = given - (5.0, 0.0, 0.0)
+    assert np.allclose(found.normals, way / np.linalg.norm(way, axis=1, keepdims=True))
+    found = engine.closest_points(MODELS["polyline"], IDENTITY, given, normals=True)
+    assert (found.normals == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error"),
+    [
+        ({"max_distance": -1.0}, ValueError),
+        ({"max_distance": math.nan}, ValueError),
+        ({"max_distance": "far"}, TypeError),
+        ({"budget_s": -1.0}, ValueError),
+        ({"threads": 0}, ValueError),
+    ],
+)
+def test_limits_that_make_no_sense(wrong, error):
+    with pytest.raises(error, match=next(iter(wrong))):
+        engine.closest_points(MODELS["box"], IDENTITY, [[0.0, 0.0, 0.0]], **wrong)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -9,6 +11,7 @@ from engine_bodies import rotation
 from model_files import (
     BOX,
     FACET,
+    MARK,
     OBJ,
     OFF,
     PLY,
@@ -48,8 +51,11 @@ def test_a_sound_file_is_read(load, name):
 
 @pytest.mark.parametrize(
     "name",
-    ["binary.stl", "ascii.stl", "plain.obj", "plain.off", "little.ply", "ascii.ply", "box.glb"],
-)
+    [
+        "binary.stl", "ascii.stl", "line.stl", "trailing.stl", "plain.obj", "plain.off", "line.off",
+        "little.ply", "ascii.ply", "box.glb", "box.3mf",
+    ],
+)  # fmt: skip
 def test_every_format_holds_the_same_box(load, name):
     mesh = load(name, VALID[name])
     assert len(mesh.vertices) == 8
@@ -63,17 +69,31 @@ def test_a_path_may_be_a_string_and_the_extension_of_any_case(tmp_path):
 
 
 @pytest.mark.parametrize("scale", [0.001, 0.0254, 1e-12, 1e12])
-@pytest.mark.parametrize("name", ["binary.stl", "ascii.ply", "box.glb"])
+@pytest.mark.parametrize("name", ["binary.stl", "ascii.ply", "box.glb", "plain.dae", "box.3mf"])
 def test_the_scale_makes_metres(load, name, scale):
     plain, scaled = load(name, VALID[name]), load(name, VALID[name], scale=scale)
-    assert np.array_equal(scaled.vertices, plain.vertices * scale)
+    np.testing.assert_allclose(scaled.vertices, plain.vertices * scale, rtol=1e-15)
     assert np.array_equal(scaled.faces, plain.faces)
 
 
-@pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_scale_that_makes_no_sense(load, scale):
-    with pytest.raises(ValueError, match=r"scale = .*: must be finite and above 0"):
-        load("part.stl", STL, scale=scale)
+@pytest.mark.parametrize("name", ["binary.stl", "box.glb", "plain.dae", "box.3mf"])
+def test_the_unit_is_for_files_that_state_none(load, name):
+    plain, inches = load(name, VALID[name]), load(name, VALID[name], unit=0.0254)
+    states_one = name in ("plain.dae", "box.3mf")
+    assert np.array_equal(inches.vertices, plain.vertices * (1.0 if states_one else 0.0254))
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
+@pytest.mark.parametrize("key", ["unit", "scale"])
+def test_a_scale_that_makes_no_sense(load, key, value):
+    with pytest.raises(ValueError, match=rf"{key} = .*: must be finite and above 0"):
+        load("part.stl", STL, **{key: value})
+
+
+@pytest.mark.parametrize("name", [name for name in VALID if name.startswith("marked")])
+def test_a_byte_order_mark_is_no_content(load, name):
+    marked, plain = load(name, VALID[name]), load(name, VALID[name].removeprefix(MARK))
+    assert np.array_equal(corners(marked), corners(plain))
 
 
 @pytest.mark.parametrize("volume", ["rss", "lss", "pss", "hybrid"])
@@ -124,6 +144,19 @@ def test_an_ascii_stl_may_hold_several_solids(load):
     assert len(mesh.faces) == 2
 
 
+def test_an_ascii_stl_may_be_named_like_its_statements(load):
+    text = STL.replace("part\n", "facet endsolidly solid\n")
+    assert len(load("part.stl", text + text.replace("\n", "\r")).faces) == 2
+    line = " ".join(f"{STL} {STL}".split())
+    assert len(load("part.stl", line).faces) == 2
+
+
+def test_a_long_ascii_stl_is_read_in_blocks(load, monkeypatch):
+    monkeypatch.setattr("proximity_monitor.engine.files.stl._BLOCK", 100)
+    mesh = load("part.stl", VALID["ascii.stl"])
+    assert np.array_equal(corners(mesh), BOX.triangles)
+
+
 def test_a_binary_stl_may_begin_like_an_ascii_one(load):
     data = b"solid made by a CAD program".ljust(80) + VALID["binary.stl"][80:]
     assert len(load("part.stl", data).faces) == 12
@@ -153,6 +186,11 @@ def test_what_else_an_obj_may_hold(load):
         "f 1/1/1 2//1 3\nl 1 2\np 1\nusemtl a\nf\t3/1 \\\n 2 1\r\n"
     )
     assert load("part.obj", text).faces.tolist() == [[0, 1, 2], [2, 1, 0]]
+
+
+def test_a_comment_does_not_go_on_in_the_next_line(load):
+    mesh = load("part.obj", "# C:\\parts\\\n" + OBJ + "f 1 2 3 # \\\nf 3 2 1\n")
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 0]]
 
 
 def test_a_face_may_stand_before_its_vertices(load):
@@ -218,6 +256,38 @@ def test_ply_of_other_line_ends_and_with_more_properties(load):
     assert load("part.ply", text.replace("\n", "\r\n")).faces.tolist() == [[0, 1, 2], [1, 3, 2]]
 
 
+@pytest.mark.parametrize("head, width", [("OFF", 3), ("NOFF", 6), ("COFF", 7), ("STCNOFF", 12)])
+@pytest.mark.parametrize("between", [" ", "\n", "\n\n# a comment\n\t"])
+def test_the_items_of_off_may_stand_anyhow(load, head, width, between):
+    rows = [[*point, *range(width - 3)] for point in BOX.vertices.tolist()]
+    rows += [[3, *face] for face in BOX.faces.tolist()]
+    text = between.join(str(word) for row in [[head, 8, 12, 0], *rows] for word in row)
+    assert np.array_equal(corners(load("part.off", text)), BOX.triangles)
+    pairs = [f"{a} {b}" for a, b in zip(*(iter(map(str, rows)),) * 2, strict=True)]
+    text = f"{head} 8 12 0\n" + re.sub(r"[\[\],]", "", "\n".join(pairs))
+    assert np.array_equal(corners(load("part.off", text)), BOX.triangles)
+
+
+@pytest.mark.parametrize("order", ["", "<", ">"])
+def test_strips_of_ply(load, order):
+    """Strips end with their row or with -1; what joins two strips is no triangle."""
+    mesh = load("a.ply", VALID["strips.ply"] if not order else strips_ply(order))
+    assert mesh.faces.tolist() == [[0, 1, 2], [2, 1, 3], [0, 1, 2], [1, 3, 2]]
+    text = VALID["strips.ply"].decode().replace("4 0 1 2 3", "8 0 1 2 2 1 1 3 2")
+    assert load("a.ply", text).faces.tolist() == [[0, 1, 2], [3, 1, 2], [0, 1, 2], [1, 3, 2]]
+
+
+def strips_ply(order):
+    """VALID["strips.ply"], binary."""
+    name = {"<": "little", ">": "big"}[order]
+    head = VALID["strips.ply"].decode().split("end_header")[0]
+    head = head.replace("ascii", f"binary_{name}_endian") + "end_header\n"
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], f"{order}f4").tobytes()
+    rows = [[0, 1, 2, 3], [0, 1, 2, -1, 1, 3, 2]]
+    strips = [bytes([len(row)]) + np.array(row, f"{order}i4").tobytes() for row in rows]
+    return head.encode() + points + b"".join(strips)
+
+
 # GLB
 
 
@@ -262,7 +332,11 @@ def test_points_and_curves_beside_triangles_are_left_out(load):
 
 def test_strips_and_unindexed_triangles(load):
     strip = load("a.glb", triangle_glb(5, 5))
-    assert np.sort(strip.faces, axis=1).tolist() == [[0, 1, 2], [1, 2, 3], [2, 3, 4]]
+    assert strip.faces.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 4]]
+    joined = load("e.glb", triangle_glb(5, 6, [0, 1, 2, 2, 3, 3, 4, 5]))
+    assert joined.faces.tolist() == [[0, 1, 2], [4, 3, 5]]
+    fan = load("d.glb", triangle_glb(6, 5))
+    assert fan.faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
     assert load("b.glb", triangle_glb(4, 6)).faces.tolist() == [[0, 1, 2], [3, 4, 5]]
     assert load("c.glb", triangle_glb(4, 4, [3, 1, 0])).faces.tolist() == [[3, 1, 0]]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ BAD = {
     "nan in the last row": (changed(3, 1, math.nan), r"pose_a\[3, 1\] = nan: must be finite"),
     "transposed": (changed(0, 3, 5.0).T, r"last row .*transposed"),
     "last row": (changed(3, 3, 2.0), "last row"),
-    "beyond any world": (changed(0, 3, 1e46), "translation .* beyond"),
+    "beyond any world": (changed(0, 3, 1.1e45), r"translation .* beyond 1e\+45 m"),
     "doubled": (scaled(2.0), "no rigid motion: .*changes lengths by 1.5"),
     "a little larger": (scaled(1.00001), "no rigid motion: .*changes lengths by 1e-05"),
     "huge": (scaled(1e200), "no rigid motion: .*changes lengths"),
@@ -105,6 +106,24 @@ def test_a_rigid_motion_comes_back_as_it_is():
         matrix = pose(rng, 100.0)
         assert engine.check_pose(matrix) is matrix
         assert engine.check_pose(matrix.tolist()).tolist() == matrix.tolist()
+
+
+def test_every_coordinate_may_be_as_large_as_is_promised():
+    """From one corner of all the space there is to the opposite one: 4e45 m in each direction."""
+    far = np.full(3, 1e45)
+    here, there = np.eye(4), np.eye(4)
+    here[:3, 3], there[:3, 3] = -far, far
+    point, corner = engine.points([-far]), engine.points([far])
+    unit = box((1.0, 1.0, 1.0))
+    half, whole = (engine.TriangleMesh(k * far * unit.vertices, unit.faces) for k in (1, 2))
+    for found, each in (
+        (engine.distance(point, here, corner, there), 4),
+        (engine.distance(point, here, whole, there), 2),
+        (engine.signed_distance(half, here, half, there), 1),
+    ):
+        square = 3 * (each * Fraction(1e45)) ** 2
+        assert Fraction(found.lower) ** 2 <= square <= Fraction(found.upper) ** 2
+        assert found.upper - found.lower <= 1e-13 * found.upper
 
 
 @pytest.mark.parametrize("digits", [6, 7, 9, 12])

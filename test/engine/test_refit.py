@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from engine_bodies import Fcl, pose, soup, sphere, torus, translation
+from engine_bodies import Fcl, covering, pose, soup, sphere, torus, translation
 
 from proximity_monitor import engine
 from proximity_monitor.engine import check_tree
@@ -84,9 +84,7 @@ def flattened(vertices, rng):
 MOVES = (bent, jittered, scattered, grown, shrunk, far_away, collapsed, flattened)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("move", MOVES)
-@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize(("name", "move", "kind"), covering(BODIES, MOVES, KINDS))
 def test_a_refitted_mesh_holds_its_triangles(name, move, kind):
     mesh, rng = of(BODIES[name](), kind), np.random.default_rng(6)
     moved = move(mesh.vertices, rng)

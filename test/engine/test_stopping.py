@@ -82,8 +82,10 @@ def test_a_tolerance_saves_work_and_says_that_it_did():
 
 
 def test_no_budget_at_all_gives_certified_bounds():
-    for pose_a, pose_b, exact in separated(4):
-        found = engine.distance(A, pose_a, B, pose_b, budget_s=0.0)
+    a, b = NESTED
+    for pose_b in (pose(np.random.default_rng(seed)) for seed in range(4)):
+        exact = engine.distance(a, IDENTITY, b, pose_b)
+        found = engine.distance(a, IDENTITY, b, pose_b, budget_s=0.0)
         assert found.status is Status.OUT_OF_TIME
         assert found.lower <= exact.lower
         assert exact.upper <= found.upper < math.inf
@@ -114,6 +116,17 @@ def test_many_small_budgets_reach_the_same_answer_step_by_step(tolerance, order)
     for answer in answers:
         assert answer.lower <= whole.upper
         assert whole.lower <= answer.upper
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("budget_s", [0.0, 1e-9, 1e-6])
+def test_budgets_that_are_over_before_a_search_begins_end_it_all_the_same(budget_s, order):
+    whole = engine.distance(NESTED[0], IDENTITY, NESTED[1], IDENTITY, order=order)
+    pair, answers = engine.Pair(*NESTED), []
+    while not answers or answers[-1].status is Status.OUT_OF_TIME:
+        answers.append(pair.distance(IDENTITY, IDENTITY, budget_s=budget_s, order=order))
+        assert len(answers) <= whole.bound_tests
+    assert (answers[-1].lower, answers[-1].upper) == (whole.lower, whole.upper)
 
 
 def test_a_finished_search_is_asked_again():

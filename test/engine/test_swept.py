@@ -234,6 +234,72 @@ def test_carried_bounds_hold_wherever_swept_bodies_move(seed, motion, deviation)
     assert true + deviation <= carried.upper[0] * (1.0 + 1e-15)
 
 
+def test_spheres_and_capsules_overlap_by_their_penetration():
+    """Also one inside the other: minus the diameter of the largest ball in both."""
+    ball, small = engine.points([[0, 0, 0]], radius=0.5), engine.points([[0, 0, 0]], radius=0.1)
+    capsule = engine.polyline([[0, 0, -1], [0, 0, 1]], radius=0.2)
+    rng = np.random.default_rng(19)
+    for a, b, offset, true in (
+        (ball, small, 0.55, -0.05),
+        (ball, small, 0.2, -0.2),
+        (ball, small, 0.0, -0.2),
+        (capsule, ball, 0.6, -0.1),
+        (capsule, ball, 0.1, -0.4),
+        (capsule, small, 0.75, 0.45),
+    ):
+        start = pose(rng, 3.0)
+        for first, second, pose_a, pose_b in (
+            (a, b, start, start @ translation(offset)),
+            (b, a, start @ translation(offset), start),
+        ):
+            found = engine.signed_distance(first, pose_a, second, pose_b)
+            assert found.status is Status.EXACT
+            assert found.lower <= true + 1e-15 and true - 1e-15 <= found.upper
+            assert found.upper - found.lower < 1e-12
+
+
+def test_a_sphere_inside_or_half_inside_a_solid_is_not_clear():
+    rng = np.random.default_rng(23)
+    box = engine.TriangleMesh(*_cube())
+    ball = engine.points([[0, 0, 0]], radius=0.05)
+    for x in np.linspace(0.0, 0.7, 29):
+        start = pose(rng, 3.0)
+        found = engine.signed_distance(box, start, ball, start @ translation(x, 0.1, -0.2))
+        true = max(x - 0.55, -0.1)  # the largest ball in both is no larger than the sphere
+        assert found.lower <= true + 1e-13 and true - 1e-13 <= found.upper
+        if true > 0.0:
+            assert found.upper - found.lower < 1e-13
+        else:
+            assert found.upper <= 1e-13
+        if x < 0.49:
+            assert found.upper < 0.0  # the centre is inside: overlap is certain
+
+
+def _cube():
+    vertices = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) - 0.5
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    return vertices, [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+
+
+def test_a_surface_in_a_sphere_is_as_deep_as_its_deepest_point():
+    ball, point = engine.points([[0, 0, 0]], radius=0.5), engine.points([[0, 0, 0]])
+    for x, true in ((0.6, 0.1), (0.3, -0.2), (0.0, -0.5)):
+        found = engine.signed_distance(ball, np.eye(4), point, translation(x))
+        assert found.lower <= true <= found.upper and found.upper - found.lower < 1e-13
+
+
+def test_a_deviation_leaves_the_sign_open_where_it_decides():
+    box, thing = engine.TriangleMesh(*_cube(), deviation=0.01), engine.TriangleMesh(*_cube())
+    for x, clear, overlapping in (
+        (1.02, True, False), (1.005, False, False), (0.995, False, False), (0.9, False, True),
+    ):  # fmt: skip
+        turn = np.eye(4)
+        turn[:3, 3] = x, 0.3, 0.2
+        found = engine.signed_distance(box, np.eye(4), thing, turn)
+        assert (found.lower > 0.0) is clear and (found.upper < 0.0) is overlapping
+        assert found.lower <= x - 1.01
+
+
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf, "wide", None, 1e46])
 @pytest.mark.parametrize("what", ["radius", "deviation"])
 def test_lengths_that_are_none_are_refused_by_name(what, value):

@@ -76,7 +76,7 @@ def test_collide_agrees_with_distance_and_fcl(a, b):
         assert len(found.contacts) == int(found.colliding)
         if found.colliding:
             for mesh, matrix in ((a, pose_a), (b, pose_b)):
-                assert engine.closest_points(mesh, matrix, [found.point]).upper[0] < 1e-13
+                assert engine.closest_points(mesh, matrix, found.points).upper[0] < 1e-13
         answers.add(found.colliding)
     assert answers == {True, False}
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 
 import pytest
+from deadlines import DEADLINE_S, START_DEADLINE_S
 
 SCENE = """
 version: 1
@@ -27,8 +28,6 @@ pairs:
     - {between: [ball, die], thresholds: {warn: 50, stop: 5}}
 """
 APART = {"ball": (0.0, 0.0, 0.5), "die": (0.8, 0.1, 0.9)}
-DEADLINE_S = 60.0  # Fast DDS forgets a killed peer after 20 s
-START_DEADLINE_S = 600.0  # the first start on a machine compiles the kernels
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -278,13 +277,13 @@ class Peer:
         return self.wait(answered, f"answers to {positions}", START_DEADLINE_S)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_monitor(launch_for_all, scene_file):
-    """One monitor for all tests that leave it as they found it."""
+    """One monitor for all tests of a file that leave it as they found it."""
     return launch_for_all("node", scene=scene_file, pose_timeout_s=3.0)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shared_peer(rclpy_context, shared_monitor):
     peer = Peer(shared_monitor)
     yield peer

@@ -1,6 +1,7 @@
 """Attaching a body to another and detaching it while the node runs."""
 
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -100,7 +101,9 @@ def test_a_node_can_start_with_bodies_attached(launch, scene_file, new_peer):
         **{"attachments.ball": "table", "attachments.die": "ball"},
     )
     peer = new_peer(process, "assembled")
-    waiting = peer.wait(lambda: inputs(peer).get("waiting to be attached"), "the start", 180.0)
+    waiting = peer.wait(
+        lambda: inputs(peer).get("waiting to be attached"), "the start", START_DEADLINE_S
+    )
     assert waiting == "ball on table, die on ball"
     peer.hold(ball=(0.0, 0.0, 0.5), die=(0.8, 0.1, 0.9))
     peer.wait(lambda: inputs(peer).get("attached bodies") == waiting, "both to be attached")

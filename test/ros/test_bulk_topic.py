@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -86,7 +87,7 @@ def test_without_topics_of_bodies_the_array_still_moves_them(launch, scene_file,
         pairs = peer.pairs()
         return pairs and {pair["state"] for pair in pairs.values()} == {"clear"}
 
-    peer.wait(known, "answers to the array", 180.0)
+    peer.wait(known, "answers to the array", START_DEADLINE_S)
     topics = [name for name, _ in peer.node.get_topic_names_and_types()]
     assert not any(
         peer.node.count_subscribers(topic) for topic in topics if topic.startswith("/bulk/bodies")

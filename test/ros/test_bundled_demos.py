@@ -6,10 +6,10 @@ import sys
 from importlib import metadata
 
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
-DEADLINE_S = 600.0  # a cold start compiles the kernels
 LEAST = {
     # By scene, a pair and the smallest clearance of its whole motion, as the scene's comment says.
     "cave": ("torus - cave", "m", 0.0083),
@@ -26,6 +26,7 @@ def installed(package):
         return False
 
 
+@pytest.mark.once
 @pytest.mark.parametrize("name", LEAST)
 def test_a_bundled_scene_runs(ros_environment, name):
     if name == "arm" and not installed("example-robot-data"):
@@ -38,7 +39,7 @@ def test_a_bundled_scene_runs(ros_environment, name):
         env=os.environ | {"ROS_DOMAIN_ID": domain},
         capture_output=True,
         text=True,
-        timeout=DEADLINE_S,
+        timeout=START_DEADLINE_S,
     )
     assert run.returncode == 0, run.stderr
     assert f"clearance [{unit}]" in run.stdout

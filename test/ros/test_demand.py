@@ -1,6 +1,7 @@
 """Only what somebody asks for is computed and built: counted in the diagnostics."""
 
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -45,7 +46,9 @@ def test_what_nobody_listens_to_is_not_built(launch, scene_file, new_peer):
     def last(key):
         return int(asked.told[-1][key]) if asked.told else 0
 
-    quiet.wait(lambda: asked.told and asked.told[-1]["pairs warn"] == "1", "a warning", 180.0)
+    quiet.wait(
+        lambda: asked.told and asked.told[-1]["pairs warn"] == "1", "a warning", START_DEADLINE_S
+    )
     quiet.wait(lambda: len(asked.told) > 2, "some seconds")
     for topic in ("closest_points", "clearance", "markers", "parts"):
         assert last(f"built: {topic}") == 0, topic

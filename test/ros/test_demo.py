@@ -9,10 +9,10 @@ import sys
 import time
 
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
-DEADLINE_S = 600.0  # a cold start compiles the kernels
 SCENE = """
 version: 1
 frame: bench
@@ -74,7 +74,7 @@ def test_the_demo_prints_what_the_monitor_publishes_and_ends_by_itself(command, 
         env=environment,
         capture_output=True,
         text=True,
-        timeout=DEADLINE_S,
+        timeout=START_DEADLINE_S,
     )
     assert run.returncode == 0, run.stderr
     # On a new machine it says that it compiles, and nothing else.
@@ -117,7 +117,7 @@ def test_many_bodies_without_thresholds_are_played_in_bulk_and_the_nearest_liste
         env=environment,
         capture_output=True,
         text=True,
-        timeout=DEADLINE_S,
+        timeout=START_DEADLINE_S,
     )
     assert run.returncode == 0, run.stderr
     assert "12 bodies, 66 pairs" in run.stdout
@@ -144,7 +144,7 @@ def test_in_a_terminal_it_shows_a_live_table_until_a_signal_ends_it(command, env
     )
     os.close(theirs)
     shown = b""
-    deadline = time.monotonic() + DEADLINE_S
+    deadline = time.monotonic() + START_DEADLINE_S
     try:
         while b"% of 15 ms" not in shown:
             assert time.monotonic() < deadline, shown.decode()
@@ -157,7 +157,7 @@ def test_in_a_terminal_it_shows_a_live_table_until_a_signal_ends_it(command, env
                 shown += part
         except OSError:  # a terminal without a program behind it
             pass
-        assert demo.wait(DEADLINE_S) == 0, shown.decode()
+        assert demo.wait(START_DEADLINE_S) == 0, shown.decode()
         assert time.monotonic() - began < 15.0
     finally:
         demo.kill()
@@ -171,7 +171,7 @@ def test_a_motion_that_fails_while_it_is_played_ends_the_demo(tmp_path, environm
     (tmp_path / "slide.yaml").write_text(SCENE)
     command = [sys.executable, "-c", FAILS, str(tmp_path / "slide.yaml")]
     run = subprocess.run(
-        command, env=environment, capture_output=True, text=True, timeout=DEADLINE_S
+        command, env=environment, capture_output=True, text=True, timeout=START_DEADLINE_S
     )
     assert run.returncode == 1
     assert "FloatingPointError: no such moment" in run.stderr

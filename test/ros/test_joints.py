@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -177,6 +178,18 @@ def test_a_joint_that_is_left_out_keeps_its_position_and_grows_old(bench):
     assert bench.place("gantry_arm") == (0.8, 0.0, 1.0)
 
 
+def test_motion_between_two_positions_of_a_slower_joint_counts_as_a_whole(bench):
+    """The arm's pose is as old as the run's position, while the turn goes on."""
+    bench.tell(run=0.0, turn=0.0)
+    bench.set_time(100.1)
+    bench.tell(turn=0.5)
+    bench.set_time(100.2)
+    bench.tell(run=0.0, turn=1.0)
+    course = bench.inputs.course("gantry_arm")
+    assert course.seconds == pytest.approx(0.2)
+    np.testing.assert_allclose(course.before[:3, :3], np.eye(3), atol=1e-12)
+
+
 def test_a_position_of_the_scene_file_does_not_grow_old(bench):
     bench.tell(run=0.0, turn=0.0)
     bench.set_time(100.4)
@@ -297,7 +310,7 @@ def settled(robot, lowest):
         lower = float(pairs["floor - gantry_arm"]["lower_m"]) if pairs else math.nan
         return pairs if abs(lower - lowest) < 1e-9 else None
 
-    return robot.wait(near, f"the arm at {lowest} m", 180.0)
+    return robot.wait(near, f"the arm at {lowest} m", START_DEADLINE_S)
 
 
 def test_the_monitor_follows_the_joints(robot):

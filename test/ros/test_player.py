@@ -8,6 +8,7 @@ import time
 
 import numpy as np
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -22,7 +23,6 @@ from proximity_monitor.ros.clouds import read_vertices
 from proximity_monitor.scene import load_scene
 
 NodeNameNonExistentError = rclpy_implementation.NodeNameNonExistentError
-DEADLINE_S = 120.0  # of which Python takes some to start
 BODIES = """
 version: 1
 frame: shop
@@ -104,7 +104,7 @@ class Listener:
         self.node.create_subscription(kind, topic, heard.append, QoSProfile(depth=10))
 
     def wait(self, condition, process):
-        deadline = time.monotonic() + DEADLINE_S
+        deadline = time.monotonic() + START_DEADLINE_S
         while not (found := condition()):
             running = process.popen.poll() is None
             assert running and time.monotonic() < deadline, process.text

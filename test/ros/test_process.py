@@ -3,6 +3,7 @@
 import signal
 
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -77,7 +78,9 @@ def test_a_signal_ends_an_active_node_cleanly(launch, scene_file, new_peer, kind
 def test_a_signal_ends_a_node_that_still_compiles(launch, scene_file, tmp_path, new_peer):
     empty = {"NUMBA_CACHE_DIR": str(tmp_path)}
     process = launch("node", "-r", "__ns:=/cold", scene=scene_file, environment=empty)
-    new_peer(process, "cold").wait(lambda: "compiling" in process.text, "its start", 180.0)
+    new_peer(process, "cold").wait(
+        lambda: "compiling" in process.text, "its start", START_DEADLINE_S
+    )
     code, took_s = process.stop(signal.SIGINT)
     assert code == 0, process.text
     assert took_s < PROMPT_S
@@ -169,7 +172,7 @@ def test_simulated_time_stamps_the_results(launch, scene_file, new_peer):
         states = {pair["state"] for pair in peer.pairs().values()}
         return message is not None and message.header.stamp.sec == at_s and states == {"clear"}
 
-    peer.wait(lambda: tell(time_s), "results stamped with simulated time", 180.0)
+    peer.wait(lambda: tell(time_s), "results stamped with simulated time", START_DEADLINE_S)
     peer.wait(lambda: tell(time_s + 3600), "results after a jump ahead")
     peer.wait(lambda: tell(10), "results after the clock went back")
     assert "clock went back" in process.text
@@ -190,7 +193,9 @@ def test_the_player_publishes_the_motion_with_stamps(launch, new_peer, rclpy_con
             peer.node.create_subscription(
                 PoseStamped, body.topic, lambda m, n=body.name: got.setdefault(n, []).append(m), 10
             )
-    peer.wait(lambda: len(got) == 5 and all(len(m) > 5 for m in got.values()), "poses", 180.0)
+    peer.wait(
+        lambda: len(got) == 5 and all(len(m) > 5 for m in got.values()), "poses", START_DEADLINE_S
+    )
     assert set(got) == set(moved.bodies)
     for messages in got.values():
         assert {m.header.frame_id for m in messages} == {described.frame}

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
@@ -54,7 +55,7 @@ def test_vertices_move_a_deforming_body_and_bad_ones_are_counted(launch, tmp_pat
             at = expected if pair is None else float(pair["upper_m"])
             return pair and pair["age_s"] == "0.0000" and at == pytest.approx(expected, abs=2e-3)
 
-        peer.wait(told, f"a gap of {expected} m", 180.0)
+        peer.wait(told, f"a gap of {expected} m", START_DEADLINE_S)
 
     gap(0.2)
     gap(0.25, cloud(0.5 * vertices))

@@ -1,16 +1,13 @@
-"""Scene files made for one test; and what the tests of this folder share is made importable."""
+"""Scene files made for one test."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from proximity_monitor.scene import Scene, SceneError, load_scene
-
-sys.path.insert(0, str(Path(__file__).parent))  # importlib mode leaves it alone
 
 Load = Callable[[str], Scene]
 

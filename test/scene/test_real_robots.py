@@ -1,6 +1,5 @@
 """The robots of example-robot-data, against their makers' tables of Denavit and Hartenberg."""
 
-import importlib.util
 import math
 import os
 from pathlib import Path
@@ -11,10 +10,6 @@ import pytest
 from proximity_monitor import engine
 from proximity_monitor.scene import SceneError, load_scene, paths
 from proximity_monitor.scene.opening import load_models
-
-needs_collada = pytest.mark.skipif(
-    importlib.util.find_spec("collada") is None, reason="needs pycollada"
-)
 
 
 def installed(name):
@@ -79,9 +74,9 @@ def test_the_ur5_stands_where_its_maker_says(tmp_path, seed):
     ("urdf", "meshes", "links"),
     [
         ("panda_description/urdf/panda.urdf", "collision", 11),
-        pytest.param("panda_description/urdf/panda.urdf", "visual", 11, marks=needs_collada),
+        ("panda_description/urdf/panda.urdf", "visual", 11),
         ("ur_description/urdf/ur5_robot.urdf", "collision", 8),  # one more box at the flange
-        pytest.param("ur_description/urdf/ur5_robot.urdf", "visual", 7, marks=needs_collada),
+        ("ur_description/urdf/ur5_robot.urdf", "visual", 7),
     ],
 )
 def test_real_robots_load_with_all_their_meshes(tmp_path, urdf, links, meshes):

@@ -117,7 +117,7 @@ BROKEN = {
     ),
     "macros": (
         '<material name="grey"/>', '<x:y xmlns:x="http://www.ros.org/wiki/xacro"/>',
-        "holds xacro macros; expand them first: xacro IN.xacro > OUT.urdf",
+        "holds xacro macros; let its name end in .xacro, or expand them first: xacro IN.xacro",
     ),
     "no name": ('<link name="frame"/>', "<link/>", "a link: needs the attribute 'name'"),
     "a bad size": (

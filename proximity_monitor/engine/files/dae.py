@@ -23,7 +23,7 @@ from .triangles import (
     spans,
     strips,
 )
-from .xml import Element, child, children, name_of, need, parsed, real_list, whole_list
+from .xml import Element, need, parsed, real_list, whole_list
 
 _CURVES = ("lines", "linestrips")
 _INSTANCES = ("instance_geometry", "instance_node", "instance_controller")
@@ -32,8 +32,8 @@ _INSTANCES = ("instance_geometry", "instance_node", "instance_controller")
 def read_dae(data: bytes, _: Path) -> Triangles:
     """Read a COLLADA file."""
     root = parsed(data)
-    if name_of(root) != "COLLADA":
-        raise FormatError(f"is no COLLADA file, but <{name_of(root)}>")
+    if root.tag != "COLLADA":
+        raise FormatError(f"is no COLLADA file, but <{root.tag}>")
     return _Document(root).triangles()
 
 
@@ -45,36 +45,35 @@ class _Document:
 
     def triangles(self) -> Triangles:
         """All triangles in the frame of the scene."""
-        stated = child(child(self._root, "asset"), "unit")
+        stated = self._root.find("asset/unit")
         unit = 1.0 if stated is None else real_list(stated.get("meter", "1"), "<unit meter>", 1)[0]
         if not 0.0 < unit < math.inf:
             raise FormatError(f"<unit meter> is {unit:g}, which is no length")
-        for library in children(self._root, "library_animations"):
-            if next(library.iter("{*}channel"), None) is not None:
-                raise FormatError("has animations, which are not read: export the scene at rest")
-        for shown in children(child(self._root, "scene"), "instance_visual_scene"):
-            for node in children(self._named("visual_scene", shown), "node"):
+        if self._root.find("library_animations//channel") is not None:
+            raise FormatError("has animations, which are not read: export the scene as it stands")
+        for shown in self._root.findall("scene/instance_visual_scene"):
+            for node in self._named("visual_scene", shown).findall("node"):
                 self._place(node, np.eye(4), ())
         return self._parts.joined(float(unit))
 
     def _named(self, kind: str, link: Element) -> Element:
         """What an instance refers to."""
         url = need(link, "url")
-        found = [each for each in self._root.iter(f"{{*}}{kind}") if f"#{each.get('id')}" == url]
+        found = [each for each in self._root.iter(kind) if f"#{each.get('id')}" == url]
         if len(found) != 1:
-            raise FormatError(f"<{name_of(link)}> names {url!r}; of such a {kind} are {len(found)}")
+            raise FormatError(f"<{link.tag}> names {url!r}; of such a {kind} are {len(found)}")
         return found[0]
 
     def _place(self, node: Element, above: Reals, within: tuple) -> None:
         """Add what stands in a node and below it."""
         if node in within:
             raise FormatError(f"node {node.get('id')!r} contains itself")
-        if not any(next(node.iter(f"{{*}}{kind}"), None) is not None for kind in _INSTANCES):
+        if all(node.find(f".//{kind}") is None for kind in _INSTANCES):
             return  # a camera, a light, a joint
         within = (*within, node)
         matrix = above
         for element in node:
-            match name_of(element):
+            match element.tag:
                 case "node":
                     self._place(element, matrix, within)
                 case "instance_node":
@@ -98,7 +97,7 @@ class _Document:
 
 def _motion(element: Element) -> Reals:
     """The matrix of a transformation; one for any other element of a node."""
-    matrix, kind = np.eye(4), name_of(element)
+    matrix, kind = np.eye(4), element.tag
     if kind == "matrix":
         matrix = real_list(element.text, "<matrix>", 16).reshape(4, 4)
     elif kind == "translate":
@@ -121,16 +120,20 @@ def _motion(element: Element) -> Reals:
 def _geometry(geometry: Element) -> list[Part]:
     """Vertices and faces of each primitive."""
     name = f"geometry {geometry.get('id')!r}"
-    mesh = child(geometry, "mesh")
+    mesh = geometry.find("mesh")
+    if mesh is None and geometry.find("spline") is not None:
+        return []
     if mesh is None:
-        kinds = ", ".join(f"<{name_of(each)}>" for each in geometry) or "nothing"
+        kinds = ", ".join(f"<{each.tag}>" for each in geometry) or "nothing"
         raise FormatError(f"{name} is no mesh, but {kinds}, which is not read")
     found, positions = [], {}
     for element in mesh:
-        kind = name_of(element)
+        kind = element.tag
         if kind in ("source", "vertices", "extra", *_CURVES):
             continue
-        inputs = children(element, "input")
+        if element.find("ph") is not None:
+            raise FormatError(f"{name}: <{kind}> has polygons with holes, which are not read")
+        inputs = element.findall("input")
         offsets = [int(whole_list(need(each, "offset"), "offset", 1)[0]) for each in inputs]
         which = [i for i, each in enumerate(inputs) if need(each, "semantic") == "VERTEX"]
         if len(which) != 1 or min(offsets) < 0:
@@ -141,7 +144,7 @@ def _geometry(geometry: Element) -> list[Part]:
         vertices = positions[source]
         width, column = max(offsets) + 1, offsets[which[0]]
         runs = []
-        for p in children(element, "p"):
+        for p in element.findall("p"):
             numbers = whole_list(p.text, f"{name}: <p>")
             if len(numbers) % width:
                 raise FormatError(f"{name}: <p> holds {len(numbers)} numbers, {width} a corner")
@@ -151,10 +154,9 @@ def _geometry(geometry: Element) -> list[Part]:
         if kind == "triangles":
             sizes = np.full(-(-len(corners) // 3), 3)
         elif kind == "polylist":
-            vcount = child(element, "vcount")
-            sizes = whole_list(None if vcount is None else vcount.text, f"{name}: <vcount>")
-        elif kind not in ("polygons", "tristrips", "trifans") or child(element, "ph") is not None:
-            raise FormatError(f"{name} has <{kind}> (or holes in it), which is not read")
+            sizes = whole_list(element.findtext("vcount"), f"{name}: <vcount>")
+        elif kind not in ("polygons", "tristrips", "trifans"):
+            raise FormatError(f"{name} has <{kind}>, which is not read")
         if sizes.sum() != len(corners) or (sizes < 0).any():
             raise FormatError(f"{name}: <{kind}> has {len(corners)} corners, not {sizes.sum()}")
         _check_count(element, sizes, name)
@@ -170,17 +172,17 @@ def _check_count(element: Element, sizes: Ints, name: str) -> None:
     count = whole_list(element.get("count", str(len(sizes))), "count", 1)[0]
     if count != len(sizes):
         raise FormatError(
-            f"{name}: <{name_of(element)}> announces {count} items, but {len(sizes)} follow"
+            f"{name}: <{element.tag}> announces {count} items, but {len(sizes)} follow"
         )
 
 
 def _positions(mesh: Element, source: str, name: str) -> Reals:
     """The positions (n, 3) that a VERTEX input names."""
-    for vertices in children(mesh, "vertices"):
-        for each in children(vertices, "input"):
+    for vertices in mesh.findall("vertices"):
+        for each in vertices.findall("input"):
             if f"#{vertices.get('id')}" == source and each.get("semantic") == "POSITION":
                 found = [
-                    s for s in children(mesh, "source") if f"#{s.get('id')}" == each.get("source")
+                    s for s in mesh.findall("source") if f"#{s.get('id')}" == each.get("source")
                 ]
                 if len(found) == 1:
                     return _source(found[0], name)
@@ -188,8 +190,8 @@ def _positions(mesh: Element, source: str, name: str) -> Reals:
 
 
 def _source(source: Element, name: str) -> Reals:
-    array = child(source, "float_array")
-    accessor = child(child(source, "technique_common"), "accessor")
+    array = source.find("float_array")
+    accessor = source.find("technique_common/accessor")
     if array is None or accessor is None:
         raise FormatError(f"{name}: source {source.get('id')!r} has no numbers")
     what = f"{name}: <float_array>"

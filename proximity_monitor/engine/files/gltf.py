@@ -99,9 +99,8 @@ class _Document:
             if i in seen:
                 raise FormatError(f"{name} has two parents")
             seen.add(i)
-            for hidden in ("skin", "weights"):
-                if node.get(hidden):
-                    raise FormatError(f"{name} has a {hidden}, which is not read: apply it first")
+            if "skin" in node or any(node.get("weights", [])):
+                raise FormatError(f"{name} has a skin or morph weights: apply them before export")
             if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
                 raise FormatError(f"{name} has EXT_mesh_gpu_instancing, which is not read")
             matrix = above @ _matrix(node, name)
@@ -125,7 +124,7 @@ class _Document:
         """Vertices and faces of the primitives of a mesh."""
         mesh, name = self._item("meshes", i), f"meshes[{i}]"
         if any(mesh.get("weights", [])):
-            raise FormatError(f"{name} has morph weights, which are not read: apply them first")
+            raise FormatError(f"{name} has morph weights: apply them before export")
         found = []
         for primitive in mesh["primitives"]:
             mode = primitive.get("mode", _TRIANGLES)

@@ -1,4 +1,4 @@
-"""Wavefront OBJ: vertices and polygons; curves, surfaces of other kinds and looks are left out."""
+"""Wavefront OBJ: vertices and polygons; points, curves and looks are left out."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
-from .text import Rows, shown, wholes, without_mark
+from .text import Rows, shown, wholes, without_comment, without_mark
 from .triangles import FormatError, Triangles, fans
 
 _OTHERS = frozenset(
     b"vt vn vp l p o g s mg usemtl mtllib usemap maplib lod bevel c_interp d_interp shadow_obj "
-    b"trace_obj ctech stech cstype deg bmat step curv curv2 surf parm trim hole scrv sp end con "
-    b"call csh".split()
+    b"trace_obj ctech stech cstype deg bmat step curv curv2 parm trim hole scrv sp end con".split()
 )
 """Statements that make no triangles. Any other word is a sign of damage."""
+_NOT_READ = frozenset(b"surf call csh bsp bzp cdc cdp res".split())
+"""Statements that make surfaces of other kinds, or take them from elsewhere."""
 
 
 def read_obj(data: bytes, _: Path) -> Triangles:
@@ -28,12 +29,12 @@ def read_obj(data: bytes, _: Path) -> Triangles:
     face_lines: list[int] = []
     begun = b""
     for number, line in enumerate(without_mark(data).splitlines(), 1):
-        if line.endswith(b"\\"):  # goes on in the next line
+        if line.endswith(b"\\") and b"#" not in line:  # goes on in the next line
             begun += line[:-1] + b" "
             continue
         if begun:
             line, begun = begun + line, b""
-        key, *words = line.split(b"#", 1)[0].split() or (b"",)
+        key, *words = without_comment(line).split() or (b"",)
         if key == b"v":
             vertices += words
             widths.append(len(words))
@@ -43,6 +44,8 @@ def read_obj(data: bytes, _: Path) -> Triangles:
             sizes.append(len(words))
             so_far.append(len(widths))
             face_lines.append(number)
+        elif key in _NOT_READ:
+            raise FormatError(f"line {number}: {shown(key)} is not read: export triangles instead")
         elif key and key not in _OTHERS:
             raise FormatError(f"line {number}: {shown(key)} is no OBJ statement")
     if begun:

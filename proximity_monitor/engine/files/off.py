@@ -17,21 +17,21 @@ _EXTRA = (2, 4, 3)
 
 def read_off(data: bytes, _: Path) -> Triangles:
     """Read an OFF file, with one vertex or face a line, or one behind the other."""
-    rows, numbers = lines(data, b"#")
+    rows, numbers = lines(data, comments=True)
     head = _HEAD.fullmatch(rows.words[0]) if rows.words else None
     if not head:
         raise FormatError("does not begin with OFF")
-    sizes = rows.sizes
-    # The counts stand behind the header or in the next line; the first vertex may follow there.
-    at = 1 + (sizes[0] == 1)
-    given = int(sizes[0]) - 1 or int(sizes[1:2].sum())
-    announced = wholes(rows.words[1 : 1 + min(given, 3)], lambda i: rows.place(i + 1))[:2].tolist()
+    # The counts stand behind the header or in the next line, or they and all else stand anyhow.
+    given = int(rows.sizes[0]) - 1 or int(rows.sizes[1:2].sum())
+    begin = 1 + (2 if given == 2 else 3)
+    announced = wholes(rows.words[1:begin], lambda i: rows.place(i + 1))[:2].tolist()
     if len(announced) < 2 or min(announced) < 0:
         raise FormatError("the numbers of vertices and faces are missing")
     vertex_count, face_count = announced
-    words = rows.words[1 + min(given, 3) :]
-    line_of = np.repeat(numbers, sizes)[-len(words) :]
-    sizes = sizes[at:] if given <= 3 else np.concatenate(([given - 3], sizes[at:]))
+    words = rows.words[begin:]
+    line_of = np.repeat(numbers, rows.sizes)[begin:]
+    ends = np.cumsum(rows.sizes)
+    sizes = np.diff(ends[ends > begin], prepend=begin)
     if len(sizes) != vertex_count + face_count:
         width = 3 + sum(n for n, word in zip(_EXTRA, head.groups(), strict=True) if word)
         line_count, sizes = len(sizes), _one_behind_the_other(words, *announced, width)

@@ -103,7 +103,7 @@ def _types(words: Sequence[bytes]) -> tuple[str, str] | None:
 
 def _ascii(body: bytes, elements: list[_Element]) -> _Table:
     """The elements of an ASCII file, one row a line."""
-    rows, _ = lines(body)
+    rows, _ = lines(body, comments=False)
     announced = sum(element.count for element in elements)
     if len(rows.sizes) != announced:
         raise FormatError(f"the header announces {announced} rows, but {len(rows.sizes)} follow")

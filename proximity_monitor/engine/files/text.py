@@ -16,12 +16,18 @@ from numpy.typing import NDArray
 from .triangles import FormatError, Ints, Reals, Where, first, spans
 
 _REAL = re.compile(rb"[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?)", re.IGNORECASE)
+_COMMENT = re.compile(rb"(?<!\.)#")
 _WHOLE = re.compile(rb"[+-]?\d{1,18}")
 
 
 def without_mark(data: bytes) -> bytes:
     """A text without the byte-order mark that some editors write before UTF-8."""
     return data.removeprefix(b"\xef\xbb\xbf")
+
+
+def without_comment(line: bytes) -> bytes:
+    """A line up to its comment; 1.#INF is what some libraries write for infinity, no comment."""
+    return _COMMENT.split(line, 1)[0] if b"#" in line else line
 
 
 def shown(word: bytes) -> str:
@@ -95,13 +101,13 @@ class Rows:
         return values[spans(self.starts, np.full_like(self.sizes, 3))].reshape(-1, 3)
 
 
-def lines(data: bytes, comment: bytes = b"") -> tuple[Rows, list[int]]:
-    """The lines that hold more than a comment, and their numbers."""
+def lines(data: bytes, *, comments: bool) -> tuple[Rows, list[int]]:
+    """The lines that hold words (more than a comment, where there are any), and their numbers."""
     words: list[bytes] = []
     sizes: list[int] = []
     numbers: list[int] = []
     for number, line in enumerate(without_mark(data).splitlines(), 1):
-        found = (line.split(comment, 1)[0] if comment and comment in line else line).split()
+        found = (without_comment(line) if comments else line).split()
         if found:
             words += found
             sizes.append(len(found))

@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from .triangles import FormatError, Part, Parts, Reals, Triangles, check_finite, fans
-from .xml import Element, attributes, child, children, need, parsed, real_list, whole_list
+from .xml import Element, attributes, need, parsed, real_list, whole_list
 
 _UNITS = {
     "micron": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "inch": 0.0254, "foot": 0.3048,
     "meter": 1.0,
 }  # fmt: skip
-_CORE = "http://schemas.microsoft.com/3dmanufacturing/core/"
 _KNOWN = ("/material/", "/production/")
 """Parts of the names of extensions that leave the geometry alone, or are read."""
 
@@ -44,7 +43,7 @@ class _Package:
         relations = parsed(self._read("_rels/.rels"))
         targets = [
             need(each, "Target")
-            for each in children(relations, "Relationship")
+            for each in relations.findall("Relationship")
             if need(each, "Type").endswith("/3dmodel")
         ]
         if not targets:
@@ -53,7 +52,7 @@ class _Package:
         unit = model.get("unit", "millimeter")
         if unit not in _UNITS:
             raise FormatError(f"unit {unit!r} is none of {', '.join(_UNITS)}")
-        for item in children(child(model, "build"), "item"):
+        for item in model.findall("build/item"):
             self._place(targets[0], item, np.eye(4), ())
         return self._parts.joined(_UNITS[unit])
 
@@ -67,13 +66,13 @@ class _Package:
         """The root of a model file, whose objects are kept."""
         text = self._read(path)
         model = parsed(text)
-        if not model.tag.startswith(f"{{{_CORE}") or not model.tag.endswith("}model"):
-            raise FormatError(f"{path} is no model")
+        if model.tag != "model":
+            raise FormatError(f"{path} is no model, but <{model.tag}>")
         for prefix in model.get("requiredextensions", "").split():
             name = text.partition(f"xmlns:{prefix}=".encode())[2][1:].split(b'"')[0].split(b"'")[0]
             if not any(known.encode() in name for known in _KNOWN):
                 raise FormatError(f"requires the extension {name.decode()!r}, which is not read")
-        listed = children(child(model, "resources"), "object")
+        listed = model.findall("resources/object")
         self._objects[path] = {need(each, "id"): each for each in listed}
         if len(self._objects[path]) < len(listed):
             raise FormatError(f"{path} gives an object's id twice")
@@ -93,13 +92,13 @@ class _Package:
         if key in within:
             raise FormatError(f"{name} contains itself")
         element = self._objects[path][number]
-        mesh, components = child(element, "mesh"), child(element, "components")
+        mesh, components = element.find("mesh"), element.find("components")
         if mesh is not None:
             if (path, number) not in self._meshes:
                 self._meshes[path, number] = _mesh(mesh, name)
             self._parts.add(*self._meshes[path, number], matrix)
         elif components is not None:
-            for each in children(components, "component"):
+            for each in components.findall("component"):
                 self._place(path, each, matrix, (*within, key))
         else:
             raise FormatError(f"{name} is neither a mesh nor made of others, which is not read")
@@ -107,10 +106,10 @@ class _Package:
 
 def _mesh(mesh: Element, name: str) -> Part:
     """Vertices and faces of an object."""
-    if child(mesh, "beamlattice") is not None:
+    if mesh.find("beamlattice") is not None:
         raise FormatError(f"{name} has a beam lattice, which is not read")
-    points = children(child(mesh, "vertices"), "vertex")
-    triangles = children(child(mesh, "triangles"), "triangle")
+    points = mesh.findall("vertices/vertex")
+    triangles = mesh.findall("triangles/triangle")
     text = attributes(points, "xyz")
     vertices = real_list(text, f"{name}: vertices", 3 * len(points)).reshape(-1, 3)
     check_finite(vertices)

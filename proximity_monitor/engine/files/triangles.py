@@ -119,6 +119,8 @@ class Parts:
         """Add a part, moved by a 4×4 matrix; a mirror image is turned outside out again."""
         if not len(faces):
             return
+        if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+            raise FormatError(f"a matrix with the last row {matrix[3].tolist()}, not [0, 0, 0, 1]")
         with np.errstate(all="ignore"):  # what is not finite is refused when all is read
             self._vertices.append(vertices @ matrix[:3, :3].T + matrix[:3, 3])
             mirrored = np.linalg.det(matrix[:3, :3]) < 0.0

@@ -1,4 +1,4 @@
-"""XML as the readers of COLLADA and 3MF take it: elements by their names without namespaces."""
+"""XML as the readers of COLLADA and 3MF take it."""
 
 from __future__ import annotations
 
@@ -14,33 +14,21 @@ Element = ElementTree.Element
 
 
 def parsed(data: bytes) -> Element:
-    """The root of a document."""
+    """The root of a document, whose elements lose their namespaces."""
     try:
-        return ElementTree.fromstring(data)
+        root = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
         raise FormatError(f"its XML is damaged: {error}") from None
-
-
-def name_of(element: Element) -> str:
-    """An element's name without its namespace."""
-    return element.tag.rpartition("}")[2]
-
-
-def children(element: Element | None, name: str) -> list[Element]:
-    """The children of a name."""
-    return [] if element is None else element.findall(f"{{*}}{name}")
-
-
-def child(element: Element | None, name: str) -> Element | None:
-    """The first child of a name."""
-    return next(iter(children(element, name)), None)
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    return root
 
 
 def need(element: Element, key: str) -> str:
     """An attribute that must be there."""
     value = element.get(key)
     if value is None:
-        raise FormatError(f"<{name_of(element)}> has no {key}")
+        raise FormatError(f"<{element.tag}> has no {key}")
     return value
 
 
@@ -59,7 +47,7 @@ def attributes(elements: Sequence[Element], keys: Sequence[str]) -> str:
     try:
         return " ".join([element.attrib[key] for element in elements for key in keys])
     except KeyError as error:
-        raise FormatError(f"<{name_of(elements[0])}> has no {error.args[0]}") from None
+        raise FormatError(f"<{elements[0].tag}> has no {error.args[0]}") from None
 
 
 def _counted(numbers: NDArray, what: str, count: int | None) -> NDArray:

@@ -56,7 +56,7 @@ def _trusted(status: os.stat_result) -> bool:
 
 
 def _roots() -> Iterator[tuple[Path, bool]]:
-    """Where kernels may be kept, and whether it is a place that others could have made before us."""
+    """Where kernels may be kept, and whether others could have made that place before us."""
     chosen = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     # A user may have neither a HOME nor an entry among the users, a machine nothing temporary.
     with suppress(RuntimeError):
@@ -78,7 +78,7 @@ def _directories() -> tuple[list[Path], Path | None]:
     """Where this version's kernels are read from, in this order, and where they are written to."""
     found = []
     for root, shared in _roots():
-        directory = root.absolute() / f"kernels-{_sources_digest()}"
+        directory = root.absolute() / f"kernels-{KERNELS}"
         try:
             safe = not shared or _ours(root)
             if safe:
@@ -94,6 +94,9 @@ def _directories() -> tuple[list[Path], Path | None]:
             return found, directory
     return found, None
 
+
+KERNELS = _sources_digest()
+"""Which version of the kernels this is."""
 
 DIRECTORIES, CACHE_DIRECTORY = _directories()
 """A directory that is only read, as of an installation, and the one that is written to, if any."""

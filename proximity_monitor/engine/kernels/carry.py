@@ -64,8 +64,8 @@ been moved so far, each time the largest displacement, added rounding up."""
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
 ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 28, 29
 FEATURES, ANSWER = 30, 38
-"""Of an answer: bounds; the cores' nearest points in the world and in their bodies' frames; the pose
-of B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their
+"""Of an answer: bounds; the cores' nearest points in the world and in their bodies' frames; the
+pose of B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their
 models, which no motion changes: weights of a triangle's three corners and its face, of A, then of
 B."""
 

@@ -24,7 +24,6 @@ from .cache import CACHE_DIRECTORY, KernelCache, refused
 
 _PACKAGE = __package__.partition(".")[0] + "."
 
-
 _NOWHERE = "not kept, for there is no place to write to: set NUMBA_CACHE_DIR to one"
 
 

@@ -28,10 +28,12 @@ def deviation(pose):
         - pose[0, 1] * (pose[1, 0] * pose[2, 2] - pose[1, 2] * pose[2, 0])
         + pose[0, 2] * (pose[1, 0] * pose[2, 1] - pose[1, 1] * pose[2, 0])
     )
-    translation = abs(pose[0, 3]) + abs(pose[1, 3]) + abs(pose[2, 3])
+    for i in range(3):
+        if not abs(pose[i, 3]) <= LARGEST_COORDINATE:  # nor is a NaN
+            return float("inf")
     bottom = pose[3, 0] + pose[3, 1] + pose[3, 2] + pose[3, 3]
     # Each comparison is false for a NaN.
-    if determinant > 0.0 and translation < LARGEST_COORDINATE and bottom < 2.0:
+    if determinant > 0.0 and bottom < 2.0:
         return worst
     return float("inf")
 

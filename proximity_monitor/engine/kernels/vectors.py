@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .jit import kernel
+
+_NEEDLE = 1e-24
+"""Squared sine of two edges' angle below which a triangle's normal is only noise."""
+
+_NOWHERE = (0.0, 0.0, 0.0)
 
 
 @kernel
@@ -63,3 +70,26 @@ def moved(r, v):
         r[3] * v[0] + r[4] * v[1] + r[5] * v[2] + r[10],
         r[6] * v[0] + r[7] * v[1] + r[8] * v[2] + r[11],
     )
+
+
+@kernel
+def unit(v):
+    """A vector divided by its length, however small that is; zero where it has none."""
+    size = max(max(abs(v[0]), abs(v[1])), abs(v[2]))
+    if size < 1e-300:
+        return _NOWHERE
+    v = scaled(v, 1.0 / size)
+    return scaled(v, 1.0 / np.sqrt(dot(v, v)))
+
+
+@kernel
+def across(e, f):
+    """The unit vector perpendicular to two; zero where they are parallel, or either is none."""
+    n = cross(unit(e), unit(f))
+    return unit(n) if dot(n, n) > _NEEDLE else _NOWHERE
+
+
+@kernel
+def face_normal(t):
+    """Unit normal of a triangle (three corners); zero where it has no area."""
+    return across(sub(t[1], t[0]), sub(t[2], t[0]))

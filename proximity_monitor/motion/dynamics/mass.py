@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from proximity_monitor.engine.tree import places
+
 _ROUNDING = 32.0 * np.finfo(np.float64).eps
 """A volume of less than this share of what its tetrahedra add up to may be rounding alone."""
 
@@ -34,8 +36,7 @@ def welded(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[n
 
     So a soup of triangles, as STL files hold it, has neighbours too.
     """
-    _, place = np.unique(vertices + 0.0, axis=0, return_inverse=True)  # -0.0 becomes 0.0
-    return place.reshape(-1)[faces].astype(np.int64)
+    return places(vertices)[faces].astype(np.int64)
 
 
 def mass_properties(

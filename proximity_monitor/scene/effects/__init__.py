@@ -8,12 +8,12 @@ goes to the report.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from proximity_monitor.scene.description import Body, Unit
+from proximity_monitor.scene.description import Body, Robot, Unit
 from proximity_monitor.scene.effects import bag, deform, dynamics, script, slider_crank
 from proximity_monitor.scene.effects.cast import Cast
 from proximity_monitor.scene.report import Keys, Report
@@ -31,13 +31,18 @@ _EFFECTS: dict[str, Reader] = {
 
 
 def read_motion(
-    section: Mapping[str, Any], bodies: tuple[Body, ...], unit: Unit, report: Report, folder: Path
+    section: Mapping[str, Any],
+    bodies: tuple[Body, ...],
+    unit: Unit,
+    report: Report,
+    folder: Path,
+    robots: Sequence[Robot] = (),
 ) -> Mapping[str, Mapping[str, Any]]:
     """Return ``{effect: settings}`` in metres, radians and seconds, read-only, in the file's order.
 
     What is wrong with the settings goes to the report; they are not to be used then.
     """
-    cast = Cast(bodies, report)
+    cast = Cast(bodies, report, robots)
     return MappingProxyType(
         {
             effect: MappingProxyType(

@@ -29,11 +29,11 @@ def read(
     for topic, moved in data["topics"].items():
         at = (*keys, "topics", topic)
         if isinstance(moved, str):
-            bodies.drive(moved, at)
+            bodies.drive(moved, at, or_root=True)
             topics[topic] = moved
         else:
             for i, name in enumerate(moved):
-                bodies.drive(name, (*at, i))
+                bodies.drive(name, (*at, i), or_root=True)
             topics[topic] = tuple(moved)
     return {
         "path": path,

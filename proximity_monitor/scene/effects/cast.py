@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from proximity_monitor.scene.description import Body
+from collections.abc import Sequence
+
+from proximity_monitor.scene.description import Body, Robot
 from proximity_monitor.scene.report import Keys, Report, spelled
 
 
 class Cast:
     """Says which bodies exist, and takes note of what drives them."""
 
-    def __init__(self, bodies: tuple[Body, ...], report: Report) -> None:
+    def __init__(
+        self, bodies: tuple[Body, ...], report: Report, robots: Sequence[Robot] = ()
+    ) -> None:
         """Begin with nothing driven."""
         self.bodies = bodies
+        self._robots = {robot.name: robot for robot in robots}
         self._known = {body.name: body for body in bodies}
         self._report = report
         self._driven: dict[str, Keys] = {}
@@ -22,28 +27,36 @@ class Cast:
             self._report.add(keys, f"no body is named '{name}'; known are {', '.join(self._known)}")
         return self._known.get(name)
 
-    def drive(self, name: str, keys: Keys) -> Body | None:
-        """Return a body that an effect is to move, claimed for the value at `keys`.
+    def drive(self, name: str, keys: Keys, *, or_root: bool = False) -> None:
+        """Claim a body for the value at `keys`, or with `or_root` a robot, whose root moves it.
 
-        None, with a problem in the report, if it does not exist, is fixed, or is driven already.
+        If it does not exist, is fixed, or is driven already, that goes to the report.
         """
-        body = self.find(name, keys)
-        if body is None:
-            return None
-        if (problem := self._problem(body)) is not None:
+        if or_root and name in self._robots:
+            problem = None
+            if self._robots[name].root is None:
+                problem = "is a robot whose root is fixed; give it 'root: {}' in place of its pose"
+        elif (body := self.find(name, keys)) is not None:
+            problem = _problem(body)
+        else:
+            return
+        if (problem := problem or self._taken(name)) is not None:
             self._report.add(keys, f"'{name}' {problem}")
-            return None
-        self._driven[name] = keys
-        return body
+        else:
+            self._driven[name] = keys
 
-    def _problem(self, body: Body) -> str | None:
-        """Why nothing, or nothing else, can drive a body."""
-        if not body.moving:
-            return "is fixed; give it 'moving: true' in place of its pose"
-        if body.topic is None:
-            return "is the link of a robot, which moves by its joints"
-        if body.name not in self._driven:
+    def _taken(self, name: str) -> str | None:
+        if name not in self._driven:
             return None
-        first = self._driven[body.name]
+        first = self._driven[name]
         where = f"{spelled(first)} (line {self._report.line(first)})"
         return f"is driven by {where} already; a body follows one effect"
+
+
+def _problem(body: Body) -> str | None:
+    """Why nothing can drive a body."""
+    if not body.moving:
+        return "is fixed; give it 'moving: true' in place of its pose"
+    if body.topic is None:
+        return "is the link of a robot, which moves by its joints"
+    return None

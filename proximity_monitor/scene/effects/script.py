@@ -35,7 +35,7 @@ def read(
     moved = {}
     for name, path in data.get("bodies", {}).items():
         at = (*keys, "bodies", name)
-        bodies.drive(name, at)
+        bodies.drive(name, at, or_root=True)
         moved[name] = MappingProxyType(_path(path, at, unit, report, folder))
     joints = {}
     for name, joint in data.get("joints", {}).items():

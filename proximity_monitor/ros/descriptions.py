@@ -1,0 +1,79 @@
+"""Robot descriptions from topics, as `robot_state_publisher` latches them."""
+
+from __future__ import annotations
+
+import time
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy
+from rclpy.subscription import Subscription
+from std_msgs.msg import String
+
+from proximity_monitor.ros.qos import LATCHED
+from proximity_monitor.ros.spin import POLL_S, asked_to_stop
+
+_AGAIN_S = 10.0
+"""How often it is said that a description has not come."""
+
+
+class Descriptions:
+    """The descriptions that a scene asks for, and whether they stayed the same since."""
+
+    def __init__(self, node: Node) -> None:
+        """Begin without any; `node` gives subscriptions and its log."""
+        self._node = node
+        self._subscriptions: dict[str, Subscription] = {}
+        self._texts: dict[str, str] = {}
+
+    def wait(self, topic: str) -> str:
+        """Return the description on a topic, and wait until there is one.
+
+        Raises:
+            KeyboardInterrupt: a signal asked the program to stop meanwhile.
+        """
+        if topic not in self._subscriptions:
+            self._subscriptions[topic] = self._node.create_subscription(
+                String, topic, lambda message: self._hear(topic, message), LATCHED
+            )
+        told, again_at = "", 0.0
+        while topic not in self._texts:
+            if asked_to_stop():
+                raise KeyboardInterrupt
+            # The node's executor is not asked: it may well be what waits here, in a transition.
+            handle = self._subscriptions[topic].handle
+            with handle:
+                taken = handle.take_message(String, False)
+            if taken is not None:
+                self._hear(topic, taken[0])
+                break
+            if told != (told := self._what_is_missing(topic)) or time.monotonic() >= again_at:
+                again_at = time.monotonic() + _AGAIN_S
+                self._node.get_logger().warning(told)
+            time.sleep(POLL_S)
+        return self._texts[topic]
+
+    def forget(self) -> None:
+        """Forget the descriptions, and listen to their topics no more."""
+        for subscription in self._subscriptions.values():
+            self._node.destroy_subscription(subscription)
+        self._subscriptions.clear()
+        self._texts.clear()
+
+    def _hear(self, topic: str, message: String) -> None:
+        if self._texts.get(topic, message.data) != message.data:
+            self._node.get_logger().warning(
+                f"the robot description on {self._subscriptions[topic].topic_name} changed; the "
+                "scene still holds the former one: clean up and configure, or start again, to use "
+                "the new one"
+            )
+        self._texts[topic] = message.data
+
+    def _what_is_missing(self, topic: str) -> str:
+        name = self._subscriptions[topic].topic_name
+        publishers = self._node.get_publishers_info_by_topic(name)
+        why = "nobody publishes it yet"
+        if publishers:
+            why = "it is published, but has not come yet"
+            if all(each.qos_profile.durability == DurabilityPolicy.VOLATILE for each in publishers):
+                why = "its publisher is volatile and must be transient local"
+        return f"waiting for the robot description on {name} (std_msgs/msg/String): {why}"

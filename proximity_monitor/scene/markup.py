@@ -1,0 +1,96 @@
+"""Reads XML files that may come from anywhere, and expands xacro files.
+
+XML is parsed by the standard library; nothing in it is executed or fetched, and a document type
+declaration (which could make it grow without bound, or name other files) is refused. A xacro file
+is another matter: `xacro` evaluates what stands in it and reads the files that it includes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import NoReturn
+from xml.etree.ElementTree import Element, TreeBuilder
+from xml.parsers import expat
+
+NO_ARGUMENTS: Mapping[str, str] = MappingProxyType({})
+
+
+class MarkupError(ValueError):
+    """A file is not XML that can be read; the message says why, without the file's name."""
+
+
+class Lined(Element):
+    """An element that knows its line."""
+
+    line: int
+
+
+def is_xacro(path: Path) -> bool:
+    """Return whether a file's name says that it is to be expanded by xacro."""
+    return path.suffix == ".xacro"
+
+
+def read(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Lined:
+    """Return the root of an XML file, or of what a xacro file comes to.
+
+    Args:
+        path: a name that ends in .xacro means a xacro file.
+        arguments: of the xacro file, by name.
+
+    Raises:
+        MarkupError: not readable, not XML, or xacro is missing or fails.
+    """
+    if is_xacro(path):
+        return parse(_expanded(path, arguments))
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise MarkupError(f"cannot be read: {error.strerror}") from None
+    return parse(text)
+
+
+def parse(text: str | bytes) -> Lined:
+    """Return the root of an XML text.
+
+    Raises:
+        MarkupError: it is none, or has a document type declaration.
+    """
+    builder = TreeBuilder(element_factory=Lined)
+    parser = expat.ParserCreate(namespace_separator="}")
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        builder.start(tag, attributes).line = parser.CurrentLineNumber
+
+    parser.StartElementHandler, parser.EndElementHandler = start, builder.end
+    parser.StartDoctypeDeclHandler = _refuse_doctype
+    try:
+        parser.Parse(text, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise MarkupError(f"is not XML that can be read: {error}") from None
+    return builder.close()
+
+
+def _refuse_doctype(*_: object) -> NoReturn:
+    raise ValueError("it has a document type declaration; remove the line <!DOCTYPE ...>")
+
+
+def _expanded(path: Path, arguments: Mapping[str, str]) -> str:
+    try:
+        import xacro
+    except ImportError:
+        raise MarkupError(
+            "needs xacro to be expanded, which is not installed: pip install xacro (it is part of "
+            "the extra 'robots'), or sudo apt install ros-$ROS_DISTRO-xacro"
+        ) from None
+    try:
+        return xacro.process_file(str(path), mappings=dict(arguments)).toxml()
+    except Exception as error:  # the file's own expressions can raise anything
+        raise MarkupError(f"cannot be expanded by xacro: {_reason(error)}") from error
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ModuleNotFoundError) and error.name == "ament_index_python":
+        return "$(find PACKAGE) needs ROS 2, which is not installed; name the file by its path"
+    return " ".join(str(error).split()) or repr(error)

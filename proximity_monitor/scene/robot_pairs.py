@@ -1,0 +1,104 @@
+"""Which pairs of a robot's own links are not watched."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from proximity_monitor import engine
+from proximity_monitor.scene.description import Body, Robot, Unit
+from proximity_monitor.scene.kinematics import Kinematics
+from proximity_monitor.scene.primitives import load_model
+from proximity_monitor.scene.report import Keys, Report, meant
+from proximity_monitor.scene.srdf import Srdf
+
+Pairs = Iterator[frozenset[str]]
+
+
+def excluded(
+    data: Mapping[str, Any],
+    keys: Keys,
+    robot: Robot,
+    names: Mapping[str, str],
+    bodies: list[Body],
+    srdf: Srdf | None,
+    unit: Unit,
+    report: Report,
+) -> Pairs:
+    """Return the pairs of the robot's own bodies that are not to be watched.
+
+    Args:
+        data: the robot's entry in the file.
+        keys: where that stands.
+        robot: what it describes.
+        names: by a link with a shape, the body that it is.
+        bodies: these.
+        srdf: what it names, if it does.
+        unit: the scene's.
+        report: takes the problems.
+    """
+    links = robot.kinematics.links
+    apart = itertools.chain(
+        _rigid(robot.kinematics, names),
+        _adjacent(robot.kinematics, names) if data.get("exclude_adjacent", True) else (),
+        _named(data.get("exclude", ()), (*keys, "exclude"), names, report),
+        () if srdf is None else _disabled(srdf, (*keys, "srdf"), links, report),
+    )
+    for pair in apart:
+        if names.keys() >= pair:
+            yield frozenset(names[link] for link in pair)
+    if data.get("exclude_touching", False):
+        yield from _touching(robot, bodies, (*keys, "exclude_touching"), unit, report)
+
+
+def _rigid(kinematics: Kinematics, names: Mapping[str, str]) -> Pairs:
+    """The pairs of links whose clearance never changes."""
+    units = {link: kinematics.unit(link) for link in names}
+    for a, b in itertools.combinations(names, 2):
+        if units[a] == units[b]:
+            yield frozenset((a, b))
+
+
+def _adjacent(kinematics: Kinematics, names: Mapping[str, str]) -> Pairs:
+    for link in names:
+        parents = (joint.parent for joint in kinematics.path(link))
+        # Links without a shape, as for tool frames, stand between others in name alone.
+        if (parent := next((each for each in parents if each in names), None)) is not None:
+            yield frozenset((link, parent))
+
+
+def _named(pairs: list[list[str]], keys: Keys, names: Mapping[str, str], report: Report) -> Pairs:
+    for index, pair in enumerate(pairs):
+        for at, link in enumerate(pair):
+            if link not in names:
+                report.add((*keys, index, at), f"no link '{link}' has a shape{meant(link, names)}")
+        if pair[0] == pair[1]:
+            report.add((*keys, index), f"'{pair[0]}' and '{pair[1]}' are one link; name two")
+        yield frozenset(pair)
+
+
+def _disabled(srdf: Srdf, keys: Keys, links: tuple[str, ...], report: Report) -> Pairs:
+    told = set()
+    for rule in srdf.rules:
+        for link in set(rule.links) - set(links) - told:
+            told.add(link)
+            report.add(
+                keys, f"{srdf.path}:{rule.line}: the robot has no link '{link}'{meant(link, links)}"
+            )
+    return srdf.disabled(links)
+
+
+def _touching(robot: Robot, bodies: list[Body], keys: Keys, unit: Unit, report: Report) -> Pairs:
+    """The pairs that touch where the robot starts."""
+    if not all(body.primitive.parts for body in bodies):
+        return  # a mesh is missing, which is told
+    poses = {body.name: body.pose for body in bodies} | robot.poses({})
+    try:
+        models = {body.name: load_model(body, unit) for body in bodies}
+    except (OSError, engine.ModelError) as error:
+        report.add(keys, str(error))
+        return
+    for a, b in itertools.combinations(models, 2):
+        if engine.collide(models[a], poses[a], models[b], poses[b]).colliding:
+            yield frozenset((a, b))

@@ -1,0 +1,80 @@
+"""Reads from semantic robot descriptions (SRDF) which pairs of links need not be watched.
+
+Groups, states, end effectors and whatever else stands in the file are passed over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from proximity_monitor.scene import markup
+from proximity_monitor.scene.markup import NO_ARGUMENTS, Lined, MarkupError
+
+_RULES = {
+    "disable_collisions": ("link1", "link2"),
+    "disable_default_collisions": ("link",),
+    "enable_collisions": ("link1", "link2"),
+}
+"""By the element its attributes that name links."""
+
+
+class SrdfError(ValueError):
+    """A semantic robot description cannot be used; the message starts with its path."""
+
+
+class Rule(NamedTuple):
+    """One element about collisions."""
+
+    kind: str
+    links: tuple[str, ...]
+    line: int
+    """In the file; of a xacro file, in what it was expanded to."""
+
+
+class Srdf(NamedTuple):
+    """What the file says about collisions."""
+
+    path: Path
+    rules: tuple[Rule, ...]
+
+    def disabled(self, links: Collection[str]) -> Iterator[frozenset[str]]:
+        """Return the pairs of the given links that are disabled.
+
+        A pair is disabled by name, or because all pairs of one of its links are and its own is not
+        enabled.
+        """
+        by_kind = {kind: [r.links for r in self.rules if r.kind == kind] for kind in _RULES}
+        enabled = set(map(frozenset, by_kind["enable_collisions"]))
+        for (link,) in by_kind["disable_default_collisions"]:
+            yield from {frozenset((link, other)) for other in links} - enabled
+        yield from map(frozenset, by_kind["disable_collisions"])
+
+
+def read_srdf(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Srdf:
+    """Read a semantic robot description.
+
+    Args:
+        path: a name that ends in .xacro means a xacro file.
+        arguments: of the xacro file, by name.
+
+    Raises:
+        SrdfError: not readable, not such a description, an element that does not name its links.
+    """
+    try:
+        root = markup.read(path, arguments)
+    except MarkupError as error:
+        raise SrdfError(f"{path}: {error}") from None
+    if root.tag != "robot":
+        raise SrdfError(f"{path}: <{root.tag}>: a semantic robot description begins with <robot>")
+    return Srdf(path, tuple(_rule(each, path) for each in root if each.tag in _RULES))
+
+
+def _rule(element: Lined, path: Path) -> Rule:
+    wanted = _RULES[element.tag]
+    links = tuple(element.get(key, "") for key in wanted)
+    if not all(links):
+        needed = " and ".join(f"'{key}'" for key in wanted)
+        raise SrdfError(f"{path}:{element.line}: <{element.tag}>: needs {needed}")
+    return Rule(element.tag, links, element.line)

@@ -1,0 +1,7 @@
+"""How long tests wait for what another process does. Whoever comes to these has found a defect."""
+
+DEADLINE_S = 60.0
+"""Fast DDS forgets a killed peer after 20 s."""
+
+START_DEADLINE_S = 600.0
+"""The first start on a machine compiles the kernels."""
