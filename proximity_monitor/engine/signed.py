@@ -18,7 +18,6 @@ from .overlap import overlap
 from .result import STATUSES, Distance, Status
 from .run import LONG_SLICE, SLICE
 from .solid import sides_of
-from .tolerances import DOUBLE_EPS
 
 
 class SignedSearch:
@@ -31,9 +30,8 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_deviations",
-        "_earlier_tests", "_limits", "_models", "_offset", "_poses", "_regions", "_revisions",
-        "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_earlier_tests", "_limits",
+        "_models", "_poses", "_regions", "_revisions", "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:
@@ -41,11 +39,6 @@ class SignedSearch:
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
         models = self._models
-        # A depth found is one of the cores. The things lie nearer to its surface, and farther
-        # out than it, by less than this.
-        self._deviations = (a.deviation + b.deviation) * (1.0 + 4.0 * DOUBLE_EPS)
-        self._offset = a.swept_radius + b.swept_radius + self._deviations
-        self._offset *= 1.0 + 4.0 * DOUBLE_EPS
         # Each lane and each vertex enters the heap at most once.
         room = sum(len(each._tree.children) + 3 * len(each.faces) for each in models)
         descent = 1 + max(each.depth for each in models) * 15
@@ -137,7 +130,6 @@ class SignedSearch:
     def _answer(self) -> NDArray[np.float64]:
         """The row (ANSWER,) of what is known when the search ends, or time is over."""
         decided = self._test_samples() and HALF not in self._insides
-        decided = decided and not self._found
         if self._overlapping:
             return self._inside(self._search(samples_alone=False))
         apart = self._distance()
@@ -152,15 +144,10 @@ class SignedSearch:
         if apart.lower > 0.0 and depth == 0.0:
             return self._outside(apart, apart.lower, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
-        return self._outside(apart, 0.0 - depth - self._offset, status)
+        return self._outside(apart, 0.0 - depth, status)
 
     @property
     def _overlapping(self) -> bool:
-        """Whether a vertex of one model certainly lies inside the other, and deviates by less."""
-        return self._found and self._bounds()[0] > self._deviations
-
-    @property
-    def _found(self) -> bool:
         """Whether a vertex of one mesh certainly lies inside the other."""
         return bool(self._depth.reals[kernel.DEEPEST] > self._depth.reals[kernel.SLACK])
 
@@ -239,9 +226,7 @@ class SignedSearch:
         if ended:
             exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]
             status = Status.EXACT if exact else Status.WITHIN_TOLERANCE
-        # The difference of two positive numbers, rounded, is not above their exact one's sign.
-        shallow -= self._deviations
-        return self._with_tests(row, -deep - self._offset, -shallow, status)
+        return self._with_tests(row, -deep, -shallow, status)
 
     def _with_tests(
         self, row: NDArray[np.float64], lower: float, upper: float, status: Status
