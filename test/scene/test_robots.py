@@ -160,7 +160,7 @@ def test_a_link_that_must_be_a_solid_is_told_by_key_and_line(load, tmp_path):
     load()
     (tmp_path / "crane" / "meshes" / "wedge.obj").write_text(WEDGE.rpartition("f")[0])
     scene = load(SCENE + "    meshes: visual\n    solid: true\n")
-    expected = r"scene.yaml:11: robots\[0\]\.solid: true, but body 'crane_boom' is none: not water"
+    expected = r"scene.yaml:11: robots\[0\]\.solid: true, but body 'crane_base' is none: not water"
     with pytest.raises(engine.ModelError, match=expected):
         load_models(scene)
 
