@@ -8,6 +8,11 @@ import math
 import sys
 from collections.abc import Sequence
 
+_INSTALL_SCENE = """\
+proximity_monitor scene needs packages that read scene files: {error}
+Install them beside this package, in the checkout:
+    pip install '.[scene]'"""
+
 _INSTALL_ROS = """\
 proximity_monitor demo needs ROS 2's Python packages: {error}
 Either install their wheels beside this package, in the checkout:
@@ -64,9 +69,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if chosen.run is None:
             parser.print_help()
             return 0
-        return chosen.run(chosen)
+        return _run(chosen)
     except KeyboardInterrupt:
         return 130
+
+
+def _run(chosen: argparse.Namespace) -> int:
+    try:
+        return chosen.run(chosen)
+    except ImportError as error:
+        if error.name is None or error.name.startswith("proximity_monitor"):
+            raise  # our own fault, that no installation mends
+        print(chosen.install.format(error=error), file=sys.stderr)
+        return 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -105,7 +120,7 @@ def _parser() -> argparse.ArgumentParser:
         help="play the motion X times as fast (default: 1)",
     )
     demo.add_argument("--no-page", action="store_true", help="do not serve the page in the browser")
-    demo.set_defaults(run=_demo)
+    demo.set_defaults(run=_demo, install=_INSTALL_ROS)
 
     display = commands.add_parser(
         "display",
@@ -128,7 +143,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="the first port to try; 0: any (default: 8080)",
     )
-    display.set_defaults(run=_display)
+    display.set_defaults(run=_display, install=_INSTALL_DISPLAY)
 
     scene = commands.add_parser("scene", help="work with scene files")
     scene.set_defaults(run=lambda _: scene.print_help() or 0)
@@ -141,29 +156,19 @@ def _parser() -> argparse.ArgumentParser:
         " used.",
     )
     check.add_argument("scene", metavar="NAME|FILE", help="a scene file or a bundled scene")
-    check.set_defaults(run=_check)
+    check.set_defaults(run=_check, install=_INSTALL_SCENE)
     return parser
 
 
 def _demo(chosen: argparse.Namespace) -> int:
-    try:
-        from proximity_monitor.ros.demo import run
-    except ImportError as error:
-        if (error.name or "").startswith("proximity_monitor"):
-            raise  # our own fault, that no installation mends
-        print(_INSTALL_ROS.format(error=error), file=sys.stderr)
-        return 1
+    from proximity_monitor.ros.demo import run
+
     return run(chosen.scene, seconds=chosen.seconds, speed=chosen.speed, page=not chosen.no_page)
 
 
 def _display(chosen: argparse.Namespace) -> int:
-    try:
-        from proximity_monitor.display.run import main
-    except ImportError as error:
-        if (error.name or "").startswith("proximity_monitor"):
-            raise
-        print(_INSTALL_DISPLAY.format(error=error), file=sys.stderr)
-        return 1
+    from proximity_monitor.display.run import main
+
     return main(["--ros-args", "-p", f"host:={chosen.host}", "-p", f"port:={chosen.port}"])
 
 
@@ -183,6 +188,8 @@ def _check(chosen: argparse.Namespace) -> int:
     print(f"{scene.path}: frame {scene.frame}, {scene.rate_hz:g} Hz, {scene.budget_s * 1e3:g} ms")
     for body in scene.bodies:
         where = f"moving, {body.topic or 'by joints'}" if body.moving else "fixed"
+        if body.cloud is not None:
+            where = f"a cloud, {body.cloud.topic}, in frame {body.cloud.frame or scene.frame}"
         print(f"  body {body.name}: {len(models[body.name].faces)} triangles, {where}")
     if len(scene.pairs) > _LISTED:
         print(f"  {len(scene.pairs)} pairs; the first {_LISTED}:")

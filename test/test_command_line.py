@@ -57,14 +57,25 @@ def test_a_duration_or_speed_that_is_none_is_refused(option, value, capsys):
     assert option in capsys.readouterr().err
 
 
-def test_without_rclpy_the_demo_says_how_to_install_it():
+@pytest.mark.parametrize(
+    ("command", "package", "extra"),
+    [
+        ("demo", "rclpy", "ros"),
+        ("demo", "rich", "ros"),
+        ("display", "viser", "ros,display"),
+        ("scene check engine", "yaml", "scene"),
+        ("scene check engine", "jsonschema", "scene"),
+    ],
+)
+def test_without_a_package_a_command_says_how_to_install_it(command, package, extra):
     code = (
-        "import sys; sys.modules['rclpy'] = None\n"
-        "from proximity_monitor.__main__ import main; sys.exit(main(['demo']))"
+        f"import sys; sys.modules['{package}'] = None\n"
+        f"from proximity_monitor.__main__ import main; sys.exit(main('{command}'.split()))"
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert run.returncode == 1
-    assert "pip install '.[ros]'" in run.stderr
+    assert package in run.stderr
+    assert f"pip install '.[{extra}]'" in run.stderr
     assert "Traceback" not in run.stderr
 
 

@@ -140,6 +140,14 @@ class Answers:
             self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
         self._place(np.array([body]), self.poses[[body]], True)
 
+    def replace(self, body: int, model: TriangleMesh) -> NDArray[np.int64]:
+        """Give a body another model; return the rows of its pairs, of which nothing is known."""
+        models = list(self._models)
+        models[body] = model
+        self._models = tuple(models)
+        self.reshape(body, math.inf)
+        return self._rows_of(body)
+
     def add(self, pairs: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Rows (k,) for pairs of bodies (k, 2) that were never searched.
 

@@ -15,6 +15,7 @@ from .kernels.ranges import node_ranges
 from .kernels.spread import spread_corners
 from .kernels.tables import table
 from .solid import sides_of
+from .tessellate import tessellated
 from .tolerances import DOUBLE_EPS, LARGEST_COORDINATE
 from .tree import VOLUMES, build, refit
 
@@ -190,6 +191,17 @@ class TriangleMesh:
         """Raise ModelError where it must be a solid and is none."""
         if self.solid is True and self.not_solid:
             raise ModelError(f"{self.name}: no solid: {self.not_solid}; {_WAY_OUT}")
+
+    def tessellated(self) -> TriangleMesh:
+        """A mesh of the surface that nothing sweeps: this one, where nothing does.
+
+        Its corners lie on the surface and its faces inside, so it is there to be drawn, not to be
+        measured. Where there are many points it is a rough one.
+        """
+        if self.swept_radius == 0.0:
+            return self
+        surface = tessellated(self.vertices, self.faces, self.swept_radius)
+        return TriangleMesh(*surface, name=self.name, volume=self.volume)
 
     @property
     def revision(self) -> int:

@@ -58,7 +58,8 @@ class PartsMessage:
         self._index = {body.name: i for i, body in enumerate(bodies)}
         template = _Template(bodies, frame)
         corners = [
-            models[body.name].vertices[models[body.name].faces].reshape(-1, 3) for body in bodies
+            drawn.vertices[drawn.faces].reshape(-1, 3)
+            for drawn in (models[body.name].tessellated() for body in bodies)
         ]
         # What the splice does is seen on two triangles of each body, which are soon read.
         self._bytes, self._places = template.filled([each[:6] for each in corners])

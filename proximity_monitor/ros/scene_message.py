@@ -25,6 +25,7 @@ when a body's vertices arrive for the first time.
 from __future__ import annotations
 
 import json
+import struct
 import zlib
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
@@ -98,8 +99,14 @@ def _body(body: Body, mesh: engine.TriangleMesh, full_name: Callable[[str], str]
         # Whoever reads this may have another namespace, and other names for topics.
         "topic": None if body.topic is None else full_name(body.topic),
         "point": isinstance(body.primitive, Point),
-        "mesh": f"{zlib.crc32(mesh.faces, zlib.crc32(mesh.vertices)):08x}",
+        "mesh": _digest(mesh),
     }
+
+
+def _digest(mesh: engine.TriangleMesh) -> str:
+    """Tells one shape from another."""
+    radius = struct.pack("<d", mesh.swept_radius)
+    return f"{zlib.crc32(radius, zlib.crc32(mesh.faces, zlib.crc32(mesh.vertices))):08x}"
 
 
 def _limits(limits: Thresholds) -> dict[str, float]:

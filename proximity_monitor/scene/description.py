@@ -37,10 +37,10 @@ class Box:
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A prism of `segments` sides about z, centred on the origin; lengths in metres.
+    """About z, centred on the origin; lengths in metres.
 
-    Its corners lie on the cylinder, so its sides lie inside it, by at most
-    ``radius * (1 - cos(pi / segments))``.
+    It is measured as a prism of `segments` sides, from whose surface its own is
+    ``radius * tan(pi / segments / 2) ** 2`` away at most: bounds are widened by that.
     """
 
     radius: float
@@ -50,10 +50,20 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Sphere:
-    """An icosahedron subdivided `subdivisions` times, its corners on the sphere; metres."""
+    """Around the origin; metres."""
 
     radius: float
-    subdivisions: int
+    subdivisions: int | None = None
+    """How often an icosahedron is subdivided that stands for it; None: it is exact."""
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """All points within `radius` of a segment along z, centred on the origin; metres. Exact."""
+
+    radius: float
+    length: float
+    """Of the segment; the capsule is longer by twice its radius."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +75,7 @@ class Point:
 class Part:
     """One shape of a compound, placed in its frame."""
 
-    shape: Path | Box | Cylinder | Sphere
+    shape: Path | Box | Cylinder | Sphere | Capsule
     """A model file in metres, absolute, or a primitive."""
     scale: tuple[float, float, float]
     """Factors along the shape's own axes, not 0; a negative one mirrors it."""
@@ -82,11 +92,21 @@ class Compound:
     parts: tuple[Part, ...]
 
 
-Primitive = Box | Cylinder | Sphere | Point | Compound
+Primitive = Box | Cylinder | Sphere | Capsule | Point | Compound
 
 
 Solid = bool | Literal["robust"] | None
 """Whether a model is to be a solid."""
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """Points that arrive on a topic, and a ball of `radius` metres around each of them."""
+
+    topic: str
+    radius: float
+    frame: str
+    """The body in whose frame the points are; empty: the fixed frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +130,22 @@ class Body:
     """Whether it must be a solid, as for `engine.TriangleMesh`; None: if its model encloses one."""
     solid_at: str = ""
     """Where the file says so."""
+    deviation: float = 0.0
+    """How far the surface of the model may be from that of the thing, metres."""
     deforming: bool = False
     """Whether its vertices change while the monitor runs."""
+    cloud: Cloud | None = None
+    """Where its shape comes from if it is a point cloud; `primitive` is a point until then."""
 
     @property
     def moving(self) -> bool:
-        """Whether poses arrive while it runs."""
+        """Whether it may be elsewhere at any time."""
         return self.pose is None
+
+    @property
+    def posed(self) -> bool:
+        """Whether poses of it arrive: it moves, and not only with the frame that it is seen in."""
+        return self.moving and self.cloud is None
 
 
 @dataclass(frozen=True)

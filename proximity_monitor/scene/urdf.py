@@ -19,14 +19,14 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from proximity_monitor.scene import markup
-from proximity_monitor.scene.description import Box, Cylinder, Primitive, Sphere
+from proximity_monitor.scene.description import Box, Capsule, Cylinder, Primitive, Sphere
 from proximity_monitor.scene.kinematics import Joint, Kinematics, KinematicsError, Mimic
 from proximity_monitor.scene.markup import NO_ARGUMENTS, MarkupError
 from proximity_monitor.scene.poses import rpy_matrix
 from proximity_monitor.scene.report import shown
 
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
-_SEGMENTS, _SUBDIVISIONS = 64, 3
+_SEGMENTS = 64
 # Metres or radians. Beyond, float64 rounds by more than a robot's clearances, and products of such
 # numbers would leave its range in the end.
 _LARGEST = 1e9
@@ -161,10 +161,14 @@ class _Reader:
                 self._positive(here, *sizes)
                 shape = Cylinder(*sizes, _SEGMENTS)
             elif kind.tag == "sphere":
-                shape = Sphere(self._number(kind, "radius", here), _SUBDIVISIONS)
+                shape = Sphere(self._number(kind, "radius", here))
                 self._positive(here, shape.radius)
+            elif kind.tag == "capsule":
+                sizes = self._number(kind, "radius", here), self._number(kind, "length", here)
+                self._positive(here, *sizes)
+                shape = Capsule(*sizes)
             else:
-                self._fail(here, "unknown shape; read are mesh, box, cylinder and sphere")
+                self._fail(here, "unknown shape; read are mesh, box, cylinder, sphere and capsule")
             yield Shape(shape, scale, *self._origin(element, here))
 
     def _joint(self, element: Element) -> Joint:

@@ -75,7 +75,7 @@ def engine_block(a: str, b: str) -> Scene:
     poses = {name: np.array([frame[name] for frame in frames]) for name in frames[0]}
     meshes = {}
     for body in description.bodies:
-        model = load_model(body, description.unit)
+        model = load_model(body, description.unit).tessellated()
         meshes[body.name] = (model.vertices, model.faces)
         if not body.moving:
             poses[body.name] = np.tile(body.pose, (steps, 1, 1))

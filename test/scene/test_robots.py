@@ -408,4 +408,6 @@ def test_a_description_that_is_not_installed_says_how_to_get_it(problems, monkey
     monkeypatch.setattr(paths.metadata, "files", nothing)
     monkeypatch.setenv("AMENT_PREFIX_PATH", "")
     (found,) = problems(SCENE.replace("crane/crane.urdf", "package://example-robot-data/a.urdf"))
-    assert found.endswith("source the workspace that has it, or: pip install example-robot-data")
+    assert found.endswith(
+        "source the workspace that has it, or, in the checkout: pip install '.[robots]'"
+    )

@@ -175,7 +175,8 @@ SCHEMA_FAULTS = {
     "two primitives": (
         "radius: 1}",
         "radius: 1}, box: {size: [1, 1, 1]}",
-        "4: bodies[0].primitive: must have exactly 1 key of box, cylinder, sphere, point (got 2)",
+        "4: bodies[0].primitive: must have exactly 1 key of box, cylinder, sphere, capsule, point "
+        "(got 2)",
     ),
     "radius 0": (
         "radius: 1",

@@ -29,8 +29,9 @@ def from_settings(
     """
     poses = {body.name: body.pose for body in scene.bodies}
     bodies = [
-        RigidBody(name, models[name], **body) for name, body in settings["bodies"].items()
-    ] + [RigidBody(name, models[name], poses[name]) for name in settings["obstacles"]]
+        RigidBody(name, models[name].tessellated(), **body)
+        for name, body in settings["bodies"].items()
+    ] + [RigidBody(name, models[name].tessellated(), poses[name]) for name in settings["obstacles"]]
     law = settings["contacts"]
     forces = Forces(
         contacts=None if law is None else ContactLaw(**law),

@@ -1,0 +1,90 @@
+"""A mesh of the surface of triangles swept by a ball: for pictures, and for who needs a mesh."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .tree import places
+
+_ENOUGH = 60_000
+"""Triangles that a picture of many balls may take, about."""
+_MERIDIANS = (8, 12, 16, 24, 32, 48)
+"""How many meridians a ball or capsule may have; with half as many parallels."""
+
+
+def tessellated(
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], radius: float
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """A mesh whose corners lie on the surface: of each edge a capsule, of each point a ball.
+
+    Each is closed, and they overlap. A triangle adds its two sides, moved out by the radius.
+
+    Args:
+        vertices: (n, 3) metres.
+        faces: (m, 3) indices of vertices; a segment or a point repeats some.
+        radius: metres, above 0.
+
+    Returns:
+        (k, 3) vertices, metres, and (l, 3) faces, turned outwards.
+    """
+    corners = np.unique(np.sort(places(vertices)[faces], axis=1), axis=0)
+    ends = corners[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
+    edges = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0)
+    alone = np.setdiff1d(corners, edges)
+    spans = np.concatenate((vertices[edges], np.repeat(vertices[alone, None], 2, axis=1)))
+    fits = [n for n in _MERIDIANS if 2 * n * n * len(spans) <= _ENOUGH]
+    points, facets = _capsules(spans, radius, max(fits, default=_MERIDIANS[0]))
+    proper = corners[(corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])]
+    sides = _sides(vertices[proper], radius)
+    flat = np.arange(3 * len(sides)).reshape(-1, 3) + len(points)
+    return np.concatenate((points, sides.reshape(-1, 3))), np.concatenate((facets, flat))
+
+
+def _capsules(
+    spans: NDArray[np.float64], radius: float, meridians: int
+) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Balls swept along segments (k, 2, 3), one below the other."""
+    rows = meridians // 2  # of parallels, of which the middle one is there for either half
+    angles = np.linspace(0.0, np.pi, rows + 1)[1:-1]
+    angles = np.insert(angles, rows // 2, np.pi / 2)
+    around = np.linspace(0.0, 2.0 * np.pi, meridians, endpoint=False)
+    ring = np.stack((np.cos(around), np.sin(around), np.zeros(meridians)), axis=1)
+    ball = np.sin(angles)[:, None, None] * ring + np.cos(angles)[:, None, None] * [0, 0, -1.0]
+    ball = np.concatenate(([[0, 0, -1.0]], ball.reshape(-1, 3), [[0, 0, 1.0]])) * radius
+    upper = np.arange(len(ball)) > rows // 2 * meridians
+    below = np.arange(len(angles) - 1)[:, None] * meridians + np.arange(meridians) + 1
+    beside = below - np.arange(meridians) + (np.arange(meridians) + 1) % meridians
+    last = len(ball) - 1
+    first_ring, last_ring = (below[0], beside[0]), (below[-1] + meridians, beside[-1] + meridians)
+    quads = np.stack((below, beside, beside + meridians, below + meridians), axis=-1)
+    quads = quads.reshape(-1, 4)
+    facets = np.concatenate((
+        np.stack((np.zeros(meridians, int), first_ring[1], first_ring[0]), axis=1),
+        quads[:, [0, 1, 2]],
+        quads[:, [0, 2, 3]],
+        np.stack((last_ring[0], last_ring[1], np.full(meridians, last)), axis=1),
+    ))  # fmt: skip
+    points = [span[upper.astype(int)] + ball @ _frame(span[1] - span[0]) for span in spans]
+    starts = np.arange(len(spans))[:, None, None] * len(ball)
+    return np.concatenate(points), (starts + facets).reshape(-1, 3)
+
+
+def _frame(way: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Three perpendicular rows (3, 3), the last along a direction; any where it vanishes."""
+    length = np.linalg.norm(way)
+    if not length > 0.0:
+        return np.eye(3)
+    z = way / length
+    x = np.cross(np.eye(3)[np.abs(z).argmin()], z)
+    x /= np.linalg.norm(x)
+    return np.stack((x, np.cross(z, x), z))
+
+
+def _sides(triangles: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """Both sides of triangles (k, 3, 3), moved out; none of one without an area."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    triangles, normals = triangles[lengths > 0.0], normals[lengths > 0.0]
+    offset = radius * (normals / lengths[lengths > 0.0, None])[:, None]
+    return np.concatenate((triangles + offset, triangles[:, ::-1] - offset))
