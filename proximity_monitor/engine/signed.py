@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .kernels import depth as kernel
 from .kernels import probe, state
+from .kernels.contain import FEW
 from .kernels.solids import HALF, NOWHERE
 from .mesh import TriangleMesh
 from .overlap import overlap
@@ -30,8 +31,8 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_earlier_tests", "_limits",
-        "_models", "_poses", "_regions", "_revisions", "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_by_vertices", "_deadline", "_depth",
+        "_earlier_tests", "_limits", "_models", "_poses", "_regions", "_revisions", "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:
@@ -116,11 +117,19 @@ class SignedSearch:
         self._limits = -math.inf, math.inf
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
-        if HALF in self._insides:
+        (a_inside, b_inside), (region_a, region_b) = self._insides, self._regions
+        parts = len(region_a.samples) if b_inside else 0
+        parts += len(region_b.samples) if a_inside else 0
+        # A sample does not tell the side of its part where the other has holes, and of thousands of
+        # parts, as points are, volumes tell more at once: then the sign comes by the vertices.
+        self._by_vertices = HALF in self._insides or parts > FEW
+        if self._by_vertices:
             abs_err = 0.0  # with it a vertex that decides on the sign might be left out
         kernel.begin_depth(
             a._tree, b._tree, *self._regions, *self._poses, rel_err, abs_err, self._depth
         )
+        if parts > FEW:
+            self._depth.counts[kernel.SAMPLED] = parts
 
     @property
     def _insides(self) -> tuple[int, int]:
@@ -129,7 +138,7 @@ class SignedSearch:
 
     def _answer(self) -> NDArray[np.float64]:
         """The row (ANSWER,) of what is known when the search ends, or time is over."""
-        decided = self._test_samples() and HALF not in self._insides
+        decided = self._test_samples() and not self._by_vertices
         if self._overlapping:
             return self._inside(self._search(samples_alone=False))
         apart = self._distance()

@@ -1,4 +1,4 @@
-"""Which watched pairs cannot see one body inside the other: those whose larger one is a surface."""
+"""Which watched pairs cannot see one body inside the other: their larger body is a surface."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class Unseen:
         more = f" and {self.count - len(self.pairs)} more" if self.count > len(self.pairs) else ""
         what = "pair cannot" if self.count == 1 else "pairs cannot"
         lines = [
-            f"{self.count} watched {what} see one body inside the other, as the larger is no solid: "
-            f"{named}{more}; repair its model, or say 'solid: robust'"
+            f"{self.count} watched {what} see one body inside the other, as the larger is no "
+            f"solid: {named}{more}; repair its model, or say 'solid: robust'"
         ]
         reasons = list(self.reasons.items())
         lines += [f"no solid: {name}: {reason}" for name, reason in reasons[:_NAMED]]
