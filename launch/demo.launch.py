@@ -1,7 +1,7 @@
-"""Starts the monitor and the player that moves the scene's bodies."""
+"""Starts the monitor and the player that moves the scene's bodies; one ends with the other."""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, Shutdown
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -49,6 +49,7 @@ def generate_launch_description():
                 package="proximity_monitor",
                 executable="player",
                 output="screen",
+                on_exit=Shutdown(reason="the player ended"),
                 parameters=[
                     {
                         "scene": ParameterValue(LaunchConfiguration("scene"), value_type=str),

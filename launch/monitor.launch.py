@@ -1,7 +1,8 @@
-"""Starts the proximity monitor and, if asked to, RViz."""
+"""Starts the proximity monitor and, if asked to, RViz; the end of one ends the other."""
 
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
@@ -26,12 +27,25 @@ def monitor(context):
             name="proximity_monitor",
             output="screen",
             parameters=[LaunchConfiguration("params_file"), overrides],
+            on_exit=Shutdown(reason="the monitor ended"),
         )
     ]
 
 
 def viewer(context):
-    """RViz; nothing says how the scene's frame lies in another, so it has to be the fixed one."""
+    """RViz; nothing says how the scene's frame lies in another, so it has to be the fixed one.
+
+    Raises:
+        RuntimeError: it is not installed. This is asked before anything is started, because an
+            error ends launch and not what it started.
+    """
+    try:
+        get_package_prefix("rviz2")
+    except PackageNotFoundError as error:
+        raise RuntimeError(
+            "rviz:=true needs RViz, and the package rviz2 is not installed; install it"
+            " (sudo apt install ros-$ROS_DISTRO-rviz2), or leave rviz:=true out"
+        ) from error
     share = FindPackageShare("proximity_monitor")
     scene = LaunchConfiguration("scene").perform(context)
     frame = ["-f", load_scene(find_scene(scene)).frame] if scene else []
@@ -42,6 +56,7 @@ def viewer(context):
             executable="rviz2",
             arguments=["-d", PathJoinSubstitution([share, "rviz", "assembly.rviz"]), *frame],
             parameters=[{"use_sim_time": sim_time}],
+            on_exit=Shutdown(reason="RViz ended"),
         )
     ]
 
@@ -73,7 +88,7 @@ def generate_launch_description():
                 choices=["true", "false"],
                 description="Start RViz with a view of parts and markers",
             ),
-            OpaqueFunction(function=monitor),
             OpaqueFunction(function=viewer, condition=IfCondition(LaunchConfiguration("rviz"))),
+            OpaqueFunction(function=monitor),
         ]
     )

@@ -5,8 +5,15 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
+import os
+import signal
 import sys
 from collections.abc import Sequence
+
+_INSTALL_SCENE = """\
+proximity_monitor scene needs packages that read scene files: {error}
+Install them beside this package, in the checkout:
+    pip install '.[scene]'"""
 
 _INSTALL_ROS = """\
 proximity_monitor demo needs ROS 2's Python packages: {error}
@@ -58,15 +65,48 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 130 after a Ctrl-C while Python still imports, as later ones end a command in
         good order; 2, by `SystemExit`, for a wrong command line.
     """
+    interrupted = False
+
+    def interrupt(*_: object) -> None:
+        nonlocal interrupted
+        interrupted = True
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
     try:
         parser = _parser()
         chosen = parser.parse_args(arguments)
         if chosen.run is None:
             parser.print_help()
             return 0
-        return chosen.run(chosen)
+        return _run(chosen)
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # who read what is printed has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes
+        return 1
+    except Exception as error:
+        # Numba's compiler and readers of files take an interrupt for a fault of their input.
+        if interrupted:
+            return 130
+        if isinstance(error, chosen.told):
+            print(error, file=sys.stderr)
+            return 1
+        raise
+    finally:
+        if signal.getsignal(signal.SIGINT) is interrupt:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _run(chosen: argparse.Namespace) -> int:
+    try:
+        return chosen.run(chosen)
+    except ImportError as error:
+        if error.name is None or error.name.startswith("proximity_monitor"):
+            raise  # our own fault, that no installation mends
+        print(chosen.install.format(error=error), file=sys.stderr)
+        return 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -75,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Certified clearances between the moving bodies of an assembly.",
         epilog="The ROS 2 nodes: ros2 run proximity_monitor node (or player)",
     )
-    parser.set_defaults(run=None)
+    parser.set_defaults(run=None, told=())
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
 
     demo = commands.add_parser(
@@ -105,7 +145,7 @@ def _parser() -> argparse.ArgumentParser:
         help="play the motion X times as fast (default: 1)",
     )
     demo.add_argument("--no-page", action="store_true", help="do not serve the page in the browser")
-    demo.set_defaults(run=_demo)
+    demo.set_defaults(run=_demo, install=_INSTALL_ROS)
 
     display = commands.add_parser(
         "display",
@@ -128,7 +168,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="the first port to try; 0: any (default: 8080)",
     )
-    display.set_defaults(run=_display)
+    display.set_defaults(run=_display, install=_INSTALL_DISPLAY)
 
     scene = commands.add_parser("scene", help="work with scene files")
     scene.set_defaults(run=lambda _: scene.print_help() or 0)
@@ -141,29 +181,19 @@ def _parser() -> argparse.ArgumentParser:
         " used.",
     )
     check.add_argument("scene", metavar="NAME|FILE", help="a scene file or a bundled scene")
-    check.set_defaults(run=_check)
+    check.set_defaults(run=_check, install=_INSTALL_SCENE, told=(OSError, ValueError))
     return parser
 
 
 def _demo(chosen: argparse.Namespace) -> int:
-    try:
-        from proximity_monitor.ros.demo import run
-    except ImportError as error:
-        if (error.name or "").startswith("proximity_monitor"):
-            raise  # our own fault, that no installation mends
-        print(_INSTALL_ROS.format(error=error), file=sys.stderr)
-        return 1
+    from proximity_monitor.ros.demo import run
+
     return run(chosen.scene, seconds=chosen.seconds, speed=chosen.speed, page=not chosen.no_page)
 
 
 def _display(chosen: argparse.Namespace) -> int:
-    try:
-        from proximity_monitor.display.run import main
-    except ImportError as error:
-        if (error.name or "").startswith("proximity_monitor"):
-            raise
-        print(_INSTALL_DISPLAY.format(error=error), file=sys.stderr)
-        return 1
+    from proximity_monitor.display.run import main
+
     return main(["--ros-args", "-p", f"host:={chosen.host}", "-p", f"port:={chosen.port}"])
 
 
@@ -173,16 +203,14 @@ def _check(chosen: argparse.Namespace) -> int:
     from proximity_monitor.scene.opening import find_scene, load_models
     from proximity_monitor.scene.unseen import unseen_containment
 
-    try:
-        scene = load_scene(find_scene(chosen.scene))
-        models = load_models(scene)
-        moves = motion.from_scene(scene, models).describe() if scene.motion is not None else ""
-    except (OSError, ValueError) as error:
-        print(error, file=sys.stderr)
-        return 1
+    scene = load_scene(find_scene(chosen.scene))
+    models = load_models(scene)
+    moves = motion.from_scene(scene, models).describe() if scene.motion is not None else ""
     print(f"{scene.path}: frame {scene.frame}, {scene.rate_hz:g} Hz, {scene.budget_s * 1e3:g} ms")
     for body in scene.bodies:
         where = f"moving, {body.topic or 'by joints'}" if body.moving else "fixed"
+        if body.cloud is not None:
+            where = f"a cloud, {body.cloud.topic}, in frame {body.cloud.frame or scene.frame}"
         print(f"  body {body.name}: {len(models[body.name].faces)} triangles, {where}")
     if len(scene.pairs) > _LISTED:
         print(f"  {len(scene.pairs)} pairs; the first {_LISTED}:")

@@ -99,6 +99,34 @@ def test_launch_files_take_the_usual_arguments(name):
     assert declared == {"scene", "params_file", "use_sim_time", "rviz"}
 
 
+def calls(name, function):
+    """The calls of a function in a launch file, in the order of their places."""
+    tree = ast.parse((ROOT / "launch" / f"{name}.launch.py").read_text())
+    found = [n for n in ast.walk(tree) if isinstance(n, ast.Call)]
+    found.sort(key=lambda call: call.lineno)
+    return [call for call in found if getattr(call.func, "id", "") == function]
+
+
+@pytest.mark.parametrize(("name", "count"), [("monitor", 2), ("demo", 1)])
+def test_the_end_of_what_launch_started_ends_the_rest(name, count):
+    started = calls(name, "Node")
+    assert len(started) == count
+    for call in started:
+        (on_exit,) = [each.value for each in call.keywords if each.arg == "on_exit"]
+        assert on_exit.func.id == "Shutdown"
+
+
+def test_launch_looks_for_rviz_before_it_starts_anything():
+    """An error in a launch file ends launch, but not what it started before."""
+    functions = [call.keywords[0].value.id for call in calls("monitor", "OpaqueFunction")]
+    assert functions == ["viewer", "monitor"]
+    included, node = calls("demo", "IncludeLaunchDescription") + calls("demo", "Node")
+    assert included.lineno < node.lineno
+    source = (ROOT / "launch" / "monitor.launch.py").read_text()
+    viewer = source[source.index("def viewer") :]
+    assert viewer.index("get_package_prefix(") < viewer.index("Node(")
+
+
 @pytest.fixture
 def prefix() -> Path:
     """Where the package is installed, by colcon or pip."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+import re
 from html import escape
 from typing import NamedTuple
 
@@ -93,7 +94,7 @@ def silent_bodies(frame: Frame) -> dict[str, str]:
     found: dict[str, float] = {}
     pairs = frame.pairs
     for i in (pairs.level == STALE).nonzero()[0]:
-        said = pairs.silent[i].partition(" of ")[2].split(" and ")
+        said = re.findall(r"[\w./-]+", pairs.silent[i])
         silent = [name for name in pairs.names[i] if name in said]
         age = frame.stamp_s - pairs.stamp_s[i]
         for name in silent:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import numpy as np
@@ -11,7 +12,7 @@ from proximity_monitor.display.state import LEVELS, STATUSES, Pairs, shared
 
 _LEVEL = {name.encode(): i for i, name in enumerate(LEVELS)}
 _STATUS = {name.encode(): i for i, name in enumerate(STATUSES)}
-_SILENT = ("no recent pose of ", "no pose yet of ")
+_SILENT = re.compile(r"no (recent|new|\w+ yet)\b.* of .*")
 _NOWHERE = b"nan nan nan"
 
 
@@ -33,7 +34,8 @@ def read_pairs(data: bytes) -> tuple[float, Pairs]:
         a, _, b = cursor.text().partition(" - ")
         names.append((a, b))
         message = cursor.text()
-        silent.append(next((message[message.index(s) :] for s in _SILENT if s in message), ""))
+        found = _SILENT.search(message)
+        silent.append(found[0] if found else "")
         cursor.text()
         told.append(_values(cursor))
     try:

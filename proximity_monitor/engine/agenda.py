@@ -102,6 +102,11 @@ class Agenda:
             fresh[name] = value
         self.book[rows] = fresh
 
+    def renew(self, rows: NDArray[np.int64]) -> None:
+        """Forget what searches of rows (k,) found: a body of theirs has another model now."""
+        self.book["done"][rows] = self.book["hard"][rows] = False
+        self.book["hint"][rows] = _FIRST["hint"]
+
     def look(
         self,
         rows: NDArray[np.int64],
@@ -115,7 +120,8 @@ class Agenda:
             rows: the entries from now on.
             known: (n,) the bodies whose pose is.
             silent: (n,) those whose pose is unknown or too old; their pairs come last.
-            distances: whether anybody wants numbers; if not, all pairs are only decided.
+            distances: whether anybody wants numbers; if not, pairs are only decided, but for
+                those that are at a level.
         """
         if len(rows) > len(self._views):
             self._reserve(2 * len(rows))

@@ -140,6 +140,14 @@ class Answers:
             self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
         self._place(np.array([body]), self.poses[[body]], True)
 
+    def replace(self, body: int, model: TriangleMesh) -> NDArray[np.int64]:
+        """Give a body another model; return the rows of its pairs, of which nothing is known."""
+        models = list(self._models)
+        models[body] = model
+        self._models = tuple(models)
+        self.reshape(body, math.inf)
+        return self._rows_of(body)
+
     def add(self, pairs: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Rows (k,) for pairs of bodies (k, 2) that were never searched.
 
@@ -149,9 +157,17 @@ class Answers:
             self._grow(len(pairs) - len(self._free))
         rows, self._free = np.split(self._free, [len(pairs)])
         self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = pairs
-        self._labels[rows, kernel.SIGNED] = signed * self._kinds(pairs)
+        self.sign(rows, signed)
         self._forget(rows)
         return rows
+
+    def pairs(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The bodies (k, 2) of rows (k,)."""
+        return self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
+
+    def sign(self, rows: NDArray[np.int64], signed: NDArray[np.bool_]) -> None:
+        """Say of rows (k,), of which nothing is known, whether one of each pair is a solid."""
+        self._labels[rows, kernel.SIGNED] = signed * self._kinds(self.pairs(rows))
 
     def _kinds(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
         """Of what kind the signed distances of pairs (k, 2) are."""

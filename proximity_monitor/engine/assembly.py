@@ -59,6 +59,20 @@ class Assembly:
         """Of what another is made: kernels find the memory of this one by its addresses."""
         return type(self), (self.models,)
 
+    def replace(self, body: int, model: TriangleMesh) -> None:
+        """Give a body another model; what was found with the old one is no hint any more."""
+        models = list(self.models)
+        models[body] = model
+        self.models = tuple(models)
+        self._meshes = tuple({id(each): each for each in models}.values())
+        self._unusual = code_for(self._meshes)
+        self._trees = []  # the tables are made anew
+        self._insides = None
+        self._cut.clear()
+        if model.depth > self._deepest.depth:
+            self._deepest = model
+            self._searches.clear()
+
     def distances(
         self,
         poses: ArrayLike,

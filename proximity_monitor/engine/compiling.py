@@ -3,11 +3,99 @@
 Both may make arrays. Entries are kept where the engine's own kernels are, in a place that can be
 written even where the package cannot. Numba notices a change of the file in which an entry stands,
 and of no other: its helpers and the constants that they use belong there, too.
+
+`Progress` tells how far the compiling of the engine's kernels is.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
+
+from numba.core import event
+from numba.core.caching import NullCache
+
+from .kernels.cache import DIRECTORIES
 from .kernels.jit import allocating as helper
 from .kernels.jit import allocating_entry as entry
 
-__all__ = ["entry", "helper"]
+__all__ = ["SOLID", "WATCHING", "Progress", "entry", "helper"]
+
+WATCHING = frozenset(
+    {
+        "agenda.ask", "agenda.look", "agenda.report", "agenda.take", "agenda.wanting",
+        "build.build_tree", "carry.place", "descent.advance", "fit_tree.fit_tree",
+        "measure.measure", "pairing.pair_up", "primitives.test_triangles", "ranges.node_ranges",
+        "search.search", "search.search_pairs", "sweep.sweep",
+    }
+)  # fmt: skip
+"""The kernels that watching the distances of meshes needs, by file and function."""
+
+SOLID = frozenset(
+    {
+        "depth.begin_depth", "depth.deepest", "depth.search_depth", "motion.pose_deviation",
+        "solids.first_of_place", "solids.part_volumes", "solids.parts_and_owners",
+        "solids.unpaired_edges",
+    }
+)  # fmt: skip
+"""Those that signed distances of solids need beside them."""
+
+_KERNELS = __package__ + ".kernels."
+
+
+class Progress(event.Listener):
+    """Counts the kernels that are compiled while it is entered: "7 of 19".
+
+    Numba reports what its cache did not have, so where that has everything nothing is counted.
+
+    Args:
+        needed: names of kernels; others that are compiled as well are added to them.
+        tell: called as `tell(progress)` when a kernel begins and when it is done, in the thread
+            that compiles.
+
+    Attributes:
+        started: whether anything was compiled.
+    """
+
+    def __init__(
+        self, needed: Collection[str], tell: Callable[[Progress], None] = lambda progress: None
+    ) -> None:
+        kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
+        self._needed = set(needed)
+        self._done = self._needed & kept
+        self._tell = tell
+        self.started = False
+
+    def __str__(self) -> str:
+        """Say how far it is."""
+        return f"compiling kernels: {len(self._done)} of {len(self._needed)}"
+
+    def __enter__(self) -> Progress:
+        """Begin to count."""
+        event.register("numba:compile", self)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Count no more."""
+        event.unregister("numba:compile", self)
+
+    def on_start(self, start: event.Event) -> None:
+        """Hear that a kernel is being compiled."""
+        if name := _kernel(start):
+            self.started = True
+            self._needed.add(name)
+            self._tell(self)
+
+    def on_end(self, end: event.Event) -> None:
+        """Hear that it is done."""
+        if name := _kernel(end):
+            self._done.add(name)
+            self._tell(self)
+
+
+def _kernel(compiling: event.Event) -> str:
+    """The name of a kernel that is kept; empty for its helpers and for others' functions."""
+    dispatcher = compiling.data["dispatcher"]
+    function = dispatcher.py_func
+    if not function.__module__.startswith(_KERNELS) or isinstance(dispatcher._cache, NullCache):
+        return ""
+    return f"{function.__module__.removeprefix(_KERNELS)}.{function.__qualname__}"

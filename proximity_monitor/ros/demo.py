@@ -10,7 +10,6 @@ import math
 import os
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from threading import Thread
@@ -26,15 +25,16 @@ from rich.console import Console
 from rich.live import Live
 
 from proximity_monitor import motion
+from proximity_monitor.engine import compiling
 from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros.node import ProximityMonitor
 from proximity_monitor.ros.page_process import PageProcess, can_show_page
 from proximity_monitor.ros.player import ProximityPlayer
 from proximity_monitor.ros.qos import LATEST
-from proximity_monitor.ros.spin import ros, spin
+from proximity_monitor.ros.spin import interruptible, ros, spin
 from proximity_monitor.ros.table import Picture
 from proximity_monitor.scene import Scene, load_scene
-from proximity_monitor.scene.opening import find_scene
+from proximity_monitor.scene.opening import find_scene, kernels_of
 
 LIVE_PERIOD_S = 0.25
 PLAIN_PERIOD_S = 1.0
@@ -55,7 +55,7 @@ class View(Node):
     """Subscribes to a monitor and shows its picture from time to time."""
 
     def __init__(self, picture: Picture, show: Callable[[], None], period_s: float) -> None:
-        """Subscribe; `show` is called every `period_s` seconds once there are results."""
+        """Subscribe; `show` is called every `period_s` seconds once the picture is ready."""
         super().__init__("proximity_demo")
         self._picture = picture
         self._show = show
@@ -87,7 +87,7 @@ class View(Node):
             self.read()
 
     def _on_timer(self) -> None:
-        if self._picture.results:
+        if self._picture.ready:
             self.read()
             self._show()
 
@@ -107,22 +107,24 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
     """
     # Nobody else's network needs to see a demo.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    try:
-        described = load_scene(find_scene(scene))
-        moves = motion.from_scene(described, live=True)
-    except (OSError, ValueError) as error:
-        print(error, file=sys.stderr)
-        return 1
-    picture = Picture(described.unit, "; ".join(moves.describe().splitlines()))
-    bodies = counted(len(described.bodies), "body", "bodies")
-    print(f"{described.path}: {bodies}, {counted(len(described.pairs), 'pair', 'pairs')}")
-    print(f"{picture.what_runs}\nStarting ...", flush=True)
     console = Console()
-    with ros([]) as stop, ExitStack() as stack:
+    with ros([], "proximity_monitor demo") as stop, ExitStack() as stack:
+        try:
+            described = load_scene(find_scene(scene))
+            with _progress(described), interruptible():
+                moves = motion.from_scene(described, live=True)
+        except (OSError, ValueError) as error:
+            print(error, file=sys.stderr)
+            return 1
+        picture = Picture(described.unit, "; ".join(moves.describe().splitlines()))
+        bodies = counted(len(described.bodies), "body", "bodies")
+        print(f"{described.path}: {bodies}, {counted(len(described.pairs), 'pair', 'pairs')}")
+        print(f"{picture.what_runs}\nStarting ...", flush=True)
         if page:
             _serve_page(console, stack)
         try:
-            nodes = _start(described, moves, speed, stack)
+            with _progress(described):
+                nodes = _start(described, moves, speed, stack)
         except (OSError, ValueError) as error:
             print(error, file=sys.stderr)
             return 1
@@ -159,6 +161,19 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         if picture.results or not stop.asked:
             return _summary(picture, time.monotonic() - started)
     return 0  # interrupted while it started
+
+
+def _progress(scene: Scene) -> compiling.Progress:
+    """Print how far the compiling is, as long as this is entered."""
+    said = ""
+
+    def tell(progress: compiling.Progress) -> None:
+        nonlocal said
+        if str(progress) != said:
+            said = str(progress)
+            print(said, flush=True)
+
+    return compiling.Progress(kernels_of(scene), tell)
 
 
 def _start(scene: Scene, moves: motion.Motion, speed: float, stack: ExitStack) -> list[Node]:
@@ -216,9 +231,9 @@ def _summary(picture: Picture, took_s: float) -> int:
     if not picture.results:
         print(f"The monitor published nothing in {took_s:.1f} s.", file=sys.stderr)
         return 1
-    count = Counter(alert.message.partition(":")[0] for alert in picture.alerts)
-    changes = ", ".join(f"{n} x {change}" for change, n in sorted(count.items())) or "none"
-    print(f"\n{took_s:.1f} s, {picture.results} results received; alerts: {changes}.")
+    print(f"\n{took_s:.1f} s, {picture.results} results received; alerts: {len(picture.alerts)}.")
+    for line in picture.changes():
+        print(f"  {line}")
     print("Smallest clearance of each pair in this session, the nearest first:")
     for name, least in picture.minima(ROWS):
         print(f"  {name}: {least} {picture.unit.symbol}")

@@ -4,7 +4,8 @@
 ``<node>: schedule`` a warning when ticks overran since the last message, or the node is paused or
 not active; ``<node>: inputs`` a warning while a body is silent, an unknown one is published, or
 messages were refused since the last message; ``<node>: outputs`` a warning when a peer came whose
-quality of service does not fit. Counts run from the time the node was configured.
+quality of service does not fit, or while another node has the same name. Counts run from the time
+the node was configured.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.listed import as_arrays
-from proximity_monitor.scene.state import STATUSES, PairStatus, Tick
+from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, silence
 from proximity_monitor.scene.unseen import Unseen
 
 WINDOW_S = 10.0
@@ -83,8 +84,8 @@ class State(NamedTuple):
     watched: int
     """Pairs of the scene."""
     inputs: Inputs
-    silent: Sequence[str]
-    """Bodies whose pose is stale or was never given."""
+    silent: Mapping[str, str]
+    """By a body that is not to be relied on, why."""
     refused_joints: Mapping[str, int]
     """By reason."""
     held: Mapping[str, str]
@@ -101,6 +102,12 @@ class State(NamedTuple):
     """By topic, peers whose quality of service does not fit."""
     unseen: Unseen
     """Pairs that cannot see one body inside the other."""
+    namesakes: int
+    """Other nodes of the same name."""
+    dropped: Mapping[str, int]
+    """By body that is a cloud, points that are not finite."""
+    clouds: Mapping[str, int]
+    """By body that is a cloud, messages that became its model."""
 
 
 @dataclass
@@ -179,7 +186,7 @@ class Health:
         strangers = state.inputs.strangers
         wrong = []
         if state.silent:
-            wrong.append(f"no recent pose of {_some(state.silent)}")
+            wrong.append(silence(state.silent, state.silent, listed=_some))
         if strangers:
             wrong.append(f"unknown bodies: {_some(strangers)}")
         if state.waiting:
@@ -187,6 +194,8 @@ class Health:
         if new:
             wrong.append(f"{new} messages rejected in the last second")
         values = {f"rejected: {reason}": str(n) for reason, n in refused.items()}
+        values |= {f"points dropped: {name}": str(n) for name, n in state.dropped.items()}
+        values |= {f"clouds built: {name}": str(n) for name, n in state.clouds.items()}
         values["silent bodies"] = ", ".join(state.silent)
         values["unknown bodies"] = ", ".join(strangers)
         values["attached bodies"] = _hanging(state.held)
@@ -201,11 +210,16 @@ class Health:
         values |= {f"incompatible QoS: {topic}": str(n) for topic, n in state.incompatible.items()}
         values["alerts left out"] = str(state.alerts_left_out)
         values["incompatible QoS"] = str(incompatible)
-        level, what = DiagnosticStatus.OK, "all peers fit"
+        values["nodes of the same name"] = str(state.namesakes)
+        wrong = []
+        if state.namesakes:
+            wrong.append(
+                f"{state.namesakes + 1} nodes are called {self.node}: their results are mixed"
+            )
         if new:
-            level = DiagnosticStatus.WARN
-            what = f"{new} peers with an incompatible quality of service in the last second"
-        return self._status("outputs", level, what, values)
+            wrong.append(f"{new} peers with an incompatible quality of service in the last second")
+        level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
+        return self._status("outputs", level, "; ".join(wrong) or "all peers fit", values)
 
     def _status(
         self, task: str, level: bytes, message: str, values: dict[str, str]

@@ -1,22 +1,24 @@
-"""Poses from the outside: each is checked as it arrives, then kept, or refused and counted.
+"""Poses and shapes from the outside: checked as they arrive, then kept, or refused and counted.
 
-A message never does more than this. The last good pose of a body stays, and is reported as stale
-once its stamp is older than the timeout, so a source that sends garbage ends like one that fell
-silent.
+A message never does more than this. What a body's state hangs on is a list of inputs: its pose,
+and the vertices or the cloud that its shape comes from, if any. Each remembers the stamp of its
+last good message. That message stays in force, and its body is silent once the stamp is older than
+the timeout, so a source that sends garbage ends like one that fell silent.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from proximity_monitor.ros.bulk import StampedPose
 from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrices, pose_matrix
-from proximity_monitor.scene.state import PoseSample
+from proximity_monitor.scene.state import NO_POSE_YET, NO_RECENT_POSE, PoseSample
 
 FUTURE_TOLERANCE_S = 0.1
 """How far ahead of the node's clock a stamp may be. Clocks of machines that are kept in step
@@ -51,16 +53,31 @@ class Reason:
     )  # fmt: skip
 
 
-class _Last:
-    """The last good pose of one body, and the one with another stamp before it."""
+class _Input:
+    """Something that has to go on arriving: the stamp of its last good message."""
 
-    __slots__ = ("before", "before_ns", "first", "pose", "stamp_ns")
+    __slots__ = ("stamp_ns",)
 
     def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
         self.stamp_ns: int | None = None
+
+    def out_of_order(self, stamp_ns: int) -> bool:
+        return self.stamp_ns is not None and stamp_ns < self.stamp_ns
+
+    def late(self, now_ns: int, timeout_s: float) -> bool:
+        return self.stamp_ns is None or (now_ns - self.stamp_ns) * 1e-9 > timeout_s
+
+
+class _Last(_Input):
+    """The last good pose of one body, and the one with another stamp before it."""
+
+    __slots__ = ("before", "before_ns", "first", "pose")
+
+    def forget(self) -> None:
+        super().forget()
         self.pose: np.ndarray | None = None
         self.before_ns: int | None = None
         self.before: np.ndarray | None = None
@@ -76,20 +93,28 @@ class _Last:
 
 
 class Inputs:
-    """The last good pose of each moving body, and what was refused."""
+    """The last good pose of each moving body, how fresh each shape is, and what was refused."""
 
-    def __init__(self, bodies: Iterable[str], frame: str, roots: Iterable[str] = ()) -> None:
-        """Begin with no pose of anything.
+    def __init__(
+        self,
+        bodies: Iterable[str],
+        frame: str,
+        roots: Iterable[str] = (),
+        shapes: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
+        """Begin with nothing heard.
 
         Args:
-            bodies: the moving bodies.
-            frame: the only one that is accepted.
+            bodies: whose poses arrive.
+            frame: the only one that is accepted of poses.
             roots: robots whose root link moves. Its poses are kept like a body's; those of the
                 links follow from them.
+            shapes: by a body whose shape arrives what it arrives as, such as "vertices".
         """
         self.names = tuple(bodies)
         """The moving bodies, in the order of bulk messages."""
         self._last = {name: _Last() for name in (*self.names, *roots)}
+        self._shapes = {name: (_Input(), what) for name, what in shapes.items()}
         self._frame = frame
         self._counted: set[bytes] = set()
         self._awaited: set[str] = set()
@@ -176,13 +201,25 @@ class Inputs:
         return self._keep(names, poses, good, stamp_ns, frame, now_ns)
 
     def refuse(self, reason: str) -> None:
-        """Count a message that is refused before it comes to poses."""
+        """Count a message that is refused for what it holds."""
         self.rejected[reason] += 1
 
+    def judge_shape(self, name: str, stamp_ns: int, now_ns: int) -> str | None:
+        """Return why a shape of a body cannot be taken for the time of its stamp, if it cannot."""
+        if reason := self._judge_age(stamp_ns, now_ns):
+            return reason
+        return Reason.ORDER if self._shapes[name][0].out_of_order(stamp_ns) else None
+
+    def keep_shape(self, name: str, stamp_ns: int) -> None:
+        """Take note that a body has the shape of a message with this stamp."""
+        self._shapes[name][0].stamp_ns = stamp_ns
+
     def forget(self) -> None:
-        """Forget all poses: the clock went back, so no stamp can be compared with a former one."""
+        """Forget all stamps and poses: the clock went back, so none can be compared with them."""
         for last in self._last.values():
             last.forget()
+        for heard, _ in self._shapes.values():
+            heard.forget()
 
     def place(self, name: str, pose: np.ndarray, stamp_ns: int) -> None:
         """Put a body where it was carried to, when it is detached."""
@@ -194,7 +231,9 @@ class Inputs:
         """Return each moving body's last good pose and whether it is stale."""
         every = ((name, self._last[name]) for name in self.names)
         return {
-            name: None if last.pose is None else PoseSample(last.pose, self._stale(last, now_ns))
+            name: None
+            if last.pose is None
+            else PoseSample(last.pose, last.late(now_ns, self.timeout_s))
             for name, last in every
         }
 
@@ -202,6 +241,25 @@ class Inputs:
         """Return the last good pose (4, 4) of a body or root and its stamp in ns; None without."""
         last = self._last[name]
         return None if last.pose is None else (last.pose, last.stamp_ns)
+
+    def silent(self, samples: Mapping[str, PoseSample | None], now_ns: int) -> dict[str, str]:
+        """Return by each silent body why it is.
+
+        Args:
+            samples: where the bodies are, those that are carried by others too.
+            now_ns: nanoseconds of the node's clock.
+        """
+        found = {
+            name: NO_POSE_YET if at is None else NO_RECENT_POSE
+            for name, at in samples.items()
+            if at is None or at.stale
+        }
+        for name, (heard, what) in self._shapes.items():
+            # Of who takes no poses it is the shape that is missing.
+            first = name not in found or name not in self._last
+            if first and heard.late(now_ns, self.timeout_s):
+                found[name] = f"no {what} yet" if heard.stamp_ns is None else f"no recent {what}"
+        return found
 
     def await_again(self, names: Iterable[str]) -> None:
         """Begin a new round, which is `complete` when each of these bodies has a new pose."""
@@ -215,6 +273,10 @@ class Inputs:
     def stamp_ns(self, name: str) -> int | None:
         """Return the stamp of a body's last good pose; None for a fixed body or without a pose."""
         return self._last[name].stamp_ns if name in self._last else None
+
+    def shape_stamp_ns(self, name: str) -> int | None:
+        """Return the stamp of the message that a body's shape is from; None where there is none."""
+        return self._shapes[name][0].stamp_ns if name in self._shapes else None
 
     def course(self, name: str) -> Course | None:
         """Return a moving body's last two poses; None where there are not two in good time."""
@@ -276,9 +338,10 @@ class Inputs:
         return good
 
     def _judge_header(self, frame: str, stamp_ns: int, now_ns: int) -> str | None:
+        return Reason.FRAME if frame != self._frame else self._judge_age(stamp_ns, now_ns)
+
+    def _judge_age(self, stamp_ns: int, now_ns: int) -> str | None:
         age_s = (now_ns - stamp_ns) * 1e-9
-        if frame != self._frame:
-            return Reason.FRAME
         if age_s < -FUTURE_TOLERANCE_S:
             return Reason.FUTURE
         if age_s > self.timeout_s:
@@ -288,11 +351,7 @@ class Inputs:
     def _judge_body(self, name: str, stamp_ns: int) -> str | None:
         if name in self.attached:
             return Reason.ATTACHED
-        last_ns = self._last[name].stamp_ns
-        return Reason.ORDER if last_ns is not None and stamp_ns < last_ns else None
-
-    def _stale(self, last: _Last, now_ns: int) -> bool:
-        return last.stamp_ns is None or (now_ns - last.stamp_ns) * 1e-9 > self.timeout_s
+        return Reason.ORDER if self._last[name].out_of_order(stamp_ns) else None
 
 
 def _judge_pose(

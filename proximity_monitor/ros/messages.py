@@ -33,13 +33,14 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from proximity_monitor.scene import Unit
 from proximity_monitor.scene.alerts import Alert, Level
-from proximity_monitor.scene.state import PairState, PairStatus
+from proximity_monitor.scene.state import NO_POSE_YET, PairState, PairStatus, silence
 
 SEVERITY = {
     Level.CLEAR: DiagnosticStatus.OK,
@@ -62,14 +63,19 @@ def pair_name(a: str, b: str) -> str:
     return f"{a} - {b}"
 
 
-def clearance_text(pair: PairState, unit: Unit) -> str:
-    """Return a pair's clearance for people: one number where it is known, else both bounds."""
+def clearance_text(
+    pair: PairState, unit: Unit, silent: Mapping[str, str] = MappingProxyType({})
+) -> str:
+    """Return a pair's clearance for people: one number where it is known, else both bounds.
+
+    `silent` says, by a silent body, why it is.
+    """
     if pair.status is PairStatus.UNKNOWN:
-        return f"no pose yet of {' and '.join(pair.silent)}"
+        return silence(pair.silent, silent, NO_POSE_YET)
     number = f"{pair.upper / unit.to_metre:.4g}"
     if pair.status is PairStatus.BOUNDED:
         number = f"{pair.lower / unit.to_metre:.4g}..{number}"
-    stale = f", no recent pose of {' and '.join(pair.silent)}" if pair.silent else ""
+    stale = f", {silence(pair.silent, silent)}" if pair.silent else ""
     return f"{number} {unit.symbol} {pair.status.value}{stale}"
 
 
@@ -81,6 +87,7 @@ def closest_points(
     frame: str,
     unit: Unit,
     pose_stamp_ns: Callable[[str], int | None],
+    silent: Mapping[str, str] = MappingProxyType({}),
 ) -> bytes:
     """Return all pairs of a tick as one serialised message (see the module's table).
 
@@ -94,6 +101,7 @@ def closest_points(
         frame: the fixed frame.
         unit: for the texts.
         pose_stamp_ns: the stamp of a body's pose, by name.
+        silent: by a silent body, why it is.
     """
     hardware_id = _text(frame)
     head = _HEAD.pack(_LITTLE_ENDIAN_CDR, stamp.sec, stamp.nanosec)
@@ -106,7 +114,7 @@ def closest_points(
         parts += (
             SEVERITY[level] + bytes(spare - 1 if spare else 3),
             _text(pair_name(pair.a, pair.b)),
-            _text(clearance_text(pair, unit)),
+            _text(clearance_text(pair, unit, silent)),
             hardware_id,
             _COUNT.pack(len(values)),
         )

@@ -20,10 +20,9 @@ from proximity_monitor.ros import parameters
 from proximity_monitor.ros.descriptions import Descriptions
 from proximity_monitor.ros.scene_parameters import SceneParameters
 from proximity_monitor.ros.session import Session
-from proximity_monitor.ros.spin import interruptible, ros, spin
+from proximity_monitor.ros.spin import ros, spin
 from proximity_monitor.scene import load_scene
-from proximity_monitor.scene.opening import find_scene, load_models
-from proximity_monitor.scene.schedule import Monitor
+from proximity_monitor.scene.opening import find_scene
 
 RCLError = rclpy_implementation.RCLError
 
@@ -92,21 +91,18 @@ class ProximityMonitor(LifecycleNode):
             f"{scene.path}: {len(scene.bodies)} bodies, {len(scene.pairs)} pairs; preparing the"
             " search"
         )
-        with interruptible():
-            models = load_models(scene)
-            monitor = Monitor(scene, models, threads=self.get_parameter("threads").value)
-        declared = SceneParameters(self, scene)
+        declared = self._declared = SceneParameters(self, scene)
         if declared.unadjustable:
             self.get_logger().info(
                 f"{declared.unadjustable} pairs have thresholds of their own: too many for"
                 " parameters, so these stay as the scene file says"
             )
         try:
-            self._session = Session(self, scene, models, monitor, declared.settings())
+            self._session = Session(self, scene, declared.settings())
+            self._session.prepare()
         except BaseException:
-            declared.undeclare()
+            self._free()
             raise
-        self._declared = declared
         return super().on_configure(state)
 
     @_told
@@ -171,6 +167,7 @@ class ProximityMonitor(LifecycleNode):
         self._descriptions.forget()
         if session is not None:
             session.close()
+        if declared is not None:
             declared.undeclare()
 
     def _check_parameters(self, changes: Sequence[Parameter]) -> SetParametersResult:
@@ -199,7 +196,7 @@ class _ToLog(logging.Handler):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; return 1 if it cannot start."""
-    with ros(args) as stop:
+    with ros(args, "proximity_monitor") as stop:
         try:
             node = ProximityMonitor()
         except ParameterException as error:

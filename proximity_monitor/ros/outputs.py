@@ -45,14 +45,12 @@ class Outputs:
         self,
         node: LifecycleNode,
         scene: Scene,
-        models: Mapping[str, engine.TriangleMesh],
         settings: Settings,
         incompatible: Incompatible,
     ) -> None:
-        """Create the publishers."""
+        """Create the publishers; `show` says what the bodies look like."""
         self._node = node
         self._scene = scene
-        self._models = models
         self._frame = settings.frame
         # Every pair may change at one moment, twice before a slow subscriber looks; who comes late
         # still gets the last changes.
@@ -81,7 +79,6 @@ class Outputs:
         self._parts = create(MarkerArray, "parts", LATCHED)
         self._poses = create(PoseArray, "poses", LATEST)
         self._described = create(String, "scene", LATCHED)
-        self._scene_message = SceneMessage(scene, models, node.resolve_topic_name)
         self._scene_is_new = True
         self._deforming: set[str] = set()
         moving = [body.name for body in scene.bodies if body.moving]
@@ -91,9 +88,15 @@ class Outputs:
         self._shown: dict[str, np.ndarray | None] = {}
         self._viewers = 0
         self._parts_due_s = 0.0
+        self._settings = settings
+
+    def show(self, models: Mapping[str, engine.TriangleMesh]) -> None:
+        """Take the models of all bodies by name; before that nothing can be published."""
+        self._models = models
+        self._scene_message = SceneMessage(self._scene, models, self._node.resolve_topic_name)
         size = max(2.0 * model.radius for model in models.values())
-        self._marks = ClearanceMarkers(settings.frame, scene.unit, size)
-        self.apply(settings)
+        self._marks = ClearanceMarkers(self._frame, self._scene.unit, size)
+        self.apply(self._settings)
 
     def apply(self, settings: Settings) -> None:
         """Take new settings."""
@@ -114,6 +117,7 @@ class Outputs:
         tick: Tick,
         levels: Mapping[int, Level],
         changes: Sequence[Alert],
+        silent: Mapping[str, str],
         pose_stamp_ns: Callable[[str], int | None],
     ) -> None:
         """Publish a tick: alerts always, as late subscribers get them too, the rest on demand.
@@ -125,6 +129,7 @@ class Outputs:
             tick: what it found.
             levels: by a pair's index.
             changes: of the levels.
+            silent: by a silent body, why it is.
             pose_stamp_ns: the stamp of a body's pose, by name.
         """
         told = changes
@@ -146,6 +151,7 @@ class Outputs:
                     stamp=stamp,
                     frame=self._frame,
                     unit=self._scene.unit,
+                    silent=silent,
                     pose_stamp_ns=pose_stamp_ns,
                 ),
             )

@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 AS_SCENE = -1.0
 """The value of an overriding parameter that leaves the scene file's value in force."""
@@ -79,8 +82,10 @@ SPECS: Mapping[str, Spec] = {
     ),
     "pose_timeout_s": Spec(
         0.5,
-        "Seconds after its stamp at which a pose is stale: refused if it arrives so late, and a"
-        " body without a newer one makes its pairs stale.",
+        "Seconds after its stamp at which a pose, a joint's position or a shape is stale: refused"
+        " if it arrives so late, and a body without a newer one makes its pairs stale. With"
+        " use_sim_time all bodies are stale when /clock stands still for so many seconds of real"
+        " time.",
         0.01,
         3600.0,
     ),
@@ -124,7 +129,37 @@ def declare(node: Node) -> None:
         range.
     """
     for name, spec in SPECS.items():
-        node.declare_parameter(name, spec.default, spec.descriptor())
+        declare_one(node, name, spec.default, spec.descriptor())
+    node.add_pre_set_parameters_callback(partial(_with_real_numbers, node))
+
+
+def declare_one(node: Node, name: str, default: Any, descriptor: ParameterDescriptor) -> None:
+    """Declare a parameter; where it is a real number, it may be given as a whole one, too.
+
+    Raises:
+        rclpy.exceptions.ParameterException: a value given at start is of another type or out of
+        range.
+    """
+    try:
+        node.declare_parameter(name, default, descriptor)
+    except InvalidParameterTypeException:
+        loose = ParameterDescriptor(dynamic_typing=True)
+        given = node.declare_parameter(name, default, loose).value
+        node.undeclare_parameter(name)
+        if not (isinstance(default, float) and type(given) is int):
+            raise
+        node.declare_parameter(name, float(given), descriptor, ignore_override=True)
+
+
+def _with_real_numbers(node: Node, changes: Sequence[Parameter]) -> list[Parameter]:
+    """Return changes with whole numbers made real where the parameter is a real one."""
+    return [
+        Parameter(change.name, value=float(change.value))
+        if change.type_ is Parameter.Type.INTEGER
+        and node.get_parameter_or(change.name).type_ is Parameter.Type.DOUBLE
+        else change
+        for change in changes
+    ]
 
 
 def values(node: Node) -> dict[str, Any]:
@@ -144,7 +179,8 @@ def refusal(values: Mapping[str, Any], changed: Sequence[str]) -> str:
         if isinstance(value, float) and not math.isfinite(value):
             return f"{name} must be a finite number, not {value}"
         spec = SPECS.get(name)
-        if spec is not None and spec.overrides and value != AS_SCENE and value < spec.low:
+        given = isinstance(value, int | float) and value != AS_SCENE
+        if spec is not None and spec.overrides and given and value < spec.low:
             return (
                 f"{name} must be at least {spec.low:g}, or -1 for the scene file's; not {value:g}"
             )

@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 
 from proximity_monitor import motion
 from proximity_monitor.ros.descriptions import Descriptions
-from proximity_monitor.ros.parameters import AS_SCENE
+from proximity_monitor.ros.parameters import AS_SCENE, declare_one
 from proximity_monitor.ros.played import as_cloud, as_joint_state, set_pose
 from proximity_monitor.ros.qos import LATEST
 from proximity_monitor.ros.spin import interruptible, ros, spin
@@ -107,7 +107,7 @@ class ProximityPlayer(Node):
             descriptor = ParameterDescriptor(
                 description=text, read_only=True, floating_point_range=limits
             )
-            self.declare_parameter(name, default, descriptor)
+            declare_one(self, name, default, descriptor)
         for name, (default, text) in other.items():
             descriptor = ParameterDescriptor(description=text, read_only=True)
             self.declare_parameter(name, default, descriptor)
@@ -192,7 +192,7 @@ class ProximityPlayer(Node):
 
 def main(args: Sequence[str] | None = None) -> int:
     """Run the player until SIGINT, SIGTERM or its motion's end; return 1 if it cannot start."""
-    with ros(args) as stop:
+    with ros(args, "proximity_player") as stop:
         try:
             node = ProximityPlayer()
         except (OSError, ValueError) as error:

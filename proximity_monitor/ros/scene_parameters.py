@@ -81,7 +81,7 @@ class SceneParameters:
                 self._own[i] = f"pairs.{pair.a}.{pair.b}"
                 self._groups[self._own[i]] = pair.thresholds
         self._fixed = {i: scene.pairs[i].thresholds for i in own if i not in self._own}
-        self._attachable = [body.name for body in scene.bodies if body.moving]
+        self._attachable = [body.name for body in scene.bodies if body.posed]
         self._hangers = Attachments(scene.bodies)
         self._overrides = node._parameter_overrides  # rclpy offers no other way to see all of them
         self._turn_overrides()
@@ -90,7 +90,7 @@ class SceneParameters:
         except ParameterException as error:
             self.undeclare()
             raise ValueError(str(error)) from error
-        if reason := self._refusal(self._values()):
+        if reason := self._refusal(self._values(), "give both to the node, or mend the scene file"):
             self.undeclare()
             raise ValueError(reason)
         self._tell_overrides_of_nothing()
@@ -143,7 +143,7 @@ class SceneParameters:
                     floating_point_range=[FloatingPointRange(from_value=0.0, to_value=highest)],
                 )
                 default = float(getattr(limits, limit))
-                self._node.declare_parameter(f"{prefix}.{limit}", default, descriptor)
+                parameters.declare_one(self._node, f"{prefix}.{limit}", default, descriptor)
         for child in self._attachable:
             descriptor = ParameterDescriptor(
                 description=f"The body that {child} hangs on from now on; empty: on none."
@@ -199,14 +199,15 @@ class SceneParameters:
             made[i] = limits
         return tuple(made)
 
-    def _refusal(self, values: Mapping[str, Any]) -> str:
+    def _refusal(
+        self,
+        values: Mapping[str, Any],
+        way_out: str = "set both in one atomic call to move them past each other",
+    ) -> str:
         for prefix in self._groups:
             warn, stop = values[f"{prefix}.warn"], values[f"{prefix}.stop"]
             if not warn >= stop:
-                return (
-                    f"{prefix}: warn ({warn:g} m) must be at least stop ({stop:g} m);"
-                    " set both in one atomic call to move them past each other"
-                )
+                return f"{prefix}: warn ({warn:g} m) must be at least stop ({stop:g} m); {way_out}"
         return self._hangers.refusal(_parents(values))
 
 

@@ -5,34 +5,41 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from threading import Thread
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 
 from proximity_monitor import engine
+from proximity_monitor.engine import compiling
 from proximity_monitor.ros import spin
+from proximity_monitor.ros.cloud_bodies import CloudBodies
 from proximity_monitor.ros.diagnostics import Health, State
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.outputs import Outputs
 from proximity_monitor.ros.pace import Pace
+from proximity_monitor.ros.preparing import saying
 from proximity_monitor.ros.qos import Incompatible
 from proximity_monitor.ros.recorder import dump
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.ros.services import Services
 from proximity_monitor.ros.sources import Sources
-from proximity_monitor.ros.strangers import strangers
+from proximity_monitor.ros.spin import interruptible
+from proximity_monitor.ros.strangers import namesakes, strangers
+from proximity_monitor.ros.whereabouts import Whereabouts
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
-from proximity_monitor.scene.approach import Course
-from proximity_monitor.scene.attachments import Attachments, Samples
+from proximity_monitor.scene.attachments import Samples
+from proximity_monitor.scene.opening import kernels_of, load_models
 from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.schedule import Monitor
-from proximity_monitor.scene.state import Tick
-from proximity_monitor.scene.unseen import unseen_containment
+from proximity_monitor.scene.state import NO_POSE_YET, Tick
+from proximity_monitor.scene.unseen import Unseen, unseen_containment
 
 SLICE_S = 0.2
 """A longer budget is spent in slices of this, so that a signal ends the node in good order, with
@@ -49,21 +56,12 @@ class Session:
     stands still; stamps, and the age of poses, are of the node's clock.
     """
 
-    def __init__(
-        self,
-        node: LifecycleNode,
-        scene: Scene,
-        models: Mapping[str, engine.TriangleMesh],
-        monitor: Monitor,
-        settings: Settings,
-    ) -> None:
-        """Create publishers, services, subscriptions and timers; ticking begins with `start`.
+    def __init__(self, node: LifecycleNode, scene: Scene, settings: Settings) -> None:
+        """Create the publishers; all else is created by `prepare`, and ticking begins by `start`.
 
         Args:
             node: whose they are.
             scene: what to watch.
-            models: of the bodies by name.
-            monitor: of the scene and the models; `close` closes it.
             settings: in force to begin with.
         """
         self.scene = scene
@@ -74,38 +72,44 @@ class Session:
         self._tick: Tick | None = None
         self._distance_ticks = 0
         self._now_ns = 0
-        self._monitor = monitor
-        self._unwatched: frozenset[int] = frozenset()
-        self._unseen = unseen_containment(scene, models)
-        if self._unseen.count:
-            node.get_logger().warning(str(self._unseen))
+        self._prepared = False
+        self._unseen = Unseen(0, (), {})
+        self._namesakes = 0
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
-        self._attachments = Attachments(scene.bodies)
-        self._fixed = {
-            body.name: Course(body.pose, body.pose, np.inf)
-            for body in scene.bodies
-            if not body.moving
-        }
         self._inputs = Inputs(
-            [body.name for body in scene.bodies if body.moving],
+            [body.name for body in scene.bodies if body.posed],
             settings.frame,
             [robot.name for robot in scene.robots if robot.root is not None],
+            {body.name: "vertices" for body in scene.bodies if body.deforming}
+            | {body.name: "cloud" for body in scene.bodies if body.cloud is not None},
         )
+        self._changeable = [body.name for body in scene.bodies if body.moving or body.deforming]
         self._health = Health(node.get_fully_qualified_name().lstrip("/"), settings.frame)
         self._pace = Pace(settings.rate_hz)
 
         self._incompatible = Incompatible(node)
-        self._outputs = Outputs(node, scene, models, settings, self._incompatible)
+        self._outputs = Outputs(node, scene, settings, self._incompatible)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self._services = Services(
-            node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
-        )
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._ticking = node.create_timer(
-            1.0 / settings.rate_hz, self._on_timer, clock=steady, autostart=False
-        )
-        self._seconds = node.create_timer(1.0, self._on_second, clock=steady)
+
+    def prepare(self) -> None:
+        """Load the models, get the search ready, and listen.
+
+        The topics are there meanwhile, and the diagnostics say that it compiles, if it does.
+
+        Raises:
+            OSError, ValueError: a model cannot be used, or a parameter cannot be in force.
+            KeyboardInterrupt: a signal came.
+        """
+        node, scene, settings = self._node, self.scene, self.settings
+        progress = compiling.Progress(kernels_of(scene))
+        with saying(partial(self._say_progress, progress)), progress, interruptible():
+            models = self._models = load_models(scene)
+            self._monitor = Monitor(scene, models, threads=settings.threads)
+            self._unseen = unseen_containment(scene, models)
+        if self._unseen.count:
+            node.get_logger().warning(str(self._unseen))
+        self._outputs.show(models)
         self._sources = Sources(
             node,
             scene,
@@ -116,6 +120,24 @@ class Session:
             set_vertices=self._set_vertices,
             on_poses=self._on_poses,
         )
+        self._clouds = CloudBodies(
+            node,
+            scene.bodies,
+            settings.frame,
+            self._inputs,
+            self._incompatible,
+            self._replace_model,
+        )
+        self._where = Whereabouts(node, scene, self._inputs, self._clouds, self._monitor.ignore)
+        self._services = Services(
+            node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._ticking = node.create_timer(
+            1.0 / settings.rate_hz, self._on_timer, clock=steady, autostart=False
+        )
+        self._seconds = node.create_timer(1.0, self._on_second, clock=steady)
+        self._prepared = True
         self.apply(settings)
 
     def apply(self, settings: Settings) -> None:
@@ -134,7 +156,7 @@ class Session:
                 self._restart(1.0)  # else the old period has to end first
         self._inputs.timeout_s = settings.pose_timeout_s
         self._outputs.apply(settings)
-        self._attach(settings.attachments)
+        self._where.attach(settings.attachments, self._node.get_clock().now().nanoseconds)
 
     def start(self) -> None:
         """Begin to tick."""
@@ -148,14 +170,16 @@ class Session:
 
     def close(self) -> None:
         """Stop, and destroy everything that was created."""
-        self.stop()
-        self._sources.destroy()
-        self._services.destroy()
+        if self._prepared:
+            self.stop()
+            self._sources.destroy()
+            self._clouds.destroy()
+            self._services.destroy()
+            for timer in (self._ticking, self._seconds):
+                self._node.destroy_timer(timer)
+            self._monitor.close()
         self._outputs.destroy()
         self._node.destroy_publisher(self._diagnostics)
-        for timer in (self._ticking, self._seconds):
-            self._node.destroy_timer(timer)
-        self._monitor.close()
         # Each callback is a cycle, and Python never looks for cycles in what was there when `spin`
         # began: meshes and search trees would stay for good.
         vars(self).clear()
@@ -192,31 +216,33 @@ class Session:
         started = time.perf_counter()
         now = self._node.get_clock().now()
         if now.nanoseconds < self._now_ns:
-            self._inputs.forget()
-            self._attachments.forget()
+            self._where.forget()
             self._node.get_logger().warning("the clock went back: waiting for new poses")
         self._now_ns, stamp = now.nanoseconds, now.to_msg()
-        samples = self._samples(now.nanoseconds)
+        self._clouds.build(now.nanoseconds)
+        samples = self._where.samples(now.nanoseconds)
         held = self._inputs.attached
         self._inputs.await_again(
             name for name, at in samples.items() if at and not at.stale and name not in held
         )
 
-        tick = self._tick = self._search(samples)
+        silent = self._where.silent(samples, now.nanoseconds)
+        tick = self._tick = self._search(samples, silent)
         changes = self._alerts.update(
             tick,
             self.settings.thresholds,
             started,
-            courses=self._course,
-            attached=self._unwatched,
-            silent=_silent(samples),
+            courses=self._where.course,
+            unwatched=self._where.unwatched,
+            silent=silent,
         )
         self._outputs.publish(
             stamp,
             tick,
             self._alerts.levels,
             changes,
-            self._stamp_ns,
+            silent,
+            self._where.stamp_ns,
         )
         self._outputs.publish_scene()
         self._outputs.publish_poses(samples, stamp)
@@ -225,15 +251,18 @@ class Session:
         self._log(changes)
         ended = time.perf_counter()
         self._health.timing.record(ended, tick, ended - started, 1.0 / self.settings.rate_hz)
+        self._where.clock.pardon(ended - started)
 
-    def _search(self, samples: Samples) -> Tick:
+    def _search(self, samples: Samples, silent: Mapping[str, str]) -> Tick:
         """Spend the budget, or as much of it as there is time for before a signal."""
         distances = self._outputs.look() or self.settings.record_distances
         self._distance_ticks += distances
         budget, spent, looked_at = self.settings.budget_s, 0.0, ()
         while True:
             left_s = budget - spent
-            tick = self._monitor.tick(samples, min(left_s, SLICE_S), distances=distances)
+            tick = self._monitor.tick(
+                samples, min(left_s, SLICE_S), silent=silent, distances=distances
+            )
             spent += tick.elapsed_s
             looked_at += tick.looked_at
             # A slice ends a little early: what closes a tick is set aside.
@@ -243,41 +272,10 @@ class Session:
             return tick
         return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=looked_at)
 
-    def _samples(self, now_ns: int) -> Samples:
-        """The poses of all moving bodies, those of attached ones as they are carried."""
-        samples = self._attachments.carry(self._inputs.samples(now_ns))
-        held = self._attachments.held
-        if held.keys() != self._inputs.attached:
-            self._inputs.attached = frozenset(held)
-            self._unwatched = frozenset(
-                i
-                for i, pair in enumerate(self.scene.pairs)
-                if held.get(pair.a) == pair.b or held.get(pair.b) == pair.a
-            )
-            self._monitor.ignore(self._unwatched)
-        return samples
-
-    def _attach(self, parents: Mapping[str, str]) -> None:
-        """Let bodies hang on each other so, from this moment on where their poses are known."""
-        now_ns = self._node.get_clock().now().nanoseconds
-        before, carried = self._attachments.held, self._samples(now_ns)
-        roots = {child: self._attachments.root(child) for child in before}
-        self._attachments.want(parents)
-        for child in before.keys() - self._attachments.held.keys():
-            if (at := carried[child]) is not None:  # it stays where it was carried to
-                stamp_ns = self._inputs.stamp_ns(roots[child])
-                self._inputs.place(child, at.pose, now_ns if stamp_ns is None else stamp_ns)
-        self._samples(now_ns)
-
-    def _course(self, name: str) -> Course | None:
-        root = self._attachments.root(name)
-        fixed = self._fixed.get(root)
-        if fixed is not None:
-            return fixed
-        return self._attachments.course(name, self._inputs.course(root))
-
-    def _stamp_ns(self, name: str) -> int | None:
-        return self._inputs.stamp_ns(self._attachments.root(name))
+    def _replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+        self._models[name] = model
+        self._monitor.replace_model(name, model)
+        self._outputs.reshape(name)
 
     def _set_vertices(self, name: str, vertices: np.ndarray) -> None:
         self._monitor.set_vertices(name, vertices)
@@ -295,16 +293,49 @@ class Session:
         if len(changes) > LOGGED:
             logger.warning(f"and {len(changes) - LOGGED} more pairs changed their state")
 
+    def _say_progress(self, progress: compiling.Progress) -> None:
+        """Tell that it is not ready yet, and why not."""
+        doing = "preparing the search"
+        if progress.started:
+            doing = str(progress)
+            self._node.get_logger().info(doing)
+        silent = dict.fromkeys(self._changeable, NO_POSE_YET)
+        self._tell_state(self._node.get_clock().now().to_msg(), doing, silent, {})
+
     def _on_second(self) -> None:
         now = self._node.get_clock().now()
         for name in self._inputs.note_strangers(strangers(self._node, self._sources.topics)):
             self._node.get_logger().warning(
                 f"poses of {name} are published, but {self.scene.path.name} has no such moving body"
             )
+        self._note_namesakes()
         activity = "inactive" if self._ticking.is_canceled() else "active"
         if self._paused and activity == "active":
             activity = "paused"
-        samples, joints = self._samples(now.nanoseconds), self._sources.joints
+        silent = self._where.silent(self._where.samples(now.nanoseconds), now.nanoseconds)
+        joints = self._sources.joints
+        self._tell_state(now.to_msg(), activity, silent, joints.rejected if joints else {})
+
+    def _note_namesakes(self) -> None:
+        """Warn when other nodes of this name come, and say when they have gone."""
+        before, self._namesakes = self._namesakes, namesakes(self._node)
+        logger, name = self._node.get_logger(), self._node.get_fully_qualified_name()
+        if self._namesakes > before:
+            logger.warning(
+                f"another node is called {name}: they publish on the same topics, and their results"
+                " are mixed; give one another name or namespace (-r __ns:=/other)"
+            )
+        elif self._namesakes < before and not self._namesakes:
+            logger.info(f"no other node is called {name} any more")
+
+    def _tell_state(
+        self,
+        stamp: Time,
+        activity: str,
+        silent: Mapping[str, str],
+        refused_joints: Mapping[str, int],
+    ) -> None:
+        """Publish the diagnostics."""
         state = State(
             activity=activity,
             settings=self.settings,
@@ -312,17 +343,20 @@ class Session:
             levels=self._alerts.levels,
             watched=len(self.scene.pairs),
             inputs=self._inputs,
-            silent=_silent(samples),
-            refused_joints=joints.rejected if joints is not None else {},
-            held=self._attachments.held,
-            waiting=self._attachments.waiting,
+            silent=silent,
+            refused_joints=refused_joints,
+            held=self._where.attachments.held if self._prepared else {},
+            waiting=self._where.attachments.waiting if self._prepared else {},
             built=self._outputs.built,
             alerts_left_out=self._outputs.alerts_left_out,
             distance_ticks=self._distance_ticks,
             incompatible=self._incompatible.count,
             unseen=self._unseen,
+            namesakes=self._namesakes,
+            dropped=self._clouds.dropped if self._prepared else {},
+            clouds=self._clouds.built if self._prepared else {},
         )
-        self._diagnostics.publish(self._health.message(now.to_msg(), state))
+        self._diagnostics.publish(self._health.message(stamp, state))
 
     def _reset_minima(self) -> str:
         self._monitor.reset_minima()
@@ -357,7 +391,3 @@ class Session:
 def _effort(settings: Settings) -> tuple[float | None, ...]:
     """What decides how long a search takes."""
     return settings.budget_s, settings.rel_err, settings.abs_err
-
-
-def _silent(samples: Samples) -> list[str]:
-    return [name for name, at in samples.items() if at is None or at.stale]

@@ -3,7 +3,8 @@
 Poses come one body a message on each body's topic, all in one `geometry_msgs/PoseArray` on
 ``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, whose
 roots may have a topic of their own, or by /tf. The vertices of a deforming body come as
-`sensor_msgs/PointCloud2` on ``bodies/<name>/vertices``, in the model's frame and metres.
+`sensor_msgs/PointCloud2` on ``bodies/<name>/vertices``, in the model's frame, named like the body
+or not at all, and metres.
 """
 
 from __future__ import annotations
@@ -59,6 +60,7 @@ class Sources:
         Raises:
             ValueError: /tf is asked for, and tf2_msgs is not installed.
         """
+        transforms = _transforms_type() if settings.tf else None
         self._node = node
         self._inputs = inputs
         self._frame = settings.frame
@@ -85,8 +87,8 @@ class Sources:
             if body.deforming:
                 take = partial(self._on_vertices, body.name, len(models[body.name].vertices))
                 self._subscribe(PointCloud2, f"bodies/{body.name}/vertices", take, LATEST)
-        if settings.tf:
-            self._subscribe(_transforms_type(), "/tf", self._on_transforms, TRANSFORMS)
+        if transforms is not None:
+            self._subscribe(transforms, "/tf", self._on_transforms, TRANSFORMS)
         self.joints = None
         if scene.robots:
             self.joints = JointInputs(
@@ -146,22 +148,32 @@ class Sources:
             self._on_poses()
 
     def _on_vertices(self, name: str, count: int, message: PointCloud2) -> None:
+        if reason := self._take_vertices(name, count, message):
+            self._inputs.refuse(reason)
+
+    def _take_vertices(self, name: str, count: int, message: PointCloud2) -> str | None:
+        """Reshape a body, or return why not."""
+        stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+        if message.header.frame_id not in ("", name):
+            return Reason.FRAME
+        if reason := self._inputs.judge_shape(name, stamp_ns, self._now_ns()):
+            return reason
         try:
             vertices = read_vertices(message)
         except ValueError:
-            self._inputs.refuse(Reason.LAYOUT)
-            return
+            return Reason.LAYOUT
         if len(vertices) != count:
-            self._inputs.refuse(Reason.LENGTH)
-        elif not np.isfinite(vertices).all():
-            self._inputs.refuse(Reason.NOT_FINITE)
-        elif not (np.abs(vertices) <= FURTHEST).all():
-            self._inputs.refuse(Reason.TOO_FAR)
-        else:
-            try:
-                self._set_vertices(name, vertices)
-            except ValueError:  # such as of a solid that would be open now
-                self._inputs.refuse(Reason.SHAPE)
+            return Reason.LENGTH
+        if not np.isfinite(vertices).all():
+            return Reason.NOT_FINITE
+        if not (np.abs(vertices) <= FURTHEST).all():
+            return Reason.TOO_FAR
+        try:
+            self._set_vertices(name, vertices)
+        except ValueError:  # such as of a solid that would be open now
+            return Reason.SHAPE
+        self._inputs.keep_shape(name, stamp_ns)
+        return None
 
     def _on_transforms(self, message) -> None:
         self.take_transforms(message.transforms)

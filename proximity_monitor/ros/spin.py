@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import gc
 import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -26,10 +29,14 @@ class Stop:
     def __init__(self) -> None:
         """Begin with nothing asked."""
         self.asked = False
+        self.by = ""
+        """The signal's name."""
 
-    def on_signal(self, *_: object) -> None:
+    def on_signal(self, number: int, *_: object) -> None:
         """Take a signal."""
         self.asked = True
+        if number != signal.SIGALRM:
+            self.by = signal.Signals(number).name
         if _computing:
             # And again soon: an import that is tried under `except BaseException` swallows it.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
@@ -58,14 +65,24 @@ def interruptible() -> Iterator[None]:
     _computing = True
     try:
         yield
+    except Exception as error:
+        # The interrupt itself may come up as another error: numba's compiler and readers of files
+        # take whatever is raised below them for a fault of their input.
+        if _current.asked:
+            raise KeyboardInterrupt from error
+        raise
     finally:
         _computing = False
         signal.setitimer(signal.ITIMER_REAL, 0.0)
+    if _current.asked:
+        raise KeyboardInterrupt  # it was swallowed
 
 
 @contextmanager
-def ros(args: Sequence[str] | None = None) -> Iterator[Stop]:
+def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
     """Initialise rclpy for a program that SIGINT and SIGTERM end without an error.
+
+    If it has a `name`, it says in a line that it ended so.
 
     rclpy's own handlers shut the context down under a callback that is still publishing; with these
     a tick ends first, and nodes can say goodbye. A process runs one such program at a time.
@@ -75,15 +92,25 @@ def ros(args: Sequence[str] | None = None) -> Iterator[Stop]:
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     kinds = (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)
     before = [signal.signal(kind, stop.on_signal) for kind in kinds]
+    complain, sys.unraisablehook = sys.unraisablehook, partial(_unraisable, sys.unraisablehook)
     try:
         yield stop
     except KeyboardInterrupt:
         stop.asked = True
     finally:
         rclpy.try_shutdown()
+        if stop.asked and name:
+            print(f"{name}: ended by {stop.by}", file=sys.stderr, flush=True)
+        sys.unraisablehook = complain
         gc.freeze()  # or Python looks through all objects once more, for half a second, to end
         for kind, handler in zip(kinds, before, strict=True):
             signal.signal(kind, handler)
+
+
+def _unraisable(complain: Callable[[Any], None], told: Any) -> None:
+    """Say nothing of the interrupt where Python cannot raise it, as in a callback from C."""
+    if not (_current.asked and issubclass(told.exc_type, KeyboardInterrupt)):
+        complain(told)
 
 
 def spin(nodes: Sequence[Node], stop: Stop, done: Callable[[], bool] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Poses that are published for bodies that the scene does not have."""
+"""What is in the graph that should not be: poses of unknown bodies, nodes of the same name."""
 
 from __future__ import annotations
 
@@ -25,3 +25,9 @@ def strangers(node: Node, heard: Collection[str]) -> list[tuple[str, bytes]]:
         if topic not in heard and (match := pattern.fullmatch(topic))
         for publisher in node.get_publishers_info_by_topic(topic)
     ]
+
+
+def namesakes(node: Node) -> int:
+    """Return how many other nodes have the name of this one, in the same namespace."""
+    own = node.get_name(), node.get_namespace()
+    return max(node.get_node_names_and_namespaces().count(own) - 1, 0)

@@ -20,7 +20,7 @@ _STYLES = {"stop": "bold red", "warn": "bold yellow", "stale": "bold magenta", "
 _COLUMNS = ("pair", "clearance", "status", "state", "session minimum")
 _LENGTHS = (1, 4)
 _ALERTS = 3
-"""So many of the last alerts are shown live."""
+"""So many of the last alerts are shown live, and of each kind in the summary."""
 
 
 @dataclass
@@ -37,6 +37,13 @@ class Picture:
     _clearance: dict[str, str] = field(default_factory=dict)
     _schedule: dict[str, str] = field(default_factory=dict)
     _troubles: dict[str, str] = field(default_factory=dict)
+    _silent: str = ""
+    """Bodies that were silent at the last diagnostics."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether there is something true to show: results, and a rate at which they come."""
+        return bool(self.results) and self._schedule.get("rate_achieved_hz", "nan") != "nan"
 
     def take_points(self, message: DiagnosticArray) -> None:
         """Keep a message of ~/closest_points."""
@@ -57,12 +64,14 @@ class Picture:
                 self._clearance = _values(status)
             if task == "schedule":
                 self._schedule = _values(status)
+            if task == "inputs":
+                self._silent = _values(status)["silent bodies"]
             if task in ("schedule", "inputs"):
                 self._troubles[task] = status.message if status.level != DiagnosticStatus.OK else ""
 
     def header(self) -> str:
         """Return one line: rate, times, use of the budget, alerts."""
-        if not self._schedule:
+        if not self.ready:
             return f"{self.what_runs}; waiting for the first diagnostics"
         told = self._schedule
         budget_ms = float(told["budget_ms"])
@@ -102,6 +111,23 @@ class Picture:
             )
             for name, values in told[:limit]
         ]
+
+    def changes(self) -> list[str]:
+        """Return a line for each kind of alert: how many there were, and of which pairs, and why.
+
+        The last ones are told; a pair once.
+        """
+        kinds: dict[str, list[DiagnosticStatus]] = {}
+        for alert in self.alerts:
+            kinds.setdefault(alert.message.partition(":")[0], []).append(alert)
+        lines = []
+        for kind, alerts in sorted(kinds.items()):
+            why = {alert.name: alert.message.partition(": ")[2] for alert in alerts}
+            told = [f"{name} ({reason})" for name, reason in why.items()][-_ALERTS:]
+            more = len(why) - len(told)
+            also = f", and {counted(more, 'other pair', 'other pairs')}" if more else ""
+            lines.append(f"{len(alerts)} x {kind}: {', '.join(told)}{also}")
+        return lines
 
     def minima(self, limit: int) -> list[tuple[str, str]]:
         """Return the pairs that came nearest in the session, and how near; the nearest first."""
@@ -155,7 +181,13 @@ class Picture:
         return [f"  and {more} more pairs, none of them nearer"] if more > 0 else []
 
     def _warnings(self) -> list[str]:
-        return [f"{task}: {text}" for task, text in self._troubles.items() if text]
+        """What the diagnostics complain of; they are up to a second older than the pairs."""
+        heard = self._silent and all(_values(pair)["state"] != "stale" for pair in self._pairs)
+        return [
+            f"{task}: {text}"
+            for task, text in self._troubles.items()
+            if text and not (task == "inputs" and heard)
+        ]
 
 
 def _values(status: DiagnosticStatus) -> dict[str, str]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -20,7 +20,16 @@ import numpy as np
 
 from proximity_monitor.scene.approach import Approach, Courses, approach
 from proximity_monitor.scene.listed import as_arrays
-from proximity_monitor.scene.state import STATUSES, PairState, PairStates, PairStatus, Tick
+from proximity_monitor.scene.state import (
+    NO_POSE_YET,
+    NO_RECENT_POSE,
+    STATUSES,
+    PairState,
+    PairStates,
+    PairStatus,
+    Tick,
+    silence,
+)
 
 if TYPE_CHECKING:
     from proximity_monitor.scene import Thresholds, Unit, WatchedPair
@@ -35,7 +44,7 @@ class Level(enum.Enum):
     WARN = "warn"
     STOP = "stop"
     STALE = "stale"
-    """A body of the pair has no pose, or one too old to be relied on."""
+    """A body of the pair has no pose or shape, or one too old to be relied on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +104,8 @@ class Alerts:
         thresholds: Sequence[Thresholds],
         now_s: float,
         courses: Courses = lambda name: None,
-        attached: Collection[int] = (),
-        silent: Collection[str] = (),
+        unwatched: Mapping[int, str] = MappingProxyType({}),
+        silent: Mapping[str, str] = MappingProxyType({}),
     ) -> list[Alert]:
         """Judge the pairs of a tick and return the changes.
 
@@ -107,23 +116,28 @@ class Alerts:
                 differ from those of the last call.
             now_s: seconds of a clock that never goes back.
             courses: of the bodies at the tick's poses, for how the alerts' pairs move.
-            attached: indices of pairs that are not watched now; the tick does not list them.
-            silent: bodies whose pose is stale or was never given.
+            unwatched: by the index of each pair that is not watched now, why: a few words. The
+                tick does not list them.
+            silent: by a silent body, why it is, such as "no recent pose".
         """
         changes = []
         pairs = as_arrays(tick.pairs)
         before, levels = self._levels, dict.fromkeys(pairs.positions.tolist(), Level.CLEAR)
-        for place in self._suspects(pairs, thresholds):
+        as_silent = self._as_silent(pairs)
+        levels.update(dict.fromkeys(pairs.positions[as_silent].tolist(), Level.STALE))
+        for place in self._suspects(pairs, thresholds, ~as_silent):
             pair = pairs[place]
             i = pair.index
-            new, reason = self._judge(pair, thresholds[i], now_s)
+            new, reason = self._judge(pair, thresholds[i], now_s, silent)
             levels[i] = new
             old = before.get(i, self._unlisted)
             if new is not old:
                 changes.append(self._alert(pair, old, new, reason, thresholds[i], courses))
         for i, old in before.items():
             if old is not Level.CLEAR and i not in levels:
-                new, reason, lower = self._release(i, thresholds[i], now_s, i in attached, silent)
+                new, reason, lower = self._release(
+                    i, thresholds[i], now_s, unwatched.get(i), silent
+                )
                 if new is not Level.CLEAR:
                     levels[i] = new
                 if new is not old:
@@ -132,27 +146,39 @@ class Alerts:
         self._levels, self._unlisted = levels, Level.CLEAR
         return changes
 
-    def _suspects(self, pairs: PairStates, thresholds: Sequence[Thresholds]) -> list[int]:
-        """Return the places of the pairs that are not at a glance as clear as they were."""
+    def _as_silent(self, pairs: PairStates) -> np.ndarray:
+        """Return which pairs (k,) are as silent as they were."""
+        still = pairs.silent.any(axis=1)
+        if self._unlisted is not Level.STALE:
+            stale = [i for i, level in self._levels.items() if level is Level.STALE]
+            still &= np.isin(pairs.positions, stale)
+        return still
+
+    def _suspects(
+        self, pairs: PairStates, thresholds: Sequence[Thresholds], among: np.ndarray
+    ) -> list[int]:
+        """Return the places of those pairs `among` (k,) that are not at a glance still clear."""
         if thresholds is not self._thresholds:
             self._thresholds = thresholds
             self._warn = np.array([limits.warn for limits in thresholds])
         if self._unlisted is not Level.CLEAR:
-            return list(range(len(pairs)))  # of the first tick every change is told
+            return np.flatnonzero(among).tolist()  # of the first tick every change is told
         suspect = ~(pairs.lower > self._warn[pairs.positions]) | pairs.silent.any(axis=1)
         suspect |= pairs.status == _INTERSECTING
         unclear = [i for i, level in self._levels.items() if level is not Level.CLEAR]
         if unclear:
             suspect |= np.isin(pairs.positions, unclear)
-        return np.flatnonzero(suspect).tolist()
+        return np.flatnonzero(suspect & among).tolist()
 
-    def _judge(self, pair: PairState, limits: Thresholds, now_s: float) -> tuple[Level, str]:
+    def _judge(
+        self, pair: PairState, limits: Thresholds, now_s: float, silent: Mapping[str, str]
+    ) -> tuple[Level, str]:
         held = self._held.get(pair.index)
         if pair.silent:
             if held is not None:
                 held.above_stop_s = held.above_warn_s = math.nan
-            what = "no pose yet" if pair.status is PairStatus.UNKNOWN else "no recent pose"
-            return Level.STALE, f"{what} of {' and '.join(pair.silent)}"
+            why = NO_POSE_YET if pair.status is PairStatus.UNKNOWN else NO_RECENT_POSE
+            return Level.STALE, silence(pair.silent, silent, why)
         new, reason = self._step(held, pair.lower, limits, now_s, pair)
         self._keep(pair.index, held, new)
         return new, reason
@@ -162,17 +188,18 @@ class Alerts:
         i: int,
         limits: Thresholds,
         now_s: float,
-        attached: bool,
-        silent: Collection[str],
+        unwatched: str | None,
+        silent: Mapping[str, str],
     ) -> tuple[Level, str, float]:
         """Judge a pair that was not clear and is not listed; the last is its lower bound."""
         held, watched = self._held.get(i), self._pairs[i]
-        if names := [name for name in (watched.a, watched.b) if name in silent and not attached]:
+        names = [name for name in (watched.a, watched.b) if name in silent]
+        if names and unwatched is None:
             if held is not None:
                 held.above_stop_s = held.above_warn_s = math.nan
-            return Level.STALE, f"no recent pose of {' and '.join(names)}", math.nan
-        if attached:
-            new, reason, lower = Level.CLEAR, "attached to each other: not watched", math.nan
+            return Level.STALE, silence(names, silent), math.nan
+        if unwatched is not None:
+            new, reason, lower = Level.CLEAR, unwatched, math.nan
         else:
             lower = max(watched.range, limits.warn + limits.hysteresis)
             # It is farther than that, not just as far: above whatever it is compared with.

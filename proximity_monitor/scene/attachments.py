@@ -41,7 +41,7 @@ class Attachments:
     def __init__(self, bodies: Sequence[Body]) -> None:
         """Begin with all bodies of a scene by themselves."""
         self._fixed = {b.name: PoseSample(b.pose) for b in bodies if not b.moving}
-        self._moving = {body.name for body in bodies if body.moving}
+        self._moving = {body.name for body in bodies if body.posed}
         self._parents: dict[str, str] = {}  # each after its own parent
         self._holds: dict[str, _Hold] = {}
 

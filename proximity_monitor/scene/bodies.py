@@ -13,6 +13,7 @@ from proximity_monitor.scene.description import (
     Body,
     Box,
     Capsule,
+    Cloud,
     Cylinder,
     Point,
     Primitive,
@@ -60,8 +61,10 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
         except SceneError as error:
             report.add((*keys, "model"), str(error))
     primitive = _primitive(data["primitive"], unit) if "primitive" in data else None
-    pose = topic = None
-    if "pose" in data:
+    pose = topic = cloud = None
+    if "cloud" in data:
+        primitive, cloud = Point(), _cloud(data["cloud"], (*keys, "cloud"), unit, report)
+    elif "pose" in data:
         pose = read_pose(data["pose"], (*keys, "pose"), unit, report)
     else:
         topic = data.get("topic", f"bodies/{data['name']}/pose")
@@ -77,7 +80,27 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
         **read_solid(data, keys, report),
         deviation=unit.to_metre * data.get("deviation", 0.0),
         deforming=data.get("deforming", False),
+        cloud=cloud,
     )
+
+
+def _cloud(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> Cloud:
+    topic = read_topic(data["topic"], (*keys, "topic"), report)
+    return Cloud(topic, unit.to_metre * data.get("radius", 0.0), data.get("frame", ""))
+
+
+def check_clouds(bodies: tuple[Body, ...], count: int, report: Report) -> None:
+    """Report clouds in frames of no body; the first `count` bodies stand in the file."""
+    posed = [body.name for body in bodies if body.cloud is None]
+    for index, body in enumerate(bodies[:count]):
+        if body.cloud is not None and body.cloud.frame and body.cloud.frame not in posed:
+            keys = ("bodies", index, "cloud", "frame")
+            known = ", ".join(posed) or "none"
+            report.add(
+                keys,
+                f"'{body.cloud.frame}' is no body with a pose; there are {known}; leave 'frame'"
+                " out for the scene's frame",
+            )
 
 
 def _primitive(data: dict[str, Any], unit: Unit) -> Primitive:

@@ -99,6 +99,16 @@ Solid = bool | Literal["robust"] | None
 """Whether a model is to be a solid."""
 
 
+@dataclass(frozen=True)
+class Cloud:
+    """Points that arrive on a topic, and a ball of `radius` metres around each of them."""
+
+    topic: str
+    radius: float
+    frame: str
+    """The body in whose frame the points are; empty: the fixed frame."""
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """One body: its shape, and either a fixed pose or the topic that its poses come from."""
@@ -124,11 +134,18 @@ class Body:
     """How far the surface of the model may be from that of the thing, metres."""
     deforming: bool = False
     """Whether its vertices change while the monitor runs."""
+    cloud: Cloud | None = None
+    """Where its shape comes from if it is a point cloud; `primitive` is a point until then."""
 
     @property
     def moving(self) -> bool:
-        """Whether poses arrive while it runs."""
+        """Whether it may be elsewhere at any time."""
         return self.pose is None
+
+    @property
+    def posed(self) -> bool:
+        """Whether poses of it arrive: it moves, and not only with the frame that it is seen in."""
+        return self.moving and self.cloud is None
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from proximity_monitor.scene import schema
-from proximity_monitor.scene.bodies import read_bodies
+from proximity_monitor.scene.bodies import check_clouds, read_bodies
 from proximity_monitor.scene.description import UNITS, Scene
 from proximity_monitor.scene.effects import read_motion
 from proximity_monitor.scene.pairs import Limits, read_limits, read_pairs
@@ -62,7 +62,9 @@ def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe 
     defaults = dataclasses.replace(limits, own_thresholds=False)
     bodies = read_bodies(data.get("bodies", []), path.parent, unit, report)
     robots = read_robots(data.get("robots", []), bodies, path.parent, unit, report, describe)
+    count = len(bodies)
     bodies += robots.bodies
+    check_clouds(bodies, count, report)
     motion = None
     if "motion" in data:
         motion = read_motion(data["motion"], bodies, unit, report, path.parent, robots.robots)

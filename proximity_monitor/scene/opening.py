@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from proximity_monitor import engine
+from proximity_monitor.engine import compiling
 from proximity_monitor.scene.paths import bundled, bundled_names
 from proximity_monitor.scene.primitives import load_model
 from proximity_monitor.scene.source import read
@@ -41,8 +42,14 @@ def descriptions() -> dict[str, str]:
     return said
 
 
+def kernels_of(scene: Scene) -> frozenset[str]:
+    """Return the names of the kernels that watching a scene needs (see `compiling.Progress`)."""
+    solid = any(body.solid is not False for body in scene.bodies)
+    return compiling.WATCHING | (compiling.SOLID if solid else frozenset())
+
+
 def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:
-    """Return each body's model in metres by name; bodies that look the same share one.
+    """Return each body's model in metres by name; rigid bodies that look the same share one.
 
     Raises:
         FileNotFoundError, engine.ModelError: as `scene.load_model`.
@@ -50,7 +57,8 @@ def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:
     shared: dict[tuple, engine.TriangleMesh] = {}
     models = {}
     for body in scene.bodies:
-        look = (body.model, body.primitive, body.scale, body.solid)
+        own = body.name if body.deforming else None
+        look = (body.model, body.primitive, body.scale, body.solid, body.deviation, own)
         if look not in shared:
             shared[look] = load_model(body, scene.unit)
         models[body.name] = shared[look]

@@ -14,7 +14,9 @@ _SCHEME = "package://"
 _HERE = Path(__file__).resolve()
 _BUNDLED = _HERE.parent / "bundled"
 _DATA_ON_PYPI = ("example-robot-data",)
-"""ROS packages of data alone that can also be installed by pip, under the same name."""
+"""ROS packages of data alone that come with the extra, too."""
+WITH_ROBOTS = "in the checkout: pip install '.[robots]'"
+"""What brings all that robots' descriptions and meshes may need."""
 
 
 def bundled(name: str) -> Path:
@@ -57,7 +59,7 @@ def model_path(text: str, folder: Path, *, or_folder: bool = False) -> Path:
             raise SceneError(
                 f"package '{package}' is in no prefix of AMENT_PREFIX_PATH; "
                 "source the workspace that has it"
-                + (f", or: pip install {package}" if package in _DATA_ON_PYPI else "")
+                + (f", or, {WITH_ROBOTS}" if package in _DATA_ON_PYPI else "")
             )
     else:
         candidates = [folder.absolute() / text]

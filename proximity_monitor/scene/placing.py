@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Placing:
         models: theirs.
         solid: (n,) whether each is a solid.
         known: (n,) whether each has a pose.
-        silent: (n,) whether each has none, or one too old to be relied on.
+        silent: (n,) whether each is not to be relied on, as where its pose is unknown or too old.
         answers: the table; it holds the poses.
     """
 
@@ -43,12 +43,15 @@ class Placing:
             self.answers.move(fixed, np.stack([bodies[i].pose for i in fixed]))
         self._revisions = [model.revision for model in self.models]
         self._reshaped = False  # since the last `take`
+        self._at = {name: i for i, name in enumerate(self.names)}
         self._moving = np.flatnonzero(moving)
         self._everybody = np.ones(len(self._moving), dtype=bool)
         self._moving_names = [self.names[i] for i in self._moving]
 
-    def take(self, poses: Mapping[str, PoseSample | None]) -> bool:
+    def take(self, poses: Mapping[str, PoseSample | None], silent: Collection[str] = ()) -> bool:
         """Take the poses of moving bodies by name; whether anything moved or changed its shape.
+
+        `silent` are bodies that are not to be relied on, whatever their poses say.
 
         Raises:
             ValueError: a pose is no rigid motion; it names the body, and nothing has changed.
@@ -62,7 +65,9 @@ class Placing:
             bodies = self._moving[known]
             moved = self.answers.move(bodies, self._stacked(given, bodies))
         self.known[self._moving] = known
+        self.silent[:] = False
         self.silent[self._moving] = [sample is None or sample.stale for sample in samples]
+        self.silent[[self._at[name] for name in silent]] = True
         self._look_for_refits()
         reshaped, self._reshaped = self._reshaped, False
         return reshaped or moved > 0
@@ -73,9 +78,23 @@ class Placing:
         Raises:
             KeyError: there is no such body.
         """
-        if name not in self.names:
-            raise KeyError(name)
-        return self.models[self.names.index(name)]
+        return self.models[self._at[name]]
+
+    def replace(self, name: str, model: engine.TriangleMesh) -> tuple[int, np.ndarray]:
+        """Give a body another model; returns its index, and the rows of its pairs.
+
+        Raises:
+            KeyError: there is no such body.
+        """
+        body = self._at[name]
+        self.models = (*self.models[:body], model, *self.models[body + 1 :])
+        self._revisions[body] = model.revision
+        self._reshaped = True
+        self.solid[body] = model.is_solid
+        rows = self.answers.replace(body, model)
+        a, b = self.answers.pairs(rows).T
+        self.answers.sign(rows, self.solid[a] | self.solid[b])
+        return body, rows
 
     def refit(self, name: str, vertices: np.ndarray) -> None:
         """Refit a body's model to other vertices (n, 3), for every body that shares it.

@@ -101,6 +101,16 @@ class Monitor:
         """
         self._placing.refit(name, vertices)
 
+    def replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+        """Give a body another model, as of a cloud of which a new one has come.
+
+        Raises:
+            KeyError: there is no such body.
+        """
+        body, rows = self._placing.replace(name, model)
+        self._searches.replace(body, model)
+        self._agenda.renew(rows)
+
     def ignore(self, pairs: Collection[int]) -> None:
         """Neither search nor list these pairs, positions among the scene's, from now on."""
         positions = np.array(sorted(pairs), dtype=np.int64)
@@ -121,6 +131,7 @@ class Monitor:
         poses: Mapping[str, PoseSample | None],
         budget_s: float,
         *,
+        silent: Collection[str] = (),
         distances: bool = True,
     ) -> Tick:
         """Answer for the given poses within the budget.
@@ -128,18 +139,21 @@ class Monitor:
         Args:
             poses: the last good pose of each moving body by name; None or a missing name means that
                 the body has no pose yet. Names of other bodies are ignored.
+            silent: bodies, fixed ones too, that are not to be relied on, whatever their poses say:
+                such as a deforming one whose vertices are late.
             budget_s: seconds for the whole tick. 0 searches nothing and still certifies
                 everything. A search that is running at the end of the budget overruns it by one
                 slice at most.
-            distances: whether anybody wants the distances; if not, all pairs are only decided
-                against their thresholds, which is cheaper.
+            distances: whether anybody wants the distances; if not, pairs are only decided against
+                their thresholds, which is cheaper; but the distance of one that is at a threshold
+                is searched, as its alert tells it.
 
         Raises:
             ValueError: a pose is not finite or not rigid; it names the body, nothing has changed.
         """
         started = self._clock()
         placing = self._placing
-        moved = placing.take(poses)
+        moved = placing.take(poses, silent)
         change = self._near.update(placing.known, placing.silent, moved)
         self._searches.forget(change.left)
         self._books.update(change)

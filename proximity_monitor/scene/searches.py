@@ -59,7 +59,16 @@ class Searches:
         engine.Pair(first, first).distance(near, far, rel_err=0.5, budget_s=1.0, order="priority")
         solid = next((model for model in self._models if model.is_solid), None)
         if solid is not None:
-            engine.Pair(solid, solid).signed_distance(near, far, rel_err=0.5, budget_s=1.0)
+            pair = engine.Pair(solid, solid)
+            pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
+            pair.signed_distance(near, near, budget_s=0.0)  # has kernels of its own
+
+    def replace(self, body: int, model: engine.TriangleMesh) -> None:
+        """Give a body another model; what was not finished about its pairs is forgotten."""
+        self._models = (*self._models[:body], model, *self._models[body + 1 :])
+        self.assembly.replace(body, model)
+        for key in [key for key in self._kept if body in divmod(key, len(self._models))]:
+            del self._kept[key]
 
     def _apart(self) -> tuple[np.ndarray, np.ndarray]:
         """Two poses (4, 4) at which any two of the models are far apart."""

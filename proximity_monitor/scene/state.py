@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -26,6 +26,30 @@ class PairStatus(enum.Enum):
     """Two solids overlap, perhaps one wholly inside the other: even the upper bound is negative."""
     UNKNOWN = "unknown pose"
     """A body of the pair has no pose yet: there are no numbers."""
+
+
+NO_POSE_YET, NO_RECENT_POSE = "no pose yet", "no recent pose"
+"""Why a body is silent, where nobody says it more closely."""
+
+
+def silence(
+    names: Iterable[str],
+    reasons: Mapping[str, str],
+    otherwise: str = NO_RECENT_POSE,
+    listed: Callable[[Sequence[str]], str] = " and ".join,
+) -> str:
+    """Return in a line why bodies are silent: the reason, and of whom, as often as there are some.
+
+    Args:
+        names: of silent bodies.
+        reasons: by a body's name, such as "no recent pose".
+        otherwise: the reason of bodies that have none among these.
+        listed: how the names of one reason read.
+    """
+    found: dict[str, list[str]] = {}
+    for name in names:
+        found.setdefault(reasons.get(name, otherwise), []).append(name)
+    return "; ".join(f"{reason} of {listed(of)}" for reason, of in found.items())
 
 
 STATUSES = tuple(PairStatus)
@@ -60,7 +84,7 @@ class PairState:
     """Seconds since the numbers were an answer to the present poses: 0 while they are; else inf if
     the pair was never searched."""
     silent: tuple[str, ...]
-    """The bodies of the pair whose pose is stale or was never given."""
+    """The bodies of the pair whose pose or shape is stale or was never given."""
     session_min: float
     """The smallest `upper` of the session: surely reached; inf before the first."""
     session_min_lower: float
@@ -74,7 +98,7 @@ class PairState:
 
     @property
     def stale(self) -> bool:
-        """Whether a body's pose is stale or unknown, so that nothing is certain about now."""
+        """Whether a body is silent, so that nothing is certain about now."""
         return bool(self.silent)
 
 
@@ -91,7 +115,7 @@ class PairStates(LazySequence[PairState]):
         points: (k, 2, 3) metres, world.
         status: (k,) codes, positions in STATUSES.
         age_s: (k,)
-        silent: (k, 2) whether the pose of either body is stale or unknown.
+        silent: (k, 2) whether the pose or shape of either body is stale or unknown.
         session_min: (k,) metres.
         session_min_lower: (k,) metres.
         faces: (k, 2) the triangles of the models that the points lie on; -1: not known.

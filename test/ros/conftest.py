@@ -299,9 +299,19 @@ def peer(shared_peer):
     return shared_peer
 
 
+@pytest.fixture(scope="module")
+def peer_for_all(rclpy_context):
+    """`new_peer` of what the tests of a file share."""
+    yield from _peers()
+
+
 @pytest.fixture
 def new_peer(rclpy_context):
     """Make a peer of a monitor, in a namespace of its own."""
+    yield from _peers()
+
+
+def _peers():
     made = []
 
     def make(monitor, namespace=""):

@@ -31,7 +31,7 @@ def test_every_pair_is_counted_once_listed_or_not():
     near = [state(i, 0.005) for i in range(3)]
     alerts.update(Tick(near, 0.0, 0.0, (), 0, far=2), thresholds, 1.0)
     tick = Tick(near[:1], 0.0, 0.0, (), 0, far=2, unsure=2)
-    alerts.update(tick, thresholds, 2.0, silent=["a1", "a3"])
+    alerts.update(tick, thresholds, 2.0, silent=dict.fromkeys(("a1", "a3"), "no recent pose"))
     nothing = dict.fromkeys(State._fields)
     unseen = Unseen(2, (("a0", "b0"), ("a1", "b1")), {"a0": "not watertight"})
     given = {"tick": tick, "levels": alerts.levels, "watched": 5, "unseen": unseen}

@@ -1,12 +1,18 @@
 """The installed executables as processes: starting, failing, lifecycle, ending."""
 
+import math
+import re
 import signal
+import sys
+import time
 
 import pytest
 from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
+import rclpy
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import GetState
 from rosgraph_msgs.msg import Clock
@@ -61,6 +67,18 @@ def test_a_bad_parameter_at_start_ends_the_node_with_a_message(launch, scene_fil
     assert name.rpartition(".")[0] in process.text
     assert name.rpartition(".")[2] in process.text
     assert "Traceback" not in process.text
+    assert "atomic" not in process.text, "a call is no way out before it runs"
+
+
+def test_a_real_number_may_be_given_as_a_whole_one(launch, scene_file, new_peer):
+    whole = {"rel_err": 0, "rate_hz": 40, "thresholds.hold_s": 1}
+    process = launch("node", "-r", "__ns:=/whole", **{"scene": scene_file, **whole})
+    peer = new_peer(process, "whole")
+    peer.settle()
+    assert peer.health(peer.next("diagnostics"))["schedule"]["rate_hz"] == "40"
+    assert peer.set_parameters(rate_hz=25, thresholds__warn=1) == (True, "")
+    assert peer.health(peer.next("diagnostics"))["schedule"]["rate_hz"] == "25"
+    assert not peer.set_parameters(tick_on_pose=1)[0]
 
 
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
@@ -78,16 +96,87 @@ def test_a_signal_ends_an_active_node_cleanly(launch, scene_file, new_peer, kind
 def test_a_signal_ends_a_node_that_still_compiles(launch, scene_file, tmp_path, new_peer):
     empty = {"NUMBA_CACHE_DIR": str(tmp_path)}
     process = launch("node", "-r", "__ns:=/cold", scene=scene_file, environment=empty)
-    new_peer(process, "cold").wait(
-        lambda: "compiling" in process.text, "its start", START_DEADLINE_S
-    )
+    peer = new_peer(process, "cold")
+
+    def topics():
+        return {name for name, _ in peer.node.get_topic_names_and_types()}
+
+    def progress():
+        text = peer.health().get("schedule", {"text": ""})["text"]
+        return re.fullmatch(r"compiling kernels: (\d+) of (\d+): no clearance is watched", text)
+
+    peer.wait(progress, "the diagnostics to say how far it is", START_DEADLINE_S)
+    assert 0 <= int(progress()[1]) < int(progress()[2])
+    peer.wait(lambda: "/cold/proximity_monitor/closest_points" in topics(), "the topics")
     code, took_s = process.stop(signal.SIGINT)
     assert code == 0, process.text
     assert took_s < PROMPT_S
-    (told,) = [line for line in process.text.splitlines() if "compiling" in line]
+    (told,) = [line for line in process.text.splitlines() if "for this machine" in line]
     assert told.startswith("[WARN]"), "it goes through the node's own log"
     assert str(tmp_path) in told
     assert "Traceback" not in process.text
+    assert process.text.endswith("proximity_monitor: ended by SIGINT\n")
+
+
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_at_any_moment_ends_it_with_a_line(launch, scene_file, kind, new_peer):
+    """The last ones are sent while models are read and kernels loaded, and it begins to watch."""
+    delays_s = (0.0, 0.1, 0.2, 0.4, 0.8)
+    processes = [launch("node", "-r", f"__ns:=/any{i}", scene="engine") for i in range(5)]
+    begun = {}
+    peer = new_peer(processes[0], "any")
+
+    def told():
+        for process, delay_s in zip(processes, delays_s, strict=True):
+            if process not in begun and "preparing the search" in process.text:
+                begun[process] = time.monotonic() + delay_s
+            if time.monotonic() >= begun.get(process, math.inf):
+                begun[process] = math.inf
+                process.popen.send_signal(kind)
+        return all(at == math.inf for at in begun.values()) and len(begun) == len(processes)
+
+    peer.monitor.popen.poll = lambda: None  # that it ends is what is waited for
+    peer.wait(told, "all to be told to end", 180.0)
+    for process in processes:
+        process.popen.wait(60.0)
+        assert process.popen.returncode == 0, process.text
+        assert process.text.endswith(f"proximity_monitor: ended by {kind.name}\n")
+        for wrong in ("Traceback", "rror", "FATAL", "not a readable", "ignored"):
+            assert wrong not in process.text
+
+
+def test_an_interrupt_that_comes_up_as_another_error_is_one_all_the_same(run):
+    """Numba's compiler and readers of files take what is raised below them for bad input."""
+    code = (
+        "import signal, sys\n"
+        "from proximity_monitor.ros.spin import interruptible, ros\n"
+        "with ros([], 'it'), interruptible():\n"
+        "    try:\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+        "    except BaseException as error:\n"
+        "        raise ValueError('not a readable file') from error\n"
+    )
+    process = run(sys.executable, "-c", code)
+    assert process.ended() == 0
+    assert process.text == "it: ended by SIGINT\n"
+
+
+def test_a_second_node_of_the_same_name_is_told_of(launch, scene_file, new_peer):
+    process = launch("node", "-r", "__ns:=/twice", scene=scene_file)
+    peer = new_peer(process, "twice")
+    peer.settle()
+    assert peer.health(peer.next("diagnostics"))["outputs"]["nodes of the same name"] == "0"
+    other = rclpy.create_node("proximity_monitor", namespace="twice")
+    outputs = peer.wait(
+        lambda: (o := peer.health()["outputs"])["nodes of the same name"] == "1" and o,
+        "the diagnostics of both",
+    )
+    assert "2 nodes are called twice/proximity_monitor" in outputs["text"]
+    assert outputs["level"] == DiagnosticStatus.WARN
+    peer.next("diagnostics")
+    assert process.text.count("another node is called /twice/proximity_monitor") == 1
+    other.destroy_node()
+    peer.wait(lambda: "no other node is called" in process.text, "the other to be gone")
 
 
 def test_a_signal_ends_a_node_that_waits_to_be_configured(launch, scene_file, new_peer):
@@ -154,28 +243,39 @@ def test_a_scene_that_fails_to_configure_can_be_replaced(launch, scene_file, tmp
     assert peer.change(Transition.TRANSITION_CONFIGURE)
 
 
-def test_simulated_time_stamps_the_results(launch, scene_file, new_peer):
+def test_simulated_time_stamps_the_results_and_may_not_stand_still(launch, scene_file, new_peer):
     process = launch("node", "-r", "__ns:=/sim", scene=scene_file, use_sim_time="true")
     peer = new_peer(process, "sim")
     clock = peer.node.create_publisher(Clock, "/clock", 1)
-    time_s = 1000
+    message, time_s = Clock(), 1000
 
-    def tell(at_s):
-        message = Clock()
+    def tell(at_s, states, step_ns=10_000):
+        message.clock.nanosec += step_ns
         message.clock.sec = at_s
         clock.publish(message)
         for name, position in (("ball", (0.0, 0.0, 0.5)), ("die", (0.8, 0.1, 0.9))):
             pose = peer.pose(position)
-            pose.header.stamp.sec, pose.header.stamp.nanosec = at_s, 0
+            pose.header.stamp = message.clock
             peer.publish(**{name: pose})
-        message = peer.last("closest_points")
-        states = {pair["state"] for pair in peer.pairs().values()}
-        return message is not None and message.header.stamp.sec == at_s and states == {"clear"}
+        told = peer.last("closest_points")
+        found = {pair["state"] for pair in peer.pairs().values()}
+        return told is not None and told.header.stamp.sec == at_s and found == states
 
-    peer.wait(lambda: tell(time_s), "results stamped with simulated time", START_DEADLINE_S)
-    peer.wait(lambda: tell(time_s + 3600), "results after a jump ahead")
-    peer.wait(lambda: tell(10), "results after the clock went back")
+    peer.wait(
+        lambda: tell(time_s, {"clear"}), "results stamped with simulated time", START_DEADLINE_S
+    )
+    peer.wait(lambda: tell(time_s + 3600, {"clear"}), "results after a jump ahead")
+    peer.wait(lambda: tell(10, {"clear"}), "results after the clock went back")
     assert "clock went back" in process.text
+
+    # As in a paused simulation, whose sources may go on.
+    peer.wait(lambda: tell(10, {"stale"}, step_ns=0), "all to be stale as time stands still")
+    assert all("no new time on /clock" in pair["text"] for pair in peer.pairs().values())
+    peer.wait(
+        lambda: tell(10, {"stale"}, step_ns=0) and "/clock" in peer.health()["inputs"]["text"],
+        "the diagnostics to say so",
+    )
+    peer.wait(lambda: tell(10, {"clear"}), "all to be clear as time goes on")
 
 
 def test_the_player_publishes_the_motion_with_stamps(launch, new_peer, rclpy_context):

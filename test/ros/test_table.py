@@ -130,3 +130,52 @@ def test_nothing_listed_is_no_error():
     made = picture()
     assert made.rows(5) == []
     assert "waiting for the first diagnostics" in made.plain(5)
+
+
+def told(task, text="", level=DiagnosticStatus.OK, **values):
+    items = [KeyValue(key=key.replace("_bodies", " bodies"), value=v) for key, v in values.items()]
+    return DiagnosticStatus(name=f"m: {task}", message=text, level=level, values=items)
+
+
+def schedule(rate):
+    times = {f"{what}_p{share}_ms": "1.0" for what in ("search", "tick") for share in (50, 99)}
+    return told("schedule", rate_achieved_hz=rate, budget_ms="10", **times)
+
+
+def test_there_is_nothing_to_show_before_a_rate_is_known():
+    made = picture(pair(0, 0.004, 0.004))
+    assert not made.ready
+    made.results = 1
+    made.take_diagnostics(DiagnosticArray(status=[schedule("nan")]))
+    assert not made.ready
+    assert "nan" not in made.header()
+    made.take_diagnostics(DiagnosticArray(status=[schedule("20.00")]))
+    assert made.ready
+    assert made.header().startswith("20.00 Hz")
+
+
+def test_a_silence_that_is_over_is_not_told_above_pairs_that_are_clear():
+    """The diagnostics come once a second, the pairs with each tick."""
+    made = picture(pair(0, 0.004, 0.004))
+    line = "no recent pose of a0"
+    silent = told("inputs", line, DiagnosticStatus.WARN, silent_bodies="a0")
+    made.take_diagnostics(DiagnosticArray(status=[silent]))
+    assert line not in made.plain(9)
+    stale = message(pair(0, 0.004, 0.004))
+    for value in stale.status[0].values:
+        value.value = "stale" if value.key == "state" else value.value
+    made.take_points(stale)
+    assert line in made.plain(9)
+
+
+def test_the_summary_names_the_pairs_of_each_kind_of_alert_and_why():
+    made = picture()
+    for i in range(5):
+        for new, why in (("warn", "9 mm <= warn 10 mm"), ("clear", "12 mm > warn 10 mm")):
+            old = "clear" if new == "warn" else "warn"
+            made.take_alert(DiagnosticStatus(name=f"a{i} - b", message=f"{old} -> {new}: {why}"))
+    made.take_alert(DiagnosticStatus(name="a1 - b", message="warn -> stop: 1 mm <= stop 2 mm"))
+    clear, _, stop = made.changes()
+    assert clear.startswith("5 x clear -> warn: a2 - b (9 mm <= warn 10 mm), a3 - b (")
+    assert clear.endswith(", and 2 other pairs")
+    assert stop == "1 x warn -> stop: a1 - b (1 mm <= stop 2 mm)"

@@ -6,6 +6,7 @@ from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import PointCloud2, PointField
 
@@ -18,67 +19,156 @@ budget_ms: 15
 bodies:
   - {name: wall, primitive: {box: {size: [10, 500, 500]}}, pose: {position: [-105, 0, 0]}}
   - {name: ball, primitive: {sphere: {radius: 100}}, moving: true, deforming: true}
+  - name: pillar
+    primitive: {sphere: {radius: 100}}
+    pose: {position: [0, 900, 0]}
+    deforming: true
 """
 
 
-def cloud(vertices):
-    fields = [
-        PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1)
-        for i, name in enumerate("xyz")
-    ]
-    return PointCloud2(
-        height=1,
-        width=len(vertices),
-        fields=fields,
-        point_step=24,
-        row_step=24 * len(vertices),
-        data=np.ascontiguousarray(vertices, "<f8").tobytes(),
-    )
+class Soft:
+    """A peer that publishes the ball's poses, and the vertices of whom it is asked to."""
+
+    def __init__(self, peer, rest):
+        self.peer = peer
+        self.rest = rest
+        self.shapes = {"ball": rest, "pillar": rest}
+        self.publishers = {
+            name: peer.node.create_publisher(PointCloud2, f"bodies/{name}/vertices", 1)
+            for name in self.shapes
+        }
+        peer.hold(ball=(0.2, 0.0, 0.0))
+        peer.node.create_timer(0.05, self._publish)
+
+    def _publish(self):
+        for name, shape in self.shapes.items():
+            self.send(name, self.cloud(shape))
+
+    def send(self, name, message):
+        self.publishers[name].publish(message)
+
+    def cloud(self, vertices, late_s=0.0, frame=""):
+        fields = [
+            PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1)
+            for i, name in enumerate("xyz")
+        ]
+        message = PointCloud2(
+            height=1,
+            width=len(vertices),
+            fields=fields,
+            point_step=24,
+            row_step=24 * len(vertices),
+            data=np.ascontiguousarray(vertices, "<f8").tobytes(),
+        )
+        message.header.frame_id = frame
+        stamp = self.peer.node.get_clock().now() - Duration(nanoseconds=int(late_s * 1e9))
+        message.header.stamp = stamp.to_msg()
+        return message
+
+    def pair(self, name="wall - ball"):
+        return self.peer.pairs().get(name, {"state": "none", "text": ""})
+
+    def wait_for_gap(self, expected):
+        def told():
+            pair = self.pair()
+            near = pair["state"] == "clear" and pair["age_s"] == "0.0000"
+            return near and float(pair["upper_m"]) == pytest.approx(expected, abs=2e-3)
+
+        self.peer.wait(told, f"a gap of {expected} m", 180.0)
+
+    def rejected(self, reason):
+        return int(self.peer.health().get("inputs", {}).get(f"rejected: {reason}", 0))
 
 
-def test_vertices_move_a_deforming_body_and_bad_ones_are_counted(launch, tmp_path, new_peer):
+@pytest.fixture(scope="module")
+def soft(launch_for_all, peer_for_all, tmp_path_factory):
     from proximity_monitor.scene import load_scene
     from proximity_monitor.scene.opening import load_models
 
-    (tmp_path / "soft.yaml").write_text(SCENE)
-    process = launch("node", "-r", "__ns:=/soft", scene=tmp_path / "soft.yaml")
-    peer = new_peer(process, "soft")
-    vertices = load_models(load_scene(tmp_path / "soft.yaml"))["ball"].vertices
-    publisher = peer.node.create_publisher(PointCloud2, "bodies/ball/vertices", 1)
-    peer.hold(ball=(0.2, 0.0, 0.0))
+    path = tmp_path_factory.mktemp("soft") / "soft.yaml"
+    path.write_text(SCENE)
+    process = launch_for_all("node", "-r", "__ns:=/soft", scene=path, pose_timeout_s=1.0)
+    peer = peer_for_all(process, "soft")
+    yield Soft(peer, load_models(load_scene(path))["ball"].vertices)
+    process.stop()
 
-    def gap(expected, message=None):
-        def told():
-            if message is not None:
-                publisher.publish(message)
-            pair = peer.pairs().get("wall - ball")
-            at = expected if pair is None else float(pair["upper_m"])
-            return pair and pair["age_s"] == "0.0000" and at == pytest.approx(expected, abs=2e-3)
 
-        peer.wait(told, f"a gap of {expected} m", START_DEADLINE_S)
+def test_a_body_without_vertices_is_stale_until_they_come_and_follows_them(soft):
+    shapes, soft.shapes = soft.shapes, {}
+    soft.peer.wait(
+        lambda: soft.pair()["state"] == "stale", "the ball to be stale", START_DEADLINE_S
+    )
+    soft.peer.wait(lambda: "no vertices yet of ball" in soft.pair()["text"], "the reason")
+    soft.shapes = shapes
+    soft.wait_for_gap(0.2)
+    soft.shapes = {"ball": 0.5 * soft.rest, "pillar": soft.rest}
+    soft.wait_for_gap(0.25)
+    soft.shapes = shapes
+    soft.wait_for_gap(0.2)
 
-    gap(0.2)
-    gap(0.25, cloud(0.5 * vertices))
-    gap(0.2, cloud(vertices))
 
-    holed = vertices.copy()
+@pytest.mark.parametrize("silent", ["ball", "pillar"])
+def test_vertices_that_fall_silent_make_their_body_stale(soft, silent):
+    """Though the ball's poses go on; the pillar, which is fixed, has none."""
+    soft.wait_for_gap(0.2)
+    soft.shapes = {name: soft.rest for name in ("ball", "pillar") if name != silent}
+    pair = "ball - pillar"
+    soft.peer.wait(lambda: soft.pair(pair)["state"] == "stale", "the pair to become stale")
+    assert f"no recent vertices of {silent}" in soft.pair(pair)["text"]
+    assert soft.pair()["state"] == ("stale" if silent == "ball" else "clear")
+    inputs = soft.peer.wait(
+        lambda: (i := soft.peer.health().get("inputs")) and i["silent bodies"] == silent and i,
+        "diagnostics of the silent body",
+    )
+    assert f"no recent vertices of {silent}" in inputs["text"]
+    soft.peer.wait(lambda: soft.peer.next("clearance").data == 0.0, "no clearance")
+    soft.shapes = {"ball": soft.rest, "pillar": soft.rest}
+    soft.wait_for_gap(0.2)
+
+
+def test_bad_vertices_are_counted_by_reason_and_keep_nothing_fresh(soft):
+    holed = soft.rest.copy()
     holed[7, 1] = np.nan
-    for bad, reason in (
-        (cloud(vertices[:-1]), "wrong length"),
-        (cloud(holed), "not finite"),
-        (cloud(vertices * 1e12), "position out of range"),
-        (PointCloud2(width=3, height=1), "unreadable layout"),
-    ):
+    cloud = soft.cloud
+    bad = {
+        "wrong length": lambda: cloud(soft.rest[:-1]),
+        "not finite": lambda: cloud(holed),
+        "position out of range": lambda: cloud(soft.rest * 1e12),
+        "other frame": lambda: cloud(soft.rest, frame="nowhere"),
+        "stale stamp": lambda: cloud(soft.rest, late_s=3600.0),
+        "stamp in the future": lambda: cloud(soft.rest, late_s=-3600.0),
+        "stamp out of order": lambda: cloud(soft.rest, late_s=0.5),
+    }
+    before = {reason: soft.rejected(reason) for reason in bad}
+    soft.wait_for_gap(0.2)
 
-        def counted(bad=bad, reason=reason):
-            publisher.publish(bad)
-            return peer.health() and int(peer.health()["inputs"][f"rejected: {reason}"]) > 0
+    def counted():
+        for reason, make in bad.items():
+            if soft.rejected(reason) == before[reason]:
+                soft.send("ball", make())
+                soft.peer.executor.spin_once(timeout_sec=0.02)
+        return all(soft.rejected(reason) > before[reason] for reason in bad)
 
-        peer.wait(counted, reason)
-    gap(0.2)
+    soft.peer.wait(counted, "a count of each reason")
+    soft.wait_for_gap(0.2)
+
+    soft.shapes = {"ball": holed, "pillar": soft.rest}
+    soft.peer.wait(lambda: soft.pair()["state"] == "stale", "the ball of NaN to become stale")
+    soft.shapes = {"ball": soft.rest, "pillar": soft.rest}
+
+    def unreadable():
+        soft.send("ball", message)
+        return soft.rejected("unreadable layout") > 0
+
+    message = soft.cloud(soft.rest, frame="ball")
+    message.fields = []
+    soft.peer.wait(unreadable, "an unreadable cloud")
+    soft.wait_for_gap(0.2)
 
     best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-    other = peer.node.create_publisher(PointCloud2, "bodies/ball/vertices", best_effort)
+    other = soft.peer.node.create_publisher(PointCloud2, "bodies/ball/vertices", best_effort)
     key = "incompatible QoS: bodies/ball/vertices"
-    peer.wait(lambda: peer.health()["outputs"].get(key) == "1", "the publisher that does not fit")
-    peer.node.destroy_publisher(other)
+    soft.peer.wait(
+        lambda: soft.peer.health()["outputs"].get(key) == "1", "the publisher that does not fit"
+    )
+    soft.peer.node.destroy_publisher(other)

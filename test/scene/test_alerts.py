@@ -206,10 +206,10 @@ def test_a_pair_that_comes_into_range_is_judged_as_one_that_was_clear():
 def test_a_pair_that_is_not_listed_because_a_body_is_silent_stays_stale():
     watch = Watch(reach=0.050)
     watch.see(pair(0.005))
-    (change,) = watch.see(silent=["block"])
-    assert (change.new, change.reason) == (Level.STALE, "no recent pose of block")
+    (change,) = watch.see(silent={"block": "no recent vertices"})
+    assert (change.new, change.reason) == (Level.STALE, "no recent vertices of block")
     assert math.isnan(change.lower), "nothing is certain about it"
-    assert watch.see(silent=["block"]) == []
+    assert watch.see(silent={"block": "no recent vertices"}) == []
     (change,) = watch.see()
     assert change.new is Level.CLEAR
 
@@ -217,7 +217,7 @@ def test_a_pair_that_is_not_listed_because_a_body_is_silent_stays_stale():
 def test_an_attached_pair_is_clear_because_it_is_not_watched():
     watch = Watch()
     watch.see(pair(0.001))
-    (change,) = watch.see(attached={0})
+    (change,) = watch.see(unwatched={0: "attached to each other: not watched"})
     assert (change.old, change.new) == (Level.STOP, Level.CLEAR)
     assert change.reason == "attached to each other: not watched"
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from proximity_monitor import engine
-from proximity_monitor.scene import UNITS, Body, Box, Cylinder, Point, Sphere, load_model
+from proximity_monitor.scene import UNITS, Body, Box, Capsule, Cylinder, Point, Sphere, load_model
+from proximity_monitor.scene.description import Compound, Part
 
 MM = UNITS["mm"]
 BODY = Body(
@@ -52,24 +53,116 @@ def test_box(scale):
     assert edges_match(mesh)
 
 
+def to_cylinder(points, radius, height):
+    """Signed distances of points (n, 3) to a cylinder about z, analytically."""
+    across = np.hypot(points[:, 0], points[:, 1]) - radius
+    along = np.abs(points[:, 2]) - height / 2
+    outside = np.hypot(np.maximum(across, 0.0), np.maximum(along, 0.0))
+    return outside + np.minimum(np.maximum(across, along), 0.0)
+
+
+def random_pose(rng, spread):
+    """A rotation by the axis of two reflections, and a place."""
+    q = rng.normal(size=4)
+    w, x, y, z = q / np.linalg.norm(q)
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = turn, spread * rng.normal(size=3)
+    return pose
+
+
 @pytest.mark.parametrize("segments", [3, 64])
-def test_cylinder(segments):
-    mesh = load_model(with_shape(Cylinder(0.5, 2.0, segments)), MM)
-    across = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
-    assert across.max() == pytest.approx(0.5)
-    assert sorted(set(np.round(mesh.vertices[:, 2], 12))) == [-1.0, 1.0]
-    polygon = 0.5 * segments * 0.25 * math.sin(math.tau / segments)
-    assert volume(mesh) == pytest.approx(2.0 * polygon)
-    assert edges_match(mesh)
+def test_a_cylinder_is_one_within_its_deviation(segments):
+    mesh = load_model(with_shape(Cylinder(0.5, 2.0, segments), scale=2.0), MM)
+    assert edges_match(mesh) and mesh.is_solid
+    assert mesh.deviation == pytest.approx(math.tan(math.pi / segments / 2) ** 2)
+    ball = engine.points([[0.0, 0.0, 0.0]], radius=0.3)
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        pose, place = random_pose(rng, 2.0), random_pose(rng, 2.0)
+        local = (place[:3, 3] - pose[:3, 3]) @ pose[:3, :3]
+        true = to_cylinder(local[None], 1.0, 4.0)[0] - 0.3
+        found = engine.signed_distance(mesh, pose, ball, place)
+        assert found.lower <= true or true < 0.0
+        assert max(true, -0.6) <= found.upper
+        if true > 2.0 * mesh.deviation:
+            assert found.upper - found.lower <= 2.0 * mesh.deviation + 1e-12
 
 
 @pytest.mark.parametrize("subdivisions", [0, 3])
-def test_sphere(subdivisions):
+def test_a_sphere_that_is_to_be_a_mesh_is_one_within_its_deviation(subdivisions):
     mesh = load_model(with_shape(Sphere(0.25, subdivisions)), MM)
-    np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 0.25)
     assert len(mesh.faces) == 20 * 4**subdivisions
-    assert volume(mesh) > 0.0
-    assert edges_match(mesh)
+    assert edges_match(mesh) and volume(mesh) > 0.0
+    normals = np.cross(*(np.diff(mesh.vertices[mesh.faces], axis=1)[:, i] for i in range(2)))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    inside = np.einsum("ij,ij->i", normals, mesh.vertices[mesh.faces[:, 0]]).min()
+    corners = np.linalg.norm(mesh.vertices, axis=1)
+    assert corners.max() - 0.25 <= mesh.deviation and 0.25 - inside <= mesh.deviation
+    assert mesh.deviation == pytest.approx(max(corners.max() - 0.25, 0.25 - inside), rel=1e-6)
+
+
+def test_spheres_and_capsules_are_exact():
+    ball = load_model(with_shape(Sphere(0.25), scale=2.0), MM)
+    capsule = load_model(with_shape(Capsule(0.1, 0.6), scale=2.0), MM)
+    assert ball.is_solid and capsule.is_solid and ball.deviation == capsule.deviation == 0.0
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        pose, place = random_pose(rng, 2.0), random_pose(rng, 2.0)
+        local = (place[:3, 3] - pose[:3, 3]) @ pose[:3, :3]
+        local[2] -= np.clip(local[2], -0.6, 0.6)
+        true = np.linalg.norm(local) - 0.2 - 0.5
+        found = engine.signed_distance(capsule, pose, ball, place)
+        expected = max(true, -0.4)
+        assert found.lower - 1e-15 <= expected <= found.upper + 1e-15
+        assert found.upper - found.lower < 1e-12
+
+
+def test_pictures_of_swept_models_lie_on_their_surfaces():
+    for shape, enclosed in (
+        (Sphere(0.25), 4 / 3 * math.pi * 0.25**3),
+        (Capsule(0.1, 0.6), 4 / 3 * math.pi * 0.1**3 + math.pi * 0.1**2 * 0.6),
+    ):
+        model = load_model(with_shape(shape), MM)
+        drawn = model.tessellated()
+        assert drawn.swept_radius == 0.0
+        away = engine.closest_points(model, np.eye(4), drawn.vertices)
+        assert (away.upper < 1e-12).all() and drawn.is_solid
+        assert volume(drawn) == pytest.approx(enclosed, rel=0.02) and volume(drawn) < enclosed
+
+
+def test_a_compound_of_spheres_is_exact_and_one_of_unlike_parts_deviates():
+    at = {"scale": (1.0, 1.0, 1.0), "rpy": (0.0, 0.0, 0.0)}
+    balls = Compound(
+        (Part(Sphere(0.1), xyz=(0, 0, 0), **at), Part(Sphere(0.1), xyz=(1, 0, 0), **at))
+    )
+    model = load_model(with_shape(balls), MM)
+    assert (model.swept_radius, model.deviation, len(model.faces)) == (0.1, 0.0, 2)
+    for other in (Box((0.1, 0.1, 0.1)), Sphere(0.2), Capsule(0.2, 0.3)):
+        parts = (Part(Sphere(0.1), xyz=(0, 0, 0), **at), Part(other, xyz=(1, 0, 0), **at))
+        model = load_model(with_shape(Compound(parts)), MM)
+        assert model.swept_radius == 0.0 and 0.0 < model.deviation < 0.003 and model.is_solid
+        probe = engine.points([[0, 0, 0]], radius=0.05)
+        rng = np.random.default_rng(3)
+        for _ in range(20):
+            way = rng.normal(size=3) * (0.2, 1.0, 1.0)
+            way[0] = -abs(way[0])
+            place = np.eye(4)
+            place[:3, 3] = way / np.linalg.norm(way) * 0.16  # on the side of the small sphere
+            found = engine.distance(model, np.eye(4), probe, place)
+            assert found.lower <= 0.01 <= found.upper
+
+
+def test_a_deforming_sphere_is_a_mesh():
+    body = dataclasses.replace(BODY, primitive=Sphere(0.25), deforming=True)
+    mesh = load_model(body, MM)
+    assert len(mesh.faces) == 1280 and mesh.swept_radius == mesh.deviation == 0.0
 
 
 def test_point():

@@ -127,3 +127,13 @@ def test_vertices_of_a_body_that_is_not_there(load):
     monitor = Monitor(scene, load_models(scene))
     with pytest.raises(KeyError, match="b7"):
         monitor.set_vertices("b7", np.zeros((3, 3)))
+
+
+def test_a_body_that_deforms_shares_its_model_with_nobody(load):
+    """Or the rigid bodies that look like it would change their shape with it."""
+    ball = "primitive: {sphere: {radius: 1}}, moving: true"
+    bodies = [f"{{name: {name}, {ball}}}" for name in ("one", "two")]
+    bodies += [f"{{name: {name}, {ball}, deforming: true}}" for name in ("soft", "softer")]
+    models = load_models(load("\n  - ".join(("version: 1\nunit: m\nbodies:", *bodies)) + "\n"))
+    assert models["one"] is models["two"]
+    assert len({id(model) for model in models.values()}) == 3

@@ -6,6 +6,7 @@ from crowds import assert_certified, exact, samples, text, walk
 
 from proximity_monitor.scene import Thresholds
 from proximity_monitor.scene import near as near_pairs
+from proximity_monitor.scene.alerts import Alerts
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import PairStatus
@@ -199,3 +200,25 @@ def test_all_beyond_their_range_is_room_as_far_as_the_range(load):
     tick = monitor.tick(samples(next(walk(COUNT, 1, spread=50.0))), 0.1)
     assert (len(tick.pairs), tick.far) == (0, PAIRS)
     assert tick.clearance() == 0.25
+
+
+def test_a_crowd_before_its_first_poses_costs_no_more_than_after(load):
+    """What a tick of 44,850 pairs costs follows from how many it lists, judges and tells of."""
+    scene = load(text(300, head="range: 0.4"))
+    monitor, alerts = Monitor(scene, load_models(scene)), Alerts(scene.pairs, scene.unit)
+    limits = [pair.thresholds for pair in scene.pairs]
+    why = {body.name: "no pose yet" for body in scene.bodies}
+    before = monitor.tick({}, 0.1)
+    alerts.update(before, limits, 0.0, silent=why)
+    poses = samples(next(walk(300, 1, spread=4.0)))
+    listed = len(monitor.tick(poses, 0.1).pairs)
+    assert len(before.pairs) <= 250 < listed, "the crowd is a dense one"
+    assert before.unsure + len(before.pairs) == len(scene.pairs)
+    assert len(alerts.update(monitor.tick(poses, 0.1), limits, 1.0)) <= listed + 250
+    judged = []
+    judge = alerts._judge
+    alerts._judge = lambda *given: judged.append(given) or judge(*given)
+    for k in range(2):
+        alerts.update(monitor.tick({}, 0.1), limits, 2.0 + k, silent=why)
+    assert len(judged) <= 250, "who is as silent as before is not judged again"
+    monitor.close()

@@ -60,7 +60,7 @@ def test_links_and_their_shapes(read):
         Shape(Box((0.4, 0.3, 0.1)), (1.0, 1.0, 1.0), none, none),
         Shape("package://lift/column.stl", (1.0, -1.0, 2.0), (0.0, 0.0, 0.25), (0.0, 0.0, 1.5)),
     )
-    assert [shape.geometry for shape in base.visual] == [Sphere(0.2, 3)]
+    assert [shape.geometry for shape in base.visual] == [Sphere(0.2)]
     assert [shape.geometry for shape in fork.collision] == [Cylinder(0.02, 0.5, 64)]
     assert (frame.collision, frame.visual) == ((), ())
 
@@ -138,8 +138,8 @@ BROKEN = {
         r"link 'base', <visual>: <geometry> must hold one shape \(got 0\)",
     ),
     "another shape": (
-        '<sphere radius="0.2"/>', '<capsule radius="1"/>',
-        "<capsule>: unknown shape; read are mesh, box, cylinder and sphere",
+        '<sphere radius="0.2"/>', '<cone radius="1"/>',
+        "<cone>: unknown shape; read are mesh, box, cylinder, sphere and capsule",
     ),
     "a joint of six": (
         'type="prismatic"', 'type="floating"',

@@ -37,7 +37,7 @@ QUESTION = np.dtype(
         ("min_lower", np.float64),
         ("hint", np.int32, (2,)),  # nearest triangles, as a search knows them
         ("status", np.int8),  # of the last search: why it stopped
-        ("deciding", np.bool_),  # only the side of the levels is asked for
+        ("deciding", np.bool_),  # no more is asked than the side of the levels
         ("ignored", np.bool_),  # nothing is
         ("done", np.bool_),  # the last search answered all that can be asked
         ("hard", np.bool_),  # the last search ran out of time
@@ -96,11 +96,19 @@ overlap the other, and the search has to look how deep."""
 
 @kernel
 def _judge(question, view):
-    """What a view's bounds say about its question."""
+    """What a view's bounds say about its question.
+
+    A pair that is certainly at a level is asked for its distance then, also where all pairs are
+    only to be decided: an estimate of the time that is left, made from bounds that just decide,
+    would depend on whether anybody else wanted the distance.
+    """
     lower, upper = view.lower, view.upper
-    urgent = False
+    urgent = near = False
     for i in range(LEVELS):
         urgent |= lower <= question.levels[i] < upper
+        near |= upper <= question.levels[i]
+    if near and not urgent and not question.deciding:
+        view.deciding = False
     small, large = min(abs(lower), abs(upper)), max(abs(lower), abs(upper))
     rel_err, abs_err = question.rel_err, question.abs_err
     tolerated = abs_err > 0.0 and upper - lower <= abs_err
@@ -123,7 +131,7 @@ def look(
     """Write the views of the rows (k,), as they are before any search.
 
     The first six are those of `carry`; known (n,) and silent (n,) are of the bodies, book (m,)
-    QUESTION is of all rows. If not `distances`, all pairs are only decided.
+    QUESTION is of all rows. If not `distances`, pairs beyond their levels are only decided.
     """
     for k in range(len(rows)):
         row = rows[k]

@@ -1,0 +1,133 @@
+"""Bodies that are point clouds: each message of a body's topic is the whole body anew.
+
+A message is only kept when it arrives; the next tick reads the latest one and builds its model, so
+that a flood costs one model a tick. Points that are not finite, which sensors send where they see
+nothing, are left out and counted. A cloud without any points says that there is nothing: as long as
+it is fresh, the body is absent and its pairs are clear. One of whose points none is finite may be
+of a covered sensor: it is refused.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+
+from proximity_monitor import engine
+from proximity_monitor.ros.clouds import read_vertices
+from proximity_monitor.ros.inputs import FURTHEST, Inputs, Reason
+from proximity_monitor.ros.qos import POSES, Incompatible
+from proximity_monitor.scene import Body
+from proximity_monitor.scene.state import PoseSample
+
+Samples = dict[str, PoseSample | None]
+
+
+class CloudBodies:
+    """The clouds of a configured monitor.
+
+    Attributes:
+        dropped: by body, how many points were left out because they are not finite.
+        built: by body, how many clouds became models.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        bodies: Sequence[Body],
+        frame: str,
+        inputs: Inputs,
+        incompatible: Incompatible,
+        replace: Callable[[str, engine.TriangleMesh], None],
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            node: whose subscriptions they are.
+            bodies: all of the scene.
+            frame: the fixed frame; clouds that name no body's frame have to be in it.
+            inputs: keeps how fresh the clouds are.
+            incompatible: counts publishers that do not fit.
+            replace: takes a body's name and its new model.
+        """
+        self._node = node
+        self._inputs = inputs
+        self._frame = frame
+        self._replace = replace
+        self._clouds = {body.name: body.cloud for body in bodies if body.cloud is not None}
+        self._fixed = {body.name: PoseSample(body.pose) for body in bodies if not body.moving}
+        self._here = PoseSample(np.eye(4))
+        self._latest: dict[str, bytes] = {}
+        self._empty: set[str] = set()
+        self.dropped: Counter[str] = Counter(dict.fromkeys(self._clouds, 0))
+        self.built: Counter[str] = Counter(dict.fromkeys(self._clouds, 0))
+        self._subscriptions = [
+            node.create_subscription(
+                PointCloud2,
+                cloud.topic,
+                partial(self._latest.__setitem__, name),
+                POSES,
+                raw=True,
+                event_callbacks=incompatible.subscription(cloud.topic),
+            )
+            for name, cloud in self._clouds.items()
+        ]
+
+    def destroy(self) -> None:
+        """End the subscriptions."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def build(self, now_ns: int) -> None:
+        """Build the bodies of which a new cloud has come."""
+        latest, self._latest = dict(self._latest), self._latest
+        self._latest.clear()
+        for name, data in latest.items():
+            if reason := self._take(name, data, now_ns):
+                self._inputs.refuse(reason)
+
+    def place(self, samples: Samples, silent: Mapping[str, str]) -> None:
+        """Put each cloud where its frame is; `samples` are of the bodies that have poses."""
+        for name, cloud in self._clouds.items():
+            sample = self._here
+            if cloud.frame:
+                sample = self._fixed.get(cloud.frame) or samples[cloud.frame]
+            unseen = self._inputs.shape_stamp_ns(name) is None or name in self._empty
+            samples[name] = None if unseen and name in silent else sample
+
+    def absent(self, silent: Mapping[str, str]) -> frozenset[str]:
+        """Return the bodies of which it is certain that there is nothing."""
+        return frozenset(self._empty - silent.keys())
+
+    def _take(self, name: str, data: bytes, now_ns: int) -> str | None:
+        """Build a body, or return why not."""
+        try:
+            message = deserialize_message(data, PointCloud2)
+            points = read_vertices(message)
+        except (RuntimeError, ValueError):  # rclpy's RMWError is a RuntimeError
+            return Reason.LAYOUT
+        cloud, header = self._clouds[name], message.header
+        stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+        if header.frame_id != (cloud.frame or self._frame):
+            return Reason.FRAME
+        if reason := self._inputs.judge_shape(name, stamp_ns, now_ns):
+            return reason
+        finite = points[np.isfinite(points).all(axis=1)]
+        self.dropped[name] += len(points) - len(finite)
+        if len(points) and not len(finite):
+            return Reason.NOT_FINITE
+        if not (np.abs(finite) <= FURTHEST).all():
+            return Reason.TOO_FAR
+        self._empty.discard(name)
+        if len(finite):
+            self._replace(name, engine.points(finite, radius=cloud.radius, name=name))
+            self.built[name] += 1
+        else:
+            self._empty.add(name)
+        self._inputs.keep_shape(name, stamp_ns)
+        return None

@@ -1,0 +1,122 @@
+"""Where the bodies are at a moment, how sure that is, and which pairs need no watch therefore."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+
+import numpy as np
+from rclpy.node import Node
+
+from proximity_monitor.ros.cloud_bodies import CloudBodies
+from proximity_monitor.ros.inputs import Inputs
+from proximity_monitor.ros.still_clock import REASON, StillClock
+from proximity_monitor.scene import Scene
+from proximity_monitor.scene.approach import Course
+from proximity_monitor.scene.attachments import Attachments, Samples
+
+
+class Whereabouts:
+    """Puts together what is heard of bodies, what they hang on, and whether time goes on."""
+
+    unwatched: Mapping[int, str]
+    """By the index of each pair that is not watched now, why."""
+
+    def __init__(
+        self,
+        node: Node,
+        scene: Scene,
+        inputs: Inputs,
+        clouds: CloudBodies,
+        ignore: Callable[[Collection[int]], None],
+    ) -> None:
+        """Begin with all bodies by themselves.
+
+        Args:
+            node: whose clock counts.
+            scene: of the bodies and pairs.
+            inputs: the poses, and how fresh they are.
+            clouds: the bodies that are point clouds.
+            ignore: takes the pairs that need no watch from now on.
+        """
+        self.attachments = Attachments(scene.bodies)
+        self.clock = StillClock(node.get_clock())
+        self.unwatched = {}
+        self._unwatched_for = {}, frozenset()
+        self._log = node.get_logger()
+        self._pairs = scene.pairs
+        self._inputs = inputs
+        self._clouds = clouds
+        self._ignore = ignore
+        self._changeable = [body.name for body in scene.bodies if body.moving or body.deforming]
+        self._fixed = {
+            body.name: Course(body.pose, body.pose, np.inf)
+            for body in scene.bodies
+            if not body.moving
+        }
+
+    def samples(self, now_ns: int) -> Samples:
+        """Return the poses of all moving bodies: of attached ones and of clouds as carried."""
+        self._look_at_clock(now_ns)
+        samples = self.attachments.carry(self._inputs.samples(now_ns))
+        held = self.attachments.held
+        self._inputs.attached = frozenset(held)
+        silent = self.silent({}, now_ns)
+        self._clouds.place(samples, silent)
+        self._leave_out(held, self._clouds.absent(silent))
+        return samples
+
+    def silent(self, samples: Samples, now_ns: int) -> dict[str, str]:
+        """Return by each body that is not to be relied on, why."""
+        if self.clock.still:
+            return dict.fromkeys(self._changeable, REASON)
+        return self._inputs.silent(samples, now_ns)
+
+    def attach(self, parents: Mapping[str, str], now_ns: int) -> None:
+        """Let bodies hang on each other so, from this moment on where their poses are known."""
+        before, carried = self.attachments.held, self.samples(now_ns)
+        roots = {child: self.attachments.root(child) for child in before}
+        self.attachments.want(parents)
+        for child in before.keys() - self.attachments.held.keys():
+            if (at := carried[child]) is not None:  # it stays where it was carried to
+                stamp_ns = self._inputs.stamp_ns(roots[child])
+                self._inputs.place(child, at.pose, now_ns if stamp_ns is None else stamp_ns)
+        self.samples(now_ns)
+
+    def course(self, name: str) -> Course | None:
+        """Return how a body moved last; None where that is not known."""
+        if name in self._clouds.dropped:
+            return None  # its points are others each time
+        root = self.attachments.root(name)
+        fixed = self._fixed.get(root)
+        return fixed or self.attachments.course(name, self._inputs.course(root))
+
+    def stamp_ns(self, name: str) -> int | None:
+        """Return the stamp of the oldest message that says where a body is and of what shape."""
+        pose_ns = self._inputs.stamp_ns(self.attachments.root(name))
+        stamps = [ns for ns in (pose_ns, self._inputs.shape_stamp_ns(name)) if ns is not None]
+        return min(stamps, default=None)
+
+    def forget(self) -> None:
+        """Forget all that was heard: the clock went back."""
+        self._inputs.forget()
+        self.attachments.forget()
+
+    def _look_at_clock(self, now_ns: int) -> None:
+        if self.clock.look(now_ns, self._inputs.timeout_s):
+            if self.clock.still:
+                self._log.warning("/clock stands still: all bodies are stale until it goes on")
+            else:
+                self._log.info("/clock goes on")
+
+    def _leave_out(self, held: Mapping[str, str], absent: frozenset[str]) -> None:
+        """Do not watch bodies against those they hang on, nor clouds without points."""
+        if (held, absent) == self._unwatched_for:
+            return
+        self._unwatched_for, unwatched = (held, absent), {}
+        for i, pair in enumerate(self._pairs if held or absent else ()):
+            if held.get(pair.a) == pair.b or held.get(pair.b) == pair.a:
+                unwatched[i] = "attached to each other: not watched"
+            elif nothing := absent & {pair.a, pair.b}:
+                unwatched[i] = f"nothing is seen of {' and '.join(sorted(nothing))}"
+        self.unwatched = unwatched
+        self._ignore(unwatched)

@@ -1,0 +1,88 @@
+"""What is compiled while a monitor gets ready: all of it is foreseen, and no tick compiles."""
+
+import importlib
+import os
+import subprocess
+import sys
+
+import pytest
+
+from proximity_monitor.engine import compiling
+from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.opening import kernels_of
+
+LOADED = """
+import sys
+from numba.core.caching import NullCache
+from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.opening import load_models
+from proximity_monitor.scene.schedule import Monitor
+from proximity_monitor.scene.state import PoseSample
+import numpy as np
+
+def loaded():
+    start = "proximity_monitor.engine.kernels."
+    return {
+        f"{name.removeprefix(start)}.{function.__name__}"
+        for name, module in list(sys.modules.items()) if name.startswith(start)
+        for function in vars(module).values()
+        if hasattr(function, "py_func") and function.overloads and function.__module__ == name
+        and not isinstance(function._cache, NullCache)
+    }
+
+scene = load_scene(sys.argv[1])
+monitor = Monitor(scene, load_models(scene))
+print(*sorted(loaded()))
+inside = {"a": PoseSample(np.eye(4)), "b": PoseSample(np.eye(4))}
+monitor.tick(inside, 1.0)
+monitor.tick(inside, 1.0, distances=False)
+print(*sorted(loaded()))
+"""
+SCENE = """version: 1
+unit: m
+bodies:
+  - {{name: a, primitive: {{sphere: {{radius: 1}}}}, moving: true{0}}}
+  - {{name: b, primitive: {{sphere: {{radius: 1}}}}, moving: true{0}}}
+pairs: all
+"""
+SHARED = {"descent.advance", "primitives.test_triangles", "ranges.node_ranges"}
+"""They are compiled into others' code, and not loaded with it."""
+
+
+@pytest.mark.parametrize("body", ["", ", solid: true"])
+def test_the_kernels_that_a_scene_needs_are_those_that_it_loads(body, tmp_path):
+    path = tmp_path / "two.yaml"
+    path.write_text(SCENE.format(body))
+    run = subprocess.run(
+        [sys.executable, "-c", LOADED, str(path)], capture_output=True, text=True, check=True
+    )
+    ready, ticked = (set(line.split()) for line in run.stdout.splitlines())
+    assert ready == kernels_of(load_scene(path)) - SHARED
+    assert ticked == ready, "a tick that compiles comes half a minute late"
+
+
+def test_progress_counts_what_is_compiled(tmp_path):
+    code = (
+        "import numpy as np; from proximity_monitor import engine;"
+        "from proximity_monitor.engine import compiling\n"
+        "said = []\n"
+        "say = lambda progress: said.append(str(progress))\n"
+        "with compiling.Progress({'motion.pose_deviation', 'x.y'}, say):\n"
+        "    engine.check_pose(np.eye(4))\n"
+        "print(said)"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )
+    assert run.stdout == "['compiling kernels: 0 of 2', 'compiling kernels: 1 of 2']\n"
+
+
+def test_what_is_foreseen_exists():
+    for name in compiling.WATCHING | compiling.SOLID:
+        file, _, function = name.partition(".")
+        module = importlib.import_module(f"proximity_monitor.engine.kernels.{file}")
+        assert hasattr(getattr(module, function), "py_func")
