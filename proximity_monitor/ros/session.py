@@ -35,7 +35,7 @@ from proximity_monitor.ros.whereabouts import Whereabouts
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
 from proximity_monitor.scene.attachments import Samples
-from proximity_monitor.scene.opening import kernels_of, load_models
+from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import NO_POSE_YET, Tick
@@ -102,7 +102,7 @@ class Session:
             KeyboardInterrupt: a signal came.
         """
         node, scene, settings = self._node, self.scene, self.settings
-        progress = compiling.Progress(kernels_of(scene))
+        progress = compiling.Progress(compiling.WATCHING)
         with saying(partial(self._say_progress, progress)), progress, interruptible():
             models = self._models = load_models(scene)
             self._monitor = Monitor(scene, models, threads=settings.threads)
