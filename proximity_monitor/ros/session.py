@@ -75,6 +75,7 @@ class Session:
         self._prepared = False
         self._unseen = Unseen(0, (), {})
         self._namesakes = 0
+        self._said = ""  # of the progress
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
         self._inputs = Inputs(
@@ -298,7 +299,9 @@ class Session:
         doing = "preparing the search"
         if progress.started:
             doing = str(progress)
-            self._node.get_logger().info(doing)
+            if doing != self._said:
+                self._said = doing
+                self._node.get_logger().info(doing)
         silent = dict.fromkeys(self._changeable, NO_POSE_YET)
         self._tell_state(self._node.get_clock().now().to_msg(), doing, silent, {})
 
