@@ -157,9 +157,17 @@ class Answers:
             self._grow(len(pairs) - len(self._free))
         rows, self._free = np.split(self._free, [len(pairs)])
         self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = pairs
-        self._labels[rows, kernel.SIGNED] = signed * self._kinds(pairs)
+        self.sign(rows, signed)
         self._forget(rows)
         return rows
+
+    def pairs(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The bodies (k, 2) of rows (k,)."""
+        return self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
+
+    def sign(self, rows: NDArray[np.int64], signed: NDArray[np.bool_]) -> None:
+        """Say of rows (k,), of which nothing is known, whether one of each pair is a solid."""
+        self._labels[rows, kernel.SIGNED] = signed * self._kinds(self.pairs(rows))
 
     def _kinds(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
         """Of what kind the signed distances of pairs (k, 2) are."""

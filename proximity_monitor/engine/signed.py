@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from .kernels import depth as kernel
 from .kernels import probe, state
+from .kernels.contain import FEW
 from .kernels.solids import HALF, NOWHERE
 from .mesh import TriangleMesh
 from .overlap import overlap
 from .result import STATUSES, Distance, Status
 from .run import LONG_SLICE, SLICE
 from .solid import sides_of
-from .tolerances import DOUBLE_EPS
 
 
 class SignedSearch:
@@ -31,9 +31,8 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_deviations",
-        "_earlier_tests", "_limits", "_models", "_offset", "_poses", "_regions", "_revisions",
-        "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_by_vertices", "_deadline", "_depth",
+        "_earlier_tests", "_limits", "_models", "_poses", "_regions", "_revisions", "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:
@@ -41,11 +40,6 @@ class SignedSearch:
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
         models = self._models
-        # A depth found is one of the cores. The things lie nearer to its surface, and farther
-        # out than it, by less than this.
-        self._deviations = (a.deviation + b.deviation) * (1.0 + 4.0 * DOUBLE_EPS)
-        self._offset = a.swept_radius + b.swept_radius + self._deviations
-        self._offset *= 1.0 + 4.0 * DOUBLE_EPS
         # Each lane and each vertex enters the heap at most once.
         room = sum(len(each._tree.children) + 3 * len(each.faces) for each in models)
         descent = 1 + max(each.depth for each in models) * 15
@@ -123,11 +117,19 @@ class SignedSearch:
         self._limits = -math.inf, math.inf
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
-        if HALF in self._insides:
+        (a_inside, b_inside), (region_a, region_b) = self._insides, self._regions
+        parts = len(region_a.samples) if b_inside else 0
+        parts += len(region_b.samples) if a_inside else 0
+        # A sample does not tell the side of its part where the other has holes, and of thousands of
+        # parts, as points are, volumes tell more at once: then the sign comes by the vertices.
+        self._by_vertices = HALF in self._insides or parts > FEW
+        if self._by_vertices:
             abs_err = 0.0  # with it a vertex that decides on the sign might be left out
         kernel.begin_depth(
             a._tree, b._tree, *self._regions, *self._poses, rel_err, abs_err, self._depth
         )
+        if parts > FEW:
+            self._depth.counts[kernel.SAMPLED] = parts
 
     @property
     def _insides(self) -> tuple[int, int]:
@@ -136,8 +138,7 @@ class SignedSearch:
 
     def _answer(self) -> NDArray[np.float64]:
         """The row (ANSWER,) of what is known when the search ends, or time is over."""
-        decided = self._test_samples() and HALF not in self._insides
-        decided = decided and not self._found
+        decided = self._test_samples() and not self._by_vertices
         if self._overlapping:
             return self._inside(self._search(samples_alone=False))
         apart = self._distance()
@@ -152,15 +153,10 @@ class SignedSearch:
         if apart.lower > 0.0 and depth == 0.0:
             return self._outside(apart, apart.lower, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
-        return self._outside(apart, 0.0 - depth - self._offset, status)
+        return self._outside(apart, 0.0 - depth, status)
 
     @property
     def _overlapping(self) -> bool:
-        """Whether a vertex of one model certainly lies inside the other, and deviates by less."""
-        return self._found and self._bounds()[0] > self._deviations
-
-    @property
-    def _found(self) -> bool:
         """Whether a vertex of one mesh certainly lies inside the other."""
         return bool(self._depth.reals[kernel.DEEPEST] > self._depth.reals[kernel.SLACK])
 
@@ -239,9 +235,7 @@ class SignedSearch:
         if ended:
             exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]
             status = Status.EXACT if exact else Status.WITHIN_TOLERANCE
-        # The difference of two positive numbers, rounded, is not above their exact one's sign.
-        shallow -= self._deviations
-        return self._with_tests(row, -deep - self._offset, -shallow, status)
+        return self._with_tests(row, -deep, -shallow, status)
 
     def _with_tests(
         self, row: NDArray[np.float64], lower: float, upper: float, status: Status

@@ -90,7 +90,11 @@ class Placing:
         self.models = (*self.models[:body], model, *self.models[body + 1 :])
         self._revisions[body] = model.revision
         self._reshaped = True
-        return body, self.answers.replace(body, model)
+        self.solid[body] = model.is_solid
+        rows = self.answers.replace(body, model)
+        a, b = self.answers.pairs(rows).T
+        self.answers.sign(rows, self.solid[a] | self.solid[b])
+        return body, rows
 
     def refit(self, name: str, vertices: np.ndarray) -> None:
         """Refit a body's model to other vertices (n, 3), for every body that shares it.

@@ -90,7 +90,7 @@ def _disabled(srdf: Srdf, keys: Keys, links: tuple[str, ...], report: Report) ->
 
 
 def _touching(robot: Robot, bodies: list[Body], keys: Keys, unit: Unit, report: Report) -> Pairs:
-    """The pairs that touch where the robot starts."""
+    """The pairs that touch or overlap where the robot starts, one inside the other included."""
     if not all(body.primitive.parts for body in bodies):
         return  # a mesh is missing, which is told
     poses = {body.name: body.pose for body in bodies} | robot.poses({})
@@ -100,5 +100,6 @@ def _touching(robot: Robot, bodies: list[Body], keys: Keys, unit: Unit, report: 
         report.add(keys, str(error))
         return
     for a, b in itertools.combinations(models, 2):
-        if engine.collide(models[a], poses[a], models[b], poses[b]).colliding:
+        found = engine.signed_distance(models[a], poses[a], models[b], poses[b], rel_err=1.0)
+        if found.lower <= 0.0:
             yield frozenset((a, b))

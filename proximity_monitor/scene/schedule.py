@@ -102,7 +102,7 @@ class Monitor:
         self._placing.refit(name, vertices)
 
     def replace_model(self, name: str, model: engine.TriangleMesh) -> None:
-        """Give a body that is no solid another model, as of a cloud of which a new one has come.
+        """Give a body another model, as of a cloud of which a new one has come.
 
         Raises:
             KeyError: there is no such body.

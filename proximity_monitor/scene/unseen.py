@@ -1,4 +1,4 @@
-"""Which watched pairs cannot see one body inside the other: two surfaces."""
+"""Which watched pairs cannot see one body inside the other: their larger body is a surface."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _NAMED = 5
 
 @dataclass(frozen=True)
 class Unseen:
-    """Watched pairs of which neither body is a solid, though one has a surface that could be."""
+    """Watched pairs of which the larger body is a surface, so that nothing lies inside it."""
 
     count: int
     """How many there are."""
     pairs: tuple[tuple[str, str], ...]
     """The first few, by the names of their bodies."""
     reasons: Mapping[str, str]
-    """Why their bodies are no solids, by name."""
+    """Why these larger bodies are no solids, by name."""
 
     def __str__(self) -> str:
         """Say so in a few lines, and how to change it; nothing where there are none."""
@@ -36,8 +36,8 @@ class Unseen:
         more = f" and {self.count - len(self.pairs)} more" if self.count > len(self.pairs) else ""
         what = "pair cannot" if self.count == 1 else "pairs cannot"
         lines = [
-            f"{self.count} watched {what} see one body inside the other, as neither is a solid: "
-            f"{named}{more}; make one of each a solid: repair its model, or say 'solid: robust'"
+            f"{self.count} watched {what} see one body inside the other, as the larger is no "
+            f"solid: {named}{more}; repair its model, or say 'solid: robust'"
         ]
         reasons = list(self.reasons.items())
         lines += [f"no solid: {name}: {reason}" for name, reason in reasons[:_NAMED]]
@@ -54,18 +54,21 @@ def unseen_containment(scene: Scene, models: Mapping[str, engine.TriangleMesh]) 
         models: by name of the body.
     """
     watched, names = scene.pairs, [body.name for body in scene.bodies]
-    surfaces = np.flatnonzero([not models[name].is_solid for name in names])
+    each = [models[name] for name in names]
+    size, index = np.array([model.radius for model in each]), np.arange(len(names))
     # Points and lines could hold nothing in any case.
-    could = np.array([_has_area(models[names[i]]) for i in surfaces], dtype=bool)
-    count, first, bodies = 0, [], set()
-    for k, i in enumerate(surfaces):
-        others = surfaces[k + 1 :][could[k + 1 :] | could[k]]
-        others = others[watched.moving[others] | watched.moving[i]]
-        others = others[watched.kind(np.full(len(others), i), others) >= 0]
-        count += len(others)
-        first += [(names[i], names[j]) for j in others[: _NAMED - len(first)]]
-        bodies.update((i, *others.tolist()) if len(others) else ())
-    reasons = {names[i]: models[names[i]].not_solid for i in sorted(bodies)}
+    hollow = np.array([not model.is_solid and _has_area(model) for model in each], dtype=bool)
+    count, first, reasons = 0, [], {}
+    for i in np.flatnonzero(hollow):
+        held = (size < size[i]) | ((size == size[i]) & (~hollow | (index > i)))
+        others = index[held & (watched.moving | watched.moving[i])]
+        a, b = np.minimum(others, i), np.maximum(others, i)
+        kept = watched.kind(a, b) >= 0
+        found = list(zip(a[kept].tolist(), b[kept].tolist(), strict=True))
+        if found:
+            count += len(found)
+            first += [(names[j], names[k]) for j, k in found[: _NAMED - len(first)]]
+            reasons[names[i]] = each[i].not_solid
     return Unseen(count, tuple(first), reasons)
 
 

@@ -220,7 +220,7 @@ def of_engine(world, as_matrix):
     def of_engine(pair, **held):
         placed = fixed | start | {name: as_matrix(*pose) for name, pose in held.items()}
         a, b = pair.split(" - ")
-        return engine.distance(models[a], placed[a], models[b], placed[b])
+        return engine.signed_distance(models[a], placed[a], models[b], placed[b])
 
     return of_engine
 

@@ -34,6 +34,7 @@ MODELS = (
     engine.TriangleMesh(BALL.vertices, BALL.faces, solid=False),
     engine.TriangleMesh(sphere(2).vertices, sphere(2).faces[9:], solid="robust"),
     engine.points(np.random.default_rng(1).normal(0.0, 0.2, (9, 3))),
+    engine.points(np.random.default_rng(2).normal(0.0, 0.2, (1000, 3))),
 )
 PAIRS = np.array(list(itertools.combinations(range(len(MODELS)), 2)), np.int32)
 HOLED = 6

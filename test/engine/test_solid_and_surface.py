@@ -129,6 +129,20 @@ def test_a_wall_that_a_surface_passes_through_step_by_step():
         assert (found.lower > 0.0) == (reach > 0.5 + TIGHT)
 
 
+def test_a_cloud_is_not_looked_at_point_by_point():
+    """Nor is a point of it that lies inside missed."""
+    solid, rng = sphere(3, 0.5), np.random.default_rng(8)
+    cloud = rng.normal(size=(20_000, 3))
+    cloud *= (0.7 + rng.random((20_000, 1))) / np.linalg.norm(cloud, axis=1)[:, None]
+    clear = engine.signed_distance(solid, IDENTITY, engine.points(cloud), IDENTITY)
+    assert 0.19 < clear.lower <= clear.upper < 0.22
+    assert clear.primitive_tests < 2000
+    cloud[12_345] = 0.1, 0.0, 0.05
+    inside = engine.signed_distance(solid, IDENTITY, engine.points(cloud), IDENTITY)
+    assert -0.4 < inside.lower <= inside.upper < -0.37
+    assert inside.feature_b.triangle == 12_345
+
+
 # Solids with holes
 
 

@@ -27,8 +27,10 @@ some 300 kB each. What an allocator keeps back grows by 5 MB at once, at some ti
 # Every triangle of the inner spheres is nearly as near to the outer one as any other, which makes
 # searches of seconds; the outer ones are one model.
 SHELLS = [f"shell_{i}" for i in range(8)]
-LARGE = "primitive: {sphere: {radius: 100, subdivisions: 7}}, pose: {position: [0, 0, 0]}"
-SMALL = "primitive: {sphere: {radius: 2, subdivisions: 7}}, moving: true"
+LARGE = (
+    "solid: false, primitive: {sphere: {radius: 100, subdivisions: 7}}, pose: {position: [0, 0, 0]}"
+)
+SMALL = "solid: false, primitive: {sphere: {radius: 2, subdivisions: 7}}, moving: true"
 BODIES = [f"  - {{name: {name}, {LARGE}}}\n" for name in SHELLS]
 BODIES += [f"  - {{name: {name}, {SMALL}}}\n" for name in ("ball", "die")]
 SLOW = f"""

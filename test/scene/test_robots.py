@@ -6,6 +6,7 @@ from importlib import metadata
 import numpy as np
 import pytest
 
+from proximity_monitor import engine
 from proximity_monitor.scene import SceneError, load_scene, paths
 from proximity_monitor.scene.opening import load_models
 
@@ -137,6 +138,48 @@ def test_pairs_that_touch_at_the_start_are_excluded_if_asked_for(load):
     assert not pairs & both("crane_boom crane_hook_1")
     pairs = names_of(load(text.replace("drop: 100", "drop: 101"), low).pairs)
     assert both("crane_boom crane_hook_1") < pairs
+
+
+def test_a_link_inside_another_at_the_start_touches_it(load):
+    """The hook hangs in a boom so thick that their surfaces are far apart."""
+    text = SCENE + "    exclude_adjacent: false\n    exclude_touching: true\n"
+    thick = CRANE.replace('radius="0.05" length="1"', 'radius="0.9" length="3"')
+    assert not names_of(load(text, thick).pairs) & both("crane_boom crane_hook_1")
+    hollow = text + "    solid: false\n"
+    assert both("crane_boom crane_hook_1") < names_of(load(hollow, thick).pairs)
+
+
+def test_links_are_solids_unless_the_robot_says_otherwise(load):
+    for said, meant in (("", True), ("    solid: false\n", False), ("    solid: robust\n", True)):
+        scene = load(SCENE + said)
+        models = load_models(scene)
+        assert [models[name].is_solid for name in models] == [True, *4 * [meant]]
+
+
+def test_a_link_that_must_be_a_solid_is_told_by_key_and_line(load, tmp_path):
+    load()
+    (tmp_path / "crane" / "meshes" / "wedge.obj").write_text(WEDGE.rpartition("f")[0])
+    scene = load(SCENE + "    meshes: visual\n    solid: true\n")
+    expected = r"scene.yaml:11: robots\[0\]\.solid: true, but body 'crane_base' is none: not water"
+    with pytest.raises(engine.ModelError, match=expected):
+        load_models(scene)
+
+
+def test_a_link_of_a_mesh_that_faces_inwards_and_a_box_is_one_solid(load, tmp_path):
+    """Where they overlap, one would cancel the other."""
+    load()
+    inwards = WEDGE.replace(
+        "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3", "f 1 2 3\nf 1 4 2\nf 2 4 3\nf 1 3 4"
+    )
+    (tmp_path / "crane" / "meshes" / "wedge.obj").write_text(inwards)
+    both_shapes = CRANE.replace(
+        '    <visual>\n      <origin xyz="0 0 1"/>',
+        '    <visual><geometry><box size="1 1 1"/></geometry></visual>\n'
+        '    <visual>\n      <origin xyz="0 0 0"/>',
+    ).replace('scale="2 -1 1"', "")
+    models = load_models(load(SCENE + "    meshes: visual\n", both_shapes))
+    tip = engine.points([[0.1, 0.1, 0.1]])
+    assert engine.signed_distance(models["crane_boom"], np.eye(4), tip, np.eye(4)).upper < 0.0
 
 
 def test_a_robots_name_is_a_group(load):

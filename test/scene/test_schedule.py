@@ -108,7 +108,9 @@ def fcl_distance(a, pose_a, b, pose_b):
 
 
 @pytest.mark.parametrize("budget_s", [0.0, 1e-4, 1e-3, 0.1])
-def test_every_interval_contains_the_distance_at_every_tick(scene, models, budget_s):
+def test_every_interval_contains_the_distance_at_every_tick(load, budget_s):
+    scene = load(SCENE.replace(", primitive", ", solid: false, primitive"))
+    models = load_models(scene)
     recorded = random_walks(seed=7, steps=60)
     ticks = simulate(scene, models, recorded, budget_s)
     fixed = {"table": np.eye(4)}

@@ -111,10 +111,29 @@ def test_pairs_of_surfaces_are_named_with_the_reason_and_the_way_out(scene):
     assert "zone - part, zone - tip, part - tip" in text
     assert "'solid: robust'" in text
     assert "no solid: zone: not watertight: 4 open edges" in text
-    assert "no solid: tip: none of its faces has an area" in text
+    assert "no solid: part: it is to be taken for a surface" in text
+    assert "no solid: tip" not in text, "a point holds nothing"
     for seen in (scene(), scene("model: zone.stl, solid: robust")):
         assert unseen_containment(*seen).count == 0
         assert str(unseen_containment(*seen)) == ""
+
+
+def test_a_solid_is_not_seen_inside_a_larger_surface_though_inside_a_larger_solid(scene):
+    loaded, models = scene("model: zone.stl")
+    unseen = unseen_containment(loaded, models)
+    assert unseen.pairs == (("zone", "part"), ("zone", "tip"))
+    assert bounds(Monitor(loaded, models), part=0.0)["part"][0] > 0.4
+    assert unseen_containment(*scene(part=", solid: false")).pairs == (("part", "tip"),)
+
+
+def test_a_pair_of_equal_surfaces_counts_once(tmp_path):
+    path = tmp_path / "scene.yaml"
+    body = "primitive: {box: {size: [1, 1, 1]}}, moving: true, solid: false"
+    path.write_text(
+        f"version: 1\nunit: m\nbodies:\n  - {{name: a, {body}}}\n  - {{name: b, {body}}}\n"
+    )
+    loaded = load_scene(path)
+    assert unseen_containment(loaded, load_models(loaded)).pairs == (("a", "b"),)
 
 
 def test_scene_check_says_which_pairs_cannot_see_containment(scene, capsys):

@@ -2,6 +2,8 @@
 
 A connected part whose surface does not meet a closed one lies wholly on the side of any of its
 points. So where the surfaces are apart, the winding number around one vertex of each part tells.
+Where parts are many, as in a cloud of points, so does one vertex of each volume that is smaller
+than the surfaces are apart: its other points are on the same side, being nearer to that one.
 """
 
 from __future__ import annotations
@@ -12,10 +14,13 @@ import numpy as np
 
 from .jit import kernel, shared
 from .memory import on_stack
+from .depth import sphere_of
+from .leaf import EMPTY, first_of, last_of
 from .primitives import corners
+from .probe import length
 from .solids import HALF, WHOLE
 from .state import BOUND_SLACK, ENDED, LOWER, OUT_OF_TIME, STATUS, UPPER
-from .vectors import moved
+from .vectors import moved, scaled, sub
 from .volumes import WIDTH
 from .winding import winding_number
 
@@ -25,19 +30,58 @@ and spans (int64, n × 2), which of these are a body's: the first, and one after
 """
 
 
+FEW = 256
+"""Parts of a body, at the most, of which each is looked at."""
+
+
 @shared
-def holds(holder, body, samples, motion, slack, stack):
+def holds(holder, body, samples, motion, slack, apart, stack):
     """Whether a part of `body` may lie inside `holder`, a closed mesh that its surface is off.
 
-    The samples are of the body, `motion` brings them to the frame of the holder, and its surface is
-    farther than 2 `slack` from each.
+    The samples are of the body, `motion` brings them to the frame of the holder, and the surfaces
+    are `apart` metres apart or more, which is above 2 `slack`.
     """
     gaps = on_stack(WIDTH, np.float32(0.0))
-    for i in range(len(samples)):
-        p = moved(motion, corners(body.triangles, samples[i] // 3)[0])
-        if winding_number(holder, p, slack, stack, gaps) != 0:  # or unknown
-            return True
+    scratch, waiting = stack[:, 0], stack[:, 1]
+    if len(samples) <= FEW:
+        for i in range(len(samples)):
+            if _holds_triangle(holder, body, samples[i] // 3, motion, slack, scratch, gaps):
+                return True
+        return False
+    root = holder.centres[0]
+    middle = scaled((root[0], root[1], root[2]), holder.scale[0])
+    reach = root[3] * holder.scale[0] * (1.0 + 1e-6) + 2.0 * slack
+    waiting[0] = 0
+    top = 1
+    while top > 0:
+        top -= 1
+        node = waiting[top]
+        for lane in range(node * WIDTH, (node + 1) * WIDTH):
+            child = body.children[lane]
+            if child == EMPTY:
+                continue
+            centre, radius = sphere_of(body, lane)
+            if length(sub(moved(motion, centre), middle)) > reach + radius:
+                continue
+            small = 2.0 * radius + 4.0 * slack < apart
+            if child >= 0 and not small:
+                waiting[top] = child
+                top += 1
+                continue
+            while child >= 0:
+                child = body.children[child * WIDTH]
+            last = first_of(child) if small else last_of(child)
+            for t in range(first_of(child), last + 1):
+                if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
+                    return True
     return False
+
+
+@kernel
+def _holds_triangle(holder, body, t, motion, slack, stack, gaps):
+    """Whether a triangle of the body, which the surface of the holder does not meet, may be in it."""
+    p = moved(motion, corners(body.triangles, t)[0])
+    return winding_number(holder, p, slack, stack, gaps) != 0  # or unknown
 
 
 @kernel
@@ -50,13 +94,13 @@ def settle_sign(tree_a, tree_b, insides, i, j, state, clearance, code, answer):
     slack, where = state.reals[BOUND_SLACK], insides.where
     certain = code == ENDED and answer[LOWER] > 2.0 * slack
     certain = certain and where[i] != HALF and where[j] != HALF
-    stack = state.stack[:, 0]
+    apart = answer[LOWER]
     if certain and where[j] == WHOLE:
         samples = insides.samples[insides.spans[i, 0] : insides.spans[i, 1]]
-        certain = not holds(tree_b, tree_a, samples, state.motions[1], slack, stack)
+        certain = not holds(tree_b, tree_a, samples, state.motions[1], slack, apart, state.stack)
     if certain and where[i] == WHOLE:
         samples = insides.samples[insides.spans[j, 0] : insides.spans[j, 1]]
-        certain = not holds(tree_a, tree_b, samples, state.motions[0], slack, stack)
+        certain = not holds(tree_a, tree_b, samples, state.motions[0], slack, apart, state.stack)
     if not certain:
         answer[LOWER] = -np.inf
         if not answer[UPPER] <= clearance < np.inf:

@@ -133,7 +133,7 @@ def _keep_vertex(model, vertex, distance, side, state):
 
 
 @kernel
-def _sphere(tree, lane):
+def sphere_of(tree, lane):
     """Centre and radius, metres, of a sphere around one lane's volume."""
     node = lane // WIDTH
     base = uint64(node * STRIDE + lane % WIDTH)
@@ -174,7 +174,7 @@ def _open_lane(body, owned, model, lane, bound, centre, radius, deep, clear, sid
         if child == EMPTY:
             continue
         if child >= 0:
-            c, s = _sphere(body, below)
+            c, s = sphere_of(body, below)
             away = length(sub(c, centre))
             _push_below(bound, model, below, side, away, s, deep, clear, state)
             continue
@@ -196,7 +196,7 @@ def _step(
     reals, counts, probe = state.reals, state.counts, state.probe
     slack = reals[SLACK]
     if index >= 0:
-        centre, radius = _sphere(body, index)
+        centre, radius = sphere_of(body, index)
     else:
         centre, radius = _corner(body, ~index), 0.0
     p = moved(motion, centre)
