@@ -46,7 +46,9 @@ COLUMNS = "robot", "links", "pairs", "triangles", "answers", "wrong", "missed", 
 NOTES = """\
 `answers` are pairs of links times configurations; `wrong` are those whose bounds do not hold the
 distance that pinocchio and coal find, or that contradict them on contact; `missed` are those among
-them that say clear where there is contact; `widest` is the greatest width of the bounds (mm).
+them that say clear where there is contact; `widest` is the greatest width of the bounds of a pair
+that is apart (mm): what meshes that stand for cylinders may deviate. All joints stand at random
+between their limits (half a turn or a metre about 0 where they have none).
 """
 
 
@@ -61,7 +63,7 @@ class Row(NamedTuple):
     wrong: int
     missed: int
     widest: float
-    """Millimetres."""
+    """Millimetres; of pairs that are apart."""
     s: float
     examples: tuple[str, ...]
 
@@ -73,10 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
         root = model_path("package://example-robot-data/package.xml", Path("/")).parent
     except SceneError as error:
         sys.exit(str(error))
-    robots = {
-        path.stem if path.stem not in ("anymal",) else path.parts[-3]: path
-        for path in sorted((root / "robots").rglob("*.urdf"))
-    }
+    robots = _robots(root)
     chosen = {
         name: path
         for name, path in robots.items()
@@ -97,7 +96,8 @@ def main(arguments: list[str] | None = None) -> int:
                     name, path, root.parent, configurations, lambda: progress.advance(task)
                 )
             except (SceneError, ValueError, RuntimeError) as error:
-                refused[name] = str(error).splitlines()[0]
+                # The first of its problems, without the temporary scene's name.
+                refused[name] = re.sub(r"^\S*scene\.yaml:\d+: ", "", str(error).splitlines()[0])
                 progress.advance(task, configurations)
                 continue
             rows.append(row)
@@ -112,6 +112,13 @@ def main(arguments: list[str] | None = None) -> int:
     (options.out / "robots.md").write_text(page)
     print(page, end="")
     return int(any(row.wrong for row in rows))
+
+
+def _robots(root: Path) -> dict[str, Path]:
+    """All descriptions by the names of their files; where two have one, of their folders."""
+    found = sorted((root / "robots").rglob("*.urdf"))
+    stems = [path.stem for path in found]
+    return {path.stem if stems.count(path.stem) == 1 else path.parts[-3]: path for path in found}
 
 
 def _watch(name: str, urdf: Path, packages: Path, configurations: int, advance) -> Row:
@@ -132,14 +139,14 @@ def _watch(name: str, urdf: Path, packages: Path, configurations: int, advance) 
             tick = monitor.tick({k: PoseSample(p) for k, p in poses.items()}, BUDGET_S)
             lower, upper = tick.pairs.lower, tick.pairs.upper
             off = _errors(real, lower, upper)
-            bad = off > ALLOWANCE
+            bad = ~(off <= ALLOWANCE)  # of an answer without numbers, too
             wrong += int(bad.sum())
             missed += int((bad & (real <= 0.0)).sum())
-            widest = max(widest, float((upper - lower).max()))
+            widest = max(widest, float((upper - lower)[real > 0.0].max(initial=0.0)))
             for k in np.flatnonzero(bad).tolist():
                 pair = scene.pairs[k]
                 key = pair.a, pair.b
-                if off[k] > worst.get(key, (0.0,))[0]:
+                if key not in worst or off[k] > worst[key][0]:
                     worst[key] = float(off[k]), step, real[k], lower[k], upper[k]
             advance()
     finally:
@@ -208,20 +215,23 @@ def _check_poses(
             raise ValueError(f"{names[body]}: pinocchio puts it {error:g} m elsewhere")
 
 
-def _before(path: Path | None) -> dict[str, int]:
-    """The wrong answers of a former run by robot."""
+def _before(path: Path | None) -> dict[str, str]:
+    """The share of wrong answers in a former run, by robot."""
     if path is None:
         return {}
     with path.open(newline="") as file:
-        return {row["robot"]: int(row["wrong"]) for row in csv.DictReader(file)}
+        return {
+            row["robot"]: f"{100 * int(row['wrong']) / int(row['answers']):.3g} %"
+            for row in csv.DictReader(file)
+        }
 
 
-def _page(rows: Sequence[Row], refused: Mapping[str, str], before: Mapping[str, int]) -> str:
+def _page(rows: Sequence[Row], refused: Mapping[str, str], before: Mapping[str, str]) -> str:
     heads = ["robot", "links", "pairs", "triangles", "answers", "wrong"]
     heads += [*(["before"] if before else []), "missed", "widest (mm)", "s"]
     lines = [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
     for row in rows:
-        was = [str(before.get(row.robot, ""))] if before else []
+        was = [before.get(row.robot, "")] if before else []
         lines.append(
             f"| {row.robot} | {row.links} | {row.pairs} | {row.triangles} | {row.answers} |"
             f" {' | '.join([str(row.wrong), *was])} | {row.missed} | {row.widest:.3g} |"

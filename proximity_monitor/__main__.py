@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import itertools
 import math
+import os
+import signal
 import sys
 from collections.abc import Sequence
 
@@ -63,6 +65,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 130 after a Ctrl-C while Python still imports, as later ones end a command in
         good order; 2, by `SystemExit`, for a wrong command line.
     """
+    interrupted = False
+
+    def interrupt(*_: object) -> None:
+        nonlocal interrupted
+        interrupted = True
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
     try:
         parser = _parser()
         chosen = parser.parse_args(arguments)
@@ -72,6 +83,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(chosen)
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:  # who read what is printed has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes
+        return 1
+    except Exception as error:
+        # Numba's compiler and readers of files take an interrupt for a fault of their input.
+        if interrupted:
+            return 130
+        if isinstance(error, chosen.told):
+            print(error, file=sys.stderr)
+            return 1
+        raise
+    finally:
+        if signal.getsignal(signal.SIGINT) is interrupt:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _run(chosen: argparse.Namespace) -> int:
@@ -90,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Certified clearances between the moving bodies of an assembly.",
         epilog="The ROS 2 nodes: ros2 run proximity_monitor node (or player)",
     )
-    parser.set_defaults(run=None)
+    parser.set_defaults(run=None, told=())
     commands = parser.add_subparsers(title="commands", metavar="COMMAND")
 
     demo = commands.add_parser(
@@ -156,7 +181,7 @@ def _parser() -> argparse.ArgumentParser:
         " used.",
     )
     check.add_argument("scene", metavar="NAME|FILE", help="a scene file or a bundled scene")
-    check.set_defaults(run=_check, install=_INSTALL_SCENE)
+    check.set_defaults(run=_check, install=_INSTALL_SCENE, told=(OSError, ValueError))
     return parser
 
 
@@ -178,13 +203,9 @@ def _check(chosen: argparse.Namespace) -> int:
     from proximity_monitor.scene.opening import find_scene, load_models
     from proximity_monitor.scene.unseen import unseen_containment
 
-    try:
-        scene = load_scene(find_scene(chosen.scene))
-        models = load_models(scene)
-        moves = motion.from_scene(scene, models).describe() if scene.motion is not None else ""
-    except (OSError, ValueError) as error:
-        print(error, file=sys.stderr)
-        return 1
+    scene = load_scene(find_scene(chosen.scene))
+    models = load_models(scene)
+    moves = motion.from_scene(scene, models).describe() if scene.motion is not None else ""
     print(f"{scene.path}: frame {scene.frame}, {scene.rate_hz:g} Hz, {scene.budget_s * 1e3:g} ms")
     for body in scene.bodies:
         where = f"moving, {body.topic or 'by joints'}" if body.moving else "fixed"

@@ -118,3 +118,38 @@ def test_an_interrupt_while_python_imports_ends_it_quietly(how):
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert run.returncode in (130, -signal.SIGINT)  # which shells show as 130
     assert run.stdout == run.stderr == ""
+
+
+def test_an_interrupt_that_comes_up_as_another_error_is_no_fault_of_the_scene(tmp_path):
+    """As numba's compiler and readers of files have it, which take it for bad input."""
+    code = (
+        "import signal, sys\n"
+        "class CtrlC:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'trimesh':\n"
+        "            try:\n"
+        "                signal.raise_signal(signal.SIGINT)\n"
+        "            except BaseException:\n"
+        "                raise ValueError('not a readable file') from None\n"
+        "sys.meta_path.insert(0, CtrlC())\n"
+        "from proximity_monitor.__main__ import main\n"
+        "sys.exit(main(['scene', 'check', sys.argv[1]]))"
+    )
+    path = tmp_path / "ball.yaml"
+    path.write_text(
+        "version: 1\nunit: m\nbodies:\n"
+        "  - {name: one, primitive: {box: {size: [1, 1, 1]}}, moving: true}\n"
+        "  - {name: two, primitive: {box: {size: [1, 1, 1]}}, moving: true}\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
+    assert (run.returncode, run.stderr) == (130, "")
+
+
+def test_a_reader_that_goes_away_ends_a_command_quietly():
+    code = (
+        "import os, sys; from proximity_monitor.__main__ import main\n"
+        "reading, writing = os.pipe(); os.close(reading); os.dup2(writing, 1)\n"
+        "sys.exit(main(['scene', 'check', 'probe']))"
+    )
+    run = subprocess.run([sys.executable, "-u", "-c", code], stderr=subprocess.PIPE, text=True)
+    assert (run.returncode, run.stderr) == (1, "")

@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection
 from numba.core import event
 from numba.core.caching import NullCache
 
-from .kernels.jit import CACHE_DIRECTORY
+from .kernels.cache import DIRECTORIES
 from .kernels.jit import allocating as helper
 from .kernels.jit import allocating_entry as entry
 
@@ -59,7 +59,7 @@ class Progress(event.Listener):
     def __init__(
         self, needed: Collection[str], tell: Callable[[Progress], None] = lambda progress: None
     ) -> None:
-        kept = {path.name.partition("-")[0] for path in CACHE_DIRECTORY.rglob("*.nbi")}
+        kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
         self._needed = set(needed)
         self._done = self._needed & kept
         self._tell = tell

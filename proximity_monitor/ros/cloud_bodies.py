@@ -33,6 +33,7 @@ class CloudBodies:
 
     Attributes:
         dropped: by body, how many points were left out because they are not finite.
+        built: by body, how many clouds became models.
     """
 
     def __init__(
@@ -64,6 +65,7 @@ class CloudBodies:
         self._latest: dict[str, bytes] = {}
         self._empty: set[str] = set()
         self.dropped: Counter[str] = Counter(dict.fromkeys(self._clouds, 0))
+        self.built: Counter[str] = Counter(dict.fromkeys(self._clouds, 0))
         self._subscriptions = [
             node.create_subscription(
                 PointCloud2,
@@ -124,6 +126,7 @@ class CloudBodies:
         self._empty.discard(name)
         if len(finite):
             self._replace(name, engine.points(finite, radius=cloud.radius, name=name))
+            self.built[name] += 1
         else:
             self._empty.add(name)
         self._inputs.keep_shape(name, stamp_ns)

@@ -106,6 +106,8 @@ class State(NamedTuple):
     """Other nodes of the same name."""
     dropped: Mapping[str, int]
     """By body that is a cloud, points that are not finite."""
+    clouds: Mapping[str, int]
+    """By body that is a cloud, messages that became its model."""
 
 
 @dataclass
@@ -193,6 +195,7 @@ class Health:
             wrong.append(f"{new} messages rejected in the last second")
         values = {f"rejected: {reason}": str(n) for reason, n in refused.items()}
         values |= {f"points dropped: {name}": str(n) for name, n in state.dropped.items()}
+        values |= {f"clouds built: {name}": str(n) for name, n in state.clouds.items()}
         values["silent bodies"] = ", ".join(state.silent)
         values["unknown bodies"] = ", ".join(strangers)
         values["attached bodies"] = _hanging(state.held)

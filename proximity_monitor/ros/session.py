@@ -354,6 +354,7 @@ class Session:
             unseen=self._unseen,
             namesakes=self._namesakes,
             dropped=self._clouds.dropped if self._prepared else {},
+            clouds=self._clouds.built if self._prepared else {},
         )
         self._diagnostics.publish(self._health.message(stamp, state))
 

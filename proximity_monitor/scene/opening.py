@@ -44,7 +44,7 @@ def descriptions() -> dict[str, str]:
 
 def kernels_of(scene: Scene) -> frozenset[str]:
     """Return the names of the kernels that watching a scene needs (see `compiling.Progress`)."""
-    solid = any(body.solid for body in scene.bodies)
+    solid = any(body.solid is not False for body in scene.bodies)
     return compiling.WATCHING | (compiling.SOLID if solid else frozenset())
 
 

@@ -150,3 +150,15 @@ def test_a_cloud_without_points_is_clear_only_as_long_as_it_comes(sensors):
     sensors.wait_for_state("scan", "stale")
     assert "no recent cloud of scan" in sensors.pair("scan")["text"]
     sensors.peer.wait(lambda: sensors.peer.next("clearance").data == 0.0, "no clearance")
+
+
+def test_a_flood_of_clouds_costs_one_model_a_tick_and_the_latest_wins(sensors):
+    before = sensors.inputs("clouds built: scan")
+    del sensors.clouds["scan"]
+    for k in range(500):
+        sensors.send("scan", [(0.3 - 2e-4 * k, 0.0, 0.0)], "cell")
+    sensors.clouds["scan"] = [(0.15, 0.0, 0.0)]
+    sensors.wait_for_gap("scan", 0.14)
+    sensors.peer.next("diagnostics")
+    built = sensors.inputs("clouds built: scan") - before
+    assert 0 < built < 250, "500 came while there were some ticks"

@@ -150,22 +150,24 @@ SCHEMA_FAULTS = {
     "neither shape": (
         "primitive: {sphere: {radius: 1}}, ",
         "",
-        "4: bodies[0]: needs exactly one of 'model', 'primitive' (got none)",
+        "4: bodies[0]: needs exactly one of 'model', 'primitive', 'cloud' (got none)",
     ),
     "both shapes": (
         "moving",
         "model: part.stl, moving",
-        "4: bodies[0]: needs exactly one of 'model', 'primitive' (got 'model' and 'primitive')",
+        "4: bodies[0]: needs exactly one of 'model', 'primitive', 'cloud' (got 'model' and"
+        " 'primitive')",
     ),
     "neither pose nor topic": (
         ", moving: true",
         "",
-        "4: bodies[0]: needs exactly one of 'pose', 'topic', 'moving' (got none)",
+        "4: bodies[0]: needs exactly one of 'pose', 'topic', 'moving', 'cloud' (got none)",
     ),
     "topic and moving": (
         "moving",
         "topic: ball, moving",
-        "4: bodies[0]: needs exactly one of 'pose', 'topic', 'moving' (got 'topic' and 'moving')",
+        "4: bodies[0]: needs exactly one of 'pose', 'topic', 'moving', 'cloud' (got 'topic' and"
+        " 'moving')",
     ),
     "not moving": (
         "moving: true",
