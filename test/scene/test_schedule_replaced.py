@@ -28,8 +28,10 @@ def test_bounds_hold_while_models_are_replaced(load, head, budget_s):
         listed = assert_certified(tick, true)
         assert all(pair in listed or at.upper > 0.3 for pair, at in true.items())
         if budget_s == 1.0:
-            for pair in (pair for pair in tick.pairs if pair.lower > 0.0):
-                assert pair.upper <= true[pair.a, pair.b].upper + 1e-9
+            for pair in tick.pairs:
+                # How deep two clouds overlap, each may find at another place.
+                at = true[pair.a, pair.b]
+                assert pair.upper <= (at.upper if at.lower > 0.0 else 0.0) + 1e-9
     monitor.close()
 
 
