@@ -12,10 +12,10 @@ from collections import namedtuple
 
 import numpy as np
 
-from .jit import kernel, shared
-from .memory import on_stack
 from .depth import sphere_of
+from .jit import kernel, shared
 from .leaf import EMPTY, first_of, last_of
+from .memory import on_stack
 from .primitives import corners
 from .probe import length
 from .solids import HALF, WHOLE
@@ -79,7 +79,7 @@ def holds(holder, body, samples, motion, slack, apart, stack):
 
 @kernel
 def _holds_triangle(holder, body, t, motion, slack, stack, gaps):
-    """Whether a triangle of the body, which the surface of the holder does not meet, may be in it."""
+    """Whether a triangle of the body, which the holder's surface does not meet, may be inside."""
     p = moved(motion, corners(body.triangles, t)[0])
     return winding_number(holder, p, slack, stack, gaps) != 0  # or unknown
 
