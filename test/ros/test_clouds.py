@@ -132,7 +132,7 @@ def test_a_cloud_that_stops_or_is_no_good_is_stale(sensors, bad):
         return pair and pair["state"] == "stale" and "no recent cloud of scan" in pair["text"]
 
     sensors.peer.wait(stale, "the cloud to be stale")
-    assert sensors.pair("seen")["state"] == "clear"
+    sensors.wait_for_state("seen", "clear")
     if bad != "silent":
         sensors.peer.wait(lambda: sensors.inputs(f"rejected: {bad}") > before, "its count")
 

@@ -113,14 +113,16 @@ def test_vertices_that_fall_silent_make_their_body_stale(soft, silent):
     soft.wait_for_gap(0.2)
     soft.shapes = {name: soft.rest for name in ("ball", "pillar") if name != silent}
     pair = "ball - pillar"
-    soft.peer.wait(lambda: soft.pair(pair)["state"] == "stale", "the pair to become stale")
-    assert f"no recent vertices of {silent}" in soft.pair(pair)["text"]
-    assert soft.pair()["state"] == ("stale" if silent == "ball" else "clear")
+    why = f"no recent vertices of {silent}"
+    soft.peer.wait(lambda: why in soft.pair(pair)["text"], "the pair to become stale")
+    assert soft.pair(pair)["state"] == "stale"
+    state = "stale" if silent == "ball" else "clear"
+    soft.peer.wait(lambda: soft.pair()["state"] == state, f"the wall and the ball to be {state}")
     inputs = soft.peer.wait(
         lambda: (i := soft.peer.health().get("inputs")) and i["silent bodies"] == silent and i,
         "diagnostics of the silent body",
     )
-    assert f"no recent vertices of {silent}" in inputs["text"]
+    assert why in inputs["text"]
     soft.peer.wait(lambda: soft.peer.next("clearance").data == 0.0, "no clearance")
     soft.shapes = {"ball": soft.rest, "pillar": soft.rest}
     soft.wait_for_gap(0.2)
