@@ -36,7 +36,7 @@ class Mesh(NamedTuple):
     faces: NDArray[np.int64]
     """(m, 3)"""
     closed: bool
-    """Whether it encloses a solid: each edge has one triangle on either side."""
+    """Whether it encloses a solid: each edge has as many triangles on one side as on the other."""
 
 
 class Truth:
@@ -79,6 +79,9 @@ class Truth:
         self._enclosures = _Enclosures(meshes, both)
         self._data = self._model.createData()
         self._results = self._shapes.createData()
+        for request in self._results.distanceRequests:
+            # By default coal's iterations for primitives end some micrometres too far.
+            request.gjk_tolerance, request.gjk_max_iterations = 1e-10, 1000
 
     def at(self, positions: Mapping[str, float]) -> NDArray[np.float64]:
         """Return the distance (m) of each pair; at most 0 where they touch or one is in the other.
@@ -186,7 +189,7 @@ def _mesh(shape: object) -> Mesh | None:
     edges = np.concatenate((faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]))
     there, back = (np.unique(e, axis=0, return_counts=True) for e in (edges, edges[:, ::-1]))
     closed = len(there[0]) == len(back[0]) and (there[0] == back[0]).all()
-    return Mesh(vertices, faces, bool(closed and (there[1] == 1).all()))
+    return Mesh(vertices, faces, bool(closed and (there[1] == back[1]).all()))
 
 
 def _one_of_each(mesh: Mesh) -> NDArray[np.float64]:

@@ -101,7 +101,8 @@ def main(arguments: list[str] | None = None) -> int:
                 progress.advance(task, configurations)
                 continue
             rows.append(row)
-            for line in row.examples:
+            told = [f"{row.wrong} of {row.answers} answers wrong, {row.s:.0f} s", *row.examples]
+            for line in told:
                 progress.console.print(f"{name}: {line}", soft_wrap=True)
     page = _page(rows, refused, _before(options.before))
     options.out.mkdir(parents=True, exist_ok=True)

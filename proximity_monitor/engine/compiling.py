@@ -18,26 +18,19 @@ from .kernels.cache import DIRECTORIES
 from .kernels.jit import allocating as helper
 from .kernels.jit import allocating_entry as entry
 
-__all__ = ["SOLID", "WATCHING", "Progress", "entry", "helper"]
+__all__ = ["WATCHING", "Progress", "entry", "helper"]
 
 WATCHING = frozenset(
     {
         "agenda.ask", "agenda.look", "agenda.report", "agenda.take", "agenda.wanting",
-        "build.build_tree", "carry.place", "descent.advance", "fit_tree.fit_tree",
-        "measure.measure", "pairing.pair_up", "primitives.test_triangles", "ranges.node_ranges",
-        "search.search", "search.search_pairs", "sweep.sweep",
+        "build.build_tree", "carry.place", "depth.begin_depth", "depth.deepest",
+        "depth.search_depth", "descent.advance", "fit_tree.fit_tree", "measure.measure",
+        "motion.pose_deviation", "pairing.pair_up", "places.first_drawn", "places.first_of_place",
+        "primitives.test_triangles", "ranges.node_ranges", "search.search", "search.search_pairs",
+        "solids.part_volumes", "solids.parts_and_owners", "solids.unpaired_edges", "sweep.sweep",
     }
 )  # fmt: skip
-"""The kernels that watching the distances of meshes needs, by file and function."""
-
-SOLID = frozenset(
-    {
-        "depth.begin_depth", "depth.deepest", "depth.search_depth", "motion.pose_deviation",
-        "solids.first_of_place", "solids.part_volumes", "solids.parts_and_owners",
-        "solids.unpaired_edges",
-    }
-)  # fmt: skip
-"""Those that signed distances of solids need beside them."""
+"""The kernels that watching a scene needs, by file and function."""
 
 _KERNELS = __package__ + ".kernels."
 

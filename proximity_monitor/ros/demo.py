@@ -34,7 +34,7 @@ from proximity_monitor.ros.qos import LATEST
 from proximity_monitor.ros.spin import interruptible, ros, spin
 from proximity_monitor.ros.table import Picture
 from proximity_monitor.scene import Scene, load_scene
-from proximity_monitor.scene.opening import find_scene, kernels_of
+from proximity_monitor.scene.opening import find_scene
 
 LIVE_PERIOD_S = 0.25
 PLAIN_PERIOD_S = 1.0
@@ -111,7 +111,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
     with ros([], "proximity_monitor demo") as stop, ExitStack() as stack:
         try:
             described = load_scene(find_scene(scene))
-            with _progress(described), interruptible():
+            with _progress(), interruptible():
                 moves = motion.from_scene(described, live=True)
         except (OSError, ValueError) as error:
             print(error, file=sys.stderr)
@@ -123,7 +123,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         if page:
             _serve_page(console, stack)
         try:
-            with _progress(described):
+            with _progress():
                 nodes = _start(described, moves, speed, stack)
         except (OSError, ValueError) as error:
             print(error, file=sys.stderr)
@@ -163,7 +163,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
     return 0  # interrupted while it started
 
 
-def _progress(scene: Scene) -> compiling.Progress:
+def _progress() -> compiling.Progress:
     """Print how far the compiling is, as long as this is entered."""
     said = ""
 
@@ -173,7 +173,7 @@ def _progress(scene: Scene) -> compiling.Progress:
             said = str(progress)
             print(said, flush=True)
 
-    return compiling.Progress(kernels_of(scene), tell)
+    return compiling.Progress(compiling.WATCHING, tell)
 
 
 def _start(scene: Scene, moves: motion.Motion, speed: float, stack: ExitStack) -> list[Node]:

@@ -35,7 +35,7 @@ from proximity_monitor.ros.whereabouts import Whereabouts
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
 from proximity_monitor.scene.attachments import Samples
-from proximity_monitor.scene.opening import kernels_of, load_models
+from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.recording import Recording
 from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import NO_POSE_YET, Tick
@@ -75,6 +75,7 @@ class Session:
         self._prepared = False
         self._unseen = Unseen(0, (), {})
         self._namesakes = 0
+        self._said = ""  # of the progress
         self._alerts = Alerts(scene.pairs, scene.unit)
         self._recording = Recording(scene.pairs)
         self._inputs = Inputs(
@@ -102,7 +103,7 @@ class Session:
             KeyboardInterrupt: a signal came.
         """
         node, scene, settings = self._node, self.scene, self.settings
-        progress = compiling.Progress(kernels_of(scene))
+        progress = compiling.Progress(compiling.WATCHING)
         with saying(partial(self._say_progress, progress)), progress, interruptible():
             models = self._models = load_models(scene)
             self._monitor = Monitor(scene, models, threads=settings.threads)
@@ -298,7 +299,9 @@ class Session:
         doing = "preparing the search"
         if progress.started:
             doing = str(progress)
-            self._node.get_logger().info(doing)
+            if doing != self._said:
+                self._said = doing
+                self._node.get_logger().info(doing)
         silent = dict.fromkeys(self._changeable, NO_POSE_YET)
         self._tell_state(self._node.get_clock().now().to_msg(), doing, silent, {})
 

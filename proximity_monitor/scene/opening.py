@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from proximity_monitor import engine
-from proximity_monitor.engine import compiling
 from proximity_monitor.scene.paths import bundled, bundled_names
 from proximity_monitor.scene.primitives import load_model
 from proximity_monitor.scene.source import read
@@ -40,12 +39,6 @@ def descriptions() -> dict[str, str]:
         data, _ = read(bundled(name))
         said[name] = str(data.get("description", ""))
     return said
-
-
-def kernels_of(scene: Scene) -> frozenset[str]:
-    """Return the names of the kernels that watching a scene needs (see `compiling.Progress`)."""
-    solid = any(body.solid is not False for body in scene.bodies)
-    return compiling.WATCHING | (compiling.SOLID if solid else frozenset())
 
 
 def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 
 from proximity_monitor import engine
+from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.state import PoseSample
 
 SHAPES = (
@@ -21,6 +22,14 @@ def text(count, head="", body="", pairs="all"):
         for i in range(count)
     ]
     return "\n".join(("version: 1", "unit: m", head, "bodies:", *lines, f"pairs: {pairs}", ""))
+
+
+def meshes_of(scene):
+    """The bodies' meshes as such: distances are theirs, not those of what they stand for."""
+    return {
+        name: engine.TriangleMesh(model.vertices, model.faces, name=name, solid=model.solid)
+        for name, model in load_models(scene).items()
+    }
 
 
 def walk(count, steps, seed=0, spread=2.0, step=0.05):

@@ -6,6 +6,7 @@ import math
 import fcl
 import numpy as np
 import pytest
+from crowds import meshes_of
 
 from proximity_monitor import engine
 from proximity_monitor.scene import Thresholds
@@ -38,14 +39,6 @@ class Clock:
     def __call__(self):
         self.now += self.step
         return self.now
-
-
-def meshes_of(scene):
-    """The bodies' meshes as such: distances are theirs, not those of what they stand for."""
-    return {
-        name: engine.TriangleMesh(model.vertices, model.faces, name=name)
-        for name, model in load_models(scene).items()
-    }
 
 
 @pytest.fixture
@@ -110,7 +103,7 @@ def fcl_distance(a, pose_a, b, pose_b):
 @pytest.mark.parametrize("budget_s", [0.0, 1e-4, 1e-3, 0.1])
 def test_every_interval_contains_the_distance_at_every_tick(load, budget_s):
     scene = load(SCENE.replace(", primitive", ", solid: false, primitive"))
-    models = load_models(scene)
+    models = meshes_of(scene)
     recorded = random_walks(seed=7, steps=60)
     ticks = simulate(scene, models, recorded, budget_s)
     fixed = {"table": np.eye(4)}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from crowds import assert_certified, exact, placed, samples, text, walk
+from crowds import assert_certified, exact, meshes_of, placed, samples, text, walk
 
 from proximity_monitor import engine
 from proximity_monitor.scene import Thresholds
@@ -17,7 +17,7 @@ LEVELS = (0.1, 0.5, 0.1 + 0.2, 0.5 + 0.2)
 
 def watch(load, **parts):
     scene = load(text(COUNT, **parts))
-    models = load_models(scene)
+    models = meshes_of(scene)
     return scene, models, Monitor(scene, models)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from crowds import assert_certified, exact, samples, text, walk
+from crowds import assert_certified, exact, meshes_of, samples, text, walk
 
 from proximity_monitor import engine
 from proximity_monitor.scene.opening import load_models
@@ -16,7 +16,7 @@ COUNT = 6
 def test_bounds_hold_while_models_are_replaced(load, head, budget_s):
     """By clouds of many points and of few: hints, tables and memory of the former are no good."""
     scene = load(text(COUNT, head=head))
-    models, random = load_models(scene), np.random.default_rng(5)
+    models, random = meshes_of(scene), np.random.default_rng(5)
     monitor = Monitor(scene, models)
     for k, poses in enumerate(walk(COUNT, 24, spread=1.2)):
         for name in ("b1", "b2"):
