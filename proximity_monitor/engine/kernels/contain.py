@@ -39,7 +39,7 @@ def holds(holder, body, samples, motion, slack, apart, stack):
     """Whether a part of `body` may lie inside `holder`, a closed mesh that its surface is off.
 
     The samples are of the body, `motion` brings them to the frame of the holder, and the surfaces
-    are `apart` metres apart or more, which is above 2 `slack`.
+    are `apart` metres apart or more, which is above 4 `slack`: also where rounding moved a sample.
     """
     gaps = on_stack(WIDTH, np.float32(0.0))
     scratch, waiting = stack[:, 0], stack[:, 1]
@@ -92,7 +92,7 @@ def settle_sign(tree_a, tree_b, insides, i, j, state, clearance, code, answer):
     -inf. Then the search counts as cut, unless its upper bound has decided about the clearance.
     """
     slack, where = state.reals[BOUND_SLACK], insides.where
-    certain = code == ENDED and answer[LOWER] > 2.0 * slack
+    certain = code == ENDED and answer[LOWER] > 4.0 * slack
     certain = certain and where[i] != HALF and where[j] != HALF
     apart = answer[LOWER]
     if certain and where[j] == WHOLE:
