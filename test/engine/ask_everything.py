@@ -49,7 +49,7 @@ assembly = engine.Assembly(models)
 poses = np.array([pose(rng, 1.0) for _ in models])
 pairs = np.array([(i, j) for i in range(len(models)) for j in range(i)])
 asked = assembly.distances(poses, pairs, threads=2)
-assembly.distances(poses, pairs, hints=2**20 + asked.triangles, clearance=0.5, budget_s=1e-3)
+assembly.distances(poses, pairs, hints=2**20 + asked.hints, clearance=0.5, budget_s=1e-3)
 
 answers, everyone = engine.Answers(models, [each.name for each in models]), np.arange(len(models))
 rows = answers.add(pairs, np.arange(len(pairs)) % 2 == 0)
