@@ -15,7 +15,7 @@ from .pair import Pair
 from .result import Distance, Status
 from .sharing import share
 
-_CHUNK = 32
+_CHUNK = 64
 """Pairs that one thread answers in a row. Each chunk starts with nothing remembered, so the answers
 are the same however many threads there are."""
 
