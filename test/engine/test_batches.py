@@ -148,7 +148,7 @@ def finish(assembly, poses, pairs, **options):
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_asking_about_signs_comes_to_an_end_with_any_budget(threads):
-    models = [sphere(4, 1.0), sphere(4, 0.95), torus(32), box((0.1, 0.1, 0.1)), CAPSULES]
+    models = [sphere(3, 1.0), sphere(3, 0.95), torus(24), box((0.1, 0.1, 0.1)), CAPSULES]
     poses = np.tile(np.eye(4), (5, 1, 1))
     poses[1, 0, 3] = 0.03
     pairs = np.array(list(itertools.combinations(range(5), 2)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 from engine_bodies import IDENTITY, box, pose, soup, sphere, torus, translation
-from engine_oracles import pairwise_distances, triangles
+from engine_oracles import exactly_moved, pairwise_distances, triangles
 
 from proximity_monitor import engine
 
@@ -96,6 +96,28 @@ def test_next_to_a_face_the_bounds_hold_the_exact_value():
     sure = np.abs(x - 1.0) > 1e-13
     assert np.array_equal(found.upper[sure] < 0.0, x[sure] < 1.0)
     assert np.array_equal(found.lower[sure] > 0.0, x[sure] > 1.0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_next_to_a_turned_face_the_bounds_hold_the_exact_value(seed):
+    """So near that rounding the point's place in the model decides about its side."""
+    rng = np.random.default_rng(seed)
+    cube, matrix = box((2.0, 2.0, 2.0)), pose(rng, 10.0)
+    face = np.array([(1.0, -1.0, -1.0), (1.0, 1.0, -1.0), (1.0, -1.0, 1.0)])
+    corner, first, second = exactly_moved(matrix.tolist(), face)
+    e, f = ([p - q for p, q in zip(end, corner, strict=True)] for end in (first, second))
+    normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]]
+    squared = sum(n * n for n in normal)
+    local = np.stack((1.0 + 1e-15 * rng.normal(size=300), *rng.uniform(-0.5, 0.5, (2, 300))))
+    given = (matrix[:3, :3] @ local).T + matrix[:3, 3]
+    found = engine.closest_points(cube, matrix, given, signed=True)
+    signs = set()
+    for k, point in enumerate(given.tolist()):
+        height = sum(n * (Fraction(p) - c) for n, p, c in zip(normal, point, corner, strict=True))
+        lower, upper = Fraction(found.lower[k]), Fraction(found.upper[k])
+        assert lower * abs(lower) * squared <= height * abs(height) <= upper * abs(upper) * squared
+        signs.add(height > 0)
+    assert signs == {False, True}
 
 
 def rounded_cube(p, half, radius):
