@@ -87,15 +87,16 @@ class Assembly:
                 query): lower > clearance, or upper <= clearance to rounding; `Distances.within`
                 tells them apart. With 0 they are those that collide. None or infinity: it goes on.
             signed: whether to give signed distances, as `engine.signed_distance` does. Pairs that
-                are apart cost little more then, those that overlap some ten times as much.
+                are apart cost little more then, those that overlap 0.1 ms and more. Where `upper`
+                has decided about a clearance, `lower` may be -infinity.
             hints: (k, 2) `hints` of an earlier answer about the same pairs, from which the
                 search starts; -1 for none.
             budget_s: seconds; pairs that are not reached stay without an answer, the one that is
                 cut has certified bounds. Every call makes some progress: asked next, and first,
                 about what is left, it goes on where it was cut. None: no limit.
             threads: how many share the work; the answers do not depend on it, but for which of
-                them a budget allows. (How far beyond its clearance a signed distance is known, and
-                which of several points is the deepest, may depend on time.)
+                them a budget allows, and how close the bounds of a signed distance are where a
+                clearance has ended its search.
 
         Raises:
             TypeError: a tolerance, clearance or budget that is no real number.
@@ -177,10 +178,9 @@ class Assembly:
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k])
 
-        everyone = range(len(pairs))
         unsettled = np.zeros(len(pairs), np.bool_)
         if self._settling.waiting:
-            unsettled = self._settling.begun([question(k) for k in everyone])
+            unsettled = self._settling.begun([question(k) for k in range(len(pairs))])
         answers, rest = no_answers(signed), ~unsettled
         answers[rest] = self.rows(
             poses, pairs[rest], wanted[rest], hints[rest], signed[rest], budget_s, threads

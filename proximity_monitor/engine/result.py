@@ -242,7 +242,8 @@ class Distances:
     """Minimum or signed distances, one row a pose or a pair of bodies; see `Distance`.
 
     Attributes:
-        lower: (k,) metres; 0, or -infinity of a signed distance, where nothing was searched.
+        lower: (k,) metres; 0 where nothing was searched. Of a signed distance it is -infinity
+            there, and may be where `upper` decided about a clearance.
         upper: (k,) metres; infinity where nothing was searched.
         points_a: (k, 3) metres, world; NaN where nothing was searched.
         points_b: (k, 3) metres, world.

@@ -76,7 +76,7 @@ class Settling:
             for k in range(first, min(first + _CHUNK, len(models))):
                 if stopped.is_set() or (k and perf_counter() >= deadline):
                     return
-                begun = cut.get(question(k)) if cut else None
+                begun = cut.pop(question(k), None) if cut else None
                 if begun is None and (pair is None or (pair.a, pair.b) != models[k]):
                     pair = Pair(*models[k])
                 chosen = begun or pair

@@ -187,6 +187,17 @@ def test_a_cut_depth_goes_on_only_with_the_same_question():
     assert again == pytest.approx(answer(engine.Assembly(models), poses), abs=1e-13)
 
 
+def test_a_question_that_is_asked_twice_in_one_call_goes_on_once():
+    assembly = engine.Assembly([sphere(3, 1.0), sphere(3, 0.95)])
+    poses, pairs = np.tile(np.eye(4), (2, 1, 1)), np.tile([[0, 1]], (200, 1))
+    whole = assembly.distances(poses, pairs[:1], signed=True)
+    cut = assembly.distances(poses, pairs, signed=True, budget_s=0.0)
+    assert cut.status[0] == OPEN
+    found = assembly.distances(poses, pairs, signed=True, threads=4)
+    assert found.upper == pytest.approx(np.full(200, whole.upper[0]), abs=1e-14)
+    assert found.lower == pytest.approx(np.full(200, whole.lower[0]), abs=1e-14)
+
+
 @pytest.mark.parametrize("signed", [False, True])
 @pytest.mark.parametrize("threads", [1, 3])
 def test_whatever_the_budget_the_bounds_hold(signed, threads):
