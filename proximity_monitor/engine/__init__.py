@@ -21,7 +21,6 @@ from .result import (
     Distances,
     Feature,
     Manifold,
-    PairDistances,
     Status,
 )
 from .tree import check_tree
@@ -41,7 +40,6 @@ __all__ = [
     "Manifold",
     "ModelError",
     "Pair",
-    "PairDistances",
     "Questions",
     "Status",
     "TriangleMesh",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Hashable, Sequence
 from operator import is_not
 from threading import Event
 from time import perf_counter
@@ -18,9 +19,10 @@ from .kernels.contain import Insides
 from .kernels.state import Tree
 from .mesh import TriangleMesh
 from .poses import as_poses, check_pose
-from .result import PairDistances
-from .rows import pair_distances_of
+from .result import Distances
+from .rows import distances_of, no_answers
 from .run import LONG_SLICE, SLICE, Search, check_models, code_for
+from .settling import Settling
 from .sharing import share
 from .solid import sides_of
 
@@ -52,7 +54,8 @@ class Assembly:
         self._deepest = max(self._meshes, key=lambda model: model.depth)
         self._searches: list[Search] = []
         self._insides: Insides | None = None
-        self._cut: dict[tuple[object, ...], Search] = {}  # by the question in which they were
+        self._cut: dict[Hashable, Search] = {}  # by the question in which they were
+        self._settling = Settling()
         self._unusual = code_for(self._meshes)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
@@ -81,10 +84,11 @@ class Assembly:
         rel_err: ArrayLike = 0.0,
         abs_err: ArrayLike = 0.0,
         clearance: ArrayLike | None = None,
+        signed: bool = False,
         hints: NDArray[np.int32] | None = None,
         budget_s: float | None = None,
         threads: int = 1,
-    ) -> PairDistances:
+    ) -> Distances:
         """Minimum distances of pairs of bodies, in the order given, as far as the budget goes.
 
         Args:
@@ -94,15 +98,19 @@ class Assembly:
             abs_err: a number or (k,): as for `engine.distance`; metres.
             clearance: a number or (k,) metres: a pair's search ends as soon as it is certain on
                 which side of it the distance lies (Larsen et al. 1999, section 3, tolerance
-                query): lower > clearance, or upper <= clearance to rounding. None or infinity: it
-                goes on.
-            hints: (k, 2) `triangles` of an earlier answer about the same pairs, from which the
+                query): lower > clearance, or upper <= clearance to rounding; `Distances.within`
+                tells them apart. With 0 they are those that collide. None or infinity: it goes on.
+            signed: whether to give signed distances, as `engine.signed_distance` does. Pairs that
+                are apart cost little more then, those that overlap 0.1 ms and more. Where `upper`
+                has decided about a clearance, `lower` may be -infinity.
+            hints: (k, 2) `hints` of an earlier answer about the same pairs, from which the
                 search starts; -1 for none.
             budget_s: seconds; pairs that are not reached stay without an answer, the one that is
                 cut has certified bounds. Every call makes some progress: asked next, and first,
                 about what is left, it goes on where it was cut. None: no limit.
             threads: how many share the work; the answers do not depend on it, but for which of
-                them a budget allows.
+                them a budget allows, and how close the bounds of a signed distance are where a
+                clearance has ended its search.
 
         Raises:
             TypeError: a tolerance, clearance or budget that is no real number.
@@ -132,9 +140,11 @@ class Assembly:
         hints = np.full((k, 2), -1, np.int32) if hints is None else as_integers(hints, "hints", 2)
         if len(hints) != k:
             raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
-        unsigned = np.zeros(k, np.bool_)
-        found = self.rows(poses, chosen, wanted, hints, unsigned, budget_s, threads)
-        return pair_distances_of(found)
+        solid = np.array([bool(signed) and model.is_solid for model in self.models])
+        asked = poses, chosen, wanted, hints, solid[chosen].any(axis=1)
+        if signed:
+            return distances_of(self._signed_rows(*asked, budget_s, threads))
+        return distances_of(self.rows(*asked, budget_s, threads))
 
     def rows(
         self,
@@ -153,8 +163,7 @@ class Assembly:
         not searched has NaN as status.
         """
         deadline = None if budget_s is None else perf_counter() + budget_s
-        answers = np.full((len(pairs), index.ANSWER), np.nan)
-        answers[:, index.LOWER], answers[:, index.UPPER] = 0.0, np.inf
+        answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
         insides = self._enclosed() if signed.any() else _UNASKED
@@ -167,6 +176,46 @@ class Assembly:
         share(answer, range(threads), threads)
         return answers
 
+    def _signed_rows(
+        self,
+        poses: NDArray[np.float64],
+        pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+        hints: NDArray[np.int32],
+        signed: NDArray[np.bool_],
+        budget_s: float | None,
+        threads: int,
+    ) -> NDArray[np.float64]:
+        """As `rows`; where bodies may overlap, their signed distances as far as the budget goes."""
+        deadline = math.inf if budget_s is None else perf_counter() + budget_s
+
+        def question(k: int) -> Hashable:
+            return self._question(poses, pairs[k], wanted[k])
+
+        unsettled = np.zeros(len(pairs), np.bool_)
+        if self._settling.waiting:
+            unsettled = self._settling.begun([question(k) for k in range(len(pairs))])
+        answers, rest = no_answers(signed), ~unsettled
+        answers[rest] = self.rows(
+            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], budget_s, threads
+        )
+        upper, clearance = answers[:, index.UPPER], wanted[:, 2]
+        open_ = (answers[:, index.LOWER] == -np.inf) & ~np.isnan(answers[:, index.STATUS])
+        open_ &= (upper > clearance) | (clearance == np.inf)
+        if self._cut:  # there the search of the surfaces has to end first
+            open_ &= [not (each and question(k) in self._cut) for k, each in enumerate(open_)]
+        chosen = np.flatnonzero(open_ | unsettled).tolist()
+
+        def take(i: int, row: NDArray[np.float64]) -> None:
+            answers[chosen[i]] = row
+
+        self._settling.settle(
+            [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
+            poses[pairs[chosen]], wanted[chosen], lambda i: question(chosen[i]), deadline, threads,
+            take,
+        )  # fmt: skip
+        return answers
+
     def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
         given = as_integers(pairs, "pairs", 2)
         bad = ((given < 0) | (given >= len(self.models))).any(axis=1)
@@ -177,6 +226,10 @@ class Assembly:
                 "numbered from 0"
             )
         return given
+
+    def _pose_name(self, body: int) -> str:
+        """What errors call the pose of a body."""
+        return f"poses[{body}]"
 
     def _tabulate(self, threads: int) -> None:
         """Have the tables of all bodies as they are now, and a search for each thread."""
@@ -205,7 +258,7 @@ class Assembly:
 
     def _question(
         self, poses: NDArray[np.float64], pair: NDArray[np.int32], wanted: NDArray[np.float64]
-    ) -> tuple[object, ...]:
+    ) -> Hashable:
         """All that an answer depends on."""
         shapes = tuple(self.models[body].revision for body in pair)
         return pair.tobytes(), poses[pair].tobytes(), wanted.tobytes(), shapes
@@ -254,7 +307,7 @@ class Assembly:
             fresh = code == index.CUT_BETWEEN
             if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                 body = int(pairs[at, code - index.BAD_POSE_A])
-                check_pose(poses[body], f"poses[{body}]")
+                check_pose(poses[body], self._pose_name(body))
             if code == index.ENDED or stopped.is_set():
                 break
             if deadline is not None and perf_counter() >= deadline:

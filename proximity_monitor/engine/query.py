@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arguments import as_count, as_reals, check_tolerance
+from .assembly import Assembly
 from .kernels import closest as closest_kernel
-from .kernels import state as index
 from .mesh import TriangleMesh
 from .pair import Pair
 from .poses import as_poses, check_pose
 from .result import Clearance, ClosestPoints, Collision, Distance, Distances
-from .rows import distances_of
+from .rows import distances_of, no_answers
 from .run import LONG_SLICE, SLICE, Order, Search, check_model
 from .sharing import share
+from .solid import sides_of
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
@@ -189,6 +190,7 @@ def closest_points(
     budget_s: float | None = None,
     threads: int = 1,
     normals: bool = False,
+    signed: bool = False,
 ) -> ClosestPoints:
     """The points of a surface nearest to many given points.
 
@@ -196,11 +198,20 @@ def closest_points(
         model: the surface.
         pose: (4, 4) model to world, metres.
         points: (k, 3) metres, world.
-        max_distance: metres; of points farther away only that is found out, which is cheaper.
+        max_distance: metres; of points farther away only that is found out, and on which side they
+            lie where `signed`, which is cheaper.
         budget_s: seconds; when they are over the points that are left stay undone. None: no limit.
             Some microseconds' work is done at least.
         threads: how many threads share the work; the answers do not depend on it.
         normals: whether to return the surface's normals at the nearest points.
+        signed: whether distances count as negative inside a solid (`model.is_solid`; what is inside
+            says `signed_distance`), which takes a third longer, or with `solid="robust"` some 25
+            times as long. Where rounding hides the side, as upon the surface, the bounds have
+            either sign. Of a model swept by a ball the signed distance is that of its core less the
+            radius, so a point is as deep as it is in the deepest of the swept triangles. The first
+            question about a mesh finds out besides
+            whether it is a solid, some 15 ms for 100,000 triangles, which no budget cuts. For a
+            surface this changes nothing.
 
     Raises:
         TypeError: a model that is none, a distance or budget that is no real number.
@@ -220,7 +231,9 @@ def closest_points(
         first = int(np.argwhere(~np.isfinite(given))[0, 0])
         raise ValueError(f"points[{first}] = {given[first].tolist()}: must be finite")
     k = len(given)
-    bounds, done = np.tile([0.0, math.inf], (k, 1)), np.zeros(k, np.bool_)
+    region = sides_of(model).region if signed and model.is_solid else None
+    nothing = [0.0 if region is None else -math.inf, math.inf]
+    bounds, done = np.tile(nothing, (k, 1)), np.zeros(k, np.bool_)
     nearest, triangles = np.full((k, 3), np.nan), np.full(k, closest_kernel.NONE, np.int32)
     directions = np.full((k if normals else 0, 3), np.nan)
     capacity = 1 + model.depth * 15
@@ -229,15 +242,26 @@ def closest_points(
     def answer(first: int, stopped: Event) -> None:
         part = slice(first, first + _POINTS)
         stack, stacked = np.empty(capacity, np.int32), np.empty(capacity)
-        count, at = len(given[part]), 0
+        count = len(given[part])
+        found = at = 0  # the surface was searched for the first ones, the sides were found of fewer
         while at < count and not stopped.is_set():
             if perf_counter() >= deadline and (first or at):
                 break
-            at = closest_kernel.closest_points(
-                model._distinct, pose, given[part], max_distance, at, steps, stack, stacked,
-                bounds[part], nearest[part], triangles[part], directions[part],
-            )  # fmt: skip
-            done[first : first + at] = True
+            if at == found:
+                found = closest_kernel.closest_points(
+                    model._distinct, pose, given[part], max_distance, region is not None, at, steps,
+                    stack, stacked, bounds[part], nearest[part], triangles[part], directions[part],
+                )  # fmt: skip
+            if region is None:
+                at = found
+            else:
+                at = closest_kernel.sides(
+                    model._tree, region, pose, given[part], at, found, steps, stack,
+                    bounds[part], nearest[part], triangles[part], directions[part],
+                )  # fmt: skip
+        done[first : first + at] = True
+        half_done = slice(first + at, first + found)
+        bounds[half_done], triangles[half_done] = nothing, closest_kernel.NONE
 
     share(answer, range(0, k, _POINTS), threads)
     faces = np.where(triangles >= 0, model._face_of[triangles], np.int32(-1))
@@ -254,6 +278,9 @@ def distances(
     *,
     rel_err: float = 0.0,
     abs_err: float = 0.0,
+    clearance: float | None = None,
+    signed: bool = False,
+    budget_s: float | None = None,
     order: Order = "depth_first",
     threads: int = 1,
 ) -> Distances:
@@ -268,29 +295,63 @@ def distances(
         poses_b: (k, 4, 4) model to world, metres.
         rel_err: as for `distance`.
         abs_err: as for `distance`; metres.
-        order: as for `distance`.
-        threads: how many threads share the work; the answers do not depend on it.
+        clearance: metres; as `within`, a search ends as soon as it is certain on which side of it
+            the distance lies, and `Distances.within` tells. With 0, as `collide`, it ends when it
+            is certain whether the models touch or cross. None: it goes on.
+        signed: whether to give signed distances, as `signed_distance` does.
+        budget_s: seconds; poses that are not reached stay without an answer, those that are cut
+            have certified bounds, and the next call begins them anew (an `Assembly` goes on with
+            them). None: no limit. Some microseconds' work is done at least.
+        order: as for `distance`. Signed distances are searched depth first alone.
+        threads: how many threads share the work; the answers do not depend on it, but for which of
+            them a budget allows.
 
     Raises:
-        ValueError: other shapes, a pose that is no rigid motion (naming it), a negative tolerance.
+        TypeError: a model that is none, a tolerance, clearance or budget that is no real number.
+        ValueError: other shapes, a pose that is no rigid motion (naming it), a tolerance, clearance
+            or budget that is negative or NaN, another order of signed distances.
     """
+    start = perf_counter()
     rel_err = check_tolerance("rel_err", rel_err)
     abs_err = check_tolerance("abs_err", abs_err)
+    clearance = math.inf if clearance is None else check_tolerance("clearance", clearance)
+    deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
     threads = as_count(threads, "threads")
     many_a, many_b = as_poses(poses_a, "poses_a"), as_poses(poses_b, "poses_b")
-    if len(many_a) != len(many_b):
-        raise ValueError(f"{len(many_a)} poses_a but {len(many_b)} poses_b")
+    count = len(many_a)
+    if count != len(many_b):
+        raise ValueError(f"{count} poses_a but {len(many_b)} poses_b")
     Search(a, b, order)  # refuses an order that there is not, before any thread starts
-
-    def answer(first: int, stopped: Event) -> Search:
-        last = first + _CHUNK
-        search = Search(a, b, order)
-        search.run(
-            many_a[first:last].reshape(-1, 4), many_b[first:last].reshape(-1, 4),
-            rel_err=rel_err, abs_err=abs_err, first=first, stopped=stopped,
+    if signed and order != "depth_first":
+        raise ValueError(f"order = {order!r}: signed distances are searched 'depth_first' alone")
+    if signed and count:
+        return _Poses((a,) * count + (b,) * count).distances(
+            np.concatenate((many_a, many_b)), np.arange(2 * count).reshape(2, -1).T,
+            rel_err=rel_err, abs_err=abs_err, clearance=clearance, signed=True, budget_s=budget_s,
+            threads=threads,
         )  # fmt: skip
-        return search
+    rows = no_answers(np.zeros(count, np.bool_))
+    # As `within` and `collide` ask it.
+    stop = 0.0 if clearance == math.inf else clearance
+    limit = math.nextafter(clearance, math.inf)
 
-    chunks = share(answer, range(0, len(many_a), _CHUNK), threads)
-    rows = np.concatenate([np.empty(0), *(each.answers for each in chunks)])
-    return distances_of(rows.reshape(-1, index.ANSWER))
+    def answer(first: int, stopped: Event) -> None:
+        if first and deadline is not None and perf_counter() >= deadline:
+            return
+        part = slice(first, first + _CHUNK)
+        Search(a, b, order).run(
+            many_a[part].reshape(-1, 4), many_b[part].reshape(-1, 4),
+            rel_err=rel_err, abs_err=abs_err, stop=stop, limit=limit, deadline=deadline,
+            first=first, stopped=stopped, answers=rows[part].reshape(-1),
+        )  # fmt: skip
+
+    share(answer, range(0, count, _CHUNK), threads)
+    return distances_of(rows)
+
+
+class _Poses(Assembly):
+    """One body at k poses and then another one at as many: 2 k bodies."""
+
+    def _pose_name(self, body: int) -> str:
+        half = len(self.models) // 2
+        return f"poses_{'ba'[body < half]}[{body % half}]"

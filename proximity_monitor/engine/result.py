@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .kernels import state as index
 from .witness import witness_points
@@ -213,12 +213,14 @@ class ClosestPoints:
     """The point of a surface nearest to each of many points.
 
     A point beyond the `max_distance` that was asked for has that or more as its lower bound, and
-    one that the budget did not suffice for has 0. The upper bound of both is infinite, their
-    points and normals are NaN and their triangles -1.
+    one that the budget did not suffice for has 0; the upper bound of both is infinite. Where signs
+    were asked for, a point that lies so deep inside has -`max_distance` or less as its upper bound,
+    and lower bounds of which nothing is known are -infinity. The points and normals of all these
+    are NaN and their triangles -1.
 
     Attributes:
-        lower: (k,) metres; certified lower bounds of the distances.
-        upper: (k,) metres; certified upper bounds.
+        lower: (k,) metres; certified lower bounds of the distances, or of the signed distances.
+        upper: (k,) metres; certified upper bounds. Inside is certain where they are below 0.
         points: (k, 3) metres, world; the nearest points of the surface.
         triangles: (k,) int32; the triangles they lie on, indices into the faces.
         done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
@@ -237,43 +239,17 @@ class ClosestPoints:
 
 @dataclass(frozen=True, slots=True)
 class Distances:
-    """Minimum distances at many poses, one row a pose; see `Distance`.
+    """Minimum or signed distances, one row a pose or a pair of bodies; see `Distance`.
 
     Attributes:
-        lower: (k,) metres.
-        upper: (k,) metres.
-        points_a: (k, 3) metres, world.
+        lower: (k,) metres; 0 where nothing was searched. Of a signed distance it is -infinity
+            there, and may be where `upper` decided about a clearance.
+        upper: (k,) metres; infinity where nothing was searched.
+        points_a: (k, 3) metres, world; NaN where nothing was searched.
         points_b: (k, 3) metres, world.
-        triangles: (k, 2) int32; the witness points' triangles, indices into the faces.
-        bound_tests: (k,) bounding volume pairs tested.
-        primitive_tests: (k,) triangle pairs tested.
-    """
-
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    points_a: NDArray[np.float64]
-    points_b: NDArray[np.float64]
-    triangles: NDArray[np.int32]
-    bound_tests: NDArray[np.int64]
-    primitive_tests: NDArray[np.int64]
-
-    def __len__(self) -> int:
-        """How many poses were asked about."""
-        return len(self.lower)
-
-
-@dataclass(frozen=True, slots=True)
-class PairDistances:
-    """Minimum distances of many pairs of bodies, one row a pair; see `Distance`.
-
-    Attributes:
-        lower: (k,) metres; 0 where a pair was not searched.
-        upper: (k,) metres; infinity where a pair was not searched.
-        points_a: (k, 3) metres, world; NaN where a pair was not searched.
-        points_b: (k, 3) metres, world.
-        faces: (k, 2) int32; the witness points' triangles, indices into the faces; else -1.
+        triangles: (k, 2) int32; the witness points' triangles, indices into the faces; else -1.
         barycentric: (k, 2, 3) the witness points' weights in those triangles.
-        triangles: (k, 2) int32; the same triangles as hints for the next question.
+        hints: (k, 2) int32; where the next question to an `Assembly` may start; -1 for nowhere.
         status: (k,) int32; positions in `tuple(Status)`.
         bound_tests: (k,) bounding volume pairs tested.
         primitive_tests: (k,) triangle pairs tested.
@@ -284,14 +260,22 @@ class PairDistances:
     upper: NDArray[np.float64]
     points_a: NDArray[np.float64]
     points_b: NDArray[np.float64]
-    faces: NDArray[np.int32]
-    barycentric: NDArray[np.float64]
     triangles: NDArray[np.int32]
+    barycentric: NDArray[np.float64]
+    hints: NDArray[np.int32]
     status: NDArray[np.int32]
     bound_tests: NDArray[np.int64]
     primitive_tests: NDArray[np.int64]
     searched: NDArray[np.bool_]
 
     def __len__(self) -> int:
-        """How many pairs were asked about."""
+        """How many there are."""
         return len(self.lower)
+
+    def within(self, clearance: ArrayLike) -> NDArray[np.bool_]:
+        """Whether the models may be as near as `clearance` metres, a number or (k,); (k,) bool.
+
+        False is certain. What was asked for with this clearance is decided, unless the budget ended
+        first; so with clearance 0 it is whether the models touch or cross.
+        """
+        return self.lower <= np.asarray(clearance)

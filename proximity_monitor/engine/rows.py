@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import state as index
-from .result import Distance, Distances, Manifold, PairDistances
+from .result import Distance, Distances, Manifold
 from .witness import witness_points
 
 _new = object.__new__
@@ -25,20 +25,6 @@ def distance_of(row: NDArray[np.float64], start: float, manifold: Manifold | Non
 
 
 def distances_of(rows: NDArray[np.float64]) -> Distances:
-    """The answers of rows (k, ANSWER), which are kept."""
-    faces = rows[:, [index.FEATURE_A + 3, index.FEATURE_B + 3]].astype(np.int32)
-    tests = rows[:, index.TESTS : index.TESTS + 2].astype(np.int64)
-    return Distances(
-        rows[:, index.LOWER],
-        rows[:, index.UPPER],
-        *witness_points(rows),
-        faces,
-        tests[:, 0],
-        tests[:, 1],
-    )
-
-
-def pair_distances_of(rows: NDArray[np.float64]) -> PairDistances:
     """The answers of rows (k, ANSWER), which are kept; NaN stands where nothing was searched."""
     searched = ~np.isnan(rows[:, index.STATUS])
     whole = rows[
@@ -46,7 +32,7 @@ def pair_distances_of(rows: NDArray[np.float64]) -> PairDistances:
     ]
     whole[~searched] = (-1, -1, -1, -1, 0, 0, index.OUT_OF_TIME)
     numbers = whole.astype(np.int32)
-    return PairDistances(
+    return Distances(
         rows[:, index.LOWER],
         rows[:, index.UPPER],
         *witness_points(rows),
@@ -58,3 +44,10 @@ def pair_distances_of(rows: NDArray[np.float64]) -> PairDistances:
         whole[:, 5].astype(np.int64),
         searched,
     )
+
+
+def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Rows (k, ANSWER) of searches that did not begin, where `signed` (k,) of signed distances."""
+    rows = np.full((len(signed), index.ANSWER), np.nan)
+    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
+    return rows

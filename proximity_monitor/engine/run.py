@@ -175,8 +175,9 @@ class Search:
         collect: bool = False,
         first: int | None = None,
         stopped: Event | None = None,
+        answers: NDArray[np.float64] | None = None,
     ) -> int:
-        """Answer at k poses, one below the other (4 k, 4), into new `answers` (k ANSWER,).
+        """Answer at k poses, one below the other (4 k, 4), into `answers` (k ANSWER,), or new ones.
 
         Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
         alone, it collects every pair that may be as near as the upper bound, and ends only when it
@@ -204,7 +205,9 @@ class Search:
             corners = a._spread_corners(), b._spread_corners()
             self._keep(self.state._replace(spread_a=corners[0], spread_b=corners[1]))
         count = len(poses_a) // 4
-        answers = self.answers = np.empty(count * index.ANSWER)
+        if answers is None:
+            answers = np.empty(count * index.ANSWER)
+        self.answers = answers
         row = 0
         while True:
             code, row = kernel.search(

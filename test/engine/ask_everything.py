@@ -40,8 +40,14 @@ for first, a in enumerate(models[:10]):
     points = np.concatenate((rng.normal(size=(20, 3)), 1e20 * rng.normal(size=(3, 3))))
     engine.closest_points(a, pose(rng, 1.0), points, normals=True, threads=2)
     engine.closest_points(a, pose(rng, 1.0), points, max_distance=0.5, budget_s=0.0)
+    engine.closest_points(a, pose(rng, 1.0), points, normals=True, signed=True)
+    swept = engine.TriangleMesh(
+        a.vertices, a.faces[:-1] if len(a.faces) > 1 else a.faces, radius=0.1, solid="robust"
+    )
+    engine.closest_points(swept, pose(rng, 1.0), points, normals=True, signed=True)
     poses = np.array([pose(rng, 1.0) for _ in range(10)])
     engine.distances(a, poses, models[first - 1], poses[::-1], threads=2)
+    engine.distances(a, poses, models[first - 1], poses[::-1], signed=True, clearance=0.1)
 found = engine.collide(soup(5, 200, 3.0), IDENTITY, soup(6, 200, 3.0), IDENTITY, all_contacts=True)
 assert len(found.contacts) > 2048
 
@@ -49,7 +55,7 @@ assembly = engine.Assembly(models)
 poses = np.array([pose(rng, 1.0) for _ in models])
 pairs = np.array([(i, j) for i in range(len(models)) for j in range(i)])
 asked = assembly.distances(poses, pairs, threads=2)
-assembly.distances(poses, pairs, hints=2**20 + asked.triangles, clearance=0.5, budget_s=1e-3)
+assembly.distances(poses, pairs, hints=2**20 + asked.hints, clearance=0.5, budget_s=1e-3)
 
 answers, everyone = engine.Answers(models, [each.name for each in models]), np.arange(len(models))
 rows = answers.add(pairs, np.arange(len(pairs)) % 2 == 0)

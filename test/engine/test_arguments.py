@@ -75,9 +75,14 @@ QUESTIONS = {
         lambda x: engine.distance(A, HERE, B, THERE, budget_s=x),
         lambda x: engine.signed_distance(A, HERE, B, THERE, budget_s=x),
         lambda x: ASSEMBLY.distances(POSES, PAIRS, budget_s=x),
+        lambda x: engine.distances(A, POSES, B, POSES, budget_s=x),
+        lambda x: engine.distances(A, POSES, B, POSES, budget_s=x, signed=True),
+        lambda x: engine.closest_points(A, HERE, [[0.0, 0.0, 0.0]], budget_s=x, signed=True),
     ],
     "clearance": [
         lambda x: engine.within(A, HERE, B, THERE, x),
+        lambda x: engine.distances(A, POSES, B, POSES, clearance=x),
+        lambda x: engine.distances(A, POSES, B, POSES, clearance=x, signed=True),
         lambda x: ASSEMBLY.distances(POSES, PAIRS, clearance=x),
     ],
 }

@@ -12,7 +12,7 @@ from engine_bodies import IDENTITY, SMALL, pose, sphere, torus
 from proximity_monitor import engine
 
 STATUS = tuple(engine.Status)
-FIELDS = [field.name for field in dataclasses.fields(engine.PairDistances)]
+FIELDS = [field.name for field in dataclasses.fields(engine.Distances)]
 
 
 def crowd(seed=0, count=24, spread=2.0):
@@ -39,7 +39,7 @@ def test_the_answers_are_those_of_single_questions(threads):
         one = alone(assembly, poses, pair)
         assert STATUS[found.status[k]] is one.status
         features = one.feature_a, one.feature_b
-        if found.faces[k].tolist() != [feature.triangle for feature in features]:
+        if found.triangles[k].tolist() != [feature.triangle for feature in features]:
             # The kernel is compiled into either question: where triangles are as near as others,
             # float32 bounds that differ in their last bits decide which are found.
             assert found.upper[k] == pytest.approx(one.upper, rel=0.0, abs=1e-13)
@@ -60,7 +60,7 @@ def test_the_answers_are_those_of_single_questions(threads):
 def test_hints_save_tests_and_change_no_distance():
     assembly, poses, pairs = crowd(1)
     found = assembly.distances(poses, pairs)
-    again = assembly.distances(poses, pairs, hints=found.triangles)
+    again = assembly.distances(poses, pairs, hints=found.hints)
     apart = found.lower > 0.0
     assert np.allclose(again.upper, found.upper, rtol=0.0, atol=1e-13)
     assert again.bound_tests[apart].sum() < found.bound_tests[apart].sum()

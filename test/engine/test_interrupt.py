@@ -31,6 +31,7 @@ def plate(n):
 
 small, shell, flat = ball(2, 1.0), ball(5, 1.0), plate(150)
 outer = ball(5, 1.001)
+holed = engine.TriangleMesh(shell.vertices, shell.faces[1:], solid="robust")
 here = np.tile(np.eye(4), (3000, 1, 1))
 lifted = np.eye(4)
 lifted[2, 3] = 0.01  # every triangle of one plate is as near to one of the other
@@ -47,6 +48,9 @@ QUESTIONS = {
     "Assembly": lambda n: many.distances(here[:2], pairs[:n]),
     "Assembly, threads": lambda n: many.distances(here[:2], pairs[:n], threads=3),
     "closest_points": lambda n: engine.closest_points(shell, one, centre[: 50 * n]),
+    "their sides": lambda n: engine.closest_points(holed, one, centre[: 50 * n], signed=True),
+    "signed": lambda n: many.distances(here[:2], pairs[:n], signed=True),
+    "signed, threads": lambda n: many.distances(here[:2], pairs[:n], signed=True, threads=3),
 }
 took = {}
 for name, ask in QUESTIONS.items():
@@ -84,5 +88,5 @@ def test_every_question_ends_soon_after_ctrl_c():
     )
     assert done.returncode == 0, done.stderr
     took = json.loads(done.stdout)
-    assert len(took) == 7
+    assert len(took) == 10
     assert all(seconds is not None and seconds < ENDLESS for seconds in took.values()), took

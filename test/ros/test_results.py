@@ -96,7 +96,9 @@ def test_a_pair_that_is_not_clear_says_on_which_triangles_its_points_lie(peer, w
         corners = models[body].vertices[models[body].faces[int(triangle)]]
         own = np.array([float(weight) for weight in weights]) @ corners
         point = poses[body][:3, :3] @ own + poses[body][:3, 3]
-        np.testing.assert_allclose(point, vector(near[f"point_{side}"]), atol=1e-8)
+        # The ball is a point that is swept: the sphere's point lies off it by the radius.
+        away = np.linalg.norm(vector(near[f"point_{side}"]) - point)
+        assert away == pytest.approx(models[body].swept_radius, abs=1e-8)
 
 
 def test_clearance_is_the_smallest_lower_bound(peer, own_answers):
@@ -107,12 +109,14 @@ def test_clearance_is_the_smallest_lower_bound(peer, own_answers):
 
 
 def test_bodies_that_intersect_are_at_stop(peer):
-    pairs = peer.settle(ball=(0.0, 0.0, 0.05))
-    assert pairs["table - ball"]["status"] == "overlapping"
-    assert pairs["table - ball"]["state"] == "stop"
-    depth = -float(pairs["table - ball"]["lower_m"])
-    assert 0.0 < depth < 0.06
-    peer.wait(lambda: peer.next("clearance").data == -depth, "no clearance")
+    """Also where how deep is open: the ball's diameter bounds it."""
+    for height, status, shallow in ((0.05, "intersecting", 0.0), (-0.02, "overlapping", 0.04)):
+        pair = peer.settle(ball=(0.0, 0.0, height))["table - ball"]
+        assert (pair["status"], pair["state"]) == (status, "stop")
+        depth = -float(pair["lower_m"])
+        assert 0.1 - height <= depth <= 0.2 + 1e-12
+        assert -float(pair["upper_m"]) == pytest.approx(shallow, abs=1e-9)
+        peer.wait(lambda deep=depth: peer.next("clearance").data == -deep, "no clearance")
 
 
 def test_lines_and_points_join_the_closest_points_in_the_colour_of_the_state(peer, own_answers):
@@ -165,7 +169,8 @@ def test_parts_are_the_models_where_the_bodies_are(peer, world):
             i,
         )
         assert rgba(marker.color) == pytest.approx(body.colour, abs=1e-6)
-        corners = models[body.name].vertices[models[body.name].faces].reshape(-1, 3)
+        drawn = models[body.name].tessellated()
+        corners = drawn.vertices[drawn.faces].reshape(-1, 3)
         np.testing.assert_array_equal([xyz(p) for p in marker.points], corners)
     assert xyz(message.markers[0].pose.position).tolist() == [0.0, 0.0, -0.05]
 

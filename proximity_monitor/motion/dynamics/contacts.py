@@ -210,7 +210,7 @@ class ContactFinder:
         bodies = self.pairs[keys[:, 0]]
         kept = np.ones(len(within), np.bool_)
         if not self._every:
-            faces = self._faces[self._face_start[keys[:, 1:]] + found.faces[within]]
+            faces = self._faces[self._face_start[keys[:, 1:]] + found.triangles[within]]
             near.local_minima(
                 poses, bodies, faces, found.barycentric[within], points,
                 self._corners, self._places, self._place_first, self._around, kept,
