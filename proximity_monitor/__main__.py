@@ -9,6 +9,11 @@ import os
 import signal
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from proximity_monitor import engine
+    from proximity_monitor.scene import Unit
 
 _INSTALL_SCENE = """\
 proximity_monitor scene needs packages that read scene files: {error}
@@ -211,7 +216,7 @@ def _check(chosen: argparse.Namespace) -> int:
         where = f"moving, {body.topic or 'by joints'}" if body.moving else "fixed"
         if body.cloud is not None:
             where = f"a cloud, {body.cloud.topic}, in frame {body.cloud.frame or scene.frame}"
-        print(f"  body {body.name}: {len(models[body.name].faces)} triangles, {where}")
+        print(f"  body {body.name}: {_shape(models[body.name], scene.unit)}, {where}")
     if len(scene.pairs) > _LISTED:
         print(f"  {len(scene.pairs)} pairs; the first {_LISTED}:")
     for pair in itertools.islice(scene.pairs, _LISTED):
@@ -223,6 +228,20 @@ def _check(chosen: argparse.Namespace) -> int:
     for line in str(unseen_containment(scene, models)).splitlines():
         print(f"  warning: {line}")
     return 0
+
+
+def _shape(model: engine.TriangleMesh, unit: Unit) -> str:
+    """Say of what a model is made, and whether it is a solid."""
+    count = len(model.faces)
+    found = f"{count} triangle" + ("s" if count > 1 else "")
+    if model.swept_radius > 0.0:
+        faces = [len(set(face)) for face in model.faces[:2].tolist()]
+        what = {1: "sphere", 2: "capsule"}.get(max(faces), "swept triangle")
+        many = f"{count} {what}s" if count > 1 else what
+        found = f"{many} of radius {model.swept_radius / unit.to_metre:.6g} {unit.symbol}"
+    if model.deviation > 0.0:
+        found += f" within {model.deviation / unit.to_metre:.3g} {unit.symbol} of the thing"
+    return found + (", solid" if model.is_solid else ", a surface")
 
 
 def _positive(text: str) -> float:

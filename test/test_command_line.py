@@ -87,6 +87,28 @@ def test_a_scene_is_checked_with_its_models(capsys):
     assert "motion slider_crank: 5 bodies, 12 rpm" in said
 
 
+def test_a_check_says_what_bodies_are_made_of(tmp_path, capsys):
+    shapes = (
+        "sphere: {radius: 30}",
+        "sphere: {radius: 30, subdivisions: 0}",
+        "capsule: {radius: 5, length: 40}",
+        "cylinder: {radius: 30, height: 9}",
+        "point: {}",
+    )
+    bodies = [f"  - {{name: b{i}, primitive: {{{s}}}, moving: true}}" for i, s in enumerate(shapes)]
+    path = tmp_path / "shapes.yaml"
+    path.write_text("\n".join(("version: 1", "unit: mm", "bodies:", *bodies, "pairs: all", "")))
+    assert main(["scene", "check", str(path)]) == 0
+    found = [line.rpartition(", moving")[0] for line in capsys.readouterr().out.splitlines()[1:6]]
+    assert found == [
+        "  body b0: sphere of radius 30 mm, solid",
+        "  body b1: 20 triangles within 3.43 mm of the thing, solid",
+        "  body b2: capsule of radius 5 mm, solid",
+        "  body b3: 256 triangles within 0.0181 mm of the thing, solid",
+        "  body b4: 1 triangle, a surface",
+    ]
+
+
 def test_what_is_wrong_with_a_scene_is_said(tmp_path, capsys):
     path = tmp_path / "torn.yaml"
     path.write_text("version: 1\n")
