@@ -26,7 +26,10 @@ from .settling import Settling
 from .sharing import share
 from .solid import sides_of
 
-_UNASKED = Insides(np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32))
+_UNASKED = Insides(
+    np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32),
+    np.empty((0, 2, 7), np.int64),
+)  # fmt: skip
 """What bodies enclose, where no sign is asked for."""
 
 
@@ -253,6 +256,7 @@ class Assembly:
                 np.array([each.inside for each in regions], np.int8)[of],
                 np.stack((starts[of], starts[of + 1]), axis=1),
                 np.concatenate([each.samples for each in regions]),
+                np.stack([model._table_of_all for model in self.models]),
             )
         return self._insides
 

@@ -36,7 +36,8 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Triangl
         shape = shape_of(body.primitive).tessellated()
         model = engine.TriangleMesh(shape.vertices * body.scale, shape.faces, name=body.name, **how)
     else:
-        model = shape_of(body.primitive).model(body.name, body.scale, body.deviation, how)
+        shape = shape_of(body.primitive, robust=body.solid == "robust")
+        model = shape.model(body.name, body.scale, body.deviation, how)
     check_solid(body, model)
     return model
 

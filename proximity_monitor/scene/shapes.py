@@ -80,10 +80,15 @@ class Shape:
         return engine.distance(a, still, b, still).lower
 
 
-def shape_of(primitive: Primitive) -> Shape:
-    """The shape of a primitive in the body's frame."""
+def shape_of(primitive: Primitive, *, robust: bool = False) -> Shape:
+    """The shape of a primitive in the body's frame.
+
+    Parts of a compound that enclose a solid do so whatever the others are; but where its inside is
+    to be a `robust` one, it is that of all parts together.
+    """
     if isinstance(primitive, Compound):
-        return _joined([_placed(part) for part in primitive.parts])
+        shapes = _alike([_placed(part) for part in primitive.parts])
+        return _joined(shapes if robust else _closed(shapes))
     if isinstance(primitive, Point):
         return Shape(np.zeros((1, 3)), np.zeros((1, 3), int))
     if isinstance(primitive, Sphere):
@@ -145,10 +150,32 @@ def _volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)))
 
 
-def _joined(shapes: list[Shape]) -> Shape:
-    """Several shapes as one; balls that sweep only some of them, or unlike ones, are meshes."""
+def _alike(shapes: list[Shape]) -> list[Shape]:
+    """Shapes that one ball sweeps; where balls sweep only some, or are unlike, they are meshes."""
     if len({shape.radius for shape in shapes}) > 1:
-        shapes = [shape.tessellated() for shape in shapes]
+        return [shape.tessellated() for shape in shapes]
+    return shapes
+
+
+def _closed(shapes: list[Shape]) -> list[Shape]:
+    """Shapes that enclose a solid together, if one of them does by itself.
+
+    Open ones get each face once more, the other way round: so every edge is passed both ways, they
+    add nothing to a winding number, and their surface is the same.
+    """
+    enclosing = [engine.TriangleMesh(shape.vertices, shape.faces).is_solid for shape in shapes]
+    if not any(enclosing):
+        return shapes
+    return [
+        shape
+        if closed
+        else replace(shape, faces=np.concatenate((shape.faces, shape.faces[:, ::-1])))
+        for shape, closed in zip(shapes, enclosing, strict=True)
+    ]
+
+
+def _joined(shapes: list[Shape]) -> Shape:
+    """Several shapes as one."""
     starts = np.cumsum([0] + [len(shape.vertices) for shape in shapes[:-1]])
     return Shape(
         np.concatenate([shape.vertices for shape in shapes]),

@@ -83,3 +83,31 @@ def test_what_is_cut_has_no_sign():
     poses = np.array([pose(np.random.default_rng(6), 0.2) for _ in MODELS])
     for row in rows(poses, budget_s=0.0):
         assert np.isnan(row[index.STATUS]) or row[index.LOWER] == -np.inf or row[index.LOWER] > 0.0
+
+
+def test_walls_that_solids_share_count_from_both_sides():
+    """And so does a sheet that is drawn from both: in a search, one of the two is left out."""
+    cube = trimesh.creation.box((1.0, 1.0, 1.0))
+    cubes = [cube.copy().apply_translation((i, 0.0, 0.0)) for i in range(3)]
+    rows_of_cubes = trimesh.util.concatenate(cubes)
+    sheet = [[1.3, -2.0, -2.0], [1.3, 2.0, -2.0], [1.3, 0.0, 2.0]]
+    vertices = np.concatenate((rows_of_cubes.vertices, sheet))
+    n = len(rows_of_cubes.vertices)
+    faces = np.concatenate((rows_of_cubes.faces, [[n, n + 1, n + 2], [n, n + 2, n + 1]]))
+    block = engine.TriangleMesh(vertices, faces)
+    assert block.is_solid and block._distinct is not block._tree
+    probe = engine.points([[0.0, 0.0, 0.0]])
+    assembly = engine.Assembly([block, probe])
+    rng = np.random.default_rng(4)
+    poses, wanted = np.stack((np.eye(4), np.eye(4))), np.array([[0.0, 0.0, np.inf]])
+    hints, pairs = np.full((1, 2), -1, np.int32), np.array([[0, 1]], np.int32)
+    inside = 0
+    for _ in range(300):
+        poses[1, :3, 3] = place = rng.uniform((-1.0, -0.7, -0.7), (3.0, 0.7, 0.7))
+        within = bool((np.abs(place - (1.0, 0.0, 0.0)) < (1.5, 0.5, 0.5)).all())
+        inside += within
+        found = assembly.rows(poses, pairs, wanted, hints, np.ones(1, np.bool_), None, 1)
+        assert (found[0, index.LOWER] > 0.0) is not within
+        signed = engine.signed_distance(block, poses[0], probe, poses[1])
+        assert (signed.upper < 0.0) is within and (signed.lower > 0.0) is not within
+    assert 50 < inside < 250

@@ -159,6 +159,31 @@ def test_a_compound_of_spheres_is_exact_and_one_of_unlike_parts_deviates():
             assert found.lower <= 0.01 <= found.upper
 
 
+@pytest.mark.parametrize("solid", [None, "robust", False])
+def test_a_part_of_a_compound_encloses_what_it_does_whatever_the_others_are(tmp_path, solid):
+    """An open part, a box without its lid, is a surface and makes the others none."""
+    box = load_model(with_shape(Box((1.0, 1.0, 1.0))), MM)
+    lines = [f"v {x + 3.0} {y} {z}" for x, y, z in box.vertices]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in box.faces[:-2]]
+    (tmp_path / "open.obj").write_text("\n".join(lines))
+    at = {"scale": (1.0, 1.0, 1.0), "xyz": (0.0, 0.0, 0.0), "rpy": (0.0, 0.0, 0.0)}
+    parts = (Part(Box((1.0, 1.0, 1.0)), **at), Part(tmp_path / "open.obj", **at))
+    body = dataclasses.replace(with_shape(Compound(parts)), solid=solid)
+    model, probe, place = load_model(body, MM), engine.points([[0, 0, 0]]), np.eye(4)
+    assert model.is_solid is (solid is not False)
+    depths = []
+    for x in (0.1, 3.1, 1.5):
+        place[0, 3] = x
+        depths.append(engine.signed_distance(model, np.eye(4), probe, place))
+    closed, opened, beside = depths
+    assert (closed.upper == pytest.approx(-0.4)) is (solid is not False)
+    assert (opened.upper < 0.0) is (solid == "robust")
+    assert opened.lower > 0.0 or solid == "robust"
+    assert beside.lower == pytest.approx(1.0)
+    only = load_model(with_shape(Compound(parts[1:])), MM)
+    assert not only.is_solid and len(only.faces) == 10
+
+
 def test_a_deforming_sphere_is_a_mesh():
     body = dataclasses.replace(BODY, primitive=Sphere(0.25), deforming=True)
     mesh = load_model(body, MM)

@@ -20,13 +20,16 @@ from .primitives import corners
 from .probe import length
 from .solids import HALF, WHOLE
 from .state import BOUND_SLACK, ENDED, LOWER, OUT_OF_TIME, STATUS, UPPER
+from .tables import tree_at
 from .vectors import moved, scaled, sub
 from .volumes import WIDTH
 from .winding import winding_number
 
-Insides = namedtuple("Insides", "where spans samples")
+Insides = namedtuple("Insides", "where spans samples tables")
 """What n bodies enclose: where (int8, n), their Region.inside; samples (int32, k) of all of them;
-and spans (int64, n × 2), which of these are a body's: the first, and one after the last.
+spans (int64, n × 2), which of these are a body's: the first, and one after the last; and tables
+(int64, n × 2 × 7) of hierarchies that hold all triangles (see tables.py). A winding number counts
+those that lie on others, which a search for the nearest leaves out.
 """
 
 
@@ -85,7 +88,23 @@ def _holds_triangle(holder, body, t, motion, slack, stack, gaps):
 
 
 @kernel
-def settle_sign(tree_a, tree_b, insides, i, j, state, clearance, code, answer):
+def _one_in_the_other(insides, i, j, state, slack, apart):
+    """Whether a part of body i or j, whose surfaces are so far apart, may be inside the other."""
+    where, spans, motions = insides.where, insides.spans, state.motions
+    tree_a, _ = tree_at(insides.tables[i])
+    tree_b, _ = tree_at(insides.tables[j])
+    if where[j] == WHOLE:
+        samples = insides.samples[spans[i, 0] : spans[i, 1]]
+        if holds(tree_b, tree_a, samples, motions[1], slack, apart, state.stack):
+            return True
+    if where[i] == WHOLE:
+        samples = insides.samples[spans[j, 0] : spans[j, 1]]
+        return holds(tree_a, tree_b, samples, motions[0], slack, apart, state.stack)
+    return False
+
+
+@kernel
+def settle_sign(insides, i, j, state, clearance, code, answer):
     """Make the answer about the surfaces of bodies i and j one about their signed distance.
 
     Where the surfaces may meet, or one body lie inside the other, its sign is open, and `lower` is
@@ -94,13 +113,8 @@ def settle_sign(tree_a, tree_b, insides, i, j, state, clearance, code, answer):
     slack, where = state.reals[BOUND_SLACK], insides.where
     certain = code == ENDED and answer[LOWER] > 4.0 * slack
     certain = certain and where[i] != HALF and where[j] != HALF
-    apart = answer[LOWER]
-    if certain and where[j] == WHOLE:
-        samples = insides.samples[insides.spans[i, 0] : insides.spans[i, 1]]
-        certain = not holds(tree_b, tree_a, samples, state.motions[1], slack, apart, state.stack)
-    if certain and where[i] == WHOLE:
-        samples = insides.samples[insides.spans[j, 0] : insides.spans[j, 1]]
-        certain = not holds(tree_a, tree_b, samples, state.motions[0], slack, apart, state.stack)
+    if certain and (where[i] == WHOLE or where[j] == WHOLE):
+        certain = not _one_in_the_other(insides, i, j, state, slack, answer[LOWER])
     if not certain:
         answer[LOWER] = -np.inf
         if not answer[UPPER] <= clearance < np.inf:

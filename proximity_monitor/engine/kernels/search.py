@@ -261,7 +261,7 @@ def search_pairs(
         left -= steps - counts[STEPS]
         finish(tree_a, tree_b, faces_a, faces_b, state, poses[i], poses[j], code, answers[k])
         if signed[k]:
-            settle_sign(tree_a, tree_b, insides, i, j, state, wanted[k, 2], code, answers[k])
+            settle_sign(insides, i, j, state, wanted[k, 2], code, answers[k])
         if code != ENDED:
             return code, k
     return ENDED, last
