@@ -88,14 +88,15 @@ def test_what_is_cut_has_no_sign():
 def test_walls_that_solids_share_count_from_both_sides():
     """And so does a sheet that is drawn from both: in a search, one of the two is left out."""
     cube = trimesh.creation.box((1.0, 1.0, 1.0))
-    cubes = [cube.copy().apply_translation((i, 0.0, 0.0)) for i in range(3)]
+    mirrored = trimesh.Trimesh(cube.vertices * (-1.0, 1.0, 1.0), cube.faces[:, ::-1])
+    cubes = [(cube, mirrored)[i % 2].copy().apply_translation((i, 0, 0)) for i in range(3)]
     rows_of_cubes = trimesh.util.concatenate(cubes)
     sheet = [[1.3, -2.0, -2.0], [1.3, 2.0, -2.0], [1.3, 0.0, 2.0]]
     vertices = np.concatenate((rows_of_cubes.vertices, sheet))
     n = len(rows_of_cubes.vertices)
     faces = np.concatenate((rows_of_cubes.faces, [[n, n + 1, n + 2], [n, n + 2, n + 1]]))
     block = engine.TriangleMesh(vertices, faces)
-    assert block.is_solid and block._distinct is not block._tree
+    assert block.is_solid and len(block._coincident.twins) == 2 * 2 + 1
     probe = engine.points([[0.0, 0.0, 0.0]])
     assembly = engine.Assembly([block, probe])
     rng = np.random.default_rng(4)
