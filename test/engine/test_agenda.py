@@ -247,3 +247,31 @@ def test_a_level_inside_of_what_a_tolerance_left_is_decided_when_only_that_is_as
     states, left = watched.report()
     level = watched.agenda.book["levels"][:, 0]
     assert left == 0 and ((states["lower"] > level) | (states["upper"] <= level))[wide].all()
+
+
+def test_of_models_that_met_the_surfaces_tell_first_and_how_deep_comes_last():
+    """The depth takes a hundred times as long as all that a threshold needs."""
+    ball = sphere(2)
+    answers = engine.Answers([ball, ball, ball], ["a", "b", "c"])
+    agenda = engine.Agenda(answers, engine.Assembly([ball, ball, ball]))
+    rows = answers.add(np.array([[0, 1], [0, 2]]), np.ones(2, bool))
+    agenda.begin(rows)
+    poses = np.tile(np.eye(4), (3, 1, 1))
+    poses[1, 0, 3], poses[2, 1, 3] = 1.2, 2.001
+    known, silent = np.ones(3, bool), np.zeros(3, bool)
+    together, inside = engine.Agenda.TOGETHER, engine.Agenda.INSIDE
+    for step in range(3):
+        poses[1:, 2, 3] = 0.01 * step
+        answers.move(np.arange(3), poses)
+        agenda.look(rows, known, silent, True)
+        first = agenda.ask(agenda.order())
+        assert sorted(first.at.tolist()) == [0, 1] and first.how.tolist() == [together] * 2
+        agenda.search(first, 60.0, 1, perf_counter)
+        then = agenda.ask(agenda.order())
+        assert (then.at.tolist(), then.how.tolist()) == ([0], [inside])
+        states, left = agenda.report(perf_counter())
+        overlapping = dict(zip(states["at"].tolist(), states["upper"].tolist(), strict=True))
+        assert overlapping[0] < 1e-12 < overlapping[1] and left == 1
+        found = engine.signed_distance(ball, poses[0], ball, poses[1])
+        agenda.take(then, [found], perf_counter())
+        assert len(agenda.order()) == 0

@@ -166,8 +166,8 @@ def wanting(rows, book, views, at, kind, keys):
         if view.wanting:
             at[count] = k
             kind[count] = 2 * view.stale + (not view.urgent)
-            # Of models that surely overlap no more than the depth is open, which takes long to say.
-            keys[0, count] = view.lower if view.upper >= 0.0 else np.inf
+            # Of models that surely meet no more than the depth is open, which takes long to say.
+            keys[0, count] = view.lower if view.upper > 0.0 else np.inf
             keys[1, count] = book[rows[k]].looked
             count += 1
     return count
@@ -213,8 +213,11 @@ def ask(rows, labels, book, views, at, bodies, wanted, hints, signed, how):
         hints[i, 0], hints[i, 1] = question.hint[0], question.hint[1]
         signed[i] = label[SIGNED] != UNSIGNED and view.lower <= 0.0
         how[i] = ALONE if question.hard else TOGETHER
-        if signed[i] and (question.hard or question.met or label[SIGNED] == JUMPING):
-            how[i] = INSIDE
+        if signed[i]:
+            # Whether models that met still do, the surfaces tell first, which costs far less.
+            again = question.met and not view.searched and view.upper > 0.0
+            inside = label[SIGNED] == JUMPING or question.hard or question.met
+            how[i] = INSIDE if inside and not again else TOGETHER
 
 
 @entry
