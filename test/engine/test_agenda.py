@@ -257,11 +257,11 @@ def test_of_models_that_met_the_surfaces_tell_first_and_how_deep_comes_last():
     rows = answers.add(np.array([[0, 1], [0, 2]]), np.ones(2, bool))
     agenda.begin(rows)
     poses = np.tile(np.eye(4), (3, 1, 1))
-    poses[1, 0, 3], poses[2, 1, 3] = 1.2, 2.001
+    poses[1, 0, 3], poses[2, 1, 3] = 1.8, 2.5
     known, silent = np.ones(3, bool), np.zeros(3, bool)
     together, inside = engine.Agenda.TOGETHER, engine.Agenda.INSIDE
     for step in range(3):
-        poses[1:, 2, 3] = 0.01 * step
+        poses[1:, 2, 3] = 0.3 * step
         answers.move(np.arange(3), poses)
         agenda.look(rows, known, silent, True)
         first = agenda.ask(agenda.order())
