@@ -35,6 +35,9 @@ def tessellated(
     spans = np.concatenate((vertices[edges], np.repeat(vertices[alone, None], 2, axis=1)))
     fits = [n for n in _MERIDIANS if 2 * n * n * len(spans) <= _ENOUGH]
     points, facets = _capsules(spans, radius, max(fits, default=_MERIDIANS[0]))
+    facets = places(points)[facets]  # of a ball both halves end on the same ring
+    a, b, c = facets.T
+    facets = facets[(a != b) & (b != c) & (c != a)]
     proper = corners[(corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])]
     sides = _sides(vertices[proper], radius)
     flat = np.arange(3 * len(sides)).reshape(-1, 3) + len(points)

@@ -131,7 +131,7 @@ def test_pictures_of_swept_models_lie_on_their_surfaces():
     ):
         model = load_model(with_shape(shape), MM)
         drawn = model.tessellated()
-        assert drawn.swept_radius == 0.0
+        assert drawn.swept_radius == 0.0 and edges_match(drawn)
         away = engine.closest_points(model, np.eye(4), drawn.vertices)
         assert (away.upper < 1e-12).all() and drawn.is_solid
         assert volume(drawn) == pytest.approx(enclosed, rel=0.02) and volume(drawn) < enclosed
