@@ -112,7 +112,10 @@ SOLIDS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("first", "second"), itertools.combinations_with_replacement(SOLIDS, 2))
+PAIRS = list(itertools.combinations_with_replacement(SOLIDS, 2))
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_against_brute_force(first, second):
     """Every pair once, now one first and now the other."""
     if (len(first) + len(second)) % 2:
