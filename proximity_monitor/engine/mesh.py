@@ -180,7 +180,8 @@ class TriangleMesh:
     @property
     def is_solid(self) -> bool:
         """Whether it has an inside, of which `signed_distance` knows."""
-        return self.swept_radius > 0.0 or not self.not_solid
+        swept = self.swept_radius > 0.0 and self.solid is not False  # known without a look
+        return swept or not self.not_solid
 
     @property
     def not_solid(self) -> str:

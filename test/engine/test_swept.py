@@ -288,6 +288,16 @@ def test_a_surface_in_a_sphere_is_as_deep_as_its_deepest_point():
         assert found.lower <= true <= found.upper and found.upper - found.lower < 1e-13
 
 
+def test_a_ball_that_is_to_be_a_surface_has_no_inside():
+    ball = engine.points([[0, 0, 0]], radius=0.5)
+    shell = engine.TriangleMesh(ball.vertices, ball.faces, radius=0.5, solid=False)
+    assert ball.is_solid and not ball.not_solid
+    assert not shell.is_solid and "solid=False" in shell.not_solid
+    found = engine.signed_distance(shell, np.eye(4), shell, translation(0.7))
+    assert (found.lower, found.upper) == (0.0, 0.0)
+    assert engine.signed_distance(ball, np.eye(4), shell, translation(0.7)).upper < 0.0
+
+
 def test_a_deviation_leaves_the_sign_open_where_it_decides():
     box, thing = engine.TriangleMesh(*_cube(), deviation=0.01), engine.TriangleMesh(*_cube())
     for x, clear, overlapping in (
