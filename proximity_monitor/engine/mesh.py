@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import as_reals
+from .arguments import as_real, as_reals
 from .kernels.cache import KERNELS
 from .kernels.measure import measure
 from .kernels.ranges import node_ranges
@@ -295,8 +295,8 @@ def _checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:
 
 def _checked_length(value: float, name: str, what: str) -> float:
     try:
-        length = float(value)
-    except (TypeError, ValueError):
+        length = as_real(value, what)
+    except TypeError:
         length = math.nan
     if not 0.0 <= length <= LARGEST_COORDINATE:
         raise ModelError(

@@ -197,7 +197,7 @@ class Search:
         if collect:
             tables = a._table_of_all, b._table_of_all
         if collect != bool(len(self.state.collected)):
-            if collect and not (a._distinct is a._tree and b._distinct is b._tree):
+            if not (a._distinct is a._tree and b._distinct is b._tree):
                 self.state.keys.fill(-1)  # too far were those pairs that it looked at
             room = np.empty((_COLLECTED if collect else 0, 3))
             self._keep(self.state._replace(collected=room))

@@ -85,7 +85,7 @@ class CloudBodies:
 
     def build(self, now_ns: int) -> None:
         """Build the bodies of which a new cloud has come."""
-        latest, self._latest = dict(self._latest), self._latest
+        latest = self._latest.copy()
         self._latest.clear()
         for name, data in latest.items():
             if reason := self._take(name, data, now_ns):
