@@ -4,16 +4,19 @@ Lengths are metres, poses 4×4 float64 matrices from model to world. Every answe
 bounds: `lower <= true distance <= upper`.
 """
 
-from .agenda import Agenda, Questions
-from .answers import Answers, Carried
-from .assembly import Assembly
-from .broad_phase import BroadPhase
-from .load import load
-from .mesh import ModelError, TriangleMesh, points, polyline
-from .pair import Pair
+from .assembly.agenda import Agenda, Questions
+from .assembly.answers import Answers, Carried
+from .assembly.assembly import Assembly
+from .assembly.batch import distances
+from .assembly.broad_phase import BroadPhase
+from .files.load import load
+from .models.mesh import ModelError, TriangleMesh, points, polyline
+from .models.tree import check_tree
 from .poses import check_pose
-from .query import closest_points, collide, distance, distances, signed_distance, within
-from .result import (
+from .questions.closest import closest_points
+from .questions.pair import Pair
+from .questions.query import collide, distance, signed_distance, within
+from .questions.result import (
     Clearance,
     ClosestPoints,
     Collision,
@@ -23,7 +26,6 @@ from .result import (
     Manifold,
     Status,
 )
-from .tree import check_tree
 
 __all__ = [
     "Agenda",

@@ -14,23 +14,27 @@ from collections.abc import Callable, Collection
 from numba.core import event
 from numba.core.caching import NullCache
 
-from .kernels.cache import DIRECTORIES
-from .kernels.jit import allocating as helper
-from .kernels.jit import allocating_entry as entry
+from .kernels.base.cache import DIRECTORIES, kernel_name
+from .kernels.base.jit import allocating as helper
+from .kernels.base.jit import allocating_entry as entry
 
 __all__ = ["WATCHING", "Progress", "entry", "helper"]
 
 WATCHING = frozenset(
     {
-        "agenda.ask", "agenda.look", "agenda.report", "agenda.take", "agenda.wanting",
-        "build.build_tree", "carry.place", "depth.begin_depth", "depth.deepest",
-        "depth.search_depth", "descent.advance", "fit_tree.fit_tree", "measure.measure",
-        "motion.pose_deviation", "pairing.pair_up", "places.first_drawn", "places.first_of_place",
-        "primitives.test_triangles", "ranges.node_ranges", "search.search", "search.search_pairs",
-        "solids.part_volumes", "solids.parts_and_owners", "solids.unpaired_edges", "sweep.sweep",
+        "assembly.agenda.ask", "assembly.agenda.look", "assembly.agenda.report",
+        "assembly.agenda.take", "assembly.agenda.wanting", "assembly.carry.place",
+        "assembly.sweep.sweep", "base.motion.pose_deviation",
+        "elements.primitives.test_triangles", "inside.depth.begin_depth",
+        "inside.depth.deepest", "inside.depth.search_depth", "inside.solids.part_volumes",
+        "inside.solids.parts_and_owners", "inside.solids.unpaired_edges",
+        "search.descent.advance", "search.search.search", "search.search.search_pairs",
+        "tree.build.build_tree", "tree.fit_tree.fit_tree", "tree.measure.measure",
+        "tree.pairing.pair_up", "tree.places.first_drawn", "tree.places.first_of_place",
+        "tree.ranges.node_ranges",
     }
 )  # fmt: skip
-"""The kernels that watching a scene needs, by file and function."""
+"""The kernels that watching a scene needs, by room, file and function."""
 
 _KERNELS = __package__ + ".kernels."
 
@@ -91,4 +95,4 @@ def _kernel(compiling: event.Event) -> str:
     function = dispatcher.py_func
     if not function.__module__.startswith(_KERNELS) or isinstance(dispatcher._cache, NullCache):
         return ""
-    return f"{function.__module__.removeprefix(_KERNELS)}.{function.__qualname__}"
+    return kernel_name(function)

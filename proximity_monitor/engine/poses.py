@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arguments import as_reals
-from .kernels.motion import pose_deviation
-from .tolerances import LARGEST_COORDINATE, RIGID_TOLERANCE
+from .kernels.base.motion import pose_deviation
+from .kernels.base.rounding import LARGEST_COORDINATE, RIGID_TOLERANCE
 
 _FLOAT64 = np.dtype(np.float64)
 

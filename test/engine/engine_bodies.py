@@ -11,7 +11,8 @@ import trimesh
 from numba import njit
 
 from proximity_monitor import engine
-from proximity_monitor.engine import run, tree
+from proximity_monitor.engine.models import tree
+from proximity_monitor.engine.questions import run
 
 IDENTITY = np.eye(4)
 

@@ -10,7 +10,7 @@ import pytest
 from engine_bodies import SMALL, pose, sphere
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels import state as index
+from proximity_monitor.engine.kernels.base import state as index
 
 COUNT = 12
 STATUS = tuple(engine.Status)

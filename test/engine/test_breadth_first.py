@@ -20,9 +20,9 @@ from engine_bodies import (
 )
 
 from proximity_monitor import engine
-from proximity_monitor.engine import Status, run
-from proximity_monitor.engine.kernels.leaf import EMPTY
-from proximity_monitor.engine.kernels.volumes import WIDTH
+from proximity_monitor.engine import Status
+from proximity_monitor.engine.kernels.tree.layout import EMPTY, WIDTH
+from proximity_monitor.engine.questions import run
 
 A, B = sphere(3), torus(24)
 NESTED = sphere(4, 1.0), sphere(4, 1.3)

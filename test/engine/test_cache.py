@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from proximity_monitor.engine.kernels import cache
+from proximity_monitor.engine.kernels.base import cache
 
 ASK = "import numpy as np; from proximity_monitor import engine; engine.check_pose(np.eye(4))"
 ROOT = os.geteuid() == 0
@@ -53,7 +53,7 @@ BROKEN = """
 import os, sys
 from pathlib import Path
 import numpy as np
-from proximity_monitor.engine.kernels import cache, jit, motion
+from proximity_monitor.engine.kernels.base import cache, jit, motion
 
 class Opened:
     def __reduce__(self):
@@ -193,7 +193,7 @@ READ_ONLY = """
 import os, tempfile
 from pathlib import Path
 import numpy as np
-from proximity_monitor.engine.kernels import cache, jit, motion
+from proximity_monitor.engine.kernels.base import cache, jit, motion
 
 jit.entry(motion.pose_deviation.py_func)(np.eye(4))  # imports all that it takes
 if os.geteuid() == 0:  # which may write anywhere

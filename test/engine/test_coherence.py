@@ -7,10 +7,10 @@ import pytest
 from engine_bodies import IDENTITY, box, from_python, rotation, soup, sphere, torus
 
 from proximity_monitor import engine
-from proximity_monitor.engine import run
-from proximity_monitor.engine.kernels import coherence
-from proximity_monitor.engine.kernels import state as index
-from proximity_monitor.engine.kernels.motion import relative_motions
+from proximity_monitor.engine.kernels.base import state as index
+from proximity_monitor.engine.kernels.base.motion import relative_motions
+from proximity_monitor.engine.kernels.search.search import coherence
+from proximity_monitor.engine.questions import run
 
 displacement = from_python(coherence._displacement)
 motions_of = from_python(relative_motions)

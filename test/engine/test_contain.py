@@ -10,7 +10,7 @@ import trimesh
 from engine_bodies import box, from_trimesh, pose, sphere, torus
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels import state as index
+from proximity_monitor.engine.kernels.base import state as index
 
 OUT_OF_TIME = tuple(engine.Status).index(engine.Status.OUT_OF_TIME)
 

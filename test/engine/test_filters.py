@@ -11,11 +11,12 @@ from engine_oracles import exact_motion, exact_squared_distance, exactly_moved, 
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels import aim, cross
-from proximity_monitor.engine.kernels import gaps as filters
-from proximity_monitor.engine.kernels import state as index
-from proximity_monitor.engine.kernels.gaps import BATCH, CORNERS
-from proximity_monitor.engine.kernels.leaf import EMPTY
+from proximity_monitor.engine.kernels.base import state as index
+from proximity_monitor.engine.kernels.bounds import cross
+from proximity_monitor.engine.kernels.bounds import gaps as filters
+from proximity_monitor.engine.kernels.bounds.gaps import BATCH, CORNERS
+from proximity_monitor.engine.kernels.search.search import aim
+from proximity_monitor.engine.kernels.tree.layout import EMPTY
 
 gather, shift = from_python(filters.gather), from_python(filters.shift)
 gaps, gap_along = from_python(filters.gaps), from_python(aim.gap_along)

@@ -7,8 +7,7 @@ import pytest
 from engine_bodies import SMALL, box, leaf_triangles, soup, sphere, torus
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.leaf import EMPTY
-from proximity_monitor.engine.kernels.volumes import FIELDS, WIDTH
+from proximity_monitor.engine.kernels.tree.layout import EMPTY, FIELDS, WIDTH
 
 BODIES = SMALL | {"ball": lambda: sphere(3), "ring": lambda: torus(40)}
 

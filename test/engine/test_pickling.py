@@ -12,7 +12,7 @@ import pytest
 from engine_bodies import IDENTITY, box, pose, sphere, torus, translation
 
 from proximity_monitor import engine
-from proximity_monitor.engine.run import Search
+from proximity_monitor.engine.questions.run import Search
 
 NESTED = sphere(4, 1.0), sphere(4, 1.01)
 NEAR, FAR = translation(2.5), translation(9.0)

@@ -18,10 +18,9 @@ from engine_bodies import (
 from engine_oracles import pairwise_distances, triangles
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.hashing import EMPTY_HASH, mixed, slot
-from proximity_monitor.engine.kernels.leaf import EMPTY
-from proximity_monitor.engine.kernels.volumes import EMPTY_RADIUS, FIELDS, WIDTH
-from proximity_monitor.engine.tree import places
+from proximity_monitor.engine.kernels.base.hashing import EMPTY_HASH, mixed, slot
+from proximity_monitor.engine.kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, WIDTH
+from proximity_monitor.engine.models.tree import places
 
 
 def test_vertices_of_one_place_are_found():

@@ -11,8 +11,8 @@ import trimesh
 from engine_bodies import IDENTITY, box, pose, sphere
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.solids import unpaired_edges
-from proximity_monitor.engine.solid import sides_of
+from proximity_monitor.engine.kernels.inside.solids import unpaired_edges
+from proximity_monitor.engine.models.solid import sides_of
 
 
 def test_a_solid_is_checked_once():

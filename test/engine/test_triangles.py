@@ -17,7 +17,7 @@ from engine_oracles import (
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels import edges, triangles
+from proximity_monitor.engine.kernels.elements import edges, triangles
 
 edge_pairs, segments = from_python(edges.edge_pairs), from_python(triangles.segments)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dynamics_bodies import at
 
-from proximity_monitor.engine.kernels.jit import CACHE_DIRECTORY
+from proximity_monitor.engine.kernels.base.jit import CACHE_DIRECTORY
 from proximity_monitor.motion.dynamics import near, solver
 
 

@@ -43,7 +43,7 @@ bodies:
   - {{name: b, primitive: {{box: {{size: [1, 1, 1]}}}}, moving: true{0}}}
 pairs: all
 """
-SHARED = {"descent.advance", "primitives.test_triangles", "ranges.node_ranges"}
+SHARED = {"search.descent.advance", "elements.primitives.test_triangles", "tree.ranges.node_ranges"}
 """They are compiled into others' code, and not loaded with it."""
 
 
@@ -66,7 +66,7 @@ def test_progress_counts_what_is_compiled(tmp_path):
         "from proximity_monitor.engine import compiling\n"
         "said = []\n"
         "say = lambda progress: said.append(str(progress))\n"
-        "with compiling.Progress({'motion.pose_deviation', 'x.y'}, say):\n"
+        "with compiling.Progress({'base.motion.pose_deviation', 'x.y'}, say):\n"
         "    engine.check_pose(np.eye(4))\n"
         "print(said)"
     )
@@ -82,6 +82,6 @@ def test_progress_counts_what_is_compiled(tmp_path):
 
 def test_what_is_foreseen_exists():
     for name in compiling.WATCHING:
-        file, _, function = name.partition(".")
+        file, _, function = name.rpartition(".")
         module = importlib.import_module(f"proximity_monitor.engine.kernels.{file}")
         assert hasattr(getattr(module, function), "py_func")

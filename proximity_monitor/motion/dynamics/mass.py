@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from proximity_monitor.engine.tree import places
+from proximity_monitor.engine.models.tree import places
 
 _ROUNDING = 32.0 * np.finfo(np.float64).eps
 """A volume of less than this share of what its tetrahedra add up to may be rounding alone."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proximity_monitor import engine
-from proximity_monitor.engine.tree import WIDTH
+from proximity_monitor.engine.models.tree import WIDTH
 
 from ..scenes import Track
 from .paper import CORE_COSTS, VOLUMES

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from proximity_monitor import engine
-from proximity_monitor.engine.tree import WIDTH
+from proximity_monitor.engine.models.tree import WIDTH
 
 from ..scenes import Track
 from .part import Job, Part, Rows, only, values

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from proximity_monitor import engine
-from proximity_monitor.engine.tree import WIDTH
+from proximity_monitor.engine.models.tree import WIDTH
 
 from ..scenes import Track
 from .budget import ORDERS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from proximity_monitor.engine.tree import WIDTH
+from proximity_monitor.engine.models.tree import WIDTH
 
 from .data import RUNS, read_rows
 from .part import Part, Rows

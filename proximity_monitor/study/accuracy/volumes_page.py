@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from proximity_monitor.engine.tree import WIDTH
+from proximity_monitor.engine.models.tree import WIDTH
 
 from .paper import (
     APPLICATIONS,

@@ -1,0 +1,1 @@
+"""Many pairs at once: batches, answers carried through motion, schedule, broad phase."""

@@ -1,0 +1,259 @@
+"""The last answers of many pairs of bodies, certified wherever the bodies have moved since."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from copy import deepcopy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arguments import as_indices, as_reals
+from ..kernels.assembly import carry as kernel
+from ..kernels.inside.solids import HALF
+from ..models.mesh import TriangleMesh
+from ..models.solid import sides_of
+from ..poses import as_poses, check_pose
+from ..questions.run import check_models
+from ..questions.witness import surface_points
+
+_UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
+_FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
+"""The feature of the first corner of the first face."""
+
+
+class Carried(NamedTuple):
+    """Certified intervals, ``lower <= true distance <= upper``, of k pairs at present poses."""
+
+    lower: NDArray[np.float64]
+    """(k,) metres."""
+    upper: NDArray[np.float64]
+    """(k,) metres; inf where nothing is known."""
+    points: NDArray[np.float64]
+    """(k, 2, 3) metres, world: the nearest points of the answer, carried by their bodies."""
+    still: NDArray[np.bool_]
+    """(k,) the bodies did not move relative to each other by more than rounding."""
+    same: NDArray[np.bool_]
+    """(k,) neither body moved at all, so these are the very numbers of the answer."""
+
+
+class Answers:
+    """What is known about pairs of bodies at every moment, between one search and the next.
+
+    No point of a body comes nearer to another than it moved relative to it, so an answer, widened
+    by that motion, is a lower bound for other poses; its two points, carried along, give an upper
+    one (`kernels/carry.py` proves both, rounding included). Pairs are rows of a table, which are
+    given out by `add` and taken back by `drop`.
+
+    Args:
+        models: the bodies' models; several bodies may share one.
+        names: what errors call the bodies.
+
+    Raises:
+        TypeError: one that is no model.
+    """
+
+    __slots__ = (
+        "_answers", "_balls", "_first", "_free", "_labels", "_models", "_names", "_places",
+        "_versions", "poses",
+    )  # fmt: skip
+
+    poses: NDArray[np.float64]
+    """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
+
+    def __init__(self, models: Sequence[TriangleMesh], names: Sequence[str]) -> None:
+        self._models = check_models(models)
+        count = len(self._models)
+        self._names = tuple(names)
+        self.poses = np.tile(np.eye(4), (count, 1, 1))
+        self._versions = np.zeros(count, np.int64)
+        self._balls = np.zeros((count, kernel.BALL))
+        self._first = np.zeros((count, 3))  # the first corner of each
+        self._places = np.zeros((count, kernel.PLACE))
+        self._labels = np.zeros((0, kernel.LABEL), np.int64)
+        self._answers = np.zeros((0, kernel.ANSWER))
+        self._free = np.empty(0, np.int64)
+        everything = np.arange(count)
+        for body in everything:
+            self._measure(body)
+        self._place(everything, self.poses, True)
+
+    def __copy__(self) -> Answers:
+        """Another about the same models, with a table of its own."""
+        return deepcopy(self, {id(model): model for model in self._models})
+
+    @property
+    def centres(self) -> NDArray[np.float64]:
+        """(n, 3) metres, world: the centres of the bodies' balls."""
+        return self._places[:, kernel.CENTRE : kernel.CENTRE + 3]
+
+    def radii(self) -> NDArray[np.float64]:
+        """(n,) metres: of balls that surely hold the bodies, for all that rounding does.
+
+        Two bodies whose balls, so enlarged, are farther apart than a range are themselves.
+        """
+        defect = self._places[:, kernel.DEFECT].max(initial=0.0)
+        slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * self._places[:, kernel.SIZE]
+        return self._balls[:, kernel.CORE :].sum(axis=1) + slack
+
+    @property
+    def bodies(self) -> tuple[NDArray, ...]:
+        """What kernels are told about the bodies: poses, versions, balls and places."""
+        return self.poses, self._versions, self._balls, self._places
+
+    @property
+    def table(self) -> tuple[NDArray, ...]:
+        """What kernels are told about the rows: labels and answers."""
+        return self._labels, self._answers
+
+    def move(self, bodies: NDArray[np.int64], poses: ArrayLike) -> int:
+        """Put bodies (m,) at poses (m, 4, 4); returns how many of them were not there already.
+
+        Raises:
+            ValueError: a pose that is no rigid motion; it names the body, and nothing has changed.
+        """
+        return self._place(as_indices(bodies, "bodies"), as_poses(poses, "poses"), False)
+
+    def _place(self, bodies: NDArray[np.int64], poses: NDArray[np.float64], anew: bool) -> int:
+        moved = kernel.place(
+            bodies, poses, anew, self._balls, self.poses, self._versions, self._places
+        )
+        if moved < 0:
+            bad = -1 - moved
+            check_pose(poses[bad], f"pose of {self._names[bodies[bad]]}")
+        return moved
+
+    def reshape(self, body: int, displacement: float) -> None:
+        """Take note that the model of a body was refitted.
+
+        Args:
+            body: which.
+            displacement: metres; no vertex was moved farther than that. inf: unknown.
+        """
+        self._measure(body)
+        stretch = self._places[body, kernel.STRETCH] + displacement
+        if math.isinf(stretch):
+            self._forget(self._rows_of(body))
+        else:
+            self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
+        self._place(np.array([body]), self.poses[[body]], True)
+
+    def replace(self, body: int, model: TriangleMesh) -> NDArray[np.int64]:
+        """Give a body another model; return the rows of its pairs, of which nothing is known."""
+        models = list(self._models)
+        models[body] = model
+        self._models = tuple(models)
+        self.reshape(body, math.inf)
+        return self._rows_of(body)
+
+    def add(self, pairs: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
+        """Rows (k,) for pairs of bodies (k, 2) that were never searched.
+
+        `signed` (k,) says whether one of a pair is a solid, so that its distance may be negative.
+        """
+        if len(pairs) > len(self._free):
+            self._grow(len(pairs) - len(self._free))
+        rows, self._free = np.split(self._free, [len(pairs)])
+        self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = pairs
+        self.sign(rows, signed)
+        self._forget(rows)
+        return rows
+
+    def pairs(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The bodies (k, 2) of rows (k,)."""
+        return self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
+
+    def sign(self, rows: NDArray[np.int64], signed: NDArray[np.bool_]) -> None:
+        """Say of rows (k,), of which nothing is known, whether one of each pair is a solid."""
+        self._labels[rows, kernel.SIGNED] = signed * self._kinds(self.pairs(rows))
+
+    def _kinds(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Of what kind the signed distances of pairs (k, 2) are."""
+        chosen = {int(body) for body in np.unique(pairs)}
+        holed = [body for body in chosen if sides_of(self._models[body]).region.inside == HALF]
+        jumping = np.isin(pairs, holed).any(axis=1)
+        return np.where(jumping, kernel.JUMPING, kernel.CONTINUOUS)
+
+    def drop(self, rows: NDArray[np.int64]) -> None:
+        """Give rows back; they must not be asked about any more."""
+        self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = -1
+        self._free = np.concatenate((rows, self._free))
+
+    def carried(self, rows: NDArray[np.int64]) -> Carried:
+        """Bounds of rows (k,) at the present poses."""
+        rows = as_indices(rows, "rows")
+        bounds, points = np.empty((len(rows), 2)), np.empty((len(rows), 6))
+        motions = np.empty(len(rows), np.int8)
+        kernel.carry(
+            self.poses, self._versions, self._balls, self._places, rows,
+            self._labels, self._answers, bounds, points, motions,
+        )  # fmt: skip
+        bodies = self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
+        radii = self._balls[bodies, kernel.SWEPT]
+        return Carried(
+            bounds[:, 0],
+            bounds[:, 1],
+            np.stack(surface_points(points[:, :3], points[:, 3:], radii), axis=1),
+            motions != kernel.MOVED,
+            motions == kernel.SAME,
+        )
+
+    def keep(
+        self,
+        rows: NDArray[np.int64],
+        bounds: NDArray[np.float64],
+        points: NDArray[np.float64],
+        features: NDArray[np.float64] | None = None,
+    ) -> None:
+        """Take answers for rows (k,) at the present poses.
+
+        Args:
+            rows: which, each at most once.
+            bounds: (k, 2) metres, certified.
+            points: (k, 2, 3) metres, world: points of the models' triangles that attain the upper
+                bounds (where they are swept, less the radii).
+            features: (k, 2, 4) where they lie on the models: weights of a triangle's corners, and
+                its face; None: not known.
+        """
+        rows, bounds = as_indices(rows, "rows"), as_reals(bounds, "bounds")
+        witness = np.empty((len(rows), kernel.WITNESS))
+        witness[:, :6] = np.reshape(points, (-1, 6))
+        witness[:, 6:] = _UNKNOWN if features is None else np.reshape(features, (-1, 8))
+        kernel.keep(
+            self.poses, self._versions, self._places, rows, bounds, witness,
+            self._labels, self._answers,
+        )  # fmt: skip
+
+    def _measure(self, body: int) -> None:
+        model = self._models[body]
+        self._balls[body] = *model.centre, model.core_radius, model.swept_radius, model.deviation
+        self._first[body] = model.vertices[model.faces[0, 0]]
+
+    def _rows_of(self, body: int) -> NDArray[np.int64]:
+        pairs = self._labels[:, kernel.BODY_A : kernel.BODY_B + 1]
+        return np.flatnonzero((pairs == body).any(axis=1))
+
+    def _forget(self, rows: NDArray[np.int64]) -> None:
+        """Make rows such that they know nothing but one point of either body."""
+        a, b = self._labels[rows, kernel.BODY_A], self._labels[rows, kernel.BODY_B]
+        self._labels[rows, kernel.SEEN_A : kernel.SEEN_B + 1] = -1
+        answers = np.zeros((len(rows), kernel.ANSWER))
+        answers[:, kernel.LOWER], answers[:, kernel.UPPER] = -np.inf, np.inf
+        answers[:, kernel.WITNESS_A : kernel.WITNESS_A + 3] = self._first[a]
+        answers[:, kernel.WITNESS_B : kernel.WITNESS_B + 3] = self._first[b]
+        answers[:, kernel.FEATURES : kernel.ANSWER] = 2 * _FIRST_CORNER
+        # Of no poses: nothing is still.
+        answers[:, kernel.ROTATION : kernel.TRANSLATION + 3] = np.nan
+        answers[:, kernel.THEN_A] = self._places[a, kernel.STRETCH]
+        answers[:, kernel.THEN_B] = self._places[b, kernel.STRETCH]
+        self._answers[rows] = answers
+
+    def _grow(self, least: int) -> None:
+        old = len(self._labels)
+        new = old + max(least, old, 64)
+        labels, answers = np.full((new, kernel.LABEL), -1), np.zeros((new, kernel.ANSWER))
+        labels[:old], answers[:old] = self._labels, self._answers
+        self._labels, self._answers = labels, answers
+        self._free = np.concatenate((self._free, np.arange(old, new)))

@@ -1,0 +1,320 @@
+"""Many bodies, and the distances of many pairs of them in one call."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Sequence
+from operator import is_not
+from threading import Event
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arguments import as_count, as_integers, as_real, as_reals, check_tolerance
+from ..kernels.base import state as index
+from ..kernels.base.state import Tree
+from ..kernels.inside.contain import Insides
+from ..kernels.search import search as kernel
+from ..models.mesh import TriangleMesh
+from ..models.solid import sides_of
+from ..poses import as_poses, check_pose
+from ..questions.result import Distances
+from ..questions.rows import distances_of, no_answers
+from ..questions.run import LONG_SLICE, SLICE, Search, check_models, code_for
+from ..questions.sharing import share
+from .settling import Settling
+
+_UNASKED = Insides(
+    np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32),
+    np.empty((0, 2, 7), np.int64),
+)  # fmt: skip
+"""What bodies enclose, where no sign is asked for."""
+
+
+class Assembly:
+    """Bodies whose distances are asked for together, tick by tick.
+
+    A compiled call goes through the pairs, so that a pair costs no more than its search: some
+    microseconds, where a `Pair` costs as much again on top. It belongs to one thread at a time; the
+    models may be shared. Copies of it, and what comes out of a pickle, have memory of their own.
+
+    Args:
+        models: one mesh a body; bodies may share one. A mesh that is refitted later is seen anew.
+
+    Raises:
+        TypeError: one that is no model.
+        ValueError: there are none.
+    """
+
+    def __init__(self, models: Sequence[TriangleMesh]) -> None:
+        self.models = check_models(models)
+        if not self.models:
+            raise ValueError("models: there are none; an assembly needs at least one body")
+        self._meshes = tuple({id(model): model for model in self.models}.values())
+        self._trees: list[Tree] = []
+        self._deepest = max(self._meshes, key=lambda model: model.depth)
+        self._searches: list[Search] = []
+        self._insides: Insides | None = None
+        self._cut: dict[Hashable, Search] = {}  # by the question in which they were
+        self._settling = Settling()
+        self._unusual = code_for(self._meshes)
+
+    def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
+        """Of what another is made: kernels find the memory of this one by its addresses."""
+        return type(self), (self.models,)
+
+    def replace(self, body: int, model: TriangleMesh) -> None:
+        """Give a body another model; what was found with the old one is no hint any more."""
+        models = list(self.models)
+        models[body] = model
+        self.models = tuple(models)
+        self._meshes = tuple({id(each): each for each in models}.values())
+        self._unusual = code_for(self._meshes)
+        self._trees = []  # the tables are made anew
+        self._insides = None
+        self._cut.clear()
+        if model.depth > self._deepest.depth:
+            self._deepest = model
+            self._searches.clear()
+
+    def distances(
+        self,
+        poses: ArrayLike,
+        pairs: ArrayLike,
+        *,
+        rel_err: ArrayLike = 0.0,
+        abs_err: ArrayLike = 0.0,
+        clearance: ArrayLike | None = None,
+        signed: bool = False,
+        hints: NDArray[np.int32] | None = None,
+        budget_s: float | None = None,
+        threads: int = 1,
+    ) -> Distances:
+        """Minimum distances of pairs of bodies, in the order given, as far as the budget goes.
+
+        Args:
+            poses: (n, 4, 4) model to world of every body, metres.
+            pairs: (k, 2) which bodies.
+            rel_err: a number or (k,): as for `engine.distance`.
+            abs_err: a number or (k,): as for `engine.distance`; metres.
+            clearance: a number or (k,) metres: a pair's search ends as soon as it is certain on
+                which side of it the distance lies (Larsen et al. 1999, section 3, tolerance
+                query): lower > clearance, or upper <= clearance to rounding; `Distances.within`
+                tells them apart. With 0 they are those that collide. None or infinity: it goes on.
+            signed: whether to give signed distances, as `engine.signed_distance` does. Pairs that
+                are apart cost little more then, those that overlap 0.1 ms and more. Where `upper`
+                has decided about a clearance, `lower` may be -infinity.
+            hints: (k, 2) `hints` of an earlier answer about the same pairs, from which the
+                search starts; -1 for none.
+            budget_s: seconds; pairs that are not reached stay without an answer, the one that is
+                cut has certified bounds. Every call makes some progress: asked next, and first,
+                about what is left, it goes on where it was cut. None: no limit.
+            threads: how many share the work; the answers do not depend on it, but for which of
+                them a budget allows, and how close the bounds of a signed distance are where a
+                clearance has ended its search.
+
+        Raises:
+            TypeError: a tolerance, clearance or budget that is no real number.
+            ValueError: other shapes, a pair that names no body, a pose of a pair that is no rigid
+                motion, a tolerance, clearance or budget that is negative or NaN.
+        """
+        if budget_s is not None:
+            budget_s = check_tolerance("budget_s", budget_s)
+        threads = as_count(threads, "threads")
+        poses = as_poses(poses, "poses")
+        if len(poses) != len(self.models):
+            raise ValueError(f"{len(poses)} poses of {len(self.models)} bodies")
+        chosen = self._checked_pairs(pairs)
+        k = len(chosen)
+        wanted = np.empty((k, 3))
+        tolerances = rel_err, abs_err, np.inf if clearance is None else clearance
+        for column, (name, value) in enumerate(
+            zip(("rel_err", "abs_err", "clearance"), tolerances, strict=True)
+        ):
+            given = as_reals(value, name) if np.ndim(value) else as_real(value, name)
+            if np.shape(given) not in ((), (k,)):
+                raise ValueError(f"{name}: shape {np.shape(given)}, expected a number or ({k},)")
+            wanted[:, column] = given
+            if not (wanted[:, column] >= 0.0).all():
+                first = int(np.flatnonzero(~(wanted[:, column] >= 0.0))[0])
+                check_tolerance(f"{name}[{first}]", float(wanted[first, column]))
+        hints = np.full((k, 2), -1, np.int32) if hints is None else as_integers(hints, "hints", 2)
+        if len(hints) != k:
+            raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
+        solid = np.array([bool(signed) and model.is_solid for model in self.models])
+        asked = poses, chosen, wanted, hints, solid[chosen].any(axis=1)
+        if signed:
+            return distances_of(self._signed_rows(*asked, budget_s, threads))
+        return distances_of(self.rows(*asked, budget_s, threads))
+
+    def rows(
+        self,
+        poses: NDArray[np.float64],
+        pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+        hints: NDArray[np.int32],
+        signed: NDArray[np.bool_],
+        budget_s: float | None,
+        threads: int,
+    ) -> NDArray[np.float64]:
+        """As `distances`, of what needs no check; rows (k, ANSWER) as the kernel writes them.
+
+        wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,), an answer is one of
+        the signed distance, or has -inf as lower bound, if the bodies may overlap. A pair that is
+        not searched has NaN as status.
+        """
+        deadline = None if budget_s is None else perf_counter() + budget_s
+        answers = no_answers(signed)
+        threads = max(1, min(threads, len(pairs)))
+        self._tabulate(threads)
+        insides = self._enclosed() if signed.any() else _UNASKED
+        asked = poses, pairs, hints, wanted, signed, insides
+        searches = self._allot(threads, poses, pairs, wanted)
+
+        def answer(first: int, stopped: Event) -> None:
+            self._run(*searches[first], first, threads, asked, deadline, stopped, answers)
+
+        share(answer, range(threads), threads)
+        return answers
+
+    def _signed_rows(
+        self,
+        poses: NDArray[np.float64],
+        pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+        hints: NDArray[np.int32],
+        signed: NDArray[np.bool_],
+        budget_s: float | None,
+        threads: int,
+    ) -> NDArray[np.float64]:
+        """As `rows`; where bodies may overlap, their signed distances as far as the budget goes."""
+        deadline = math.inf if budget_s is None else perf_counter() + budget_s
+
+        def question(k: int) -> Hashable:
+            return self._question(poses, pairs[k], wanted[k])
+
+        unsettled = np.zeros(len(pairs), np.bool_)
+        if self._settling.waiting:
+            unsettled = self._settling.begun([question(k) for k in range(len(pairs))])
+        answers, rest = no_answers(signed), ~unsettled
+        answers[rest] = self.rows(
+            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], budget_s, threads
+        )
+        upper, clearance = answers[:, index.UPPER], wanted[:, 2]
+        open_ = (answers[:, index.LOWER] == -np.inf) & ~np.isnan(answers[:, index.STATUS])
+        open_ &= (upper > clearance) | (clearance == np.inf)
+        if self._cut:  # there the search of the surfaces has to end first
+            open_ &= [not (each and question(k) in self._cut) for k, each in enumerate(open_)]
+        chosen = np.flatnonzero(open_ | unsettled).tolist()
+
+        def take(i: int, row: NDArray[np.float64]) -> None:
+            answers[chosen[i]] = row
+
+        self._settling.settle(
+            [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
+            poses[pairs[chosen]], wanted[chosen], lambda i: question(chosen[i]), deadline, threads,
+            take,
+        )  # fmt: skip
+        return answers
+
+    def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
+        given = as_integers(pairs, "pairs", 2)
+        bad = ((given < 0) | (given >= len(self.models))).any(axis=1)
+        if bad.any():
+            first = int(np.flatnonzero(bad)[0])
+            raise ValueError(
+                f"pairs[{first}] = {given[first].tolist()}: there are {len(self.models)} bodies, "
+                "numbered from 0"
+            )
+        return given
+
+    def _pose_name(self, body: int) -> str:
+        """What errors call the pose of a body."""
+        return f"poses[{body}]"
+
+    def _tabulate(self, threads: int) -> None:
+        """Have the tables of all bodies as they are now, and a search for each thread."""
+        # Of the very hierarchies that the tables hold addresses of, which so stay in memory.
+        trees = [mesh._tree for mesh in self._meshes]
+        if len(trees) != len(self._trees) or any(map(is_not, trees, self._trees)):
+            self._tables = np.stack([model._table for model in self.models])
+            self._trees = trees
+            self._insides = None
+        while len(self._searches) < threads:
+            self._searches.append(Search(self._deepest, self._deepest, coherent=False))
+
+    def _enclosed(self) -> Insides:
+        """What the bodies enclose as they are now."""
+        if self._insides is None:
+            regions = [sides_of(mesh).region for mesh in self._meshes]
+            starts = np.cumsum([0, *(len(each.samples) for each in regions)])
+            place = {id(mesh): k for k, mesh in enumerate(self._meshes)}
+            of = np.array([place[id(model)] for model in self.models])
+            self._insides = Insides(
+                np.array([each.inside for each in regions], np.int8)[of],
+                np.stack((starts[of], starts[of + 1]), axis=1),
+                np.concatenate([each.samples for each in regions]),
+                np.stack([model._table_of_all for model in self.models]),
+            )
+        return self._insides
+
+    def _question(
+        self, poses: NDArray[np.float64], pair: NDArray[np.int32], wanted: NDArray[np.float64]
+    ) -> Hashable:
+        """All that an answer depends on."""
+        shapes = tuple(self.models[body].revision for body in pair)
+        return pair.tobytes(), poses[pair].tobytes(), wanted.tobytes(), shapes
+
+    def _allot(
+        self, threads: int, poses: NDArray[np.float64], pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+    ) -> list[tuple[Search, bool]]:  # fmt: skip
+        """A search for each thread, and whether it is to begin.
+
+        It goes on instead where it was cut in the very question that comes first to that thread.
+        """
+        free, cut = self._searches[:], self._cut
+        self._cut = {}
+        found = []
+        for k in range(min(threads, len(pairs)) if cut else 0):
+            search = cut.get(self._question(poses, pairs[k], wanted[k]))
+            found.append(search if search in free else None)
+            if found[-1] is not None:
+                free.remove(search)
+        found += [None] * (threads - len(found))
+        return [(free.pop(), True) if search is None else (search, False) for search in found]
+
+    def _run(
+        self,
+        search: Search,
+        fresh: bool,
+        first: int,
+        every: int,
+        asked: tuple,
+        deadline: float | None,
+        stopped: Event,
+        answers: NDArray[np.float64],
+    ) -> None:
+        """Answer for every so many of the pairs from the first on, into `answers`.
+
+        `asked` are poses, pairs, hints, wanted, signed and insides, as for `search_pairs`.
+        """
+        poses, pairs, _, wanted, _, _ = asked
+        at, steps = first, LONG_SLICE if deadline is None else SLICE
+        while True:
+            code, at = kernel.search_pairs(
+                self._tables, search.memory, *asked, at, len(pairs), every, steps, fresh, answers,
+                self._unusual,
+            )  # fmt: skip
+            fresh = code == index.CUT_BETWEEN
+            if code in (index.BAD_POSE_A, index.BAD_POSE_B):
+                body = int(pairs[at, code - index.BAD_POSE_A])
+                check_pose(poses[body], self._pose_name(body))
+            if code == index.ENDED or stopped.is_set():
+                break
+            if deadline is not None and perf_counter() >= deadline:
+                if code == index.CUT:
+                    self._cut[self._question(poses, pairs[at], wanted[at])] = search
+                break

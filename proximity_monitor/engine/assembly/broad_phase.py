@@ -1,0 +1,78 @@
+"""Which of many bodies are near each other, tick by tick."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arguments import as_indices, as_reals
+from ..kernels.assembly.sweep import UNSORTED, WIDTH, sweep
+
+
+class BroadPhase:
+    """Finds all pairs of bodies whose balls meet, by sweep and prune.
+
+    What it remembers of the last call, the bodies' order along an axis, only makes the next one
+    fast: the cost is that of the bodies and of the pairs that overlap along that axis, never that
+    of all pairs (Thomas et al. 2000, section 5).
+    """
+
+    __slots__ = ("_lanes", "_low", "_order", "_pairs")
+
+    def __init__(self) -> None:
+        self._order = np.empty(0, np.int64)
+        self._low = np.empty(0)
+        self._lanes = np.empty((5, 0))
+        self._pairs = np.empty((1024, 2), np.int64)
+
+    def __copy__(self) -> BroadPhase:
+        """One that remembers the same, by itself."""
+        return deepcopy(self)
+
+    def near(
+        self,
+        centres: NDArray[np.float64],
+        radii: NDArray[np.float64],
+        moving: NDArray[np.bool_],
+        taking_part: NDArray[np.int64],
+    ) -> NDArray[np.int64]:
+        """Every pair of balls that meet or touch; rounding may only add to them.
+
+        Args:
+            centres: (n, 3) metres, world.
+            radii: (n,) metres, not negative; what a pair's range dilates is part of them.
+            moving: (n,); two bodies of which neither moves are no pair.
+            taking_part: (m,) the bodies to look at, ascending; those of the last call are found
+                fastest.
+
+        Returns:
+            (k, 2) indices, the lower one first, sorted.
+        """
+        if len(taking_part) < 2:
+            return np.empty((0, 2), np.int64)
+        centres, radii = as_reals(centres, "centres"), as_reals(radii, "radii")
+        moving = np.require(moving, np.bool_, "CAWE")
+        taking_part = as_indices(taking_part, "taking_part")
+        with np.errstate(over="ignore"):
+            axis = int(np.ptp(centres[taking_part], axis=0).argmax())
+        if len(self._low) != len(radii) or not self._same(taking_part):
+            self._order = taking_part.astype(np.int64)
+            self._low, self._lanes = np.empty(len(radii)), np.zeros((5, len(taking_part) + WIDTH))
+        while True:
+            count = sweep(
+                centres, radii, moving, axis, self._order, self._low, self._lanes, self._pairs
+            )
+            if count == UNSORTED:  # the lower ends are there, so this happens once
+                self._order = self._order[np.argsort(self._low[self._order])]
+            elif count > len(self._pairs):
+                self._pairs = np.empty((count + count // 2, 2), np.int64)
+            else:
+                found = self._pairs[:count]
+                return found[np.argsort(found[:, 0] * len(radii) + found[:, 1])]
+
+    def _same(self, taking_part: NDArray[np.int64]) -> bool:
+        return len(self._order) == len(taking_part) and bool(
+            (np.sort(self._order) == taking_part).all()
+        )

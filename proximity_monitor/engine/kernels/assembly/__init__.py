@@ -1,0 +1,1 @@
+"""Many pairs at once: schedule, answers carried through motion, broad phase."""

@@ -1,0 +1,1 @@
+"""What all kernels rest on: compiling, memory, numbers, rounding."""

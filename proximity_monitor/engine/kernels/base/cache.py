@@ -1,0 +1,177 @@
+"""Where compiled kernels are kept from one process to the next, and what is taken from there.
+
+A file holds the machine code of one kernel for one set of argument types, and its name is a digest
+of all that this depends on. Nothing is taken for code that somebody else could have written, nor
+what does not come out as it was written: such a kernel is compiled anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import pickle
+import stat
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import BinaryIO
+from zlib import crc32
+
+import numba
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+_KERNELS = Path(__file__).parents[1]
+_CHECK = 4
+"""Bytes of the checksum at the beginning of a file."""
+
+refused: list[str] = []
+"""What was found but not taken, and why."""
+
+
+@lru_cache
+def _digest(source: Path) -> str:
+    return hashlib.sha256(source.read_bytes()).hexdigest()
+
+
+def _sources_digest() -> str:
+    """Digest of all kernel sources: an edited helper must not leave a caller's cache stale.
+
+    Nor must an edited constant, which is compiled into them.
+    """
+    sources = sorted(_KERNELS.rglob("*.py"))
+    named = "".join(f"{source.relative_to(_KERNELS)}{_digest(source)}" for source in sources)
+    return hashlib.sha256(named.encode()).hexdigest()[:16]
+
+
+def _trusted(status: os.stat_result) -> bool:
+    """Whether nobody but this user and the system's administrator can have written there."""
+    if os.name != "posix":
+        return True
+    return status.st_uid in (os.geteuid(), 0) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _roots() -> Iterator[tuple[Path, bool]]:
+    """Where kernels may be kept, and whether others could have made that place before us."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    # A user may have neither a HOME nor an entry among the users, a machine nothing temporary.
+    with suppress(RuntimeError):
+        yield (Path(chosen) if chosen else Path.home() / ".cache") / "proximity_monitor", False
+    with suppress(FileNotFoundError):
+        user = os.geteuid() if os.name == "posix" else os.environ.get("USERNAME", "")
+        yield Path(tempfile.gettempdir()) / f"proximity_monitor-{user}", True
+
+
+def _ours(root: Path) -> bool:
+    """Whether a directory among those of all users is ours alone, no link; made where missing."""
+    root.mkdir(mode=0o700, exist_ok=True)
+    status = root.lstat()
+    ours = stat.S_ISDIR(status.st_mode) and _trusted(status)
+    return ours and (os.name != "posix" or status.st_uid == os.geteuid())
+
+
+def _directories() -> tuple[list[Path], Path | None]:
+    """Where this version's kernels are read from, in this order, and where they are written to."""
+    found = []
+    for root, shared in _roots():
+        directory = root.absolute() / f"kernels-{KERNELS}"
+        try:
+            safe = not shared or _ours(root)
+            if safe:
+                directory.mkdir(mode=0o755, parents=True, exist_ok=True)
+                safe = _trusted(directory.stat())
+        except OSError:
+            continue
+        if not safe:
+            refused.append(f"{root}: others may write there")
+            continue
+        found.append(directory)
+        if os.access(directory, os.R_OK | os.W_OK | os.X_OK):
+            return found, directory
+    return found, None
+
+
+KERNELS = _sources_digest()
+"""Which version of the kernels this is."""
+
+DIRECTORIES, CACHE_DIRECTORY = _directories()
+"""A directory that is only read, as of an installation, and the one that is written to, if any."""
+
+
+def kernel_name(function) -> str:
+    """A kernel's name by its room, file and function."""
+    return ".".join([*function.__module__.split(".")[-2:], function.__qualname__])
+
+
+class KernelCache:
+    """The cache of one kernel, as numba's dispatcher asks it.
+
+    Numba's own dies of a broken file, and takes nothing from where it cannot write.
+    """
+
+    def __init__(self, function) -> None:
+        self._label = kernel_name(function)
+        source = _digest(Path(inspect.getfile(function)))
+        versions = numba.__version__, sys.implementation.cache_tag, sys.abiflags
+        self._about = function.__module__, function.__qualname__, source, versions
+        self.cache_path = None if CACHE_DIRECTORY is None else str(CACHE_DIRECTORY)
+
+    def _name(self, signature, codegen) -> str:
+        options = numba.config.OPT, numba.config.BOUNDSCHECK
+        about = repr((self._about, options, signature, codegen.magic_tuple()))
+        return f"{self._label}-{hashlib.sha256(about.encode()).hexdigest()[:32]}.nbc"
+
+    def load_overload(self, signature, target):
+        """What was compiled for a signature; None where it is not kept."""
+        target.refresh()
+        name = self._name(signature, target.codegen())
+        for directory in DIRECTORIES:
+            try:
+                with (directory / name).open("rb") as file:
+                    return CompileResult._rebuild(target, *_read(file, name))
+            except FileNotFoundError:
+                continue
+            except Exception as error:  # of whatever kind: what is broken breaks anywhere
+                refused.append(f"{directory / name}: {error or type(error).__name__}")
+        return None
+
+    def save_overload(self, signature, compiled) -> None:
+        """Keep what was compiled, if that is possible."""
+        if CACHE_DIRECTORY is None or compiled.library.has_dynamic_globals:
+            return
+        name = self._name(signature, compiled.codegen)
+        data = dumps(compiled._reduce())
+        # Kernels that could not be kept are there all the same: a full disk is no error.
+        with suppress(OSError):
+            CACHE_DIRECTORY.mkdir(mode=0o755, parents=True, exist_ok=True)
+            number, temporary = tempfile.mkstemp(dir=CACHE_DIRECTORY)
+            try:
+                with open(number, "wb") as file:
+                    file.write(_checksum(data, name) + data)
+                os.chmod(temporary, 0o644)
+                os.replace(temporary, CACHE_DIRECTORY / name)
+            except BaseException:
+                os.unlink(temporary)
+                raise
+
+    def flush(self) -> None:
+        """Kernels are compiled anew only where their sources changed, hence under other names."""
+
+
+def _checksum(data: bytes | memoryview, name: str) -> bytes:
+    """Of data in a file of that name: under another it is not what was written there."""
+    return crc32(data, crc32(name.encode())).to_bytes(_CHECK, "little")
+
+
+def _read(file: BinaryIO, name: str) -> tuple:
+    """What stands in a file."""
+    if not _trusted(os.fstat(file.fileno())):
+        raise PermissionError("others may have written it")
+    content = memoryview(file.read())
+    if _checksum(content[_CHECK:], name) != content[:_CHECK]:
+        raise ValueError("broken")
+    return pickle.loads(content[_CHECK:])

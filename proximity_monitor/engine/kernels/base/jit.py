@@ -1,0 +1,104 @@
+"""How every kernel of this package is compiled: the decorators and the announcement.
+
+`entry` marks the few functions that Python calls: they are cached on disk. `kernel` marks their
+helpers, which are compiled into the entries and need no cache of their own; the large ones that
+several entries have in common are `shared`, and cached as well. `loop16` is `kernel` with the
+fast-math flags that a vectorised loop over 16 lanes needs; it keeps NaN and infinity meaningful,
+and whatever it computes is used as a bound only with a margin for reordered sums.
+
+These run without numba's reference counts, which are atomic and took half the time of a query: each
+use of an array out of a tuple of arrays counts up and down. They may not make arrays, but for small
+ones on the stack (memory.py). What makes and returns arrays is an `allocating_entry`, and its
+helpers `allocating`.
+"""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+
+from numba import njit
+from numba.core import event
+
+from .cache import CACHE_DIRECTORY, KernelCache, refused
+
+_PACKAGE = __package__.partition(".")[0] + "."
+
+_NOWHERE = "not kept, for there is no place to write to: set NUMBA_CACHE_DIR to one"
+
+
+class _Announcement(event.Listener):
+    """Says once a process that it compiles: nobody likes half a minute of silence.
+
+    Numba reports a compilation only after its cache had nothing, so a warm start is silent and
+    pays nothing. It is a warning because `logging`, where nobody set it up, shows nothing less.
+    """
+
+    _made = False
+
+    def on_start(self, start: event.Event) -> None:
+        """Hear of a compilation, ours or another package's."""
+        if not self._made and start.data["dispatcher"].py_func.__module__.startswith(_PACKAGE):
+            self._made = True
+            logging.getLogger(_PACKAGE + "engine").warning(
+                "compiling proximity_monitor's kernels for this machine, once: half a minute in"
+                " all; %s%s",
+                f"kept in {CACHE_DIRECTORY}" if CACHE_DIRECTORY else _NOWHERE,
+                f" (not used: {refused[0]})" if refused else "",
+            )
+
+    def on_end(self, end: event.Event) -> None:
+        """Nothing is said of the end."""
+
+
+event.register("numba:compile", _Announcement())
+
+
+def _entry(function, counted, wrapped=True):
+    compiled = njit(
+        nogil=True,
+        no_cpython_wrapper=not wrapped,
+        no_cfunc_wrapper=True,
+        error_model="numpy",
+        _nrt=counted,
+    )(function)
+    compiled._cache = KernelCache(function)
+    return compiled
+
+
+def entry(function):
+    """Compile a function that Python calls: cached on disk, releases the GIL, no exceptions."""
+    return _entry(function, counted=False)
+
+
+def shared(function):
+    """Compile a helper that several entries call, once for all of them: cached like an entry."""
+    return _entry(function, counted=False, wrapped=False)
+
+
+def allocating_entry(function):
+    """Compile a function that Python calls and that makes arrays; else as `entry`."""
+    return _entry(function, counted=True)
+
+
+# What only other compiled code calls needs nothing that Python could call: a third of the time that
+# compiling takes.
+_helper = partial(njit, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+kernel = _helper(_nrt=False)
+"""Compile a helper of the entries."""
+
+allocating = _helper()
+"""Compile a helper of the allocating entries that makes arrays itself."""
+
+_FREE = {"reassoc", "contract", "nsz", "arcp"}
+
+loop16 = _helper(_nrt=False, fastmath=_FREE)
+"""Compile a branch-free loop over 16 lanes so that LLVM may vectorise it."""
+
+inlined = _helper(_nrt=False, forceinline=True)
+"""Compile into the caller's own code: where a call would pass dozens of array fields. LLVM does it;
+numba's own inlining compiles each copy anew, and the code is a tenth slower."""
+
+inlined16 = _helper(_nrt=False, forceinline=True, fastmath=_FREE)
+"""Compile into a `loop16`, which must see through it."""

@@ -1,0 +1,1 @@
+"""Bounds of sixteen volumes, or pairs of triangles, at once."""

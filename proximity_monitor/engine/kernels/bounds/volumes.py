@@ -1,0 +1,180 @@
+"""Certified lower bounds between one swept sphere volume and the sixteen of a wide node.
+
+A volume is {c + s û + t v̂ : |s| <= a, |t| <= b} swept by a ball of radius r: a rectangle swept
+sphere along two perpendicular unit axes, a line swept sphere where b = 0, a point swept sphere
+where a = 0 as well (Larsen et al. 1999, section 4). One kernel serves the three, in any mixture.
+
+The bound is a support gap, not a distance between closest points: for *any* direction n the gap
+between the two volumes' projections on n is a lower bound of their distance (section 4.3.2 calls
+it the separating axis variation). Good directions come from a few alternating projections between
+the rectangles and from the two rectangles' normals. Nothing here can make the bound wrong: a poor
+direction makes it weaker, and single precision is paid for by a margin (`single_margin`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import float32, uint64
+
+from ..base.jit import inlined, kernel, loop16
+from ..base.rounding import (
+    SINGLE_EPS,
+    SINGLE_LIMIT,
+    SINGLE_MARGIN,
+    SINGLE_TINY,
+)
+from ..base.vectors import add, cross, dot, moved, rotated, scaled, sub
+from ..tree.layout import (
+    F1,
+    F2,
+    F3,
+    F4,
+    F5,
+    F6,
+    F7,
+    F8,
+    F9,
+    F10,
+    F11,
+    STRIDE,
+    WIDTH,
+    read_vector,
+    row,
+)
+
+_TINY = float32(SINGLE_TINY)
+
+
+@loop16
+def lower_bounds(nodes, base, single, bounds, first):
+    """Lower bounds between `single` and each lane of a node, into sixteen of `bounds`.
+
+    `nodes` is the flat float32 array of all lanes; the node begins at `base`, what is written at
+    `first`, both uint64 (a signed index would add a wrap-around test to each load and keep the loop
+    scalar); `single` the 15 numbers of `place`.
+    """
+    ax, ay, az = single[0], single[1], single[2]
+    Ux, Uy, Uz = single[3], single[4], single[5]
+    Vx, Vy, Vz = single[6], single[7], single[8]
+    A, B = single[9], single[10]
+    Wx, Wy, Wz = single[11], single[12], single[13]
+    radius = single[14]
+    for k in range(WIDTH):
+        i = base + uint64(k)
+        dx = ax - nodes[i]
+        dy = ay - nodes[i + F1]
+        dz = az - nodes[i + F2]
+        ux, uy, uz = nodes[i + F3], nodes[i + F4], nodes[i + F5]
+        vx, vy, vz = nodes[i + F6], nodes[i + F7], nodes[i + F8]
+        a, b = nodes[i + F10], nodes[i + F11]
+        # All in the single volume's axes: there some of what follows needs no product.
+        X = dx * Ux + dy * Uy + dz * Uz
+        Y = dx * Vx + dy * Vy + dz * Vz
+        Z = dx * Wx + dy * Wy + dz * Wz
+        uX = ux * Ux + uy * Uy + uz * Uz
+        uY = ux * Vx + uy * Vy + uz * Vz
+        uZ = ux * Wx + uy * Wy + uz * Wz
+        vX = vx * Ux + vy * Uy + vz * Uz
+        vY = vx * Vx + vy * Vy + vz * Vz
+        vZ = vx * Wx + vy * Wy + vz * Wz
+        # Alternating projections between the rectangles, on inner products alone.
+        Du = X * uX + Y * uY + Z * uZ
+        Dv = X * vX + Y * vY + Z * vZ
+        p = min(max(Du, -a), a)
+        q = min(max(Dv, -b), b)
+        S = min(max(p * uX + q * vX - X, -A), A)
+        T = min(max(p * uY + q * vY - Y, -B), B)
+        p = min(max(Du + S * uX + T * uY, -a), a)
+        q = min(max(Dv + S * vX + T * vY, -b), b)
+        S = min(max(p * uX + q * vX - X, -A), A)
+        T = min(max(p * uY + q * vY - Y, -B), B)
+        nx = X + S - p * uX - q * vX
+        ny = Y + T - p * uY - q * vY
+        nz = Z - p * uZ - q * vZ
+        # The support gap along that direction, each product taken afresh: the inner products
+        # above would cancel where the volumes are close.
+        gap = (
+            nx * X + ny * Y + nz * Z
+            - A * abs(nx)
+            - B * abs(ny)
+            - a * abs(nx * uX + ny * uY + nz * uZ)
+            - b * abs(nx * vX + ny * vY + nz * vZ)
+        ) / np.sqrt(max(nx * nx + ny * ny + nz * nz, _TINY))  # fmt: skip
+        # ... along the lane's normal (perpendicular to its own axes up to rounding, which the
+        # margin covers) ...
+        wx = uY * vZ - uZ * vY
+        wy = uZ * vX - uX * vZ
+        wz = uX * vY - uY * vX
+        gap_lane = abs(wx * X + wy * Y + wz * Z) - A * abs(wx) - B * abs(wy)
+        # ... and along the single volume's.
+        gap_single = abs(Z) - a * abs(uZ) - b * abs(vZ)
+        bounds[first + uint64(k)] = max(max(gap, gap_lane), gap_single) - nodes[i + F9] - radius
+
+
+@loop16
+def lows_along(nodes, base, x, y, z, lows):
+    """How far each lane of a node lies from the node's centre along a direction, at the least.
+
+    Two such vectors bound all pairs of two nodes' lanes along it: by one sum each. In node units.
+    """
+    for k in range(WIDTH):
+        i = base + uint64(k)
+        centre = nodes[i] * x + nodes[i + F1] * y + nodes[i + F2] * z
+        u = nodes[i + F3] * x + nodes[i + F4] * y + nodes[i + F5] * z
+        v = nodes[i + F6] * x + nodes[i + F7] * y + nodes[i + F8] * z
+        reach = nodes[i + F10] * abs(u) + nodes[i + F11] * abs(v) + nodes[i + F9]
+        lows[k] = centre - reach
+
+
+@inlined
+def place(fixed, lane, motion, tree, node, slack, out):
+    """Move one lane of `fixed` into the frame of a node of `tree`, as `single` of `lower_bounds`.
+
+    `motion` is the twelve numbers of the pose from fixed's model to tree's; `slack` what it may err
+    by, in metres. Writes 15 float32 and returns True; or returns False where the volume is too far
+    away or too large for single precision (see `far_bound`).
+    """
+    own = lane // WIDTH
+    base = uint64(own * STRIDE + lane % WIDTH)
+    nodes = fixed.nodes
+    ratio = fixed.scale[0] * tree.scale[1]
+    c = scaled(add(read_vector(nodes, base), row(fixed.centres, own)), fixed.scale[0])
+    c = scaled(moved(motion, c), tree.scale[1])
+    x = c[0] - tree.centres[node, 0]
+    y = c[1] - tree.centres[node, 1]
+    z = c[2] - tree.centres[node, 2]
+    size = fixed.sizes[lane] * ratio
+    # 1.5 times the diagonal exceeds the sum of both half edges and the radius. A slack that is far
+    # larger than both models would drown even the radius of an unused lane.
+    reach = abs(x) + abs(y) + abs(z) + 1.5 * size
+    if not reach + slack * tree.scale[1] < SINGLE_LIMIT:
+        return False
+    u = rotated(motion, read_vector(nodes, base + F3))
+    v = rotated(motion, read_vector(nodes, base + F6))
+    w = cross(u, v)
+    out[0], out[1], out[2] = np.float32(x), np.float32(y), np.float32(z)
+    out[3], out[4], out[5] = np.float32(u[0]), np.float32(u[1]), np.float32(u[2])
+    out[6], out[7], out[8] = np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
+    out[9] = np.float32(nodes[base + F10] * ratio)
+    out[10] = np.float32(nodes[base + F11] * ratio)
+    out[11], out[12], out[13] = np.float32(w[0]), np.float32(w[1]), np.float32(w[2])
+    margin = SINGLE_MARGIN * (reach + tree.centres[node, 3]) + slack * tree.scale[1]
+    out[14] = np.float32((nodes[base + F9] * ratio + margin) * (1.0 + 2.0 * SINGLE_EPS))
+    return True
+
+
+@kernel
+def far_bound(fixed, lane, motion, tree, node, slack):
+    """Lower bound in metres between one lane's sphere and a whole node's, in float64.
+
+    Serves where `place` refuses: some 1e15 node units away or larger, where spheres are as good.
+    """
+    own = lane // WIDTH
+    base = uint64(own * STRIDE + lane % WIDTH)
+    own_centre = read_vector(fixed.nodes, base)
+    own_centre = add(own_centre, row(fixed.centres, own))
+    c = moved(motion, scaled(own_centre, fixed.scale[0]))
+    unit = tree.scale[0]
+    d = sub(c, scaled(row(tree.centres, node), unit))
+    reach = 1.5 * fixed.sizes[lane] * fixed.scale[0] + tree.centres[node, 3] * unit
+    return (np.sqrt(dot(d, d)) - reach) * (1.0 - 1e-12) - slack

@@ -1,0 +1,81 @@
+"""A point and a normal of each pair of triangles that touch or cross.
+
+The normal leads from a to b: along it b is pushed away. Where the cores of two swept models keep
+apart it is the way between their nearest points. Else it is a's face normal or b's turned round:
+that one along which b has to go less far until the two triangles lie on either side of the plane.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import entry, kernel
+from ..base.state import DISTANCE, SLACK, SWEPT, TRIANGLE_A, TRIANGLE_B, WEIGHTS_A, WEIGHTS_B
+from ..base.tables import state_at, tree_at
+from ..base.vectors import across, dot, face_normal, moved, scaled, sub, unit
+from .primitives import corners, mixed, test_triangles
+from .swept import surface_points
+
+_NOISE = 8.0
+"""Up to how many times what rounding does to a distance the way between two points has no direction
+that means anything."""
+
+
+@kernel
+def _longest(t):
+    """The longest edge of a triangle that may be a segment or a point."""
+    longest = sub(t[1], t[0])
+    for e in (sub(t[2], t[1]), sub(t[0], t[2])):
+        if dot(e, e) > dot(longest, longest):
+            longest = e
+    return longest
+
+
+@kernel
+def _overlap(a, b, n):
+    """How far b has to go along n to lie beyond a."""
+    last = max(dot(a[0], n), max(dot(a[1], n), dot(a[2], n)))
+    return last - min(dot(b[0], n), min(dot(b[1], n), dot(b[2], n)))
+
+
+@kernel
+def _normal(a, b):
+    """The normal of two triangles that have a point in common."""
+    na, nb = face_normal(a), scaled(face_normal(b), -1.0)
+    flat_a, flat_b = dot(na, na) > 0.0, dot(nb, nb) > 0.0
+    if flat_a and flat_b:
+        return na if _overlap(a, b, na) <= _overlap(a, b, nb) else nb
+    if flat_a or flat_b:
+        return na if flat_a else nb
+    n = across(_longest(a), _longest(b))
+    back = scaled(n, -1.0)
+    return n if _overlap(a, b, n) <= _overlap(a, b, back) else back
+
+
+@entry
+def contacts(model_a, model_b, memory, pose, pairs, points, normals):
+    """Points (k, 3) and unit normals (k, 3) in the world of pairs (k, 2) of triangles that touch.
+
+    The triangles are in tree order, `memory` is that of the search that found them, which is over;
+    `pose` is a's.
+    """
+    tree_a, _ = tree_at(model_a)
+    tree_b, _ = tree_at(model_b)
+    state = state_at(memory)
+    reals, counts, motion = state.reals, state.counts, state.motions[0]
+    near_a, near_b = counts[TRIANGLE_A], counts[TRIANGLE_B]
+    for k in range(pairs.shape[0]):
+        ta, tb = np.int64(pairs[k, 0]), np.int64(pairs[k, 1])
+        reals[DISTANCE] = np.inf
+        test_triangles(tree_a, tree_b, state, ta, tb, 0.0)
+        a, b = corners(tree_a.triangles, ta), corners(tree_b.triangles, tb)
+        b = (moved(motion, b[0]), moved(motion, b[1]), moved(motion, b[2]))
+        p = mixed(a, reals[WEIGHTS_A : WEIGHTS_A + 3])
+        q = mixed(b, reals[WEIGHTS_B : WEIGHTS_B + 3])
+        apart = reals[DISTANCE] > _NOISE * reals[SLACK]
+        normal = unit(sub(q, p)) if apart else _normal(a, b)
+        p, q = surface_points(p, q, tree_a.scale[SWEPT], tree_b.scale[SWEPT])
+        for i in range(3):
+            points[k, i] = pose[i, 0] * p[0] + pose[i, 1] * p[1] + pose[i, 2] * p[2] + pose[i, 3]
+            normals[k, i] = pose[i, 0] * normal[0] + pose[i, 1] * normal[1] + pose[i, 2] * normal[2]
+    counts[TRIANGLE_A], counts[TRIANGLE_B] = near_a, near_b

@@ -1,0 +1,305 @@
+"""Exact distance between two triangles, with the points that attain it.
+
+The nearest points of two triangles that do not cross lie on two edges, or on a vertex and a face;
+fifteen candidates, of which the smallest is the answer. Every candidate is the distance between
+two points *of the triangles*, so no rounding can make the answer too small by more than the
+rounding of those points; each is computed so that nearly parallel edges and slivers lose nothing
+(see `_normal`, and MARGIN_A for the whole count). Triangles that cross have an edge of one through
+the other.
+
+Degenerate triangles are segments and points: their edges are candidates like any others, and
+their faces, of no area, are left out.
+"""
+
+from __future__ import annotations
+
+from ..base.jit import kernel
+from ..base.memory import on_stack
+from ..base.precise import cross_precise, orientation, volume
+from ..base.rounding import DOUBLE_EPS, ILL_CONDITIONED, PARALLEL, TOUCHING
+from ..base.vectors import along, cross, dot, sub
+from .edges import LANES, edge_pairs
+
+
+@kernel
+def _normal(a, b):
+    """Cross product a × b, accurate relative to its own length.
+
+    The plain formula errs by u |a| |b|: relative to the product that is u / sin(angle). Where the
+    angle is small the components are computed with twice the precision instead.
+    """
+    n = cross(a, b)
+    if dot(n, n) < ILL_CONDITIONED * (dot(a, a) * dot(b, b)):
+        n = cross_precise(a, b)
+    return n
+
+
+@kernel
+def _clamped(x):
+    return min(max(x, 0.0), 1.0)
+
+
+@kernel
+def _approach(s, t, g, d, e, n, nn, dd, ee):
+    """Parameters of two segments' nearest points, seen from s and t where they differ by g.
+
+    The lines' nearest parameter comes from their common normal n: s + det(g, e, n) / |n|². Clamping
+    it, then t given s, then s given t, yields the optimum over the square (Ericson 2005, section
+    5.1.9). A vanishing edge or normal leaves its parameter, which the others then make optimal.
+    """
+    x = _clamped(s + dot(cross(g, e), n) / nn) if nn > 0.0 else s
+    g = along(g, d, s - x)
+    y = _clamped(t - dot(g, e) / ee) if ee > 0.0 else t
+    g = along(g, e, y - t)
+    return (_clamped(x + dot(g, d) / dd) if dd > 0.0 else x), y
+
+
+@kernel
+def segments(p, d, q, e):
+    """Nearest points p + s d and q + t e of two segments; returns (s, t, squared distance).
+
+    Where they touch, what rounding did to s and t is not second to the distance. Then the same is
+    asked again from there, where the difference g, and so what rounding does to the answer, is next
+    to nothing (but no normal that would lead far away: along parallels any point is as near).
+    """
+    r, dd, ee = sub(q, p), dot(d, d), dot(e, e)
+    n = _normal(d, e)
+    nn = dot(n, n)
+    s, t = _approach(0.0, 0.0, r, d, e, n, nn, dd, ee)
+    g = along(along(r, e, t), d, -s)
+    gg = dot(g, g)
+    if gg < TOUCHING * (dd + ee):
+        nn = nn if nn > PARALLEL * (dd * ee) else 0.0
+        x, y = _approach(s, t, g, d, e, n, nn, dd, ee)
+        g = along(along(g, e, y - t), d, s - x)
+        s, t, gg = x, y, dot(g, g)
+    return s, t, gg
+
+
+@kernel
+def point_face(p, a, e, f, n, nn):
+    """Foot of p on the triangle a, a + e, a + f with normal n = e × f, nn = |n|² > 0.
+
+    Returns (inside, v, w, squared distance to it), the foot being a + v e + w f. First w, the share
+    of the height over e; then v along e from what is left: each is accurate in the direction in
+    which an error would move the foot, also in a needle. Where p touches the plane, the same is
+    asked again from the foot, as for `segments`, and g counts along the normal alone.
+    """
+    r, ee = sub(p, a), dot(e, e)
+    w = dot(cross(e, r), n) / nn
+    g = along(r, f, -w)
+    v = dot(g, e) / ee
+    g = along(g, e, -v)
+    gg = dot(g, g)
+    if gg < TOUCHING * (ee + dot(f, f)):
+        x = dot(cross(e, g), n) / nn
+        v, w = v + dot(along(g, f, -x), e) / ee, w + x
+        h = dot(g, n)
+        gg = h * h / nn
+    return v >= 0.0 and w >= 0.0 and v + w <= 1.0, v, w, gg
+
+
+@kernel
+def _pierces(p, q, a, b, c):
+    """Whether the segment p q certainly passes through the inside of the triangle a b c.
+
+    Where a sign is in doubt they touch in a corner or an edge, or miss each other: then the
+    distances of these tell.
+    """
+    if orientation(a, b, c, p) * orientation(a, b, c, q) >= 0:
+        return False
+    x = orientation(p, q, a, b)
+    return x != 0 and x == orientation(p, q, b, c) and x == orientation(p, q, c, a)
+
+
+@kernel
+def _size(v):
+    return abs(v[0]) + abs(v[1]) + abs(v[2])
+
+
+@kernel
+def _one_side(a, e, f, p, q, r):
+    """Whether p, q, r certainly lie on one side of the plane of the triangle a, a + e, a + f.
+
+    The margin pays for the plane too: e × f errs by 4 u |e| |f|, which tilts a needle's plane. A
+    wrong "no" only costs time.
+    """
+    n = cross(e, f)
+    x, y, z = sub(p, a), sub(q, a), sub(r, a)
+    dx, dy, dz = dot(x, n), dot(y, n), dot(z, n)
+    reach = max(max(_size(x), _size(y)), _size(z)) + _size(e) + _size(f)
+    margin = 16.0 * DOUBLE_EPS * _size(e) * _size(f) * reach
+    return (dx > margin and dy > margin and dz > margin) or (
+        dx < -margin and dy < -margin and dz < -margin
+    )
+
+
+@kernel
+def _apart(a, b):
+    """Whether the plane of one of two triangles certainly has the other on one side."""
+    if _one_side(b[0], sub(b[1], b[0]), sub(b[2], b[0]), a[0], a[1], a[2]):
+        return True
+    return _one_side(a[0], sub(a[1], a[0]), sub(a[2], a[0]), b[0], b[1], b[2])
+
+
+@kernel
+def _crossing_edge(a, b):
+    """Which edge of triangle a meets triangle b; -1 where none does."""
+    for i in range(3):
+        if _pierces(a[i], a[(i + 1) % 3], b[0], b[1], b[2]):
+            return i
+    return -1
+
+
+@kernel
+def _volume(a, b, c, d):
+    return dot(sub(a, d), cross(sub(b, d), sub(c, d)))
+
+
+@kernel
+def _meeting_point(p, q, t):
+    """Where the segment p q meets the triangle t: its parameter, and weights on t.
+
+    Ratios of signed volumes, taken with twice the precision: in float64 a grazing edge would meet
+    the triangle at points that are a millionth of its length apart.
+    """
+    vp, vq = volume(t[0], t[1], t[2], p), volume(t[0], t[1], t[2], q)
+    s = _clamped(vp / (vp - vq)) if vp != vq else 0.0
+    w0 = abs(volume(p, q, t[1], t[2]))
+    w1 = abs(volume(p, q, t[2], t[0]))
+    w2 = abs(volume(p, q, t[0], t[1]))
+    total = w0 + w1 + w2
+    if total == 0.0:
+        return s, (1.0, 0.0, 0.0)
+    return s, (w0 / total, w1 / total, w2 / total)
+
+
+@kernel
+def _certainly_pierces(p, q, t, margin):
+    """Whether p q meets triangle t for every choice of volumes within `margin` of the computed."""
+    vp, vq = _volume(t[0], t[1], t[2], p), _volume(t[0], t[1], t[2], q)
+    if not ((vp > margin and vq < -margin) or (vp < -margin and vq > margin)):
+        return False
+    x, y, z = _volume(p, q, t[0], t[1]), _volume(p, q, t[1], t[2]), _volume(p, q, t[2], t[0])
+    return (x > margin and y > margin and z > margin) or (
+        x < -margin and y < -margin and z < -margin
+    )
+
+
+@kernel
+def certainly_cross(a, b, slack):
+    """Whether two triangles cross however their corners are moved by `slack`.
+
+    A determinant of three edges no longer than L then changes by less than 8 slack L²; what
+    rounding does to it is less than that again, slack being 10 u of the coordinates and more.
+    """
+    length = 0.0
+    for i in range(3):
+        length += _size(sub(a[i], b[0])) + _size(sub(b[i], a[0]))
+    margin = 16.0 * slack * length * length
+    for i in range(3):
+        if _certainly_pierces(a[i], a[(i + 1) % 3], b, margin):
+            return True
+        if _certainly_pierces(b[i], b[(i + 1) % 3], a, margin):
+            return True
+    return False
+
+
+@kernel
+def _face_weights(p, a, e, f, n, nn):
+    """Barycentric weights of the foot of p on a triangle, none negative, their sum one."""
+    _, v, w, _ = point_face(p, a, e, f, n, nn)
+    v, w = _clamped(v), _clamped(w)
+    return max(1.0 - v - w, 0.0), v, w
+
+
+@kernel
+def _corner(i):
+    return (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
+
+
+@kernel
+def _on_edge(i, s):
+    """Barycentric weights of the point at s along edge i, from corner i to corner i + 1."""
+    if i == 0:
+        return (1.0 - s, s, 0.0)
+    if i == 1:
+        return (0.0, 1.0 - s, s)
+    return (s, 0.0, 1.0 - s)
+
+
+@kernel
+def _beyond(p, a, n, nn, squared):
+    """Whether p is certainly farther than that from the plane through a with normal n, nn = |n|².
+
+    The product errs by 12 u |p - a| |n| at most, and nn by 17 u. A wrong "no" only costs time.
+    """
+    r = sub(p, a)
+    height = abs(dot(r, n)) - 16.0 * DOUBLE_EPS * _size(r) * _size(n)
+    return height > 0.0 and height * height > (1.0 + 32.0 * DOUBLE_EPS) * squared * nn
+
+
+@kernel
+def distance_apart(a, b, limit):
+    """As `triangle_distance`, of triangles that certainly do not cross."""
+    ea = (sub(a[1], a[0]), sub(a[2], a[1]), sub(a[0], a[2]))
+    eb = (sub(b[1], b[0]), sub(b[2], b[1]), sub(b[0], b[2]))
+    s, t = on_stack(LANES, 0.0), on_stack(LANES, 0.0)
+    squared, touching = on_stack(LANES, 0.0), on_stack(LANES, 0.0)
+    edge_pairs(a, ea, b, eb, s, t, squared, touching)
+    best, kind, first, second, bs, bt = limit, -1, 0, 0, 0.0, 0.0
+    for i in range(3):
+        for j in range(3):
+            k = 3 * i + j
+            x, y, d = s[k], t[k], squared[k]
+            if d < touching[k]:
+                x, y, d = segments(a[i], ea[i], b[j], eb[j])
+            if d < best:
+                best, kind, first, second, bs, bt = d, 0, i, j, x, y
+    fa = sub(a[2], a[0])
+    na = _normal(ea[0], fa)
+    nna = dot(na, na)
+    if nna > 0.0:
+        for j in range(3):
+            if _beyond(b[j], a[0], na, nna, best):
+                continue
+            inside, _, _, d = point_face(b[j], a[0], ea[0], fa, na, nna)
+            if inside and d < best:
+                best, kind, second = d, 1, j
+    fb = sub(b[2], b[0])
+    nb = _normal(eb[0], fb)
+    nnb = dot(nb, nb)
+    if nnb > 0.0:
+        for i in range(3):
+            if _beyond(a[i], b[0], nb, nnb, best):
+                continue
+            inside, _, _, d = point_face(a[i], b[0], eb[0], fb, nb, nnb)
+            if inside and d < best:
+                best, kind, first = d, 2, i
+    if kind < 0:
+        return limit, (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    if kind == 0:
+        return best, _on_edge(first, bs), _on_edge(second, bt)
+    if kind == 1:
+        return best, _face_weights(b[second], a[0], ea[0], fa, na, nna), _corner(second)
+    return best, _corner(first), _face_weights(a[first], b[0], eb[0], fb, nb, nnb)
+
+
+@kernel
+def triangle_distance(a, b, limit):
+    """Squared distance of two triangles (three corners each), if it is below `limit`.
+
+    Returns (squared distance, weights on a, weights on b): barycentric coordinates of the nearest
+    points, of a common point where the triangles cross. Not below `limit`: (limit, ...) with
+    weights that mean nothing.
+    """
+    if limit > 0.0 and not _apart(a, b):
+        i = _crossing_edge(a, b)
+        if i >= 0:
+            s, weights = _meeting_point(a[i], a[(i + 1) % 3], b)
+            return 0.0, _on_edge(i, s), weights
+        i = _crossing_edge(b, a)
+        if i >= 0:
+            s, weights = _meeting_point(b[i], b[(i + 1) % 3], a)
+            return 0.0, weights, _on_edge(i, s)
+    return distance_apart(a, b, limit)

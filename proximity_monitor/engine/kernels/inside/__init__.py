@@ -1,0 +1,1 @@
+"""Points against a model: the nearest surface, the side, the depth."""

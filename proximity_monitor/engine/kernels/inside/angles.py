@@ -1,0 +1,208 @@
+"""How often a surface that need not be closed winds around a point, with a certified error.
+
+The generalised winding number w (Jacobson et al. 2013, section 4) is the sum of the solid angles of
+the triangles as seen from the point, over 4 pi. What is far away is taken together as one dipole,
+its area vector N (Barill et al. 2018, "Fast winding numbers for soups and clouds", section 3): with
+q the point, c a cluster's centre, r the radius of a ball around c that holds it and A its area,
+
+    4 pi w = integral of (x - q) · n / |x - q|³ = N · (c - q) / |c - q|³ + e,
+    |e| <= 2 A r / (|c - q| - r)³,
+
+because no derivative of (x - q) / |x - q|³ is longer than 2 / |x - q|³.
+
+How w changes from point to point depends on the edges alone at which the surface is open: the
+gradient of a solid angle is the integral of (x - q) × dx / |x - q|³ around it (the law of Biot and
+Savart), in which edges between two faces cancel. So within s of a point whose distance from the
+surface is d, w changes by at most s L / (4 pi (d - s)²), L being the rim, how long these edges are.
+Far from a hole w is nearly whole, and it stays so.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.jit import allocating_entry, kernel
+from ..base.rounding import DOUBLE_EPS
+from ..base.vectors import cross, dot, sub
+from ..elements.primitives import corners
+from ..tree.layout import EMPTY, WIDTH, first_of, last_of
+from .solids import HALF
+from .winding import UNKNOWN, winding_number
+
+AREA, RADIUS, LOST, MOMENTS = 6, 7, 8, 9
+"""Moments of what is under a lane: centre and area vector, three each; its area; the radius of a
+ball around the centre; and how far the area vector may be wrong. All in metres."""
+
+_SHARES = (0.2, 0.02, 0.0)
+"""What the dipoles together may be wrong by, in windings, until a point's side is certain. With 0
+there are none."""
+
+_FOUR_PI = 4.0 * math.pi
+
+_ROUNDING = 80.0 * DOUBLE_EPS
+"""What a triangle's solid angle may err by, before the arc tangent, as a share of its terms.
+
+With P the product of the three lengths: the differences err by u, each of the six products of the
+determinant by 9 u P more at most, together below 18 u P; each of the four terms of the denominator
+by 12 u P, and their sum by 12 u P: below 64 u P. Together less than 80 u P.
+"""
+
+_LEAST_PRODUCT = 1e-250
+"""Cubic metres below which the lengths' product would lose digits, as it nears the subnormals."""
+
+
+@kernel
+def _solid_angle(p, a, b, c):
+    """Half the solid angle of a triangle seen from p, and how far it may be wrong.
+
+    Van Oosterom and Strackee 1983, "The solid angle of a plane triangle", equation 8.
+    """
+    a, b, c = sub(a, p), sub(b, p), sub(c, p)
+    la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
+    product = la * lb * lc
+    above = dot(a, cross(b, c))
+    below = product + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
+    size, error = np.sqrt(above * above + below * below), _ROUNDING * product
+    if not (product > _LEAST_PRODUCT and size > 4.0 * error):
+        return 0.0, math.pi
+    # No arc is longer than pi / 2 of its sine.
+    return np.arctan2(above, below), 1.6 * error / (size - error) + 16.0 * DOUBLE_EPS
+
+
+@kernel
+def _winding(tree, moments, p, share, stack):
+    """The winding number of a surface around p, and how far it may be wrong.
+
+    At most `share` of that is due to dipoles.
+    """
+    total, lost = 0.0, 0.0
+    whole = 0.0
+    for lane in range(WIDTH):
+        whole += moments[lane, AREA]
+    stack[0] = 0
+    top = 1
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        for lane in range(node * WIDTH, (node + 1) * WIDTH):
+            child = tree.children[lane]
+            if child == EMPTY:
+                continue
+            m = moments[lane]
+            away = (m[0] - p[0], m[1] - p[1], m[2] - p[2])
+            far = np.sqrt(dot(away, away))
+            gap = far * (1.0 - 1e-14) - m[RADIUS]
+            if gap > 0.0:
+                cubed = far * far * far
+                error = 2.0 * m[AREA] * m[RADIUS] / (gap * gap * gap) + (
+                    m[LOST] + 32.0 * DOUBLE_EPS * m[AREA]
+                ) / (far * far)
+                if error <= _FOUR_PI * share * m[AREA] / whole:
+                    term = dot(away, (m[3], m[4], m[5])) / cubed
+                    total += term
+                    lost += error + 4.0 * DOUBLE_EPS * (abs(term) + abs(total))
+                    continue
+            if child >= 0:
+                stack[top] = child
+                top += 1
+                continue
+            for t in range(first_of(child), last_of(child) + 1):
+                a, b, c = corners(tree.triangles, t)
+                angle, error = _solid_angle(p, a, b, c)
+                total += 2.0 * angle
+                lost += 2.0 * error + 4.0 * DOUBLE_EPS * (abs(angle) + abs(total))
+    return total / _FOUR_PI, lost / _FOUR_PI * (1.0 + 1e-6)
+
+
+@kernel
+def _half(tree, region, p, least, slack, stack):
+    """As `side_of` where the inside is HALF."""
+    ball = region.ball
+    from_centre = (p[0] - ball[0], p[1] - ball[1], p[2] - ball[2])
+    beyond = np.sqrt(dot(from_centre, from_centre)) - ball[3]
+    if beyond > 0.0:
+        clear = beyond - slack
+        return (-1, clear) if clear > 2.0 * slack else (0, 0.0)
+    for share in _SHARES:
+        winding, error = _winding(tree, region.moments, p, share, stack)
+        sure = abs(abs(winding) - 0.5) - error
+        if sure <= 0.0:
+            continue
+        # The s at which s L / (4 pi (least - s)²) is as much as is sure.
+        t = region.rim / (2.0 * _FOUR_PI * sure)
+        clear = least * (least / (least + t + np.sqrt(t * (2.0 * least + t)))) * (1.0 - 1e-9)
+        side = 1 if abs(winding) > 0.5 else -1
+        if side > 0:
+            clear = min(clear, -beyond - slack)
+        if clear > 2.0 * slack:
+            return side, clear
+    return 0, 0.0
+
+
+@kernel
+def side_of(tree, region, p, least, slack, stack, gaps):
+    """On which side of a mesh a point lies, and how far around it all points do.
+
+    Args:
+        tree: its hierarchy.
+        region: where it has an inside.
+        p: in its frame, metres.
+        least: metres, above `slack`: the surface is no nearer.
+        slack: metres; the side is that of every point within so much of p.
+        stack: room for a descent.
+        gaps: room for a node's lanes.
+
+    Returns:
+        1 inside, -1 outside, or 0 where neither is certain; and metres, 0 then.
+    """
+    if region.inside == HALF:
+        return _half(tree, region, p, least, slack, stack)
+    winding = winding_number(tree, p, slack, stack, gaps)
+    if winding == UNKNOWN:
+        return 0, 0.0
+    return (-1 if winding == 0 else 1), least
+
+
+@allocating_entry
+def moments_of(triangles, children, ranges):
+    """The moments of what is under every lane, (k, MOMENTS).
+
+    Args:
+        triangles: (m, 9) metres, tree order.
+        children: (k,) as in Tree.
+        ranges: (nodes, 2) the triangles under each node: first, and one after the last.
+    """
+    moments = np.zeros((len(children), MOMENTS))
+    for lane in range(len(children)):
+        child = children[lane]
+        if child == EMPTY:
+            continue
+        if child >= 0:
+            first, last = ranges[child, 0], ranges[child, 1]
+        else:
+            first, last = first_of(child), last_of(child) + 1
+        m = moments[lane]
+        for t in range(first, last):
+            for i in range(9):
+                m[i % 3] += triangles[t, i]
+        for i in range(3):
+            m[i] /= 3.0 * (last - first)
+        centre, farthest, sizes = (m[0], m[1], m[2]), 0.0, 0.0
+        for t in range(first, last):
+            a, b, c = corners(triangles, t)
+            e, f = sub(b, a), sub(c, a)
+            n = cross(e, f)
+            for i in range(3):
+                m[3 + i] += 0.5 * n[i]
+            m[AREA] += 0.5 * np.sqrt(dot(n, n))
+            sizes += np.sqrt(dot(e, e) * dot(f, f))
+            for corner in (a, b, c):
+                d = sub(corner, centre)
+                farthest = max(farthest, dot(d, d))
+        count = last - first
+        m[RADIUS] = np.sqrt(farthest) * (1.0 + 1e-9)
+        m[LOST] = (count + 16.0) * DOUBLE_EPS * sizes
+        m[AREA] = m[AREA] * (1.0 + 1e-9) + m[LOST]
+    return moments

@@ -1,0 +1,172 @@
+"""The nearest points of one hierarchy to many points in the world."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import entry, kernel
+from ..base.memory import on_stack
+from ..base.rounding import OFFSET_MARGIN, POINT_FLOOR, POINT_MARGIN
+from ..base.state import DEVIATION, SWEPT
+from ..base.vectors import along, cross, dot, face_normal, scaled, sub, unit
+from ..elements.primitives import corners, mixed
+from ..elements.swept import core_of, lower_of, surface_points, upper_of
+from ..tree.layout import WIDTH
+from .angles import side_of
+from .nearest import begin_nearest, nearest, point_triangle
+from .solids import HALF, NOWHERE
+
+_TO_THE_END = 1 << 62
+
+NONE = -1
+"""The triangle of a point that is beyond the largest distance asked for, or not done."""
+
+_ONE_POINT = 4
+"""Steps that a point takes as long as besides those of its descent."""
+
+_ONE_SIDE = 16
+"""Steps that finding the side of a point takes as long as, where the surface is closed."""
+
+_TELLING = 1e-6
+"""Share of the model's size up to which the distance of a point is found out where its side is
+asked for: nearer to a surface, rounding hides on which side of it the point lies."""
+
+
+@entry
+def closest_points(
+    tree, pose, points, max_distance, signed, first, steps, stack, stacked,
+    bounds, feet, triangles, normals,
+):  # fmt: skip
+    """Nearest points on a model at `pose` to points (k, 3) in the world, from the first one on.
+
+    Returns how many are done: all, or as many as about `steps` steps suffice for, at least one more
+    than before. Writes bounds (k, 2), certified, and triangles (k,) in tree order, and of those
+    nearer than `max_distance` metres feet (k, 3) in the world and their normals (k, 3), which may
+    be (0, 3); of the others the triangle is NONE and the upper bound infinite. `stack` and
+    `stacked` are scratch. Where `signed`, the bounds are of the distance to the triangles, no feet
+    or normals are written, and `sides` makes answers of that.
+    """
+    found = on_stack(WIDTH, np.float32(0.0))
+    radius, deviation = tree.scale[SWEPT], tree.scale[DEVIATION]
+    farthest = core_of(max_distance, radius, deviation)
+    least = _TELLING * tree.scale[2] if signed else 0.0
+    nearby = max(np.int64(triangles[first - 1]), 0) if first > 0 else 0
+    for k in range(first, points.shape[0]):
+        if steps <= 0:
+            return k
+        p, slack = _image(tree, pose, points, k)
+        distance, nearby, top = begin_nearest(tree, p, nearby, stack, stacked)
+        beyond = farthest + 2.0 * slack  # less one slack it is beyond, whatever rounding does
+        distance = min(distance, max(beyond, least))
+        distance, nearby, _, left = nearest(
+            tree, p, distance, nearby, top, slack, 0.0, stack, stacked, found, _TO_THE_END
+        )
+        steps -= _ONE_POINT + _TO_THE_END - left
+        near = distance < beyond
+        triangles[k] = nearby if near else NONE
+        if signed:
+            bounds[k, 0] = max(distance - slack, 0.0)
+            bounds[k, 1] = distance + slack if near else np.inf
+            continue
+        bounds[k, 0] = max(lower_of(distance - slack, radius, deviation), 0.0)
+        bounds[k, 1] = np.inf
+        if near:
+            bounds[k, 1] = upper_of(distance + slack, radius, deviation)
+            _surface(tree, pose, p, nearby, 0, slack, k, feet, normals)
+    return points.shape[0]
+
+
+@entry
+def sides(
+    tree, region, pose, points, first, last, steps, stack, bounds, feet, triangles, normals
+):  # fmt: skip
+    """Make signed answers of what `closest_points` found for the points first to last.
+
+    The hierarchy is that of all triangles, `region` where it has an inside. Returns how many are
+    done: `last`, or as many as about `steps` steps suffice for, at least one more than before.
+    """
+    gaps = on_stack(WIDTH, np.float32(0.0))
+    radius, deviation = tree.scale[SWEPT], tree.scale[DEVIATION]
+    # In the worst case every node is looked at for the sum of solid angles.
+    cost = tree.centres.shape[0] if region.inside == HALF else _ONE_SIDE
+    for k in range(first, last):
+        if steps <= 0:
+            return k
+        steps -= cost
+        p, slack = _image(tree, pose, points, k)
+        low, high = bounds[k, 0], bounds[k, 1]
+        side = -1
+        if region.inside != NOWHERE:
+            side = 0
+            if low > 2.0 * slack:
+                side, _ = side_of(tree, region, p, low, slack, stack, gaps)
+        bounds[k, 0] = lower_of(low if side < 0 else -high, radius, deviation)
+        bounds[k, 1] = _signed_upper_of(-low if side > 0 else high, radius, deviation)
+        if triangles[k] != NONE:
+            _surface(tree, pose, p, triangles[k], side, slack, k, feet, normals)
+    return last
+
+
+@kernel
+def _image(tree, pose, points, k):
+    """Point k in the model's frame, and what rounding may do to it and to its distance, metres."""
+    d = (points[k, 0] - pose[0, 3], points[k, 1] - pose[1, 3], points[k, 2] - pose[2, 3])
+    p = (
+        pose[0, 0] * d[0] + pose[1, 0] * d[1] + pose[2, 0] * d[2],
+        pose[0, 1] * d[0] + pose[1, 1] * d[1] + pose[2, 1] * d[2],
+        pose[0, 2] * d[0] + pose[1, 2] * d[1] + pose[2, 2] * d[2],
+    )
+    return p, POINT_MARGIN * (abs(p[0]) + abs(p[1]) + abs(p[2]) + tree.scale[2]) + POINT_FLOOR
+
+
+@kernel
+def _signed_upper_of(core, radius, deviation):
+    """Upper bound of a signed distance, metres, from one of the core's; see swept.py."""
+    if radius + deviation == 0.0:
+        return core
+    return core - radius + deviation + OFFSET_MARGIN * (abs(core) + radius + deviation)
+
+
+@kernel
+def _surface(tree, pose, p, t, side, slack, k, feet, normals):
+    """Write the point of the surface nearest to p, and its normal, as number k, in the world.
+
+    p lies in the model's frame, nearest to triangle t, inside the core (side 1) or outside (-1);
+    with 0 that does not matter, and a point within the balls is itself the nearest.
+    """
+    radius = tree.scale[SWEPT]
+    triangle = corners(tree.triangles, t)
+    _, v, w = point_triangle(p, triangle[0], triangle[1], triangle[2])
+    core = mixed(triangle, (max(1.0 - v - w, 0.0), v, w))
+    normal = face_normal(triangle)
+    if radius > 0.0:
+        way = sub(p, core)
+        if dot(way, way) > slack * slack:
+            normal = scaled(unit(way), -1.0 if side > 0 else 1.0)
+        elif side != 0 and dot(normal, normal) == 0.0:
+            normal = _perpendicular(triangle)
+    foot = along(core, normal, radius)
+    if side == 0:
+        foot, _ = surface_points(core, p, radius, 0.0)
+    for i in range(3):
+        feet[k, i] = pose[i, 3]
+        for j in range(3):
+            feet[k, i] += pose[i, j] * foot[j]
+    if k < normals.shape[0]:
+        for i in range(3):
+            normals[k, i] = pose[i, 0] * normal[0] + pose[i, 1] * normal[1] + pose[i, 2] * normal[2]
+
+
+@kernel
+def _perpendicular(triangle):
+    """A unit vector perpendicular to a triangle without area."""
+    e, f = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])
+    e = unit(e if dot(e, e) > dot(f, f) else f)
+    if abs(e[0]) <= min(abs(e[1]), abs(e[2])):
+        axis = (1.0, 0.0, 0.0)
+    elif abs(e[1]) <= abs(e[2]):
+        axis = (0.0, 1.0, 0.0)
+    else:
+        axis = (0.0, 0.0, 1.0)
+    normal = unit(cross(e, axis))
+    return normal if dot(normal, normal) > 0.0 else axis

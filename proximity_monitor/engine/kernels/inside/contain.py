@@ -1,0 +1,120 @@
+"""Whether one of two bodies whose surfaces are apart lies inside the other: for many pairs at once.
+
+A connected part whose surface does not meet a closed one lies wholly on the side of any of its
+points. So where the surfaces are apart, the winding number around one vertex of each part tells.
+Where parts are many, as in a cloud of points, so does one vertex of each volume that is smaller
+than the surfaces are apart: its other points are on the same side, being nearer to that one.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import kernel, shared
+from ..base.memory import on_stack
+from ..base.state import BOUND_SLACK, ENDED, LOWER, OUT_OF_TIME, STATUS, UPPER
+from ..base.tables import tree_at
+from ..base.vectors import moved, scaled, sub
+from ..elements.primitives import corners
+from ..tree.layout import EMPTY, WIDTH, first_of, last_of
+from .depth import sphere_of
+from .probe import length
+from .solids import HALF, WHOLE
+from .winding import winding_number
+
+Insides = namedtuple("Insides", "where spans samples tables")
+"""What n bodies enclose: where (int8, n), their Region.inside; samples (int32, k) of all of them;
+spans (int64, n × 2), which of these are a body's: the first, and one after the last; and tables
+(int64, n × 2 × 7) of hierarchies that hold all triangles (see tables.py). A winding number counts
+those that lie on others, which a search for the nearest leaves out.
+"""
+
+
+FEW = 256
+"""Parts of a body, at the most, of which each is looked at."""
+
+
+@shared
+def holds(holder, body, samples, motion, slack, apart, stack):
+    """Whether a part of `body` may lie inside `holder`, a closed mesh that its surface is off.
+
+    The samples are of the body, `motion` brings them to the frame of the holder, and the surfaces
+    are `apart` metres apart or more, which is above 4 `slack`: also where rounding moved a sample.
+    """
+    gaps = on_stack(WIDTH, np.float32(0.0))
+    scratch, waiting = stack[:, 0], stack[:, 1]
+    if len(samples) <= FEW:
+        for i in range(len(samples)):
+            if _holds_triangle(holder, body, samples[i] // 3, motion, slack, scratch, gaps):
+                return True
+        return False
+    root = holder.centres[0]
+    middle = scaled((root[0], root[1], root[2]), holder.scale[0])
+    reach = root[3] * holder.scale[0] * (1.0 + 1e-6) + 2.0 * slack
+    waiting[0] = 0
+    top = 1
+    while top > 0:
+        top -= 1
+        node = waiting[top]
+        for lane in range(node * WIDTH, (node + 1) * WIDTH):
+            child = body.children[lane]
+            if child == EMPTY:
+                continue
+            centre, radius = sphere_of(body, lane)
+            if length(sub(moved(motion, centre), middle)) > reach + radius:
+                continue
+            small = 2.0 * radius + 4.0 * slack < apart
+            if child >= 0 and not small:
+                waiting[top] = child
+                top += 1
+                continue
+            while child >= 0:
+                child = body.children[child * WIDTH]
+            last = first_of(child) if small else last_of(child)
+            for t in range(first_of(child), last + 1):
+                if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
+                    return True
+    return False
+
+
+@kernel
+def _holds_triangle(holder, body, t, motion, slack, stack, gaps):
+    """Whether a triangle of the body, which the holder's surface does not meet, may be inside."""
+    p = moved(motion, corners(body.triangles, t)[0])
+    return winding_number(holder, p, slack, stack, gaps) != 0  # or unknown
+
+
+@kernel
+def _one_in_the_other(insides, i, j, state, slack, apart):
+    """Whether a part of body i or j, whose surfaces are so far apart, may be inside the other."""
+    where, spans, motions = insides.where, insides.spans, state.motions
+    tree_a, _ = tree_at(insides.tables[i])
+    tree_b, _ = tree_at(insides.tables[j])
+    if where[j] == WHOLE:
+        samples = insides.samples[spans[i, 0] : spans[i, 1]]
+        if holds(tree_b, tree_a, samples, motions[1], slack, apart, state.stack):
+            return True
+    if where[i] == WHOLE:
+        samples = insides.samples[spans[j, 0] : spans[j, 1]]
+        return holds(tree_a, tree_b, samples, motions[0], slack, apart, state.stack)
+    return False
+
+
+@kernel
+def settle_sign(insides, i, j, state, clearance, code, answer):
+    """Make the answer about the surfaces of bodies i and j one about their signed distance.
+
+    Where the surfaces may meet, or one body lie inside the other, its sign is open, and `lower` is
+    -inf. Then the search counts as cut, unless its upper bound has decided about the clearance.
+    """
+    slack, where = state.reals[BOUND_SLACK], insides.where
+    certain = code == ENDED and answer[LOWER] > 4.0 * slack
+    certain = certain and where[i] != HALF and where[j] != HALF
+    if certain and (where[i] == WHOLE or where[j] == WHOLE):
+        certain = not _one_in_the_other(insides, i, j, state, slack, answer[LOWER])
+    if not certain:
+        answer[LOWER] = -np.inf
+        if not answer[UPPER] <= clearance < np.inf:
+            answer[STATUS] = OUT_OF_TIME

@@ -1,0 +1,171 @@
+"""What signed distances need of a mesh beyond its hierarchy: where its inside is, parts, owners."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import allocating, allocating_entry, kernel
+from ..base.precise import two_sum
+from ..base.vectors import cross, dot
+
+Region = namedtuple("Region", "inside owned samples ball rim moments")
+"""A mesh as the kernels of signed distances see it, beside its Tree.
+
+inside, one of the following; owned (uint8, m) which corners of a triangle, in tree order, are first
+of their vertex: bits 0 to 2; samples (int32, k) one vertex of every connected part, as 3 times the
+triangle, in tree order, whose first corner it is; ball (4,) centre and radius of a sphere around
+it, metres; rim, metres: how long its open edges are together; moments (k, MOMENTS) of what is under
+each lane (see angles.py), where the inside is HALF.
+"""
+
+NOWHERE, WHOLE, HALF = 0, 1, 2
+"""Where a mesh has an inside: nowhere, it is a surface; where its winding number, a whole one, is
+not 0; or where that is more than one half either way, within its ball."""
+
+
+@allocating
+def _sorted_by(key, count, order):
+    """`order` sorted by key[order], stable; keys are 0 to count - 1 (counting sort)."""
+    starts = np.zeros(count + 1, np.int32)
+    for i in order:
+        starts[key[i] + 1] += 1
+    for k in range(count):
+        starts[k + 1] += starts[k]
+    result = np.empty_like(order)
+    for i in order:
+        result[starts[key[i]]] = i
+        starts[key[i]] += 1
+    return result
+
+
+@allocating_entry
+def unpaired_edges(faces, vertices):
+    """Edges of closed faces that are not passed as often one way as the other.
+
+    Args:
+        faces: (m, 3) int32, vertices of equal place named alike. Faces that repeat one are left
+            out.
+        vertices: (n, 3) metres.
+
+    Returns:
+        How many faces were looked at; how many edges belong to an odd number of faces, and how many
+        others are passed more often one way; (2, 2) the vertices of the first of either kind; how
+        long all these edges are together, metres, each as often as it is left over one way.
+    """
+    count = len(vertices)
+    low, high = np.empty(3 * len(faces), np.int32), np.empty(3 * len(faces), np.int32)
+    forth = np.empty(3 * len(faces), np.bool_)
+    n = 0
+    for t in range(len(faces)):
+        a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
+        if a == b or b == c or c == a:
+            continue
+        for i, j in ((a, b), (b, c), (c, a)):
+            low[n], high[n], forth[n] = min(i, j), max(i, j), i < j
+            n += 1
+    order = _sorted_by(low, count, _sorted_by(high, count, np.arange(n, dtype=np.int32)))
+    odd, unlike, rim = 0, 0, 0.0
+    firsts = np.zeros((2, 2), np.int32)
+    start = 0
+    while start < n:
+        i, j = low[order[start]], high[order[start]]
+        end, balance = start, 0
+        while end < n and low[order[end]] == i and high[order[end]] == j:
+            balance += 1 if forth[order[end]] else -1
+            end += 1
+        if (end - start) % 2 == 1:
+            if odd == 0:
+                firsts[0, 0], firsts[0, 1] = i, j
+            odd += 1
+        elif balance != 0:
+            if unlike == 0:
+                firsts[1, 0], firsts[1, 1] = i, j
+            unlike += 1
+        if balance != 0:
+            squared = 0.0
+            for axis in range(3):
+                squared += (vertices[j, axis] - vertices[i, axis]) ** 2
+            rim += abs(balance) * np.sqrt(squared)
+        start = end
+    return n // 3, odd, unlike, firsts, rim
+
+
+@kernel
+def _root(parent, i):
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+@allocating_entry
+def parts_and_owners(faces, count):
+    """Connected parts of a mesh, and which triangle owns which vertex.
+
+    Args:
+        faces: (m, 3) int32; corners in tree order, vertices of equal place named alike.
+        count: how many vertices there are.
+
+    Returns:
+        part (m,) int32 of each triangle, numbered from 0; owned (m,) uint8 as in Solid; samples
+        (k,) int32 as in Solid, one a part.
+    """
+    m = faces.shape[0]
+    parent = np.arange(count)
+    for t in range(m):
+        a = _root(parent, faces[t, 0])
+        parent[_root(parent, faces[t, 1])] = a
+        parent[_root(parent, faces[t, 2])] = a
+    seen = np.zeros(count, np.bool_)
+    number = np.full(count, -1, np.int32)
+    part, owned = np.empty(m, np.int32), np.zeros(m, np.uint8)
+    samples = np.empty(m, np.int32)
+    parts = 0
+    for t in range(m):
+        root = _root(parent, faces[t, 0])
+        if number[root] < 0:
+            number[root] = parts
+            samples[parts] = 3 * t
+            parts += 1
+        part[t] = number[root]
+        for corner in range(3):
+            if not seen[faces[t, corner]]:
+                seen[faces[t, corner]] = True
+                owned[t] |= 1 << corner
+    return part, owned, samples[:parts].copy()
+
+
+@kernel
+def _edge(triangles, t, corner, origin, unit):
+    """From the first corner of the triangle `origin` to a corner of triangle t, in units."""
+    return (
+        (triangles[t, 3 * corner] - triangles[origin, 0]) / unit,
+        (triangles[t, 3 * corner + 1] - triangles[origin, 1]) / unit,
+        (triangles[t, 3 * corner + 2] - triangles[origin, 2]) / unit,
+    )
+
+
+@allocating_entry
+def part_volumes(triangles, unit, part, samples):
+    """Six times the volume that each part encloses, and the sum of its terms' magnitudes, (k, 2).
+
+    In cubes of `unit` metres, a power of two; triangles (m, 9) metres, part and samples as
+    parts_and_owners returns them. Each determinant errs by less than 8 u of its terms (Shewchuk
+    1997, section 4.3), the differences that it is of by 3 u; what the sum loses is carried along.
+    """
+    found, lost = np.zeros((samples.shape[0], 2)), np.zeros(samples.shape[0])
+    for t in range(triangles.shape[0]):
+        k = part[t]
+        origin = samples[k] // 3  # a corner of the part: seen from afar its volume would be noise
+        a = _edge(triangles, t, 0, origin, unit)
+        b = _edge(triangles, t, 1, origin, unit)
+        c = _edge(triangles, t, 2, origin, unit)
+        found[k, 0], low = two_sum(found[k, 0], dot(a, cross(b, c)))
+        lost[k] += low
+        for i in range(3):
+            j, h = (i + 1) % 3, (i + 2) % 3
+            found[k, 1] += abs(a[i]) * (abs(b[j] * c[h]) + abs(b[h] * c[j]))
+    found[:, 0] += lost
+    return found

@@ -1,0 +1,1 @@
+"""The one search behind every question about two hierarchies."""

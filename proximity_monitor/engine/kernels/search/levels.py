@@ -1,0 +1,123 @@
+"""The search level by level, of lower and upper bounds (Johnson and Cohen 1997, section 3.1.1).
+
+All pairs of one level of the bounding volume test tree are bounded before any of the next. When a
+level begins, the nearest of its pairs gives an upper bound: the nearest two of the few vertices
+that are kept of either volume, spread out over it (spread.py).
+
+The pairs are listed in the order in which they were found, `stack` being a ring: those from BASE to
+DEPTH, which count up without end, stand at their remainders by its length, a power of two.
+
+A level may be large. While more than FULL pairs are listed, the last is taken, not the first: what
+is beyond FULL is a stack, and the search depth first until that is gone. So it is complete, and its
+memory bounded: an opening replaces one pair by at most sixteen, so the first to exceed FULL leaves
+no more than FULL + 15; then each level further down, of either model, leaves 15 at most behind.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.state import (
+    BASE,
+    DEPTH,
+    DISTANCE,
+    FULL,
+    KEPT,
+    LEVEL_END,
+    LEVEL_LOWER,
+    NEAREST_A,
+    NEAREST_B,
+    NEXT_LOWER,
+)
+from ..base.vectors import dot, moved, sub
+from ..elements.primitives import keep
+from ..tree.layout import first_of, last_of
+
+
+@inlined
+def list_pair(state, number, a, b, bound):
+    """Where the pair of a number stands, which is added to the next level."""
+    reals, counts = state.reals, state.counts
+    if bound < reals[NEXT_LOWER]:
+        reals[NEXT_LOWER] = bound
+        counts[NEAREST_A], counts[NEAREST_B] = a, b
+    return number & (state.stack.shape[0] - 1)
+
+
+@kernel
+def take_first(tree_a, tree_b, state):
+    """Take the first pair off the list, or the last where it is full; returns where it stands."""
+    counts = state.counts
+    if counts[DEPTH] - counts[BASE] > counts[FULL]:
+        counts[DEPTH] -= 1
+        number = counts[DEPTH]
+    else:
+        if counts[BASE] >= counts[LEVEL_END]:
+            _begin_level(tree_a, tree_b, state)
+        number = counts[BASE]
+        counts[BASE] += 1
+    if counts[BASE] == counts[DEPTH]:
+        counts[BASE], counts[DEPTH], counts[LEVEL_END] = 0, 0, 0
+    return number & (state.stack.shape[0] - 1)
+
+
+@kernel
+def _begin_level(tree_a, tree_b, state):
+    """Begin the level that is listed.
+
+    What is listed was added since the last level began, and nothing that follows from a pair has a
+    smaller bound: so the least bound that was added is one of the whole rest of the search.
+    """
+    reals, counts = state.reals, state.counts
+    reals[LEVEL_LOWER], reals[NEXT_LOWER] = reals[NEXT_LOWER], np.inf
+    counts[LEVEL_END] = counts[DEPTH]
+    _test_vertices(tree_a, tree_b, state, counts[NEAREST_A], counts[NEAREST_B])
+
+
+@kernel
+def _test_vertices(tree_a, tree_b, state, a, b):
+    """Keep the nearest two of the vertices kept of two volumes, where nothing nearer is known.
+
+    Their distance errs by less than that of triangles does, which SLACK covers.
+    """
+    known = state.reals[DISTANCE]
+    best, way = known * known, (0.0, 0.0, 0.0)
+    first, second = 0, 0
+    for j in range(KEPT):
+        of_b, q = _vertex(tree_b, state.spread_b, b, j)
+        q = moved(state.motions[0], q)
+        for i in range(KEPT):
+            of_a, p = _vertex(tree_a, state.spread_a, a, i)
+            d = sub(q, p)
+            squared = dot(d, d)
+            if squared < best:
+                best, way, first, second = squared, d, of_a, of_b
+    distance = np.sqrt(best)
+    if distance < known:
+        wa, wb = _corner(first % 3), _corner(second % 3)
+        keep(state, distance, first // 3, second // 3, wa, wb, way)
+
+
+@kernel
+def _vertex(tree, spread, lane, i):
+    """The i-th vertex that is kept of a lane, as 3 triangle + corner, and where it is."""
+    child = tree.children[lane]
+    if child >= 0:
+        corner = np.int64(spread[child, i])
+    elif i < 2:
+        corner = 3 * first_of(child) + i
+    else:
+        corner = 3 * last_of(child) + i - 1
+    t, at = corner // 3, 3 * (corner % 3)
+    return corner, (
+        tree.triangles[t, at],
+        tree.triangles[t, at + 1],
+        tree.triangles[t, at + 2],
+    )
+
+
+@kernel
+def _corner(i):
+    """Weights of a triangle's corner."""
+    return (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)

@@ -1,0 +1,81 @@
+"""Writing a node: its lanes, each a volume rounded to float32, and how far they reach."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import uint64
+
+from ..base.jit import kernel
+from ..tree.layout import EMPTY_RADIUS, STRIDE, WIDTH, read_vector
+from .boxfit import box_extents
+from .fit import OBB, core, enclosing_radius
+
+
+@kernel
+def fit_lane(points, n, axes, volume, local, nodes, centre, node, lane, sizes):
+    """Fit a volume to points[:n] and write it, rounded to float32, into a lane of a node."""
+    c, u, v, a, b = core(points, n, axes, volume, local)
+    base = uint64(node * STRIDE + lane)
+    put(nodes, base, (c[0] - centre[0], c[1] - centre[1], c[2] - centre[2]))
+    put(nodes, base + uint64(3 * WIDTH), u)
+    put(nodes, base + uint64(6 * WIDTH), v)
+    nodes[base + uint64(10 * WIDTH)] = np.float32(a)
+    nodes[base + uint64(11 * WIDTH)] = np.float32(b)
+    write_radius(points, n, volume, nodes, centre, node, lane, sizes)
+
+
+@kernel
+def put_centre(points, centre):
+    """The middle of the box around points (n, 3), as a node's centre."""
+    for axis in range(3):
+        low, high = np.inf, -np.inf
+        for i in range(len(points)):
+            low, high = min(low, points[i, axis]), max(high, points[i, axis])
+        centre[axis] = 0.5 * (low + high)
+
+
+@kernel
+def put(nodes, base, vector):
+    """Write three consecutive fields of a lane."""
+    nodes[base] = np.float32(vector[0])
+    nodes[base + uint64(WIDTH)] = np.float32(vector[1])
+    nodes[base + uint64(2 * WIDTH)] = np.float32(vector[2])
+
+
+@kernel
+def write_radius(points, n, volume, nodes, centre, node, lane, sizes):
+    """Complete a lane whose core stands: its radius and its size; or a box's three extents."""
+    base = uint64(node * STRIDE + lane)
+    c = (
+        centre[0] + nodes[base],
+        centre[1] + nodes[base + uint64(WIDTH)],
+        centre[2] + nodes[base + uint64(2 * WIDTH)],
+    )
+    u = read_vector(nodes, base + uint64(3 * WIDTH))
+    v = read_vector(nodes, base + uint64(6 * WIDTH))
+    a = np.float64(nodes[base + uint64(10 * WIDTH)])
+    b = np.float64(nodes[base + uint64(11 * WIDTH)])
+    radius = enclosing_radius(points, n, c, u, v, a, b)
+    if volume is not None and volume >= OBB:
+        long_u, long_v, radius = box_extents(points, n, c, u, v)
+        nodes[base + uint64(10 * WIDTH)], nodes[base + uint64(11 * WIDTH)] = long_u, long_v
+        a, b = np.float64(long_u), np.float64(long_v)
+    nodes[base + uint64(9 * WIDTH)] = radius
+    sizes[node * WIDTH + lane] = np.float32(np.sqrt(a * a + b * b) + radius)
+
+
+@kernel
+def close_node(nodes, node, used, centres):
+    """Empty a node's unused lanes, and note how far its used ones reach from its centre."""
+    extent = 0.0
+    for lane in range(used):
+        base = uint64(node * STRIDE + lane)
+        reach = 0.0
+        for field in (0, 1, 2, 9, 10, 11):
+            reach += abs(np.float64(nodes[base + uint64(field * WIDTH)]))
+        extent = max(extent, reach)
+    for lane in range(used, WIDTH):
+        nodes[uint64(node * STRIDE + lane + 9 * WIDTH)] = np.float32(EMPTY_RADIUS)
+    # The sum of a centre's absolute coordinates is at least its length; the factor pays for the
+    # rounding of the sum and of the axes' lengths.
+    centres[node, 3] = extent * (1.0 + 1e-6)

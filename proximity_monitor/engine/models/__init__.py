@@ -1,0 +1,1 @@
+"""What can be asked about: meshes, what they enclose, their hierarchies."""

@@ -1,0 +1,121 @@
+"""Where a mesh has an inside: the check, what it finds for the search, and the reason for none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.inside import solids
+from ..kernels.inside.angles import MOMENTS, moments_of
+from ..kernels.inside.solids import HALF, NOWHERE, WHOLE, Region
+from .tree import places
+
+if TYPE_CHECKING:
+    from .mesh import TriangleMesh
+
+_AS_TOLD = "it is to be taken for a surface (solid=False)"
+_NO_MOMENTS = np.empty((0, MOMENTS))
+
+
+@dataclass(slots=True)
+class Sides:
+    """What is known of a mesh's inside."""
+
+    first: NDArray[np.int32]
+    """(n,) of each vertex the first one at the same place."""
+    part: NDArray[np.int32]
+    """(m,) of each triangle, in tree order, the number of its connected part."""
+    proper: bool
+    """Whether any face has an area."""
+    opening: tuple[str, int, int] | None
+    """Why its edges bound no solid, and between which vertices first; None where they do."""
+    rim: float
+    """Metres: how long its open edges are together."""
+    vertices: NDArray[np.float64]
+    """With which all this is so."""
+    region: Region
+    reason: str
+    """Why it is no solid; empty where it is one."""
+
+
+_known: WeakKeyDictionary[TriangleMesh, Sides] = WeakKeyDictionary()
+
+
+def sides_of(mesh: TriangleMesh) -> Sides:
+    """Where a mesh has an inside; found once a mesh and remembered.
+
+    Vertices of equal coordinates count as one, so a soup of triangles, as STL files hold it, can
+    be a solid. Each edge must be passed as often one way as the other: by two faces, or by four
+    and more where parts touch along an edge. Then every point off the surface has a whole winding
+    number. Faces that repeat a vertex enclose nothing and are passed over.
+
+    A mesh whose vertices were moved keeps its edges, unless vertices came apart or together; so
+    after `refit` little more than its volume is computed again.
+    """
+    known = _known.get(mesh)
+    if known is not None and known.vertices is mesh.vertices:
+        return known
+    robust = mesh.solid == "robust"
+    first = places(mesh.vertices)
+    same = known is not None and np.array_equal(first, known.first)
+    if same and not (robust and known.opening):  # of open edges the lengths count
+        part, proper, opening = known.part, known.proper, known.opening
+        rim, owned, samples = known.rim, known.region.owned, known.region.samples
+    else:
+        faces = first[mesh.faces[mesh._face_of]]
+        proper, opening, rim = _edges(mesh, faces)
+        part, owned, samples = solids.parts_and_owners(faces, len(first))
+    inside, reason, moments = NOWHERE, "", _NO_MOMENTS
+    if mesh.solid is False:
+        reason = _AS_TOLD
+    elif not proper:
+        reason = "none of its faces has an area"
+    elif opening is None:
+        reason = _no_volume(mesh, part, samples)
+        inside = NOWHERE if reason else WHOLE
+    elif robust:
+        inside = HALF
+        moments = moments_of(mesh._tree.triangles, mesh._tree.children, mesh._ranges())
+    else:
+        text, i, j = opening
+        reason = f"{text} {mesh.vertices[i].tolist()} and {mesh.vertices[j].tolist()}"
+    if mesh.solid is not False and mesh.swept_radius > 0.0:
+        reason = ""  # whatever comes into the ball is near its core
+    ball = np.array([*mesh.centre, mesh.core_radius])
+    region = Region(inside, owned, samples, ball, rim, moments)
+    for array in (owned, samples, ball, moments):
+        array.setflags(write=False)
+    found = Sides(first, part, proper, opening, rim, mesh.vertices, region, reason)
+    _known[mesh] = found
+    return found
+
+
+def _edges(
+    mesh: TriangleMesh, faces: NDArray[np.int32]
+) -> tuple[bool, tuple[str, int, int] | None, float]:
+    """Whether any face has an area; `Sides.opening`; how long the edges are that bound nothing."""
+    proper, odd, unlike, firsts, rim = solids.unpaired_edges(faces, mesh.vertices)
+    for count, (i, j), text in (
+        (odd, firsts[0], "not watertight: {} open edges (of an odd number of faces)"),
+        (unlike, firsts[1], "faces of unlike orientation at {} edges"),
+    ):
+        if count:
+            text = f"{text.format(count)}, the first between the vertices"
+            return True, (text, int(i), int(j)), rim * (1.0 + 1e-6)
+    return proper > 0, None, 0.0
+
+
+def _no_volume(mesh: TriangleMesh, part: NDArray[np.int32], samples: NDArray[np.int32]) -> str:
+    """Empty where at least one connected part encloses a volume that is more than rounding.
+
+    A part that does not is a folded sheet, around which no point has a winding number but 0.
+    """
+    tree = mesh._tree
+    volumes, terms = solids.part_volumes(tree.triangles, tree.scale[0], part, samples).T
+    enclosed = (np.abs(volumes) > 32.0 * DOUBLE_EPS * terms).any()
+    return "" if enclosed else "it encloses no volume"

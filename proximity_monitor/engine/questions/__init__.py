@@ -1,0 +1,1 @@
+"""The questions about two models, and their answers."""

@@ -1,0 +1,208 @@
+"""Two models whose last answer is remembered: frame-to-frame coherence and resumable searches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arguments import check_tolerance
+from ..kernels.base import state as index
+from ..kernels.elements.contacts import contacts as contacts_of
+from ..kernels.elements.swept import reach_of
+from ..models.mesh import TriangleMesh
+from ..poses import as_pose, check_pose
+from .manifold import manifold_of
+from .result import Clearance, Collision, Distance
+from .rows import distance_of
+from .run import Order, Search
+from .signed import SignedSearch
+from .witness import witness_points
+
+
+class Pair:
+    """Two models that are asked about again and again.
+
+    The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section
+    6.2), so are the deepest vertex and what was found of other points' sides and depths, and a
+    search that ran out of time is continued where the same question is asked again. Volumes that
+    were too far are not opened again before the models may have moved by as much.
+    A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, and one that
+    comes out of a pickle, starts from the nearest triangles that this one found, and has a memory
+    of its own.
+
+    Args:
+        a: the first model.
+        b: the second model.
+        coherent: whether to remember volumes, too: of use where successive poses are near each
+            other, as along a path.
+
+    Raises:
+        TypeError: a model that is none.
+    """
+
+    __slots__ = ("_asked", "_search", "_signed", "a", "b")
+
+    def __init__(self, a: TriangleMesh, b: TriangleMesh, *, coherent: bool = True) -> None:
+        self._begin(Search(a, b, coherent=coherent))
+
+    def _begin(self, search: Search) -> None:
+        """Take a search that nobody else has, and know nothing else."""
+        self.a, self.b = search.models
+        self._search = search
+        self._asked: tuple[object, ...] | None = None
+        self._signed: SignedSearch | None = None
+
+    def __reduce__(self) -> tuple[Callable[..., Pair], tuple[Any, ...]]:
+        """Of what another is made."""
+        return _pair_of, (type(self), *self._search.__reduce__())
+
+    def distance(
+        self,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        *,
+        rel_err: float = 0.0,
+        abs_err: float = 0.0,
+        budget_s: float | None = None,
+        order: Order = "depth_first",
+        manifold: bool = False,
+    ) -> Distance:
+        """Minimum distance at two poses; see `engine.distance`."""
+        start = perf_counter()
+        rel_err = check_tolerance("rel_err", rel_err)
+        abs_err = check_tolerance("abs_err", abs_err)
+        pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
+        fresh, asked, deadline = True, None, None
+        if budget_s is not None:
+            budget_s = check_tolerance("budget_s", budget_s)
+            shapes = self.a.revision, self.b.revision
+            asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, order, manifold, shapes)
+            fresh = asked != self._asked
+            deadline = start + budget_s
+        if order != self._search.order:
+            self._change_order(order)
+        search = self._search
+        self._asked = None
+        search.run(
+            pose_a, pose_b,
+            rel_err=rel_err, abs_err=abs_err, deadline=deadline, fresh=fresh, collect=manifold,
+        )  # fmt: skip
+        self._asked = asked
+        return self._distance(search, start, manifold)
+
+    def ideal(
+        self,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        *,
+        rel_err: float = 0.0,
+        abs_err: float = 0.0,
+    ) -> Distance:
+        """The answer of `distance`, by the search that is given the true distance beforehand.
+
+        A diagnostic: its `bound_tests` and `primitive_tests` are the fewest that can prove the
+        answer with these hierarchies from nothing but these poses (Larsen et al. 1999, section 7),
+        and `elapsed_s` is the time of that search alone. What this Pair remembers, which may spare
+        some of them, is not used and left as it is.
+
+        Raises:
+            ValueError: a pose that is no rigid motion, a tolerance that is negative or NaN.
+        """
+        rel_err = check_tolerance("rel_err", rel_err)
+        abs_err = check_tolerance("abs_err", abs_err)
+        pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
+        search = Search(self.a, self.b, coherent=False)
+        search.run(pose_a, pose_b)
+        # The next begins with the distance of the triangles that this one found.
+        start = perf_counter()
+        search.run(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err)
+        return self._distance(search, start)
+
+    def signed_distance(
+        self,
+        pose_a: ArrayLike,
+        pose_b: ArrayLike,
+        *,
+        rel_err: float = 0.0,
+        abs_err: float = 0.0,
+        budget_s: float | None = None,
+    ) -> Distance:
+        """Signed distance at two poses; see `engine.signed_distance`."""
+        rel_err = check_tolerance("rel_err", rel_err)
+        abs_err = check_tolerance("abs_err", abs_err)
+        if budget_s is not None:
+            budget_s = check_tolerance("budget_s", budget_s)
+        pose_a, pose_b = check_pose(pose_a, "pose_a"), check_pose(pose_b, "pose_b")
+        if self._signed is None:
+            # With searches of its own: questions of either kind leave those of the other alone.
+            self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b).distance)
+        return self._signed.ask(pose_a, pose_b, rel_err, abs_err, budget_s)
+
+    def within(
+        self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], clearance: float
+    ) -> Clearance:
+        """Whether the surfaces may be as near as `clearance`; see `engine.within`."""
+        clearance = check_tolerance("clearance", clearance)
+        pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
+        self._asked = None
+        beyond = math.nextafter(clearance, math.inf)
+        self._search.run(pose_a, pose_b, stop=clearance, limit=beyond)
+        answer = self._search.answers
+        lower, tests = float(answer[index.LOWER]), _tests(answer)
+        return Clearance(
+            lower <= clearance, lower, float(answer[index.UPPER]), *witness_points(answer), *tests
+        )
+
+    def collide(
+        self,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        *,
+        all_contacts: bool = False,
+    ) -> Collision:
+        """Whether the surfaces touch or cross; see `engine.collide`."""
+        pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
+        self._asked = None
+        search = self._search
+        search.run(pose_a, pose_b, limit=math.ulp(0.0))
+        answer = search.answers
+        colliding = bool(answer[index.LOWER] == 0.0)
+        tests = _tests(answer)
+        pairs = answer[None, index.TREE_A : index.TREE_B + 1][: int(colliding)]
+        if colliding and all_contacts:
+            search.run(pose_a, pose_b, limit=math.ulp(0.0), collect=True)
+            pairs = search.collected(reach_of.py_func(0.0, *search.offsets))[:, :2]
+            tests = tests + _tests(search.answers)
+        pairs = np.ascontiguousarray(pairs, np.int32)
+        contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
+        points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+        if colliding:
+            contacts_of(self.a._table, self.b._table, search.memory, pose_a, pairs, points, normals)
+        return Collision(colliding, contacts, points, normals, *tests.tolist())
+
+    def _change_order(self, order: Order) -> None:
+        """Search in another order from now on; the remembered triangles stay."""
+        search = self._search
+        self._search = Search(self.a, self.b, order, search.coherent, search.nearest)
+
+    def _distance(self, search: Search, start: float, collected: bool = False) -> Distance:
+        """The answer of a search that was asked at `start` of perf_counter."""
+        manifold = manifold_of(self.a, self.b, search) if collected else None
+        return distance_of(search.answers, start, manifold)
+
+
+def _pair_of(kind: type[Pair], make: type[Search], arguments: tuple[Any, ...]) -> Pair:
+    """A pair with a search of its own."""
+    pair = kind.__new__(kind)
+    pair._begin(make(*arguments))
+    return pair
+
+
+def _tests(answer: NDArray[np.float64]) -> NDArray[np.int64]:
+    """The bound tests and primitive tests of an answer."""
+    return answer[index.TESTS : index.TESTS + 2].astype(np.int64)

@@ -1,0 +1,281 @@
+"""The answers. Every one is certified: what it says holds whatever stopped the search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..kernels.base import state as index
+from .witness import witness_points
+
+
+class Status(Enum):
+    """Why a distance search stopped."""
+
+    EXACT = "exact"
+    """The bounds differ by rounding alone, and by what the models may deviate."""
+    WITHIN_TOLERANCE = "within tolerance"
+    """upper <= (1 + rel_err) · true, or upper <= true + abs_err, deviations left out."""
+    OUT_OF_TIME = "out of time"
+    """The budget ended first; the bounds hold, and the same Pair can go on."""
+    INTERSECTING = "intersecting"
+    """The models cross or touch, or are so close that rounding or deviations cannot tell: lower is
+    0, or the least value that `signed_distance` can have."""
+
+
+STATUSES = tuple(Status)
+"""By the numbers that kernels have for them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """Where a witness point lies on its mesh.
+
+    Attributes:
+        triangle: index into the mesh's faces.
+        barycentric: (3,) weights of the triangle's corners; they are not negative and sum to 1.
+    """
+
+    triangle: int
+    barycentric: NDArray[np.float64]
+
+    @property
+    def kind(self) -> str:
+        """`"vertex"`, `"edge"` or `"face"`: by how many weights are not zero."""
+        return ("vertex", "edge", "face")[int(np.count_nonzero(self.barycentric)) - 1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Manifold:
+    """Every pair of parts of two surfaces that may hold their minimum distance: none is missing.
+
+    A part is one triangle, or all under a volume that the search did not look into because the
+    budget was over or the tolerance did not require it (Johnson and Cohen 1997, section 3.1.3).
+
+    Attributes:
+        lower: (k,) metres; certified lower bound of each pair's distance.
+        upper: (k,) metres; certified upper bound of it.
+        ranges_a: (k, 2) int32; the part of a of each pair: first, and one after the last, among
+            `faces_a`.
+        ranges_b: (k, 2) int32; the same of b.
+        faces_a: (m,) int32; a's faces by index, those of a part in a row.
+        faces_b: (n,) int32; the same of b.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    ranges_a: NDArray[np.int32]
+    ranges_b: NDArray[np.int32]
+    faces_a: NDArray[np.int32]
+    faces_b: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        """How many pairs there are."""
+        return len(self.lower)
+
+    def faces(self, i: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Which faces of a and which of b make up pair i."""
+        (first_a, last_a), (first_b, last_b) = self.ranges_a[i], self.ranges_b[i]
+        return self.faces_a[first_a:last_a], self.faces_b[first_b:last_b]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Distance:
+    """Minimum distance of two surfaces: lower <= true distance <= upper.
+
+    Attributes:
+        row: (ANSWER,) what follows as numbers in a row, as a search writes them.
+        elapsed_s: seconds the search took.
+        manifold: every pair that may hold the minimum, where they were asked for.
+    """
+
+    # A call takes a few microseconds, of which six numbers that nobody may want would be one.
+    row: NDArray[np.float64]
+    elapsed_s: float
+    manifold: Manifold | None
+
+    @property
+    def lower(self) -> float:
+        """Metres; certified lower bound; negative in answers of `signed_distance` alone."""
+        return float(self.row[index.LOWER])
+
+    @property
+    def upper(self) -> float:
+        """Metres; certified upper bound: the witness points' distance and what rounding did to it.
+
+        Negative in answers of `signed_distance` alone.
+        """
+        return float(self.row[index.UPPER])
+
+    @property
+    def status(self) -> Status:
+        """Why the search stopped."""
+        return STATUSES[int(self.row[index.STATUS])]
+
+    @property
+    def bound_tests(self) -> int:
+        """Bounding volumes tested against others, or against single points (approach.py)."""
+        return int(self.row[index.TESTS])
+
+    @property
+    def primitive_tests(self) -> int:
+        """Triangle pairs tested."""
+        return int(self.row[index.TESTS + 1])
+
+    @property
+    def point_a(self) -> NDArray[np.float64]:
+        """(3,) metres, world; the witness point on a."""
+        return witness_points(self.row)[0]
+
+    @property
+    def point_b(self) -> NDArray[np.float64]:
+        """(3,) metres, world; the witness point on b."""
+        return witness_points(self.row)[1]
+
+    @property
+    def feature_a(self) -> Feature:
+        """Where point_a lies on a."""
+        return _feature(self.row, index.FEATURE_A)
+
+    @property
+    def feature_b(self) -> Feature:
+        """Where point_b lies on b."""
+        return _feature(self.row, index.FEATURE_B)
+
+    def __repr__(self) -> str:
+        """The bounds, points and status."""
+        points = ", ".join(str(point.tolist()) for point in (self.point_a, self.point_b))
+        return (
+            f"Distance(lower={self.lower!r}, upper={self.upper!r}, {self.status}, points {points})"
+        )
+
+
+def _feature(row: NDArray[np.float64], at: int) -> Feature:
+    return Feature(int(row[at + 3]), row[at : at + 3])
+
+
+@dataclass(frozen=True, slots=True)
+class Clearance:
+    """The answer to "is anything nearer than this?".
+
+    Attributes:
+        within: False only where it is certain that the surfaces are farther apart than asked.
+        lower: metres; certified lower bound of the distance, greater than the clearance asked for
+            where `within` is False.
+        upper: metres; certified upper bound, attained by the witness points.
+        point_a: (3,) metres, world; witness on a, nearer than asked where `within` is True.
+        point_b: (3,) metres, world; witness on b.
+        bound_tests: bounding volume pairs tested.
+        primitive_tests: triangle pairs tested.
+    """
+
+    within: bool
+    lower: float
+    upper: float
+    point_a: NDArray[np.float64]
+    point_b: NDArray[np.float64]
+    bound_tests: int
+    primitive_tests: int
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """Whether two surfaces touch or cross.
+
+    Attributes:
+        colliding: False only where it is certain that they do neither.
+        contacts: (k, 2) int32; triangles of a and of b, indices into their faces, that touch or
+            cross. One pair, or every pair where all of them were asked for.
+        points: (k, 3) metres, world; a point of each contact, on both surfaces to rounding (on a,
+            where only what the models may deviate lets them touch).
+        normals: (k, 3) unit vectors, world; the way from a to b of each contact, along which b is
+            pushed away. Where balls touch it is the line of their centres. Else it is the outward
+            normal of a's triangle or the inward one of b's (outward as the order of their corners
+            says): that one along which the two triangles are parted sooner. Of segments that cross
+            it is perpendicular to both, of points that coincide it is zero.
+        bound_tests: bounding volume pairs tested.
+        primitive_tests: triangle pairs tested.
+    """
+
+    colliding: bool
+    contacts: NDArray[np.int32]
+    points: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    bound_tests: int
+    primitive_tests: int
+
+
+@dataclass(frozen=True, slots=True)
+class ClosestPoints:
+    """The point of a surface nearest to each of many points.
+
+    A point beyond the `max_distance` that was asked for has that or more as its lower bound, and
+    one that the budget did not suffice for has 0; the upper bound of both is infinite. Where signs
+    were asked for, a point that lies so deep inside has -`max_distance` or less as its upper bound,
+    and lower bounds of which nothing is known are -infinity. The points and normals of all these
+    are NaN and their triangles -1.
+
+    Attributes:
+        lower: (k,) metres; certified lower bounds of the distances, or of the signed distances.
+        upper: (k,) metres; certified upper bounds. Inside is certain where they are below 0.
+        points: (k, 3) metres, world; the nearest points of the surface.
+        triangles: (k,) int32; the triangles they lie on, indices into the faces.
+        done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
+        normals: (k, 3) unit vectors, world, where they were asked for: that of the triangle, which
+            points outward as the order of its corners says, or zero where it has no area; of a
+            model swept by a ball that of its surface.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    points: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    done: NDArray[np.bool_]
+    normals: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Distances:
+    """Minimum or signed distances, one row a pose or a pair of bodies; see `Distance`.
+
+    Attributes:
+        lower: (k,) metres; 0 where nothing was searched. Of a signed distance it is -infinity
+            there, and may be where `upper` decided about a clearance.
+        upper: (k,) metres; infinity where nothing was searched.
+        points_a: (k, 3) metres, world; NaN where nothing was searched.
+        points_b: (k, 3) metres, world.
+        triangles: (k, 2) int32; the witness points' triangles, indices into the faces; else -1.
+        barycentric: (k, 2, 3) the witness points' weights in those triangles.
+        hints: (k, 2) int32; where the next question to an `Assembly` may start; -1 for nowhere.
+        status: (k,) int32; positions in `tuple(Status)`.
+        bound_tests: (k,) bounding volume pairs tested.
+        primitive_tests: (k,) triangle pairs tested.
+        searched: (k,) whether the budget allowed to look at the pair at all.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    points_a: NDArray[np.float64]
+    points_b: NDArray[np.float64]
+    triangles: NDArray[np.int32]
+    barycentric: NDArray[np.float64]
+    hints: NDArray[np.int32]
+    status: NDArray[np.int32]
+    bound_tests: NDArray[np.int64]
+    primitive_tests: NDArray[np.int64]
+    searched: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.lower)
+
+    def within(self, clearance: ArrayLike) -> NDArray[np.bool_]:
+        """Whether the models may be as near as `clearance` metres, a number or (k,); (k,) bool.
+
+        False is certain. What was asked for with this clearance is decided, unless the budget ended
+        first; so with clearance 0 it is whether the models touch or cross.
+        """
+        return self.lower <= np.asarray(clearance)

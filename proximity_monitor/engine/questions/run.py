@@ -1,0 +1,257 @@
+"""Running the search kernel from Python: its memory, its slices, the clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from threading import Event
+from time import perf_counter
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base import state as index
+from ..kernels.base.state import KEPT
+from ..kernels.base.tables import table
+from ..kernels.search import search as kernel
+from ..kernels.search.queue import QUEUE
+from ..models.mesh import TriangleMesh
+from ..models.tree import BOXES
+from ..poses import check_pose
+
+Order = Literal["depth_first", "priority", "breadth_first"]
+"""In which order a search visits pairs of volumes; the answer is the same."""
+
+_ORDERS = {
+    "depth_first": index.DEPTH_FIRST,
+    "priority": index.PRIORITY,
+    "breadth_first": index.BREADTH_FIRST,
+}
+
+SLICE = 256
+"""Steps between two looks at the clock, some 30 µs: what a budget may be overrun by. With 64 a
+search under a budget takes half as long again."""
+
+LONG_SLICE = 1 << 18
+"""Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
+
+_LIST = 1 << 20
+"""Pairs that a search level by level has room for, a power of two: 16 MB, of which the system gives
+only what is used."""
+
+_COHERENT = 1024
+"""Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
+
+_COLLECTED = 4096
+"""Pairs that there is room for when collecting begins."""
+
+
+def code_for(models: Iterable[TriangleMesh], order: Order = "depth_first") -> int | None:
+    """Which code a search between some models needs: `unusual` of `kernels.descent.advance`."""
+    usual = order == "depth_first" and not any(model.volume in BOXES for model in models)
+    return None if usual else 1
+
+
+def check_model(model: TriangleMesh, name: str) -> TriangleMesh:
+    """The model, if it is one.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if not isinstance(model, TriangleMesh):
+        raise TypeError(
+            f"{name}: expected a model (TriangleMesh, or what load, points or polyline return), "
+            f"got {'None' if model is None else type(model).__name__}"
+        )
+    return model
+
+
+def check_models(models: Iterable[TriangleMesh]) -> tuple[TriangleMesh, ...]:
+    """The models, if all of them are.
+
+    Raises:
+        TypeError: one is something else.
+    """
+    return tuple(check_model(model, f"models[{i}]") for i, model in enumerate(models))
+
+
+class Search:
+    """The memory of a search over two models, and its last answers.
+
+    Kernels find that memory by its addresses. So a copy, and what pickle makes of it, is another
+    search of the models, which begins with the nearest triangles of this one.
+
+    Args:
+        a: first model.
+        b: second model.
+        order: in which order pairs of volumes are visited.
+        coherent: whether successive poses are near each other, of these two models alone: what is
+            known from the last serves the next.
+        nearest: the triangles, in tree order, to begin with.
+
+    Raises:
+        TypeError: a model that is none.
+        ValueError: there is no such order.
+    """
+
+    __slots__ = ("_unusual", "answers", "counts", "memory", "models", "order", "reals", "state")
+
+    def __init__(
+        self,
+        a: TriangleMesh,
+        b: TriangleMesh,
+        order: Order = "depth_first",
+        coherent: bool = True,
+        nearest: tuple[int, int] = (0, 0),
+    ) -> None:
+        if order not in _ORDERS:
+            raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
+        self.models = check_model(a, "a"), check_model(b, "b")
+        self.order = order
+        self._unusual = code_for((a, b), order)
+        # Opening a volume replaces one pair by at most sixteen, once for each level of either
+        # model; a priority queue that is full besides leaves all its pairs below. A list of levels
+        # is full while there is still room for a search depth first (see levels.py).
+        levels = a.depth + b.depth
+        capacity = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
+        if order == "breadth_first":
+            capacity = _LIST
+        self.reals = np.zeros(index.REALS)
+        self.counts = np.zeros(index.COUNTS, np.int64)
+        self.counts[index.ORDER] = _ORDERS[order]
+        self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = nearest
+        self.counts[index.FULL] = capacity - 15 * levels - 16
+        no_corners = np.empty((0, KEPT), np.int32)
+        self._keep(
+            index.State(
+                np.zeros((2, 12)),
+                self.reals,
+                self.counts,
+                np.empty((capacity, 2), np.int32),
+                np.empty(capacity),
+                np.zeros(levels + 1, np.int64),
+                np.empty((0, 3)),
+                no_corners,
+                no_corners,
+                np.full(_COHERENT if coherent else 0, -1),
+                np.zeros(_COHERENT if coherent else 0),
+            )
+        )
+        self.answers = np.empty(0)
+
+    @property
+    def coherent(self) -> bool:
+        """Whether it remembers volumes."""
+        return len(self.state.keys) > 0
+
+    @property
+    def nearest(self) -> tuple[int, int]:
+        """The nearest triangles of the last answer, in tree order."""
+        a, b = self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1].tolist()
+        return a, b
+
+    def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
+        """Of what another is made."""
+        return Search, (*self.models, self.order, self.coherent, self.nearest)
+
+    def _keep(self, state: index.State) -> None:
+        """Take the arrays of a search, and make the table by which kernels find them."""
+        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
+        memory = table(state)
+        self.state, self.memory = state, memory
+
+    def run(
+        self,
+        poses_a: NDArray[np.float64],
+        poses_b: NDArray[np.float64],
+        *,
+        rel_err: float = 0.0,
+        abs_err: float = 0.0,
+        stop: float = 0.0,
+        limit: float = math.inf,
+        deadline: float | None = None,
+        fresh: bool = True,
+        collect: bool = False,
+        first: int | None = None,
+        stopped: Event | None = None,
+        answers: NDArray[np.float64] | None = None,
+    ) -> int:
+        """Answer at k poses, one below the other (4 k, 4), into `answers` (k ANSWER,), or new ones.
+
+        Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
+        alone, it collects every pair that may be as near as the upper bound, and ends only when it
+        has them all. `first` is the number of the first pose among many, for messages about one of
+        them. Returns ENDED, or CUT where the deadline (of perf_counter) came first, though after
+        one slice at least; or another code where `stopped` was set meanwhile.
+
+        Raises:
+            ValueError: a pose that is no rigid motion.
+        """
+        a, b = self.models
+        # At least one slice: whoever asks again and again comes to an end.
+        steps = LONG_SLICE if deadline is None else SLICE
+        if collect:
+            stop = -math.inf
+        tables = a._table, b._table
+        if collect:
+            tables = a._table_of_all, b._table_of_all
+        if collect != bool(len(self.state.collected)):
+            if not (a._distinct is a._tree and b._distinct is b._tree):
+                self.state.keys.fill(-1)  # too far were those pairs that it looked at
+            room = np.empty((_COLLECTED if collect else 0, 3))
+            self._keep(self.state._replace(collected=room))
+        if fresh and self.order == "breadth_first":
+            corners = a._spread_corners(), b._spread_corners()
+            self._keep(self.state._replace(spread_a=corners[0], spread_b=corners[1]))
+        count = len(poses_a) // 4
+        if answers is None:
+            answers = np.empty(count * index.ANSWER)
+        self.answers = answers
+        row = 0
+        while True:
+            code, row = kernel.search(
+                *tables, self.memory, poses_a, poses_b, row, count,
+                rel_err, abs_err, stop, limit, steps, fresh, answers, self._unusual,
+            )  # fmt: skip
+            if code == index.COLLECTED_FULL:
+                self._make_room()
+                code = index.CUT
+            if code not in (index.CUT, index.CUT_BETWEEN):
+                break
+            if deadline is not None and perf_counter() >= deadline:
+                break
+            if stopped is not None and stopped.is_set():
+                break
+            fresh = code == index.CUT_BETWEEN
+        if code in (index.BAD_POSE_A, index.BAD_POSE_B):
+            letter, poses = ("a", poses_a) if code == index.BAD_POSE_A else ("b", poses_b)
+            name = f"pose_{letter}" if first is None else f"poses_{letter}[{first + row}]"
+            check_pose(poses[4 * row : 4 * row + 4], name)
+        return code
+
+    def _make_room(self) -> None:
+        """Drop what was collected and matters no longer, and have room for more."""
+        rows = self.collected(self.reals[index.LIMIT])
+        room = np.empty((max(len(self.state.collected), 4 * len(rows)), 3))
+        room[: len(rows)] = rows
+        self.counts[index.COLLECTED] = len(rows)
+        self._keep(self.state._replace(collected=room))
+
+    @property
+    def offsets(self) -> tuple[float, float]:
+        """Both models' swept radii together and both deviations, metres."""
+        return float(self.reals[index.RADII]), float(self.reals[index.DEVIATIONS])
+
+    def collected(self, reach: float) -> NDArray[np.float64]:
+        """The rows of `State.collected` whose cores may be as near as `reach` metres."""
+        rows = self.state.collected[: self.counts[index.COLLECTED]]
+        lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.reals[index.SLACK], 0.0)
+        return rows[lower <= reach]
+
+    def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
+        ring = self.order == "breadth_first"
+        first = self.counts[index.BASE] if ring else 0
+        where = np.arange(first, self.counts[index.DEPTH]) % len(self.state.bounds)
+        return self.state.stack[where], self.state.bounds[where]

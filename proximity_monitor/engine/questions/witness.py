@@ -1,0 +1,40 @@
+"""The nearest points of models, from the nearest points of the triangles that balls sweep."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base import state as index
+
+
+def witness_points(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nearest points of both models, world, metres; from answers of searches (..., ANSWER)."""
+    return surface_points(
+        rows[..., index.POINT_A : index.POINT_A + 3],
+        rows[..., index.POINT_B : index.POINT_B + 3],
+        rows[..., index.RADIUS_A : index.RADIUS_B + 1],
+    )
+
+
+def surface_points(
+    p: NDArray[np.float64], q: NDArray[np.float64], radii: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nearest points of swept models, from those of their cores.
+
+    Args:
+        p: (..., 3) metres; of the first.
+        q: (..., 3) metres; of the second.
+        radii: (..., 2) metres; by which either is swept.
+
+    Returns:
+        (..., 3) points of either: the very arrays given where no model is swept. Where the balls
+        around p and q meet, one point of both.
+    """
+    if not radii.any():
+        return p, q
+    way = q - p
+    length = np.sqrt((way * way).sum(axis=-1, keepdims=True))
+    reach = np.maximum(length, radii.sum(axis=-1, keepdims=True))
+    shares = np.divide(radii, reach, out=np.zeros_like(radii), where=reach > 0.0)
+    return p + shares[..., :1] * way, q - shares[..., 1:] * way
