@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import as_real, as_reals
 from ..kernels.base.cache import KERNELS
 from ..kernels.base.rounding import DOUBLE_EPS, LARGEST_COORDINATE
+from ..kernels.base.state import REVISION
 from ..kernels.base.tables import table
 from ..kernels.search.spread import spread_corners
 from ..kernels.tree.measure import measure
@@ -20,7 +21,7 @@ from .tessellate import tessellated
 from .tree import VOLUMES, build, refit
 
 if TYPE_CHECKING:
-    from ..kernels.base.state import Tree
+    from .tree import Tree
 
 Solid = bool | Literal["robust"] | None
 """Whether a model is to be a solid; see `TriangleMesh`."""
@@ -207,7 +208,7 @@ class TriangleMesh:
     @property
     def revision(self) -> int:
         """How often the vertices were moved by `refit`: what was computed before is outdated."""
-        return int(self._tree.scale[4])
+        return int(self._tree.scale[REVISION])
 
     def _take(
         self,

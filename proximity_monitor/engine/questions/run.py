@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from threading import Event
 from time import perf_counter
 from typing import Any, Literal
@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.state import KEPT
-from ..kernels.base.tables import table
-from ..kernels.search import search as kernel
+from ..kernels.base.tables import state_table
+from ..kernels.pairs.entries import ENTRIES
+from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
 from ..models.mesh import TriangleMesh
-from ..models.tree import BOXES
 from ..poses import check_pose
 
 Order = Literal["depth_first", "priority", "breadth_first"]
 """In which order a search visits pairs of volumes; the answer is the same."""
 
 _ORDERS = {
-    "depth_first": index.DEPTH_FIRST,
-    "priority": index.PRIORITY,
-    "breadth_first": index.BREADTH_FIRST,
+    "depth_first": index.DepthFirst,
+    "priority": index.Priority,
+    "breadth_first": index.BreadthFirst,
 }
 
 SLICE = 256
@@ -47,10 +47,9 @@ _COLLECTED = 4096
 """Pairs that there is room for when collecting begins."""
 
 
-def code_for(models: Iterable[TriangleMesh], order: Order = "depth_first") -> int | None:
-    """Which code a search between some models needs: `unusual` of `kernels.descent.advance`."""
-    usual = order == "depth_first" and not any(model.volume in BOXES for model in models)
-    return None if usual else 1
+def entry_for(a: TriangleMesh, b: TriangleMesh, order: Order = "depth_first") -> Callable:
+    """The compiled entry that answers queries about two models."""
+    return ENTRIES[type(a._tree), type(b._tree)][_ORDERS[order]]
 
 
 def check_model(model: TriangleMesh, name: str) -> TriangleMesh:
@@ -95,7 +94,10 @@ class Search:
         ValueError: there is no such order.
     """
 
-    __slots__ = ("_unusual", "answers", "counts", "memory", "models", "order", "reals", "state")
+    __slots__ = (
+        "_entry", "_known", "_models", "_queries", "_wanted", "answers", "counts", "memory",
+        "models", "order", "reals", "state",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -109,7 +111,10 @@ class Search:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
         self.models = check_model(a, "a"), check_model(b, "b")
         self.order = order
-        self._unusual = code_for((a, b), order)
+        self._entry = entry_for(a, b, order)
+        self._queries = queries(1)
+        self._wanted = memoryview(self._queries.view(np.float64))[-4:]
+        self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model; a priority queue that is full besides leaves all its pairs below. A list of levels
         # is full while there is still room for a search depth first (see levels.py).
@@ -119,21 +124,24 @@ class Search:
             capacity = _LIST
         self.reals = np.zeros(index.REALS)
         self.counts = np.zeros(index.COUNTS, np.int64)
-        self.counts[index.ORDER] = _ORDERS[order]
         self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = nearest
         self.counts[index.FULL] = capacity - 15 * levels - 16
+        pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
+        open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
+        if order == "priority":
+            open_pairs = index.Priority(pairs, bounds, np.zeros(levels + 1, np.int64))
+        elif order == "breadth_first":
+            open_pairs = index.BreadthFirst(pairs, bounds, no_corners, no_corners)
+        waiting = np.empty((WAITING_ROOM, 2), np.int32), np.empty(WAITING_ROOM)
         self._keep(
             index.State(
                 np.zeros((2, 12)),
                 self.reals,
                 self.counts,
-                np.empty((capacity, 2), np.int32),
-                np.empty(capacity),
-                np.zeros(levels + 1, np.int64),
+                open_pairs,
+                index.Waiting(*waiting),
                 np.empty((0, 3)),
-                no_corners,
-                no_corners,
                 np.full(_COHERENT if coherent else 0, -1),
                 np.zeros(_COHERENT if coherent else 0),
             )
@@ -158,7 +166,7 @@ class Search:
     def _keep(self, state: index.State) -> None:
         """Take the arrays of a search, and make the table by which kernels find them."""
         # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
-        memory = table(state)
+        memory = state_table(state)
         self.state, self.memory = state, memory
 
     def run(
@@ -177,7 +185,7 @@ class Search:
         stopped: Event | None = None,
         answers: NDArray[np.float64] | None = None,
     ) -> int:
-        """Answer at k poses, one below the other (4 k, 4), into `answers` (k ANSWER,), or new ones.
+        """Answer at k poses, one below the other (4 k, 4), into `answers` (k, ANSWER), or new ones.
 
         Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
         alone, it collects every pair that may be as near as the upper bound, and ends only when it
@@ -193,26 +201,37 @@ class Search:
         steps = LONG_SLICE if deadline is None else SLICE
         if collect:
             stop = -math.inf
-        tables = a._table, b._table
-        if collect:
-            tables = a._table_of_all, b._table_of_all
+        trees = (a._table_of_all, b._table_of_all) if collect else (a._table, b._table)
+        known = self._known
+        if trees[0] is not known[0] or trees[1] is not known[1]:  # a model was refitted
+            self._known, self._models = trees, np.stack(trees)
         if collect != bool(len(self.state.collected)):
             if not (a._distinct is a._tree and b._distinct is b._tree):
                 self.state.keys.fill(-1)  # too far were those pairs that it looked at
             room = np.empty((_COLLECTED if collect else 0, 3))
             self._keep(self.state._replace(collected=room))
         if fresh and self.order == "breadth_first":
+            pairs, bounds, *_ = self.state.open
             corners = a._spread_corners(), b._spread_corners()
-            self._keep(self.state._replace(spread_a=corners[0], spread_b=corners[1]))
+            open_pairs = index.BreadthFirst(pairs, bounds, *corners)
+            self._keep(self.state._replace(open=open_pairs))
         count = len(poses_a) // 4
         if answers is None:
-            answers = np.empty(count * index.ANSWER)
+            answers = np.empty((count, index.ANSWER))
         self.answers = answers
+        asked, wanted = self._queries, self._wanted
+        if count > 1:
+            asked = queries(count)
+            asked["poses"] = np.arange(count)[:, None]
+            asked["rel_err"], asked["abs_err"] = rel_err, abs_err
+            asked["stop"], asked["limit"] = stop, limit
+        else:
+            wanted[0], wanted[1], wanted[2], wanted[3] = rel_err, abs_err, stop, limit
         row = 0
         while True:
-            code, row = kernel.search(
-                *tables, self.memory, poses_a, poses_b, row, count,
-                rel_err, abs_err, stop, limit, steps, fresh, answers, self._unusual,
+            code, row = self._entry(
+                self._models, self.memory, poses_a, poses_b, asked, row, count, 1, steps, fresh,
+                answers,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:
                 self._make_room()
@@ -253,5 +272,18 @@ class Search:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
         ring = self.order == "breadth_first"
         first = self.counts[index.BASE] if ring else 0
-        where = np.arange(first, self.counts[index.DEPTH]) % len(self.state.bounds)
-        return self.state.stack[where], self.state.bounds[where]
+        pairs, bounds, *_ = self.state.open
+        where = np.arange(first, self.counts[index.DEPTH]) % len(bounds)
+        lanes, lower = self.state.waiting
+        waiting = slice(self.counts[index.WAITING])
+        return (
+            np.concatenate((pairs[where], lanes[waiting])),
+            np.concatenate((bounds[where], lower[waiting])),
+        )
+
+
+def queries(count: int) -> NDArray:
+    """Queries (count,) about the bodies 0 and 1, from the elements that were nearest last."""
+    made = np.zeros(count, index.QUERY)
+    made["bodies"], made["nearest"] = (0, 1), index.KEEP
+    return made

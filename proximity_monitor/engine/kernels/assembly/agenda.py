@@ -199,7 +199,7 @@ def _level(question, view):
 def ask(rows, labels, book, views, at, bodies, wanted, hints, signed, how):
     """Write the questions about the views `at` (m,).
 
-    bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `search_pairs`; `how`
+    bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `Assembly.rows`; `how`
     (m,) is one of TOGETHER, ALONE and INSIDE. Whose side of a level alone is asked for has no
     tolerance: the level ends its search. A solid that is certainly apart from the other is as far
     apart as the surfaces are; the sign of others is asked for, and nearly all turn out apart.

@@ -20,11 +20,7 @@ from ..base.rounding import ALONG_MARGIN, CROSS_MARGIN, SINGLE_EPS, SINGLE_LIMIT
 from ..base.state import BOUND_SLACK, BOUND_TESTS, NORMAL_A, NORMAL_B, OFFSET, PROVEN
 from ..base.vectors import add, moved, scaled, sub
 from ..tree.layout import EMPTY, STRIDE, WIDTH, read_vector, row
-from .boxes import box_bounds
-from .volumes import lower_bounds, lows_along
-
-Waiting = namedtuple("Waiting", "lanes bounds")
-"""Pairs of triangles that wait to be tested: their lanes (int32, n × 2) and bounds (n,) metres."""
+from .volumes import lower_bounds, lows_along, tighten
 
 Scratch = namedtuple("Scratch", "single found frame placed owns lows other_lows")
 """Room for float32: a single volume (16,), bounds (17 × 16), a motion (16,), a moved node
@@ -108,18 +104,13 @@ def _proven(lows, found, along, own_unit, unit, aligned, whole, count):
 
 
 @inlined
-def cross_leaves(
-    tree, node, fixed, lane, motion, flip, state, inherited, limit, scratch, waiting, n, unusual
-):
-    """Append to `waiting` the pairs of triangles that may be nearer than `limit`.
+def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, scratch, n):
+    """What `stubs.cross_leaves` asks for, of two trees over triangles.
 
-    One triangle is of the lowest node `node` of `tree`, the other of the one under `lane` of the
-    tree `fixed`; `motion` moves the former into the latter's frame, `flip` says that `tree` is b.
-    `inherited` is a bound of all pairs; where none is left, PROVEN is as good a one or better.
-    Returns how many pairs are waiting then, of n before; or -1 where single precision does not
-    serve.
+    Returns -1 where single precision does not serve.
     """
     single, found, frame, placed, owns, lows, other_lows = scratch
+    waiting = state.waiting
     other = fixed.children[lane]
     unit, inverse = fixed.scale[0], fixed.scale[1]
     reals = state.reals
@@ -180,11 +171,10 @@ def cross_leaves(
         at = (count + 1) * WIDTH
         _pick(moved_lanes, uint64(own), margin, single)
         lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found, uint64(at))
-        if unusual is not None and fixed.scale[3] + tree.scale[3] > 0.0:
-            box_bounds(
-                tree, node * WIDTH + own, motion, fixed, other, state.reals[BOUND_SLACK],
-                threshold, found, at,
-            )  # fmt: skip
+        tighten(
+            tree, fixed, node * WIDTH + own, motion, other, state.reals[BOUND_SLACK],
+            threshold, found, at,
+        )  # fmt: skip
         owns[count] = own
         count += 1
     state.counts[BOUND_TESTS] += WIDTH * count

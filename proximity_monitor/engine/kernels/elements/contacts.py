@@ -10,7 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, kernel
-from ..base.state import DISTANCE, SLACK, SWEPT, TRIANGLE_A, TRIANGLE_B, WEIGHTS_A, WEIGHTS_B
+from ..base.state import (
+    DISTANCE,
+    SLACK,
+    SWEPT,
+    TRIANGLE_A,
+    TRIANGLE_B,
+    WEIGHTS_A,
+    WEIGHTS_B,
+    DepthFirst,
+    MeshTree,
+)
 from ..base.tables import state_at, tree_at
 from ..base.vectors import across, dot, face_normal, moved, scaled, sub, unit
 from .primitives import corners, mixed, test_triangles
@@ -59,9 +69,9 @@ def contacts(model_a, model_b, memory, pose, pairs, points, normals):
     The triangles are in tree order, `memory` is that of the search that found them, which is over;
     `pose` is a's.
     """
-    tree_a, _ = tree_at(model_a)
-    tree_b, _ = tree_at(model_b)
-    state = state_at(memory)
+    tree_a, _ = tree_at(MeshTree, model_a)
+    tree_b, _ = tree_at(MeshTree, model_b)
+    state = state_at(DepthFirst, memory)
     reals, counts, motion = state.reals, state.counts, state.motions[0]
     near_a, near_b = counts[TRIANGLE_A], counts[TRIANGLE_B]
     for k in range(pairs.shape[0]):

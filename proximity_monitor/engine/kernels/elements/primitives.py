@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import float32
 
 from ..base.jit import inlined, kernel, shared
-from ..base.lanes import lowest, not_above
+from ..base.lanes import lowest
 from ..base.rounding import OFFSET_MARGIN
 from ..base.state import (
     ABS_ERR,
@@ -25,8 +24,7 @@ from ..base.state import (
     WEIGHTS_B,
 )
 from ..base.vectors import along, moved, scaled, sub
-from ..bounds.gaps import BATCH, gaps, gather, shift
-from .aim import gap_along, take_aim
+from .aim import take_aim
 from .swept import reach_of
 from .triangles import certainly_cross, distance_apart, triangle_distance
 
@@ -134,7 +132,7 @@ def test_triangles(tree_a, tree_b, state, ta, tb, bound):
 
 
 @kernel
-def _nearest(values, lanes):
+def nearest_lane(values, lanes):
     """The lane whose value is smallest among the bits of `lanes`, which is not zero."""
     best = lowest(lanes)
     lanes &= lanes - 1
@@ -144,37 +142,3 @@ def _nearest(values, lanes):
         if values[k] < values[best]:
             best = k
     return best
-
-
-@kernel
-def test_batch(tree_a, tree_b, state, pairs, count, corners, local, found):
-    """Test the first `count` pairs of triangles (BATCH, 2), whose corners have been gathered.
-
-    The pair with the smallest lower bound comes first: what it makes of the distance often
-    dismisses the others. Returns how many were tested exactly.
-    """
-    reals = state.reals
-    tested = 0
-    scale = min(tree_a.scale[1], tree_b.scale[1])
-    for k in range(count, BATCH):
-        gather(tree_a.triangles, pairs[0, 0], tree_b.triangles, pairs[0, 1], k, corners)
-    shift(corners, state.motions[0], scale, local)
-    gaps(local, float32(reals[SLACK] * scale * (1.0 + 1e-6)), found)
-    remaining = (1 << count) - 1
-    while True:
-        reach = np.float32(min(reals[LIMIT] * scale * (1.0 + 1e-6), 3e38))
-        remaining &= not_above(found, 0, reach)
-        if not remaining:
-            break
-        k = _nearest(found, remaining)
-        remaining &= ~(1 << k)
-        ta, tb = pairs[k, 0], pairs[k, 1]
-        if tested > 0:  # the direction to measure along may have changed since they were gathered
-            gap = gap_along(reals, tree_a.triangles, ta, tree_b.triangles, tb)
-            if gap >= reals[LIMIT]:
-                continue
-        distance = test_triangles(tree_a, tree_b, state, ta, tb, np.float64(found[k]))
-        tested += 1
-        if state.collected.shape[0] > 0 and distance - reals[SLACK] < reals[LIMIT]:
-            collect(state, ta, tb, distance)
-    return tested

@@ -14,7 +14,7 @@ import numpy as np
 from ..base.hashing import EMPTY_HASH, mixed, slot
 from ..base.jit import inlined, kernel
 from ..base.rounding import TRAVEL_SHARE
-from ..base.state import BOUND_SLACK, LIMIT, SHAPE_A, SHAPE_B, STEP, TRAVELLED
+from ..base.state import BOUND_SLACK, LIMIT, REVISION, SHAPE_A, SHAPE_B, STEP, TRAVELLED
 from ..base.vectors import dot, scaled
 from ..tree.layout import row
 
@@ -62,8 +62,8 @@ def travel(tree_a, tree_b, state, before, slack):
     out. `slack` is what the motions before erred by. Of a model that was refitted nothing is known.
     """
     reals, motions = state.reals, state.motions
-    if reals[SHAPE_A] != tree_a.scale[4] or reals[SHAPE_B] != tree_b.scale[4]:
-        reals[SHAPE_A], reals[SHAPE_B] = tree_a.scale[4], tree_b.scale[4]
+    if reals[SHAPE_A] != tree_a.scale[REVISION] or reals[SHAPE_B] != tree_b.scale[REVISION]:
+        reals[SHAPE_A], reals[SHAPE_B] = tree_a.scale[REVISION], tree_b.scale[REVISION]
         for i in range(state.keys.shape[0]):
             state.keys[i] = _NONE
     distance = min(

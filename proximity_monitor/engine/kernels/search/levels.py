@@ -4,7 +4,7 @@ All pairs of one level of the bounding volume test tree are bounded before any o
 level begins, the nearest of its pairs gives an upper bound: the nearest two of the few vertices
 that are kept of either volume, spread out over it (spread.py).
 
-The pairs are listed in the order in which they were found, `stack` being a ring: those from BASE to
+The pairs are listed in the order in which they were found, `pairs` being a ring: those from BASE to
 DEPTH, which count up without end, stand at their remainders by its length, a power of two.
 
 A level may be large. While more than FULL pairs are listed, the last is taken, not the first: what
@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import implements, inlined, kernel
 from ..base.state import (
     BASE,
     DEPTH,
@@ -26,27 +26,45 @@ from ..base.state import (
     KEPT,
     LEVEL_END,
     LEVEL_LOWER,
+    LIMIT,
     NEAREST_A,
     NEAREST_B,
     NEXT_LOWER,
+    BreadthFirst,
 )
 from ..base.vectors import dot, moved, sub
 from ..elements.primitives import keep
 from ..tree.layout import first_of, last_of
+from .stubs import least_open, push, take
 
 
+@implements(push, BreadthFirst)
 @inlined
-def list_pair(state, number, a, b, bound):
-    """Where the pair of a number stands, which is added to the next level."""
+def _push(open_pairs, state, first, top, a, b, bound):
     reals, counts = state.reals, state.counts
     if bound < reals[NEXT_LOWER]:
         reals[NEXT_LOWER] = bound
         counts[NEAREST_A], counts[NEAREST_B] = a, b
-    return number & (state.stack.shape[0] - 1)
+    at = top & (len(open_pairs.bounds) - 1)
+    open_pairs.pairs[at, 0], open_pairs.pairs[at, 1], open_pairs.bounds[at] = a, b, bound
+
+
+@implements(take, BreadthFirst)
+@inlined
+def _take(open_pairs, tree_a, tree_b, state):
+    at = _take_first(tree_a, tree_b, state)
+    return at if open_pairs.bounds[at] < state.reals[LIMIT] else -1
+
+
+@implements(least_open, BreadthFirst)
+@inlined
+def _least(open_pairs, state):
+    # There may be a million of them.
+    return state.reals[LEVEL_LOWER] if state.counts[DEPTH] > 0 else np.inf
 
 
 @kernel
-def take_first(tree_a, tree_b, state):
+def _take_first(tree_a, tree_b, state):
     """Take the first pair off the list, or the last where it is full; returns where it stands."""
     counts = state.counts
     if counts[DEPTH] - counts[BASE] > counts[FULL]:
@@ -59,7 +77,7 @@ def take_first(tree_a, tree_b, state):
         counts[BASE] += 1
     if counts[BASE] == counts[DEPTH]:
         counts[BASE], counts[DEPTH], counts[LEVEL_END] = 0, 0, 0
-    return number & (state.stack.shape[0] - 1)
+    return number & (len(state.open.bounds) - 1)
 
 
 @kernel
@@ -85,10 +103,10 @@ def _test_vertices(tree_a, tree_b, state, a, b):
     best, way = known * known, (0.0, 0.0, 0.0)
     first, second = 0, 0
     for j in range(KEPT):
-        of_b, q = _vertex(tree_b, state.spread_b, b, j)
+        of_b, q = _vertex(tree_b, state.open.spread_b, b, j)
         q = moved(state.motions[0], q)
         for i in range(KEPT):
-            of_a, p = _vertex(tree_a, state.spread_a, a, i)
+            of_a, p = _vertex(tree_a, state.open.spread_a, a, i)
             d = sub(q, p)
             squared = dot(d, d)
             if squared < best:
