@@ -204,7 +204,8 @@ class Search:
         trees = (a._table_of_all, b._table_of_all) if collect else (a._table, b._table)
         known = self._known
         if trees[0] is not known[0] or trees[1] is not known[1]:  # a model was refitted
-            self._known, self._models = trees, np.stack(trees)
+            self._models = np.empty((2, *trees[0].shape), np.int64)
+            self._models[0], self._models[1] = self._known = trees
         if collect != bool(len(self.state.collected)):
             if not (a._distinct is a._tree and b._distinct is b._tree):
                 self.state.keys.fill(-1)  # too far were those pairs that it looked at

@@ -81,7 +81,7 @@ implements(stubs.approach, MESHES, MESHES)(approach)
 
 
 @implements(stubs.resolve, MESHES, MESHES)
-@kernel
+@inlined
 def _resolve(tree_a, tree_b, state, n, steps, scratch):
     pairs, gathered = table_on_stack(BATCH, 2, 0), on_stack(CORNERS, 0.0)
     local, found = on_stack(_LOCAL, np.float32(0.0)), scratch.found
