@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from peers import Coal, Fcl
 
 from proximity_monitor import engine
+from proximity_monitor.engine.questions.result import Distances
 from proximity_monitor.study.scenes import Scene, Track
 
 REL_ERR = 0.1
@@ -60,7 +61,7 @@ class Batch:
         poses = {"poses_a": track.poses_a[steps], "poses_b": track.poses_b[steps]}
         return [partial(engine.distances, a=a, b=b, **poses, rel_err=self._rel_err)]
 
-    def bounds(self, answers: list[engine.Distances]) -> Bounds:
+    def bounds(self, answers: list[Distances]) -> Bounds:
         """The answers' bounds."""
         return np.concatenate([(d.lower, d.upper) for d in answers], axis=1)
 

@@ -22,8 +22,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
-from proximity_monitor.scene.listed import as_arrays
-from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, silence
+from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, as_arrays, silence
 from proximity_monitor.scene.unseen import Unseen
 
 WINDOW_S = 10.0

@@ -35,9 +35,9 @@ from proximity_monitor.ros.whereabouts import Whereabouts
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
 from proximity_monitor.scene.attachments import Samples
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.recording import Recording
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import NO_POSE_YET, Tick
 from proximity_monitor.scene.unseen import Unseen, unseen_containment
 
@@ -178,7 +178,6 @@ class Session:
             self._services.destroy()
             for timer in (self._ticking, self._seconds):
                 self._node.destroy_timer(timer)
-            self._monitor.close()
         self._outputs.destroy()
         self._node.destroy_publisher(self._diagnostics)
         # Each callback is a cycle, and Python never looks for cycles in what was there when `spin`

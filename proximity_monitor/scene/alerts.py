@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from proximity_monitor.scene.approach import Approach, Courses, approach
-from proximity_monitor.scene.listed import as_arrays
 from proximity_monitor.scene.state import (
     NO_POSE_YET,
     NO_RECENT_POSE,
@@ -28,6 +27,7 @@ from proximity_monitor.scene.state import (
     PairStates,
     PairStatus,
     Tick,
+    as_arrays,
     silence,
 )
 

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.scene.watch import WatchedPairs
 
 LISTED_SILENT = 250
@@ -49,12 +50,12 @@ class NearPairs:
     beyond: float
     """Metres; all pairs without a row are farther apart than this."""
 
-    def __init__(self, watched: WatchedPairs, answers: engine.Answers, solid: np.ndarray) -> None:
+    def __init__(self, watched: WatchedPairs, answers: Answers, solid: np.ndarray) -> None:
         """Begin with the pairs of infinite range; `solid` (n,) bool is of the bodies."""
         self._watched = watched
         self._answers = answers
         self._solid = solid
-        self._broad = engine.BroadPhase()
+        self._broad = BroadPhase()
         self._heard: tuple[bytes, bytes] | None = None
         self._silent_pairs, self._silent_keys = 0, np.empty(0, np.int64)
         self._ignored = np.empty(0, np.int64)

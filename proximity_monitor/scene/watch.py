@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from proximity_monitor.scene.description import Question, Thresholds, WatchedPair
-from proximity_monitor.scene.lazy import LazySequence
+from proximity_monitor.scene.state import LazySequence
 
 CONTACT = Thresholds(warn=0.0, stop=0.0, hysteresis=0.0)
 UNWATCHED = -1

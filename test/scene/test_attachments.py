@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from proximity_monitor.engine import check_pose
+from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.scene import Body, pose_matrix
 from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.attachments import Attachments

@@ -8,8 +8,8 @@ from crowds import placed, samples
 
 from proximity_monitor.scene.alerts import Alerts, Level
 from proximity_monitor.scene.approach import Course
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 
 SCENE = """version: 1
 unit: m
@@ -39,7 +39,6 @@ def alerts_of(scene, models, distances):
         }
         made += alerts.update(tick, limits, k * PERIOD_S, courses.get)
         before = poses
-    monitor.close()
     return made
 
 

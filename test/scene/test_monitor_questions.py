@@ -6,8 +6,8 @@ from crowds import assert_certified, exact, meshes_of, placed, samples, text, wa
 
 from proximity_monitor import engine
 from proximity_monitor.scene import Thresholds
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import PairStatus
 
 COUNT = 8

@@ -5,8 +5,8 @@ import pytest
 from crowds import assert_certified, exact, placed, samples, text, walk
 
 from proximity_monitor import engine
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 
 COUNT = 8
 

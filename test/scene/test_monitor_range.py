@@ -7,8 +7,8 @@ from crowds import assert_certified, exact, samples, text, walk
 from proximity_monitor.scene import Thresholds
 from proximity_monitor.scene import near as near_pairs
 from proximity_monitor.scene.alerts import Alerts
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import PairStatus
 
 COUNT = 12
@@ -221,4 +221,3 @@ def test_a_crowd_before_its_first_poses_costs_no_more_than_after(load):
     for k in range(2):
         alerts.update(monitor.tick({}, 0.1), limits, 2.0 + k, silent=why)
     assert len(judged) <= 250, "who is as silent as before is not judged again"
-    monitor.close()

@@ -10,8 +10,8 @@ from crowds import meshes_of
 
 from proximity_monitor import engine
 from proximity_monitor.scene import Thresholds
+from proximity_monitor.scene.monitor import Monitor, simulate
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor, simulate
 from proximity_monitor.scene.state import PairStatus, PoseSample
 
 SCENE = """
