@@ -140,7 +140,7 @@ class Log:
         tick = self.last = monitor.tick(samples, self._budget_s)
         cpu = thread_time() - start
         gaps = tick.pairs.upper - tick.pairs.lower
-        searched = len(tick.looked_at)
+        searched = len(tick.searched)
         self._rows.append((tick.elapsed_s, cpu, len(tick.pairs), searched, tick.left))
         self._gaps.append(gaps)
 

@@ -14,7 +14,7 @@ from peers import Coal, Fcl
 
 from proximity_monitor import engine
 from proximity_monitor.engine.questions.result import Distances
-from proximity_monitor.study.scenes import Scene, Track
+from proximity_monitor.study.scenes import StudyScene, Track
 
 REL_ERR = 0.1
 
@@ -86,7 +86,10 @@ Entrant = Single | Batch | Peer
 
 
 def measure(
-    scene: Scene, libraries: Sequence[Fcl | Coal], quick: bool, advance: Callable[[float], None]
+    scene: StudyScene,
+    libraries: Sequence[Fcl | Coal],
+    quick: bool,
+    advance: Callable[[float], None],
 ) -> dict[str, float]:
     """Time a scene; returns the columns by name, times in microseconds a query.
 
@@ -140,7 +143,7 @@ def measure(
 
 
 def _build(
-    scene: Scene, libraries: Sequence[Fcl | Coal]
+    scene: StudyScene, libraries: Sequence[Fcl | Coal]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:
     """Models by engine and mesh, and what they cost: seconds (the best of three), bytes.
 

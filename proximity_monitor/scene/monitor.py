@@ -17,7 +17,7 @@ import numpy as np
 from proximity_monitor import engine
 from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.assembly.schedule import Schedule
-from proximity_monitor.scene.near import NearPairs
+from proximity_monitor.scene.near_pairs import NearPairs
 from proximity_monitor.scene.placing import Placing
 from proximity_monitor.scene.state import PairStates, PoseSample, Tick
 
@@ -216,7 +216,7 @@ class Monitor:
             pairs,
             elapsed_s=self._clock() - started,
             budget_s=budget_s,
-            looked_at=tuple(near.positions[searched].tolist()) if searched else (),
+            searched=tuple(near.positions[searched].tolist()) if searched else (),
             left=left,
             far=len(self._pairs) - len(self._ignored) - len(at) - near.unsure,
             beyond=near.beyond,

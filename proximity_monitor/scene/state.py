@@ -236,7 +236,7 @@ class Tick:
     are within it or may be."""
     elapsed_s: float
     budget_s: float
-    looked_at: tuple[int, ...]
+    searched: tuple[int, ...]
     """Indices, among the scene's pairs, of those that were searched, in the order of the search."""
     left: int
     """Pairs that wanted a search and got none, or whose search ran out of time."""

@@ -39,7 +39,7 @@ class Watched:
         self.poses = np.array([pose(self.rng, 4.0) for _ in range(COUNT)])
         self.answers.move(np.arange(COUNT), self.poses)
 
-    def look(self, distances=True):
+    def update(self, distances=True):
         self.schedule.update(self.rows, self.known, self.silent, distances)
 
     def search(self, budget_s=60.0):
@@ -65,7 +65,7 @@ def watched():
 
 def test_what_is_searched_has_the_assemblys_answer_and_is_not_searched_again(watched):
     found = watched.exact()
-    watched.look()
+    watched.update()
     watched.search_all()
     states, left = watched.report()
     assert left == 0
@@ -77,13 +77,13 @@ def test_what_is_searched_has_the_assemblys_answer_and_is_not_searched_again(wat
         engine.Status.INTERSECTING,
     }
     assert not states["age_s"].any()
-    watched.look()
+    watched.update()
     assert not len(watched.schedule.order()), "the bodies stand still"
 
 
 def test_pairs_beyond_their_range_are_neither_searched_nor_reported(watched):
     watched.schedule.records["range"] = 1.0
-    watched.look()
+    watched.update()
     watched.search_all()
     found = watched.exact()
     states, left = watched.report()
@@ -92,13 +92,13 @@ def test_pairs_beyond_their_range_are_neither_searched_nor_reported(watched):
 
 
 def test_open_sides_of_levels_come_first_then_the_nearest_and_stale_ones_last(watched):
-    watched.look()
+    watched.update()
     states, _ = watched.report()
     lower, upper = states["lower"], states["upper"]
     level = float(np.median(upper))
     watched.schedule.records["levels"][watched.rows] = level
     watched.silent[3] = True
-    watched.look()
+    watched.update()
     urgent = (lower <= level) & (level < upper)
     stale = (watched.pairs == 3).any(axis=1)
     got = watched.schedule.order()
@@ -110,7 +110,7 @@ def test_open_sides_of_levels_come_first_then_the_nearest_and_stale_ones_last(wa
 
 def test_a_decided_level_ends_the_question_where_no_number_is_wanted(watched):
     watched.schedule.records["levels"][watched.rows] = 1.0
-    watched.look(distances=False)
+    watched.update(distances=False)
     watched.search_all()
     found = watched.exact()
     states, _ = watched.report()
@@ -121,7 +121,7 @@ def test_a_decided_level_ends_the_question_where_no_number_is_wanted(watched):
 
 
 def test_what_the_budget_does_not_reach_keeps_its_bounds_and_is_left(watched):
-    watched.look()
+    watched.update()
     before, _ = watched.report()
     reached = np.isin(before["at"], watched.search(budget_s=0.0))
     assert 0 < reached.sum() < len(watched.pairs), "every search makes some progress"
@@ -134,7 +134,7 @@ def test_what_the_budget_does_not_reach_keeps_its_bounds_and_is_left(watched):
 def test_pairs_of_unknown_poses_have_no_numbers_and_ignored_ones_are_left_out(watched):
     watched.known[2], watched.silent[2] = False, True
     watched.schedule.records["ignored"][watched.rows[:5]] = True
-    watched.look()
+    watched.update()
     watched.search_all()
     states, _ = watched.report()
     assert states["at"].tolist() == list(range(5, len(watched.pairs)))
@@ -148,7 +148,7 @@ def test_pairs_of_unknown_poses_have_no_numbers_and_ignored_ones_are_left_out(wa
 def test_the_smallest_bounds_of_all_moments_are_kept(watched):
     least = np.full((2, len(watched.pairs)), np.inf)
     for _ in range(3):
-        watched.look()
+        watched.update()
         watched.search()
         states, _ = watched.report()
         least = np.minimum(least, (states["lower"], states["upper"]))
@@ -230,7 +230,7 @@ def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cu
 
 
 def test_as_many_answers_as_queries_and_bodies_as_bodies_are_asked_for(watched):
-    watched.look()
+    watched.update()
     with pytest.raises(ValueError, match="0 answers to 66 queries"):
         watched.schedule.commit(
             watched.schedule.queries(watched.schedule.order()), [], perf_counter()
@@ -242,13 +242,13 @@ def test_as_many_answers_as_queries_and_bodies_as_bodies_are_asked_for(watched):
 
 def test_a_level_inside_of_what_a_tolerance_left_is_decided_when_only_that_is_asked(watched):
     watched.schedule.records["rel_err"] = 0.5
-    watched.look()
+    watched.update()
     watched.search_all()
     states, _ = watched.report()
     wide = states["upper"] - states["lower"] > 1e-3
     assert wide.any()
     watched.schedule.records["levels"][:, 0] = (states["lower"] + states["upper"]) / 2.0
-    watched.look(distances=False)
+    watched.update(distances=False)
     watched.search_all()
     states, left = watched.report()
     level = watched.schedule.records["levels"][:, 0]

@@ -46,6 +46,6 @@ def test_a_model_that_others_share_is_replaced_for_one_body_alone(load):
         monitor.replace_model("b3", other)
         tick = monitor.tick(samples(poses), 1.0)
         assert_certified(tick, exact(models, poses))
-        assert {i for i, p in enumerate(tick.pairs) if "b3" in (p.a, p.b)} == set(tick.looked_at)
+        assert {i for i, p in enumerate(tick.pairs) if "b3" in (p.a, p.b)} == set(tick.searched)
     with pytest.raises(KeyError):
         monitor.replace_model("b9", models["b0"])

@@ -85,7 +85,7 @@ def test_a_long_search_goes_on_across_ticks_and_others_have_their_turn(load):
     assert long.status is PairStatus.EXACT
     assert turns > 1, "the others had to wait until the long search ended"
     still = monitor.tick(samples(poses | {"b0": away}), 2e-3)
-    assert 0 not in still.looked_at
+    assert 0 not in still.searched
 
 
 def test_no_more_is_kept_than_has_room(load, monkeypatch):
@@ -95,6 +95,6 @@ def test_no_more_is_kept_than_has_room(load, monkeypatch):
     monitor = Monitor(scene, models)
     poses = next(walk(COUNT, 1, spread=0.1))
     tick = monitor.tick(samples(poses), 10.0)
-    assert len(tick.looked_at) > 2
+    assert len(tick.searched) > 2
     assert len(monitor._schedule._long._kept) == 2
     assert_certified(tick, exact(models, poses))

@@ -47,7 +47,7 @@ def test_a_tick_passes_through_nine_files_at_most(load, head, body):
     for poses in walk(COUNT, 12, spread=2.5):
         tick, functions = files_of(lambda poses=poses: monitor.tick(samples(poses), 10.0))
         assert_certified(tick, exact(models, poses))
-        assert tick.looked_at and tick.left == 0
+        assert tick.searched and tick.left == 0
         if tick.clearance() > 0.0:
             counted += 1
             listed += len(tick.pairs)

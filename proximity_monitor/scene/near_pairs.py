@@ -61,8 +61,8 @@ class NearPairs:
         self._ignored = np.empty(0, np.int64)
         self.unsure = 0
         self._finite = np.empty((2, 0), np.int64)  # keys and rows of the near ones
-        a, b = watched.bodies(watched.endless())
-        self._endless = np.stack((self._key(a, b), self._rows(a, b)))
+        a, b = watched.bodies(watched.infinite())
+        self._infinite = np.stack((self._key(a, b), self._rows(a, b)))
         finite = watched.ranges[np.isfinite(watched.ranges)]
         self.beyond = float(finite.min(initial=np.inf))
         self.set_least(0.0)
@@ -148,7 +148,7 @@ class NearPairs:
 
     def _sort(self) -> None:
         """Put all together, in the scene's order, which is that of the keys."""
-        keys, rows = np.concatenate((self._endless, self._finite), axis=1)
+        keys, rows = np.concatenate((self._infinite, self._finite), axis=1)
         order = np.argsort(keys, kind="stable")
         self.rows = rows[order]
         self.a, self.b = np.divmod(keys[order], len(self._solid))
