@@ -26,7 +26,7 @@ class StillClock:
         """What the last `update` found."""
 
     def update(self, now_ns: int, timeout_s: float) -> bool:
-        """Take the clock's time `now_ns`; return whether the clock has just stopped or started again.
+        """Take the time `now_ns`; return whether the clock has just stopped or started again.
 
         It stands still once it has shown one time for more than `timeout_s` seconds of steady time.
         """
