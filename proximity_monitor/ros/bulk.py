@@ -52,10 +52,10 @@ def read_pose(data: bytes) -> StampedPose:
     try:
         reader = cdr.Reader(data)
         stamp_ns, frame = reader.stamp_ns(), reader.text()
-        x, y, z, *quaternion = reader.array("f8", _NUMBERS).tolist()
+        numbers = reader.doubles(_NUMBERS)
     except ValueError as error:
         raise ValueError(f"no serialised PoseStamped: {error}") from error
-    return StampedPose(stamp_ns, frame, (x, y, z), tuple(quaternion))
+    return StampedPose(stamp_ns, frame, numbers[:3], numbers[3:])
 
 
 def stamped_pose(header: Header, p: Point | Vector3, q: Quaternion) -> StampedPose:
