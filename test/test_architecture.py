@@ -29,7 +29,9 @@ _MODELS = {*_FLOOR, "engine/models"}
 _QUESTIONS = {*_MODELS, "engine/questions"}
 _ASSEMBLY = {*_QUESTIONS, "engine/assembly"}
 _ENGINE = {*_ASSEMBLY, "engine/files", "engine/compiling", "engine"}
+# The rooms that outer rooms may know, as far as each needs: never a kernel.
 _PUBLIC = {"engine", "engine/compiling"}
+_WATCHING = {*_PUBLIC, "engine/poses", "engine/assembly"}
 KNOWS = {
     KERNELS: set(),
     **_KERNEL_ROOMS,
@@ -41,7 +43,7 @@ KNOWS = {
     "engine/questions": _QUESTIONS,
     "engine/assembly": _ASSEMBLY,
     "engine": _ENGINE,
-    "scene": {"scene", *_PUBLIC},
+    "scene": {"scene", *_WATCHING},
     "motion": {"motion", "scene", "engine/models", *_PUBLIC},
     "study": {"study", "motion", "scene", *_ENGINE} - set(_KERNEL_ROOMS),
     "ros": {"ros", "motion", "scene", *_PUBLIC},

@@ -22,8 +22,8 @@ __all__ = ["WATCHING", "Progress", "entry", "helper"]
 
 WATCHING = frozenset(
     {
-        "assembly.agenda.ask", "assembly.agenda.look", "assembly.agenda.report",
-        "assembly.agenda.take", "assembly.agenda.wanting", "assembly.carry.place",
+        "assembly.carry.place", "assembly.schedule.commit", "assembly.schedule.pending",
+        "assembly.schedule.query", "assembly.schedule.report", "assembly.schedule.update",
         "assembly.sweep.sweep", "base.motion.pose_deviation",
         "elements.primitives.test_triangles", "inside.depth.begin_depth",
         "inside.depth.deepest", "inside.depth.search_depth", "inside.solids.part_volumes",

@@ -139,7 +139,7 @@ def alert(change: Alert, *, stamp: Time, frame: str) -> DiagnosticStatus:
     ``closing_m_s``, negative where the bodies part; ``seconds_left`` at that speed until stop, or
     until contact where the pair is at stop. What is not known is empty or ``nan``.
     """
-    motion = change.approach
+    motion = change.motion
     escape = motion is not None and motion.escape is not None
     return DiagnosticStatus(
         level=SEVERITY[change.new],

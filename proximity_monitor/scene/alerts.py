@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proximity_monitor.scene.approach import Approach, Courses, approach
-from proximity_monitor.scene.listed import as_arrays
+from proximity_monitor.scene.relative_motion import Courses, RelativeMotion, relative_motion
 from proximity_monitor.scene.state import (
     NO_POSE_YET,
     NO_RECENT_POSE,
@@ -28,6 +27,7 @@ from proximity_monitor.scene.state import (
     PairStates,
     PairStatus,
     Tick,
+    as_arrays,
     silence,
 )
 
@@ -62,7 +62,7 @@ class Alert:
     upper: float
     reason: str
     """One line for people, lengths in the scene's unit."""
-    approach: Approach | None = None
+    motion: RelativeMotion | None = None
     """How the two bodies move against each other; None where the tick did not list the pair."""
     seconds_left: float = math.nan
     """At the closing speed until the lower bound is down to the next threshold: stop while at warn,
@@ -260,7 +260,7 @@ class Alerts:
         limits: Thresholds,
         courses: Courses,
     ) -> Alert:
-        motion = approach(pair, courses)
+        motion = relative_motion(pair, courses)
         left = math.nan
         if new in (Level.WARN, Level.STOP):
             threshold = limits.stop if new is Level.WARN else 0.0

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.description import Body
+from proximity_monitor.scene.relative_motion import Course
 from proximity_monitor.scene.state import PoseSample
 
 Samples = dict[str, PoseSample | None]

@@ -11,15 +11,15 @@ import numpy as np
 from proximity_monitor.scene.description import Body, Thresholds, Unit
 from proximity_monitor.scene.report import Keys, Report
 from proximity_monitor.scene.robots import Robots
-from proximity_monitor.scene.watch import CONTACT, UNWATCHED, Limits, WatchedPairs
+from proximity_monitor.scene.watch import CONTACT, UNWATCHED, PairSettings, WatchedPairs
 
 _EVERYTHING = "all"
 """The name that every body can be called by, unless it is the name of something."""
 
 
-def read_limits(
-    data: Mapping[str, Any], keys: Keys, defaults: Limits, unit: Unit, report: Report
-) -> Limits:
+def read_settings(
+    data: Mapping[str, Any], keys: Keys, defaults: PairSettings, unit: Unit, report: Report
+) -> PairSettings:
     """Read what stands of the limits; the rest is taken from the defaults."""
     tolerance = data.get("tolerance", {})
     question = data.get("question", defaults.question)
@@ -36,7 +36,7 @@ def read_limits(
                 "mean nothing where the question is 'collide', which alerts on contact alone; "
                 "remove them, or ask 'within'",
             )
-    limits = Limits(
+    limits = PairSettings(
         rel_err=float(tolerance.get("rel_err", defaults.rel_err)),
         abs_err=unit.to_metre * tolerance["abs_err"]
         if "abs_err" in tolerance
@@ -50,7 +50,7 @@ def read_limits(
     return limits
 
 
-def _check(limits: Limits, key: str, keys: Keys, unit: Unit, report: Report) -> None:
+def _check(limits: PairSettings, key: str, keys: Keys, unit: Unit, report: Report) -> None:
     """Report limits that contradict each other; `key` is what the file gives of range and warn."""
     thresholds = limits.thresholds
     warn, stop, least, most = (
@@ -78,7 +78,7 @@ def _check(limits: Limits, key: str, keys: Keys, unit: Unit, report: Report) -> 
 def read_pairs(
     section: Mapping[str, Any] | str,
     bodies: tuple[Body, ...],
-    defaults: Limits,
+    defaults: PairSettings,
     unit: Unit,
     report: Report,
     robots: Robots,
@@ -93,7 +93,7 @@ def read_pairs(
         for index, entry in enumerate(section["watch"]):
             keys = ("pairs", "watch", index)
             kind = len(kinds)
-            kinds.append(read_limits(entry, keys, defaults, unit, report))
+            kinds.append(read_settings(entry, keys, defaults, unit, report))
             if names.mean_everything(entry["between"]):
                 rule, exceptions = kind, []
             else:

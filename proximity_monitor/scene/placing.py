@@ -7,6 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.scene.description import Body
 from proximity_monitor.scene.primitives import check_solid
 from proximity_monitor.scene.state import PoseSample
@@ -37,7 +39,7 @@ class Placing:
         self.solid = np.array([model.is_solid for model in self.models], dtype=bool)
         moving = np.array([body.moving for body in bodies], dtype=bool)
         self.known, self.silent = ~moving, moving.copy()
-        self.answers = engine.Answers(self.models, self.names)
+        self.answers = Answers(self.models, self.names)
         fixed = np.flatnonzero(~moving)
         if len(fixed):
             self.answers.move(fixed, np.stack([bodies[i].pose for i in fixed]))
@@ -126,7 +128,7 @@ class Placing:
             stacked = np.empty(0)
         if stacked.shape != (len(given), 4, 4):
             for pose, body in zip(given, bodies, strict=True):
-                engine.check_pose(pose, f"pose of {self.names[body]}")
+                check_pose(pose, f"pose of {self.names[body]}")
         return stacked
 
     def _look_for_refits(self) -> None:

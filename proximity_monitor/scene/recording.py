@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from proximity_monitor.scene.alerts import Alert
-from proximity_monitor.scene.listed import as_arrays
-from proximity_monitor.scene.state import Tick
+from proximity_monitor.scene.state import Tick, as_arrays
 
 if TYPE_CHECKING:
     from proximity_monitor.scene import WatchedPair

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import enum
+import operator
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar, overload
 
 import numpy as np
 
-from proximity_monitor.scene.lazy import LazySequence
+Item = TypeVar("Item")
 
 
 class PairStatus(enum.Enum):
@@ -27,6 +29,8 @@ class PairStatus(enum.Enum):
     UNKNOWN = "unknown pose"
     """A body of the pair has no pose yet: there are no numbers."""
 
+
+_UNKNOWN_POINTS = np.full((2, 3), np.nan)
 
 NO_POSE_YET, NO_RECENT_POSE = "no pose yet", "no recent pose"
 """Why a body is silent, where nobody says it more closely."""
@@ -53,7 +57,7 @@ def silence(
 
 
 STATUSES = tuple(PairStatus)
-"""A status by its code in `PairStates.status`, which is also that of `engine.Agenda.report`."""
+"""A status by its code in `PairStates.status`, as `Schedule.report` of the engine gives it."""
 
 
 class PoseSample(NamedTuple):
@@ -100,6 +104,36 @@ class PairState:
     def stale(self) -> bool:
         """Whether a body is silent, so that nothing is certain about now."""
         return bool(self.silent)
+
+
+class LazySequence(Sequence[Item]):
+    """A sequence whose items are made when they are read."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def _made(self, places: range) -> Iterator[Item]:
+        """The items at these places, which all exist."""
+
+    @overload
+    def __getitem__(self, at: int) -> Item: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> tuple[Item, ...]: ...
+
+    def __getitem__(self, at: int | slice) -> Item | tuple[Item, ...]:
+        """One item, or those of a slice."""
+        if isinstance(at, slice):
+            return tuple(self._made(range(*at.indices(len(self)))))
+        place, count = operator.index(at), len(self)
+        if not -count <= place < count:
+            raise IndexError(f"{place} of {count}")
+        (item,) = self._made(range(place % count, place % count + 1))
+        return item
+
+    def __iter__(self) -> Iterator[Item]:
+        """All items, one by one."""
+        return self._made(range(len(self)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -168,6 +202,31 @@ class PairStates(LazySequence[PairState]):
         return float(lowest.min(initial=np.inf))
 
 
+def as_arrays(pairs: Sequence[PairState]) -> PairStates:
+    """Return pairs as arrays: unchanged if a monitor made them, else packed one by one."""
+    if isinstance(pairs, PairStates):
+        return pairs
+    names = tuple(dict.fromkeys(name for pair in pairs for name in (pair.a, pair.b)))
+    place = {name: i for i, name in enumerate(names)}
+    return PairStates(
+        names=names,
+        positions=np.array([pair.index for pair in pairs], dtype=np.int64),
+        bodies=np.array([(place[p.a], place[p.b]) for p in pairs], np.int64).reshape(-1, 2),
+        lower=np.array([pair.lower for pair in pairs]),
+        upper=np.array([pair.upper for pair in pairs]),
+        points=np.array([(pair.point_a, pair.point_b) for pair in pairs]).reshape(-1, 2, 3),
+        status=np.array([STATUSES.index(pair.status) for pair in pairs], dtype=np.int8),
+        age_s=np.array([pair.age_s for pair in pairs]),
+        silent=np.array([(p.a in p.silent, p.b in p.silent) for p in pairs], bool).reshape(-1, 2),
+        session_min=np.array([pair.session_min for pair in pairs]),
+        session_min_lower=np.array([pair.session_min_lower for pair in pairs]),
+        faces=np.array([p.faces or (-1, -1) for p in pairs], np.int32).reshape(-1, 2),
+        weights=np.array(
+            [_UNKNOWN_POINTS if p.weights is None else p.weights for p in pairs], np.float64
+        ).reshape(-1, 2, 3),
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Tick:
     """What is certain at the end of one tick about every watched pair."""
@@ -177,7 +236,7 @@ class Tick:
     are within it or may be."""
     elapsed_s: float
     budget_s: float
-    looked_at: tuple[int, ...]
+    searched: tuple[int, ...]
     """Indices, among the scene's pairs, of those that were searched, in the order of the search."""
     left: int
     """Pairs that wanted a search and got none, or whose search ran out of time."""

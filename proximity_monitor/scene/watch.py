@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from proximity_monitor.scene.description import Question, Thresholds, WatchedPair
-from proximity_monitor.scene.lazy import LazySequence
+from proximity_monitor.scene.state import LazySequence
 
 CONTACT = Thresholds(warn=0.0, stop=0.0, hysteresis=0.0)
 UNWATCHED = -1
@@ -22,7 +22,7 @@ _CHUNK = 4096
 
 
 @dataclass(frozen=True)
-class Limits:
+class PairSettings:
     """What a pair is watched with; all lengths in metres (see `WatchedPair`)."""
 
     rel_err: float = 0.0
@@ -44,7 +44,7 @@ class WatchedPairs(LazySequence[WatchedPair]):
         self,
         names: Sequence[str],
         moving: Sequence[bool],
-        kinds: Sequence[Limits],
+        kinds: Sequence[PairSettings],
         rule: int,
         exceptions: np.ndarray,
     ) -> None:
@@ -122,9 +122,9 @@ class WatchedPairs(LazySequence[WatchedPair]):
             kinds = np.where(self._exceptions[at] == keys, self._kind[at], kinds)
         return kinds
 
-    def endless(self) -> np.ndarray:
+    def infinite(self) -> np.ndarray:
         """Return the positions of the pairs of infinite range."""
-        if self._ruled_endless():
+        if self._ruled_infinite():
             positions = np.arange(self._length)
             finite = self._finite_exceptions()
             return np.delete(positions, self.positions(self._a[finite], self._b[finite]))
@@ -162,7 +162,7 @@ class WatchedPairs(LazySequence[WatchedPair]):
         """Whether pairs that are no exceptions are watched, and to a finite range."""
         return self.rule != UNWATCHED and bool(np.isfinite(self.ranges[self.rule]))
 
-    def _ruled_endless(self) -> bool:
+    def _ruled_infinite(self) -> bool:
         return self.rule != UNWATCHED and bool(np.isinf(self.ranges[self.rule]))
 
     def _finite_exceptions(self) -> np.ndarray:

@@ -10,9 +10,10 @@ import pytest
 from engine_bodies import IDENTITY, SMALL, pose, sphere, torus
 
 from proximity_monitor import engine
+from proximity_monitor.engine.questions.result import Distances
 
 STATUS = tuple(engine.Status)
-FIELDS = [field.name for field in dataclasses.fields(engine.Distances)]
+FIELDS = [field.name for field in dataclasses.fields(Distances)]
 
 
 def crowd(seed=0, count=24, spread=2.0):

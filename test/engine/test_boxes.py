@@ -10,9 +10,9 @@ from engine_bodies import box, from_python, pose, rotation, soup, sphere, torus,
 from engine_oracles import exact_squared_distance, pairwise_distances, root
 
 from proximity_monitor import engine
-from proximity_monitor.engine import check_tree
 from proximity_monitor.engine.kernels.base import motion
 from proximity_monitor.engine.kernels.bounds import boxes, volumes
+from proximity_monitor.engine.models.tree import check_tree
 
 box_bounds, shortest = from_python(boxes.box_bounds), from_python(boxes.shortest)
 relative_motions = from_python(motion.relative_motions)

@@ -8,6 +8,7 @@ from engine_bodies import SMALL, box, leaf_triangles, soup, sphere, torus
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.tree.layout import EMPTY, FIELDS, WIDTH
+from proximity_monitor.engine.models.tree import check_tree
 
 BODIES = SMALL | {"ball": lambda: sphere(3), "ring": lambda: torus(40)}
 
@@ -128,7 +129,7 @@ def test_a_triangle_that_is_drawn_again_stands_alone(faces):
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
     mesh = engine.TriangleMesh(points, [*faces, [1, 3, 2]])
     assert len(shared(mesh)) == 1
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._tree)
 
 
 def unwelded(mesh):
@@ -157,7 +158,7 @@ def test_an_edge_of_many_triangles_parts_them_by_twos():
     pages += [[0.5, np.cos(0.001 * k), np.sin(0.001 * k)] for k in range(7)]
     mesh = engine.TriangleMesh(pages, [[0, 1, 2 + k] for k in range(7)])
     assert len(shared(mesh)) == 3
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._tree)
 
 
 def test_needles_and_points_stand_alone():
@@ -165,7 +166,7 @@ def test_needles_and_points_stand_alone():
     faces = [[0, 1, 2], [1, 0, 3], [2, 2, 2], [0, 0, 1]]
     mesh = engine.TriangleMesh(points, faces)
     assert shared(mesh) == []
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._tree)
 
 
 def test_the_size_of_the_model_does_not_matter():
@@ -174,7 +175,7 @@ def test_the_size_of_the_model_does_not_matter():
     for size in (1e-30, 1e30):
         other = engine.TriangleMesh(mesh.vertices * size, mesh.faces)
         assert len(shared(other)) >= 0.9 * len(expected)
-        engine.check_tree(other._tree)
+        check_tree(other._tree)
 
 
 @pytest.mark.parametrize("volume", ["rss", "lss", "pss", "hybrid", "obb", "aabb"])
@@ -188,10 +189,10 @@ def test_a_leaf_that_is_folded_later_still_holds_both(volume):
             folded = points.copy()
             folded[3] = [1.0 - height * rng.uniform(), rng.uniform(), height]  # over the other
             mesh.refit(folded)
-            engine.check_tree(mesh._tree, volume)
+            check_tree(mesh._tree, volume)
     for folded in (0.0 * points, points[:, [0, 0, 0]], points * [1.0, 1e-200, 1.0]):
         mesh.refit(folded)
-        engine.check_tree(mesh._tree, volume)
+        check_tree(mesh._tree, volume)
 
 
 @pytest.mark.parametrize("volume", ["rss", "lss", "obb"])
@@ -205,4 +206,4 @@ def test_leaves_whose_products_underflow_have_perpendicular_unit_axes(size, volu
     thin[:, 0] = thin[:, 1] + size * rng.normal(size=(40, 3)) * (0.0, 1.0, 1.0)
     corners = np.concatenate((tiny, thin)).reshape(-1, 3)
     mesh = engine.TriangleMesh(corners, np.arange(240).reshape(-1, 3), volume=volume)
-    engine.check_tree(mesh._tree, volume)
+    check_tree(mesh._tree, volume)

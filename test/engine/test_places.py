@@ -20,7 +20,7 @@ from engine_oracles import pairwise_distances, triangles
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base.hashing import EMPTY_HASH, mixed, slot
 from proximity_monitor.engine.kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, WIDTH
-from proximity_monitor.engine.models.tree import places
+from proximity_monitor.engine.models.tree import check_tree, places
 
 
 def test_vertices_of_one_place_are_found():
@@ -95,7 +95,7 @@ BODIES = {
 @pytest.mark.parametrize("name", BODIES)
 def test_the_nearest_is_looked_for_among_one_of_each(name):
     mesh = BODIES[name]()
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._tree)
     which = seen(mesh)
     everywhere = on_places(mesh, range(len(mesh.faces)))
     assert on_places(mesh, which) == everywhere
@@ -166,7 +166,7 @@ def test_what_comes_apart_is_looked_at_again(volume):
     pair = engine.Pair(mesh, ball)
     for vertices in (whole + rng.normal(0.0, 0.1, whole.shape), whole, one, 2.0 * whole, whole):
         mesh.refit(vertices)
-        engine.check_tree(mesh._tree, volume)
+        check_tree(mesh._tree, volume)
         fresh = engine.TriangleMesh(vertices, mesh.faces)
         assert on_places(mesh, seen(mesh)) == on_places(fresh, range(len(fresh.faces)))
         for _ in range(3):

@@ -7,7 +7,7 @@ import pytest
 from engine_bodies import Fcl, covering, pose, soup, sphere, torus, translation
 
 from proximity_monitor import engine
-from proximity_monitor.engine import check_tree
+from proximity_monitor.engine.models.tree import check_tree
 
 KINDS = ("rss", "lss", "pss", "hybrid", "obb", "aabb")
 

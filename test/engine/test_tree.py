@@ -7,7 +7,7 @@ import pytest
 from engine_bodies import box, from_trimesh, soup, sphere, torus
 
 from proximity_monitor import engine
-from proximity_monitor.engine import check_tree
+from proximity_monitor.engine.models.tree import check_tree
 
 WIDTH, FIELDS = 16, 12
 """Lanes of a node, and numbers of a lane: field f of lane k stands at f * WIDTH + k."""

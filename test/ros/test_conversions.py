@@ -206,7 +206,7 @@ def test_timing_counts_overruns_of_budget_and_period_and_keeps_a_window():
     for i in range(2000):
         late = i % 100 == 0
         searched = 0.02 if late else 0.004
-        tick = Tick((), searched, budget_s=0.005, looked_at=(), left=0)
+        tick = Tick((), searched, budget_s=0.005, searched=(), left=0)
         timing.record(i * 0.01, tick, searched + 0.001, period_s=0.01)
     values = timing.values()
     assert values["rate_achieved_hz"] == "100.00"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from crowds import samples, text, walk
 
-from proximity_monitor.scene.listed import as_arrays
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
+from proximity_monitor.scene.state import as_arrays
 
 
 @pytest.mark.parametrize("solid", ["", ", solid: false"])

@@ -21,7 +21,7 @@ from ..models.mesh import TriangleMesh
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.rows import distances_of, no_answers
+from ..questions.rows import distances_of
 from ..questions.run import LONG_SLICE, SLICE, Search, check_models, code_for
 from ..questions.sharing import share
 from .settling import Settling
@@ -173,10 +173,13 @@ class Assembly:
         asked = poses, pairs, hints, wanted, signed, insides
         searches = self._allot(threads, poses, pairs, wanted)
 
-        def answer(first: int, stopped: Event) -> None:
+        def answer(first: int, stopped: Event | None) -> None:
             self._run(*searches[first], first, threads, asked, deadline, stopped, answers)
 
-        share(answer, range(threads), threads)
+        if threads == 1:
+            answer(0, None)
+        else:
+            share(answer, range(threads), threads)
         return answers
 
     def _signed_rows(
@@ -294,7 +297,7 @@ class Assembly:
         every: int,
         asked: tuple,
         deadline: float | None,
-        stopped: Event,
+        stopped: Event | None,
         answers: NDArray[np.float64],
     ) -> None:
         """Answer for every so many of the pairs from the first on, into `answers`.
@@ -312,9 +315,16 @@ class Assembly:
             if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                 body = int(pairs[at, code - index.BAD_POSE_A])
                 check_pose(poses[body], self._pose_name(body))
-            if code == index.ENDED or stopped.is_set():
+            if code == index.ENDED or (stopped is not None and stopped.is_set()):
                 break
             if deadline is not None and perf_counter() >= deadline:
                 if code == index.CUT:
                     self._cut[self._question(poses, pairs[at], wanted[at])] = search
                 break
+
+
+def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
+    rows = np.full((len(signed), index.ANSWER), np.nan)
+    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
+    return rows

@@ -13,10 +13,10 @@ from ..arguments import as_count, check_tolerance
 from ..models.mesh import TriangleMesh
 from ..poses import as_poses
 from ..questions.result import Distances
-from ..questions.rows import distances_of, no_answers
+from ..questions.rows import distances_of
 from ..questions.run import Order, Search
 from ..questions.sharing import share
-from .assembly import Assembly
+from .assembly import Assembly, no_answers
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the

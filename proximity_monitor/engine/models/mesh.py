@@ -86,6 +86,7 @@ class TriangleMesh:
         "faces",
         "name",
         "radius",
+        "revision",
         "solid",
         "swept_radius",
         "vertices",
@@ -106,6 +107,8 @@ class TriangleMesh:
     """Metres: the ball that sweeps the triangles."""
     deviation: float
     """Metres: how far the surface may be from that of the thing it stands for."""
+    revision: int
+    """How often `refit` moved the vertices: what was computed before is outdated."""
     volume: str
     """The kind of bounding volume."""
     solid: Solid
@@ -204,11 +207,6 @@ class TriangleMesh:
         surface = tessellated(self.vertices, self.faces, self.swept_radius)
         return TriangleMesh(*surface, name=self.name, volume=self.volume)
 
-    @property
-    def revision(self) -> int:
-        """How often the vertices were moved by `refit`: what was computed before is outdated."""
-        return int(self._tree.scale[4])
-
     def _take(
         self,
         vertices: NDArray[np.float64],
@@ -233,6 +231,7 @@ class TriangleMesh:
         if distinct is not tree:
             addresses = table((*distinct, self._face_of))
         self._tree, self._distinct = tree, distinct
+        self.revision = int(tree.scale[4])
         self._table, self._table_of_all = addresses, addresses_of_all
 
     def _ranges(self) -> NDArray[np.int32]:

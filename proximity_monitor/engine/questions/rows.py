@@ -44,10 +44,3 @@ def distances_of(rows: NDArray[np.float64]) -> Distances:
         whole[:, 5].astype(np.int64),
         searched,
     )
-
-
-def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Rows (k, ANSWER) of searches that did not begin, where `signed` (k,) of signed distances."""
-    rows = np.full((len(signed), index.ANSWER), np.nan)
-    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
-    return rows

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proximity_monitor import engine
-from proximity_monitor.motion.dynamics import near
+from proximity_monitor.motion.dynamics import candidates
 from proximity_monitor.motion.dynamics.patches import Patches, cut
 
 
@@ -190,11 +190,11 @@ class ContactFinder:
 
         After those of `Contacts` it is the points (k, 2, 3) in the models' frames.
         """
-        spheres = near.spheres_at(poses, self._owner, self._spheres)
+        spheres = candidates.spheres_at(poses, self._owner, self._spheres)
         lower = self.lower.copy()
         while True:
             self.lower[:] = lower
-            count = near.candidates(
+            count = candidates.near_patches(
                 poses, self.pairs, reach, self.lower, self._first, spheres, self._boxes, self._rows
             )
             if count <= len(self._rows):
@@ -211,7 +211,7 @@ class ContactFinder:
         kept = np.ones(len(within), np.bool_)
         if not self._every:
             faces = self._faces[self._face_start[keys[:, 1:]] + found.triangles[within]]
-            near.local_minima(
+            candidates.local_minima(
                 poses, bodies, faces, found.barycentric[within], points,
                 self._corners, self._places, self._place_first, self._around, kept,
             )  # fmt: skip

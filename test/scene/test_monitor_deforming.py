@@ -5,8 +5,8 @@ import pytest
 from crowds import assert_certified, exact, placed, samples, text, walk
 
 from proximity_monitor import engine
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 
 COUNT = 8
 
@@ -52,7 +52,7 @@ def test_a_deformation_alone_asks_for_a_new_search(load):
     monitor.tick(samples(poses), 1.0)
     monitor.set_vertices("b0", bent(models["b0"].vertices, 1.0))
     tick = monitor.tick(samples(poses), 1.0)
-    assert {i for i, p in enumerate(tick.pairs) if "b0" in (p.a, p.b)} == set(tick.looked_at)
+    assert {i for i, p in enumerate(tick.pairs) if "b0" in (p.a, p.b)} == set(tick.searched)
     assert_certified(tick, exact(models, poses))
 
 

@@ -1,6 +1,6 @@
 """Every bundled scene that moves: at every tick, whatever the budget, the bounds hold the truth.
 
-The truth is the engine's exact answer for every pair, asked one by one; test_schedule.py compares
+The truth is the engine's exact answer for every pair, asked one by one; test_monitor.py compares
 with FCL.
 """
 
@@ -11,9 +11,9 @@ import pytest
 
 from proximity_monitor import engine, motion
 from proximity_monitor.scene import SceneError, bundled, load_scene
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.paths import bundled_names
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import PoseSample
 
 TICKS = 4

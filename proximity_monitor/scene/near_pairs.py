@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.scene.watch import WatchedPairs
 
 LISTED_SILENT = 250
@@ -49,19 +50,19 @@ class NearPairs:
     beyond: float
     """Metres; all pairs without a row are farther apart than this."""
 
-    def __init__(self, watched: WatchedPairs, answers: engine.Answers, solid: np.ndarray) -> None:
+    def __init__(self, watched: WatchedPairs, answers: Answers, solid: np.ndarray) -> None:
         """Begin with the pairs of infinite range; `solid` (n,) bool is of the bodies."""
         self._watched = watched
         self._answers = answers
         self._solid = solid
-        self._broad = engine.BroadPhase()
+        self._broad = BroadPhase()
         self._heard: tuple[bytes, bytes] | None = None
         self._silent_pairs, self._silent_keys = 0, np.empty(0, np.int64)
         self._ignored = np.empty(0, np.int64)
         self.unsure = 0
         self._finite = np.empty((2, 0), np.int64)  # keys and rows of the near ones
-        a, b = watched.bodies(watched.endless())
-        self._endless = np.stack((self._key(a, b), self._rows(a, b)))
+        a, b = watched.bodies(watched.infinite())
+        self._infinite = np.stack((self._key(a, b), self._rows(a, b)))
         finite = watched.ranges[np.isfinite(watched.ranges)]
         self.beyond = float(finite.min(initial=np.inf))
         self.set_least(0.0)
@@ -147,7 +148,7 @@ class NearPairs:
 
     def _sort(self) -> None:
         """Put all together, in the scene's order, which is that of the keys."""
-        keys, rows = np.concatenate((self._endless, self._finite), axis=1)
+        keys, rows = np.concatenate((self._infinite, self._finite), axis=1)
         order = np.argsort(keys, kind="stable")
         self.rows = rows[order]
         self.a, self.b = np.divmod(keys[order], len(self._solid))

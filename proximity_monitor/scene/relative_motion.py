@@ -42,7 +42,7 @@ class Course(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Approach:
+class RelativeMotion:
     """The motion of a pair, as its alert tells it."""
 
     body: str
@@ -64,7 +64,7 @@ Courses = Callable[[str], Course | None]
 """A body's course by its name; None as long as there are no two poses with different stamps."""
 
 
-def approach(pair: PairState, courses: Courses) -> Approach:
+def relative_motion(pair: PairState, courses: Courses) -> RelativeMotion:
     """Return how the bodies of a pair move against each other at its closest points.
 
     Args:
@@ -74,11 +74,11 @@ def approach(pair: PairState, courses: Courses) -> Approach:
     a, b = courses(pair.a), courses(pair.b)
     body = pair.b if a is not None and a.fixed else pair.a
     if pair.status is PairStatus.UNKNOWN:
-        return Approach(body, None, math.nan)
+        return RelativeMotion(body, None, math.nan)
     between = pair.point_b - pair.point_a
     length = float(np.sqrt(between @ between))
     if not 0.0 < length < math.inf:
-        return Approach(body, None, math.nan)
+        return RelativeMotion(body, None, math.nan)
     line = between / length  # from A to B
     if pair.upper < 0.0:
         # The points are the deepest vertex and where it gets out, so B parts from A against it.
@@ -86,4 +86,4 @@ def approach(pair: PairState, courses: Courses) -> Approach:
     closing = math.nan
     if a is not None and b is not None:
         closing = float(line @ (a.velocity_at(pair.point_a) - b.velocity_at(pair.point_b)))
-    return Approach(body, line if body == pair.b else -line, closing)
+    return RelativeMotion(body, line if body == pair.b else -line, closing)

@@ -54,7 +54,7 @@ def spheres_at(poses, owner, spheres):
 
 
 @entry
-def candidates(poses, pairs, reach, lower, first, spheres, boxes, rows):
+def near_patches(poses, pairs, reach, lower, first, spheres, boxes, rows):
     """Write the pairs of patches that may be within reach into `rows` (size, 3); return how many.
 
     A row holds the number of the pair of bodies and the two patches. Pairs of bodies whose `lower`
