@@ -9,7 +9,7 @@ from engine_bodies import IDENTITY, box, from_python, rotation, soup, sphere, to
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base import state as index
 from proximity_monitor.engine.kernels.base.motion import relative_motions
-from proximity_monitor.engine.kernels.search.search import coherence
+from proximity_monitor.engine.kernels.search import coherence
 from proximity_monitor.engine.questions import run
 
 displacement = from_python(coherence._displacement)

@@ -15,7 +15,7 @@ from proximity_monitor.engine.kernels.base import state as index
 from proximity_monitor.engine.kernels.bounds import cross
 from proximity_monitor.engine.kernels.bounds import gaps as filters
 from proximity_monitor.engine.kernels.bounds.gaps import BATCH, CORNERS
-from proximity_monitor.engine.kernels.search.search import aim
+from proximity_monitor.engine.kernels.elements import aim
 from proximity_monitor.engine.kernels.tree.layout import EMPTY
 
 gather, shift = from_python(filters.gather), from_python(filters.shift)
