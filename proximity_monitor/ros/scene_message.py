@@ -39,7 +39,7 @@ from proximity_monitor.scene.description import Point
 
 
 class SceneMessage:
-    """Makes the message; what does not change is found once."""
+    """Makes the message; its constant parts are made once."""
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ def _body(body: Body, mesh: engine.TriangleMesh, full_name: Callable[[str], str]
     return {
         "name": body.name,
         "moving": body.moving,
-        # Whoever reads this may have another namespace, and other names for topics.
+        # A reader may have another namespace, and other names for topics.
         "topic": None if body.topic is None else full_name(body.topic),
         "point": isinstance(body.primitive, Point),
         "mesh": _digest(mesh),
@@ -104,7 +104,7 @@ def _body(body: Body, mesh: engine.TriangleMesh, full_name: Callable[[str], str]
 
 
 def _digest(mesh: engine.TriangleMesh) -> str:
-    """Tells one shape from another."""
+    """A checksum that tells one shape from another."""
     radius = struct.pack("<d", mesh.swept_radius)
     return f"{zlib.crc32(radius, zlib.crc32(mesh.faces, zlib.crc32(mesh.vertices))):08x}"
 
