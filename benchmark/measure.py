@@ -165,7 +165,7 @@ def _build(
 def _bytes(mesh: engine.TriangleMesh) -> int:
     """All arrays of a mesh and of its hierarchy."""
     values = [getattr(mesh, name) for name in mesh.__slots__]
-    return sum(v.nbytes for v in (*values, *mesh._tree) if isinstance(v, np.ndarray))
+    return sum(v.nbytes for v in (*values, *mesh._hierarchy.tree) if isinstance(v, np.ndarray))
 
 
 def _ideal(

@@ -10,7 +10,11 @@ from .assembly.assembly import Assembly
 from .assembly.batch import distances
 from .assembly.broad_phase import BroadPhase
 from .files.load import load
-from .models.mesh import ModelError, TriangleMesh, points, polyline
+from .models import shapes
+from .models.checks import ModelError
+from .models.mesh import TriangleMesh
+from .models.model import DisplayMesh, Feature, Model
+from .models.shapes import points, polyline
 from .models.tree import check_tree
 from .poses import check_pose
 from .questions.closest import closest_points
@@ -22,7 +26,6 @@ from .questions.result import (
     Collision,
     Distance,
     Distances,
-    Feature,
     Manifold,
     Status,
 )
@@ -36,10 +39,12 @@ __all__ = [
     "Clearance",
     "ClosestPoints",
     "Collision",
+    "DisplayMesh",
     "Distance",
     "Distances",
     "Feature",
     "Manifold",
+    "Model",
     "ModelError",
     "Pair",
     "Questions",
@@ -54,6 +59,7 @@ __all__ = [
     "load",
     "points",
     "polyline",
+    "shapes",
     "signed_distance",
     "within",
 ]

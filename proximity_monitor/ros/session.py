@@ -118,7 +118,7 @@ class Session:
             settings,
             self._inputs,
             self._incompatible,
-            set_vertices=self._set_vertices,
+            deform=self._deform,
             on_poses=self._on_poses,
         )
         self._clouds = CloudBodies(
@@ -278,8 +278,8 @@ class Session:
         self._monitor.replace_model(name, model)
         self._outputs.reshape(name)
 
-    def _set_vertices(self, name: str, vertices: np.ndarray) -> None:
-        self._monitor.set_vertices(name, vertices)
+    def _deform(self, name: str, points: np.ndarray) -> None:
+        self._monitor.deform(name, points)
         self._outputs.reshape(name)
 
     def _log(self, changes: Sequence[Alert]) -> None:

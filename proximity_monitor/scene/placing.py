@@ -24,7 +24,7 @@ class Placing:
         answers: the table; it holds the poses.
     """
 
-    def __init__(self, bodies: Sequence[Body], models: Mapping[str, engine.TriangleMesh]) -> None:
+    def __init__(self, bodies: Sequence[Body], models: Mapping[str, engine.Model]) -> None:
         """Begin with the fixed bodies where they are, and the moving ones nowhere yet.
 
         Raises:
@@ -68,11 +68,11 @@ class Placing:
         self.silent[:] = False
         self.silent[self._moving] = [sample is None or sample.stale for sample in samples]
         self.silent[[self._at[name] for name in silent]] = True
-        self._look_for_refits()
+        self._look_for_deformed()
         reshaped, self._reshaped = self._reshaped, False
         return reshaped or moved > 0
 
-    def model(self, name: str) -> engine.TriangleMesh:
+    def model(self, name: str) -> engine.Model:
         """Return the model of a body.
 
         Raises:
@@ -80,7 +80,7 @@ class Placing:
         """
         return self.models[self._at[name]]
 
-    def replace(self, name: str, model: engine.TriangleMesh) -> tuple[int, np.ndarray]:
+    def replace(self, name: str, model: engine.Model) -> tuple[int, np.ndarray]:
         """Give a body another model; returns its index, and the rows of its pairs.
 
         Raises:
@@ -96,27 +96,25 @@ class Placing:
         self.answers.sign(rows, self.solid[a] | self.solid[b])
         return body, rows
 
-    def refit(self, name: str, vertices: np.ndarray) -> None:
-        """Refit a body's model to other vertices (n, 3), for every body that shares it.
+    def deform(self, name: str, points: np.ndarray) -> None:
+        """Move the control points (n, 3) of a body's model, for every body that shares it.
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.TriangleMesh.refit`; or a solid would be none any more.
+            engine.ModelError: see `engine.Model.deform`; or a solid would be none any more.
                 Nothing has changed.
         """
         model = self.model(name)
-        before, solid = model.vertices, self.solid[self.names.index(name)]
-        model.refit(vertices)
+        before, solid = model.control_points, self.solid[self._at[name]]
+        displacement = model.deform(points)
         if solid and (reason := model.not_solid):
-            model.refit(before)
+            model.deform(before)
             self._reshape(model, 0.0)
             raise engine.ModelError(
                 f"body '{name}' is a solid, and would be none: {reason}; say 'solid: false' in the "
                 "scene if it is to be a surface"
             )
-        # Differences, squares, sums and root err by less than 4 u of the length in all.
-        largest = float(np.sqrt(((model.vertices - before) ** 2).sum(axis=1).max()))
-        self._reshape(model, largest * (1.0 + 4.0 * np.finfo(np.float64).eps))
+        self._reshape(model, displacement)
 
     def _stacked(self, given: list[np.ndarray], bodies: np.ndarray) -> np.ndarray:
         """The poses (k, 4, 4) of bodies (k,)."""
@@ -129,8 +127,8 @@ class Placing:
                 engine.check_pose(pose, f"pose of {self.names[body]}")
         return stacked
 
-    def _look_for_refits(self) -> None:
-        """Forget what is known of models that somebody else refitted."""
+    def _look_for_deformed(self) -> None:
+        """Forget what is known of models that somebody else deformed."""
         revisions = [model.revision for model in self.models]
         if revisions == self._revisions:
             return
@@ -138,7 +136,7 @@ class Placing:
             if old != new:
                 self._reshape(model, np.inf)
 
-    def _reshape(self, model: engine.TriangleMesh, displacement: float) -> None:
+    def _reshape(self, model: engine.Model, displacement: float) -> None:
         self._reshaped = True
         for i, each in enumerate(self.models):
             if each is model:

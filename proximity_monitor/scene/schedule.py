@@ -37,7 +37,7 @@ class Monitor:
     def __init__(
         self,
         scene: Scene,
-        models: Mapping[str, engine.TriangleMesh],
+        models: Mapping[str, engine.Model],
         *,
         threads: int = 1,
         clock: Callable[[], float] = time.perf_counter,
@@ -88,20 +88,20 @@ class Monitor:
         """Take tolerances for all pairs, abs_err in metres; None: each pair's own of the scene."""
         self._books.set_tolerance(rel_err, abs_err)
 
-    def set_vertices(self, name: str, vertices: np.ndarray) -> None:
-        """Take the vertices (n, 3) of a deforming body: metres, model frame.
+    def deform(self, name: str, points: np.ndarray) -> None:
+        """Move the control points (n, 3) of a deforming body's model: metres, model frame.
 
-        The body's model is refitted, for every body that shares it. Bounds stay certified: each
-        distance changes by no more than the largest displacement of a vertex.
+        Every body that shares the model changes with it. Bounds stay certified: each distance
+        changes by no more than the largest displacement of a point.
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.TriangleMesh.refit`; or a solid would be none any more.
+            engine.ModelError: see `engine.Model.deform`; or a solid would be none any more.
                 Nothing has changed.
         """
-        self._placing.refit(name, vertices)
+        self._placing.deform(name, points)
 
-    def replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+    def replace_model(self, name: str, model: engine.Model) -> None:
         """Give a body another model, as of a cloud of which a new one has come.
 
         Raises:
@@ -246,7 +246,7 @@ class Monitor:
 
 def simulate(
     scene: Scene,
-    models: Mapping[str, engine.TriangleMesh],
+    models: Mapping[str, engine.Model],
     recorded_poses: Iterable[Mapping[str, np.ndarray | None]],
     budget_s: float,
     *,

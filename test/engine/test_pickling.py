@@ -132,7 +132,7 @@ def test_a_deep_copy_has_models_of_its_own_and_a_copy_has_not():
     pair = engine.Pair(ball, other)
     deep, shallow = copy.deepcopy(pair), copy.copy(pair)
     before = pair.distance(FAR, IDENTITY).upper
-    ball.refit(ball.vertices * 0.5)
+    ball.deform(ball.vertices * 0.5)
     assert deep.distance(FAR, IDENTITY).upper == pytest.approx(before)
     assert shallow.distance(FAR, IDENTITY).upper == pytest.approx(before + 0.5)
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import as_indices, as_reals
 from ..kernels.assembly import carry as kernel
 from ..kernels.inside.solids import HALF
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.run import check_models
@@ -63,7 +63,7 @@ class Answers:
     poses: NDArray[np.float64]
     """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
 
-    def __init__(self, models: Sequence[TriangleMesh], names: Sequence[str]) -> None:
+    def __init__(self, models: Sequence[Model], names: Sequence[str]) -> None:
         self._models = check_models(models)
         count = len(self._models)
         self._names = tuple(names)
@@ -126,11 +126,11 @@ class Answers:
         return moved
 
     def reshape(self, body: int, displacement: float) -> None:
-        """Take note that the model of a body was refitted.
+        """Take note that the model of a body was deformed.
 
         Args:
             body: which.
-            displacement: metres; no vertex was moved farther than that. inf: unknown.
+            displacement: metres; no point moved farther than that (`Model.deform`). inf: unknown.
         """
         self._measure(body)
         stretch = self._places[body, kernel.STRETCH] + displacement
@@ -140,7 +140,7 @@ class Answers:
             self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
         self._place(np.array([body]), self.poses[[body]], True)
 
-    def replace(self, body: int, model: TriangleMesh) -> NDArray[np.int64]:
+    def replace(self, body: int, model: Model) -> NDArray[np.int64]:
         """Give a body another model; return the rows of its pairs, of which nothing is known."""
         models = list(self._models)
         models[body] = model
@@ -227,9 +227,9 @@ class Answers:
         )  # fmt: skip
 
     def _measure(self, body: int) -> None:
-        model = self._models[body]
-        self._balls[body] = *model.centre, model.core_radius, model.swept_radius, model.deviation
-        self._first[body] = model.vertices[model.faces[0, 0]]
+        core = self._models[body]._hierarchy
+        self._balls[body] = *core.centre, core.core_radius, core.swept_radius, core.deviation
+        self._first[body] = core.vertices[core.faces[0, 0]]
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:
         pairs = self._labels[:, kernel.BODY_A : kernel.BODY_B + 1]
