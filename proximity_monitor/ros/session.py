@@ -273,7 +273,7 @@ class Session:
             return tick
         return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=looked_at)
 
-    def _replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+    def _replace_model(self, name: str, model: engine.Model) -> None:
         self._models[name] = model
         self._monitor.replace_model(name, model)
         self._outputs.reshape(name)

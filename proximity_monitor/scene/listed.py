@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from proximity_monitor import engine
 from proximity_monitor.scene.state import STATUSES, PairState, PairStates
 
 _UNKNOWN = np.full((2, 3), np.nan)
@@ -17,6 +18,9 @@ def as_arrays(pairs: Sequence[PairState]) -> PairStates:
         return pairs
     names = tuple(dict.fromkeys(name for pair in pairs for name in (pair.a, pair.b)))
     place = {name: i for i, name in enumerate(names)}
+    kinds = {}
+    for pair in pairs:
+        kinds |= zip((pair.a, pair.b), pair.kinds, strict=False)
     return PairStates(
         names=names,
         positions=np.array([pair.index for pair in pairs], dtype=np.int64),
@@ -29,8 +33,9 @@ def as_arrays(pairs: Sequence[PairState]) -> PairStates:
         silent=np.array([(p.a in p.silent, p.b in p.silent) for p in pairs], bool).reshape(-1, 2),
         session_min=np.array([pair.session_min for pair in pairs]),
         session_min_lower=np.array([pair.session_min_lower for pair in pairs]),
-        faces=np.array([p.faces or (-1, -1) for p in pairs], np.int32).reshape(-1, 2),
-        weights=np.array(
-            [_UNKNOWN if p.weights is None else p.weights for p in pairs], np.float64
+        kinds=tuple(kinds.get(name, engine.Model) for name in names),
+        elements=np.array([pair.elements for pair in pairs], np.int32).reshape(-1, 2),
+        parameters=np.array(
+            [_UNKNOWN if p.parameters is None else p.parameters for p in pairs], np.float64
         ).reshape(-1, 2, 3),
     )

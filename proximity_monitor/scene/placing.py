@@ -18,6 +18,7 @@ class Placing:
     Attributes:
         names: of all n bodies, in the scene's order.
         models: theirs.
+        kinds: the kinds of the models.
         solid: (n,) whether each is a solid.
         known: (n,) whether each has a pose.
         silent: (n,) whether each is not to be relied on, as where its pose is unknown or too old.
@@ -32,6 +33,7 @@ class Placing:
         """
         self.names = tuple(body.name for body in bodies)
         self.models = tuple(models[name] for name in self.names)
+        self.kinds = tuple(type(model) for model in self.models)
         for body, model in zip(bodies, self.models, strict=True):
             check_solid(body, model)
         self.solid = np.array([model.is_solid for model in self.models], dtype=bool)
@@ -88,6 +90,7 @@ class Placing:
         """
         body = self._at[name]
         self.models = (*self.models[:body], model, *self.models[body + 1 :])
+        self.kinds = tuple(type(each) for each in self.models)
         self._revisions[body] = model.revision
         self._reshaped = True
         self.solid[body] = model.is_solid

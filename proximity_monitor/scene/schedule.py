@@ -229,8 +229,9 @@ class Monitor:
             silent=states["silent"].view(np.bool_),
             session_min=states["min_upper"],
             session_min_lower=states["min_lower"],
-            faces=states["faces"],
-            weights=states["weights"],
+            kinds=self._placing.kinds,
+            elements=states["faces"],
+            parameters=states["weights"],
         )
         return Tick(
             pairs,

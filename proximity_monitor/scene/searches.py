@@ -38,7 +38,7 @@ class Question(NamedTuple):
 class Searches:
     """Searches over the bodies of a scene."""
 
-    def __init__(self, models: Sequence[engine.TriangleMesh], threads: int) -> None:
+    def __init__(self, models: Sequence[engine.Model], threads: int) -> None:
         """Get ready for the models (n,) of the bodies, and for so many threads."""
         if threads < 1:
             raise ValueError(f"threads = {threads}: must be at least 1")
@@ -63,7 +63,7 @@ class Searches:
             pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
             pair.signed_distance(near, near, budget_s=0.0)  # has kernels of its own
 
-    def replace(self, body: int, model: engine.TriangleMesh) -> None:
+    def replace(self, body: int, model: engine.Model) -> None:
         """Give a body another model; what was not finished about its pairs is forgotten."""
         self._models = (*self._models[:body], model, *self._models[body + 1 :])
         self.assembly.replace(body, model)

@@ -35,7 +35,7 @@ class Recording:
         poses |= moves.poses(t)
         for robot in self.scene.robots:
             poses |= robot.poses(moves.joints(t))
-        vertices = {name: np.array(each) for name, each in moves.vertices(t).items()}
+        vertices = {name: np.array(each) for name, each in moves.control_points(t).items()}
         for name, each in vertices.items():
             self.models[name].deform(each)
         return poses, vertices, [self._exact(pair, poses) for pair in self.scene.pairs]

@@ -160,7 +160,7 @@ class TriangleMesh(Model):
         shown = self.vertices, self.faces
         if self.swept_radius > 0.0:
             shown = tessellated(*shown, self.swept_radius, tolerance)[:2]
-        return DisplayMesh(*shown, None)
+        return DisplayMesh(*shown)
 
     @staticmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:

@@ -39,7 +39,7 @@ class DisplayMesh(NamedTuple):
     """(n, 3) metres, model frame."""
     faces: NDArray[np.int32]
     """(m, 3) indices of vertices; outward faces have their corners counter-clockwise."""
-    normals: NDArray[np.float64] | None
+    normals: NDArray[np.float64] | None = None
     """(n, 3) unit normals of the surface at the vertices; None: each face is flat."""
 
     def corners(self) -> NDArray[np.float64]:
