@@ -192,8 +192,8 @@ def _pair_values(
     }
     if level in _NEAR:
         for key, feature in zip(_FEATURES, pair.features, strict=False):
-            where = " ".join(f"{value:.9g}" for value in feature.parameters.tolist())
-            values[key] = f"{feature.kind} {feature.index} {where}"
+            where = (f"{value:.9g}" for value in feature.parameters.tolist())
+            values[key] = " ".join((feature.kind, str(feature.index), *where))
     return values
 
 
