@@ -344,7 +344,7 @@ SOUND = {
     "ros/__init__.py": "",
     "ros/node.py": "import rclpy, std_msgs.msg\nfrom proximity_monitor import __version__",
     "display/__init__.py": "",
-    "display/page.py": "import viser\na.vertices = 1\nfrom proximity_monitor.scene.file import Scene",
+    "display/page.py": "import viser\na.faces = 1\nfrom proximity_monitor.scene.file import Scene",
 }
 
 
