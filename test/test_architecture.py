@@ -46,8 +46,9 @@ KNOWS = {
     "scene": {"scene", *_WATCHING},
     "motion": {"motion", "scene", *_PUBLIC},
     "study": {"study", "motion", "scene", *_ENGINE} - set(_KERNEL_ROOMS),
-    "ros": {"ros", "motion", "scene", *_PUBLIC},
-    "display": {"display", "scene", *_PUBLIC},
+    "cdr": set(),  # messages as bytes
+    "ros": {"ros", "motion", "scene", "cdr", *_PUBLIC},
+    "display": {"display", "scene", "cdr", *_PUBLIC},
     "__main__": {"display", "ros", "motion", "scene", *_PUBLIC},
     "": set(),  # the package's own __init__.py, which everybody may know
 }

@@ -24,8 +24,8 @@ def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -
 
     Args:
         path: the file.
-        describe: returns the robot description that is published on a topic, for scenes that name
-            one; it may wait for it. None: such a scene is refused.
+        describe: returns the robot description that is published on a topic, and may wait for it.
+                None: scenes that name such a topic are refused.
 
     Returns:
         The scene in SI units.
@@ -45,7 +45,7 @@ def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -
 
 
 def _check_version(data: Any, report: Report) -> None:
-    """Another version may mean anything by its keys, so nothing else is said about them."""
+    """The keys of another version may mean anything, so nothing else is checked."""
     if isinstance(data, dict) and "version" in data and ("version",) not in report.places():
         version = data["version"]
         if type(version) is not int or version != _VERSION:
