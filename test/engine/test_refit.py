@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from engine_bodies import Fcl, covering, pose, soup, sphere, torus, translation
@@ -198,6 +200,22 @@ def test_bad_vertices_leave_the_mesh_as_it_was(change, message):
     after = (mesh.vertices, mesh.centre, mesh.radius, mesh._hierarchy.tree)
     assert all(x is y for x, y in zip(before, after, strict=True))
     assert mesh.revision == 0
+
+
+@pytest.mark.parametrize("size", [1.0, 1e45, 1e-160, 1e-200, 5e-324, 0.0])
+def test_no_vertex_moves_farther_than_is_told(size):
+    """Squares of the smallest would vanish, and of 1e-160 lose most of their digits."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        before, after = rng.uniform(-1.0, 1.0, (2, 4, 3)) * size
+        mesh = engine.TriangleMesh(before, [[0, 1, 2], [0, 2, 3]])
+        told = Fraction(mesh.deform(after))
+        exact = max(
+            sum((Fraction(x) - Fraction(y)) ** 2 for x, y in zip(p, q, strict=True))
+            for p, q in zip(before.tolist(), after.tolist(), strict=True)
+        )
+        assert told**2 >= exact
+        assert told**2 <= exact * (1 + Fraction(1, 10**14)) or told <= Fraction(2e-323)
 
 
 def test_a_search_that_was_cut_off_starts_anew_after_a_refit():

@@ -80,7 +80,7 @@ class Pair:
         fresh, asked, deadline = True, None, None
         if budget_s is not None:
             budget_s = check_tolerance("budget_s", budget_s)
-            shapes = self.a.revision, self.b.revision
+            shapes = self.a._hierarchy, self.b._hierarchy
             asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, order, manifold, shapes)
             fresh = asked != self._asked
             deadline = start + budget_s

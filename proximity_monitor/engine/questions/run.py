@@ -191,7 +191,8 @@ class Search:
         Raises:
             ValueError: a pose that is no rigid motion.
         """
-        a, b = (model._hierarchy for model in self.models)
+        a, b = self.models
+        a, b = a._hierarchy, b._hierarchy
         # At least one slice: whoever asks again and again comes to an end.
         steps = LONG_SLICE if deadline is None else SLICE
         if collect:
