@@ -168,8 +168,9 @@ def _build(
 
 def _bytes(mesh: engine.TriangleMesh) -> int:
     """All arrays of a mesh and of its hierarchy."""
-    values = [getattr(mesh, name) for name in mesh.__slots__]
-    return sum(v.nbytes for v in (*values, *mesh._tree) if isinstance(v, np.ndarray))
+    hierarchy = mesh._hierarchy
+    values = [getattr(hierarchy, name) for name in hierarchy.__slots__]
+    return sum(v.nbytes for v in (*values, *hierarchy.tree) if isinstance(v, np.ndarray))
 
 
 def _ideal(

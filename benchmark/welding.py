@@ -82,7 +82,7 @@ def _build(scene: StudyScene) -> tuple[dict, dict[str, float], dict[str, float]]
                 start = thread_time()
                 model = engine.TriangleMesh(vertices, faces)
                 built = thread_time()
-                model.refit(vertices)
+                model.deform(vertices)
                 build.append(built - start)
                 refit.append(thread_time() - built)
             models[copy][mesh_name] = model

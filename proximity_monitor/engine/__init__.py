@@ -8,7 +8,11 @@ described in `proximity_monitor.engine.questions.result`.
 from .assembly.assembly import Assembly
 from .assembly.batch import distances
 from .files.load import load
-from .models.mesh import ModelError, TriangleMesh, points, polyline
+from .models import shapes
+from .models.checks import ModelError
+from .models.mesh import TriangleMesh
+from .models.model import DisplayMesh, Feature, Model
+from .models.shapes import points, polyline
 from .questions.closest import closest_points
 from .questions.pair import Pair
 from .questions.query import collide, distance, signed_distance, within
@@ -16,7 +20,10 @@ from .questions.result import Distance, Status
 
 __all__ = [
     "Assembly",
+    "DisplayMesh",
     "Distance",
+    "Feature",
+    "Model",
     "ModelError",
     "Pair",
     "Status",
@@ -28,6 +35,7 @@ __all__ = [
     "load",
     "points",
     "polyline",
+    "shapes",
     "signed_distance",
     "within",
 ]

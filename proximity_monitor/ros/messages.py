@@ -18,8 +18,9 @@ lists: a pair with a range is left out while it is certainly farther apart.
 ``stamp``             the older stamp of the two bodies' poses: the moment that is spoken of
 ``age_s``             seconds since the numbers answered the present poses; 0 while they do
 ``direction``         unit vector from A's point to B's; empty where they coincide
-``feature_a, _b``     of a pair at warn or stop, where its points lie on the models: the triangle,
-                      and the barycentric weights of its corners
+``feature_a, _b``     of a pair at warn or stop, where its points lie on the models: on what kind
+                      of element, which one, and where on it; on a mesh ``edge 12 0.5 0.5 0``: the
+                      triangle, and the barycentric weights of its corners
 ``session_min_m``     the smallest upper bound since the last reset: surely reached
 ``session_min_lower_m``  the smallest lower bound since then: at no tick could it be nearer
 ====================  ==================================================================
@@ -175,9 +176,10 @@ def _pair_values(
             pair.session_min_lower if pair.session_min_lower < math.inf else math.nan
         ),
     }
-    if level in _NEAR and pair.faces:
-        for key, face, weights in zip(_FEATURES, pair.faces, pair.weights.tolist(), strict=True):
-            values[key] = f"{face} {_vector(weights)}"
+    if level in _NEAR:
+        for key, feature in zip(_FEATURES, pair.features, strict=False):
+            where = (f"{value:.9g}" for value in feature.parameters.tolist())
+            values[key] = " ".join((feature.kind, str(feature.index), *where))
     return values
 
 

@@ -90,7 +90,7 @@ class Outputs:
         self._parts_due_s = 0.0
         self._settings = settings
 
-    def show(self, models: Mapping[str, engine.TriangleMesh]) -> None:
+    def show(self, models: Mapping[str, engine.Model]) -> None:
         """Take the models of all bodies by name; before that nothing can be published."""
         self._models = models
         self._scene_message = SceneMessage(self._scene, models, self._node.resolve_topic_name)

@@ -118,7 +118,7 @@ class Session:
             settings,
             self._inputs,
             self._incompatible,
-            set_vertices=self._set_vertices,
+            deform=self._deform,
             on_poses=self._on_poses,
         )
         self._clouds = CloudBodies(
@@ -273,13 +273,13 @@ class Session:
             return tick
         return replace(tick, elapsed_s=spent, budget_s=budget, searched=searched)
 
-    def _replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+    def _replace_model(self, name: str, model: engine.Model) -> None:
         self._models[name] = model
         self._monitor.replace_model(name, model)
         self._outputs.reshape(name)
 
-    def _set_vertices(self, name: str, vertices: np.ndarray) -> None:
-        self._monitor.set_vertices(name, vertices)
+    def _deform(self, name: str, points: np.ndarray) -> None:
+        self._monitor.deform(name, points)
         self._outputs.reshape(name)
 
     def _log(self, changes: Sequence[Alert]) -> None:

@@ -127,7 +127,7 @@ class Body:
     colour: tuple[float, float, float, float]
     """Red, green, blue, opacity, each 0 to 1."""
     solid: Solid = None
-    """Whether it must be a solid, as for `engine.TriangleMesh`; None: if its model encloses one."""
+    """Whether it must be a solid, as for `engine.load`; None: if its model encloses one."""
     solid_at: str = ""
     """Where the file says so."""
     deviation: float = 0.0

@@ -35,7 +35,7 @@ class Monitor:
     def __init__(
         self,
         scene: Scene,
-        models: Mapping[str, engine.TriangleMesh],
+        models: Mapping[str, engine.Model],
         *,
         threads: int = 1,
         clock: Callable[[], float] = time.perf_counter,
@@ -93,20 +93,20 @@ class Monitor:
         self._specify(slice(None))
         self._schedule.records["done"] = False
 
-    def set_vertices(self, name: str, vertices: np.ndarray) -> None:
-        """Take the vertices (n, 3) of a deforming body: metres, model frame.
+    def deform(self, name: str, points: np.ndarray) -> None:
+        """Move the control points (n, 3) of a deforming body's model: metres, model frame.
 
-        The body's model is refitted, for every body that shares it. Bounds stay certified: each
-        distance changes by no more than the largest displacement of a vertex.
+        Every body that shares the model changes with it. Bounds stay certified: each distance
+        changes by no more than the largest displacement of a point.
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.TriangleMesh.refit`; or a solid would be none any more.
+            engine.ModelError: see `engine.Model.deform`; or a solid would be none any more.
                 Nothing has changed.
         """
-        self._placing.refit(name, vertices)
+        self._placing.deform(name, points)
 
-    def replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+    def replace_model(self, name: str, model: engine.Model) -> None:
         """Give a body another model, such as a new cloud.
 
         Raises:
@@ -209,8 +209,9 @@ class Monitor:
             silent=states["silent"].view(np.bool_),
             session_min=states["min_upper"],
             session_min_lower=states["min_lower"],
-            faces=states["faces"],
-            weights=states["weights"],
+            kinds=self._placing.kinds,
+            elements=states["faces"],
+            parameters=states["weights"],
         )
         return Tick(
             pairs,
@@ -226,7 +227,7 @@ class Monitor:
 
 def simulate(
     scene: Scene,
-    models: Mapping[str, engine.TriangleMesh],
+    models: Mapping[str, engine.Model],
     recorded_poses: Iterable[Mapping[str, np.ndarray | None]],
     budget_s: float,
     *,

@@ -11,6 +11,8 @@ from typing import NamedTuple, TypeVar, overload
 
 import numpy as np
 
+from proximity_monitor import engine
+
 Item = TypeVar("Item")
 
 
@@ -95,15 +97,25 @@ class PairState:
     """The smallest `lower` of the session: the pair never was certified to be nearer at a tick."""
     index: int = 0
     """Where the pair stands among the scene's pairs."""
-    faces: tuple[int, ...] = ()
-    """The triangles of A's and of B's model that the points lie on; empty where not known."""
-    weights: np.ndarray | None = None
-    """(2, 3) the points' barycentric coordinates in them."""
+    kinds: tuple[type[engine.Model], ...] = ()
+    """Of A's and of B's model; empty where it is not known where on them the points lie."""
+    elements: tuple[int, ...] = (-1, -1)
+    """Which elements of the models the points lie on, and"""
+    parameters: np.ndarray | None = None
+    """(2, 3) where; `features` tells what that means."""
 
     @property
     def stale(self) -> bool:
         """Whether a body is silent, so that nothing is certain about now."""
         return bool(self.silent)
+
+    @property
+    def features(self) -> tuple[engine.Feature, ...]:
+        """Where the points lie on A's and on B's model; empty where not known."""
+        if not self.kinds:
+            return ()
+        sides = zip(self.kinds, self.elements, self.parameters, strict=True)
+        return tuple(kind.feature(element, where) for kind, element, where in sides)
 
 
 class LazySequence(Sequence[Item]):
@@ -152,8 +164,9 @@ class PairStates(LazySequence[PairState]):
         silent: (k, 2) whether the pose or shape of either body is stale or unknown.
         session_min: (k,) metres.
         session_min_lower: (k,) metres.
-        faces: (k, 2) the triangles of the models that the points lie on; -1: not known.
-        weights: (k, 2, 3) barycentric coordinates of the points in them.
+        kinds: of the bodies' models.
+        elements: (k, 2) which elements of the models the points lie on; -1: not known.
+        parameters: (k, 2, 3) where on them.
     """
 
     names: tuple[str, ...]
@@ -167,8 +180,9 @@ class PairStates(LazySequence[PairState]):
     silent: np.ndarray
     session_min: np.ndarray
     session_min_lower: np.ndarray
-    faces: np.ndarray
-    weights: np.ndarray
+    kinds: tuple[type[engine.Model], ...]
+    elements: np.ndarray
+    parameters: np.ndarray
 
     def __len__(self) -> int:
         """How many listed pairs there are."""
@@ -176,7 +190,10 @@ class PairStates(LazySequence[PairState]):
 
     def _made(self, places: range) -> Iterator[PairState]:
         for k in places:
-            a, b = (self.names[body] for body in self.bodies[k].tolist())
+            first, second = self.bodies[k].tolist()
+            a, b = self.names[first], self.names[second]
+            elements = tuple(self.elements[k].tolist())
+            known = elements[0] >= 0
             silent = self.silent[k].tolist()
             yield PairState(
                 a=a,
@@ -191,8 +208,9 @@ class PairStates(LazySequence[PairState]):
                 session_min=float(self.session_min[k]),
                 session_min_lower=float(self.session_min_lower[k]),
                 index=int(self.positions[k]),
-                faces=tuple(faces) if (faces := self.faces[k].tolist())[0] >= 0 else (),
-                weights=self.weights[k],
+                kinds=(self.kinds[first], self.kinds[second]) if known else (),
+                elements=elements,
+                parameters=self.parameters[k] if known else None,
             )
 
     def clearance(self) -> float:
@@ -208,6 +226,9 @@ def as_arrays(pairs: Sequence[PairState]) -> PairStates:
         return pairs
     names = tuple(dict.fromkeys(name for pair in pairs for name in (pair.a, pair.b)))
     place = {name: i for i, name in enumerate(names)}
+    kinds: dict[str, type[engine.Model]] = {}
+    for pair in pairs:
+        kinds |= zip((pair.a, pair.b), pair.kinds, strict=False)
     return PairStates(
         names=names,
         positions=np.array([pair.index for pair in pairs], dtype=np.int64),
@@ -220,9 +241,10 @@ def as_arrays(pairs: Sequence[PairState]) -> PairStates:
         silent=np.array([(p.a in p.silent, p.b in p.silent) for p in pairs], bool).reshape(-1, 2),
         session_min=np.array([pair.session_min for pair in pairs]),
         session_min_lower=np.array([pair.session_min_lower for pair in pairs]),
-        faces=np.array([p.faces or (-1, -1) for p in pairs], np.int32).reshape(-1, 2),
-        weights=np.array(
-            [_UNKNOWN_POINTS if p.weights is None else p.weights for p in pairs], np.float64
+        kinds=tuple(kinds.get(name, engine.Model) for name in names),
+        elements=np.array([pair.elements for pair in pairs], np.int32).reshape(-1, 2),
+        parameters=np.array(
+            [_UNKNOWN_POINTS if p.parameters is None else p.parameters for p in pairs], np.float64
         ).reshape(-1, 2, 3),
     )
 

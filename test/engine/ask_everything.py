@@ -88,11 +88,11 @@ for a in solids:
             for budget in (0.0, 2e-5, 2e-5, None):
                 pair.signed_distance(pose(rng, far), IDENTITY, budget_s=budget)
         pair.signed_distance(IDENTITY, IDENTITY, rel_err=0.1)
-        a.refit(0.9 * a.vertices)
+        a.deform(0.9 * a.vertices)
         pair.signed_distance(IDENTITY, IDENTITY, abs_err=0.1)
 
 # The check is on: a child that is no triangle is found.
-tree = models[0]._tree
+tree = models[0]._hierarchy.tree
 children = tree.children.copy()
 children[16:] = ~np.int32(2**30)
 broken = tree._replace(children=children)

@@ -207,7 +207,7 @@ def test_the_interval_contains_the_distance_after_motion_and_deformation(seed, m
     for _ in range(3):
         step = random.uniform(-bend, bend, a.vertices.shape)
         before = a.vertices
-        a.refit(before + step)
+        a.deform(before + step)
         answers.reshape(0, np.linalg.norm(a.vertices - before, axis=1).max() * (1 + 1e-15))
         ends = [nudged(random, each, motion) for each in ends]
         move(answers, *ends)
@@ -220,7 +220,7 @@ def test_after_a_deformation_of_unknown_size_the_new_ball_alone_bounds():
     random = np.random.default_rng(6)
     a, b = cloud(random), cloud(random)
     answers, row = answered(a, np.eye(4), b, pose(position=(20, 0, 0)))
-    a.refit(3.0 * a.vertices)
+    a.deform(3.0 * a.vertices)
     answers.reshape(0, np.inf)
     got = answers.intervals(row)
     apart = np.linalg.norm(b.centre + np.array([20, 0, 0]) - a.centre) - a.radius - b.radius

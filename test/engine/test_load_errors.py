@@ -357,7 +357,7 @@ def test_a_damaged_file_is_a_sound_model_or_a_model_error(tmp_path, name, steps)
     assert np.isfinite(mesh.vertices).all()
     assert mesh.faces.min() >= 0
     assert mesh.faces.max() < len(mesh.vertices)
-    check_tree(mesh._tree)
+    check_tree(mesh._hierarchy.tree)
 
 
 @settings(

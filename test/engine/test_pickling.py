@@ -91,6 +91,7 @@ def test_nothing_that_is_written_to_is_shared(kind, route):
         given = NESTED
     if kind == "Schedule" and route == "copy":
         given = [*MODELS, thing._answers, thing._assembly]
+    given = [*given, *(each._hierarchy for each in given if hasattr(each, "_hierarchy"))]
     mine = memory_of(thing, given)
     other = memory_of(ROUTES[route](thing), given)
     assert mine
@@ -135,7 +136,7 @@ def test_a_deep_copy_has_models_of_its_own_and_a_copy_has_not():
     pair = engine.Pair(ball, other)
     deep, shallow = copy.deepcopy(pair), copy.copy(pair)
     before = pair.distance(FAR, IDENTITY).upper
-    ball.refit(ball.vertices * 0.5)
+    ball.deform(ball.vertices * 0.5)
     assert deep.distance(FAR, IDENTITY).upper == pytest.approx(before)
     assert shallow.distance(FAR, IDENTITY).upper == pytest.approx(before + 0.5)
 

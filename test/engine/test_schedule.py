@@ -174,7 +174,7 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
 
     schedule.search_together(look(), 60.0, 1, perf_counter)
     before = ball.vertices
-    ball.refit(0.7 * before)
+    ball.deform(0.7 * before)
     answers.reshape(0, 1.001 * np.linalg.norm(ball.vertices - before, axis=1).max())
     queries = look()
     # Points of both models, though by far not the nearest ones.
@@ -183,7 +183,7 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
     row = np.array(
         [0.0, upper, *far[0], *far[1], 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 1, OUT_OF_TIME, 0, 0]
     )
-    cut = engine.Distance(row, 0.0, None)
+    cut = engine.Distance(row, 0.0, None, (engine.TriangleMesh, engine.TriangleMesh))
     assert cut.status is engine.Status.OUT_OF_TIME
     schedule.commit(queries, [cut], perf_counter())
     poses[1, 1, 3] += 1e-9
@@ -222,7 +222,7 @@ def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cu
         true = look(1e-9 * (k + 1)).upper
         schedule.commit(
             schedule.queries(np.zeros(1, np.int64)),
-            [engine.Distance(far, 0.0, None)],
+            [engine.Distance(far, 0.0, None, (engine.TriangleMesh, engine.TriangleMesh))],
             perf_counter(),
         )
         state = schedule.report(perf_counter())[0][0]

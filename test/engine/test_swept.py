@@ -172,7 +172,7 @@ def test_assembly_and_refit_know_the_radii():
     poses = np.stack([pose(rng, 8.0) for _ in models])
     pairs = np.argwhere(np.triu(np.ones((4, 4)), 1))
     assembly = engine.Assembly(models)
-    models[0].refit(models[0].vertices * 1.1)
+    models[0].deform(models[0].vertices * 1.1)
     found = assembly.distances(poses, pairs)
     for k, (i, j) in enumerate(pairs):
         single = engine.distance(models[i], poses[i], models[j], poses[j])

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..kernels.assembly import carry as kernel
 from ..kernels.inside.solids import HALF
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import check_pose
 from ..questions.run import check_models
@@ -56,16 +56,17 @@ class Answers:
     """
 
     __slots__ = (
-        "_answers", "_balls", "_first", "_free", "_labels", "_models", "_names", "_places",
-        "_versions", "poses",
+        "_answers", "_balls", "_first", "_free", "_hierarchies", "_labels", "_models", "_names",
+        "_places", "_versions", "poses",
     )  # fmt: skip
 
     poses: NDArray[np.float64]
     """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
 
-    def __init__(self, models: Sequence[TriangleMesh], names: Sequence[str]) -> None:
+    def __init__(self, models: Sequence[Model], names: Sequence[str]) -> None:
         self._models = check_models(models)
         count = len(self._models)
+        self._hierarchies = [model._hierarchy for model in self._models]
         self._names = tuple(names)
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
@@ -82,7 +83,8 @@ class Answers:
 
     def __copy__(self) -> Answers:
         """Another one about the same models, with a table of its own."""
-        return deepcopy(self, {id(model): model for model in self._models})
+        shared = (*self._models, *self._hierarchies)
+        return deepcopy(self, {id(each): each for each in shared})
 
     @property
     def centres(self) -> NDArray[np.float64]:
@@ -127,11 +129,11 @@ class Answers:
         return moved
 
     def reshape(self, body: int, displacement: float) -> None:
-        """Take note that the model of a body was refitted.
+        """Take note that the model of a body was deformed.
 
         Args:
             body: which.
-            displacement: metres; no vertex moved farther than that. inf: unknown.
+            displacement: metres; no point moved farther than that (`Model.deform`). inf: unknown.
         """
         self._measure(body)
         stretch = self._places[body, kernel.STRETCH] + displacement
@@ -141,7 +143,12 @@ class Answers:
             self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
         self._place(np.array([body]), self.poses[[body]], True)
 
-    def replace(self, body: int, model: TriangleMesh) -> NDArray[np.int64]:
+    def deformed(self) -> list[int]:
+        """The bodies whose models were deformed since `reshape` was told."""
+        pairs = enumerate(zip(self._models, self._hierarchies, strict=True))
+        return [body for body, (model, known) in pairs if model._hierarchy is not known]
+
+    def replace(self, body: int, model: Model) -> NDArray[np.int64]:
         """Give a body another model; return the rows of its pairs, whose answers are forgotten."""
         models = list(self._models)
         models[body] = model
@@ -172,7 +179,9 @@ class Answers:
 
     def _kinds(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
         """The kinds of the signed distances of pairs (k, 2)."""
-        robust = [i for i in np.unique(pairs).tolist() if self._models[i].solid == "robust"]
+        robust = [
+            i for i in np.unique(pairs).tolist() if self._models[i]._hierarchy.solid == "robust"
+        ]
         holed = [i for i in robust if sides_of(self._models[i]).region.inside == HALF]
         jumping = np.isin(pairs, holed).any(axis=1)
         return np.where(jumping, kernel.JUMPING, kernel.CONTINUOUS)
@@ -229,9 +238,9 @@ class Answers:
         )  # fmt: skip
 
     def _measure(self, body: int) -> None:
-        model = self._models[body]
-        self._balls[body] = *model.centre, model.core_radius, model.swept_radius, model.deviation
-        self._first[body] = model.vertices[model.faces[0, 0]]
+        core = self._hierarchies[body] = self._models[body]._hierarchy
+        self._balls[body] = *core.centre, core.core_radius, core.swept_radius, core.deviation
+        self._first[body] = core.vertices[core.faces[0, 0]]
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:
         pairs = self._labels[:, kernel.BODY_A : kernel.BODY_B + 1]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..questions.pair import Pair
 from ..questions.result import Distance, Status
 from ..questions.sharing import share
@@ -37,7 +37,7 @@ class LongSearches:
     for longest is forgotten first.
     """
 
-    def __init__(self, models: Sequence[TriangleMesh]) -> None:
+    def __init__(self, models: Sequence[Model]) -> None:
         self._models = tuple(models)
         self._kept: OrderedDict[int, Pair] = OrderedDict()  # by a * n + b
 
@@ -56,7 +56,7 @@ class LongSearches:
             pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
             pair.signed_distance(near, near, budget_s=0.0)  # has kernels of its own
 
-    def replace(self, body: int, model: TriangleMesh) -> None:
+    def replace(self, body: int, model: Model) -> None:
         """Give a body another model; the searches of its pairs are forgotten."""
         self._models = (*self._models[:body], model, *self._models[body + 1 :])
         for key in [key for key in self._kept if body in divmod(key, len(self._models))]:

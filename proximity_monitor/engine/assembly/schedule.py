@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..kernels.assembly import schedule as kernel
 from ..kernels.base import state as index
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..questions.result import Distance
 from .answers import Answers
 from .assembly import Assembly
@@ -148,7 +148,7 @@ class Schedule:
         self._minima.clear()
         self.records["min_upper"] = self.records["min_lower"] = np.inf
 
-    def replace(self, body: int, model: TriangleMesh, rows: NDArray[np.int64]) -> None:
+    def replace(self, body: int, model: Model, rows: NDArray[np.int64]) -> None:
         """Give a body another model; what searches of its pairs' rows (k,) found is forgotten."""
         self._assembly.replace(body, model)
         self._long.replace(body, model)

@@ -55,7 +55,7 @@ class ContactForces:
         self.closest = _CLOSEST * self.kept
         """Metres: no state has surfaces nearer than this."""
         self.every = law.method == "penalty"
-        """Whether all pairs of patches have contacts: a spring each makes a smooth potential."""
+        """Whether all pairs of pieces have contacts: a spring each makes a smooth potential."""
         self.slack = 0.0 if self.every else _SLACK * self.kept
         """Metres: resting contacts are searched anew only after so much motion."""
         self.reach = 2.0 * law.margin

@@ -151,7 +151,7 @@ class World:
 
     @property
     def searches(self) -> int:
-        """How many distances of two patches contacts have cost so far; 0 without contacts."""
+        """How many distances of two pieces contacts have cost so far; 0 without contacts."""
         return 0 if self._finder is None else self._finder.searches
 
     @property
@@ -350,7 +350,7 @@ def _mass_of(body: RigidBody) -> MassProperties | None:
     if body.density is None:
         return None
     try:
-        return mass_properties(body.model.vertices, body.model.faces, body.density)
+        return mass_properties(body.model.display_mesh(0.0), body.density)
     except ValueError as error:
         raise ValueError(f"dynamics.bodies.{body.name}: {error}") from None
 
