@@ -43,7 +43,7 @@ class CloudBodies:
         frame: str,
         inputs: Inputs,
         incompatible: Incompatible,
-        replace: Callable[[str, engine.TriangleMesh], None],
+        replace: Callable[[str, engine.Model], None],
     ) -> None:
         """Subscribe.
 

@@ -22,8 +22,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
-from proximity_monitor.scene.listed import as_arrays
-from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, silence
+from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, as_arrays, silence
 from proximity_monitor.scene.unseen import Unseen
 
 WINDOW_S = 10.0
@@ -73,7 +72,7 @@ class Timing:
         return values
 
 
-class State(NamedTuple):
+class NodeState(NamedTuple):
     """What a configured monitor is like at the moment of a message."""
 
     activity: str
@@ -121,7 +120,7 @@ class Health:
     _rejected: int = 0
     _incompatible: int = 0
 
-    def message(self, stamp: Time, state: State) -> DiagnosticArray:
+    def message(self, stamp: Time, state: NodeState) -> DiagnosticArray:
         """Return the diagnostics of this second."""
         array = DiagnosticArray()
         array.header.stamp = stamp
@@ -133,7 +132,7 @@ class Health:
         ]
         return array
 
-    def _clearance(self, state: State) -> DiagnosticStatus:
+    def _clearance(self, state: NodeState) -> DiagnosticStatus:
         tick, count = state.tick, Counter(state.levels.values())
         pairs = as_arrays(tick.pairs if tick is not None else ())
         if tick is not None:  # the levels have some pairs that are not listed, but not all of them
@@ -160,7 +159,7 @@ class Health:
         values["clearance_m"] = repr(tick.clearance()) if tick is not None else "nan"
         return self._status("clearance", level, worst, values)
 
-    def _schedule(self, state: State) -> DiagnosticStatus:
+    def _schedule(self, state: NodeState) -> DiagnosticStatus:
         settings, tick = state.settings, state.tick
         overruns = self.timing.budget_overruns + self.timing.period_overruns
         new, self._overruns = overruns - self._overruns, overruns
@@ -179,7 +178,7 @@ class Health:
         }
         return self._status("schedule", level, what, values)
 
-    def _inputs(self, state: State) -> DiagnosticStatus:
+    def _inputs(self, state: NodeState) -> DiagnosticStatus:
         refused = state.inputs.rejected | state.refused_joints
         rejected = sum(refused.values())
         new, self._rejected = rejected - self._rejected, rejected
@@ -203,7 +202,7 @@ class Health:
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         return self._status("inputs", level, "; ".join(wrong) or "all bodies reported", values)
 
-    def _outputs(self, state: State) -> DiagnosticStatus:
+    def _outputs(self, state: NodeState) -> DiagnosticStatus:
         incompatible = sum(state.incompatible.values())
         new, self._incompatible = incompatible - self._incompatible, incompatible
         values = {f"built: {topic}": str(n) for topic, n in state.built.items()}

@@ -16,8 +16,8 @@ from types import MappingProxyType
 import numpy as np
 
 from proximity_monitor.ros.bulk import StampedPose
-from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrices, pose_matrix
+from proximity_monitor.scene.relative_motion import Course
 from proximity_monitor.scene.state import NO_POSE_YET, NO_RECENT_POSE, PoseSample
 
 FUTURE_TOLERANCE_S = 0.1

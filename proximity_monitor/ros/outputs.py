@@ -90,7 +90,7 @@ class Outputs:
         self._parts_due_s = 0.0
         self._settings = settings
 
-    def show(self, models: Mapping[str, engine.TriangleMesh]) -> None:
+    def show(self, models: Mapping[str, engine.Model]) -> None:
         """Take the models of all bodies by name; before that nothing can be published."""
         self._models = models
         self._scene_message = SceneMessage(self._scene, models, self._node.resolve_topic_name)
@@ -104,8 +104,8 @@ class Outputs:
         self._scene_is_new = True
         self._marks.live(max(1.0, 3.0 / settings.rate_hz))
 
-    def look(self) -> bool:
-        """See who listens, for the next `publish`; return whether anybody wants distances."""
+    def check_demand(self) -> bool:
+        """Note who listens, for the next `publish`; return whether anybody wants distances."""
         self._points_wanted = self._closest.get_subscription_count() > 0
         self._clearance_wanted = self._clearance.get_subscription_count() > 0
         self._marks_wanted = self._settings.markers and self._markers.get_subscription_count() > 0
@@ -122,7 +122,7 @@ class Outputs:
     ) -> None:
         """Publish a tick: alerts always, as late subscribers get them too, the rest on demand.
 
-        Call `look` before.
+        Call `check_demand` first.
 
         Args:
             stamp: of the tick.

@@ -28,6 +28,9 @@ from proximity_monitor.scene import Body
 RATE_HZ = 5.0
 """Smooth enough to see where a part is; the distances come at the monitor's own rate."""
 
+ROUNDNESS = 0.005
+"""How far the triangles that show a body may be from its surface, in radii of the body."""
+
 BYTES_PER_S = 20e6
 """Where the message is so large that five a second would pass this, it is published less often."""
 
@@ -48,7 +51,7 @@ class PartsMessage:
     """The serialised marker array of all bodies; poses are written into it."""
 
     def __init__(
-        self, bodies: Sequence[Body], models: Mapping[str, engine.TriangleMesh], frame: str
+        self, bodies: Sequence[Body], models: Mapping[str, engine.Model], frame: str
     ) -> None:
         """Build the message; a body is not shown until `place` gives it a pose.
 
@@ -58,8 +61,8 @@ class PartsMessage:
         self._index = {body.name: i for i, body in enumerate(bodies)}
         template = _Template(bodies, frame)
         corners = [
-            drawn.vertices[drawn.faces].reshape(-1, 3)
-            for drawn in (models[body.name].tessellated() for body in bodies)
+            model.display_mesh(ROUNDNESS * model.radius).corners().reshape(-1, 3)
+            for model in (models[body.name] for body in bodies)
         ]
         # What the splice does is seen on two triangles of each body, which are soon read.
         self._bytes, self._places = template.filled([each[:6] for each in corners])

@@ -150,7 +150,7 @@ class ProximityPlayer(Node):
         }
         self._vertices = {
             name: self.create_publisher(PointCloud2, f"bodies/{name}/vertices", LATEST)
-            for name in self._motion.vertices(self._seek_s)
+            for name in self._motion.control_points(self._seek_s)
         }
 
     def _publish(self) -> None:
@@ -169,7 +169,7 @@ class ProximityPlayer(Node):
             for output in self._joints.values():
                 output.publish(joints)
         if self._vertices:
-            for name, vertices in self._motion.vertices(t).items():
+            for name, vertices in self._motion.control_points(t).items():
                 cloud = as_cloud(vertices, Header(stamp=stamp, frame_id=name))
                 self._vertices[name].publish(cloud)
 

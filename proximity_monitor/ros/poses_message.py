@@ -8,16 +8,14 @@ message is written as bytes: rclpy takes some 20 microseconds for each pose it i
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
 
+from proximity_monitor import cdr
 from proximity_monitor.ros.parts import to_quaternion
 from proximity_monitor.scene.state import PoseSample
-
-_LITTLE_ENDIAN_CDR = b"\x00\x01\x00\x00"
 
 
 class PosesMessage:
@@ -28,10 +26,7 @@ class PosesMessage:
         self._names = tuple(moving)
         self._shown: dict[str, np.ndarray | None] = {}
         self._numbers = np.zeros((len(self._names), 7), "<f8")
-        name = frame.encode() + b"\0"
-        length = 12 + len(name)  # bytes of the body up to here; the array's length is aligned to 4
-        self._head = struct.pack("<I", len(name)) + name + bytes(-length % 4)
-        self._head += struct.pack("<I", len(self._names))
+        self._head = cdr.text(frame) + cdr.count(len(self._names))
         self._head += bytes(-(8 + len(self._head)) % 8)  # 8: the stamp; numbers are aligned to 8
 
     def serialised(self, samples: Mapping[str, PoseSample | None], stamp: Time) -> bytes:
@@ -44,5 +39,4 @@ class PosesMessage:
                 self._numbers[i] = (
                     0.0 if pose is None else (*pose[:3, 3], *to_quaternion(pose[:3, :3]))
                 )
-        time = struct.pack("<iI", stamp.sec, stamp.nanosec)
-        return _LITTLE_ENDIAN_CDR + time + self._head + self._numbers.tobytes()
+        return cdr.stamped(stamp.sec, stamp.nanosec) + self._head + self._numbers.tobytes()

@@ -19,7 +19,7 @@ from proximity_monitor import engine
 from proximity_monitor.engine import compiling
 from proximity_monitor.ros import spin
 from proximity_monitor.ros.cloud_bodies import CloudBodies
-from proximity_monitor.ros.diagnostics import Health, State
+from proximity_monitor.ros.diagnostics import Health, NodeState
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.outputs import Outputs
 from proximity_monitor.ros.pace import Pace
@@ -35,9 +35,9 @@ from proximity_monitor.ros.whereabouts import Whereabouts
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
 from proximity_monitor.scene.attachments import Samples
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.recording import Recording
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import NO_POSE_YET, Tick
 from proximity_monitor.scene.unseen import Unseen, unseen_containment
 
@@ -118,7 +118,7 @@ class Session:
             settings,
             self._inputs,
             self._incompatible,
-            set_vertices=self._set_vertices,
+            deform=self._deform,
             on_poses=self._on_poses,
         )
         self._clouds = CloudBodies(
@@ -178,7 +178,6 @@ class Session:
             self._services.destroy()
             for timer in (self._ticking, self._seconds):
                 self._node.destroy_timer(timer)
-            self._monitor.close()
         self._outputs.destroy()
         self._node.destroy_publisher(self._diagnostics)
         # Each callback is a cycle, and Python never looks for cycles in what was there when `spin`
@@ -256,30 +255,30 @@ class Session:
 
     def _search(self, samples: Samples, silent: Mapping[str, str]) -> Tick:
         """Spend the budget, or as much of it as there is time for before a signal."""
-        distances = self._outputs.look() or self.settings.record_distances
+        distances = self._outputs.check_demand() or self.settings.record_distances
         self._distance_ticks += distances
-        budget, spent, looked_at = self.settings.budget_s, 0.0, ()
+        budget, spent, searched = self.settings.budget_s, 0.0, ()
         while True:
             left_s = budget - spent
             tick = self._monitor.tick(
                 samples, min(left_s, SLICE_S), silent=silent, distances=distances
             )
             spent += tick.elapsed_s
-            looked_at += tick.looked_at
+            searched += tick.searched
             # A slice ends a little early: what closes a tick is set aside.
             if not tick.left or left_s <= SLICE_S or spent >= budget or spin.asked_to_stop():
                 break
         if left_s == budget:
             return tick
-        return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=looked_at)
+        return replace(tick, elapsed_s=spent, budget_s=budget, searched=searched)
 
-    def _replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+    def _replace_model(self, name: str, model: engine.Model) -> None:
         self._models[name] = model
         self._monitor.replace_model(name, model)
         self._outputs.reshape(name)
 
-    def _set_vertices(self, name: str, vertices: np.ndarray) -> None:
-        self._monitor.set_vertices(name, vertices)
+    def _deform(self, name: str, points: np.ndarray) -> None:
+        self._monitor.deform(name, points)
         self._outputs.reshape(name)
 
     def _log(self, changes: Sequence[Alert]) -> None:
@@ -339,7 +338,7 @@ class Session:
         refused_joints: Mapping[str, int],
     ) -> None:
         """Publish the diagnostics."""
-        state = State(
+        state = NodeState(
             activity=activity,
             settings=self.settings,
             tick=self._tick,

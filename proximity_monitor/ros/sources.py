@@ -27,7 +27,7 @@ from proximity_monitor.ros.qos import LATEST, POSES, TRANSFORMS, Incompatible
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene import Scene
 
-SetVertices = Callable[[str, np.ndarray], None]
+Deform = Callable[[str, np.ndarray], None]
 
 
 class Sources:
@@ -37,12 +37,12 @@ class Sources:
         self,
         node: Node,
         scene: Scene,
-        models: Mapping[str, engine.TriangleMesh],
+        models: Mapping[str, engine.Model],
         settings: Settings,
         inputs: Inputs,
         incompatible: Incompatible,
         *,
-        set_vertices: SetVertices,
+        deform: Deform,
         on_poses: Callable[[], None],
     ) -> None:
         """Subscribe.
@@ -50,11 +50,11 @@ class Sources:
         Args:
             node: whose subscriptions they are.
             scene: says which topics there are.
-            models: by body; those of deforming bodies say how many vertices are expected.
+            models: by body; those of deforming bodies say how many points are expected.
             settings: of the frame and of which sources to use.
             inputs: keeps the poses.
             incompatible: counts publishers that do not fit.
-            set_vertices: takes a deforming body's name and vertices, (n, 3) metres.
+            deform: takes a deforming body's name and control points, (n, 3) metres.
             on_poses: called after each message that may have brought poses.
 
         Raises:
@@ -64,7 +64,7 @@ class Sources:
         self._node = node
         self._inputs = inputs
         self._frame = settings.frame
-        self._set_vertices = set_vertices
+        self._deform = deform
         self._on_poses = on_poses
         self._incompatible = incompatible
         self._subscriptions = []
@@ -85,7 +85,7 @@ class Sources:
             self.topics.add(made.topic_name)
         for body in scene.bodies:
             if body.deforming:
-                take = partial(self._on_vertices, body.name, len(models[body.name].vertices))
+                take = partial(self._on_vertices, body.name, len(models[body.name].control_points))
                 self._subscribe(PointCloud2, f"bodies/{body.name}/vertices", take, LATEST)
         if transforms is not None:
             self._subscribe(transforms, "/tf", self._on_transforms, TRANSFORMS)
@@ -169,7 +169,7 @@ class Sources:
         if not (np.abs(vertices) <= FURTHEST).all():
             return Reason.TOO_FAR
         try:
-            self._set_vertices(name, vertices)
+            self._deform(name, vertices)
         except ValueError:  # such as of a solid that would be open now
             return Reason.SHAPE
         self._inputs.keep_shape(name, stamp_ns)

@@ -11,8 +11,8 @@ from proximity_monitor.ros.cloud_bodies import CloudBodies
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.still_clock import REASON, StillClock
 from proximity_monitor.scene import Scene
-from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.attachments import Attachments, Samples
+from proximity_monitor.scene.relative_motion import Course
 
 
 class Whereabouts:
@@ -102,7 +102,7 @@ class Whereabouts:
         self.attachments.forget()
 
     def _look_at_clock(self, now_ns: int) -> None:
-        if self.clock.look(now_ns, self._inputs.timeout_s):
+        if self.clock.update(now_ns, self._inputs.timeout_s):
             if self.clock.still:
                 self._log.warning("/clock stands still: all bodies are stale until it goes on")
             else:

@@ -254,7 +254,7 @@ def test_a_refitted_solid_is_seen_as_it_is():
     model = sphere(2)
     centre = [[0.0, 0.0, 0.0]]
     assert engine.closest_points(model, IDENTITY, centre, signed=True).upper[0] < -0.9
-    model.refit(model.vertices + np.array([3.0, 0.0, 0.0]))
+    model.deform(model.vertices + np.array([3.0, 0.0, 0.0]))
     assert engine.closest_points(model, IDENTITY, centre, signed=True).lower[0] > 1.9
     away = engine.closest_points(model, translation(-3.0), centre, signed=True)
     assert -1.0 <= away.lower[0] <= away.upper[0] < -0.9
