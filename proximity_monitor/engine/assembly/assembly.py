@@ -15,13 +15,20 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import as_count, as_integers, as_real, as_reals, check_tolerance
 from ..kernels.base import state as index
 from ..kernels.inside.contain import Insides, settle_signs
-from ..models.mesh import TriangleMesh
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
 from ..models.solid import sides_of
-from ..models.tree import Tree
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.rows import distances_of, no_answers
-from ..questions.run import LONG_SLICE, SLICE, Search, check_models, entry_for
+from ..questions.rows import distances_of
+from ..questions.run import (
+    LONG_SLICE,
+    SLICE,
+    Search,
+    check_models,
+    entry_for,
+    queries_about,
+)
 from ..questions.sharing import share
 from .settling import Settling
 
@@ -34,20 +41,20 @@ class Assembly:
     models may be shared. Copies of it, and what comes out of a pickle, have memory of their own.
 
     Args:
-        models: one mesh a body; bodies may share one. A mesh that is refitted later is seen anew.
+        models: one a body; bodies may share one. A model that is deformed later is seen anew.
 
     Raises:
         TypeError: one that is no model.
         ValueError: there are none.
     """
 
-    def __init__(self, models: Sequence[TriangleMesh]) -> None:
+    def __init__(self, models: Sequence[Model]) -> None:
         self.models = check_models(models)
         if not self.models:
             raise ValueError("models: there are none; an assembly needs at least one body")
-        self._meshes = tuple({id(model): model for model in self.models}.values())
-        self._trees: list[Tree] = []
-        self._deepest = max(self._meshes, key=lambda model: model.depth)
+        self._shapes = tuple({id(model): model for model in self.models}.values())
+        self._hierarchies: list[Hierarchy] = []
+        self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches: list[Search] = []
         self._insides: Insides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question in which they were
@@ -57,16 +64,16 @@ class Assembly:
         """Of what another is made: kernels find the memory of this one by its addresses."""
         return type(self), (self.models,)
 
-    def replace(self, body: int, model: TriangleMesh) -> None:
+    def replace(self, body: int, model: Model) -> None:
         """Give a body another model; what was found with the old one is no hint any more."""
         models = list(self.models)
         models[body] = model
         self.models = tuple(models)
-        self._meshes = tuple({id(each): each for each in models}.values())
-        self._trees = []  # the tables are made anew
+        self._shapes = tuple({id(each): each for each in models}.values())
+        self._hierarchies = []  # the tables are made anew
         self._insides = None
         self._cut.clear()
-        if model.depth > self._deepest.depth:
+        if model._hierarchy.depth > self._deepest._hierarchy.depth:
             self._deepest = model
             self._searches.clear()
 
@@ -164,16 +171,19 @@ class Assembly:
         searches = self._allot(threads, poses, pairs, wanted)
         settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
-        def answer(first: int, stopped: Event) -> None:
+        def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
             code, at = self._run(
                 search, fresh, self._runs(pairs, first, threads), poses, queries, threads,
                 deadline, stopped, answers, settle,
             )  # fmt: skip
-            if code == index.CUT and not stopped.is_set():
+            if code == index.CUT:
                 self._cut[self._question(poses, pairs[at], wanted[at])] = search
 
-        share(answer, range(threads), threads)
+        if threads == 1:
+            answer(0, None)
+        else:
+            share(answer, range(threads), threads)
         return answers
 
     def _signed_rows(
@@ -234,10 +244,10 @@ class Assembly:
     def _tabulate(self, threads: int) -> None:
         """Have the tables of all bodies as they are now, and a search for each thread."""
         # Of the very hierarchies that the tables hold addresses of, which so stay in memory.
-        trees = [mesh._tree for mesh in self._meshes]
-        if len(trees) != len(self._trees) or any(map(is_not, trees, self._trees)):
-            self._tables = np.stack([model._table for model in self.models])
-            self._trees = trees
+        now = [model._hierarchy for model in self._shapes]
+        if len(now) != len(self._hierarchies) or any(map(is_not, now, self._hierarchies)):
+            self._tables = np.stack([model._hierarchy.table for model in self.models])
+            self._hierarchies = now
             self._insides = None
         while len(self._searches) < threads:
             self._searches.append(Search(self._deepest, self._deepest, coherent=False))
@@ -245,15 +255,15 @@ class Assembly:
     def _enclosed(self) -> Insides:
         """What the bodies enclose as they are now."""
         if self._insides is None:
-            regions = [sides_of(mesh).region for mesh in self._meshes]
+            regions = [sides_of(model).region for model in self._shapes]
             starts = np.cumsum([0, *(len(each.samples) for each in regions)])
-            place = {id(mesh): k for k, mesh in enumerate(self._meshes)}
+            place = {id(model): k for k, model in enumerate(self._shapes)}
             of = np.array([place[id(model)] for model in self.models])
             self._insides = Insides(
                 np.array([each.inside for each in regions], np.int8)[of],
                 np.stack((starts[of], starts[of + 1]), axis=1),
                 np.concatenate([each.samples for each in regions]),
-                np.stack([model._table_of_all for model in self.models]),
+                np.stack([model._hierarchy.table_of_all for model in self.models]),
             )
         return self._insides
 
@@ -291,7 +301,7 @@ class Assembly:
         The compiled entry of each, where it begins, and one after where it ends.
         """
         models = self.models
-        if len({type(model._tree) for model in self._meshes}) == 1:
+        if len({type(model._hierarchy.tree) for model in self._shapes}) == 1:
             return [(entry_for(models[0], models[0]), first, len(pairs))]
         found: list[tuple[Callable, int, int]] = []
         for k in range(first, len(pairs), every):
@@ -311,7 +321,7 @@ class Assembly:
         queries: NDArray,
         every: int,
         deadline: float | None,
-        stopped: Event,
+        stopped: Event | None,
         answers: NDArray[np.float64],
         settle: Callable[[int, int], None],
     ) -> tuple[int, int]:
@@ -331,7 +341,9 @@ class Assembly:
                 if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                     body = int(queries["poses"][at, code - index.BAD_POSE_A])
                     check_pose(poses[body], self._pose_name(body))
-                if stopped.is_set() or (deadline is not None and perf_counter() >= deadline):
+                if (stopped is not None and stopped.is_set()) or (
+                    deadline is not None and perf_counter() >= deadline
+                ):
                     return code, at
                 if code == index.ENDED:
                     break
@@ -350,7 +362,7 @@ class Assembly:
         if not signed.any():
             return lambda first, last: None
         insides, clearances = self._enclosed(), np.ascontiguousarray(wanted[:, 2])
-        room = 1 + 15 * self._deepest.depth
+        room = 1 + 15 * self._deepest._hierarchy.depth
 
         def settle(first: int, last: int) -> None:
             scratch = np.empty((room, 2), np.int32)
@@ -361,15 +373,8 @@ class Assembly:
         return settle
 
 
-def queries_about(
-    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32]
-) -> NDArray:
-    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
-    made = np.zeros(len(pairs), index.QUERY)
-    made["bodies"] = made["poses"] = pairs
-    made["nearest"] = np.maximum(hints, 0)  # none is the first
-    made["rel_err"], made["abs_err"], clearances = wanted.T
-    beyond = clearances == np.inf
-    made["stop"] = np.where(beyond, 0.0, clearances)
-    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
-    return made
+def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
+    rows = np.full((len(signed), index.ANSWER), np.nan)
+    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
+    return rows

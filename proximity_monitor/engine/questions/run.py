@@ -17,7 +17,7 @@ from ..kernels.base.tables import state_table
 from ..kernels.pairs.entries import ENTRIES
 from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..poses import check_pose
 
 Order = Literal["depth_first", "priority", "breadth_first"]
@@ -47,18 +47,18 @@ _COLLECTED = 4096
 """Pairs that there is room for when collecting begins."""
 
 
-def entry_for(a: TriangleMesh, b: TriangleMesh, order: Order = "depth_first") -> Callable:
+def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
     """The compiled entry that answers queries about two models."""
-    return ENTRIES[type(a._tree), type(b._tree)][_ORDERS[order]]
+    return ENTRIES[type(a._hierarchy.tree), type(b._hierarchy.tree)][_ORDERS[order]]
 
 
-def check_model(model: TriangleMesh, name: str) -> TriangleMesh:
+def check_model(model: Model, name: str) -> Model:
     """The model, if it is one.
 
     Raises:
         TypeError: it is something else.
     """
-    if not isinstance(model, TriangleMesh):
+    if not isinstance(model, Model):
         raise TypeError(
             f"{name}: expected a model (TriangleMesh, or what load, points or polyline return), "
             f"got {'None' if model is None else type(model).__name__}"
@@ -66,7 +66,7 @@ def check_model(model: TriangleMesh, name: str) -> TriangleMesh:
     return model
 
 
-def check_models(models: Iterable[TriangleMesh]) -> tuple[TriangleMesh, ...]:
+def check_models(models: Iterable[Model]) -> tuple[Model, ...]:
     """The models, if all of them are.
 
     Raises:
@@ -95,14 +95,14 @@ class Search:
     """
 
     __slots__ = (
-        "_entry", "_known", "_models", "_queries", "_wanted", "answers", "counts", "memory",
-        "models", "order", "reals", "state",
+        "_entry", "_known", "_models", "_queries", "_wanted", "answers", "counts", "kinds",
+        "memory", "models", "order", "reals", "state",
     )  # fmt: skip
 
     def __init__(
         self,
-        a: TriangleMesh,
-        b: TriangleMesh,
+        a: Model,
+        b: Model,
         order: Order = "depth_first",
         coherent: bool = True,
         nearest: tuple[int, int] = (0, 0),
@@ -110,6 +110,7 @@ class Search:
         if order not in _ORDERS:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
         self.models = check_model(a, "a"), check_model(b, "b")
+        self.kinds = type(a), type(b)
         self.order = order
         self._entry = entry_for(a, b, order)
         self._queries = queries(1)
@@ -118,7 +119,7 @@ class Search:
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model; a priority queue that is full besides leaves all its pairs below. A list of levels
         # is full while there is still room for a search depth first (see levels.py).
-        levels = a.depth + b.depth
+        levels = a._hierarchy.depth + b._hierarchy.depth
         capacity = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
         if order == "breadth_first":
             capacity = _LIST
@@ -197,23 +198,24 @@ class Search:
             ValueError: a pose that is no rigid motion.
         """
         a, b = self.models
+        a, b = a._hierarchy, b._hierarchy
         # At least one slice: whoever asks again and again comes to an end.
         steps = LONG_SLICE if deadline is None else SLICE
         if collect:
             stop = -math.inf
-        trees = (a._table_of_all, b._table_of_all) if collect else (a._table, b._table)
+        tables = (a.table_of_all, b.table_of_all) if collect else (a.table, b.table)
         known = self._known
-        if trees[0] is not known[0] or trees[1] is not known[1]:  # a model was refitted
-            self._models = np.empty((2, *trees[0].shape), np.int64)
-            self._models[0], self._models[1] = self._known = trees
+        if tables[0] is not known[0] or tables[1] is not known[1]:  # a model was deformed
+            self._models = np.empty((2, *tables[0].shape), np.int64)
+            self._models[0], self._models[1] = self._known = tables
         if collect != bool(len(self.state.collected)):
-            if not (a._distinct is a._tree and b._distinct is b._tree):
+            if not (a.distinct is a.tree and b.distinct is b.tree):
                 self.state.keys.fill(-1)  # too far were those pairs that it looked at
             room = np.empty((_COLLECTED if collect else 0, 3))
             self._keep(self.state._replace(collected=room))
         if fresh and self.order == "breadth_first":
             pairs, bounds, *_ = self.state.open
-            corners = a._spread_corners(), b._spread_corners()
+            corners = a.spread_corners(), b.spread_corners()
             open_pairs = index.BreadthFirst(pairs, bounds, *corners)
             self._keep(self.state._replace(open=open_pairs))
         count = len(poses_a) // 4
@@ -287,4 +289,18 @@ def queries(count: int) -> NDArray:
     """Queries (count,) about the bodies 0 and 1, from the elements that were nearest last."""
     made = np.zeros(count, index.QUERY)
     made["bodies"], made["nearest"] = (0, 1), index.KEEP
+    return made
+
+
+def queries_about(
+    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32]
+) -> NDArray:
+    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
+    made = np.zeros(len(pairs), index.QUERY)
+    made["bodies"] = made["poses"] = pairs
+    made["nearest"] = np.maximum(hints, 0)  # none is the first
+    made["rel_err"], made["abs_err"], clearances = wanted.T
+    beyond = clearances == np.inf
+    made["stop"] = np.where(beyond, 0.0, clearances)
+    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
     return made

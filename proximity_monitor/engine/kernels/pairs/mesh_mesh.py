@@ -31,7 +31,7 @@ from ..bounds.volumes import far_bound, lower_bounds, place, tighten
 from ..elements.aim import begin_along, end_along, gap_along, gap_between
 from ..elements.primitives import collect, corners, mixed, nearest_lane, test_triangles
 from ..search import stubs
-from ..search.approach import approach
+from ..search.approach import approach, guess
 from ..search.search import answer_queries
 from ..tree.layout import EMPTY, LARGEST, STRIDE, WIDTH, first_of, last_of
 
@@ -77,6 +77,7 @@ def _tighter(fixed, tree, lane, motion, node, slack, reach, bounds, first):
 
 implements(stubs.cross_leaves, MESHES, MESHES)(cross_nodes)
 implements(stubs.measure, MESHES, MESHES)(test_triangles)
+implements(stubs.guess, MESHES, MESHES)(guess)
 implements(stubs.approach, MESHES, MESHES)(approach)
 
 

@@ -133,9 +133,9 @@ def advance(tree_a, tree_b, state):
             if steps == 0:
                 break
             n, steps = resolve(tree_a, tree_b, state, n, steps, scratch)
-            if far_from_nearest(reals):
-                approach(tree_a, tree_b, state, scratch.found)
-                steps -= min(steps, APPROACH_STEPS)
+        if far_from_nearest(reals, counts):
+            approach(tree_a, tree_b, state, scratch.found)
+            steps -= min(steps, APPROACH_STEPS)
         if n == 0 and (counts[DEPTH] == 0 or reals[DISTANCE] - reals[SLACK] <= reals[STOP]):
             break
         if steps == 0:

@@ -73,7 +73,7 @@ from ..elements.swept import core_of, lower_of, upper_of
 from . import levels, queue, stack  # noqa: F401
 from .coherence import travel
 from .descent import advance
-from .stubs import least_open, measure, slacks, witness
+from .stubs import guess, least_open, measure, slacks, witness
 
 KIND_A = KIND_B = ORDER = None
 """Other ones in each entry: see `answer_queries`."""
@@ -106,6 +106,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     if state.keys.shape[0] > 0:
         travel(tree_a, tree_b, state, before, slack)
     reals[UPPER_SLACK] = reals[SLACK]
+    last = reals[DISTANCE]
     reals[DISTANCE] = np.inf
     no_aim(reals)
     reals[RADII] = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
@@ -121,7 +122,8 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     counts[DEPTH], counts[BASE], counts[FRAMES] = 1, 0, 0
     counts[LEVEL_END], counts[NEAREST_A], counts[NEAREST_B] = 0, 0, 0
     reals[LEVEL_LOWER], reals[NEXT_LOWER] = 0.0, 0.0
-    reals[APPROACHED] = measure(tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B], 0.0)
+    measure(tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B], 0.0)
+    reals[APPROACHED] = guess(tree_a, tree_b, state, last)
     return CUT
 
 

@@ -51,6 +51,14 @@ def resolve(tree_a, tree_b, state, n, steps, scratch):
     """
 
 
+def guess(tree_a, tree_b, state, last):
+    """Begin elsewhere where the remembered elements are far apart now, and that is cheap.
+
+    `last` is the distance that the search before ended with. Returns the distance from which they
+    are to be approached, metres; infinity where that is worth a try.
+    """
+
+
 def approach(tree_a, tree_b, state, found):
     """Improve the nearest points found so far, by whatever means, and note so in APPROACHED."""
 
