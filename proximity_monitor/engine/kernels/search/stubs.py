@@ -47,7 +47,7 @@ def resolve(tree_a, tree_b, state, n, steps, scratch):
     """Compare the elements of some of the last of n waiting pairs of leaves.
 
     Those that are near enough to matter are measured, and collected where that is asked for.
-    Returns how many pairs wait, fewer than before, and how many steps are left.
+    Returns how many pairs wait, and how many steps are left: of either, or both, fewer than before.
     """
 
 
