@@ -55,7 +55,7 @@ when they no longer are (see coherence.py).
 
 Waiting = namedtuple("Waiting", "lanes bounds")
 """Pairs of leaves: their lanes (int32, n × 2) and bounds (n,) metres. They stay where a slice ends,
-and their bounds count in `lower`. A kind whose elements are compared in many steps has a type of its
+and their bounds count in `lower`. A kind whose elements take many steps to compare has a type of its
 own for this, with the unfinished cells of a pair beside their bounds."""
 
 QUERY = np.dtype(
