@@ -143,11 +143,11 @@ def _cross_leaves(tree, fixed, node, lane, motion, flip, state, inherited, limit
 def _resolve(tree_a, tree_b, state, n, steps, scratch):
     n -= 1  # one pair of leaves takes a step
     lanes = state.waiting.lanes
-    if state.waiting.bounds[n] < state.reals[index.LIMIT]:
+    if state.waiting.bounds[n] < state.progress[0].limit:
         child_a, child_b = tree_a.children[lanes[n, 0]], tree_b.children[lanes[n, 1]]
         for a in range(first_of(child_a), last_of(child_a) + 1):
             for b in range(first_of(child_b), last_of(child_b) + 1):
-                state.counts[index.PRIMITIVE_TESTS] += 1
+                state.progress[0].primitive_tests += 1
                 stubs.measure(tree_a, tree_b, state, a, b, 0.0)
     return n, steps - 1
 
@@ -203,7 +203,7 @@ def _measure(tree_a, tree_b, state, a, b, bound):
     way = sub(moved(motions[0], q), p)
     length = np.sqrt(dot(way, way))
     distance = max(length - radius_a - radius_b, 0.0)
-    if distance < state.reals[index.DISTANCE]:
+    if distance < state.progress[0].distance:
         towards = scaled(way, 1.0 / max(length, 1e-300))
         r = motions[1]
         back = (dot((r[0], r[1], r[2]), towards), dot((r[3], r[4], r[5]), towards),
@@ -245,8 +245,7 @@ class Asker:
         waiting = np.empty((descent.WAITING_ROOM, 2), np.int32), np.empty(descent.WAITING_ROOM)
         self.state = index.State(
             np.zeros((2, 12)),
-            np.zeros(index.REALS),
-            np.zeros(index.COUNTS, np.int64),
+            np.zeros(1, index.PROGRESS),
             DepthFirst(np.empty((512, 2), np.int32), np.empty(512)),
             index.Waiting(*waiting),
             np.empty((0, 3)),
@@ -278,7 +277,7 @@ def check(asker, brute, pose_a, pose_b):
         lower, upper = answer[index.LOWER], answer[index.UPPER]
         assert lower - 1e-9 <= truth <= upper + 1e-9
         slices += 1
-        waited += asker.state.counts[index.WAITING] > 0
+        waited += asker.state.progress["waiting"][0] > 0
     assert upper - lower <= 1e-9
     p, q = answer[index.POINT_A : index.POINT_A + 3], answer[index.POINT_B : index.POINT_B + 3]
     if truth > 0.0:

@@ -95,8 +95,8 @@ class Search:
     """
 
     __slots__ = (
-        "_entry", "_known", "_models", "_queries", "_wanted", "answers", "counts", "kinds",
-        "memory", "models", "order", "reals", "state",
+        "_entry", "_known", "_models", "_queries", "_wanted", "answers", "kinds",
+        "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -123,10 +123,10 @@ class Search:
         capacity = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
         if order == "breadth_first":
             capacity = _LIST
-        self.reals = np.zeros(index.REALS)
-        self.counts = np.zeros(index.COUNTS, np.int64)
-        self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = nearest
-        self.counts[index.FULL] = capacity - 15 * levels - 16
+        record = np.zeros(1, index.PROGRESS)
+        self.progress = record.view(np.recarray)[0]
+        self.progress.element_a, self.progress.element_b = nearest
+        self.progress.full = capacity - 15 * levels - 16
         pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
         open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
@@ -138,8 +138,7 @@ class Search:
         self._keep(
             index.State(
                 np.zeros((2, 12)),
-                self.reals,
-                self.counts,
+                record,
                 open_pairs,
                 index.Waiting(*waiting),
                 np.empty((0, 3)),
@@ -157,8 +156,7 @@ class Search:
     @property
     def nearest(self) -> tuple[int, int]:
         """The nearest triangles of the last answer, in tree order."""
-        a, b = self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1].tolist()
-        return a, b
+        return int(self.progress.element_a), int(self.progress.element_b)
 
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
         """Of what another is made."""
@@ -254,31 +252,31 @@ class Search:
 
     def _make_room(self) -> None:
         """Drop what was collected and matters no longer, and have room for more."""
-        rows = self.collected(self.reals[index.LIMIT])
+        rows = self.collected(self.progress.limit)
         room = np.empty((max(len(self.state.collected), 4 * len(rows)), 3))
         room[: len(rows)] = rows
-        self.counts[index.COLLECTED] = len(rows)
+        self.progress.collected = len(rows)
         self._keep(self.state._replace(collected=room))
 
     @property
     def offsets(self) -> tuple[float, float]:
         """Both models' swept radii together and both deviations, metres."""
-        return float(self.reals[index.RADII]), float(self.reals[index.DEVIATIONS])
+        return float(self.progress.radii), float(self.progress.deviations)
 
     def collected(self, reach: float) -> NDArray[np.float64]:
         """The rows of `State.collected` whose cores may be as near as `reach` metres."""
-        rows = self.state.collected[: self.counts[index.COLLECTED]]
-        lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.reals[index.SLACK], 0.0)
+        rows = self.state.collected[: self.progress.collected]
+        lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.progress.slack, 0.0)
         return rows[lower <= reach]
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
         ring = self.order == "breadth_first"
-        first = self.counts[index.BASE] if ring else 0
+        first = self.progress.base if ring else 0
         pairs, bounds, *_ = self.state.open
-        where = np.arange(first, self.counts[index.DEPTH]) % len(bounds)
+        where = np.arange(first, self.progress.open) % len(bounds)
         lanes, lower = self.state.waiting
-        waiting = slice(self.counts[index.WAITING])
+        waiting = slice(self.progress.waiting)
         return (
             np.concatenate((pairs[where], lanes[waiting])),
             np.concatenate((bounds[where], lower[waiting])),

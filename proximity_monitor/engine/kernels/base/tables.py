@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from .jit import implements, inlined
-from .memory import read_only, rows_at
+from .memory import read_only, records_at, rows_at
 from .state import (
     KEPT,
+    PROGRESS,
     BoxTree,
     BreadthFirst,
     DepthFirst,
@@ -72,8 +73,8 @@ def _open_at(order, at, rows):
 @inlined
 def _stack_at(order, at, rows):
     return DepthFirst(
-        rows_at(at[8], rows[8], 2, np.int32(0)),
-        rows_at(at[9], rows[9], 0, 0.0),
+        rows_at(at[7], rows[7], 2, np.int32(0)),
+        rows_at(at[8], rows[8], 0, 0.0),
     )
 
 
@@ -81,9 +82,9 @@ def _stack_at(order, at, rows):
 @inlined
 def _queues_at(order, at, rows):
     return Priority(
-        rows_at(at[8], rows[8], 2, np.int32(0)),
-        rows_at(at[9], rows[9], 0, 0.0),
-        rows_at(at[10], rows[10], 0, np.int64(0)),
+        rows_at(at[7], rows[7], 2, np.int32(0)),
+        rows_at(at[8], rows[8], 0, 0.0),
+        rows_at(at[9], rows[9], 0, np.int64(0)),
     )
 
 
@@ -91,10 +92,10 @@ def _queues_at(order, at, rows):
 @inlined
 def _levels_at(order, at, rows):
     return BreadthFirst(
-        rows_at(at[8], rows[8], 2, np.int32(0)),
-        rows_at(at[9], rows[9], 0, 0.0),
+        rows_at(at[7], rows[7], 2, np.int32(0)),
+        rows_at(at[8], rows[8], 0, 0.0),
+        rows_at(at[9], rows[9], KEPT, np.int32(0)),
         rows_at(at[10], rows[10], KEPT, np.int32(0)),
-        rows_at(at[11], rows[11], KEPT, np.int32(0)),
     )
 
 
@@ -104,18 +105,17 @@ def state_at(order, memory):
     at, rows = memory[0], memory[1]
     return State(
         rows_at(at[0], rows[0], 12, 0.0),
-        rows_at(at[1], rows[1], 0, 0.0),
-        rows_at(at[2], rows[2], 0, np.int64(0)),
+        records_at(at[1], rows[1], PROGRESS),
         _open_at(order, at, rows),
-        Waiting(rows_at(at[3], rows[3], 2, np.int32(0)), rows_at(at[4], rows[4], 0, 0.0)),
-        rows_at(at[5], rows[5], 3, 0.0),
-        rows_at(at[6], rows[6], 0, np.int64(0)),
-        rows_at(at[7], rows[7], 0, 0.0),
+        Waiting(rows_at(at[2], rows[2], 2, np.int32(0)), rows_at(at[3], rows[3], 0, 0.0)),
+        rows_at(at[4], rows[4], 3, 0.0),
+        rows_at(at[5], rows[5], 0, np.int64(0)),
+        rows_at(at[6], rows[6], 0, 0.0),
     )
 
 
 def state_table(state):
     """The table of a search."""
     s = state
-    shared = s.motions, s.reals, s.counts, *s.waiting, s.collected, s.keys, s.reaches
+    shared = s.motions, s.progress, *s.waiting, s.collected, s.keys, s.reaches
     return table((*shared, *s.open))

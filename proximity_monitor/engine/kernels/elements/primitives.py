@@ -7,22 +7,6 @@ import numpy as np
 from ..base.jit import inlined, kernel, shared
 from ..base.lanes import lowest
 from ..base.rounding import OFFSET_MARGIN
-from ..base.state import (
-    ABS_ERR,
-    COLLECTED,
-    DEVIATIONS,
-    DISTANCE,
-    ENOUGH,
-    LIMIT,
-    RADII,
-    REL_ERR,
-    SLACK,
-    TRIANGLE_A,
-    TRIANGLE_B,
-    UPPER_SLACK,
-    WEIGHTS_A,
-    WEIGHTS_B,
-)
 from ..base.vectors import along, moved, scaled, sub
 from .aim import take_aim
 from .swept import reach_of
@@ -33,14 +17,14 @@ _TIED = 8.0
 
 
 @kernel
-def enough(reals):
+def enough(progress):
     """Bound from which a pair cannot improve the answer by more than was asked for."""
-    slack, radii = reals[SLACK], reals[RADII]
-    distance = max(reals[DISTANCE], radii)
+    slack, radii = progress.slack, progress.radii
+    distance = max(progress.distance, radii)
     upper = distance + slack
-    share = (upper - radii) / (1.0 + reals[REL_ERR])
+    share = (upper - radii) / (1.0 + progress.rel_err)
     least = min(distance - slack, radii + share - OFFSET_MARGIN * radii)
-    return min(least, upper - reals[ABS_ERR])
+    return min(least, upper - progress.abs_err)
 
 
 @inlined
@@ -49,31 +33,31 @@ def keep(state, distance, ta, tb, wa, wb, way):
 
     `way` leads from that of a to that of b, in a's frame.
     """
-    reals, counts = state.reals, state.counts
-    reals[DISTANCE] = distance
-    counts[TRIANGLE_A], counts[TRIANGLE_B] = ta, tb
-    reals[WEIGHTS_A], reals[WEIGHTS_A + 1], reals[WEIGHTS_A + 2] = wa
-    reals[WEIGHTS_B], reals[WEIGHTS_B + 1], reals[WEIGHTS_B + 2] = wb
-    least = enough(reals)
+    progress = state.progress[0]
+    progress.distance = distance
+    progress.element_a, progress.element_b = ta, tb
+    progress.weights_a[0], progress.weights_a[1], progress.weights_a[2] = wa
+    progress.weights_b[0], progress.weights_b[1], progress.weights_b[2] = wb
+    least = enough(progress)
     if state.collected.shape[0] > 0:
         # All that may be as near as the upper bound, distance + slack, matters; the second slack,
         # of many units in its last place, has the comparison leave out none.
-        least += 2.0 * reals[DEVIATIONS]
-        reach = reach_of(distance, reals[RADII], reals[DEVIATIONS])
-        reals[ENOUGH] = min(reals[ENOUGH], least)
-        reals[LIMIT] = min(reals[LIMIT], reach + 2.0 * reals[SLACK])
+        least += 2.0 * progress.deviations
+        reach = reach_of(distance, progress.radii, progress.deviations)
+        progress.enough = min(progress.enough, least)
+        progress.limit = min(progress.limit, reach + 2.0 * progress.slack)
     else:
-        reals[ENOUGH] = min(reals[ENOUGH], least)
-        reals[LIMIT] = reals[ENOUGH]
-    take_aim(reals, state.motions[0], way)
+        progress.enough = min(progress.enough, least)
+        progress.limit = progress.enough
+    take_aim(progress, state.motions[0], way)
 
 
 @kernel
 def collect(state, first, second, distance):
     """Add a row to what is collected."""
-    collected, n = state.collected, state.counts[COLLECTED]
+    collected, n = state.collected, state.progress[0].collected
     collected[n, 0], collected[n, 1], collected[n, 2] = first, second, distance
-    state.counts[COLLECTED] = n + 1
+    state.progress[0].collected = n + 1
 
 
 @kernel
@@ -110,10 +94,10 @@ def test_triangles(tree_a, tree_b, state, ta, tb, bound):
     are as near as others, but in another direction, that is the next to measure along: their
     neighbours are so too.
     """
-    reals = state.reals
+    progress = state.progress[0]
     a, b = _both(tree_a, tree_b, state, ta, tb)
-    known = reals[DISTANCE]
-    tied = known + _TIED * reals[SLACK]
+    known = progress.distance
+    tied = known + _TIED * progress.slack
     matters = np.inf if state.collected.shape[0] > 0 else tied * tied
     if bound > 0.0:
         squared, wa, wb = distance_apart(a, b, matters)
@@ -123,11 +107,11 @@ def test_triangles(tree_a, tree_b, state, ta, tb, bound):
     if distance < tied:
         way = sub(mixed(b, wb), mixed(a, wa))
         if distance < known:
-            if distance == 0.0 and certainly_cross(a, b, reals[SLACK]):
-                reals[UPPER_SLACK] = 0.0
+            if distance == 0.0 and certainly_cross(a, b, progress.slack):
+                progress.upper_slack = 0.0
             keep(state, distance, ta, tb, wa, wb, way)
         else:
-            take_aim(reals, state.motions[0], way)
+            take_aim(progress, state.motions[0], way)
     return distance
 
 

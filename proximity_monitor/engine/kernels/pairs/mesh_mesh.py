@@ -14,10 +14,7 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR
 from ..base.state import (
-    LIMIT,
     MESHES,
-    PRIMITIVE_TESTS,
-    SLACK,
     BoxTree,
     BreadthFirst,
     DepthFirst,
@@ -91,16 +88,16 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
         return n, steps
     # The pair with the smallest lower bound comes first: what it makes of the distance often
     # dismisses the others.
-    reals = state.reals
+    progress = state.progress[0]
     tested = 0
     scale = min(tree_a.scale[1], tree_b.scale[1])
     for k in range(taken, BATCH):
         gather(tree_a.triangles, pairs[0, 0], tree_b.triangles, pairs[0, 1], k, gathered)
     shift(gathered, state.motions[0], scale, local)
-    gaps(local, float32(reals[SLACK] * scale * (1.0 + 1e-6)), found)
+    gaps(local, float32(progress.slack * scale * (1.0 + 1e-6)), found)
     remaining = (1 << taken) - 1
     while True:
-        reach = np.float32(min(reals[LIMIT] * scale * (1.0 + 1e-6), 3e38))
+        reach = np.float32(min(progress.limit * scale * (1.0 + 1e-6), 3e38))
         remaining &= not_above(found, 0, reach)
         if not remaining:
             break
@@ -108,12 +105,12 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
         remaining &= ~(1 << k)
         ta, tb = pairs[k, 0], pairs[k, 1]
         if tested > 0:  # the direction to measure along may have changed since they were gathered
-            gap = gap_along(reals, tree_a.triangles, ta, tree_b.triangles, tb)
-            if gap >= reals[LIMIT]:
+            gap = gap_along(progress, tree_a.triangles, ta, tree_b.triangles, tb)
+            if gap >= progress.limit:
                 continue
         distance = test_triangles(tree_a, tree_b, state, ta, tb, np.float64(found[k]))
         tested += 1
-        if state.collected.shape[0] > 0 and distance - reals[SLACK] < reals[LIMIT]:
+        if state.collected.shape[0] > 0 and distance - progress.slack < progress.limit:
             collect(state, ta, tb, distance)
     return n, steps - min(steps, _FILTER_STEPS + _EXACT_STEPS * tested)
 
@@ -130,9 +127,9 @@ def take_batch(tree_a, tree_b, state, n, pairs, gathered):
 
     Returns how many pairs of triangles were taken, and how many pairs of leaves wait.
     """
-    reals, a, b = state.reals, tree_a.triangles, tree_b.triangles
+    progress, a, b = state.progress[0], tree_a.triangles, tree_b.triangles
     waiting = state.waiting
-    limit = reals[LIMIT]
+    limit = progress.limit
     taken = np.int64(0)  # a literal would have `gather` compiled twice
     while n > 0 and taken <= BATCH - LARGEST * LARGEST:
         n -= 1
@@ -143,16 +140,16 @@ def take_batch(tree_a, tree_b, state, n, pairs, gathered):
         # The gaps along the aim of all their triangles, each of which is measured once.
         first_a, last_a = first_of(leaf_a), last_of(leaf_a)
         first_b, last_b = first_of(leaf_b), last_of(leaf_b)
-        state.counts[PRIMITIVE_TESTS] += (last_a - first_a + 1) * (last_b - first_b + 1)
-        end, other_end = end_along(reals, a, first_a), end_along(reals, a, last_a)
-        begin, other_begin = begin_along(reals, b, first_b), begin_along(reals, b, last_b)
-        if gap_between(reals, max(end, other_end), min(begin, other_begin)) >= limit:
+        progress.primitive_tests += (last_a - first_a + 1) * (last_b - first_b + 1)
+        end, other_end = end_along(progress, a, first_a), end_along(progress, a, last_a)
+        begin, other_begin = begin_along(progress, b, first_b), begin_along(progress, b, last_b)
+        if gap_between(progress, max(end, other_end), min(begin, other_begin)) >= limit:
             continue
         for ta in range(first_a, last_a + 1):
             ends = end if ta == first_a else other_end
             for tb in range(first_b, last_b + 1):
                 begins = begin if tb == first_b else other_begin
-                if gap_between(reals, ends, begins) < limit:
+                if gap_between(progress, ends, begins) < limit:
                     pairs[taken, 0], pairs[taken, 1] = ta, tb
                     gather(a, ta, b, tb, taken, gathered)
                     taken += 1

@@ -14,21 +14,9 @@ from ..base.jit import inlined, shared
 from ..base.lanes import lowest, not_above, smallest
 from ..base.memory import on_stack
 from ..base.state import (
-    BOUND_SLACK,
-    BOUND_TESTS,
-    COLLECTED,
     COLLECTED_FULL,
     CUT,
-    DEPTH,
-    DISTANCE,
     ENDED,
-    ENOUGH,
-    LIMIT,
-    PROVEN,
-    SLACK,
-    STEPS,
-    STOP,
-    WAITING,
 )
 from ..bounds.cross import Scratch
 from ..bounds.gaps import BATCH
@@ -53,22 +41,22 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     b, `inherited` is a bound of all pairs; where none survives, PROVEN is as good a one or better.
     Returns how many pairs are waiting then, of n before.
     """
-    reals, counts, waiting = state.reals, state.counts, state.waiting
+    progress, waiting = state.progress[0], state.waiting
     found = scratch.found
     node = tree.children[parent]
     unit = tree.scale[0]
-    limit = reals[LIMIT]
-    first = counts[DEPTH]
-    counts[BOUND_TESTS] += WIDTH
+    limit = progress.limit
+    first = progress.open
+    progress.bound_tests += WIDTH
     reach = np.float32(min(limit * tree.scale[1] * (1.0 + 1e-6), 1e29))
     inherited = lane_bounds(
-        fixed, tree, lane, motion, node, reals[BOUND_SLACK], reach, inherited, scratch
+        fixed, tree, lane, motion, node, progress.bound_slack, reach, inherited, scratch
     )
     top = first
     survivors = not_above(found, 0, reach)
-    reals[PROVEN] = inherited
+    progress.proven = inherited
     if not survivors:
-        reals[PROVEN] = max(inherited, smallest(found, 0, _ALL) * unit)
+        progress.proven = max(inherited, smallest(found, 0, _ALL) * unit)
         return n
     if fixed.children[lane] < 0 and tree.children[node * WIDTH] < 0:
         while survivors:
@@ -92,7 +80,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
         a, b = (child, lane) if flip else (lane, child)
         push(state.open, state, first, top, a, b, bound)
         top += 1
-    counts[DEPTH] = top
+    progress.open = top
     return n
 
 
@@ -113,30 +101,31 @@ def nearest_last(waiting, first, last):
 @shared
 def advance(tree_a, tree_b, state):
     """Run a search for the steps that it has left; returns ENDED, CUT or COLLECTED_FULL."""
-    reals, counts, waiting = state.reals, state.counts, state.waiting
+    progress, waiting = state.progress[0], state.waiting
     pairs, bounds = state.open.pairs, state.open.bounds
-    steps = counts[STEPS]
+    steps = progress.steps
     scratch = Scratch(
         on_stack(16, np.float32(0.0)), on_stack(_FOUND, np.float32(0.0)),
         on_stack(16, np.float32(0.0)), on_stack(STRIDE, np.float32(0.0)),
         on_stack(WIDTH, 0), on_stack(WIDTH, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0)),
     )  # fmt: skip
     room = state.collected.shape[0]
-    n = counts[WAITING]
+    n = progress.waiting
     coherent = is_coherent(state)
     code = ENDED
     while True:
-        full = room > 0 and counts[COLLECTED] + LARGEST * LARGEST * (n + _CROSSED) > room
+        full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
         while n >= BATCH or (
-            n > 0 and (counts[DEPTH] == 0 or full or reals[DISTANCE] - reals[SLACK] <= reals[STOP])
+            n > 0
+            and (progress.open == 0 or full or progress.distance - progress.slack <= progress.stop)
         ):
             if steps == 0:
                 break
             n, steps = resolve(tree_a, tree_b, state, n, steps, scratch)
-        if far_from_nearest(reals, counts):
+        if far_from_nearest(progress):
             approach(tree_a, tree_b, state, scratch.found)
             steps -= min(steps, APPROACH_STEPS)
-        if n == 0 and (counts[DEPTH] == 0 or reals[DISTANCE] - reals[SLACK] <= reals[STOP]):
+        if n == 0 and (progress.open == 0 or progress.distance - progress.slack <= progress.stop):
             break
         if steps == 0:
             code = CUT
@@ -149,7 +138,7 @@ def advance(tree_a, tree_b, state):
             continue
         steps -= 1
         a, b, bound = np.int64(pairs[at, 0]), np.int64(pairs[at, 1]), bounds[at]
-        if room > 0 and bound >= reals[ENOUGH] + 3.0 * reals[SLACK]:
+        if room > 0 and bound >= progress.enough + 3.0 * progress.slack:
             # It may hold the minimum, and that is all that was asked: without tolerances this
             # is LIMIT, and only pairs of triangles are collected.
             collect(state, ~a, ~b, bound)
@@ -167,36 +156,36 @@ def advance(tree_a, tree_b, state):
         size_a = tree_a.sizes[a] * tree_a.scale[0]
         size_b = tree_b.sizes[b] * tree_b.scale[0]
         if lowest_a and lowest_b and child_a >= 0 and child_b >= 0:
-            before, tests = n, counts[BOUND_TESTS]
+            before, tests = n, progress.bound_tests
             flip = not size_a > size_b
             if flip:
                 n = cross_leaves(
                     tree_b, tree_a, child_b, a, state.motions[0], flip, state, bound,
-                    reals[LIMIT], scratch, n,
+                    progress.limit, scratch, n,
                 )  # fmt: skip
             else:
                 n = cross_leaves(
                     tree_a, tree_b, child_a, b, state.motions[1], flip, state, bound,
-                    reals[LIMIT], scratch, n,
+                    progress.limit, scratch, n,
                 )  # fmt: skip
-            steps -= min(steps, (counts[BOUND_TESTS] - tests) // WIDTH)
+            steps -= min(steps, (progress.bound_tests - tests) // WIDTH)
             if n > before + BATCH:
                 nearest_last(waiting, before, n)
             if n >= 0:
                 if coherent and n == before:
-                    remember_far(state, a, b, reals[PROVEN])
+                    remember_far(state, a, b, progress.proven)
                 continue
             n = before
         # Two lowest nodes together are the better bargain, unless one is far larger.
         if lowest_a != lowest_b:
             size_a, size_b = (size_a, 4.0 * size_b) if lowest_a else (4.0 * size_a, size_b)
         flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
-        before, depth = n, counts[DEPTH]
+        before, depth = n, progress.open
         if flip:
             n = open_pair(tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, n)
         else:
             n = open_pair(tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, n)
-        if coherent and n == before and counts[DEPTH] == depth:
-            remember_far(state, a, b, reals[PROVEN])
-    counts[STEPS], counts[WAITING] = steps, n
+        if coherent and n == before and progress.open == depth:
+            remember_far(state, a, b, progress.proven)
+    progress.steps, progress.waiting = steps, n
     return code

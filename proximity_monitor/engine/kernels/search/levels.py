@@ -19,17 +19,7 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel
 from ..base.state import (
-    BASE,
-    DEPTH,
-    DISTANCE,
-    FULL,
     KEPT,
-    LEVEL_END,
-    LEVEL_LOWER,
-    LIMIT,
-    NEAREST_A,
-    NEAREST_B,
-    NEXT_LOWER,
     BreadthFirst,
 )
 from ..base.vectors import dot, moved, sub
@@ -41,10 +31,10 @@ from .stubs import least_open, push, take
 @implements(push, BreadthFirst)
 @inlined
 def _push(open_pairs, state, first, top, a, b, bound):
-    reals, counts = state.reals, state.counts
-    if bound < reals[NEXT_LOWER]:
-        reals[NEXT_LOWER] = bound
-        counts[NEAREST_A], counts[NEAREST_B] = a, b
+    progress = state.progress[0]
+    if bound < progress.next_lower:
+        progress.next_lower = bound
+        progress.nearest_a, progress.nearest_b = a, b
     at = top & (len(open_pairs.bounds) - 1)
     open_pairs.pairs[at, 0], open_pairs.pairs[at, 1], open_pairs.bounds[at] = a, b, bound
 
@@ -53,30 +43,30 @@ def _push(open_pairs, state, first, top, a, b, bound):
 @inlined
 def _take(open_pairs, tree_a, tree_b, state):
     at = _take_first(tree_a, tree_b, state)
-    return at if open_pairs.bounds[at] < state.reals[LIMIT] else -1
+    return at if open_pairs.bounds[at] < state.progress[0].limit else -1
 
 
 @implements(least_open, BreadthFirst)
 @inlined
 def _least(open_pairs, state):
     # There may be a million of them.
-    return state.reals[LEVEL_LOWER] if state.counts[DEPTH] > 0 else np.inf
+    return state.progress[0].level_lower if state.progress[0].open > 0 else np.inf
 
 
 @kernel
 def _take_first(tree_a, tree_b, state):
     """Take the first pair off the list, or the last where it is full; returns where it stands."""
-    counts = state.counts
-    if counts[DEPTH] - counts[BASE] > counts[FULL]:
-        counts[DEPTH] -= 1
-        number = counts[DEPTH]
+    progress = state.progress[0]
+    if progress.open - progress.base > progress.full:
+        progress.open -= 1
+        number = progress.open
     else:
-        if counts[BASE] >= counts[LEVEL_END]:
+        if progress.base >= progress.level_end:
             _begin_level(tree_a, tree_b, state)
-        number = counts[BASE]
-        counts[BASE] += 1
-    if counts[BASE] == counts[DEPTH]:
-        counts[BASE], counts[DEPTH], counts[LEVEL_END] = 0, 0, 0
+        number = progress.base
+        progress.base += 1
+    if progress.base == progress.open:
+        progress.base, progress.open, progress.level_end = 0, 0, 0
     return number & (len(state.open.bounds) - 1)
 
 
@@ -87,10 +77,10 @@ def _begin_level(tree_a, tree_b, state):
     What is listed was added since the last level began, and nothing that follows from a pair has a
     smaller bound: so the least bound that was added is one of the whole rest of the search.
     """
-    reals, counts = state.reals, state.counts
-    reals[LEVEL_LOWER], reals[NEXT_LOWER] = reals[NEXT_LOWER], np.inf
-    counts[LEVEL_END] = counts[DEPTH]
-    _test_vertices(tree_a, tree_b, state, counts[NEAREST_A], counts[NEAREST_B])
+    progress = state.progress[0]
+    progress.level_lower, progress.next_lower = progress.next_lower, np.inf
+    progress.level_end = progress.open
+    _test_vertices(tree_a, tree_b, state, progress.nearest_a, progress.nearest_b)
 
 
 @kernel
@@ -99,7 +89,7 @@ def _test_vertices(tree_a, tree_b, state, a, b):
 
     Their distance errs by less than that of triangles does, which SLACK covers.
     """
-    known = state.reals[DISTANCE]
+    known = state.progress[0].distance
     best, way = known * known, (0.0, 0.0, 0.0)
     first, second = 0, 0
     for j in range(KEPT):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import BASE, DEPTH, FRAMES, LIMIT, Priority
+from ..base.state import Priority
 from .stubs import least_open, push, take
 
 QUEUE = 256
@@ -30,7 +30,7 @@ def _swap(pairs, bounds, i, j):
 @implements(push, Priority)
 @inlined
 def _push(open_pairs, state, first, top, a, b, bound):
-    pairs, bounds, base = open_pairs.pairs, open_pairs.bounds, state.counts[BASE]
+    pairs, bounds, base = open_pairs.pairs, open_pairs.bounds, state.progress[0].base
     pairs[top, 0], pairs[top, 1], bounds[top] = a, b, bound
     at = top
     while at > base:  # it rises to its place
@@ -51,20 +51,20 @@ def _take(open_pairs, tree_a, tree_b, state):
 @inlined
 def _least(open_pairs, state):
     least = np.inf
-    for i in range(state.counts[DEPTH]):
+    for i in range(state.progress[0].open):
         least = min(least, open_pairs.bounds[i])
     return least
 
 
 @kernel
 def _take_nearest(open_pairs, state):
-    counts, bounds, frames = state.counts, open_pairs.bounds, open_pairs.frames
+    progress, bounds, frames = state.progress[0], open_pairs.bounds, open_pairs.frames
     pairs = open_pairs.pairs
-    while counts[DEPTH] == counts[BASE] and counts[FRAMES] > 0:
-        counts[FRAMES] -= 1
-        counts[BASE] = frames[counts[FRAMES]]
-    counts[DEPTH] -= 1
-    base, last = counts[BASE], counts[DEPTH]
+    while progress.open == progress.base and progress.frames > 0:
+        progress.frames -= 1
+        progress.base = frames[progress.frames]
+    progress.open -= 1
+    base, last = progress.base, progress.open
     _swap(pairs, bounds, base, last)
     at = base
     while True:
@@ -77,11 +77,11 @@ def _take_nearest(open_pairs, state):
             break
         _swap(pairs, bounds, at, child)
         at = child
-    if bounds[last] >= state.reals[LIMIT]:
-        counts[DEPTH] = base  # and so are all others
+    if bounds[last] >= progress.limit:
+        progress.open = base  # and so are all others
         return -1
     if last - base >= QUEUE:
-        frames[counts[FRAMES]] = base
-        counts[FRAMES] += 1
-        counts[BASE] = last
+        frames[progress.frames] = base
+        progress.frames += 1
+        progress.base = last
     return last

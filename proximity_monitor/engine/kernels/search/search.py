@@ -13,58 +13,29 @@ from ..base.jit import kernel
 from ..base.memory import table_on_stack
 from ..base.motion import deviation, is_rigid, relative_motions
 from ..base.state import (
-    ABS_ERR,
-    APPROACHED,
     BAD_POSE_A,
     BAD_POSE_B,
-    BASE,
-    BOUND_SLACK,
-    BOUND_TESTS,
-    COLLECTED,
     CUT,
     CUT_BETWEEN,
-    DEPTH,
     DEVIATION,
-    DEVIATIONS,
-    DISTANCE,
     ENDED,
-    ENOUGH,
     EXACT,
     FEATURE_A,
     FEATURE_B,
-    FRAMES,
     INTERSECTING,
     KEEP,
-    LEVEL_END,
-    LEVEL_LOWER,
-    LIMIT,
     LOWER,
-    NEAREST_A,
-    NEAREST_B,
-    NEXT_LOWER,
     OUT_OF_TIME,
     POINT_A,
     POINT_B,
-    PRIMITIVE_TESTS,
-    RADII,
     RADIUS_A,
     RADIUS_B,
-    REL_ERR,
-    SLACK,
     STATUS,
-    STEPS,
-    STOP,
     SWEPT,
     TESTS,
     TREE_A,
     TREE_B,
-    TRIANGLE_A,
-    TRIANGLE_B,
     UPPER,
-    UPPER_SLACK,
-    WAITING,
-    WEIGHTS_A,
-    WEIGHTS_B,
     WITHIN_TOLERANCE,
 )
 from ..base.tables import state_at, tree_at
@@ -89,7 +60,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     Their distance is the first upper bound (triangle caching, section 6.2). Returns CUT, or which
     pose is no rigid motion.
     """
-    motions, reals, counts = state.motions, state.reals, state.counts
+    motions, progress = state.motions, state.progress[0]
     error_a, error_b = deviation(pose_a), deviation(pose_b)
     if not is_rigid(error_a):
         return BAD_POSE_A
@@ -98,32 +69,32 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     before = table_on_stack(2, 12, 0.0)
     for i in range(12):
         before[0, i], before[1, i] = motions[0, i], motions[1, i]
-    slack = reals[BOUND_SLACK]
+    slack = progress.bound_slack
     relative_motions(pose_a, pose_b, motions[0], motions[1])
     t = motions[0]
     apart = np.sqrt(t[9] * t[9] + t[10] * t[10] + t[11] * t[11])
-    reals[SLACK], reals[BOUND_SLACK] = slacks(tree_a, tree_b, apart, error_a + error_b)
+    progress.slack, progress.bound_slack = slacks(tree_a, tree_b, apart, error_a + error_b)
     if state.keys.shape[0] > 0:
         travel(tree_a, tree_b, state, before, slack)
-    reals[UPPER_SLACK] = reals[SLACK]
-    last = reals[DISTANCE]
-    reals[DISTANCE] = np.inf
-    no_aim(reals)
-    reals[RADII] = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
-    reals[DEVIATIONS] = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
-    reals[REL_ERR], reals[ABS_ERR] = query.rel_err, query.abs_err
-    reals[STOP] = query.stop + reals[RADII]
-    limit = core_of(query.limit, reals[RADII], reals[DEVIATIONS])
-    reals[LIMIT], reals[ENOUGH] = limit, limit
-    counts[BOUND_TESTS], counts[PRIMITIVE_TESTS], counts[COLLECTED] = 0, 1, 0
-    counts[WAITING] = 0
+    progress.upper_slack = progress.slack
+    last = progress.distance
+    progress.distance = np.inf
+    no_aim(progress)
+    progress.radii = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
+    progress.deviations = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
+    progress.rel_err, progress.abs_err = query.rel_err, query.abs_err
+    progress.stop = query.stop + progress.radii
+    limit = core_of(query.limit, progress.radii, progress.deviations)
+    progress.limit, progress.enough = limit, limit
+    progress.bound_tests, progress.primitive_tests, progress.collected = 0, 1, 0
+    progress.waiting = 0
     pairs, bounds = state.open.pairs, state.open.bounds
     pairs[0, 0], pairs[0, 1], bounds[0] = 0, 0, -np.inf
-    counts[DEPTH], counts[BASE], counts[FRAMES] = 1, 0, 0
-    counts[LEVEL_END], counts[NEAREST_A], counts[NEAREST_B] = 0, 0, 0
-    reals[LEVEL_LOWER], reals[NEXT_LOWER] = 0.0, 0.0
-    measure(tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B], 0.0)
-    reals[APPROACHED] = guess(tree_a, tree_b, state, last)
+    progress.open, progress.base, progress.frames = 1, 0, 0
+    progress.level_end, progress.nearest_a, progress.nearest_b = 0, 0, 0
+    progress.level_lower, progress.next_lower = 0.0, 0.0
+    measure(tree_a, tree_b, state, progress.element_a, progress.element_b, 0.0)
+    progress.approached = guess(tree_a, tree_b, state, last)
     return CUT
 
 
@@ -134,32 +105,32 @@ def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answ
     The lower bound is the least of what was found, what was pruned and what is still to do. `code`
     is what the search returned last.
     """
-    reals, counts = state.reals, state.counts
-    certain = reals[DISTANCE] - reals[SLACK]
-    lower = min(min(certain, reals[ENOUGH]), least_open(state.open, state))
-    for i in range(counts[WAITING]):
+    progress = state.progress[0]
+    certain = progress.distance - progress.slack
+    lower = min(min(certain, progress.enough), least_open(state.open, state))
+    for i in range(progress.waiting):
         lower = min(lower, state.waiting.bounds[i])
-    radii, deviations = reals[RADII], reals[DEVIATIONS]
+    radii, deviations = progress.radii, progress.deviations
     answer[LOWER] = max(lower_of(lower, radii, deviations), 0.0)
-    answer[UPPER] = upper_of(reals[DISTANCE] + reals[UPPER_SLACK], radii, deviations)
-    ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
-    p = witness(tree_a, ta, reals[WEIGHTS_A : WEIGHTS_A + 3])
-    q = witness(tree_b, tb, reals[WEIGHTS_B : WEIGHTS_B + 3])
+    answer[UPPER] = upper_of(progress.distance + progress.upper_slack, radii, deviations)
+    ta, tb = progress.element_a, progress.element_b
+    p = witness(tree_a, ta, progress.weights_a)
+    q = witness(tree_b, tb, progress.weights_b)
     _put_in_world(pose_a, p, answer, POINT_A)
     _put_in_world(pose_b, q, answer, POINT_B)
     for i in range(3):
-        answer[FEATURE_A + i] = reals[WEIGHTS_A + i]
-        answer[FEATURE_B + i] = reals[WEIGHTS_B + i]
+        answer[FEATURE_A + i] = progress.weights_a[i]
+        answer[FEATURE_B + i] = progress.weights_b[i]
     answer[FEATURE_A + 3], answer[FEATURE_B + 3] = labels_a[ta], labels_b[tb]
     answer[TREE_A], answer[TREE_B] = ta, tb
-    answer[TESTS], answer[TESTS + 1] = counts[BOUND_TESTS], counts[PRIMITIVE_TESTS]
+    answer[TESTS], answer[TESTS + 1] = progress.bound_tests, progress.primitive_tests
     answer[RADIUS_A], answer[RADIUS_B] = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
     if code != ENDED:
         answer[STATUS] = OUT_OF_TIME
     elif lower_of(certain, radii, deviations) <= 0.0:
         answer[STATUS] = INTERSECTING
     else:
-        enough = reals[ENOUGH] < certain or counts[DEPTH] > 0
+        enough = progress.enough < certain or progress.open > 0
         answer[STATUS] = WITHIN_TOLERANCE if enough else EXACT
 
 
@@ -195,7 +166,7 @@ def answer_queries(
         ENDED and `last`; or another code and the query that it is about.
     """
     state = state_at(ORDER, memory)
-    counts = state.counts
+    progress = state.progress[0]
     left = steps
     for k in range(first, last, every):
         query = queries[k]
@@ -209,15 +180,15 @@ def answer_queries(
             left -= _ONE_QUERY
             ta, tb = query.nearest[0], query.nearest[1]
             if ta != KEEP:
-                counts[TRIANGLE_A] = ta if 0 <= ta < len(labels_a) else 0
+                progress.element_a = ta if 0 <= ta < len(labels_a) else 0
             if tb != KEEP:
-                counts[TRIANGLE_B] = tb if 0 <= tb < len(labels_b) else 0
+                progress.element_b = tb if 0 <= tb < len(labels_b) else 0
             code = begin(tree_a, tree_b, state, pose_a, pose_b, query)
             if code != CUT:
                 return code, k
-        counts[STEPS] = steps
+        progress.steps = steps
         code = advance(tree_a, tree_b, state)
-        left -= steps - counts[STEPS]
+        left -= steps - progress.steps
         finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answers[k])
         if code != ENDED:
             return code, k

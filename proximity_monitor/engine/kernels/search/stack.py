@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined
-from ..base.state import DEPTH, LIMIT, DepthFirst
+from ..base.state import DepthFirst
 from .stubs import least_open, push, take
 
 
@@ -25,16 +25,16 @@ def _push(open_pairs, state, first, top, a, b, bound):
 @implements(take, DepthFirst)
 @inlined
 def _take(open_pairs, tree_a, tree_b, state):
-    counts = state.counts
-    counts[DEPTH] -= 1
-    at = counts[DEPTH]
-    return at if open_pairs.bounds[at] < state.reals[LIMIT] else -1
+    progress = state.progress[0]
+    progress.open -= 1
+    at = progress.open
+    return at if open_pairs.bounds[at] < progress.limit else -1
 
 
 @implements(least_open, DepthFirst)
 @inlined
 def _least(open_pairs, state):
     least = np.inf
-    for i in range(state.counts[DEPTH]):
+    for i in range(state.progress[0].open):
         least = min(least, open_pairs.bounds[i])
     return least
