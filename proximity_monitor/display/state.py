@@ -12,19 +12,14 @@ from typing import Any
 import numpy as np
 
 from proximity_monitor.scene import Thresholds
+from proximity_monitor.scene.alerts import Level
+from proximity_monitor.scene.state import PairStatus
 
-LEVELS = ("clear", "warn", "stop", "stale")
-STATUSES = (
-    "exact",
-    "within tolerance",
-    "bounded",
-    "intersecting",
-    "overlapping",
-    "unknown pose",
-)
 PairNames = tuple[tuple[str, str], ...]
-WARN, STOP, STALE = 1, 2, 3
-BOUNDED, INTERSECTING, OVERLAPPING, UNKNOWN = 2, 3, 4, 5
+LEVELS = tuple(level.value for level in Level)
+_, WARN, STOP, STALE = range(len(LEVELS))
+STATUSES = tuple(status.value for status in PairStatus)
+_, _, BOUNDED, INTERSECTING, OVERLAPPING, UNKNOWN = range(len(STATUSES))
 
 
 @dataclass(frozen=True)
