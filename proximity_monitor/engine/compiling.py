@@ -1,11 +1,11 @@
-"""The compiler for other rooms: `entry` marks what Python calls, `helper` what an entry calls.
+"""The compiler for other rooms: Python calls functions marked `entry`, entries call a `helper`.
 
 Both may make arrays. Entries are kept where the engine's own kernels are, in a place that can be
 written even where the package cannot. Numba notices a change of the file in which an entry stands,
 and the engine a change of its own kernels; so an entry's helpers and constants belong into its own
 file, or come from here: `cross` and `dot` are products of vectors of three numbers.
 
-`Progress` tells how far the compiling of the engine's kernels is.
+`Progress` reports how many of the engine's kernels are compiled.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _KERNELS = __package__ + ".kernels."
 class Progress(event.Listener):
     """Counts the kernels that are compiled while it is entered: "7 of 19".
 
-    Numba reports what its cache did not have, so where that has everything nothing is counted.
+    Numba reports only what its cache does not have, so with a full cache nothing is counted.
 
     Args:
         needed: names of kernels; others that are compiled as well are added to them.
@@ -65,27 +65,27 @@ class Progress(event.Listener):
         self.started = False
 
     def __str__(self) -> str:
-        """Say how far it is."""
+        """Say how many are done."""
         return f"compiling kernels: {len(self._done)} of {len(self._needed)}"
 
     def __enter__(self) -> Progress:
-        """Begin to count."""
+        """Start counting."""
         event.register("numba:compile", self)
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Count no more."""
+        """Stop counting."""
         event.unregister("numba:compile", self)
 
     def on_start(self, start: event.Event) -> None:
-        """Hear that a kernel is being compiled."""
+        """Note that a kernel is being compiled."""
         if name := _kernel(start):
             self.started = True
             self._needed.add(name)
             self._tell(self)
 
     def on_end(self, end: event.Event) -> None:
-        """Hear that it is done."""
+        """Note that it is done."""
         if name := _kernel(end):
             self._done.add(name)
             self._tell(self)
