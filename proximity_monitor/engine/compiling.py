@@ -44,7 +44,7 @@ _KERNELS = __package__ + ".kernels."
 class Progress(event.Listener):
     """Counts the kernels that are compiled while it is entered: "7 of 19".
 
-    Numba reports only what its cache does not have, so with a full cache nothing is counted.
+    Numba reports what its cache did not have, so where that has everything nothing is counted.
 
     Args:
         needed: names of kernels; others that are compiled as well are added to them.
@@ -65,16 +65,16 @@ class Progress(event.Listener):
         self.started = False
 
     def __str__(self) -> str:
-        """Say how many are done."""
+        """Say how far it is."""
         return f"compiling kernels: {len(self._done)} of {len(self._needed)}"
 
     def __enter__(self) -> Progress:
-        """Start counting."""
+        """Begin to count."""
         event.register("numba:compile", self)
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Stop counting."""
+        """Count no more."""
         event.unregister("numba:compile", self)
 
     def on_start(self, start: event.Event) -> None:

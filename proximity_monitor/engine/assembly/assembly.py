@@ -30,7 +30,7 @@ _UNASKED = Insides(
     np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32),
     np.empty((0, 2, 7), np.int64),
 )  # fmt: skip
-"""Stands for what bodies enclose if no sign is asked for."""
+"""What bodies enclose, where no sign is asked for."""
 
 
 class Assembly:
@@ -300,7 +300,7 @@ class Assembly:
         stopped: Event | None,
         answers: NDArray[np.float64],
     ) -> None:
-        """Answer every `every`-th pair from the first on, into `answers`.
+        """Answer for every so many of the pairs from the first on, into `answers`.
 
         `asked` are poses, pairs, hints, wanted, signed and insides, as for `search_pairs`.
         """
