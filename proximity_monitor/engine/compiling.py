@@ -32,7 +32,7 @@ WATCHING = frozenset(
         "inside.solids.parts_and_owners", "inside.solids.unpaired_edges",
         "search.descent.advance", "search.search.search", "search.search.search_pairs",
         "tree.build.build_tree", "tree.fit_tree.fit_tree", "tree.measure.measure",
-        "tree.pairing.pair_up", "tree.welding.first_drawn", "tree.welding.weld",
+        "tree.pairing.pair_up", "tree.welding.first_drawn", "tree.welding.first_equal",
         "tree.ranges.node_ranges",
     }
 )  # fmt: skip

@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 from ..kernels.base.rounding import SINGLE_EPS
 from ..kernels.base.state import Tree
-from ..kernels.tree import welding
 from ..kernels.tree.build import build_tree
 from ..kernels.tree.fit import AABB, HYBRID, LSS, OBB, PSS, RSS
 from ..kernels.tree.fit_tree import fit_tree
 from ..kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, STRIDE, WIDTH, first_of, last_of
 from ..kernels.tree.measure import measure
 from ..kernels.tree.pairing import pair_up
-from ..kernels.tree.welding import first_drawn, without_twins
+from ..kernels.tree.welding import first_drawn, first_equal, without_twins
 
 VOLUMES = {"rss": RSS, "lss": LSS, "pss": PSS, "hybrid": HYBRID, "obb": OBB, "aabb": AABB}
 """The kinds of volume by name, and what the kernels call them."""
@@ -54,7 +53,7 @@ class Built(NamedTuple):
 def weld(vertices: NDArray[np.float64]) -> NDArray[np.int32]:
     """For each vertex (n, 3) the first one with equal coordinates, (n,)."""
     given = np.ascontiguousarray(vertices, np.float64)
-    return welding.weld((given + 0.0).view(np.int64))  # -0.0 becomes 0.0
+    return first_equal((given + 0.0).view(np.int64))  # -0.0 becomes 0.0
 
 
 def build(

@@ -16,7 +16,7 @@ from .layout import EMPTY, first_of, last_of
 
 
 @allocating_entry
-def weld(bits):
+def first_equal(bits):
     """For each vertex the first one with the same coordinates, (n,) int32.
 
     Args:
