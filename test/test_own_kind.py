@@ -8,13 +8,14 @@ import pickle
 
 import numpy as np
 import pytest
-from proximity_monitor.scene.schedule import Monitor
 from round_things import Ball
 
 from proximity_monitor import engine
 from proximity_monitor.__main__ import main
+from proximity_monitor.engine.files import readers
 from proximity_monitor.motion.dynamics import ContactLaw, Forces, RigidBody, World
 from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.state import PairStatus, PoseSample
 
@@ -65,7 +66,7 @@ def test_every_question_is_answered():
     assert again[0].feature_a.kind == again[1].kind == "ball"
 
 
-def test_a_file_of_it_is_read_and_one_that_is_not_what_it_should_be_refused(file):
+def test_a_file_of_it_is_read_and_one_that_is_not_what_it_should_be_refused(file, monkeypatch):
     ball = engine.load(file.parent / "b.BALL", unit=0.001, scale=2.0, deviation=0.002)
     assert (type(ball), ball.name, ball.size, ball.deviation) == (Ball, "b", 0.05, 0.002)
     bad = file.parent / "bad.ball"
@@ -76,6 +77,9 @@ def test_a_file_of_it_is_read_and_one_that_is_not_what_it_should_be_refused(file
         bad.write_text(text)
         with pytest.raises(engine.ModelError, match=message):
             engine.load(bad)
+    monkeypatch.setitem(readers._READERS, ".ball", lambda *_: None)
+    with pytest.raises(engine.ModelError, match="its reader returned no model but NoneType"):
+        engine.load(bad)
     (file.parent / "a.cube").write_text("1")
     with pytest.raises(engine.ModelError, match=r"a\.cube: unknown extension .*\.3mf, \.ball$"):
         engine.load(file.parent / "a.cube")
@@ -99,7 +103,6 @@ def test_a_scene_watches_it(file, capsys):
     carried = monitor.tick({"ball": PoseSample(at(0.0, 0.0, 0.3))}, 0.0).pairs[0]
     assert carried.lower <= 0.1 <= carried.upper and carried.lower == pytest.approx(0.1)
     assert tick(0.08)["table", "ball"].status is PairStatus.OVERLAPPING
-    monitor.close()
     assert main(["scene", "check", str(file)]) == 0
     assert "body ball: a ball 200 mm across, solid, moving" in capsys.readouterr().out
 

@@ -132,6 +132,11 @@ class Hierarchy:
         self.radius = whole * (1.0 + 4.0 * DOUBLE_EPS)
 
     @property
+    def some_point(self) -> NDArray[np.float64]:
+        """(3,) metres, model frame: one point of what is swept, the first corner of its faces."""
+        return self.vertices[self.faces[0, 0]]
+
+    @property
     def revision(self) -> int:
         """How often it was refitted."""
         return int(self.tree.scale[4])
