@@ -56,7 +56,9 @@ class Hierarchy:
     depth: int
     """The number of levels."""
     coincident: Coincident
+    """Which vertices and triangles lay on each other when it was built."""
     tree: Tree
+    """All volumes and triangles, as the kernels see them."""
     distinct: Tree
     """The same without the volumes that hold nothing but twins; `tree` itself where none do."""
     table: NDArray[np.int64]
