@@ -210,8 +210,8 @@ class Monitor:
             session_min=states["min_upper"],
             session_min_lower=states["min_lower"],
             kinds=self._placing.kinds,
-            elements=states["faces"],
-            parameters=states["weights"],
+            elements=states["elements"],
+            parameters=states["parameters"],
         )
         return Tick(
             pairs,

@@ -20,7 +20,7 @@ from ..questions.witness import surface_points
 
 _UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
 _FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
-"""The feature of the first corner of the first face."""
+"""The feature of `Hierarchy.some_point`: parameters and element."""
 
 
 class CertifiedIntervals(NamedTuple):
@@ -224,8 +224,8 @@ class Answers:
             bounds: (k, 2) metres, certified.
             points: (k, 2, 3) metres, world: points of the models' triangles that attain the upper
                 bounds (where they are swept, less the radii).
-            features: (k, 2, 4) where they lie on the models: weights of a triangle's corners, and
-                its face; None: not known.
+            features: (k, 2, 4) where they lie on the models: three parameters and the element, as
+                `Model.feature` takes them; None: not known.
         """
         rows = np.require(rows, np.int64, "CAWE")
         bounds = np.require(bounds, np.float64, "CAWE")
@@ -240,7 +240,7 @@ class Answers:
     def _measure(self, body: int) -> None:
         core = self._hierarchies[body] = self._models[body]._hierarchy
         self._balls[body] = *core.centre, core.core_radius, core.swept_radius, core.deviation
-        self._first[body] = core.vertices[core.faces[0, 0]]
+        self._first[body] = core.some_point
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:
         pairs = self._labels[:, kernel.BODY_A : kernel.BODY_B + 1]

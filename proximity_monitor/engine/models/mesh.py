@@ -222,6 +222,6 @@ def largest_norm(vectors: NDArray[np.float64]) -> float:
     if largest == 0.0:
         return 0.0
     exponent = min(max(math.frexp(largest)[1], -1000), 1000)
-    squares = (np.ldexp(vectors, -exponent) ** 2).sum(axis=1)
+    squares = ((vectors * math.ldexp(1.0, -exponent)) ** 2).sum(axis=1)
     length = math.sqrt(float(squares.max())) * (1.0 + 4.0 * np.finfo(np.float64).eps)
     return math.nextafter(math.ldexp(length, exponent), math.inf)

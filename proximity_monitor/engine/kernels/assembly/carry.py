@@ -58,7 +58,7 @@ CORE, SWEPT, DEVIATION, BALL = 3, 4, 5, 6
 that sweeps it, and the deviation, metres."""
 
 CENTRE, SIZE, DEFECT, STRETCH, PLACE = 0, 3, 4, 5, 6
-"""Of a body: its ball's centre in the world; its share of s; d; metres by which its vertices have
+"""Of a body: its ball's centre in the world; its share of s; d; metres by which its points have
 been moved so far, each time the largest displacement, added rounding up."""
 
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
@@ -66,8 +66,8 @@ ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 
 FEATURES, ANSWER = 30, 38
 """Of an answer: bounds; the cores' nearest points in the world and in their bodies' frames; the
 pose of B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their
-models, which no motion changes: weights of a triangle's three corners and its face, of A, then of
-B."""
+models, which no motion changes: three parameters (of a triangle, the weights of its corners) and
+the element, of A, then of B."""
 
 WITNESS = 14
 """Numbers that say which points are nearest: both points in the world, and their FEATURES."""
