@@ -7,7 +7,13 @@ from __future__ import annotations
 
 from .jit import entry, kernel
 from .precise import dot_precise, two_sum
-from .rounding import LARGEST_COORDINATE, RIGID_TOLERANCE
+from .rounding import (
+    LARGEST_COORDINATE,
+    POINT_FLOOR,
+    POINT_MARGIN,
+    POSE_MARGIN,
+    RIGID_TOLERANCE,
+)
 
 
 @kernel
@@ -74,3 +80,15 @@ def relative_motions(pose_a, pose_b, b_to_a, a_to_b):
             a_to_b[3 * j + i] = product
         b_to_a[9 + i] = dot_precise(row, (x, y, z), (dx, dy, dz))
         a_to_b[9 + i] = -(pose_b[0, i] * x + pose_b[1, i] * y + pose_b[2, i] * z)
+
+
+@entry
+def relative_motion_pair(pose_a, pose_b, norms, motions):
+    """Write the motions (2, 12) b to a and a to b; return what a point moved by them errs by.
+
+    `norms` are the largest norms of both models' vertices together; all in metres.
+    """
+    relative_motions(pose_a, pose_b, motions[0], motions[1])
+    size = abs(motions[0, 9]) + abs(motions[0, 10]) + abs(motions[0, 11]) + norms
+    error = deviation(pose_a) + deviation(pose_b)
+    return (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR

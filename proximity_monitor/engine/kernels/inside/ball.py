@@ -17,18 +17,20 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, kernel, shared
-from ..base.memory import table_on_stack, on_stack
+from ..base.memory import on_stack, table_on_stack
 from ..base.motion import deviation, relative_motions
 from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
-from ..base.state import CUT, DEVIATION, ENDED, SWEPT
-from ..base.vectors import dot
+from ..base.state import CUT, ENDED, SWEPT
+from ..base.vectors import dot, moved, sub
+from ..elements.primitives import corners
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, take_axes
 from .ball_point import certain_radius, possible_depth, sound
 from .ball_rows import bound_of
 from .ball_state import FULL, ROWS
-from .solids import HALF, WHOLE
+from .nearest import point_triangle
+from .solids import HALF, NOWHERE
 
 _CLIMBS = 12
 """Steps of an ascent, at the most."""
@@ -66,9 +68,13 @@ def begin_ball(tree_a, tree_b, region_a, region_b, pose_a, pose_b, rel_err, abs_
     at.floor = _TELLING * size if holes else 0.0
     at.rel_err, at.abs_err = rel_err, abs_err
     at.swept[0], at.swept[1] = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
-    at.radius = at.dropped = 0.0
+    at.radius = 0.0
+    centre = (region_b.ball[0], region_b.ball[1], region_b.ball[2])
+    way = sub(moved(b_to_a, centre), (region_a.ball[0], region_a.ball[1], region_a.ball[2]))
+    apart = np.sqrt(dot(way, way)) * (1.0 - 1e-12) - 4.0 * at.slack
+    at.dropped = at.ceiling = _largest(region_a, region_b, at, apart)
     at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
-    at.framed = False
+    at.framed = at.begun = False
     if last:
         add_seed(state, best.place)
     take_axes(at.axes, (1.0, 0.0, 0.0))
@@ -200,12 +206,14 @@ def _ascend(state):
 
 
 @kernel
-def _plane(tree_a, tree_b, region_a, region_b, k, point, centre, half, state, row):
+def _plane(tree_a, tree_b, region_a, region_b, k, point, centre, half, spare, state, row):
     at = state.at[0]
-    spare = _SPARE * (limit_of(at) - at.radius)
     most = _MOST * at.radius
     if not at.radius > 0.0:
         most = 0.5 * np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
+    rise = 2.0 * limit_of(at) - state.trial[0].depth[0] - state.trial[0].depth[1]
+    if at.cells > 0:
+        most = min(most, max(rise, 2.0 * spare))
     most = max(most, spare)
     if k == 0:
         tree, region = tree_a, region_a
@@ -233,29 +241,39 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
         cell.side[k], cell.clear[k], cell.near[k] = 0, -1.0, best.near[k]
         if at.radius > 0.0:
             found, cost = _plane(
-                tree_a, tree_b, region_a, region_b, k, best, cell.centre, cell.half, state,
+                tree_a, tree_b, region_a, region_b, k, best, cell.centre, cell.half, 0.0, state,
                 cell.rows[cell.count],
             )  # fmt: skip
             cell.count += found
             steps += cost
     used = on_stack(2, np.int64(0))
     bound = bound_of(cell.rows, cell.count, cell.centre, cell.half, used)
-    # A point that is not in a swept core is no deeper than the radius, one that is, than its ball.
-    push(state, 0, min(bound, _largest(tree_a, tree_b, region_a, region_b, at)))
+    push(state, 0, min(bound, at.ceiling))
     return steps
 
 
 @kernel
-def _largest(tree_a, tree_b, region_a, region_b, at):
-    """The radius that no ball in both models exceeds: those of the balls around them."""
-    a = at.swept[0] + (region_a.ball[3] if region_a.inside != 0 else 0.0)
-    b = at.swept[1] + (region_b.ball[3] if region_b.inside != 0 else 0.0)
-    # A point of a solid with holes is as far from its surface as two points of its ball may be.
-    if region_a.inside == HALF:
+def _largest(region_a, region_b, at, apart):
+    """The radius that no ball in both models exceeds, whose balls' centres are `apart` metres.
+
+    A point is no deeper than below the surface of the ball around the model; without an inside, no
+    deeper than the sweep; and a solid with holes may be open to all that its ball holds.
+    """
+    a, b = region_a.ball[3] + at.swept[0], region_b.ball[3] + at.swept[1]
+    if apart > a + b:
+        return 0.0
+    both = 0.5 * (a + b - apart)
+    if region_a.inside == HALF or region_b.inside == HALF:
+        both = np.inf
+    if region_a.inside == NOWHERE:
+        a = at.swept[0]
+    elif region_a.inside == HALF:
         a += region_a.ball[3]
-    if region_b.inside == HALF:
+    if region_b.inside == NOWHERE:
+        b = at.swept[1]
+    elif region_b.inside == HALF:
         b += region_b.ball[3]
-    return min(a, b) * (1.0 + 1e-12) + at.slack
+    return min(min(a, b), both) * (1.0 + 1e-12) + at.slack
 
 
 @shared
@@ -294,7 +312,7 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
     rows = table_on_stack(10, 4, 0.0)
     used = on_stack(2, np.int64(0))
     used[0] = used[1] = 0
-    count = cell.count
+    count, spare = cell.count, _SPARE * (limit - at.radius)
     for i in range(count):
         for j in range(4):
             rows[i, j] = cell.rows[i, j]
@@ -316,11 +334,13 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
                 state.reached,
             )  # fmt: skip
             found, cost = _plane(
-                tree_a, tree_b, region_a, region_b, k, probe, centre, half, state, rows[count]
+                tree_a, tree_b, region_a, region_b, k, probe, centre, half, spare, state,
+                rows[count],
             )
         else:
             found, cost = _plane(
-                tree_a, tree_b, region_a, region_b, k, trial, centre, half, state, rows[count]
+                tree_a, tree_b, region_a, region_b, k, trial, centre, half, spare, state,
+                rows[count],
             )
         steps += cost
         if found:
@@ -345,13 +365,16 @@ def _probe(point, k, behind, state):
 
 
 @entry
-def search_ball(tree_a, tree_b, region_a, region_b, state, steps):
-    """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL."""
+def search_ball(tree_a, tree_b, region_a, region_b, state, seeds_alone, steps):
+    """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL.
+
+    With `seeds_alone` it ends when a ball is found, or no seed is left.
+    """
     at = state.at[0]
     while True:
         if steps <= 0:
             return CUT
-        if at.climbs > 0:
+        if at.climbs > 0 and not seeds_alone:
             steps -= _climb(tree_a, tree_b, region_a, region_b, state)
         elif at.seed < at.seeds:
             i = at.seed
@@ -362,11 +385,13 @@ def search_ball(tree_a, tree_b, region_a, region_b, state, steps):
             if _keep(state):
                 at.seed = at.seeds
                 _ascend(state)
-        elif at.size == 0 and at.cells == 0 and not at.framed:
+        elif seeds_alone:
+            return ENDED
+        elif not at.begun:
+            at.begun = True
             if at.radius > 0.0:
                 take_axes(at.axes, axis_of(state.best[0]))
                 at.framed = True
-            at.cells += 1
             steps -= _begin_cells(tree_a, tree_b, region_a, region_b, state)
         elif at.radius > 0.0 and not at.framed:
             take_axes(at.axes, axis_of(state.best[0]))
@@ -378,3 +403,15 @@ def search_ball(tree_a, tree_b, region_a, region_b, state, steps):
             return FULL
         else:
             steps -= _look_into(tree_a, tree_b, region_a, region_b, state)
+
+
+@entry
+def foot(tree, motion, place, triangle, weights):
+    """Write where on a triangle the point nearest to a place lies: the weights (3,) of its corners.
+
+    `motion` (12,) brings the place (3,) to the frame of the triangle's model.
+    """
+    p = moved(motion, (place[0], place[1], place[2]))
+    a, b, c = corners(tree.triangles, triangle)
+    _, v, w = point_triangle(p, a, b, c)
+    weights[0], weights[1], weights[2] = max(1.0 - v - w, 0.0), v, w

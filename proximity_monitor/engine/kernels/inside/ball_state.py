@@ -37,6 +37,17 @@ CELL = np.dtype(
 )
 """A cuboid of space."""
 
+PIECE = np.dtype(
+    [
+        ("corners", np.float64, (3, 3)),  # metres, in the surface's frame: of a piece of a triangle
+        ("triangle", np.int64),  # of which, in tree order
+        ("lane", np.int64),  # or of which volume; then it is not negative
+        ("near", np.int64),  # a triangle of the solid that is near
+    ],
+    align=True,
+)
+"""A part of a surface."""
+
 SEARCH = np.dtype(
     [
         ("radius", np.float64),  # metres, certified: of the largest ball found; 0 before one is
@@ -45,11 +56,13 @@ SEARCH = np.dtype(
         ("rel_err", np.float64),
         ("abs_err", np.float64),  # metres, of a radius
         ("dropped", np.float64),  # the largest bound of a cell that was pruned
+        ("ceiling", np.float64),  # metres: what no radius exceeds
         ("reach", np.float64),  # metres: how far the next step of the ascent may go
         ("axes", np.float64, (3, 3)),  # of the search's frame, in a's
         ("swept", np.float64, (2,)),  # radii that sweep the cores
         ("size", np.int64),  # cells in the heap
         ("climbs", np.int64),  # steps that are left to the ascent
+        ("begun", np.bool_),  # the cells hold all that both models share
         ("framed", np.bool_),  # the frame is along the axis of a ball
         ("seed", np.int64),  # which seed is next
         ("seeds", np.int64),  # how many there are
