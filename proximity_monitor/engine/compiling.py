@@ -27,7 +27,7 @@ WATCHING = frozenset(
         "assembly.sweep.sweep", "base.motion.pose_deviation",
         "elements.primitives.test_triangles", "inside.ball.begin_ball", "inside.ball.foot",
         "inside.ball.search_ball", "inside.solids.part_volumes",
-        "inside.solids.parts_and_owners", "inside.solids.unpaired_edges",
+        "inside.solids.connected_parts", "inside.solids.unpaired_edges",
         "search.descent.advance", "search.search.search", "search.search.search_pairs",
         "tree.build.build_tree", "tree.fit_tree.fit_tree", "tree.measure.measure",
         "tree.pairing.pair_up", "tree.places.first_drawn", "tree.places.first_of_place",

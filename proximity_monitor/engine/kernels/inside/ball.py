@@ -239,6 +239,7 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
     steps = 1
     for k in range(2):
         cell.side[k], cell.clear[k], cell.near[k] = 0, -1.0, best.near[k]
+        cell.first = 0
         if at.radius > 0.0:
             found, cost = _plane(
                 tree_a, tree_b, region_a, region_b, k, best, cell.centre, cell.half, 0.0, state,
@@ -246,8 +247,10 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
             )  # fmt: skip
             cell.count += found
             steps += cost
-    used = on_stack(2, np.int64(0))
-    bound = bound_of(cell.rows, cell.count, cell.centre, cell.half, used)
+    used, mean = on_stack(2, np.int64(0)), on_stack(4, 0.0)
+    bound = bound_of(
+        cell.rows, cell.count, cell.centre, cell.half, limit_of(at), at.slack, mean, used
+    )
     push(state, 0, min(bound, at.ceiling))
     return steps
 
@@ -292,25 +295,36 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
         axes[0, 2] * centre[0] + axes[1, 2] * centre[1] + axes[2, 2] * centre[2],
         cell, True, 0.0,
     )  # fmt: skip
-    steps = _CELL_STEPS + _sound_both(tree_a, tree_b, region_a, region_b, state)
+    at.points += 1
+    steps = _CELL_STEPS
+    radius = np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
+    depths = on_stack(2, 0.0)
+    first = cell.first
+    for i in range(2):
+        # The one first that was the shallower before: it may be enough.
+        k = first if i == 0 else 1 - first
+        if k == 0:
+            tree, region = tree_a, region_a
+        else:
+            tree, region = tree_b, region_b
+        steps += sound(
+            tree, region, state.motions[k], k, at.slack, at.swept[k], trial, state.stack,
+            state.reached,
+        )  # fmt: skip
+        depths[k] = possible_depth(trial, k, region.inside, at.swept[k], radius, at.slack)
+        bound = min(bound, depths[k])
+        if bound <= limit_of(at):
+            at.dropped = max(at.dropped, bound)
+            return steps
     if _keep(state):
         _ascend(state)
-    radius = np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
-    insides = (region_a.inside, region_b.inside)
-    shallow = 0
-    depths = on_stack(2, 0.0)
-    for k in range(2):
-        inside = insides[0] if k == 0 else insides[1]
-        depths[k] = possible_depth(trial, k, inside, at.swept[k], radius, at.slack)
-    if depths[1] < depths[0]:
-        shallow = 1
-    bound = min(bound, depths[shallow])
+    shallow = 0 if depths[0] <= depths[1] else 1
     limit = limit_of(at)
     if bound <= limit:
         at.dropped = max(at.dropped, bound)
         return steps
     rows = table_on_stack(10, 4, 0.0)
-    used = on_stack(2, np.int64(0))
+    used, mean = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     used[0] = used[1] = 0
     count, spare = cell.count, _SPARE * (limit - at.radius)
     for i in range(count):
@@ -345,11 +359,14 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
         steps += cost
         if found:
             count += 1
-            bound = min(bound, bound_of(rows, count, centre, half, used))
+            by_rows = bound_of(rows, count, centre, half, limit, at.slack, mean, used)
+            bound = min(bound, by_rows)
             if bound <= limit:
                 at.dropped = max(at.dropped, bound)
                 return steps
-    halve(state, number, rows, count, used, bound)
+    if count > 0 and count == cell.count:
+        bound_of(rows, count, centre, half, limit, at.slack, mean, used)
+    halve(state, number, rows, count, mean, used, bound)
     return steps
 
 

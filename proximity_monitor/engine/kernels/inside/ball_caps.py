@@ -1,23 +1,25 @@
 """Planes above which a solid surely has nothing: what bounds depths in a cell of space.
 
-Let p be a point, n a direction, and no point y of the surface within R of p higher along n than
-H = max n · (y - p). The part of that ball above H holds no surface, hence lies on one side of it.
-If that is outside, a point x of the ball whose foot on the plane lies in the ball as well is no
-deeper than it is below the plane:
+Let o be a point, n a direction, and no point y of the surface within R of o higher along n than
+H = max n · (y - o). The part of that ball above H holds no surface, hence lies on one side of it.
+If that is outside, a point x below the plane, whose foot on it lies in the ball, is no deeper than
+it is below the plane:
 
-    f(x) <= H - n · (x - p) + r,
+    f(x) <= H - n · (x - o) + r,
 
 because on the way along n from x inside to what is above the plane the surface is passed. A point x
-above the plane lies outside; so where x is no deeper than 0, which a search for balls never needs
-to know better, the plane may pass below it. What a ball of radius r sweeps needs more: x may lie
-outside the core, as far from it as the plane says, if the surface beyond R is no nearer. Without an
-inside there is no side to ask for.
+above the plane, if it is in the ball, lies outside: what the plane says of it is less than its
+depth may be, but a search for balls asks for nothing that is not above 0. What a ball of radius r
+sweeps needs more where x is above the plane: x may lie outside the core, as far from it as the
+plane says, if the surface beyond R is no nearer. Without an inside there is no side to ask for. Of
+a solid with holes, sides change without a surface; but far from the holes they do so little that a
+point outside stays so on every way there.
 
-Rounding, with s the slack of a depth (33 u S for a share of 21 u S): p is the image of a point of
-a's frame, wrong by less than s; n is a unit vector but for 4 u, which is 4 u (H - n (x - p)) <= s;
+Rounding, with s the slack of a depth (32 u S for a share of 21 u S): o is the image of a point of
+a's frame, wrong by less than s; n is a unit vector but for 4 u, which is 4 u (H - n (x - o)) <= s;
 heights of corners err by 8 u S <= s. Turned into the search's frame n errs by 12 u an entry, the
-product with p and with x by 8 u S each: 2 s. The bounds that are made of it (`ball_rows`) err by
-another s. PLANE is above that count.
+product with o and with x by 8 u S each: 2 s. PLANE is above that count; what is made of planes has
+a slack of its own (`ball_rows`).
 """
 
 from __future__ import annotations
@@ -32,9 +34,10 @@ from ..base.rounding import SINGLE_LIMIT, SINGLE_MARGIN
 from ..base.vectors import along, dot, moved, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import STRIDE, WIDTH, first_of, last_of
+from .angles import surely_outside
 from .ball_point import turned
 from .nearest import point_bounds, point_triangle
-from .solids import WHOLE
+from .solids import HALF, WHOLE
 from .winding import winding_number
 
 PLANE = 8.0
@@ -67,8 +70,8 @@ def _heights(nodes, base, x, y, z, nx, ny, nz, margin, heights):
 
 
 @shared
-def cap_height(tree, p, n, radius, height, top, slack, stack):
-    """How high along n the surface reaches within `radius` of p: a bound, and the steps it took.
+def cap_height(tree, o, n, radius, height, top, slack, stack):
+    """How high along n over o the surface reaches within `radius`: a bound, and the steps it took.
 
     At least `height`; infinity where it is above `top`, or takes too long to tell.
     """
@@ -82,9 +85,9 @@ def cap_height(tree, p, n, radius, height, top, slack, stack):
         visits += 1
         if visits > _VISITS:
             return np.inf, visits
-        x = p[0] / unit - tree.centres[node, 0]
-        y = p[1] / unit - tree.centres[node, 1]
-        z = p[2] / unit - tree.centres[node, 2]
+        x = o[0] / unit - tree.centres[node, 0]
+        y = o[1] / unit - tree.centres[node, 1]
+        z = o[2] / unit - tree.centres[node, 2]
         size = abs(x) + abs(y) + abs(z) + tree.centres[node, 3]
         if not size + slack / unit < SINGLE_LIMIT:
             return np.inf, visits
@@ -108,8 +111,8 @@ def cap_height(tree, p, n, radius, height, top, slack, stack):
                 continue
             for t in range(first_of(child), last_of(child) + 1):
                 a, b, c = corners(tree.triangles, t)
-                high = max(dot(n, sub(a, p)), max(dot(n, sub(b, p)), dot(n, sub(c, p))))
-                if high > height and np.sqrt(point_triangle(p, a, b, c)[0]) < radius:
+                high = max(dot(n, sub(a, o)), max(dot(n, sub(b, o)), dot(n, sub(c, o))))
+                if high > height and np.sqrt(point_triangle(o, a, b, c)[0]) < radius:
                     height = min(high, radius)
                     if height > top:
                         return np.inf, visits
@@ -143,7 +146,7 @@ def plane(tree, region, motion, k, at, point, centre, half, spare, most, row, st
         stack: scratch.
     """
     way = (point.way[k, 0], point.way[k, 1], point.way[k, 2])
-    if region.inside > WHOLE or not dot(way, way) > 0.5:
+    if not dot(way, way) > 0.5:
         return False, 0
     found, steps = _one_way(
         tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack
@@ -160,34 +163,40 @@ def plane(tree, region, motion, k, at, point, centre, half, spare, most, row, st
 @shared
 def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack):
     """As `plane`, against the way along which the depth is taken to grow."""
-    slack, side = at.slack, point.side[k]
-    x = (point.place[0], point.place[1], point.place[2])
-    p, n = moved(motion, x), turned(motion, scaled(way, -1.0))
-    axes = at.axes
+    slack, side, axes = at.slack, point.side[k], at.axes
+    low = -point.away[k] if side < 0 else point.away[k]
+    # From the nearest point of the surface on, as nearly as it matters.
+    x = along((point.place[0], point.place[1], point.place[2]), way, -low)
+    o, n = moved(motion, x), turned(motion, scaled(way, -1.0))
     yn = (-_along(axes, 0, way), -_along(axes, 1, way), -_along(axes, 2, way))
-    yp = (_along(axes, 0, x), _along(axes, 1, x), _along(axes, 2, x))
-    offset = sub(yp, (centre[0], centre[1], centre[2]))
+    yo = (_along(axes, 0, x), _along(axes, 1, x), _along(axes, 2, x))
+    offset = sub((centre[0], centre[1], centre[2]), yo)
     square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
     height, away = dot(yn, offset), np.sqrt(dot(offset, offset))
+    top = height + abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
     beside = np.sqrt(max(away * away - height * height, 0.0)) + _beside(yn, half, square)
-    low = -point.away[k] if side < 0 else point.away[k]
+    far = (away + np.sqrt(square)) * (1.0 + 1e-12)
     clear = _CLEAR * slack
-    high = max(abs(low), abs(low + most)) + 2.0 * clear
-    far = away + np.sqrt(square)
-    radius = max(far, np.sqrt(beside * beside + high * high))
-    if at.swept[k] > 0.0:
-        radius = max(radius, 2.0 * far + point.away[k])
+    high = most + 2.0 * clear
+    radius = np.sqrt(beside * beside + high * high)
+    if top + clear > 0.0:  # some of the cell may be above the plane
+        radius = max(radius, far if at.swept[k] == 0.0 else 2.0 * far)
     radius = radius * (1.0 + 1e-12) + 2.0 * clear
-    height, steps = cap_height(tree, p, n, radius, low + spare, low + most, slack, stack)
+    height, steps = cap_height(tree, o, n, radius, spare, most, slack, stack)
     if height == np.inf:
         return False, steps
-    if region.inside == WHOLE and not (side < 0 and height < -clear):
+    q = along(o, n, height + clear)
+    if region.inside == WHOLE and not (side < 0 and height + clear < -low < radius - clear):
         gaps = on_stack(WIDTH, np.float32(0.0))
         steps += 12
-        if winding_number(tree, along(p, n, height + clear), slack, stack, gaps) != 0:
+        if winding_number(tree, q, slack, stack, gaps) != 0:
+            return False, steps
+    elif region.inside == HALF:
+        steps += 12
+        if not surely_outside(tree, region, o, max(radius, far), q, slack, stack):
             return False, steps
     row[0], row[1], row[2] = yn
-    row[3] = height + PLANE * slack + at.swept[k] + dot(yn, yp)
+    row[3] = height + PLANE * slack + at.swept[k] + dot(yn, yo)
     return True, steps
 
 

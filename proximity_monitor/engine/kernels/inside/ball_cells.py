@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import kernel
-from ..base.memory import on_stack
+from ..base.memory import on_stack, table_on_stack
 from .ball_rows import bound_of
 from .ball_state import ROWS
 
@@ -65,7 +65,7 @@ def pop(state):
 
 
 @kernel
-def halve(state, parent, rows, count, used, bound):
+def halve(state, parent, rows, count, mean, used, bound):
     """Push both halves of a cell that is not in the heap, cut across its longest edge.
 
     Args:
@@ -73,7 +73,8 @@ def halve(state, parent, rows, count, used, bound):
         parent: the cell's number, that of the first free slot.
         rows: (n, 4) all planes that are known of it: first those inherited, then the new ones.
         count: how many.
-        used: (2,) which two of these bounded it best.
+        mean: (4,) the mean of some that bounded it best.
+        used: (2,) the two rows that this began with.
         bound: metres: its own.
     """
     at, cells = state.at[0], state.cells
@@ -86,16 +87,21 @@ def halve(state, parent, rows, count, used, bound):
     if half <= at.slack:  # smaller ones say no more
         at.dropped = max(at.dropped, bound)
         return
-    kept = on_stack(8, np.int64(0))
+    kept = table_on_stack(6, 4, 0.0)
     n = 0
-    kept[0], kept[1] = used[0], used[1]
     if count > 0:
-        n = 1 if used[0] == used[1] else 2
+        _keep_row(kept, 0, mean)
+        _keep_row(kept, 1, rows[used[0]])
+        n = 2
+        if used[0] != used[1]:
+            _keep_row(kept, 2, rows[used[1]])
+            n = 3
     for i in range(count - 1, -1, -1):
         if n < ROWS and i != used[0] and i != used[1]:
-            kept[n] = i
+            _keep_row(kept, n, rows[i])
             n += 1
-    pair = on_stack(2, np.int64(0))
+    limit = limit_of(at)
+    pair, row = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     for which in range(2):
         # The second time the parent's own slot serves: nothing of it is needed any more.
         slot = at.size + 1 - which
@@ -106,10 +112,17 @@ def halve(state, parent, rows, count, used, bound):
         child.half[longest] = half + _OVERLAP * (abs(middle) + half)
         for i in range(n):
             for j in range(4):
-                child.rows[i, j] = rows[kept[i], j]
+                child.rows[i, j] = kept[i, j]
         child.count = n
+        child.first = 0 if point.depth[0] <= point.depth[1] else 1
         for k in range(2):
             child.near[k], child.side[k] = point.near[k], point.side[k]
             child.clear[k] = point.clear[k] - half * (1.0 + 1e-12) - 4.0 * at.slack
-        below = bound_of(child.rows, n, child.centre, child.half, pair)
+        below = bound_of(child.rows, n, child.centre, child.half, limit, at.slack, row, pair)
         push(state, slot, min(bound, below))
+
+
+@kernel
+def _keep_row(kept, i, row):
+    for j in range(4):
+        kept[i, j] = row[j]

@@ -70,13 +70,15 @@ def sound(tree, region, motion, k, slack, swept, point, stack, reached):
         side, clear = -1, np.inf
     elif away <= 2.0 * slack:
         side, clear = 0, 0.0
-    elif side == 0 or region.inside != WHOLE:
+    elif side == 0:
         side, clear = side_of(tree, region, p, away - slack, slack, stack, found)
         steps += _ONE_SIDE
         if region.inside == WHOLE:
             clear = away - 2.0 * slack if side != 0 else 0.0
-    else:
+    elif region.inside == WHOLE:
         clear = away - 2.0 * slack
+    else:
+        clear = min(clear, away - 2.0 * slack)
     point.near[k], point.away[k], point.side[k], point.clear[k] = near, away, side, clear
     point.depth[k] = (away if side == 0 else side * away) + swept
     a, b, c = corners(tree.triangles, near)

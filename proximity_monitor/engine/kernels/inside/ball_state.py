@@ -7,7 +7,7 @@ from collections import namedtuple
 import numpy as np
 
 ROWS = 6
-"""Planes that a cell inherits, at the most."""
+"""Planes that a cell inherits, at the most; `ball_cells.halve` has room for as many."""
 
 POINT = np.dtype(
     [
@@ -29,6 +29,7 @@ CELL = np.dtype(
         ("half", np.float64, (3,)),  # half lengths along its axes
         ("rows", np.float64, (ROWS, 4)),  # n and h: a depth is at most h - n · y, see `ball_rows`
         ("count", np.int64),  # how many there are
+        ("first", np.int64),  # the solid that the cell it was cut from was less deep in
         ("side", np.int64, (2,)),  # of the centre, with how far around it all points share it
         ("clear", np.float64, (2,)),
         ("near", np.int64, (2,)),  # triangles that are near the centre
