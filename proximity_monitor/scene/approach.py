@@ -49,8 +49,8 @@ class Approach:
     """The body that is to get away: the moving one; A where both move."""
     escape: np.ndarray | None
     """Unit vector (3,) in the world: from the other body's closest point to this body's, or, for
-    overlapping solids, from the deepest vertex the shortest way out. None where the points
-    coincide."""
+    overlapping solids, the way out along which the faces next to the largest ball in both get past
+    each other. None where the points coincide."""
     closing: float
     """m/s at which the closest points approach, negative where they part; NaN where the poses do
     not tell it."""
@@ -81,7 +81,7 @@ def approach(pair: PairState, courses: Courses) -> Approach:
         return Approach(body, None, math.nan)
     line = between / length  # from A to B
     if pair.upper < 0.0:
-        # The points are the deepest vertex and where it gets out, so B parts from A against it.
+        # Each point is where one body ends inside the other, so B parts from A against it.
         line = -line
     closing = math.nan
     if a is not None and b is not None:

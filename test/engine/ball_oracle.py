@@ -10,7 +10,7 @@ from engine_oracles import triangles
 
 from proximity_monitor import engine
 
-MANY = 60_000
+MANY = 20_000
 """Points that one step may ask about."""
 
 Depths = Callable[[np.ndarray], np.ndarray]
@@ -78,7 +78,9 @@ def largest(low: np.ndarray, high: np.ndarray, depths: list[Depths], steps: int 
         best = max(best, float(values.max()))
         reach = float(np.linalg.norm(half))
         centres = centres[values + reach > best]
-        left = max(float(values.max()) + reach, 0.0) if len(centres) else best
+        left = max(float(values.max()) + reach, 0.0)
+        if not len(centres):
+            return best, left
     return best, left
 
 

@@ -25,7 +25,16 @@ class PartSearch:
         regions: where the models have an inside: everywhere within a closed surface, or nowhere.
     """
 
-    __slots__ = ("_models", "_motions", "_progress", "_regions", "_scratch", "_slack", "found", "points")
+    __slots__ = (
+        "_models",
+        "_motions",
+        "_progress",
+        "_regions",
+        "_scratch",
+        "_slack",
+        "found",
+        "points",
+    )
 
     found: tuple[int, int]
     """The model, and its triangle, that may lie inside the other."""

@@ -20,6 +20,7 @@ from .parts import PartSearch
 from .result import STATUSES, Distance, Status
 from .seeds import seeds_at, seeds_beside
 
+
 class SignedSearch:
     """The memory of signed distances of two models, as `Pair` is that of their distances.
 
@@ -34,7 +35,7 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_deadline", "_depth", "_earlier_tests", "_limits",
+        "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_earlier_tests", "_limits",
         "_models", "_parts", "_poses", "_regions", "_seeded", "_tolerance",
     )  # fmt: skip
 
@@ -42,6 +43,7 @@ class SignedSearch:
         self._models = a, b
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
+        self._clear: tuple | None = None  # how the models were last known to be apart
         self._depth: BallSearch | CoreSearch | None = None
 
     def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
@@ -65,8 +67,7 @@ class SignedSearch:
         self._deadline = math.inf if budget_s is None else start + budget_s
         asked = None
         if budget_s is not None:
-            shapes = tuple(model.revision for model in self._models)
-            asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, depth_err, shapes)
+            asked = pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, depth_err, self._shapes()
         fresh = asked is None or asked != self._asked
         self._asked = None
         if fresh:
@@ -116,6 +117,7 @@ class SignedSearch:
         apart = self._distance()
         decided = apart.lower > 0.0 and self._part_inside(apart)
         if decided is False and apart.lower > 0.0:
+            self._clear = *self._relative(), apart.lower, self._shapes()
             return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
         ended = False
         if decided or (apart.lower == 0.0 and apart.status is not Status.OUT_OF_TIME):
@@ -148,6 +150,8 @@ class SignedSearch:
         """
         if HALF in (self._regions[0].inside, self._regions[1].inside):
             return True  # no part is known to lie wholly on one side of what has holes
+        if self._still_clear():
+            return False
         if self._parts is None:
             self._parts = PartSearch(self._models, self._poses, self._regions)
         found = self._parts.search(apart.lower, self._deadline)
@@ -155,6 +159,34 @@ class SignedSearch:
             self._seeded = True
             self._depth.add_seeds(seeds_beside(self._models, self._poses, *self._parts.found))
         return found
+
+    def _still_clear(self) -> bool:
+        """Whether no part got inside since it was known that none was.
+
+        Between the poses of then and now, as b is moved along straight lines in a's frame, the
+        surfaces come no nearer by more than it moves: so they never met. The norm of the rotations'
+        difference holds for poses that are not quite rigid, too.
+        """
+        if self._clear is None or self._clear[3] != self._shapes():
+            return False
+        then, there, clear, _ = self._clear
+        turn, place = self._relative()
+        b = self._models[1]
+        moved = math.sqrt(((place - there) ** 2).sum())
+        moved += math.sqrt(((turn - then) ** 2).sum()) * b.radius
+        size = abs(place).sum() + abs(there).sum() + sum(model.radius for model in self._models)
+        return bool(moved + 1e-12 * size < 0.9 * clear)
+
+    def _relative(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The rotation of b in a's frame, and where the centre of its ball is there."""
+        (pose_a, pose_b), b = self._poses, self._models[1]
+        turn = pose_a[:3, :3].T @ pose_b[:3, :3]
+        place = pose_a[:3, :3].T @ (pose_b[:3, 3] - pose_a[:3, 3]) + turn @ b.centre
+        return turn, place
+
+    def _shapes(self) -> tuple[int, ...]:
+        """How often the models were refitted."""
+        return tuple(model.revision for model in self._models)
 
     def _distance(self) -> Distance:
         """The distance of the surfaces, sure to tell whether they meet unless time is over."""

@@ -28,7 +28,7 @@ from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, take_axes
 from .ball_point import certain_radius, possible_depth, sound
 from .ball_rows import bound_of
-from .ball_state import FULL, ROWS
+from .ball_state import FULL, LOOSEST
 from .nearest import point_triangle
 from .solids import HALF, NOWHERE
 
@@ -66,7 +66,7 @@ def begin_ball(tree_a, tree_b, region_a, region_b, pose_a, pose_b, rel_err, abs_
     at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
     holes = region_a.inside == HALF or region_b.inside == HALF
     at.floor = _TELLING * size if holes else 0.0
-    at.rel_err, at.abs_err = rel_err, abs_err
+    at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)
     at.swept[0], at.swept[1] = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
     at.radius = 0.0
     centre = (region_b.ball[0], region_b.ball[1], region_b.ball[2])
@@ -139,9 +139,8 @@ def _try(state, x, y, z, near, inherited, moved):
     trial.place[0], trial.place[1], trial.place[2] = x, y, z
     for k in range(2):
         trial.near[k] = near.near[k]
-        known = inherited and near.clear[k] > moved + 4.0 * at.slack
-        trial.side[k] = near.side[k] if known else 0
         trial.clear[k] = near.clear[k] - moved - 4.0 * at.slack
+        trial.side[k] = near.side[k] if inherited and trial.clear[k] > 0.0 else 0
 
 
 @kernel
@@ -205,23 +204,44 @@ def _ascend(state):
     at.reach = 0.95 * at.radius
 
 
-@kernel
-def _plane(tree_a, tree_b, region_a, region_b, k, point, centre, half, spare, state, row):
+@shared
+def _plane(
+    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
+):  # fmt: skip
+    """Find a plane of solid k for a cell, as `plane` does, seen from a point.
+
+    Or from a point so far behind that one that the other face of what is thin, too thin for a
+    larger ball, is nearer than this one.
+    """
     at = state.at[0]
-    most = _MOST * at.radius
-    if not at.radius > 0.0:
-        most = 0.5 * np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
-    rise = 2.0 * limit_of(at) - state.trial[0].depth[0] - state.trial[0].depth[1]
-    if at.cells > 0:
-        most = min(most, max(rise, 2.0 * spare))
-    most = max(most, spare)
+    limit, steps = limit_of(at), 0
     if k == 0:
         tree, region = tree_a, region_a
     else:
         tree, region = tree_b, region_b
-    return plane(
-        tree, region, state.motions[k], k, at, point, centre, half, spare, most, row, state.stack
+    most = _MOST * at.radius
+    if not at.radius > 0.0:
+        most = 0.5 * np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
+    if at.cells > 0:
+        # A plane that lies higher does not help to prune, even if the other one costs nothing.
+        trial = state.trial[0]
+        rise = 2.0 * limit - trial.depth[0] - trial.depth[1]
+        most = min(most, max(rise, 2.0 * spare))
+    most = max(most, spare)
+    motion = state.motions[k]
+    if behind:
+        back = limit - at.swept[k] - 0.5 * point.away[k]
+        if point.side[k] <= 0 or not back > 0.0:
+            return False, steps
+        _go_behind(point, k, back, state)
+        point = state.probe[0]
+        steps += sound(
+            tree, region, motion, k, at.slack, at.swept[k], point, state.stack, state.reached
+        )
+    found, cost = plane(
+        tree, region, motion, k, at, point, centre, half, spare, most, row, state.stack
     )
+    return found, steps + cost
 
 
 @shared
@@ -237,16 +257,17 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
         return 1
     cell.count = 0
     steps = 1
+    cell.first = 0
     for k in range(2):
         cell.side[k], cell.clear[k], cell.near[k] = 0, -1.0, best.near[k]
-        cell.first = 0
         if at.radius > 0.0:
-            found, cost = _plane(
-                tree_a, tree_b, region_a, region_b, k, best, cell.centre, cell.half, 0.0, state,
-                cell.rows[cell.count],
-            )  # fmt: skip
-            cell.count += found
-            steps += cost
+            for behind in range(2):
+                found, cost = _plane(
+                    tree_a, tree_b, region_a, region_b, k, behind == 1, best, cell.centre,
+                    cell.half, 0.0, state, cell.rows[cell.count],
+                )  # fmt: skip
+                cell.count += found
+                steps += cost
     used, mean = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     bound = bound_of(
         cell.rows, cell.count, cell.centre, cell.half, limit_of(at), at.slack, mean, used
@@ -332,30 +353,10 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
             rows[i, j] = cell.rows[i, j]
     for attempt in range(3):
         k = 1 - shallow if attempt == 1 else shallow
-        if attempt == 2:
-            # The other face of what is thin: nearer than this one from so far behind the centre.
-            behind = 0.5 * (2.0 * (limit - at.swept[k]) - trial.away[k])
-            if trial.side[k] <= 0 or not behind > 0.0:
-                break
-            _probe(trial, k, behind, state)
-            if k == 0:
-                tree, region = tree_a, region_a
-            else:
-                tree, region = tree_b, region_b
-            probe = state.probe[0]
-            steps += sound(
-                tree, region, state.motions[k], k, at.slack, at.swept[k], probe, state.stack,
-                state.reached,
-            )  # fmt: skip
-            found, cost = _plane(
-                tree_a, tree_b, region_a, region_b, k, probe, centre, half, spare, state,
-                rows[count],
-            )
-        else:
-            found, cost = _plane(
-                tree_a, tree_b, region_a, region_b, k, trial, centre, half, spare, state,
-                rows[count],
-            )
+        found, cost = _plane(
+            tree_a, tree_b, region_a, region_b, k, attempt == 2, trial, centre, half, spare, state,
+            rows[count],
+        )  # fmt: skip
         steps += cost
         if found:
             count += 1
@@ -371,13 +372,13 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
 
 
 @kernel
-def _probe(point, k, behind, state):
+def _go_behind(point, k, behind, state):
     """Make the probe a point so far behind another one, seen from the surface of solid k."""
     probe = state.probe[0]
     for i in range(3):
         probe.place[i] = point.place[i] + behind * point.way[k, i]
-    known = point.clear[k] > behind * (1.0 + 1e-12) + 4.0 * state.at[0].slack
-    probe.side[k] = point.side[k] if known else 0
+    probe.clear[k] = point.clear[k] - behind * (1.0 + 1e-12) - 4.0 * state.at[0].slack
+    probe.side[k] = point.side[k] if probe.clear[k] > 0.0 else 0
     probe.near[k] = point.near[k]
 
 

@@ -17,8 +17,10 @@ _OVERLAP = 2.0**-51
 def limit_of(at):
     """Bound, metres, up to which a radius is none that matters beside the one that was found."""
     radius = at.radius
-    limit = max(radius * (1.0 + at.rel_err), radius + at.abs_err)
-    return max(max(limit, radius + 32.0 * at.slack), at.floor)
+    limit = max(radius + 32.0 * at.slack, at.floor)
+    if radius > 0.0:  # before, it is not known whether there is any
+        limit = max(limit, max(radius * (1.0 + at.rel_err), radius + at.abs_err))
+    return limit
 
 
 @kernel

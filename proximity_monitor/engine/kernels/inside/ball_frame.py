@@ -8,7 +8,7 @@ from numba import uint64
 from ..base.jit import kernel, shared
 from ..base.rounding import SINGLE_MARGIN
 from ..base.vectors import along, cross, dot, sub, unit
-from ..tree.layout import EMPTY, F1, F2, F3, F4, F5, F6, F7, F8, F9, F10, F11, STRIDE, WIDTH
+from ..tree.layout import EMPTY, F1, F2, F3, F4, F5, F6, F7, F8, F9, F10, F11, WIDTH
 from .ball_point import turned
 
 

@@ -83,3 +83,6 @@ cells (n,) CELL; stack (int32) and reached: scratch of a descent."""
 
 FULL = 2
 """What a slice returns, beside ENDED and CUT, when there is no room for more cells."""
+
+LOOSEST = 1e3
+"""Relative tolerances above it are taken for it: an infinite one makes no number of a radius 0."""

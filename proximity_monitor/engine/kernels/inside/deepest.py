@@ -24,7 +24,7 @@ from .ball_caps import plane
 from .ball_cells import limit_of, pop, push
 from .ball_frame import take_axes
 from .ball_point import certain_radius, possible_depth, sound
-from .ball_state import FULL
+from .ball_state import FULL, LOOSEST
 from .solids import HALF
 from .volumes import sphere_of
 
@@ -56,7 +56,7 @@ def begin_deepest(
     error = deviation(pose) + deviation(pose_surface)
     at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
     at.floor = 0.0
-    at.rel_err, at.abs_err = rel_err, abs_err
+    at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)
     at.swept[0], at.swept[1] = tree.scale[SWEPT], np.inf
     at.radius, at.dropped = 0.0, 0.0
     at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
@@ -286,8 +286,6 @@ def search_deepest(tree, region, surface, state, steps):
         at.cells += 1
         steps -= _STEPS
         if piece.lane >= 0:
-            steps -= _look_into_lane(
-                tree, region, surface, state, piece.lane, piece.near, bound
-            )
+            steps -= _look_into_lane(tree, region, surface, state, piece.lane, piece.near, bound)
         else:
             steps -= _look_into_piece(tree, region, state, piece, bound)
