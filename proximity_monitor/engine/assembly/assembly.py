@@ -105,8 +105,8 @@ class Assembly:
                 query): lower > clearance, or upper <= clearance to rounding; `Distances.within`
                 tells them apart. With 0 they are those that collide. None or infinity: it goes on.
             signed: whether to give signed distances, as `engine.signed_distance` does. Pairs that
-                are apart cost little more then, those that overlap about a millisecond. Where `upper`
-                has decided about a clearance, `lower` may be -infinity.
+                are apart cost little more then, those that overlap about a millisecond. Where
+                `upper` has decided about a clearance, `lower` may be -infinity.
             depth_err: of signed distances, as for `engine.signed_distance`.
             hints: (k, 2) `hints` of an earlier answer about the same pairs, from which the
                 search starts; -1 for none.

@@ -35,8 +35,8 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_earlier_tests", "_limits",
-        "_models", "_parts", "_poses", "_regions", "_seeded", "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_earlier_tests",
+        "_limits", "_models", "_parts", "_poses", "_regions", "_seeded", "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:

@@ -44,7 +44,7 @@ NONE, UNDECIDED = -1, -2
 
 @shared
 def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps):
-    """A triangle of a part of `body` that may lie inside `holder`, closed, off which its surface is.
+    """A triangle of a part of `body` that may lie inside `holder`, whose surface it does not meet.
 
     The samples are of the body, `motion` brings them to the frame of the holder, and the surfaces
     are `apart` metres apart or more, which is above 4 `slack`: also where rounding moved a sample.
