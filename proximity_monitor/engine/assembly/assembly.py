@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from operator import is_not
 from threading import Event
 from time import perf_counter
@@ -14,23 +14,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, as_real, as_reals, check_tolerance
 from ..kernels.base import state as index
-from ..kernels.base.state import Tree
-from ..kernels.inside.contain import Insides
-from ..kernels.search import search as kernel
-from ..models.mesh import TriangleMesh
+from ..kernels.inside.contain import Insides, settle_signs
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.rows import distances_of, no_answers
-from ..questions.run import LONG_SLICE, SLICE, Search, check_models, code_for
+from ..questions.rows import distances_of
+from ..questions.run import (
+    LONG_SLICE,
+    SLICE,
+    Search,
+    check_models,
+    entry_for,
+    queries_about,
+)
 from ..questions.sharing import share
 from .settling import Settling
-
-_UNASKED = Insides(
-    np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32),
-    np.empty((0, 2, 7), np.int64),
-)  # fmt: skip
-"""What bodies enclose, where no sign is asked for."""
 
 
 class Assembly:
@@ -41,41 +41,39 @@ class Assembly:
     models may be shared. Copies of it, and what comes out of a pickle, have memory of their own.
 
     Args:
-        models: one mesh a body; bodies may share one. A mesh that is refitted later is seen anew.
+        models: one a body; bodies may share one. A model that is deformed later is seen anew.
 
     Raises:
         TypeError: one that is no model.
         ValueError: there are none.
     """
 
-    def __init__(self, models: Sequence[TriangleMesh]) -> None:
+    def __init__(self, models: Sequence[Model]) -> None:
         self.models = check_models(models)
         if not self.models:
             raise ValueError("models: there are none; an assembly needs at least one body")
-        self._meshes = tuple({id(model): model for model in self.models}.values())
-        self._trees: list[Tree] = []
-        self._deepest = max(self._meshes, key=lambda model: model.depth)
+        self._shapes = tuple({id(model): model for model in self.models}.values())
+        self._hierarchies: list[Hierarchy] = []
+        self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches: list[Search] = []
         self._insides: Insides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question in which they were
         self._settling = Settling()
-        self._unusual = code_for(self._meshes)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
         """Of what another is made: kernels find the memory of this one by its addresses."""
         return type(self), (self.models,)
 
-    def replace(self, body: int, model: TriangleMesh) -> None:
+    def replace(self, body: int, model: Model) -> None:
         """Give a body another model; what was found with the old one is no hint any more."""
         models = list(self.models)
         models[body] = model
         self.models = tuple(models)
-        self._meshes = tuple({id(each): each for each in models}.values())
-        self._unusual = code_for(self._meshes)
-        self._trees = []  # the tables are made anew
+        self._shapes = tuple({id(each): each for each in models}.values())
+        self._hierarchies = []  # the tables are made anew
         self._insides = None
         self._cut.clear()
-        if model.depth > self._deepest.depth:
+        if model._hierarchy.depth > self._deepest._hierarchy.depth:
             self._deepest = model
             self._searches.clear()
 
@@ -172,14 +170,23 @@ class Assembly:
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
-        insides = self._enclosed() if signed.any() else _UNASKED
-        asked = poses, pairs, hints, wanted, signed, insides
+        queries = queries_about(pairs, wanted, hints)
         searches = self._allot(threads, poses, pairs, wanted)
+        settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
-        def answer(first: int, stopped: Event) -> None:
-            self._run(*searches[first], first, threads, asked, deadline, stopped, answers)
+        def answer(first: int, stopped: Event | None) -> None:
+            search, fresh = searches[first]
+            code, at = self._run(
+                search, fresh, self._runs(pairs, first, threads), poses, queries, threads,
+                deadline, stopped, answers, settle,
+            )  # fmt: skip
+            if code == index.CUT:
+                self._cut[self._question(poses, pairs[at], wanted[at])] = search
 
-        share(answer, range(threads), threads)
+        if threads == 1:
+            answer(0, None)
+        else:
+            share(answer, range(threads), threads)
         return answers
 
     def _signed_rows(
@@ -244,10 +251,10 @@ class Assembly:
     def _tabulate(self, threads: int) -> None:
         """Have the tables of all bodies as they are now, and a search for each thread."""
         # Of the very hierarchies that the tables hold addresses of, which so stay in memory.
-        trees = [mesh._tree for mesh in self._meshes]
-        if len(trees) != len(self._trees) or any(map(is_not, trees, self._trees)):
-            self._tables = np.stack([model._table for model in self.models])
-            self._trees = trees
+        now = [model._hierarchy for model in self._shapes]
+        if len(now) != len(self._hierarchies) or any(map(is_not, now, self._hierarchies)):
+            self._tables = np.stack([model._hierarchy.table for model in self.models])
+            self._hierarchies = now
             self._insides = None
         while len(self._searches) < threads:
             self._searches.append(Search(self._deepest, self._deepest, coherent=False))
@@ -255,15 +262,15 @@ class Assembly:
     def _enclosed(self) -> Insides:
         """What the bodies enclose as they are now."""
         if self._insides is None:
-            regions = [sides_of(mesh).region for mesh in self._meshes]
+            regions = [sides_of(model).region for model in self._shapes]
             starts = np.cumsum([0, *(len(each.samples) for each in regions)])
-            place = {id(mesh): k for k, mesh in enumerate(self._meshes)}
+            place = {id(model): k for k, model in enumerate(self._shapes)}
             of = np.array([place[id(model)] for model in self.models])
             self._insides = Insides(
                 np.array([each.inside for each in regions], np.int8)[of],
                 np.stack((starts[of], starts[of + 1]), axis=1),
                 np.concatenate([each.samples for each in regions]),
-                np.stack([model._table_of_all for model in self.models]),
+                np.stack([model._hierarchy.table_of_all for model in self.models]),
             )
         return self._insides
 
@@ -293,35 +300,88 @@ class Assembly:
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
+    def _runs(
+        self, pairs: NDArray[np.int32], first: int, every: int
+    ) -> list[tuple[Callable, int, int]]:
+        """Every so many pairs from the first on, in runs of one kind of pair.
+
+        The compiled entry of each, where it begins, and one after where it ends.
+        """
+        models = self.models
+        if len({type(model._hierarchy.tree) for model in self._shapes}) == 1:
+            return [(entry_for(models[0], models[0]), first, len(pairs))]
+        found: list[tuple[Callable, int, int]] = []
+        for k in range(first, len(pairs), every):
+            entry = entry_for(models[pairs[k, 0]], models[pairs[k, 1]])
+            if found and found[-1][0] is entry:
+                found[-1] = entry, found[-1][1], k + 1
+            else:
+                found.append((entry, k, k + 1))
+        return found
+
     def _run(
         self,
         search: Search,
         fresh: bool,
-        first: int,
+        runs: list[tuple[Callable, int, int]],
+        poses: NDArray[np.float64],
+        queries: NDArray,
         every: int,
-        asked: tuple,
         deadline: float | None,
-        stopped: Event,
+        stopped: Event | None,
         answers: NDArray[np.float64],
-    ) -> None:
-        """Answer for every so many of the pairs from the first on, into `answers`.
+        settle: Callable[[int, int], None],
+    ) -> tuple[int, int]:
+        """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
+        stacked = poses.reshape(-1, 4)
+        steps = LONG_SLICE if deadline is None else SLICE
+        code, at = index.ENDED, 0
+        for entry, at, last in runs:
+            while True:
+                before = at
+                code, at = entry(
+                    self._tables, search.memory, stacked, stacked, queries, at, last, every, steps,
+                    fresh, answers,
+                )  # fmt: skip
+                settle(before, at + (code == index.CUT))
+                fresh = code != index.CUT
+                if code in (index.BAD_POSE_A, index.BAD_POSE_B):
+                    body = int(queries["poses"][at, code - index.BAD_POSE_A])
+                    check_pose(poses[body], self._pose_name(body))
+                if (stopped is not None and stopped.is_set()) or (
+                    deadline is not None and perf_counter() >= deadline
+                ):
+                    return code, at
+                if code == index.ENDED:
+                    break
+        return code, at
 
-        `asked` are poses, pairs, hints, wanted, signed and insides, as for `search_pairs`.
-        """
-        poses, pairs, _, wanted, _, _ = asked
-        at, steps = first, LONG_SLICE if deadline is None else SLICE
-        while True:
-            code, at = kernel.search_pairs(
-                self._tables, search.memory, *asked, at, len(pairs), every, steps, fresh, answers,
-                self._unusual,
-            )  # fmt: skip
-            fresh = code == index.CUT_BETWEEN
-            if code in (index.BAD_POSE_A, index.BAD_POSE_B):
-                body = int(pairs[at, code - index.BAD_POSE_A])
-                check_pose(poses[body], self._pose_name(body))
-            if code == index.ENDED or stopped.is_set():
-                break
-            if deadline is not None and perf_counter() >= deadline:
-                if code == index.CUT:
-                    self._cut[self._question(poses, pairs[at], wanted[at])] = search
-                break
+    def _settle_signs(
+        self,
+        poses: NDArray[np.float64],
+        pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+        signed: NDArray[np.bool_],
+        answers: NDArray[np.float64],
+        every: int,
+    ) -> Callable[[int, int], None]:
+        """What makes every so many answers, from one to before another, signed ones."""
+        if not signed.any():
+            return lambda first, last: None
+        insides, clearances = self._enclosed(), np.ascontiguousarray(wanted[:, 2])
+        room = 1 + 15 * self._deepest._hierarchy.depth
+
+        def settle(first: int, last: int) -> None:
+            scratch = np.empty((room, 2), np.int32)
+            settle_signs(
+                insides, poses, pairs, clearances, signed, first, last, every, scratch, answers
+            )
+
+        return settle
+
+
+def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
+    rows = np.full((len(signed), index.ANSWER), np.nan)
+    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
+    return rows

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.state import CUT
+from ..kernels.base.state import CUT, MeshTree
 from ..kernels.inside import ball as kernel
 from ..kernels.inside import deepest
 from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball
-from ..models.mesh import TriangleMesh
-from ..models.solid import sides_of
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
 from .run import LONG_SLICE, SLICE
 
 _CELLS = 64
@@ -29,8 +29,13 @@ _SEEDS = 32
 """Points that a search may begin with."""
 
 
-def _memory(models: tuple[TriangleMesh, ...], cell: np.dtype) -> Ball:
-    descent = 1 + max(each.depth for each in models) * 15
+def tree_of(core: Hierarchy) -> MeshTree:
+    """The hierarchy of all triangles; a box serves as the rectangle that it lies in."""
+    return MeshTree(*core.tree)
+
+
+def _memory(models: tuple[Model, ...], cell: np.dtype) -> Ball:
+    descent = 1 + max(each._hierarchy.depth for each in models) * 15
     return Ball(
         np.zeros(1, SEARCH),
         np.zeros((2, 12)),
@@ -58,14 +63,14 @@ class BallSearch:
 
     _CELL = CELL
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh) -> None:
+    def __init__(self, a: Model, b: Model) -> None:
         self._models = a, b
         self._ball = _memory(self._models, self._CELL)
 
     @property
     def _solids(self) -> tuple[tuple, ...]:
-        a, b = self._models
-        return a._tree, b._tree, sides_of(a).region, sides_of(b).region
+        a, b = (model._hierarchy for model in self._models)
+        return tree_of(a), tree_of(b), a.sides().region, b.sides().region
 
     def begin(
         self,
@@ -155,7 +160,7 @@ class BallSearch:
         centre = pose[:3, :3] @ best["place"] + pose[:3, 3]
         for k in range(2):
             self._write(row, k, k, self._ball.motions[k], int(best["near"][k]))
-        _aim(row, centre, best["side"], [model.swept_radius for model in self._models])
+        _aim(row, centre, best["side"], [model._hierarchy.swept_radius for model in self._models])
 
     def _write(
         self, row: NDArray[np.float64], k: int, which: int, motion: NDArray[np.float64], t: int
@@ -163,7 +168,7 @@ class BallSearch:
         """Write the point of triangle t of a model that is nearest to the best point."""
         model, pose = self._models[which], self._poses[which]
         weights = np.empty(3)
-        kernel.foot(model._tree, motion, self._ball.best[0]["place"], t, weights)
+        kernel.foot(tree_of(model._hierarchy), motion, self._ball.best[0]["place"], t, weights)
         _point(row, k, model, pose, weights, t)
 
 
@@ -179,14 +184,15 @@ class DeepestSearch(BallSearch):
 
     _CELL = PIECE
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh) -> None:
+    def __init__(self, a: Model, b: Model) -> None:
         super().__init__(a, b)
         self._solid = 0 if a.is_solid else 1
 
     @property
-    def _pair(self) -> tuple[TriangleMesh, TriangleMesh]:
-        """The solid and the surface."""
-        return self._models[self._solid], self._models[1 - self._solid]
+    def _pair(self) -> tuple[Hierarchy, Hierarchy]:
+        """The hierarchies of the solid and the surface."""
+        solid, surface = self._models[self._solid], self._models[1 - self._solid]
+        return solid._hierarchy, surface._hierarchy
 
     def begin(
         self,
@@ -200,7 +206,7 @@ class DeepestSearch(BallSearch):
         solid, surface = self._pair
         self._ball.motions[1] = np.eye(4, 3).ravel()
         deepest.begin_deepest(
-            solid._tree, sides_of(solid).region, surface._tree, sides_of(surface).region,
+            tree_of(solid), solid.sides().region, tree_of(surface), surface.sides().region,
             self._poses[self._solid], self._poses[1 - self._solid], depth_err, abs_err, self._ball,
         )  # fmt: skip
 
@@ -214,7 +220,7 @@ class DeepestSearch(BallSearch):
     def _slice(self, seeds_alone: bool, steps: int) -> int:
         solid, surface = self._pair
         return deepest.search_deepest(
-            solid._tree, sides_of(solid).region, surface._tree, self._ball, steps
+            tree_of(solid), solid.sides().region, tree_of(surface), self._ball, steps
         )
 
     @property
@@ -230,16 +236,17 @@ class DeepestSearch(BallSearch):
         self._write(row, 1 - self._solid, 1 - self._solid, motions[1], int(near[1]))
         at = (index.RADIUS_A, index.RADIUS_B)[self._solid]
         row[index.RADIUS_A : index.RADIUS_B + 1] = 0.0
-        row[at] = -self._models[self._solid].swept_radius
+        row[at] = -self._pair[0].swept_radius
 
 
 def _point(
-    row: NDArray[np.float64], k: int, model: TriangleMesh, pose: NDArray[np.float64],
+    row: NDArray[np.float64], k: int, model: Model, pose: NDArray[np.float64],
     weights: NDArray[np.float64], triangle: int,
 ) -> None:  # fmt: skip
     """Write the point of a triangle, in tree order, into an answer as that of model k."""
-    face = model._face_of[triangle]
-    local = weights @ model.vertices[model.faces[face]]
+    core = model._hierarchy
+    face = core.numbers[triangle]
+    local = weights @ core.vertices[core.faces[face]]
     at = (index.POINT_A, index.POINT_B)[k]
     row[at : at + 3] = pose[:3, :3] @ local + pose[:3, 3]
     at = (index.FEATURE_A, index.FEATURE_B)[k]

@@ -13,7 +13,6 @@ Of a surface, which is swept by s (0 for most), the deepest point counts: r - d,
 
 from __future__ import annotations
 
-import copy
 import math
 
 import numpy as np
@@ -21,20 +20,23 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.rounding import DOUBLE_EPS
+from ..models.hierarchy import Hierarchy
 from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from .run import Search
 
 
-def core_of(model: TriangleMesh) -> TriangleMesh:
-    """What a model's balls sweep, as a model that shares its hierarchy."""
-    core = copy.copy(model)
-    core.swept_radius = core.deviation = 0.0
-    scale = model._tree.scale.copy()
+def core_of(model: Model) -> TriangleMesh:
+    """What a model's balls sweep, as a model whose hierarchy shares the volumes."""
+    swept = model._hierarchy
+    scale = swept.tree.scale.copy()
     scale[[index.SWEPT, index.DEVIATION]] = 0.0
-    scale.setflags(write=False)
-    tree = model._tree._replace(scale=scale)
-    same = model._distinct is model._tree
-    core._keep(tree, tree if same else model._distinct._replace(scale=scale))
+    tree = swept.tree._replace(scale=scale)
+    distinct = tree if swept.distinct is swept.tree else swept.distinct._replace(scale=scale)
+    kept = {"tree": tree, "distinct": distinct, "swept_radius": 0.0, "deviation": 0.0}
+    core = TriangleMesh.__new__(TriangleMesh)
+    core.name, core._hierarchy = model.name, Hierarchy.__new__(Hierarchy)
+    core._hierarchy.__setstate__(swept.__getstate__() | kept)
     return core
 
 
@@ -48,7 +50,7 @@ class CoreSearch:
 
     __slots__ = ("_bounds", "_fresh", "_models", "_poses", "_search", "_shapes")
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh) -> None:
+    def __init__(self, a: Model, b: Model) -> None:
         self._models = a, b
         self._shapes: tuple[int, ...] = ()
         self._search: Search
@@ -82,13 +84,13 @@ class CoreSearch:
             *self._poses, fresh=self._fresh, deadline=None if deadline == math.inf else deadline
         )
         self._fresh = False
-        row = self._search.answers
+        row = self._search.answers[0]
         lower, upper = float(row[index.LOWER]), float(row[index.UPPER])
         self._bounds = self._shallowest(upper), self._deepest(lower)
         return code == index.ENDED
 
     def _radii(self) -> tuple[float, float]:
-        a, b = (model.swept_radius for model in self._models)
+        a, b = (model._hierarchy.swept_radius for model in self._models)
         return a, b
 
     def _shallowest(self, apart: float) -> float:
@@ -121,8 +123,7 @@ class CoreSearch:
     @property
     def slack(self) -> float:
         """Metres that rounding may widen the bounds by."""
-        reals = self._search.reals
-        return 4.0 * float(reals[index.SLACK]) + 2.0 * self._rounding(sum(self._radii()))
+        return 4.0 * float(self._search.progress.slack) + 2.0 * self._rounding(sum(self._radii()))
 
     @property
     def points(self) -> int:
@@ -136,6 +137,6 @@ class CoreSearch:
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write the cores' nearest points into an answer (ANSWER,)."""
-        found = self._search.answers
+        found = self._search.answers[0]
         row[index.POINT_A : index.TREE_A] = found[index.POINT_A : index.TREE_A]
         row[index.RADIUS_A], row[index.RADIUS_B] = self._radii()

@@ -5,23 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base import state as index
 from ..kernels.elements.swept import lower_of, reach_of, upper_of
 from ..kernels.tree.layout import first_of, last_of
-from ..models.mesh import TriangleMesh
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
 from .result import Manifold
 from .run import Search
 
 
-def manifold_of(a: TriangleMesh, b: TriangleMesh, search: Search) -> Manifold:
+def manifold_of(a: Model, b: Model, search: Search) -> Manifold:
     """Every pair whose lower bound is not above the upper bound of a search that collected.
 
     Those are the pairs of triangles whose distance was found, the pairs of volumes left alone, and
     where the search was cut those not yet looked into.
     """
-    reals = search.reals
-    slack = reals[index.SLACK]
-    reach = reach_of.py_func(reals[index.DISTANCE] + reals[index.UPPER_SLACK], *search.offsets)
+    progress = search.progress
+    slack = progress.slack
+    reach = reach_of.py_func(progress.distance + progress.upper_slack, *search.offsets)
     rows = search.collected(reach)
     tested = rows[:, 0] >= 0.0
     triangles = rows[tested, :2].astype(np.int32)
@@ -30,8 +30,8 @@ def manifold_of(a: TriangleMesh, b: TriangleMesh, search: Search) -> Manifold:
     near = bounds <= reach
     lanes = np.concatenate((~rows[~tested, :2].astype(np.int32), lanes[near]))
     ranges = [
-        np.concatenate((_one(triangles[:, side]), _under(mesh, lanes[:, side])))
-        for side, mesh in enumerate((a, b))
+        np.concatenate((_one(triangles[:, side]), _under(model._hierarchy, lanes[:, side])))
+        for side, model in enumerate((a, b))
     ]
     lower = np.concatenate((distances - slack, rows[~tested, 2], bounds[near]))
     upper = np.concatenate((distances, _apart(a, b, search, ranges, len(triangles)))) + slack
@@ -39,8 +39,8 @@ def manifold_of(a: TriangleMesh, b: TriangleMesh, search: Search) -> Manifold:
         np.maximum(lower_of.py_func(lower, *search.offsets), 0.0),
         upper_of.py_func(upper, *search.offsets),
         *ranges,
-        a._face_of,
-        b._face_of,
+        a._hierarchy.numbers,
+        b._hierarchy.numbers,
     )
 
 
@@ -49,16 +49,16 @@ def _one(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.stack((triangles, triangles + np.int32(1)), axis=1)
 
 
-def _under(mesh: TriangleMesh, lanes: NDArray[np.int32]) -> NDArray[np.int32]:
+def _under(mesh: Hierarchy, lanes: NDArray[np.int32]) -> NDArray[np.int32]:
     """Ranges of the triangles under volumes."""
-    children = mesh._tree.children[lanes]
+    children = mesh.tree.children[lanes]
     leaves = children < 0
     own = np.stack((first_of.py_func(children), last_of.py_func(children) + 1), axis=1)
-    return np.where(leaves[:, None], own, mesh._ranges()[np.where(leaves, 0, children)])
+    return np.where(leaves[:, None], own, mesh.ranges()[np.where(leaves, 0, children)])
 
 
 def _apart(
-    a: TriangleMesh, b: TriangleMesh, search: Search, ranges: list[NDArray[np.int32]], first: int
+    a: Model, b: Model, search: Search, ranges: list[NDArray[np.int32]], first: int
 ) -> NDArray[np.float64]:
     """Distances of the first vertices of the pairs from `first` on, metres.
 
@@ -66,7 +66,8 @@ def _apart(
     distances of triangles (MARGIN_A).
     """
     p, q = (
-        mesh._tree.triangles[each[first:, 0], :3] for mesh, each in zip((a, b), ranges, strict=True)
+        model._hierarchy.tree.triangles[each[first:, 0], :3]
+        for model, each in zip((a, b), ranges, strict=True)
     )
     motion = search.state.motions[0]
     moved = q @ motion[:9].reshape(3, 3).T + motion[9:]

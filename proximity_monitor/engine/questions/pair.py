@@ -14,7 +14,7 @@ from ..arguments import check_tolerance
 from ..kernels.base import state as index
 from ..kernels.elements.contacts import contacts as contacts_of
 from ..kernels.elements.swept import reach_of
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..poses import as_pose, check_pose
 from .manifold import manifold_of
 from .result import Clearance, Collision, Distance
@@ -47,7 +47,7 @@ class Pair:
 
     __slots__ = ("_asked", "_search", "_signed", "a", "b")
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh, *, coherent: bool = True) -> None:
+    def __init__(self, a: Model, b: Model, *, coherent: bool = True) -> None:
         self._begin(Search(a, b, coherent=coherent))
 
     def _begin(self, search: Search) -> None:
@@ -80,7 +80,7 @@ class Pair:
         fresh, asked, deadline = True, None, None
         if budget_s is not None:
             budget_s = check_tolerance("budget_s", budget_s)
-            shapes = self.a.revision, self.b.revision
+            shapes = self.a._hierarchy, self.b._hierarchy
             asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, order, manifold, shapes)
             fresh = asked != self._asked
             deadline = start + budget_s
@@ -154,7 +154,7 @@ class Pair:
         self._asked = None
         beyond = math.nextafter(clearance, math.inf)
         self._search.run(pose_a, pose_b, stop=clearance, limit=beyond)
-        answer = self._search.answers
+        answer = self._search.answers[0]
         lower, tests = float(answer[index.LOWER]), _tests(answer)
         return Clearance(
             lower <= clearance, lower, float(answer[index.UPPER]), *witness_points(answer), *tests
@@ -172,19 +172,20 @@ class Pair:
         self._asked = None
         search = self._search
         search.run(pose_a, pose_b, limit=math.ulp(0.0))
-        answer = search.answers
+        answer = search.answers[0]
         colliding = bool(answer[index.LOWER] == 0.0)
         tests = _tests(answer)
         pairs = answer[None, index.TREE_A : index.TREE_B + 1][: int(colliding)]
         if colliding and all_contacts:
             search.run(pose_a, pose_b, limit=math.ulp(0.0), collect=True)
             pairs = search.collected(reach_of.py_func(0.0, *search.offsets))[:, :2]
-            tests = tests + _tests(search.answers)
+            tests = tests + _tests(search.answers[0])
         pairs = np.ascontiguousarray(pairs, np.int32)
-        contacts = np.stack((self.a._face_of[pairs[:, 0]], self.b._face_of[pairs[:, 1]]), axis=1)
+        a, b = self.a._hierarchy, self.b._hierarchy
+        contacts = np.stack((a.numbers[pairs[:, 0]], b.numbers[pairs[:, 1]]), axis=1)
         points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
         if colliding:
-            contacts_of(self.a._table, self.b._table, search.memory, pose_a, pairs, points, normals)
+            contacts_of(a.table, b.table, search.memory, pose_a, pairs, points, normals)
         return Collision(colliding, contacts, points, normals, *tests.tolist())
 
     def _change_order(self, order: Order) -> None:
@@ -195,7 +196,7 @@ class Pair:
     def _distance(self, search: Search, start: float, collected: bool = False) -> Distance:
         """The answer of a search that was asked at `start` of perf_counter."""
         manifold = manifold_of(self.a, self.b, search) if collected else None
-        return distance_of(search.answers, start, manifold)
+        return distance_of(search.answers[0], start, manifold, search.kinds)
 
 
 def _pair_of(kind: type[Pair], make: type[Search], arguments: tuple[Any, ...]) -> Pair:

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from ..kernels.base.motion import relative_motion_pair
 from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
+from .ball import tree_of
 from .run import LONG_SLICE, SLICE
 
 
@@ -26,12 +27,13 @@ class PartSearch:
     """
 
     __slots__ = (
-        "_models",
+        "_cores",
         "_motions",
         "_progress",
         "_regions",
         "_scratch",
         "_slack",
+        "_trees",
         "found",
         "points",
     )
@@ -41,18 +43,18 @@ class PartSearch:
 
     def __init__(
         self,
-        models: Sequence[TriangleMesh],
+        models: Sequence[Model],
         poses: Sequence[NDArray[np.float64]],
         regions: Sequence[Region],
     ) -> None:
-        self._models = models
+        self._cores = [model._hierarchy for model in models]
+        self._trees = [tree_of(core) for core in self._cores]
         self._regions = regions
         self._motions = np.empty((2, 12))
-        self._slack = relative_motion_pair(
-            poses[0], poses[1], sum(float(model._tree.scale[2]) for model in models), self._motions
-        )
+        sizes = [float(tree.scale[2]) for tree in self._trees]
+        self._slack = relative_motion_pair(*poses, *sizes, self._motions)
         self._progress = np.zeros((2, 2), np.int64)
-        room = 1 + max(model.depth for model in models) * 15
+        room = 1 + max(core.depth for core in self._cores) * 15
         self._scratch = np.empty((2, 2, room), np.int32)
         self.points = 0
         self.found = (-1, -1)
@@ -68,12 +70,12 @@ class PartSearch:
         if self.found[0] >= 0:
             return True
         for body in range(2):
-            holder, motion = self._models[1 - body], self._motions[1 - body]
+            motion = self._motions[1 - body]
             if self._regions[1 - body].inside != WHOLE:
                 continue
             while True:
                 t = contain.look_for_part(
-                    holder._tree, self._models[body]._tree, self._regions[body].samples,
+                    self._trees[1 - body], self._trees[body], self._regions[body].samples,
                     motion, self._slack, apart, self._progress[body], *self._scratch[body], steps,
                 )  # fmt: skip
                 if t >= 0:

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from .pair import Pair
 from .result import Clearance, Collision, Distance
 from .run import Order
 
 
 def distance(
-    a: TriangleMesh,
+    a: Model,
     pose_a: NDArray[np.float64],
-    b: TriangleMesh,
+    b: Model,
     pose_b: NDArray[np.float64],
     *,
     rel_err: float = 0.0,
@@ -63,9 +63,9 @@ def distance(
 
 
 def within(
-    a: TriangleMesh,
+    a: Model,
     pose_a: NDArray[np.float64],
-    b: TriangleMesh,
+    b: Model,
     pose_b: NDArray[np.float64],
     clearance: float,
 ) -> Clearance:
@@ -81,9 +81,9 @@ def within(
 
 
 def collide(
-    a: TriangleMesh,
+    a: Model,
     pose_a: NDArray[np.float64],
-    b: TriangleMesh,
+    b: Model,
     pose_b: NDArray[np.float64],
     *,
     all_contacts: bool = False,
@@ -99,9 +99,9 @@ def collide(
 
 
 def signed_distance(
-    a: TriangleMesh,
+    a: Model,
     pose_a: ArrayLike,
-    b: TriangleMesh,
+    b: Model,
     pose_b: ArrayLike,
     *,
     rel_err: float = 0.0,

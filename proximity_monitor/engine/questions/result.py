@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..kernels.base import state as index
+from ..models.model import Feature, Model
 from .witness import witness_points
 
 
@@ -28,24 +29,6 @@ class Status(Enum):
 
 STATUSES = tuple(Status)
 """By the numbers that kernels have for them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Feature:
-    """Where a witness point lies on its mesh.
-
-    Attributes:
-        triangle: index into the mesh's faces.
-        barycentric: (3,) weights of the triangle's corners; they are not negative and sum to 1.
-    """
-
-    triangle: int
-    barycentric: NDArray[np.float64]
-
-    @property
-    def kind(self) -> str:
-        """`"vertex"`, `"edge"` or `"face"`: by how many weights are not zero."""
-        return ("vertex", "edge", "face")[int(np.count_nonzero(self.barycentric)) - 1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,12 +73,14 @@ class Distance:
         row: (ANSWER,) what follows as numbers in a row, as a search writes them.
         elapsed_s: seconds the search took.
         manifold: every pair that may hold the minimum, where they were asked for.
+        kinds: those of the two models, which know what features there are.
     """
 
     # A call takes a few microseconds, of which six numbers that nobody may want would be one.
     row: NDArray[np.float64]
     elapsed_s: float
     manifold: Manifold | None
+    kinds: tuple[type[Model], type[Model]]
 
     @property
     def lower(self) -> float:
@@ -138,12 +123,15 @@ class Distance:
     @property
     def feature_a(self) -> Feature:
         """Where point_a lies on a."""
-        return _feature(self.row, index.FEATURE_A)
+        return self._feature(0, index.FEATURE_A)
 
     @property
     def feature_b(self) -> Feature:
         """Where point_b lies on b."""
-        return _feature(self.row, index.FEATURE_B)
+        return self._feature(1, index.FEATURE_B)
+
+    def _feature(self, side: int, at: int) -> Feature:
+        return self.kinds[side].feature(int(self.row[at + 3]), self.row[at : at + 3])
 
     def __repr__(self) -> str:
         """The bounds, points and status."""
@@ -151,10 +139,6 @@ class Distance:
         return (
             f"Distance(lower={self.lower!r}, upper={self.upper!r}, {self.status}, points {points})"
         )
-
-
-def _feature(row: NDArray[np.float64], at: int) -> Feature:
-    return Feature(int(row[at + 3]), row[at : at + 3])
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,8 +171,8 @@ class Collision:
 
     Attributes:
         colliding: False only where it is certain that they do neither.
-        contacts: (k, 2) int32; triangles of a and of b, indices into their faces, that touch or
-            cross. One pair, or every pair where all of them were asked for.
+        contacts: (k, 2) int32; elements of a and of b, such as triangles, that touch or cross.
+            One pair, or every pair where all of them were asked for.
         points: (k, 3) metres, world; a point of each contact, on both surfaces to rounding (on a,
             where only what the models may deviate lets them touch).
         normals: (k, 3) unit vectors, world; the way from a to b of each contact, along which b is
@@ -216,13 +200,13 @@ class ClosestPoints:
     one that the budget did not suffice for has 0; the upper bound of both is infinite. Where signs
     were asked for, a point that lies so deep inside has -`max_distance` or less as its upper bound,
     and lower bounds of which nothing is known are -infinity. The points and normals of all these
-    are NaN and their triangles -1.
+    are NaN and their elements -1.
 
     Attributes:
         lower: (k,) metres; certified lower bounds of the distances, or of the signed distances.
         upper: (k,) metres; certified upper bounds. Inside is certain where they are below 0.
         points: (k, 3) metres, world; the nearest points of the surface.
-        triangles: (k,) int32; the triangles they lie on, indices into the faces.
+        elements: (k,) int32; the elements of the model that they lie on, such as triangles.
         done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
         normals: (k, 3) unit vectors, world, where they were asked for: that of the triangle, which
             points outward as the order of its corners says, or zero where it has no area; of a
@@ -232,7 +216,7 @@ class ClosestPoints:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     points: NDArray[np.float64]
-    triangles: NDArray[np.int32]
+    elements: NDArray[np.int32]
     done: NDArray[np.bool_]
     normals: NDArray[np.float64] | None
 
@@ -247,8 +231,9 @@ class Distances:
         upper: (k,) metres; infinity where nothing was searched.
         points_a: (k, 3) metres, world; NaN where nothing was searched.
         points_b: (k, 3) metres, world.
-        triangles: (k, 2) int32; the witness points' triangles, indices into the faces; else -1.
-        barycentric: (k, 2, 3) the witness points' weights in those triangles.
+        elements: (k, 2) int32; the elements of the models that the witness points lie on, such as
+            triangles; -1 where nothing was searched.
+        parameters: (k, 2, 3) where on them; `Model.feature` tells.
         hints: (k, 2) int32; where the next question to an `Assembly` may start; -1 for nowhere.
         status: (k,) int32; positions in `tuple(Status)`.
         bound_tests: (k,) bounding volume pairs tested.
@@ -260,8 +245,8 @@ class Distances:
     upper: NDArray[np.float64]
     points_a: NDArray[np.float64]
     points_b: NDArray[np.float64]
-    triangles: NDArray[np.int32]
-    barycentric: NDArray[np.float64]
+    elements: NDArray[np.int32]
+    parameters: NDArray[np.float64]
     hints: NDArray[np.int32]
     status: NDArray[np.int32]
     bound_tests: NDArray[np.int64]

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 
 _SHARES = (0.1, 1e-3, 1e-5)
 """How far beside a contact it is tried, as a share of the triangles' size."""
 
 
 def seeds_at(
-    models: Sequence[TriangleMesh], poses: Sequence[NDArray[np.float64]], row: NDArray[np.float64]
+    models: Sequence[Model], poses: Sequence[NDArray[np.float64]], row: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Points (k, 3) of the world about the nearest points of two cores.
 
@@ -26,7 +26,7 @@ def seeds_at(
         row: (ANSWER,) the answer about their distance.
     """
     p, q = row[index.POINT_A : index.POINT_A + 3], row[index.POINT_B : index.POINT_B + 3]
-    radii = [model.swept_radius for model in models]
+    radii = [model._hierarchy.swept_radius for model in models]
     way = q - p
     apart = math.sqrt(way @ way)
     if sum(radii) > 0.0 and apart > 0.0:
@@ -44,15 +44,16 @@ def seeds_at(
 
 
 def seeds_beside(
-    models: Sequence[TriangleMesh], poses: Sequence[NDArray[np.float64]], body: int, triangle: int
+    models: Sequence[Model], poses: Sequence[NDArray[np.float64]], body: int, triangle: int
 ) -> NDArray[np.float64]:
     """Points (k, 3) of the world about a corner of a triangle, in tree order, of one of two models.
 
     The corner lies inside the other model; beside it are points inside both.
     """
     model, pose = models[body], poses[body]
-    local = model._tree.triangles[triangle].reshape(3, 3)
-    n, size = _normal(model, pose, int(model._face_of[triangle]))
+    core = model._hierarchy
+    local = core.tree.triangles[triangle].reshape(3, 3)
+    n, size = _normal(model, pose, int(core.numbers[triangle]))
     corner = pose[:3, :3] @ local[0] + pose[:3, 3]
     middle = pose[:3, :3] @ local.mean(axis=0) + pose[:3, 3]
     points = _beside(middle, (-n, n), size or 1.0)
@@ -67,10 +68,11 @@ def _beside(
 
 
 def _normal(
-    model: TriangleMesh, pose: NDArray[np.float64], face: int
+    model: Model, pose: NDArray[np.float64], face: int
 ) -> tuple[NDArray[np.float64], float]:
     """The unit normal of a face in the world, or zero; and how large the face is, metres."""
-    a, b, c = model.vertices[model.faces[face]]
+    core = model._hierarchy
+    a, b, c = core.vertices[core.faces[face]]
     n = np.cross(b - a, c - a)
     length = math.sqrt(n @ n)
     if not length > 0.0:

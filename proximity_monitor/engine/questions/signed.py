@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state
 from ..kernels.inside.solids import HALF, NOWHERE
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..models.solid import sides_of
 from .ball import BallSearch, DeepestSearch
 from .cores import CoreSearch
@@ -39,7 +39,7 @@ class SignedSearch:
         "_limits", "_models", "_parts", "_poses", "_regions", "_seeded", "_tolerance",
     )  # fmt: skip
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:
+    def __init__(self, a: Model, b: Model, apart: Callable[..., Distance]) -> None:
         self._models = a, b
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
@@ -78,7 +78,8 @@ class SignedSearch:
         lower, upper = self._limits
         self._limits = max(lower, row[state.LOWER]), min(upper, row[state.UPPER])
         row[state.LOWER], row[state.UPPER] = self._limits
-        return Distance(row, perf_counter() - start, None)
+        a, b = self._models
+        return Distance(row, perf_counter() - start, None, (type(a), type(b)))
 
     def _begin(
         self,

@@ -82,13 +82,21 @@ def relative_motions(pose_a, pose_b, b_to_a, a_to_b):
         a_to_b[9 + i] = -(pose_b[0, i] * x + pose_b[1, i] * y + pose_b[2, i] * z)
 
 
-@entry
-def relative_motion_pair(pose_a, pose_b, norms, motions):
-    """Write the motions (2, 12) b to a and a to b; return what a point moved by them errs by.
+@kernel
+def slack_of_bounds(size_a, size_b, apart, error):
+    """What a point that was moved by one of `relative_motions` errs by, metres.
 
-    `norms` are the largest norms of both models' vertices together; all in metres.
+    No point of the models lies farther from its origin than the sizes, the origins are `apart`, and
+    `error` is the sum of both poses' `deviation`.
     """
+    imperfect = POINT_MARGIN + POSE_MARGIN * error
+    return imperfect * (size_a + size_b + apart) + POINT_FLOOR
+
+
+@entry
+def relative_motion_pair(pose_a, pose_b, size_a, size_b, motions):
+    """Write the motions (2, 12) b to a and a to b; returns `slack_of_bounds`."""
     relative_motions(pose_a, pose_b, motions[0], motions[1])
-    size = abs(motions[0, 9]) + abs(motions[0, 10]) + abs(motions[0, 11]) + norms
-    error = deviation(pose_a) + deviation(pose_b)
-    return (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
+    t = motions[0]
+    apart = abs(t[9]) + abs(t[10]) + abs(t[11])
+    return slack_of_bounds(size_a, size_b, apart, deviation(pose_a) + deviation(pose_b))
