@@ -86,6 +86,7 @@ class Assembly:
         abs_err: ArrayLike = 0.0,
         clearance: ArrayLike | None = None,
         signed: bool = False,
+        depth_err: float = 0.01,
         hints: NDArray[np.int32] | None = None,
         budget_s: float | None = None,
         threads: int = 1,
@@ -102,8 +103,9 @@ class Assembly:
                 lower > clearance, or upper <= clearance to rounding; `Distances.within` tells them
                 apart. With 0 they tell which pairs collide. None or infinity: it goes on.
             signed: whether to give signed distances, as `engine.signed_distance` does. Pairs that
-                are apart then cost little more, overlapping ones 0.1 ms and more. If `upper` has
-                decided about a clearance, `lower` may be -infinity.
+                are apart then cost little more, overlapping ones about a millisecond. If `upper`
+                has decided about a clearance, `lower` may be -infinity.
+            depth_err: of signed distances, as for `engine.signed_distance`.
             hints: (k, 2) `hints` of an earlier answer about the same pairs, from which the
                 search starts; -1 for none.
             budget_s: seconds; pairs that are not reached have no answer, and the one that is cut
@@ -120,6 +122,7 @@ class Assembly:
         """
         if budget_s is not None:
             budget_s = check_tolerance("budget_s", budget_s)
+        depth_err = check_tolerance("depth_err", depth_err)
         threads = as_count(threads, "threads")
         poses = as_poses(poses, "poses")
         if len(poses) != len(self.models):
@@ -144,7 +147,7 @@ class Assembly:
         solid = np.array([bool(signed) and model.is_solid for model in self.models])
         asked = poses, chosen, wanted, hints, solid[chosen].any(axis=1)
         if signed:
-            return distances_of(self._signed_rows(*asked, budget_s, threads))
+            return distances_of(self._signed_rows(*asked, depth_err, budget_s, threads))
         return distances_of(self.rows(*asked, budget_s, threads))
 
     def rows(
@@ -193,6 +196,7 @@ class Assembly:
         wanted: NDArray[np.float64],
         hints: NDArray[np.int32],
         signed: NDArray[np.bool_],
+        depth_err: float,
         budget_s: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
@@ -202,9 +206,12 @@ class Assembly:
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k])
 
+        def depth(k: int) -> Hashable:
+            return depth_err, question(k)
+
         unsettled = np.zeros(len(pairs), np.bool_)
         if self._settling.waiting:
-            unsettled = self._settling.begun([question(k) for k in range(len(pairs))])
+            unsettled = self._settling.begun([depth(k) for k in range(len(pairs))])
         answers, rest = no_answers(signed), ~unsettled
         answers[rest] = self.rows(
             poses, pairs[rest], wanted[rest], hints[rest], signed[rest], budget_s, threads
@@ -221,8 +228,8 @@ class Assembly:
 
         self._settling.settle(
             [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
-            poses[pairs[chosen]], wanted[chosen], lambda i: question(chosen[i]), deadline, threads,
-            take,
+            poses[pairs[chosen]], wanted[chosen], depth_err, lambda i: depth(chosen[i]), deadline,
+            threads, take,
         )  # fmt: skip
         return answers
 

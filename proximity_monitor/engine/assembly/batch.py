@@ -33,6 +33,7 @@ def distances(
     abs_err: float = 0.0,
     clearance: float | None = None,
     signed: bool = False,
+    depth_err: float = 0.01,
     budget_s: float | None = None,
     order: Order = "depth_first",
     threads: int = 1,
@@ -52,6 +53,7 @@ def distances(
             the distance lies, and `Distances.within` tells. With 0, as `collide`, it ends when it
             is certain whether the models touch or cross. None: it goes on.
         signed: whether to give signed distances, as `signed_distance` does.
+        depth_err: of signed distances, as for `signed_distance`.
         budget_s: seconds; poses that are not reached have no answer, and those that are cut have
             certified bounds. The next call begins these anew, where an `Assembly` would go on.
             None: no limit. Some microseconds' work is always done.
@@ -81,8 +83,8 @@ def distances(
     if signed and count:
         return _Poses((a,) * count + (b,) * count).distances(
             np.concatenate((many_a, many_b)), np.arange(2 * count).reshape(2, -1).T,
-            rel_err=rel_err, abs_err=abs_err, clearance=clearance, signed=True, budget_s=budget_s,
-            threads=threads,
+            rel_err=rel_err, abs_err=abs_err, clearance=clearance, signed=True,
+            depth_err=depth_err, budget_s=budget_s, threads=threads,
         )  # fmt: skip
     rows = no_answers(np.zeros(count, np.bool_))
     # As `within` and `collide` ask it.

@@ -11,17 +11,21 @@ which unlike an arc cosine loses no digits for small angles. The same holds with
 the smaller of the two counts: call it m. A body whose vertices were moved by up to e changes every
 distance by at most e more. The balls give a second lower bound that needs no earlier answer.
 
-The *signed* distance of a solid changes by no more than m + e either, in both directions. Let
-s(v) be the distance of a point v from B's surface, negative inside: it is 1-Lipschitz, and B moved
-by g has s(g⁻¹ v). A vertex v of A inside B or g B is moved by g⁻¹ no farther than B's ball allows,
-so its depth changes by at most m, and so does the deepest one's. A vertex that is at depth D after
-the motion was at -D + m at most before it; had the solids been apart by d, it was at d or more, so
-D <= m - d: the bound holds across a jump from outside to inside, and likewise back. A surface that
-is deformed along straight lines passes every point that changes sides, which so lies within the
-share of e before, and the rest of it after, of either surface. Where balls overlap by p, no vertex
-is deeper than p, because it leaves the other's ball by then; and the distance of two points of the
-surfaces is never less than the signed distance. Of a solid with holes this holds for the magnitude
-alone: the sign is unknown once the bodies have moved, unless their balls do not meet.
+The *signed* distance of a solid changes by no more than m either, in both directions. *Two solids*
+that overlap hold a ball of radius d / 2 around some x. B is moved by g, and x lies in B's ball, so
+|g x - x| <= m. The midpoint of x and g x is m / 2 from x, where A's depth is; and its image under
+g⁻¹ is m / 2 from x as well, where B's was: both depths are d / 2 - m / 2 or more, and a ball of
+diameter d - m is left. Solids that were apart by d and overlap by D hold then a ball whose points
+all were moved by d + D or more, as seen from A, so D <= m - d; and likewise back. *A solid and a
+surface*: a point of the surface is moved no farther than m, seen from the solid, and the depth of
+the deepest one changes by no more. A body whose vertices were moved by up to e besides changes
+depths by e, hence a ball's diameter by 2 e.
+
+Where the balls around two bodies overlap by p, no more than p is in both: a point is no deeper than
+it lies below the surface of either ball, which is p together; and the distance of two points of the
+surfaces is never less than the signed distance. Of a solid with holes the signed distance jumps, as
+what passes a hole is at once as deep as it is far from the faces: nothing is kept of it but the
+points, and that their balls do not meet, or that nothing in a ball is deeper than its diameter.
 
 Where balls sweep the models, all of this is about their cores, and every bound of a distance one of
 the cores' less both radii, widened by both deviations: a sphere that spins does not move. What is
@@ -77,7 +81,7 @@ BODY_A, BODY_B, SEEN_A, SEEN_B, SIGNED, LABEL = 0, 1, 2, 3, 4, 5
 
 UNSIGNED, CONTINUOUS, JUMPING = 0, 1, 2
 """Kinds of distances: of two surfaces; signed, of a solid; or signed, of a solid with holes, which
-jumps from d to -d where a body passes a hole, and back."""
+jumps where a body passes a hole."""
 
 MOVED, STILL, SAME = 0, 1, 2
 """How the bodies of a pair moved relative to each other since its answer: more than rounding, not
@@ -207,13 +211,12 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     apart = _norm(sub(world_b, world_a)) - radius_a - radius_b - outer_a - outer_b
     then_lower, then_upper = answer[LOWER], answer[UPPER]
     if signed == JUMPING:
-        then_upper = max(abs(then_lower), abs(then_upper))
-        then_lower = -then_upper
-        if apart < 0.0:  # no two points of a ball are farther apart
-            apart = -2.0 * max(radius_a, radius_b) - outer_a - outer_b
+        then_lower, then_upper = -math.inf, math.inf
+        if apart < 0.0:  # no two points of a ball are farther apart, and a diameter is two depths
+            apart = -4.0 * max(radius_a, radius_b) - 2.0 * (outer_a + outer_b)
     lower = then_lower - moved
     if signed and not lower > 0.0:
-        lower = then_lower - moved_outer
+        lower = then_lower - moved_outer - stretched
     # Coordinates too large to be squared give inf or NaN: then nothing is known.
     if not lower >= apart:
         lower = apart
@@ -232,7 +235,7 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
         between += 2.0 * max(ball_a[DEVIATION], ball_b[DEVIATION])
     else:
         between = max(between, 0.0) + ball_a[DEVIATION] + ball_b[DEVIATION]
-    upper = then_upper + (moved if then_upper >= 0.0 else moved_outer)
+    upper = then_upper + (moved if then_upper >= 0.0 else moved_outer + stretched)
     if not upper < between:
         upper = between
     upper += slack
