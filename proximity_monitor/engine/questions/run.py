@@ -124,6 +124,8 @@ class Search:
         self.counts = np.zeros(index.COUNTS, np.int64)
         self.counts[index.ORDER] = _ORDERS[order]
         self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = nearest
+        if nearest != (0, 0):  # how near they were is not known, but it is no guess
+            self.reals[index.DISTANCE] = math.inf
         self.counts[index.FULL] = capacity - 15 * levels - 16
         no_corners = np.empty((0, KEPT), np.int32)
         self._keep(

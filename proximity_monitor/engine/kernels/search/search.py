@@ -249,8 +249,10 @@ def search_pairs(
                 return CUT_BETWEEN, k
             left -= _ONE_QUERY
             ta, tb = hints[k, 0], hints[k, 1]
-            counts[TRIANGLE_A] = ta if 0 <= ta < len(faces_a) else 0
-            counts[TRIANGLE_B] = tb if 0 <= tb < len(faces_b) else 0
+            hinted = 0 <= ta < len(faces_a) and 0 <= tb < len(faces_b)
+            counts[TRIANGLE_A], counts[TRIANGLE_B] = (ta, tb) if hinted else (0, 0)
+            # How near the hinted ones were is not known: so they are not taken for far (`guess`).
+            state.reals[DISTANCE] = np.inf if hinted else 0.0
             rel_err, abs_err, clearance = wanted[k]
             stop = 0.0 if clearance == np.inf else clearance
             limit = np.inf if clearance == np.inf else np.nextafter(clearance, np.inf)
