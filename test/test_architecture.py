@@ -18,19 +18,20 @@ MAX_LINES = 400
 # Constants are a room of their own, because kernels take them and know nothing else of the engine.
 # Rooms from the ground up: each knows itself and those below it that it names.
 KERNELS = "engine/kernels"
-_FLOORS = ["base", "tree", "bounds", "elements", "inside", "search", "assembly"]
+_FLOORS = ["base", "tree", "bounds", "elements", "inside", "search", "pairs", "assembly"]
 _KERNEL_ROOMS = {
     f"{KERNELS}/{room}": {f"{KERNELS}/{below}" for below in _FLOORS[: i + 1]}
     for i, room in enumerate(_FLOORS)
 }
 _SHARED = {"engine/arguments", "engine/poses"}
 _FLOOR = {*_KERNEL_ROOMS, *_SHARED}
-_MODELS = {*_FLOOR, "engine/models"}
+_PROTOCOL = "engine/models/model"  # what every kind of model does, which all may know
+_MODELS = {*_FLOOR, "engine/models", _PROTOCOL}
 _QUESTIONS = {*_MODELS, "engine/questions"}
 _ASSEMBLY = {*_QUESTIONS, "engine/assembly"}
 _ENGINE = {*_ASSEMBLY, "engine/files", "engine/compiling", "engine"}
 # The rooms that outer rooms may know, as far as each needs: never a kernel.
-_PUBLIC = {"engine", "engine/compiling"}
+_PUBLIC = {"engine", "engine/compiling", _PROTOCOL}
 _WATCHING = {*_PUBLIC, "engine/poses", "engine/assembly"}
 KNOWS = {
     KERNELS: set(),
@@ -39,7 +40,8 @@ KNOWS = {
     "engine/poses": _FLOOR,
     "engine/compiling": _FLOOR,
     "engine/models": _MODELS,
-    "engine/files": {"engine/files", "engine/models"},
+    _PROTOCOL: _MODELS,
+    "engine/files": {"engine/files", "engine/models", _PROTOCOL},
     "engine/questions": _QUESTIONS,
     "engine/assembly": _ASSEMBLY,
     "engine": _ENGINE,

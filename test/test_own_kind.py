@@ -8,13 +8,13 @@ import pickle
 
 import numpy as np
 import pytest
-from proximity_monitor.scene.schedule import Monitor
 from round_things import Ball
 
 from proximity_monitor import engine
 from proximity_monitor.__main__ import main
 from proximity_monitor.motion.dynamics import ContactLaw, Forces, RigidBody, World
 from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.state import PairStatus, PoseSample
 
@@ -99,7 +99,6 @@ def test_a_scene_watches_it(file, capsys):
     carried = monitor.tick({"ball": PoseSample(at(0.0, 0.0, 0.3))}, 0.0).pairs[0]
     assert carried.lower <= 0.1 <= carried.upper and carried.lower == pytest.approx(0.1)
     assert tick(0.08)["table", "ball"].status is PairStatus.OVERLAPPING
-    monitor.close()
     assert main(["scene", "check", str(file)]) == 0
     assert "body ball: a ball 200 mm across, solid, moving" in capsys.readouterr().out
 

@@ -21,6 +21,7 @@ import numpy as np
 from raster import Camera, Picture
 
 from proximity_monitor import engine, motion, scene
+from proximity_monitor.engine.models.model import DisplayMesh
 
 matplotlib.use("Agg")
 import matplotlib.patheffects
@@ -76,7 +77,7 @@ def main() -> None:
     _write(args.out, _finish(picture), chosen)
 
 
-def _placed(shown: engine.DisplayMesh, pose: np.ndarray) -> np.ndarray:
+def _placed(shown: DisplayMesh, pose: np.ndarray) -> np.ndarray:
     return shown.vertices @ pose[:3, :3].T + pose[:3, 3]
 
 

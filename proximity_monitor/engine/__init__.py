@@ -11,7 +11,7 @@ from .files.load import load
 from .models import shapes
 from .models.checks import ModelError
 from .models.mesh import TriangleMesh
-from .models.model import DisplayMesh, Feature, Model
+from .models.model import Model
 from .models.shapes import points, polyline
 from .questions.closest import closest_points
 from .questions.pair import Pair
@@ -20,9 +20,7 @@ from .questions.result import Distance, Status
 
 __all__ = [
     "Assembly",
-    "DisplayMesh",
     "Distance",
-    "Feature",
     "Model",
     "ModelError",
     "Pair",

@@ -19,7 +19,7 @@ _NUMBERS = 7  # position x, y, z; orientation x, y, z, w
 
 
 class Poses(NamedTuple):
-    """What a message says."""
+    """The content of a PoseArray."""
 
     stamp_ns: int
     frame: str
@@ -30,7 +30,7 @@ class Poses(NamedTuple):
 
 
 class StampedPose(NamedTuple):
-    """What a message about one body says."""
+    """The content of a PoseStamped."""
 
     stamp_ns: int
     frame: str

@@ -1,4 +1,4 @@
-"""The node's own state for /diagnostics: four statuses, each saying in a line what is wrong.
+"""The node's own state for /diagnostics: four statuses, each with a line about what is wrong.
 
 ``<node>: clearance`` is an error while a pair is at stop, a warning while one is at warn or stale;
 ``<node>: schedule`` a warning when ticks overran since the last message, or the node is paused or
@@ -26,14 +26,14 @@ from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, as_arrays,
 from proximity_monitor.scene.unseen import Unseen
 
 WINDOW_S = 10.0
-"""Percentiles and the achieved rate are over the ticks of so many seconds."""
+"""Seconds of ticks that percentiles and the achieved rate cover."""
 
 OVERRUN_S = 0.001
-"""How far a search may run past the budget before it counts: a slice of a search takes well under a
-millisecond, so what is above is a real overrun or a machine that is too busy."""
+"""Seconds by which a search may pass its budget before that counts: a slice of a search takes well
+under a millisecond, so more is a real overrun or a machine that is too busy."""
 
 NAMED = 10
-"""So many bodies are named in the line that says what is wrong."""
+"""How many bodies are named in the line about what is wrong."""
 
 
 class Timing:
@@ -73,7 +73,7 @@ class Timing:
 
 
 class NodeState(NamedTuple):
-    """What a configured monitor is like at the moment of a message."""
+    """The state of a configured monitor at the moment of a message."""
 
     activity: str
     """active, paused or inactive."""
@@ -84,34 +84,34 @@ class NodeState(NamedTuple):
     """Pairs of the scene."""
     inputs: Inputs
     silent: Mapping[str, str]
-    """By a body that is not to be relied on, why."""
+    """Why bodies are not to be relied on, by name."""
     refused_joints: Mapping[str, int]
     """By reason."""
     held: Mapping[str, str]
-    """By an attached body, the one that it hangs on."""
+    """The parent by attached body."""
     waiting: Mapping[str, str]
-    """The same of those that cannot be attached yet."""
+    """The parent by body that cannot be attached yet."""
     built: Mapping[str, int]
     """Messages made, by topic."""
     alerts_left_out: int
-    """Changes that were not published because too many came with one tick."""
+    """Alerts that were not published because one tick had too many."""
     distance_ticks: int
-    """Ticks that were asked for distances."""
+    """Ticks that somebody wanted distances of."""
     incompatible: Mapping[str, int]
-    """By topic, peers whose quality of service does not fit."""
+    """Peers whose quality of service does not fit, by topic."""
     unseen: Unseen
     """Pairs that cannot see one body inside the other."""
     namesakes: int
     """Other nodes of the same name."""
     dropped: Mapping[str, int]
-    """By body that is a cloud, points that are not finite."""
+    """Points that are not finite, by body that is a cloud."""
     clouds: Mapping[str, int]
-    """By body that is a cloud, messages that became its model."""
+    """Messages that became a model, by body that is a cloud."""
 
 
 @dataclass
 class Health:
-    """What the diagnostics need to know, and what they said last."""
+    """Makes the diagnostics, and remembers what they said last."""
 
     node: str
     hardware_id: str
@@ -135,7 +135,7 @@ class Health:
     def _clearance(self, state: NodeState) -> DiagnosticStatus:
         tick, count = state.tick, Counter(state.levels.values())
         pairs = as_arrays(tick.pairs if tick is not None else ())
-        if tick is not None:  # the levels have some pairs that are not listed, but not all of them
+        if tick is not None:  # the levels include some of the pairs that are not listed
             count[Level.STALE] = int(pairs.silent.any(axis=1).sum()) + tick.unsure
             urgent = count[Level.STOP] + count[Level.WARN] + count[Level.STALE]
             count[Level.CLEAR] = len(pairs) + tick.far + tick.unsure - urgent
@@ -233,7 +233,7 @@ class Health:
 
 
 def _some(names: Sequence[str]) -> str:
-    """The first names of a list that may be long, for a line."""
+    """The first names of a list that may be too long for a line."""
     more = len(names) - NAMED
     return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 

@@ -1,9 +1,9 @@
 """Results as messages: points in the fixed frame, lengths in metres.
 
-``~/closest_points`` is a `diagnostic_msgs/DiagnosticArray` with one `DiagnosticStatus` a pair,
-because of the types in common_interfaces it is the only one that carries named values for each of
-many named things, and that ``ros2 topic echo`` and every diagnostics viewer show readably. It lists
-the pairs that the tick lists: of pairs with a range, those that may be within it.
+``~/closest_points`` is a `diagnostic_msgs/DiagnosticArray` with one `DiagnosticStatus` a pair, the
+only type in common_interfaces that carries named values for each of many named things, and that
+``ros2 topic echo`` and every diagnostics viewer show readably. It lists the pairs that the tick
+lists: a pair with a range is left out while it is certainly farther apart.
 
 ====================  ==================================================================
 ``header.stamp``      the tick; ``header.frame_id`` the fixed frame
@@ -61,9 +61,9 @@ def pair_name(a: str, b: str) -> str:
 def clearance_text(
     pair: PairState, unit: Unit, silent: Mapping[str, str] = MappingProxyType({})
 ) -> str:
-    """Return a pair's clearance for people: one number where it is known, else both bounds.
+    """Return a pair's clearance for people: one number if it is known, else both bounds.
 
-    `silent` says, by a silent body, why it is.
+    `silent` gives the reason by silent body.
     """
     if pair.status is PairStatus.UNKNOWN:
         return silence(pair.silent, silent, NO_POSE_YET)
@@ -86,8 +86,7 @@ def closest_points(
 ) -> bytes:
     """Return all pairs of a tick as one serialised message (see the module's table).
 
-    rclpy takes some 5 microseconds for each of a pair's dozen values, ten times as long as to write
-    them as the message has them.
+    rclpy takes some 5 µs for each of a pair's dozen values, ten times as long as writing its bytes.
 
     Args:
         pairs: those that the tick lists.
@@ -96,7 +95,7 @@ def closest_points(
         frame: the fixed frame.
         unit: for the texts.
         pose_stamp_ns: the stamp of a body's pose, by name.
-        silent: by a silent body, why it is.
+        silent: the reason by silent body.
     """
     hardware_id = cdr.text(frame)
     head = cdr.stamped(stamp.sec, stamp.nanosec)
@@ -104,7 +103,7 @@ def closest_points(
     for pair in pairs:
         level = levels[pair.index]
         values = _pair_values(pair, level, pose_stamp_ns)
-        if spare:  # an octet stands right after a string, where that has been filled up
+        if spare:  # an octet follows a string without padding
             parts[-1] = parts[-1][:-spare]
         parts += (
             SEVERITY[level] + bytes(spare - 1 if spare else 3),
@@ -124,8 +123,8 @@ def alert(change: Alert, *, stamp: Time, frame: str) -> DiagnosticStatus:
 
     Its values: ``old`` and ``new`` level; ``lower_m`` and ``upper_m``; ``reason``; ``stamp`` of the
     tick; ``body`` and ``escape``, the unit vector in the fixed frame by which that body gets away;
-    ``closing_m_s``, negative where the bodies part; ``seconds_left`` at that speed until stop, or
-    until contact where the pair is at stop. What is not known is empty or ``nan``.
+    ``closing_m_s``, negative if the bodies part; ``seconds_left`` at that speed until stop, or
+    until contact if the pair is at stop. Unknown values are empty or ``nan``.
     """
     motion = change.motion
     escape = motion is not None and motion.escape is not None

@@ -1,9 +1,9 @@
-"""The poses that a tick spoke of: ``~/poses``, a `geometry_msgs/PoseArray` with the tick's stamp.
+"""The poses of a tick: ``~/poses``, a `geometry_msgs/PoseArray` with the tick's stamp.
 
-One pose a moving body, in the scene's order; that of a body without a pose is all zeros, which no
-pose is. Sources are many (a topic a body, arrays, joints, transforms, attachments), and these are
-what became of them, so a viewer shows the bodies where the numbers of the same stamp saw them. The
-message is written as bytes: rclpy takes some 20 microseconds for each pose it is given.
+One pose a moving body, in the scene's order; all zeros, which is no pose, stand for a body without
+one. Poses come from many sources (topics, arrays, joints, transforms, attachments), and these are
+the results, so a viewer shows the bodies where the tick of the same stamp saw them. The message is
+written as bytes, because rclpy takes some 20 µs for each pose.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ from proximity_monitor.scene.description import Point
 
 
 class SceneMessage:
-    """Makes the message; what does not change is found once."""
+    """Makes the message; its constant parts are made once."""
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ def _body(body: Body, model: engine.Model, full_name: Callable[[str], str]) -> d
     return {
         "name": body.name,
         "moving": body.moving,
-        # Whoever reads this may have another namespace, and other names for topics.
+        # A reader may have another namespace, and other names for topics.
         "topic": None if body.topic is None else full_name(body.topic),
         "point": isinstance(body.primitive, Point),
         "mesh": model.digest(),

@@ -1,4 +1,4 @@
-"""The monitor's subscriptions: what arrives is checked, kept or counted, and nothing more.
+"""The monitor's subscriptions: messages are checked, then kept, or refused and counted.
 
 Poses come one body a message on each body's topic, all in one `geometry_msgs/PoseArray` on
 ``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, whose
@@ -48,10 +48,10 @@ class Sources:
         """Subscribe.
 
         Args:
-            node: whose subscriptions they are.
-            scene: says which topics there are.
+            node: creates the subscriptions.
+            scene: gives the topics.
             models: by body; those of deforming bodies say how many points are expected.
-            settings: of the frame and of which sources to use.
+            settings: give the frame and the sources to use.
             inputs: keeps the poses.
             incompatible: counts publishers that do not fit.
             deform: takes a deforming body's name and control points, (n, 3) metres.
@@ -70,11 +70,11 @@ class Sources:
         self._subscriptions = []
         self._roots = {robot.name: robot.root for robot in scene.robots if robot.root is not None}
         self._frames = {name: [name] for name in inputs.names}
-        """By a frame on /tf the bodies and robots' roots that it moves."""
+        """The bodies and robots' roots that a frame on /tf moves, by frame."""
         for name, root in self._roots.items():
             self._frames.setdefault(root.frame, []).append(name)
         self.topics: set[str] = set()
-        """Full names of the bodies' own pose topics that are listened to."""
+        """Full names of the bodies' own pose topics."""
         self._subscribe(PoseArray, "poses", self._on_array, POSES, raw=True)
         posed = [(name, root.topic) for name, root in self._roots.items()]
         if settings.body_topics:
@@ -170,7 +170,7 @@ class Sources:
             return Reason.TOO_FAR
         try:
             self._deform(name, vertices)
-        except ValueError:  # such as of a solid that would be open now
+        except ValueError:  # such as a solid that would be open now
             return Reason.SHAPE
         self._inputs.keep_shape(name, stamp_ns)
         return None
@@ -179,7 +179,7 @@ class Sources:
         self.take_transforms(message.transforms)
 
     def take_transforms(self, transforms: Iterable[TransformStamped]) -> None:
-        """Keep the transforms to frames of moving bodies and roots; others are nobody's."""
+        """Keep the transforms to frames of moving bodies and roots, and skip the others."""
         for transform in transforms:
             for name in self._frames.get(transform.child_frame_id, ()):
                 p, q = transform.transform.translation, transform.transform.rotation

@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeVar, overload
 import numpy as np
 
 from proximity_monitor import engine
+from proximity_monitor.engine.models.model import Feature
 
 Item = TypeVar("Item")
 
@@ -110,7 +111,7 @@ class PairState:
         return bool(self.silent)
 
     @property
-    def features(self) -> tuple[engine.Feature, ...]:
+    def features(self) -> tuple[Feature, ...]:
         """Where the points lie on A's and on B's model; empty where not known."""
         if not self.kinds:
             return ()

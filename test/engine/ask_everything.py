@@ -7,6 +7,7 @@ from triangle_cases import KINDS
 from proximity_monitor import engine
 from proximity_monitor.engine.assembly.answers import Answers
 from proximity_monitor.engine.assembly.broad_phase import BroadPhase
+from proximity_monitor.engine.kernels.base.tables import table
 
 rng = np.random.default_rng(1)
 models = [
@@ -92,11 +93,10 @@ for a in solids:
         pair.signed_distance(IDENTITY, IDENTITY, abs_err=0.1)
 
 # The check is on: a child that is no triangle is found.
-tree = models[0]._hierarchy.tree
-children = tree.children.copy()
+hierarchy = models[0]._hierarchy
+children = hierarchy.tree.children.copy()
 children[16:] = ~np.int32(2**30)
-broken = tree._replace(children=children)
-models[0]._keep(broken, broken)
+hierarchy.table = table((*hierarchy.tree._replace(children=children), hierarchy.numbers))
 try:
     engine.distance(models[0], IDENTITY, models[1], pose(rng, 3.0))
 except IndexError:

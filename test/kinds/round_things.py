@@ -5,6 +5,7 @@ import hashlib
 import numpy as np
 
 from proximity_monitor import engine
+from proximity_monitor.engine.models.model import Feature
 
 
 class Ball(engine.Model):
@@ -34,7 +35,7 @@ class Ball(engine.Model):
 
     @staticmethod
     def feature(element, parameters):
-        return engine.Feature("ball", element, parameters[:0])
+        return Feature("ball", element, parameters[:0])
 
     def digest(self):
         numbers = np.append(self.control_points[0], (self.size, self.deviation))

@@ -7,6 +7,7 @@ import pytest
 from dynamics_bodies import box_arrays
 
 from proximity_monitor import engine, motion, scene
+from proximity_monitor.engine.models.model import DisplayMesh
 from proximity_monitor.motion import Field
 from proximity_monitor.motion.dynamics.mass import mass_properties
 
@@ -35,8 +36,8 @@ def test_at_rest_in_the_beginning_and_after_a_period(kind):
 
 @pytest.mark.parametrize(("kind", "factor"), [("stretch", 1.0), ("breathe", math.exp(0.6))])
 def test_volumes_of_the_linear_fields(kind, factor):
-    volume = mass_properties(engine.DisplayMesh(REST, FACES), 1.0).mass
-    found = mass_properties(engine.DisplayMesh(field(kind).moved(REST, 0.5), FACES), 1.0).mass
+    volume = mass_properties(DisplayMesh(REST, FACES), 1.0).mass
+    found = mass_properties(DisplayMesh(field(kind).moved(REST, 0.5), FACES), 1.0).mass
     assert found == pytest.approx(factor * volume)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from operator import is_not
 from threading import Event
 from time import perf_counter
@@ -14,23 +14,23 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, as_real, as_reals, check_tolerance
 from ..kernels.base import state as index
-from ..kernels.inside.contain import Insides
-from ..kernels.search import search as kernel
+from ..kernels.inside.contain import Insides, settle_signs
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.rows import distances_of
-from ..questions.run import LONG_SLICE, SLICE, Search, check_models, code_for
+from ..questions.run import (
+    LONG_SLICE,
+    SLICE,
+    Search,
+    check_models,
+    entry_for,
+    queries_about,
+)
 from ..questions.sharing import share
 from .settling import Settling
-
-_UNASKED = Insides(
-    np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32),
-    np.empty((0, 2, 7), np.int64),
-)  # fmt: skip
-"""What bodies enclose, where no sign is asked for."""
 
 
 class Assembly:
@@ -59,7 +59,6 @@ class Assembly:
         self._insides: Insides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question in which they were
         self._settling = Settling()
-        self._unusual = code_for(self._shapes)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
         """Of what another is made: kernels find the memory of this one by its addresses."""
@@ -71,7 +70,6 @@ class Assembly:
         models[body] = model
         self.models = tuple(models)
         self._shapes = tuple({id(each): each for each in models}.values())
-        self._unusual = code_for(self._shapes)
         self._hierarchies = []  # the tables are made anew
         self._insides = None
         self._cut.clear()
@@ -169,12 +167,18 @@ class Assembly:
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
-        insides = self._enclosed() if signed.any() else _UNASKED
-        asked = poses, pairs, hints, wanted, signed, insides
+        queries = queries_about(pairs, wanted, hints)
         searches = self._allot(threads, poses, pairs, wanted)
+        settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
         def answer(first: int, stopped: Event | None) -> None:
-            self._run(*searches[first], first, threads, asked, deadline, stopped, answers)
+            search, fresh = searches[first]
+            code, at = self._run(
+                search, fresh, self._runs(pairs, first, threads), poses, queries, threads,
+                deadline, stopped, answers, settle,
+            )  # fmt: skip
+            if code == index.CUT:
+                self._cut[self._question(poses, pairs[at], wanted[at])] = search
 
         if threads == 1:
             answer(0, None)
@@ -289,38 +293,84 @@ class Assembly:
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
+    def _runs(
+        self, pairs: NDArray[np.int32], first: int, every: int
+    ) -> list[tuple[Callable, int, int]]:
+        """Every so many pairs from the first on, in runs of one kind of pair.
+
+        The compiled entry of each, where it begins, and one after where it ends.
+        """
+        models = self.models
+        if len({type(model._hierarchy.tree) for model in self._shapes}) == 1:
+            return [(entry_for(models[0], models[0]), first, len(pairs))]
+        found: list[tuple[Callable, int, int]] = []
+        for k in range(first, len(pairs), every):
+            entry = entry_for(models[pairs[k, 0]], models[pairs[k, 1]])
+            if found and found[-1][0] is entry:
+                found[-1] = entry, found[-1][1], k + 1
+            else:
+                found.append((entry, k, k + 1))
+        return found
+
     def _run(
         self,
         search: Search,
         fresh: bool,
-        first: int,
+        runs: list[tuple[Callable, int, int]],
+        poses: NDArray[np.float64],
+        queries: NDArray,
         every: int,
-        asked: tuple,
         deadline: float | None,
         stopped: Event | None,
         answers: NDArray[np.float64],
-    ) -> None:
-        """Answer for every so many of the pairs from the first on, into `answers`.
+        settle: Callable[[int, int], None],
+    ) -> tuple[int, int]:
+        """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
+        stacked = poses.reshape(-1, 4)
+        steps = LONG_SLICE if deadline is None else SLICE
+        code, at = index.ENDED, 0
+        for entry, at, last in runs:
+            while True:
+                before = at
+                code, at = entry(
+                    self._tables, search.memory, stacked, stacked, queries, at, last, every, steps,
+                    fresh, answers,
+                )  # fmt: skip
+                settle(before, at + (code == index.CUT))
+                fresh = code != index.CUT
+                if code in (index.BAD_POSE_A, index.BAD_POSE_B):
+                    body = int(queries["poses"][at, code - index.BAD_POSE_A])
+                    check_pose(poses[body], self._pose_name(body))
+                if (stopped is not None and stopped.is_set()) or (
+                    deadline is not None and perf_counter() >= deadline
+                ):
+                    return code, at
+                if code == index.ENDED:
+                    break
+        return code, at
 
-        `asked` are poses, pairs, hints, wanted, signed and insides, as for `search_pairs`.
-        """
-        poses, pairs, _, wanted, _, _ = asked
-        at, steps = first, LONG_SLICE if deadline is None else SLICE
-        while True:
-            code, at = kernel.search_pairs(
-                self._tables, search.memory, *asked, at, len(pairs), every, steps, fresh, answers,
-                self._unusual,
-            )  # fmt: skip
-            fresh = code == index.CUT_BETWEEN
-            if code in (index.BAD_POSE_A, index.BAD_POSE_B):
-                body = int(pairs[at, code - index.BAD_POSE_A])
-                check_pose(poses[body], self._pose_name(body))
-            if code == index.ENDED or (stopped is not None and stopped.is_set()):
-                break
-            if deadline is not None and perf_counter() >= deadline:
-                if code == index.CUT:
-                    self._cut[self._question(poses, pairs[at], wanted[at])] = search
-                break
+    def _settle_signs(
+        self,
+        poses: NDArray[np.float64],
+        pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+        signed: NDArray[np.bool_],
+        answers: NDArray[np.float64],
+        every: int,
+    ) -> Callable[[int, int], None]:
+        """What makes every so many answers, from one to before another, signed ones."""
+        if not signed.any():
+            return lambda first, last: None
+        insides, clearances = self._enclosed(), np.ascontiguousarray(wanted[:, 2])
+        room = 1 + 15 * self._deepest._hierarchy.depth
+
+        def settle(first: int, last: int) -> None:
+            scratch = np.empty((room, 2), np.int32)
+            settle_signs(
+                insides, poses, pairs, clearances, signed, first, last, every, scratch, answers
+            )
+
+        return settle
 
 
 def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -95,7 +95,7 @@ def distances(
         Search(a, b, order).run(
             many_a[part].reshape(-1, 4), many_b[part].reshape(-1, 4),
             rel_err=rel_err, abs_err=abs_err, stop=stop, limit=limit, deadline=deadline,
-            first=first, stopped=stopped, answers=rows[part].reshape(-1),
+            first=first, stopped=stopped, answers=rows[part],
         )  # fmt: skip
 
     share(answer, range(0, count, _CHUNK), threads)

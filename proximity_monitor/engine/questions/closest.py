@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_reals, check_tolerance
+from ..kernels.base.state import MeshTree
 from ..kernels.inside import closest as closest_kernel
 from ..models.model import Model
 from ..models.solid import sides_of
@@ -79,6 +80,8 @@ def closest_points(
     nearest, triangles = np.full((k, 3), np.nan), np.full(k, closest_kernel.NONE, np.int32)
     directions = np.full((k if normals else 0, 3), np.nan)
     capacity = 1 + hierarchy.depth * 15
+    # Of whatever volumes: boxes may be taken for swept spheres.
+    tree, distinct = MeshTree(*hierarchy.tree), MeshTree(*hierarchy.distinct)
     steps = LONG_SLICE if budget_s is None else SLICE  # in slices, so that Ctrl-C is heard, too
 
     def answer(first: int, stopped: Event) -> None:
@@ -91,15 +94,14 @@ def closest_points(
                 break
             if at == found:
                 found = closest_kernel.closest_points(
-                    hierarchy.distinct, pose, given[part], max_distance, region is not None, at,
-                    steps, stack, stacked, bounds[part], nearest[part], triangles[part],
-                    directions[part],
+                    distinct, pose, given[part], max_distance, region is not None, at, steps,
+                    stack, stacked, bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
             if region is None:
                 at = found
             else:
                 at = closest_kernel.sides(
-                    hierarchy.tree, region, pose, given[part], at, found, steps, stack,
+                    tree, region, pose, given[part], at, found, steps, stack,
                     bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
         done[first : first + at] = True

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base import state as index
 from ..kernels.elements.swept import lower_of, reach_of, upper_of
 from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy
@@ -20,9 +19,9 @@ def manifold_of(a: Model, b: Model, search: Search) -> Manifold:
     Those are the pairs of triangles whose distance was found, the pairs of volumes left alone, and
     where the search was cut those not yet looked into.
     """
-    reals = search.reals
-    slack = reals[index.SLACK]
-    reach = reach_of.py_func(reals[index.DISTANCE] + reals[index.UPPER_SLACK], *search.offsets)
+    progress = search.progress
+    slack = progress.slack
+    reach = reach_of.py_func(progress.distance + progress.upper_slack, *search.offsets)
     rows = search.collected(reach)
     tested = rows[:, 0] >= 0.0
     triangles = rows[tested, :2].astype(np.int32)

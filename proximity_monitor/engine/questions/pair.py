@@ -152,7 +152,7 @@ class Pair:
         self._asked = None
         beyond = math.nextafter(clearance, math.inf)
         self._search.run(pose_a, pose_b, stop=clearance, limit=beyond)
-        answer = self._search.answers
+        answer = self._search.answers[0]
         lower, tests = float(answer[index.LOWER]), _tests(answer)
         return Clearance(
             lower <= clearance, lower, float(answer[index.UPPER]), *witness_points(answer), *tests
@@ -170,14 +170,14 @@ class Pair:
         self._asked = None
         search = self._search
         search.run(pose_a, pose_b, limit=math.ulp(0.0))
-        answer = search.answers
+        answer = search.answers[0]
         colliding = bool(answer[index.LOWER] == 0.0)
         tests = _tests(answer)
         pairs = answer[None, index.TREE_A : index.TREE_B + 1][: int(colliding)]
         if colliding and all_contacts:
             search.run(pose_a, pose_b, limit=math.ulp(0.0), collect=True)
             pairs = search.collected(reach_of.py_func(0.0, *search.offsets))[:, :2]
-            tests = tests + _tests(search.answers)
+            tests = tests + _tests(search.answers[0])
         pairs = np.ascontiguousarray(pairs, np.int32)
         a, b = self.a._hierarchy, self.b._hierarchy
         contacts = np.stack((a.numbers[pairs[:, 0]], b.numbers[pairs[:, 1]]), axis=1)
@@ -194,7 +194,7 @@ class Pair:
     def _distance(self, search: Search, start: float, collected: bool = False) -> Distance:
         """The answer of a search that was asked at `start` of perf_counter."""
         manifold = manifold_of(self.a, self.b, search) if collected else None
-        return distance_of(search.answers, start, manifold, search.kinds)
+        return distance_of(search.answers[0], start, manifold, search.kinds)
 
 
 def _pair_of(kind: type[Pair], make: type[Search], arguments: tuple[Any, ...]) -> Pair:

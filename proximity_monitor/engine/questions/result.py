@@ -171,8 +171,8 @@ class Collision:
 
     Attributes:
         colliding: False only where it is certain that they do neither.
-        contacts: (k, 2) int32; triangles of a and of b, indices into their faces, that touch or
-            cross. One pair, or every pair where all of them were asked for.
+        contacts: (k, 2) int32; elements of a and of b, such as triangles, that touch or cross.
+            One pair, or every pair where all of them were asked for.
         points: (k, 3) metres, world; a point of each contact, on both surfaces to rounding (on a,
             where only what the models may deviate lets them touch).
         normals: (k, 3) unit vectors, world; the way from a to b of each contact, along which b is
@@ -200,13 +200,13 @@ class ClosestPoints:
     one that the budget did not suffice for has 0; the upper bound of both is infinite. Where signs
     were asked for, a point that lies so deep inside has -`max_distance` or less as its upper bound,
     and lower bounds of which nothing is known are -infinity. The points and normals of all these
-    are NaN and their triangles -1.
+    are NaN and their elements -1.
 
     Attributes:
         lower: (k,) metres; certified lower bounds of the distances, or of the signed distances.
         upper: (k,) metres; certified upper bounds. Inside is certain where they are below 0.
         points: (k, 3) metres, world; the nearest points of the surface.
-        triangles: (k,) int32; the triangles they lie on, indices into the faces.
+        elements: (k,) int32; the elements of the model that they lie on, such as triangles.
         done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
         normals: (k, 3) unit vectors, world, where they were asked for: that of the triangle, which
             points outward as the order of its corners says, or zero where it has no area; of a
@@ -216,7 +216,7 @@ class ClosestPoints:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     points: NDArray[np.float64]
-    triangles: NDArray[np.int32]
+    elements: NDArray[np.int32]
     done: NDArray[np.bool_]
     normals: NDArray[np.float64] | None
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from proximity_monitor import engine
+from proximity_monitor.engine.models.model import DisplayMesh
 
 _ROUNDING = 32.0 * np.finfo(np.float64).eps
 """A volume of less than this share of what its tetrahedra add up to may be rounding alone."""
@@ -31,7 +31,7 @@ class MassProperties:
     thickness: float
 
 
-def mass_properties(mesh: engine.DisplayMesh, density: float) -> MassProperties:
+def mass_properties(mesh: DisplayMesh, density: float) -> MassProperties:
     """Return the mass properties of what triangles enclose; they may point out or in.
 
     Each face and a point inside make a tetrahedron with a sign; the moments of those add up to
