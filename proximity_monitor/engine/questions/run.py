@@ -126,6 +126,8 @@ class Search:
         record = np.zeros(1, index.PROGRESS)
         self.progress = record.view(np.recarray)[0]
         self.progress.element_a, self.progress.element_b = nearest
+        if nearest != (0, 0):  # how near they were is not known, but it is no guess
+            self.progress.distance = math.inf
         self.progress.full = capacity - 15 * levels - 16
         pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
