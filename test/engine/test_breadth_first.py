@@ -122,7 +122,7 @@ def test_a_full_list_is_searched_from_its_end(length, monkeypatch):
         assert len(lanes) <= length
         # What a volume holds is in the list once: no place was written twice.
         assert len(np.unique(lanes, axis=0)) == len(lanes)
-        assert lower <= search.answers[0] <= exact.upper
+        assert lower <= search.answers[0, 0] <= exact.upper
         lower = search.answers[0]
         if code != run.index.ENDED:
             assert lower <= max(bounds.min(), 0.0)
