@@ -20,8 +20,8 @@ def manifold_of(a: Model, b: Model, search: Search) -> Manifold:
     where the search was cut those not yet looked into.
     """
     progress = search.progress
-    slack = progress.slack
-    reach = reach_of.py_func(progress.distance + progress.upper_slack, *search.offsets)
+    slack = progress["slack"]
+    reach = reach_of.py_func(progress["distance"] + progress["upper_slack"], *search.offsets)
     rows = search.collected(reach)
     tested = rows[:, 0] >= 0.0
     triangles = rows[tested, :2].astype(np.int32)

@@ -124,11 +124,11 @@ class Search:
         if order == "breadth_first":
             capacity = _LIST
         record = np.zeros(1, index.PROGRESS)
-        self.progress = record.view(np.recarray)[0]
-        self.progress.element_a, self.progress.element_b = nearest
+        self.progress = record[0]
+        self.progress["element_a"], self.progress["element_b"] = nearest
         if nearest != (0, 0):  # how near they were is not known, but it is no guess
-            self.progress.distance = math.inf
-        self.progress.full = capacity - 15 * levels - 16
+            self.progress["distance"] = math.inf
+        self.progress["full"] = capacity - 15 * levels - 16
         pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
         open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
@@ -158,7 +158,7 @@ class Search:
     @property
     def nearest(self) -> tuple[int, int]:
         """The nearest triangles of the last answer, in tree order."""
-        return int(self.progress.element_a), int(self.progress.element_b)
+        return int(self.progress["element_a"]), int(self.progress["element_b"])
 
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
         """Of what another is made."""
@@ -254,31 +254,31 @@ class Search:
 
     def _make_room(self) -> None:
         """Drop what was collected and matters no longer, and have room for more."""
-        rows = self.collected(self.progress.limit)
+        rows = self.collected(self.progress["limit"])
         room = np.empty((max(len(self.state.collected), 4 * len(rows)), 3))
         room[: len(rows)] = rows
-        self.progress.collected = len(rows)
+        self.progress["collected"] = len(rows)
         self._keep(self.state._replace(collected=room))
 
     @property
     def offsets(self) -> tuple[float, float]:
         """Both models' swept radii together and both deviations, metres."""
-        return float(self.progress.radii), float(self.progress.deviations)
+        return float(self.progress["radii"]), float(self.progress["deviations"])
 
     def collected(self, reach: float) -> NDArray[np.float64]:
         """The rows of `State.collected` whose cores may be as near as `reach` metres."""
-        rows = self.state.collected[: self.progress.collected]
-        lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.progress.slack, 0.0)
+        rows = self.state.collected[: self.progress["collected"]]
+        lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.progress["slack"], 0.0)
         return rows[lower <= reach]
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
         ring = self.order == "breadth_first"
-        first = self.progress.base if ring else 0
+        first = self.progress["base"] if ring else 0
         pairs, bounds, *_ = self.state.open
-        where = np.arange(first, self.progress.open) % len(bounds)
+        where = np.arange(first, self.progress["open"]) % len(bounds)
         lanes, lower = self.state.waiting
-        waiting = slice(self.progress.waiting)
+        waiting = slice(self.progress["waiting"])
         return (
             np.concatenate((pairs[where], lanes[waiting])),
             np.concatenate((bounds[where], lower[waiting])),
