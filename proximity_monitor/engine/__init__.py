@@ -14,12 +14,11 @@ from .models.mesh import ModelError, TriangleMesh, points, polyline
 from .models.tree import check_tree
 from .poses import check_pose
 from .questions.closest import closest_points
+from .questions.decision import Clearance, Collision
 from .questions.pair import Pair
 from .questions.query import collide, distance, signed_distance, within
 from .questions.result import (
-    Clearance,
     ClosestPoints,
-    Collision,
     Distance,
     Distances,
     Feature,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,37 +12,79 @@ from ..kernels.elements.swept import lower_of, reach_of, upper_of
 from ..kernels.tree.layout import first_of, last_of
 from ..models.mesh import TriangleMesh
 from .result import Manifold
-from .run import Search
+from .run import Search, least
 
 
-def manifold_of(a: TriangleMesh, b: TriangleMesh, search: Search) -> Manifold:
-    """Every pair whose lower bound is not above the upper bound of a search that collected.
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """What a search holds of pairs that may hold the minimum; `manifold` makes the answer of it.
 
-    Those are the pairs of triangles whose distance was found, the pairs of volumes left alone, and
-    where the search was cut those not yet looked into.
+    To make a manifold of many pairs takes longer than a short budget lasts. So a search hands over
+    its rows as they are, and nothing writes to them any more.
     """
-    reals = search.reals
-    slack = reals[index.SLACK]
-    reach = reach_of.py_func(reals[index.DISTANCE] + reals[index.UPPER_SLACK], *search.offsets)
-    rows = search.collected(reach)
-    tested = rows[:, 0] >= 0.0
-    triangles = rows[tested, :2].astype(np.int32)
-    distances = rows[tested, 2]
-    lanes, bounds = search.pending()
-    near = bounds <= reach
-    lanes = np.concatenate((~rows[~tested, :2].astype(np.int32), lanes[near]))
-    ranges = [
-        np.concatenate((_one(triangles[:, side]), _under(mesh, lanes[:, side])))
-        for side, mesh in enumerate((a, b))
-    ]
-    lower = np.concatenate((distances - slack, rows[~tested, 2], bounds[near]))
-    upper = np.concatenate((distances, _apart(a, b, search, ranges, len(triangles)))) + slack
-    return Manifold(
-        np.maximum(lower_of.py_func(lower, *search.offsets), 0.0),
-        upper_of.py_func(upper, *search.offsets),
-        *ranges,
-        a._face_of,
-        b._face_of,
+
+    models: tuple[TriangleMesh, TriangleMesh]
+    triangles: tuple[NDArray[np.float64], NDArray[np.float64]]
+    """Of either model, (m, 9) metres, in tree order: a model may be refitted later."""
+    blocks: tuple[NDArray[np.float64], ...]
+    """Rows of `State.collected`."""
+    pending: tuple[NDArray[np.int32], NDArray[np.float64]]
+    """Pairs of volumes that the search did not look into: lanes (k, 2), bounds (k,) in metres."""
+    motion: NDArray[np.float64]
+    """(12,) from b to a."""
+    reals: NDArray[np.float64]
+    """`State.reals`."""
+
+    def manifold(self) -> Manifold:
+        """Every pair whose lower bound is not above the upper bound of the search.
+
+        Those are the pairs of triangles whose distance was found, the pairs of volumes left alone,
+        and where the search was cut those not yet looked into.
+        """
+        reals = self.reals
+        slack, offsets = reals[index.SLACK], (reals[index.RADII], reals[index.DEVIATIONS])
+        reach = reach_of.py_func(reals[index.DISTANCE] + reals[index.UPPER_SLACK], *offsets)
+        rows = np.concatenate([each[least(each, slack) <= reach] for each in self.blocks])
+        tested = rows[:, 0] >= 0.0
+        triangles = rows[tested, :2].astype(np.int32)
+        distances = rows[tested, 2]
+        lanes, bounds = self.pending
+        near = bounds <= reach
+        lanes = np.concatenate((~rows[~tested, :2].astype(np.int32), lanes[near]))
+        ranges = [
+            np.concatenate((_one(triangles[:, side]), _under(mesh, lanes[:, side])))
+            for side, mesh in enumerate(self.models)
+        ]
+        lower = np.concatenate((distances - slack, rows[~tested, 2], bounds[near]))
+        upper = np.concatenate((distances, self._apart(ranges, len(triangles)))) + slack
+        return Manifold(
+            np.maximum(lower_of.py_func(lower, *offsets), 0.0),
+            upper_of.py_func(upper, *offsets),
+            *ranges,
+            *(mesh._face_of for mesh in self.models),
+        )
+
+    def _apart(self, ranges: list[NDArray[np.int32]], first: int) -> NDArray[np.float64]:
+        """Distances of the first vertices of the pairs from `first` on, metres.
+
+        No two points of a pair need be as near, but the nearest are. They err by no more than the
+        distances of triangles (MARGIN_A).
+        """
+        p, q = (of[each[first:, 0], :3] for of, each in zip(self.triangles, ranges, strict=True))
+        moved = q @ self.motion[:9].reshape(3, 3).T + self.motion[9:]
+        return np.sqrt(((p - moved) ** 2).sum(axis=1))
+
+
+def candidates(search: Search) -> Candidates:
+    """What a search that collects holds at this moment."""
+    a, b = search.models
+    return Candidates(
+        search.models,
+        (a._tree.triangles, b._tree.triangles),
+        search.collected(),
+        search.pending(),
+        search.state.motions[0].copy(),
+        search.reals.copy(),
     )
 
 
@@ -55,19 +99,3 @@ def _under(mesh: TriangleMesh, lanes: NDArray[np.int32]) -> NDArray[np.int32]:
     leaves = children < 0
     own = np.stack((first_of.py_func(children), last_of.py_func(children) + 1), axis=1)
     return np.where(leaves[:, None], own, mesh._ranges()[np.where(leaves, 0, children)])
-
-
-def _apart(
-    a: TriangleMesh, b: TriangleMesh, search: Search, ranges: list[NDArray[np.int32]], first: int
-) -> NDArray[np.float64]:
-    """Distances of the first vertices of the pairs from `first` on, metres.
-
-    No two points of a pair need be as near, but the nearest are. They err by no more than the
-    distances of triangles (MARGIN_A).
-    """
-    p, q = (
-        mesh._tree.triangles[each[first:, 0], :3] for mesh, each in zip((a, b), ranges, strict=True)
-    )
-    motion = search.state.motions[0]
-    moved = q @ motion[:9].reshape(3, 3).T + motion[9:]
-    return np.sqrt(((p - moved) ** 2).sum(axis=1))

@@ -8,18 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from .result import Distance, Distances, Manifold
+from .manifold import Candidates
+from .result import Distance, Distances
 from .witness import witness_points
 
 _new = object.__new__
 
 
-def distance_of(row: NDArray[np.float64], start: float, manifold: Manifold | None) -> Distance:
+def distance_of(row: NDArray[np.float64], start: float, candidates: Candidates | None) -> Distance:
     """The answer of a row (ANSWER,), which is kept, to what was asked at `start`."""
     # Its own __init__, which sets field by field past what freezes it, takes three times as long.
     answer = _new(Distance)
     fields = answer.__dict__
-    fields["row"], fields["manifold"] = row, manifold
+    fields["row"], fields["candidates"] = row, candidates
     fields["elapsed_s"] = perf_counter() - start
     return answer
 

@@ -43,8 +43,9 @@ only what is used."""
 _COHERENT = 1024
 """Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
 
-_COLLECTED = 4096
-"""Pairs that there is room for when collecting begins."""
+_BLOCK = 4096
+"""Rows of a block of collected pairs. A full block is set aside and never copied again, so that no
+slice takes the longer the more was collected before."""
 
 
 def code_for(models: Iterable[TriangleMesh], order: Order = "depth_first") -> int | None:
@@ -76,6 +77,11 @@ def check_models(models: Iterable[TriangleMesh]) -> tuple[TriangleMesh, ...]:
     return tuple(check_model(model, f"models[{i}]") for i, model in enumerate(models))
 
 
+def least(rows: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
+    """Lower bounds (k,) of the distances of cores, metres, of rows (k, 3) of `State.collected`."""
+    return rows[:, 2] - np.where(rows[:, 0] >= 0.0, slack, 0.0)
+
+
 class Search:
     """The memory of a search over two models, and its last answers.
 
@@ -95,7 +101,9 @@ class Search:
         ValueError: there is no such order.
     """
 
-    __slots__ = ("_unusual", "answers", "counts", "memory", "models", "order", "reals", "state")
+    __slots__ = (
+        "_blocks", "_unusual", "answers", "counts", "memory", "models", "order", "reals", "state",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -139,6 +147,7 @@ class Search:
             )
         )
         self.answers = np.empty(0)
+        self._blocks: list[NDArray[np.float64]] = []
 
     @property
     def coherent(self) -> bool:
@@ -196,11 +205,13 @@ class Search:
         tables = a._table, b._table
         if collect:
             tables = a._table_of_all, b._table_of_all
-        if collect != bool(len(self.state.collected)):
-            if not (a._distinct is a._tree and b._distinct is b._tree):
-                self.state.keys.fill(-1)  # too far were those pairs that it looked at
-            room = np.empty((_COLLECTED if collect else 0, 3))
-            self._keep(self.state._replace(collected=room))
+        collected = bool(len(self.state.collected))
+        if collect != collected and not (a._distinct is a._tree and b._distinct is b._tree):
+            self.state.keys.fill(-1)  # too far were those pairs that it looked at
+        if collect != collected or (collect and fresh):
+            # An answer may still hold the rows of the last search.
+            self._blocks = []
+            self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
         if fresh and self.order == "breadth_first":
             corners = a._spread_corners(), b._spread_corners()
             self._keep(self.state._replace(spread_a=corners[0], spread_b=corners[1]))
@@ -231,23 +242,18 @@ class Search:
         return code
 
     def _make_room(self) -> None:
-        """Drop what was collected and matters no longer, and have room for more."""
-        rows = self.collected(self.reals[index.LIMIT])
-        room = np.empty((max(len(self.state.collected), 4 * len(rows)), 3))
-        room[: len(rows)] = rows
-        self.counts[index.COLLECTED] = len(rows)
-        self._keep(self.state._replace(collected=room))
-
-    @property
-    def offsets(self) -> tuple[float, float]:
-        """Both models' swept radii together and both deviations, metres."""
-        return float(self.reals[index.RADII]), float(self.reals[index.DEVIATIONS])
-
-    def collected(self, reach: float) -> NDArray[np.float64]:
-        """The rows of `State.collected` whose cores may be as near as `reach` metres."""
+        """Set the full block aside, less what matters no longer, and begin another."""
         rows = self.state.collected[: self.counts[index.COLLECTED]]
-        lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.reals[index.SLACK], 0.0)
-        return rows[lower <= reach]
+        rows = rows[least(rows, self.reals[index.SLACK]) <= self.reals[index.LIMIT]]
+        room = np.empty((_BLOCK, 3))
+        # The number last: Ctrl-C may come at any moment, and no row may be missing.
+        self._blocks.append(rows)
+        self._keep(self.state._replace(collected=room))
+        self.counts[index.COLLECTED] = 0
+
+    def collected(self) -> tuple[NDArray[np.float64], ...]:
+        """The rows of `State.collected` so far, in blocks that no search writes to any more."""
+        return *self._blocks, self.state.collected[: self.counts[index.COLLECTED]]
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
