@@ -22,8 +22,9 @@ from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.rows import distances_of, no_answers
-from ..questions.run import LONG_SLICE, SLICE, Search, check_models, code_for
+from ..questions.run import Search, check_models, code_for
 from ..questions.sharing import share
+from ..questions.slices import Slices
 from .settling import Settling
 
 _UNASKED = Insides(
@@ -302,10 +303,11 @@ class Assembly:
         `asked` are poses, pairs, hints, wanted, signed and insides, as for `search_pairs`.
         """
         poses, pairs, _, wanted, _, _ = asked
-        at, steps = first, LONG_SLICE if deadline is None else SLICE
+        at, slices = first, Slices(deadline)
         while True:
             code, at = kernel.search_pairs(
-                self._tables, search.memory, *asked, at, len(pairs), every, steps, fresh, answers,
+                self._tables, search.memory, *asked, at, len(pairs), every, slices.steps, fresh,
+                answers,
                 self._unusual,
             )  # fmt: skip
             fresh = code == index.CUT_BETWEEN
@@ -314,7 +316,7 @@ class Assembly:
                 check_pose(poses[body], self._pose_name(body))
             if code == index.ENDED or stopped.is_set():
                 break
-            if deadline is not None and perf_counter() >= deadline:
+            if slices.over():
                 if code == index.CUT:
                     self._cut[self._question(poses, pairs[at], wanted[at])] = search
                 break

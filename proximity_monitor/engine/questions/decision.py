@@ -1,4 +1,4 @@
-"""Yes-or-no answers: no is certain, and where a budget ended first the answer is an undecided yes."""
+"""Yes-or-no answers: no is certain; where a budget ended first, the answer is an undecided yes."""
 
 from __future__ import annotations
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from threading import Event
-from time import perf_counter
 from typing import Any, Literal
 
 import numpy as np
@@ -19,6 +18,7 @@ from ..kernels.search.queue import QUEUE
 from ..models.mesh import TriangleMesh
 from ..models.tree import BOXES
 from ..poses import check_pose
+from .slices import Slices
 
 Order = Literal["depth_first", "priority", "breadth_first"]
 """In which order a search visits pairs of volumes; the answer is the same."""
@@ -28,13 +28,6 @@ _ORDERS = {
     "priority": index.PRIORITY,
     "breadth_first": index.BREADTH_FIRST,
 }
-
-SLICE = 256
-"""Steps between two looks at the clock, some 30 µs: what a budget may be overrun by. With 64 a
-search under a budget takes half as long again."""
-
-LONG_SLICE = 1 << 18
-"""Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
 
 _LIST = 1 << 20
 """Pairs that a search level by level has room for, a power of two: 16 MB, of which the system gives
@@ -198,8 +191,6 @@ class Search:
             ValueError: a pose that is no rigid motion.
         """
         a, b = self.models
-        # At least one slice: whoever asks again and again comes to an end.
-        steps = LONG_SLICE if deadline is None else SLICE
         if collect:
             stop = -math.inf
         tables = a._table, b._table
@@ -220,17 +211,19 @@ class Search:
             answers = np.empty(count * index.ANSWER)
         self.answers = answers
         row = 0
+        # At least one slice: whoever asks again and again comes to an end.
+        slices = Slices(deadline)
         while True:
             code, row = kernel.search(
                 *tables, self.memory, poses_a, poses_b, row, count,
-                rel_err, abs_err, stop, limit, steps, fresh, answers, self._unusual,
+                rel_err, abs_err, stop, limit, slices.steps, fresh, answers, self._unusual,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:
                 self._make_room()
                 code = index.CUT
             if code not in (index.CUT, index.CUT_BETWEEN):
                 break
-            if deadline is not None and perf_counter() >= deadline:
+            if slices.over():
                 break
             if stopped is not None and stopped.is_set():
                 break

@@ -19,7 +19,7 @@ from ..models.mesh import TriangleMesh
 from ..models.solid import sides_of
 from .overlap import overlap
 from .result import STATUSES, Distance, Status
-from .run import LONG_SLICE, SLICE
+from .slices import Slices
 
 
 class SignedSearch:
@@ -173,15 +173,15 @@ class SignedSearch:
     def _search(self, samples_alone: bool) -> bool:
         """Search for the deepest vertex until the end, or until the deadline: then False."""
         # At least one slice: whoever asks again and again comes to an end.
-        steps = LONG_SLICE if self._deadline == math.inf else SLICE
+        slices = Slices(None if self._deadline == math.inf else self._deadline)
         while True:
             code = kernel.search_depth(
                 self._models[0]._tree, self._models[1]._tree, *self._regions, self._depth,
-                samples_alone, steps,
+                samples_alone, slices.steps,
             )  # fmt: skip
             if code == state.ENDED:
                 return True
-            if perf_counter() >= self._deadline:
+            if slices.over():
                 return False
 
     def _distance(self) -> Distance:
