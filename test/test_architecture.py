@@ -36,6 +36,7 @@ KNOWS = {
     "engine/arguments": set(),
     "engine/poses": _FLOOR,
     "engine/compiling": _FLOOR,
+    "engine/ahead": _FLOOR,
     "engine/models": _MODELS,
     "engine/files": {"engine/files", "engine/models"},
     "engine/questions": _QUESTIONS,
