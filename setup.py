@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 package_name = "proximity_monitor"
 
-scene = ["pyyaml>=6.0", "jsonschema>=4.10", "trimesh>=4.6"]
+scene = ["pyyaml>=6.0", "jsonschema>=4.10"]
 nodes = [*scene, "rich>=13.0"]
 bag = ["rosbags>=0.11.9"]
 display = ["viser>=1.1,<2"]
@@ -19,6 +19,7 @@ peers = [
     "fcpw>=1.2",
     "pin>=3.4",
     "pycollada>=0.9",
+    "trimesh>=4.6",
     *robots,
 ]
 # The formatter's output differs between its minor versions, so one of them decides for everybody.
@@ -26,6 +27,7 @@ checks = [
     "pytest>=7.4",
     "pytest-xdist>=3.7",
     "hypothesis>=6.90",
+    "trimesh>=4.6",
     "python-fcl>=0.7",
     "playwright>=1.45",
     "ruff>=0.17,<0.18",

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from proximity_monitor import engine
 from proximity_monitor.scene import Scene
-from proximity_monitor.scene.schedule import Monitor
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.state import PoseSample, Tick
 
 OUT = Path(__file__).resolve().parents[1] / "build" / "benchmark"
@@ -95,7 +95,6 @@ def _crowd(size: int, ticks: int, threads: int) -> dict[str, float | str]:
         for index, (lower, upper) in listed.items():
             a, b = (int(each[0]) for each in crowd.scene.pairs.bodies(np.array([index])))
             log.check(crowd.mesh, poses[a], crowd.mesh, poses[b], lower, upper)
-    monitor.close()
     return log.row()
 
 
@@ -117,7 +116,6 @@ def _pair(
         if k % 100 == 0:
             (state,) = log.last.pairs
             log.check(fixed, np.eye(4), moving, pose, state.lower, state.upper)
-    monitor.close()
     return log.row()
 
 
@@ -142,7 +140,7 @@ class Log:
         tick = self.last = monitor.tick(samples, self._budget_s)
         cpu = thread_time() - start
         gaps = tick.pairs.upper - tick.pairs.lower
-        searched = len(tick.looked_at)
+        searched = len(tick.searched)
         self._rows.append((tick.elapsed_s, cpu, len(tick.pairs), searched, tick.left))
         self._gaps.append(gaps)
 

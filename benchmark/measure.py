@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from peers import Coal, Fcl
 
 from proximity_monitor import engine
-from proximity_monitor.study.scenes import Scene, Track
+from proximity_monitor.engine.questions.result import Distances
+from proximity_monitor.study.scenes import StudyScene, Track
 
 REL_ERR = 0.1
 
@@ -60,7 +61,7 @@ class Batch:
         poses = {"poses_a": track.poses_a[steps], "poses_b": track.poses_b[steps]}
         return [partial(engine.distances, a=a, b=b, **poses, rel_err=self._rel_err)]
 
-    def bounds(self, answers: list[engine.Distances]) -> Bounds:
+    def bounds(self, answers: list[Distances]) -> Bounds:
         """The answers' bounds."""
         return np.concatenate([(d.lower, d.upper) for d in answers], axis=1)
 
@@ -85,7 +86,10 @@ Entrant = Single | Batch | Peer
 
 
 def measure(
-    scene: Scene, libraries: Sequence[Fcl | Coal], quick: bool, advance: Callable[[float], None]
+    scene: StudyScene,
+    libraries: Sequence[Fcl | Coal],
+    quick: bool,
+    advance: Callable[[float], None],
 ) -> dict[str, float]:
     """Time a scene; returns the columns by name, times in microseconds a query.
 
@@ -139,7 +143,7 @@ def measure(
 
 
 def _build(
-    scene: Scene, libraries: Sequence[Fcl | Coal]
+    scene: StudyScene, libraries: Sequence[Fcl | Coal]
 ) -> tuple[dict[str, dict[str, Any]], dict[str, float]]:
     """Models by engine and mesh, and what they cost: seconds (the best of three), bytes.
 
@@ -164,8 +168,9 @@ def _build(
 
 def _bytes(mesh: engine.TriangleMesh) -> int:
     """All arrays of a mesh and of its hierarchy."""
-    values = [getattr(mesh, name) for name in mesh.__slots__]
-    return sum(v.nbytes for v in (*values, *mesh._tree) if isinstance(v, np.ndarray))
+    hierarchy = mesh._hierarchy
+    values = [getattr(hierarchy, name) for name in hierarchy.__slots__]
+    return sum(v.nbytes for v in (*values, *hierarchy.tree) if isinstance(v, np.ndarray))
 
 
 def _ideal(

@@ -14,7 +14,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from proximity_monitor.study.recorded import falling_tori, find_falling_tori
-from proximity_monitor.study.scenes import Scene, Track, identities, rotation_poses
+from proximity_monitor.study.scenes import StudyScene, Track, identities, rotation_poses
 from proximity_monitor.study.shapes import Mesh
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -23,7 +23,7 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 PANDA_LINKS = (*(f"link{i}" for i in range(8)), "hand")
 
 
-def available(data: Path | None) -> dict[str, Callable[[], Scene]]:
+def available(data: Path | None) -> dict[str, Callable[[], StudyScene]]:
     """The scenes whose data can be found, by name.
 
     Args:
@@ -58,7 +58,7 @@ def panda_description() -> Path | None:
     return None
 
 
-def panda(urdf: Path, folder: Path, suffix: str) -> Scene:
+def panda(urdf: Path, folder: Path, suffix: str) -> StudyScene:
     """The links of a Panda arm that no joint connects, while all seven joints swing."""
     steps = 384
     share = np.linspace(0.0, 1.0, steps)
@@ -81,7 +81,7 @@ def panda(urdf: Path, folder: Path, suffix: str) -> Scene:
     for i, a in enumerate(PANDA_LINKS):
         for b in PANDA_LINKS[i + 2 :]:
             tracks.append(Track(a, b, poses[f"panda_{a}"], poses[f"panda_{b}"]))
-    return Scene(meshes, tracks, quick=2)
+    return StudyScene(meshes, tracks, quick=2)
 
 
 def _origin(xyz: str, rpy: str) -> NDArray[np.float64]:

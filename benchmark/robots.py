@@ -30,9 +30,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from robot_truth import Truth
 
 from proximity_monitor.scene import Robot, Scene, SceneError, load_scene
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.paths import model_path
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import PoseSample
 
 ALLOWANCE = 1e-6
@@ -131,27 +131,24 @@ def _watch(name: str, urdf: Path, packages: Path, configurations: int, advance) 
     random = np.random.default_rng(sum(name.encode()))
     wrong = missed = 0
     widest, worst = 0.0, {}
-    try:
-        for step in range(configurations):
-            positions = _configuration(robot, random)
-            real = truth.at(positions)
-            poses = robot.poses(positions)
-            _check_poses(poses, truth.poses(), names)
-            tick = monitor.tick({k: PoseSample(p) for k, p in poses.items()}, BUDGET_S)
-            lower, upper = tick.pairs.lower, tick.pairs.upper
-            off = _errors(real, lower, upper)
-            bad = ~(off <= ALLOWANCE)  # of an answer without numbers, too
-            wrong += int(bad.sum())
-            missed += int((bad & (real <= 0.0)).sum())
-            widest = max(widest, float((upper - lower)[real > 0.0].max(initial=0.0)))
-            for k in np.flatnonzero(bad).tolist():
-                pair = scene.pairs[k]
-                key = pair.a, pair.b
-                if key not in worst or off[k] > worst[key][0]:
-                    worst[key] = float(off[k]), step, real[k], lower[k], upper[k]
-            advance()
-    finally:
-        monitor.close()
+    for step in range(configurations):
+        positions = _configuration(robot, random)
+        real = truth.at(positions)
+        poses = robot.poses(positions)
+        _check_poses(poses, truth.poses(), names)
+        tick = monitor.tick({k: PoseSample(p) for k, p in poses.items()}, BUDGET_S)
+        lower, upper = tick.pairs.lower, tick.pairs.upper
+        off = _errors(real, lower, upper)
+        bad = ~(off <= ALLOWANCE)  # of an answer without numbers, too
+        wrong += int(bad.sum())
+        missed += int((bad & (real <= 0.0)).sum())
+        widest = max(widest, float((upper - lower)[real > 0.0].max(initial=0.0)))
+        for k in np.flatnonzero(bad).tolist():
+            pair = scene.pairs[k]
+            key = pair.a, pair.b
+            if key not in worst or off[k] > worst[key][0]:
+                worst[key] = float(off[k]), step, real[k], lower[k], upper[k]
+        advance()
     examples = [
         f"{a} - {b}, configuration {step}: truth {1e3 * real:.6f} mm, answer"
         f" {1e3 * low:.6f} to {1e3 * high:.6f}"

@@ -17,7 +17,7 @@ from time import thread_time
 import numpy as np
 
 from proximity_monitor import engine
-from proximity_monitor.study.scenes import SCENES, Scene
+from proximity_monitor.study.scenes import SCENES, StudyScene
 from proximity_monitor.study.shapes import Mesh
 
 _SCENES = ("cave/random", "cave/path", "tori", "spheres/0.1", "concentric/0.5")
@@ -70,7 +70,7 @@ def main(arguments: list[str] | None = None) -> int:
     return 0 if agreed else 1
 
 
-def _build(scene: Scene) -> tuple[dict, dict[str, float], dict[str, float]]:
+def _build(scene: StudyScene) -> tuple[dict, dict[str, float], dict[str, float]]:
     """Models by copy and mesh; seconds that building and refitting all of a copy take."""
     models: dict[str, dict[str, engine.TriangleMesh]] = {name: {} for name in _COPIES}
     builds, refits = dict.fromkeys(_COPIES, 0.0), dict.fromkeys(_COPIES, 0.0)
@@ -82,7 +82,7 @@ def _build(scene: Scene) -> tuple[dict, dict[str, float], dict[str, float]]:
                 start = thread_time()
                 model = engine.TriangleMesh(vertices, faces)
                 built = thread_time()
-                model.refit(vertices)
+                model.deform(vertices)
                 build.append(built - start)
                 refit.append(thread_time() - built)
             models[copy][mesh_name] = model
@@ -92,7 +92,7 @@ def _build(scene: Scene) -> tuple[dict, dict[str, float], dict[str, float]]:
 
 
 def _query(
-    scene: Scene, models: dict, blocks: int
+    scene: StudyScene, models: dict, blocks: int
 ) -> tuple[dict[str, np.ndarray], dict[str, int], bool]:
     """Of each copy the seconds a query of every block and all tests; whether all answers agree."""
     track = scene.tracks[0]

@@ -230,15 +230,9 @@ def _check(chosen: argparse.Namespace) -> int:
     return 0
 
 
-def _shape(model: engine.TriangleMesh, unit: Unit) -> str:
+def _shape(model: engine.Model, unit: Unit) -> str:
     """Say of what a model is made, and whether it is a solid."""
-    count = len(model.faces)
-    found = f"{count} triangle" + ("s" if count > 1 else "")
-    if model.swept_radius > 0.0:
-        faces = [len(set(face)) for face in model.faces[:2].tolist()]
-        what = {1: "sphere", 2: "capsule"}.get(max(faces), "swept triangle")
-        many = f"{count} {what}s" if count > 1 else what
-        found = f"{many} of radius {model.swept_radius / unit.to_metre:.6g} {unit.symbol}"
+    found = model.describe(lambda metres: f"{metres / unit.to_metre:.6g} {unit.symbol}")
     if model.deviation > 0.0:
         found += f" within {model.deviation / unit.to_metre:.3g} {unit.symbol} of the thing"
     return found + (", solid" if model.is_solid else ", a surface")

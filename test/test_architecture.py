@@ -25,11 +25,14 @@ _KERNEL_ROOMS = {
 }
 _SHARED = {"engine/arguments", "engine/poses"}
 _FLOOR = {*_KERNEL_ROOMS, *_SHARED}
-_MODELS = {*_FLOOR, "engine/models"}
+_PROTOCOL = "engine/models/model"  # what every kind of model does, which all may know
+_MODELS = {*_FLOOR, "engine/models", _PROTOCOL}
 _QUESTIONS = {*_MODELS, "engine/questions"}
 _ASSEMBLY = {*_QUESTIONS, "engine/assembly"}
 _ENGINE = {*_ASSEMBLY, "engine/files", "engine/compiling", "engine"}
-_PUBLIC = {"engine", "engine/compiling"}
+# The rooms that outer rooms may know, as far as each needs: never a kernel.
+_PUBLIC = {"engine", "engine/compiling", _PROTOCOL}
+_WATCHING = {*_PUBLIC, "engine/poses", "engine/assembly"}
 KNOWS = {
     KERNELS: set(),
     **_KERNEL_ROOMS,
@@ -38,15 +41,17 @@ KNOWS = {
     "engine/compiling": _FLOOR,
     "engine/ahead": _FLOOR,
     "engine/models": _MODELS,
-    "engine/files": {"engine/files", "engine/models"},
+    _PROTOCOL: _MODELS,
+    "engine/files": {"engine/files", "engine/models", _PROTOCOL},
     "engine/questions": _QUESTIONS,
     "engine/assembly": _ASSEMBLY,
     "engine": _ENGINE,
-    "scene": {"scene", *_PUBLIC},
-    "motion": {"motion", "scene", "engine/models", *_PUBLIC},
+    "scene": {"scene", *_WATCHING},
+    "motion": {"motion", "scene", *_PUBLIC},
     "study": {"study", "motion", "scene", *_ENGINE} - set(_KERNEL_ROOMS),
-    "ros": {"ros", "motion", "scene", *_PUBLIC},
-    "display": {"display", "scene", *_PUBLIC},
+    "cdr": set(),  # messages as bytes
+    "ros": {"ros", "motion", "scene", "cdr", *_PUBLIC},
+    "display": {"display", "scene", "cdr", *_PUBLIC},
     "__main__": {"display", "ros", "motion", "scene", *_PUBLIC},
     "": set(),  # the package's own __init__.py, which everybody may know
 }
@@ -58,6 +63,10 @@ ENGINE_NEEDS = {"numpy", "numba"}
 KERNELS_NEED = {"llvmlite"}
 COMPILERS = {"numba", "llvmlite"}
 ROS_ROOMS = {"ros", "display"}
+# Rooms that know models by their protocol alone: so a new kind of model changes none of them.
+KIND_FREE = {"scene", "motion", "ros", "display", "__main__"}
+OF_MESHES = {"TriangleMesh"}
+INSIDE_MODELS = {"vertices", "faces", "swept_radius", "core_radius", "_hierarchy"}
 ROS_PACKAGES = {
     "rclpy",
     "builtin_interfaces",
@@ -125,6 +134,19 @@ def broken_rules(room: str, path: tuple[str, ...], root: Path) -> Iterator[str]:
         yield f"must not import {top}"
 
 
+def names_of_kinds(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Line and name of everything that only one kind of model has, or its class."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute):
+            read = isinstance(node.ctx, ast.Load) and node.attr in INSIDE_MODELS
+            if read or node.attr in OF_MESHES:
+                yield node.lineno, node.attr
+        elif isinstance(node, ast.Name) and node.id in OF_MESHES:
+            yield node.lineno, node.id
+        elif isinstance(node, ast.ImportFrom):
+            yield from ((node.lineno, a.name) for a in node.names if a.name in OF_MESHES)
+
+
 def violations(root: Path) -> list[str]:
     """Everything in a package folder that breaks a rule, as ``file:line: room what``."""
     found = []
@@ -138,7 +160,11 @@ def violations(root: Path) -> list[str]:
         if room not in KNOWS:
             found.append(f"{where}:1: unknown room {room}")
             continue
-        for line, path in imports(ast.parse(text), (root.name, *inner[:-1])):
+        tree = ast.parse(text)
+        if room in KIND_FREE:
+            for line, name in names_of_kinds(tree):
+                found.append(f"{where}:{line}: {room} must not know a model's {name}")
+        for line, path in imports(tree, (root.name, *inner[:-1])):
             for rule in broken_rules(room, path, root):
                 found.append(f"{where}:{line}: {room} {rule}")
     return list(dict.fromkeys(found))
@@ -251,6 +277,21 @@ BROKEN = {
         "from proximity_monitor.engine import kernels",
         "must not know engine/kernels",
     ),
+    "scene names a kind of model": (
+        "scene/file.py",
+        "from proximity_monitor import engine\ndef f(model: engine.TriangleMesh): pass",
+        ":2: scene must not know a model's TriangleMesh",
+    ),
+    "ros looks into a model": (
+        "ros/node.py",
+        "def corners(model): return model.vertices[0]",
+        "must not know a model's vertices",
+    ),
+    "motion knows models by their room": (
+        "motion/m.py",
+        "from proximity_monitor.engine.models.tree import places",
+        "must not know engine/models",
+    ),
     "study knows ros": (
         "study/accuracy/a.py",
         "from proximity_monitor.ros import table",
@@ -286,6 +327,7 @@ SOUND = {
     "__main__.py": "from proximity_monitor.ros import node",
     "engine/__init__.py": "from .models.mesh import X\nfrom .kernels.base import a",
     "engine/models/mesh.py": "import numba\nimport numpy as np\nimport math\n\nX = 1",
+    "engine/models/tree.py": "places = 1\nx = model.vertices",
     "engine/models/__init__.py": "",
     "engine/questions/pair.py": "",
     "engine/assembly/batch.py": "from ..questions.pair import X",
@@ -308,7 +350,7 @@ SOUND = {
     "ros/__init__.py": "",
     "ros/node.py": "import rclpy, std_msgs.msg\nfrom proximity_monitor import __version__",
     "display/__init__.py": "",
-    "display/page.py": "import viser\nfrom proximity_monitor.scene.file import Scene",
+    "display/page.py": "import viser\na.faces = 1\nfrom proximity_monitor.scene.file import Scene",
 }
 
 

@@ -148,7 +148,7 @@ def test_an_interrupt_that_comes_up_as_another_error_is_no_fault_of_the_scene(tm
         "import signal, sys\n"
         "class CtrlC:\n"
         "    def find_spec(self, name, *_):\n"
-        "        if name == 'trimesh':\n"
+        "        if name == 'jsonschema':\n"
         "            try:\n"
         "                signal.raise_signal(signal.SIGINT)\n"
         "            except BaseException:\n"

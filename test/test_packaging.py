@@ -25,7 +25,6 @@ ROSDEP = {
     "numba": "python3-numba",
     "numpy": "python3-numpy",
     "rich": "python3-rich",
-    "trimesh": "python3-trimesh-pip",
     "yaml": "python3-yaml",
 }
 NO_ROSDEP_KEY = {"viser", "rosbags"}

@@ -21,6 +21,7 @@ import numpy as np
 from raster import Camera, Picture
 
 from proximity_monitor import engine, motion, scene
+from proximity_monitor.engine.models.model import DisplayMesh
 
 matplotlib.use("Agg")
 import matplotlib.patheffects
@@ -59,14 +60,15 @@ def main() -> None:
     sc = scene.load_scene(path if path.suffix else scene.bundled(args.scene))
     poses = {body.name: body.pose for body in sc.bodies if not body.moving}
     models = {body.name: scene.load_model(body, sc.unit) for body in sc.bodies}
+    shown = {name: model.display_mesh(0.002 * model.radius) for name, model in models.items()}
     if sc.motion is not None:
         moves = motion.from_scene(sc, models)
         poses |= moves.poses(args.time)
         for robot in sc.robots:
             poses |= robot.poses(moves.joints(args.time))
     frame = tuple(FINER * v for v in (*args.size, *MARGINS))
-    camera = Camera.fit(_kept(sc, models, poses, args.azimuth), args.azimuth, args.elevation, frame)
-    picture = _draw(sc, models, poses, camera, args.azimuth)
+    camera = Camera.fit(_kept(sc, shown, poses, args.azimuth), args.azimuth, args.elevation, frame)
+    picture = _draw(sc, shown, poses, camera, args.azimuth)
     chosen = [
         _measure(sc, pair, models, poses, picture)
         for pair in sc.pairs
@@ -75,8 +77,8 @@ def main() -> None:
     _write(args.out, _finish(picture), chosen)
 
 
-def _placed(model: engine.TriangleMesh, pose: np.ndarray) -> np.ndarray:
-    return model.vertices @ pose[:3, :3].T + pose[:3, 3]
+def _placed(shown: DisplayMesh, pose: np.ndarray) -> np.ndarray:
+    return shown.vertices @ pose[:3, :3].T + pose[:3, 3]
 
 
 def _cut(body, pose: np.ndarray, azimuth: float) -> tuple[float, ...] | None:
@@ -88,24 +90,24 @@ def _cut(body, pose: np.ndarray, azimuth: float) -> tuple[float, ...] | None:
     return (*facing, facing @ pose[:3, 3])
 
 
-def _kept(sc, models, poses, azimuth: float) -> np.ndarray:
+def _kept(sc, shown, poses, azimuth: float) -> np.ndarray:
     """Return all vertices that are not cut away, in the world."""
     kept = []
     for body in (body for body in sc.bodies if body.name in poses):
-        vertices = _placed(models[body.name], poses[body.name])
+        vertices = _placed(shown[body.name], poses[body.name])
         cut = _cut(body, poses[body.name], azimuth)
         kept.append(vertices if cut is None else vertices[vertices @ cut[:3] <= cut[3]])
     return np.vstack(kept)
 
 
-def _draw(sc, models, poses, camera: Camera, azimuth: float) -> Picture:
+def _draw(sc, shown, poses, camera: Camera, azimuth: float) -> Picture:
     picture = Picture(camera)
     for body in (body for body in sc.bodies if body.name in poses):
-        vertices = _placed(models[body.name], poses[body.name])
+        vertices = _placed(shown[body.name], poses[body.name])
         colour = np.asarray(body.colour[:3])
         cut = _cut(body, poses[body.name], azimuth)
         section = 0.4 * colour + 0.6 * SECTION
-        picture.add(vertices, models[body.name].faces, colour**0.6, cut, section)
+        picture.add(vertices, shown[body.name].faces, colour**0.6, cut, section)
     return picture
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, Sign, clearance, length, sign
-from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, Scene
+from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, SceneInfo
 
 LATE_TICKS = 5.0
 LATE_S = 1.5
@@ -25,7 +25,7 @@ GONE_S = 3.5
 LOOKING_BACK = "looking back: of all here only this state and the banner are of now"
 
 
-class State(enum.Enum):
+class ConnectionState(enum.Enum):
     """How current the picture is."""
 
     DISCONNECTED = "disconnected"
@@ -35,17 +35,17 @@ class State(enum.Enum):
 
 
 _PILLS = {
-    State.DISCONNECTED: ("✖", "#b3261e"),
-    State.COMPUTING: ("…", "#0072b2"),
-    State.STALE: ("?", "#7a7a85"),
-    State.LIVE: ("●", "#009e73"),
+    ConnectionState.DISCONNECTED: ("✖", "#b3261e"),
+    ConnectionState.COMPUTING: ("…", "#0072b2"),
+    ConnectionState.STALE: ("?", "#7a7a85"),
+    ConnectionState.LIVE: ("●", "#009e73"),
 }
 
 
 class Connection(NamedTuple):
     """The state, and a line that says why."""
 
-    state: State
+    state: ConnectionState
     text: str
     current: bool = True
     """Whether the last tick that was read is of now."""
@@ -62,31 +62,33 @@ def connection(news: News, now_s: float) -> Connection:
         what = f"the monitor is gone for {last:.0f} s"
         if math.isinf(since_health):
             what = "waiting for the monitor"
-        return Connection(State.DISCONNECTED, what, current=False)
+        return Connection(ConnectionState.DISCONNECTED, what, current=False)
     if news.unreadable:
         what = "; ".join(f"{kind}: {why}" for kind, why in sorted(news.unreadable.items()))
-        return Connection(State.STALE, f"cannot be read: {what}", current=False)
+        return Connection(ConnectionState.STALE, f"cannot be read: {what}", current=False)
     if silent:
         if news.frame is None:
-            return Connection(State.COMPUTING, "the monitor is there and prepares its search")
+            return Connection(
+                ConnectionState.COMPUTING, "the monitor is there and prepares its search"
+            )
         what = f"no word from the monitor for {since_frame:.0f} s"
-        return Connection(State.STALE, what, current=False)
+        return Connection(ConnectionState.STALE, what, current=False)
     if news.frame is None or news.parts is None or news.scene is None:
         what = "its first tick" if news.frame is None else "the meshes of the parts"
-        return Connection(State.COMPUTING, f"waiting for {what}")
+        return Connection(ConnectionState.COMPUTING, f"waiting for {what}")
     if late:
         activity = news.health.schedule.get("message", "") if news.health is not None else ""
         what = f"no tick for {since_frame:.1f} s: {activity}"
-        return Connection(State.STALE, what, current=False)
+        return Connection(ConnectionState.STALE, what, current=False)
     if bodies := silent_bodies(news.frame):
         named = ", ".join(f"{name} {told}" for name, told in list(bodies.items())[:4])
         more = f" and {len(bodies) - 4} more" if len(bodies) > 4 else ""
-        return Connection(State.STALE, f"no recent pose: {named}{more}")
+        return Connection(ConnectionState.STALE, f"no recent pose: {named}{more}")
     bounded = int((news.frame.pairs.status == BOUNDED).sum())
     if bounded:
         what = "1 pair is" if bounded == 1 else f"{bounded} pairs are"
-        return Connection(State.COMPUTING, f"{what} not exact yet: bounds are shown")
-    return Connection(State.LIVE, "every number is of the present poses")
+        return Connection(ConnectionState.COMPUTING, f"{what} not exact yet: bounds are shown")
+    return Connection(ConnectionState.LIVE, "every number is of the present poses")
 
 
 def silent_bodies(frame: Frame) -> dict[str, str]:
@@ -118,7 +120,7 @@ def pill(told: Connection, choice: Choice) -> str:
     )
 
 
-def banner(frame: Frame, scene: Scene, choice: Choice, told: Connection) -> str:
+def banner(frame: Frame, scene: SceneInfo, choice: Choice, told: Connection) -> str:
     """Return the worst pair that is not clear as a banner; where all are clear, it says that.
 
     It always takes the same room, so that nothing moves under the pointer.
@@ -147,7 +149,7 @@ def banner(frame: Frame, scene: Scene, choice: Choice, told: Connection) -> str:
         key=lambda i: (not pairs.touching[i], order.get(int(pairs.level[i]), 3), pairs.lower[i])
     )
     i, level = wrong[0], pairs.level[wrong[0]]
-    limits = scene.limits(pairs.names[i])
+    limits = scene.thresholds_of(pairs.names[i])
     said = pairs.silent[i] if level == STALE else clearance(pairs, i, scene.unit)
     if level in (STOP, WARN):
         limit, name = (limits.stop, "stop") if level == STOP else (limits.warn, "warn")

@@ -10,10 +10,10 @@ from typing import Any
 from proximity_monitor.display.pairs import gap
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import sign
-from proximity_monitor.display.state import LEVELS, STATUSES, Frame, Scene
+from proximity_monitor.display.state import LEVELS, STATUSES, Frame, SceneInfo
 
 
-def pairs_csv(frame: Frame, scene: Scene, session: Session) -> str:
+def pairs_csv(frame: Frame, scene: SceneInfo, session: Session) -> str:
     """Return the listed pairs of a tick as CSV; lengths in the scene's unit, with all digits."""
     unit, pairs = scene.unit, frame.pairs
     s = unit.symbol
@@ -37,7 +37,7 @@ def pairs_csv(frame: Frame, scene: Scene, session: Session) -> str:
     ]
     rows = []
     for i, (a, b) in enumerate(pairs.names):
-        limits, found = scene.limits((a, b)), session.worst((a, b))
+        limits, found = scene.thresholds_of((a, b)), session.worst((a, b))
         least = float("nan") if found is None else found[1].upper
         lengths = [pairs.lower[i], pairs.upper[i], *gap(pairs, i), *pairs.points[i].ravel()]
         rows.append(
@@ -56,7 +56,7 @@ def pairs_csv(frame: Frame, scene: Scene, session: Session) -> str:
     return _csv(head, rows)
 
 
-def series_csv(session: Session, scene: Scene) -> str:
+def series_csv(session: Session, scene: SceneInfo) -> str:
     """Return the session as CSV: a row a tick and pair, lengths in the scene's unit."""
     unit = scene.unit
     head = ["stamp [s]", "a", "b", f"lower [{unit.symbol}]", f"upper [{unit.symbol}]", "state"]

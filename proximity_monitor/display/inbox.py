@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from proximity_monitor.display.received import Part, read_pairs, read_parts, read_poses
-from proximity_monitor.display.state import Frame, Health, Scene
+from proximity_monitor.display.state import Frame, Health, SceneInfo
 
 _STAMP = slice(4, 12)  # of a serialised message that begins with a header
 
@@ -17,7 +17,7 @@ _STAMP = slice(4, 12)  # of a serialised message that begins with a header
 class News:
     """All that is known at one moment."""
 
-    scene: Scene | None = None
+    scene: SceneInfo | None = None
     parts: Sequence[Part] | None = None
     frame: Frame | None = None
     """The last tick that could be read."""

@@ -11,7 +11,7 @@ import viser
 
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.signs import DECIMALS, length
-from proximity_monitor.display.state import BOUNDED, Frame, Health, Scene
+from proximity_monitor.display.state import BOUNDED, Frame, Health, SceneInfo
 
 ASK_S = 0.2
 """Seconds between two requests to the monitor while a slider is dragged."""
@@ -31,7 +31,7 @@ TRIED = 8
 Values = Mapping[str, float]
 
 
-class Limits:
+class LimitsPanel:
     """The panel; what is set here are the monitor's own parameters."""
 
     def __init__(self, gui: viser.GuiApi, choice: Choice, ask: Callable[[Values], None]) -> None:
@@ -40,9 +40,9 @@ class Limits:
         self._ask = ask
         self._wanted: dict[str, float] = {}
         self._asked_s = -math.inf
-        self._asked_in: Scene | None = None  # what was in force then
+        self._asked_in: SceneInfo | None = None  # what was in force then
         self._prefix = ""
-        self._scene: Scene | None = None
+        self._scene: SceneInfo | None = None
         self._tried: dict[str, str] = {}
         self._heard: Health | None = None
         self._setting, self._seconds = "", 0  # in force, and for how many messages of the monitor
@@ -65,7 +65,7 @@ class Limits:
         self._abs.on_update(self._on("abs_err", self._abs, lambda: self._scene.unit.to_metre))
 
     def show(
-        self, scene: Scene, frame: Frame, health: Health | None, refusal: str, now_s: float
+        self, scene: SceneInfo, frame: Frame, health: Health | None, refusal: str, now_s: float
     ) -> None:
         """Send what was set, and show what is in force and what it costs."""
         if self._wanted:
@@ -80,7 +80,7 @@ class Limits:
         told = f"<div class=pm style='color:#b3261e'>not taken: {escape(refusal)}</div>"
         self._refusal.content = told if refusal else ""
 
-    def _follow(self, scene: Scene) -> None:
+    def _follow(self, scene: SceneInfo) -> None:
         """Move the sliders to what is in force, with new scales where that is of others."""
         pair = self._choice.pair
         own = pair in scene.own_thresholds and scene.own_parameters
@@ -128,7 +128,7 @@ class Limits:
 
         return on_update
 
-    def _tell_cost(self, scene: Scene, frame: Frame, health: Health) -> str:
+    def _tell_cost(self, scene: SceneInfo, frame: Frame, health: Health) -> str:
         pairs, settings, unit = frame.pairs, scene.settings, scene.unit
         p50, p99 = (health.number(f"search_p{share}_ms") for share in (50, 99))
         gaps = (pairs.upper - pairs.lower)[np.isfinite(pairs.upper)]

@@ -14,7 +14,7 @@ import viser
 
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.signs import clearance, ramp, sign, uncertain
-from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, Scene
+from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
 
 LABELS = 10
 """So many are shown at most, of the nearest."""
@@ -91,7 +91,7 @@ class Lines:
             for i in range(LABELS)
         ]  # fmt: skip
 
-    def show(self, pairs: Pairs, scene: Scene, choice: Choice) -> None:
+    def show(self, pairs: Pairs, scene: SceneInfo, choice: Choice) -> None:
         """Draw the pairs of a tick."""
         rows = shown_rows(pairs, choice)
         points = pairs.points[rows] * self._scale
@@ -99,7 +99,7 @@ class Lines:
             [
                 ramp(
                     float(pairs.lower[i]),
-                    scene.limits(pairs.names[i]),
+                    scene.thresholds_of(pairs.names[i]),
                     touching=bool(pairs.touching[i]),
                     stale=bool(pairs.level[i] == STALE),
                 )
@@ -128,7 +128,9 @@ class Lines:
             self._points.colors = np.repeat(colours, 2, axis=0)
         self._set_labels(pairs, scene, rows, points)
 
-    def _set_labels(self, pairs: Pairs, scene: Scene, rows: np.ndarray, points: np.ndarray) -> None:
+    def _set_labels(
+        self, pairs: Pairs, scene: SceneInfo, rows: np.ndarray, points: np.ndarray
+    ) -> None:
         urgent = (np.arange(len(rows)) < ALWAYS) | (pairs.level[rows] != 0)
         labelled = np.flatnonzero(urgent | pairs.touching[rows])[:LABELS]
         for label, k in zip(self._labels, labelled, strict=False):

@@ -13,7 +13,7 @@ from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.signs import DECIMALS
-from proximity_monitor.display.state import Frame, Scene
+from proximity_monitor.display.state import Frame, SceneInfo
 
 NOBODY = "(none)"
 
@@ -26,7 +26,7 @@ class Move:
         self._server = server
         self._holds = holds
         self._choice = choice
-        self._scene: Scene | None = None
+        self._scene: SceneInfo | None = None
         self._parts: Parts | None = None
         self._frame: Frame | None = None
         self._gizmo: viser.TransformControlsHandle | None = None
@@ -56,7 +56,7 @@ class Move:
         self._release.on_click(self._on_release)
         command.on_trigger(self._on_undo)
 
-    def begin(self, scene: Scene, parts: Parts) -> None:
+    def begin(self, scene: SceneInfo, parts: Parts) -> None:
         """Take a scene; the gizmo is made anew at its size."""
         self._scene, self._parts, self._frame = scene, parts, None
         self._dragging = None  # the old gizmo tells no end

@@ -16,7 +16,7 @@ from visualization_msgs.msg import MarkerArray
 
 from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox
-from proximity_monitor.display.state import Health, Scene
+from proximity_monitor.display.state import Health, SceneInfo
 
 HELD_HZ = 40.0
 """How often the poses of held bodies are published."""
@@ -47,7 +47,7 @@ class ProximityDisplay(Node):
         super().__init__("proximity_display", **node_options)
         self._inbox = inbox
         self._holds = holds
-        self._scene: Scene | None = None
+        self._scene: SceneInfo | None = None
         self._topics: dict[str, str] = {}  # of the bodies that can be held
         self._publishers_of: dict[str, object] = {}
         self._parts = None
@@ -105,7 +105,7 @@ class ProximityDisplay(Node):
 
     def _on_scene(self, message: String) -> None:
         try:
-            scene = Scene.read(message.data)
+            scene = SceneInfo.read(message.data)
         except ValueError as error:
             self.get_logger().error(str(error))
             self._inbox.judge("scene", str(error))

@@ -14,9 +14,8 @@ from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.connection import Connection, banner, connection, pill
 from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox, News
-from proximity_monitor.display.limits import Limits
+from proximity_monitor.display.limits import LimitsPanel
 from proximity_monitor.display.lines import Lines
-from proximity_monitor.display.look import STYLE
 from proximity_monitor.display.move import Move
 from proximity_monitor.display.node import ProximityDisplay
 from proximity_monitor.display.pairs import as_pair, table
@@ -24,6 +23,7 @@ from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.save import Save, Shown
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.state import Frame
+from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
 
 TABLE_S = 0.1
@@ -71,7 +71,7 @@ class Page:
         with tabs.add_tab("Move", viser.Icon.HAND_MOVE):
             self._move = Move(server, holds, self._choice)
         with tabs.add_tab("Limits", viser.Icon.ADJUSTMENTS):
-            self._limits = Limits(gui, self._choice, node.set_parameters_of_monitor)
+            self._limits = LimitsPanel(gui, self._choice, node.set_parameters_of_monitor)
         over_time = gui.add_panel()
         plot = over_time.add_tab("Clearance", viser.Icon.CHART_LINE)
         over_time.float(x=14, y=-14, width=600, height=290)

@@ -16,7 +16,7 @@ from proximity_monitor.display.signs import (
     sign,
     uncertain,
 )
-from proximity_monitor.display.state import STALE, UNKNOWN, Pairs, Scene
+from proximity_monitor.display.state import STALE, UNKNOWN, Pairs, SceneInfo
 
 ROWS = 40
 """So many are listed; the search finds the others."""
@@ -40,7 +40,7 @@ def gap(pairs: Pairs, row: int) -> np.ndarray:
     return pairs.points[row, 1] - pairs.points[row, 0]
 
 
-def table(pairs: Pairs, scene: Scene, choice: Choice) -> str:
+def table(pairs: Pairs, scene: SceneInfo, choice: Choice) -> str:
     """Return the list as HTML."""
     rows = listed(pairs, choice)
     shown = rows[:ROWS]
@@ -55,7 +55,7 @@ def table(pairs: Pairs, scene: Scene, choice: Choice) -> str:
     )
 
 
-def _row(pairs: Pairs, i: int, scene: Scene, choice: Choice) -> str:
+def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
     a, b = pairs.names[i]
     mark = sign(pairs, i)
     chosen = " pm-chosen" if (a, b) == choice.pair else ""
@@ -82,11 +82,11 @@ def _certainty(pairs: Pairs, i: int) -> str:
     return f'<span class="pm-small pm-dim" title="{title}">bounded </span>'
 
 
-def _bar(pairs: Pairs, i: int, scene: Scene) -> str:
+def _bar(pairs: Pairs, i: int, scene: SceneInfo) -> str:
     """A bar from 0 to four times warn: filled to the lower bound, paler to the upper one."""
     if pairs.status[i] == UNKNOWN:
         return ""
-    limits = scene.limits(pairs.names[i])
+    limits = scene.thresholds_of(pairs.names[i])
     full = BAR * max(limits.warn, limits.stop, 1e-12)
     low, high = (100.0 * min(max(x / full, 0.0), 1.0) for x in (pairs.lower[i], pairs.upper[i]))
     red, green, blue = ramp(
@@ -107,7 +107,7 @@ def _bar(pairs: Pairs, i: int, scene: Scene) -> str:
     )
 
 
-def _rest(pairs: Pairs, scene: Scene, rows: list[int]) -> str:
+def _rest(pairs: Pairs, scene: SceneInfo, rows: list[int]) -> str:
     more = [f"{len(rows) - ROWS} more, none nearer: search for them"] if len(rows) > ROWS else []
     beyond = scene.pairs - len(pairs)
     more += [f"{beyond} beyond their range"] if beyond > 0 else []

@@ -10,7 +10,7 @@ import viser
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.geometry import IDENTITY, feature_edges
 from proximity_monitor.display.received import Part
-from proximity_monitor.display.state import Body, Frame, Scene
+from proximity_monitor.display.state import Body, Frame, SceneInfo
 
 DIM = 0.08
 """Opacity of what is not highlighted."""
@@ -99,7 +99,7 @@ class Parts:
     def __init__(
         self,
         server: viser.ViserServer,
-        scene: Scene,
+        scene: SceneInfo,
         parts: Sequence[Part],
         on_pick: Callable[[str], None],
     ) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from proximity_monitor.display.cdr import Cursor
+from proximity_monitor.cdr import Reader
 from proximity_monitor.display.state import LEVELS, STATUSES, Pairs, shared
 
 _LEVEL = {name.encode(): i for i, name in enumerate(LEVELS)}
@@ -25,19 +25,19 @@ def read_pairs(data: bytes) -> tuple[float, Pairs]:
     Raises:
         ValueError: it is not what a monitor publishes.
     """
-    cursor = Cursor(data)
-    stamp_s = cursor.stamp_s()
-    cursor.text()
+    reader = Reader(data)
+    stamp_s = reader.stamp_s()
+    reader.text()
     names, silent, told = [], [], []
-    for _ in range(cursor.count()):
-        cursor.byte()
-        a, _, b = cursor.text().partition(" - ")
+    for _ in range(reader.count()):
+        reader.byte()
+        a, _, b = reader.text().partition(" - ")
         names.append((a, b))
-        message = cursor.text()
+        message = reader.text()
         found = _SILENT.search(message)
         silent.append(found[0] if found else "")
-        cursor.text()
-        told.append(_values(cursor))
+        reader.text()
+        told.append(_values(reader))
     try:
         numbers = np.array(
             [
@@ -64,17 +64,17 @@ def _code(codes: Mapping[bytes, int], word: bytes) -> int:
     return code
 
 
-def _values(cursor: Cursor) -> dict[bytes, bytes]:
+def _values(reader: Reader) -> dict[bytes, bytes]:
     """Read the named values of a pair: nearly all bytes are here, so nothing is decoded."""
-    data, count, found = cursor.data, cursor.count, {}
+    data, count, found = reader.data, reader.count, {}
     for _ in range(count()):
         length = count()
-        at = cursor.at
-        cursor.at = at + length
+        at = reader.at
+        reader.at = at + length
         key = data[at : at + length - 1]
         length = count()
-        at = cursor.at
-        cursor.at = at + length
+        at = reader.at
+        reader.at = at + length
         found[key] = data[at : at + length - 1]
     return found
 
@@ -88,11 +88,11 @@ def read_poses(data: bytes) -> tuple[float, np.ndarray]:
     Raises:
         ValueError: it is not what a monitor publishes.
     """
-    cursor = Cursor(data)
-    stamp_s = cursor.stamp_s()
-    cursor.text()
-    count = cursor.count()
-    numbers = cursor.array("f8", 7 * count).reshape(-1, 7)
+    reader = Reader(data)
+    stamp_s = reader.stamp_s()
+    reader.text()
+    count = reader.count()
+    numbers = reader.array("f8", 7 * count).reshape(-1, 7)
     return stamp_s, np.ascontiguousarray(numbers[:, [0, 1, 2, 6, 3, 4, 5]])
 
 
@@ -112,34 +112,34 @@ def read_parts(data: bytes) -> list[Part]:
     Raises:
         ValueError: it is not what a monitor publishes.
     """
-    cursor = Cursor(data)
-    return [_part(cursor) for _ in range(cursor.count())]
+    reader = Reader(data)
+    return [_part(reader) for _ in range(reader.count())]
 
 
-def _part(cursor: Cursor) -> Part:
-    cursor.stamp_s()
-    cursor.text()  # frame_id
-    cursor.text()  # ns
-    cursor.count()  # id
-    cursor.count()  # type
-    added = cursor.count() == 0
-    pose = cursor.array("f8", 7)[[0, 1, 2, 6, 3, 4, 5]]
-    cursor.skip(8, 3)  # scale
-    colour = cursor.array("f4", 4)
-    cursor.skip(4, 2)  # lifetime
-    cursor.byte()  # frame_locked
-    count = cursor.count()
-    corners = cursor.array("f8", 3 * count).reshape(-1, 3)
-    cursor.skip(4, 4 * cursor.count())  # colours of the points
-    cursor.text()  # texture_resource
-    cursor.stamp_s()  # the texture: header, format and data
-    cursor.text()
-    cursor.text()
-    cursor.skip(1, cursor.count())
-    cursor.skip(4, 2 * cursor.count())  # its coordinates
-    cursor.text()  # text
-    cursor.text()  # mesh_resource
-    cursor.text()  # mesh_file: name and data
-    cursor.skip(1, cursor.count())
-    cursor.byte()  # mesh_use_embedded_materials
+def _part(reader: Reader) -> Part:
+    reader.stamp_s()
+    reader.text()  # frame_id
+    reader.text()  # ns
+    reader.count()  # id
+    reader.count()  # type
+    added = reader.count() == 0
+    pose = reader.array("f8", 7)[[0, 1, 2, 6, 3, 4, 5]]
+    reader.skip(8, 3)  # scale
+    colour = reader.array("f4", 4)
+    reader.skip(4, 2)  # lifetime
+    reader.byte()  # frame_locked
+    count = reader.count()
+    corners = reader.array("f8", 3 * count).reshape(-1, 3)
+    reader.skip(4, 4 * reader.count())  # colours of the points
+    reader.text()  # texture_resource
+    reader.stamp_s()  # the texture: header, format and data
+    reader.text()
+    reader.text()
+    reader.skip(1, reader.count())
+    reader.skip(4, 2 * reader.count())  # its coordinates
+    reader.text()  # text
+    reader.text()  # mesh_resource
+    reader.text()  # mesh_file: name and data
+    reader.skip(1, reader.count())
+    reader.byte()  # mesh_use_embedded_materials
     return Part(pose if added else None, colour, corners)

@@ -10,19 +10,19 @@ import numpy as np
 from proximity_monitor.display import serving
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.lines import Lines
-from proximity_monitor.display.look import STYLE
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import clearance, length, sign
-from proximity_monitor.display.state import Frame, Scene
+from proximity_monitor.display.state import Frame, SceneInfo
+from proximity_monitor.display.style import STYLE
 
 FRAMES = 400
 """So many moments of the session are in it at most."""
 
 
 def replay_html(
-    scene: Scene, parts: Sequence[Part], session: Session, choice: Choice, camera: np.ndarray
+    scene: SceneInfo, parts: Sequence[Part], session: Session, choice: Choice, camera: np.ndarray
 ) -> str:
     """Return the document.
 
@@ -52,12 +52,12 @@ def replay_html(
     return document.replace("</body>", f"{report(scene, session, frames[-1])}</body>", 1)
 
 
-def report(scene: Scene, session: Session, last: Frame) -> str:
+def report(scene: SceneInfo, session: Session, last: Frame) -> str:
     """Return the table of all pairs: smallest clearance of the session, and the last."""
     unit, pairs = scene.unit, last.pairs
     rows = []
     for i, (a, b) in enumerate(pairs.names):
-        found, limits, mark = session.worst((a, b)), scene.limits((a, b)), sign(pairs, i)
+        found, limits, mark = session.worst((a, b)), scene.thresholds_of((a, b)), sign(pairs, i)
         least = found[1].upper if found is not None else float("inf")
         when = f"{found[1].stamp_s - session.span_s[0]:.1f} s" if found is not None else ""
         rows.append(

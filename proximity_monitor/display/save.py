@@ -15,7 +15,7 @@ from proximity_monitor.display.export import pairs_csv, series_csv
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.replay import replay_html
 from proximity_monitor.display.session import Session
-from proximity_monitor.display.state import Frame, Scene
+from proximity_monitor.display.state import Frame, SceneInfo
 
 RENDER_S = 30.0
 """A browser that has sent no picture after so many seconds sends none."""
@@ -24,7 +24,7 @@ RENDER_S = 30.0
 class Shown(NamedTuple):
     """What the page shows, all of one scene."""
 
-    scene: Scene
+    scene: SceneInfo
     frame: Frame
     parts: Sequence[Part]
 

@@ -18,8 +18,8 @@ from proximity_monitor.display.state import (
     STOP,
     UNKNOWN,
     WARN,
-    Limits,
     Pairs,
+    Thresholds,
     Unit,
 )
 
@@ -94,7 +94,7 @@ def uncertain(pairs: Pairs, row: int) -> bool:
     return bool(pairs.status[row] == BOUNDED)
 
 
-def ramp(lower: float, limits: Limits, *, touching: bool, stale: bool) -> np.ndarray:
+def ramp(lower: float, limits: Thresholds, *, touching: bool, stale: bool) -> np.ndarray:
     """Return the colour (3,), 0 to 255, of a clearance against its thresholds.
 
     From stop's colour at or below `stop` over warn's at `warn` and clear's at twice that to blue at

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from proximity_monitor.scene import Thresholds
+
 LEVELS = ("clear", "warn", "stop", "stale")
 STATUSES = (
     "exact",
@@ -47,16 +49,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Limits:
-    """Thresholds in metres."""
-
-    warn: float
-    stop: float
-    hysteresis: float
-
-
-@dataclass(frozen=True)
-class Scene:
+class SceneInfo:
     """What ~/scene says."""
 
     name: str
@@ -66,13 +59,13 @@ class Scene:
     bodies: tuple[Body, ...]
     deforming: frozenset[str]
     pairs: int
-    thresholds: Limits
-    own_thresholds: Mapping[tuple[str, str], Limits]
+    thresholds: Thresholds
+    own_thresholds: Mapping[tuple[str, str], Thresholds]
     own_parameters: bool
     settings: Mapping[str, float | None]
 
     @classmethod
-    def read(cls, text: str) -> Scene:
+    def read(cls, text: str) -> SceneInfo:
         """Read the JSON of ~/scene.
 
         Raises:
@@ -89,8 +82,10 @@ class Scene:
                 bodies=tuple(Body(**body) for body in told["bodies"]),
                 deforming=frozenset(told["deforming"]),
                 pairs=told["pairs"],
-                thresholds=Limits(**told["thresholds"]),
-                own_thresholds={(each.pop("a"), each.pop("b")): Limits(**each) for each in limits},
+                thresholds=Thresholds(**told["thresholds"]),
+                own_thresholds={
+                    (each.pop("a"), each.pop("b")): Thresholds(**each) for each in limits
+                },
                 own_parameters=told["own_parameters"],
                 settings=told["settings"],
             )
@@ -114,7 +109,7 @@ class Scene:
         """Return a body by its name."""
         return next(body for body in self.bodies if body.name == name)
 
-    def limits(self, pair: tuple[str, str]) -> Limits:
+    def thresholds_of(self, pair: tuple[str, str]) -> Thresholds:
         """Return the thresholds of a pair, given by the names of its bodies."""
         return self.own_thresholds.get(pair, self.thresholds)
 

@@ -11,7 +11,7 @@ import viser
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import DECIMALS, length
-from proximity_monitor.display.state import Scene
+from proximity_monitor.display.state import SceneInfo
 
 EVERY_S = 0.25
 """Seconds between two states of the plot."""
@@ -70,7 +70,7 @@ class Timeline:
         async def _(_) -> None:
             on_return()
 
-    def show(self, scene: Scene, now_s: float) -> None:
+    def show(self, scene: SceneInfo, now_s: float) -> None:
         """Bring it up to date, from time to time."""
         if now_s < self._due_s:
             return
@@ -83,7 +83,7 @@ class Timeline:
         self._tell_worst(scene)
         self._draw(scene, start)
 
-    def _tell_worst(self, scene: Scene) -> None:
+    def _tell_worst(self, scene: SceneInfo) -> None:
         found = self._session.worst(self._choice.pair, self._choice.ignored)
         self._return.disabled = found is None
         if found is None:
@@ -100,7 +100,7 @@ class Timeline:
             f" {ago:.0f} s ago</div>"
         )
 
-    def _draw(self, scene: Scene, start: float) -> None:
+    def _draw(self, scene: SceneInfo, start: float) -> None:
         stamps, lower, upper = self._session.series(self._choice.pair, self._choice.ignored)
         known = np.isfinite(lower) & np.isfinite(upper)  # the plot knows no other numbers
         stamps, lower, upper = stamps[known], lower[known], upper[known]
@@ -111,7 +111,7 @@ class Timeline:
         data = [np.round(stamps - start, 2)]
         data += [np.round(bound / unit.to_metre, digits) for bound in (lower, upper)]
         if pair is not None:
-            limits = scene.limits(pair)
+            limits = scene.thresholds_of(pair)
             data += [np.full(len(stamps), x / unit.to_metre) for x in (limits.warn, limits.stop)]
         title = f"{pair[0]} - {pair[1]}" if pair is not None else "smallest clearance of all pairs"
         kind = (unit.symbol, len(data))

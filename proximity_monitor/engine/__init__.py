@@ -1,51 +1,31 @@
 """Certified minimum distances between models: the library, usable without ROS.
 
 Lengths are metres, poses 4×4 float64 matrices from model to world. Every answer holds certified
-bounds: `lower <= true distance <= upper`.
+bounds: `lower <= true distance <= upper`. What `within`, `collide` and `closest_points` return is
+described in `questions.decision` and `questions.result`.
 """
 
-from .assembly.agenda import Agenda, Questions
-from .assembly.answers import Answers, Carried
 from .assembly.assembly import Assembly
 from .assembly.batch import distances
-from .assembly.broad_phase import BroadPhase
 from .files.load import load
-from .models.mesh import ModelError, TriangleMesh, points, polyline
-from .models.tree import check_tree
-from .poses import check_pose
+from .models import shapes
+from .models.checks import ModelError
+from .models.mesh import TriangleMesh
+from .models.model import Model
+from .models.shapes import points, polyline
 from .questions.closest import closest_points
-from .questions.decision import Clearance, Collision
 from .questions.pair import Pair
 from .questions.query import collide, distance, signed_distance, within
-from .questions.result import (
-    ClosestPoints,
-    Distance,
-    Distances,
-    Feature,
-    Manifold,
-    Status,
-)
+from .questions.result import Distance, Status
 
 __all__ = [
-    "Agenda",
-    "Answers",
     "Assembly",
-    "BroadPhase",
-    "Carried",
-    "Clearance",
-    "ClosestPoints",
-    "Collision",
     "Distance",
-    "Distances",
-    "Feature",
-    "Manifold",
+    "Model",
     "ModelError",
     "Pair",
-    "Questions",
     "Status",
     "TriangleMesh",
-    "check_pose",
-    "check_tree",
     "closest_points",
     "collide",
     "distance",
@@ -53,6 +33,7 @@ __all__ = [
     "load",
     "points",
     "polyline",
+    "shapes",
     "signed_distance",
     "within",
 ]

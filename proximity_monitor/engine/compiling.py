@@ -2,7 +2,8 @@
 
 Both may make arrays. Entries are kept where the engine's own kernels are, in a place that can be
 written even where the package cannot. Numba notices a change of the file in which an entry stands,
-and of no other: its helpers and the constants that they use belong there, too.
+and the engine a change of its own kernels; so an entry's helpers and constants belong into its own
+file, or come from here: `cross` and `dot` are products of vectors of three numbers.
 
 `Progress` tells how far the compiling of the engine's kernels is.
 """
@@ -18,13 +19,14 @@ from .kernels.base import ahead, claims
 from .kernels.base.cache import DIRECTORIES, kernel_name
 from .kernels.base.jit import allocating as helper
 from .kernels.base.jit import allocating_entry as entry
+from .kernels.base.vectors import cross, dot
 
-__all__ = ["WATCHING", "Progress", "entry", "helper"]
+__all__ = ["WATCHING", "Progress", "cross", "dot", "entry", "helper"]
 
 WATCHING = frozenset(
     {
-        "assembly.agenda.ask", "assembly.agenda.look", "assembly.agenda.report",
-        "assembly.agenda.take", "assembly.agenda.wanting", "assembly.carry.place",
+        "assembly.carry.place", "assembly.schedule.commit", "assembly.schedule.pending",
+        "assembly.schedule.query", "assembly.schedule.report", "assembly.schedule.update",
         "assembly.sweep.sweep", "base.motion.pose_deviation",
         "elements.primitives.test_triangles", "inside.depth.begin_depth",
         "inside.depth.deepest", "inside.depth.search_depth", "inside.solids.part_volumes",

@@ -17,10 +17,10 @@ from proximity_monitor.motion.together import Together
 from proximity_monitor.scene.opening import load_models
 
 if TYPE_CHECKING:
-    from proximity_monitor.engine import TriangleMesh
+    from proximity_monitor.engine import Model
     from proximity_monitor.scene import Scene
 
-    Maker = Callable[[Mapping[str, Any], Scene, Mapping[str, TriangleMesh], bool], Motion]
+    Maker = Callable[[Mapping[str, Any], Scene, Mapping[str, Model], bool], Motion]
 
 __all__ = [
     "Bag",
@@ -45,7 +45,7 @@ _EFFECTS: dict[str, Maker] = {
 
 
 def from_scene(
-    scene: Scene, models: Mapping[str, TriangleMesh] | None = None, *, live: bool = False
+    scene: Scene, models: Mapping[str, Model] | None = None, *, live: bool = False
 ) -> Motion:
     """Return the motion that a scene's `motion` section describes: all of its effects together.
 
@@ -79,10 +79,10 @@ class _Models(Mapping):
         self._scene = scene
 
     @cached_property
-    def _loaded(self) -> dict[str, TriangleMesh]:
+    def _loaded(self) -> dict[str, Model]:
         return load_models(self._scene)
 
-    def __getitem__(self, name: str) -> TriangleMesh:
+    def __getitem__(self, name: str) -> Model:
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Bodies whose vertices follow a field: bend, twist, stretch, wave, breathe."""
+"""Bodies whose control points follow a field: bend, twist, stretch, wave, breathe."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from proximity_monitor.motion.motion import Motion, counted
 
 if TYPE_CHECKING:
-    from proximity_monitor.engine import TriangleMesh
+    from proximity_monitor.engine import Model
 
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """How the points of a body move, in closed form.
+    """How the control points of a body, such as a mesh's vertices, move, in closed form.
 
     With c the centre, a unit axis and b the unit direction across it, a point at rest is
-    ``x = c + s a + p``, p perpendicular to a. Let r be the greatest ``|s|`` of the body's vertices
+    ``x = c + s a + p``, p perpendicular to a. Let r be the greatest ``|s|`` of these points
     and ``g = sin(2π f t + φ)``, so that without a phase the body is at rest at t = 0. The fields:
 
     - stretch: ``c + e^(A g) s a + e^(-A g / 2) p``, which keeps every volume;
@@ -41,7 +41,7 @@ class Field:
         axis: (3,) a, model frame; not used by breathe.
         across: (3,) b, perpendicular to a; of bend and wave.
         wavelength: λ, metres; of wave.
-        centre: (3,) c, model frame, metres; None: the middle of the vertices' bounding box.
+        centre: (3,) c, model frame, metres; None: the middle of the points' bounding box.
     """
 
     field: Literal["bend", "twist", "wave", "stretch", "breathe"]
@@ -95,7 +95,7 @@ class Field:
 class Deform(Motion):
     """Bodies that change their shape and stay where they are."""
 
-    def __init__(self, fields: Mapping[str, Field], models: Mapping[str, TriangleMesh]) -> None:
+    def __init__(self, fields: Mapping[str, Field], models: Mapping[str, Model]) -> None:
         """Keep the shapes at rest.
 
         Args:
@@ -103,7 +103,7 @@ class Deform(Motion):
             models: of those bodies, as they are at rest.
         """
         self._fields = dict(fields)
-        self._rest = {name: models[name].vertices for name in fields}
+        self._rest = {name: models[name].control_points for name in fields}
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -120,8 +120,8 @@ class Deform(Motion):
         """Return no pose."""
         return {}
 
-    def vertices(self, t: float) -> dict[str, np.ndarray]:
-        """Return the vertices (n, 3) of each body at t seconds, model frame, metres.
+    def control_points(self, t: float) -> dict[str, np.ndarray]:
+        """Return the control points (n, 3) of each body at t seconds, model frame, metres.
 
         Raises:
             ValueError: t is not finite.
@@ -136,7 +136,7 @@ class Deform(Motion):
         return f"deform: {counted(len(kinds), 'body', 'bodies')}, {', '.join(dict.fromkeys(kinds))}"
 
 
-def from_settings(settings: Mapping[str, Any], models: Mapping[str, TriangleMesh]) -> Deform:
+def from_settings(settings: Mapping[str, Any], models: Mapping[str, Model]) -> Deform:
     """Return the effect that the section `motion.deform` of a scene describes."""
     fields = {name: Field(**each) for name, each in settings["bodies"].items()}
     return Deform(fields, models)

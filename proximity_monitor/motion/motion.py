@@ -10,9 +10,9 @@ import numpy as np
 class Motion(Protocol):
     """Poses of some of a scene's bodies as a function of time.
 
-    An implementation derives from this class, and so has no vertices and no joints unless it says
-    otherwise. It may be stateful: asking for a time advances it to there, and a time before the
-    last one starts it again from the beginning.
+    An implementation derives from this class, and so has no control points and no joints unless it
+    says otherwise. It may be stateful: asking for a time advances it to there, and a time before
+    the last one starts it again from the beginning.
     """
 
     @property
@@ -47,8 +47,8 @@ class Motion(Protocol):
             ValueError: t is not finite.
         """
 
-    def vertices(self, t: float) -> dict[str, np.ndarray]:
-        """Return the vertices of each deforming body at time t.
+    def control_points(self, t: float) -> dict[str, np.ndarray]:
+        """Return the control points of each deforming body at time t, as `engine.Model` has them.
 
         Returns:
             By body name, (n, 3) float64 in the frame of its model, in metres.

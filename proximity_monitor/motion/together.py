@@ -55,13 +55,13 @@ class Together(Motion):
         """
         return {name: pose for part in self._parts for name, pose in part.poses(t).items()}
 
-    def vertices(self, t: float) -> dict[str, np.ndarray]:
-        """Return the vertices (n, 3) of all deforming bodies at t seconds.
+    def control_points(self, t: float) -> dict[str, np.ndarray]:
+        """Return the control points (n, 3) of all deforming bodies at t seconds.
 
         Raises:
             ValueError: t is not finite.
         """
-        return {name: each for part in self._parts for name, each in part.vertices(t).items()}
+        return {name: each for part in self._parts for name, each in part.control_points(t).items()}
 
     def joints(self, t: float) -> dict[str, float]:
         """Return the positions of all joints at t seconds.

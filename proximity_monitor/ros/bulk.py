@@ -1,14 +1,11 @@
-"""Poses read as they were serialised.
+"""Poses read from the bytes of their messages, where rclpy would make Python objects of them.
 
-rclpy makes Python objects of a message before a callback sees it: 20 microseconds for the pose of a
-`geometry_msgs/PoseStamped`, some 4 ms for the 1,000 of a `geometry_msgs/PoseArray`. Serialised, a
-pose is seven float64 in a row, which are taken as they are. Serialisations other than plain CDR
-(XCDR1), which another middleware may choose, are read by rclpy.
+It takes some 20 µs for the pose of a `geometry_msgs/PoseStamped`, 4 ms for the 1,000 of a
+`geometry_msgs/PoseArray`. What is not plain CDR, as another middleware may choose, rclpy reads.
 """
 
 from __future__ import annotations
 
-import struct
 from typing import NamedTuple
 
 import numpy as np
@@ -16,15 +13,13 @@ from geometry_msgs.msg import Point, PoseArray, PoseStamped, Quaternion, Vector3
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
-_ENCAPSULATION = 4  # bytes before the body: kind and options; alignment counts from their end
-_PLAIN_CDR = {b"\x00\x00": ">", b"\x00\x01": "<"}
-_HEADER = {order: struct.Struct(f"{order}iII") for order in "<>"}  # and the frame's length
-_POSE = {order: struct.Struct(f"{order}7d") for order in "<>"}
+from proximity_monitor import cdr
+
 _NUMBERS = 7  # position x, y, z; orientation x, y, z, w
 
 
 class Poses(NamedTuple):
-    """What a message says."""
+    """The content of a PoseArray."""
 
     stamp_ns: int
     frame: str
@@ -35,7 +30,7 @@ class Poses(NamedTuple):
 
 
 class StampedPose(NamedTuple):
-    """What a message about one body says."""
+    """The content of a PoseStamped."""
 
     stamp_ns: int
     frame: str
@@ -51,20 +46,20 @@ def read_pose(data: bytes) -> StampedPose:
     Raises:
         ValueError: it is none.
     """
-    order = _PLAIN_CDR.get(data[:2])
-    if order is None:
+    if not cdr.is_plain(data):
         message = _deserialised(data, PoseStamped)
         return stamped_pose(message.header, message.pose.position, message.pose.orientation)
     try:
-        stamp_ns, frame, at = _read_header(data, order)
-        numbers = _POSE[order].unpack_from(data, _aligned(at, 8))
-    except (struct.error, ValueError) as error:
+        reader = cdr.Reader(data)
+        stamp_ns, frame = reader.stamp_ns(), reader.text()
+        numbers = reader.doubles(_NUMBERS)
+    except ValueError as error:
         raise ValueError(f"no serialised PoseStamped: {error}") from error
     return StampedPose(stamp_ns, frame, numbers[:3], numbers[3:])
 
 
 def stamped_pose(header: Header, p: Point | Vector3, q: Quaternion) -> StampedPose:
-    """Return a pose of which rclpy has read the parts."""
+    """Return a pose whose parts rclpy has read."""
     stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
     return StampedPose(stamp_ns, header.frame_id, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
@@ -75,32 +70,16 @@ def read_pose_array(data: bytes) -> Poses:
     Raises:
         ValueError: it is none.
     """
-    order = _PLAIN_CDR.get(data[:2])
-    if order is None:
+    if not cdr.is_plain(data):
         return _read_slowly(data)
     try:
-        stamp_ns, frame, at = _read_header(data, order)
-        at = _aligned(at, 4)
-        (count,) = struct.unpack_from(f"{order}I", data, at)
-        start = _aligned(at + 4, 8) if count else 0  # without a pose nothing follows the count
-        numbers = np.frombuffer(data, f"{order}f8", count * _NUMBERS, start)
-    except (struct.error, ValueError) as error:
+        reader = cdr.Reader(data)
+        stamp_ns, frame, count = reader.stamp_ns(), reader.text(), reader.count()
+        numbers = reader.array("f8", count * _NUMBERS)
+    except ValueError as error:
         raise ValueError(f"no serialised PoseArray: {error}") from error
     numbers = numbers.reshape(count, _NUMBERS).astype(np.float64, copy=False)
     return Poses(stamp_ns, frame, numbers[:, :3], numbers[:, 3:])
-
-
-def _read_header(data: bytes, order: str) -> tuple[int, str, int]:
-    """Stamp and frame of a message that begins with a header, and where that ends."""
-    seconds, nanoseconds, length = _HEADER[order].unpack_from(data, _ENCAPSULATION)
-    at = _ENCAPSULATION + _HEADER[order].size
-    frame = data[at : at + length].rstrip(b"\0").decode()
-    return seconds * 1_000_000_000 + nanoseconds, frame, at + length
-
-
-def _aligned(at: int, size: int) -> int:
-    """The next place, from `at` on, at which a number of `size` bytes may stand."""
-    return at + (_ENCAPSULATION - at) % size
 
 
 def _read_slowly(data: bytes) -> Poses:

@@ -1,10 +1,10 @@
-"""Bodies that are point clouds: each message of a body's topic is the whole body anew.
+"""Bodies that are point clouds: each message on a body's topic replaces the whole body.
 
-A message is only kept when it arrives; the next tick reads the latest one and builds its model, so
-that a flood costs one model a tick. Points that are not finite, which sensors send where they see
-nothing, are left out and counted. A cloud without any points says that there is nothing: as long as
-it is fresh, the body is absent and its pairs are clear. One of whose points none is finite may be
-of a covered sensor: it is refused.
+An arriving message is only kept; the next tick reads the latest one and builds its model, so a
+flood of messages costs one model a tick. Points that are not finite, which sensors send where they
+see nothing, are left out and counted. A cloud without points says that there is nothing: while it
+is fresh, the body is absent and its pairs are clear. A cloud whose points are all not finite may
+come from a covered sensor: it is refused.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class CloudBodies:
     """The clouds of a configured monitor.
 
     Attributes:
-        dropped: by body, how many points were left out because they are not finite.
-        built: by body, how many clouds became models.
+        dropped: how many points were left out because they are not finite, by body.
+        built: how many clouds became models, by body.
     """
 
     def __init__(
@@ -43,12 +43,12 @@ class CloudBodies:
         frame: str,
         inputs: Inputs,
         incompatible: Incompatible,
-        replace: Callable[[str, engine.TriangleMesh], None],
+        replace: Callable[[str, engine.Model], None],
     ) -> None:
         """Subscribe.
 
         Args:
-            node: whose subscriptions they are.
+            node: creates the subscriptions.
             bodies: all of the scene.
             frame: the fixed frame; clouds that name no body's frame have to be in it.
             inputs: keeps how fresh the clouds are.
@@ -84,7 +84,7 @@ class CloudBodies:
             self._node.destroy_subscription(subscription)
 
     def build(self, now_ns: int) -> None:
-        """Build the bodies of which a new cloud has come."""
+        """Build the bodies that have a new cloud."""
         latest = self._latest.copy()
         self._latest.clear()
         for name, data in latest.items():
@@ -92,7 +92,7 @@ class CloudBodies:
                 self._inputs.refuse(reason)
 
     def place(self, samples: Samples, silent: Mapping[str, str]) -> None:
-        """Put each cloud where its frame is; `samples` are of the bodies that have poses."""
+        """Put each cloud where its frame is; `samples` are the poses of the other bodies."""
         for name, cloud in self._clouds.items():
             sample = self._here
             if cloud.frame:
@@ -101,7 +101,7 @@ class CloudBodies:
             samples[name] = None if unseen and name in silent else sample
 
     def absent(self, silent: Mapping[str, str]) -> frozenset[str]:
-        """Return the bodies of which it is certain that there is nothing."""
+        """Return the bodies that are certainly absent."""
         return frozenset(self._empty - silent.keys())
 
     def _take(self, name: str, data: bytes, now_ns: int) -> str | None:

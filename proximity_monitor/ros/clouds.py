@@ -9,11 +9,11 @@ _KINDS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
 def read_vertices(message: PointCloud2) -> np.ndarray:
-    """Return the points of a cloud, (n, 3) float64, row by row; other fields are passed over.
+    """Return the points of a cloud, (n, 3) float64, row by row; other fields are skipped.
 
     Raises:
-        ValueError: there are no fields x, y and z of float32 or float64, or the data is too short
-            for what the message says of it.
+        ValueError: there are no fields x, y and z of float32 or float64, or less data than the
+            message claims.
     """
     order = ">" if message.is_bigendian else "<"
     fields = {field.name: field for field in message.fields}
@@ -24,7 +24,7 @@ def read_vertices(message: PointCloud2) -> np.ndarray:
             raise ValueError(f"a cloud of vertices needs one float32 or float64 '{name}' a point")
         kinds[name] = (f"{order}{_KINDS[field.datatype]}", field.offset)
     if message.height > 1 and message.row_step < message.width * message.point_step:
-        # Few bytes would be billions of points.
+        # A few bytes could claim billions of points.
         raise ValueError("the rows of the cloud overlap")
     try:
         record = np.dtype(

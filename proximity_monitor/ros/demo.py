@@ -1,7 +1,7 @@
-"""The demo: monitor and player in one process, and a view of what the monitor publishes.
+"""The demo: monitor and player in one process, and a view of the monitor's topics.
 
-The view is a third node that subscribes to the monitor's topics like anybody else; it never looks
-into the other two, so what it shows is what the interface carries.
+The view is a third node, which subscribes to the monitor's topics like any other. It never reaches
+into the other two, so it shows exactly what the interface carries.
 """
 
 from __future__ import annotations
@@ -40,19 +40,19 @@ LIVE_PERIOD_S = 0.25
 PLAIN_PERIOD_S = 1.0
 
 READ_PERIOD_S = 0.05
-"""Results are read so often and otherwise only counted: a monitor may publish at 1 kHz, and Python
-takes a tenth of a millisecond to unpack a few pairs."""
+"""Seconds between two results that are read; the others are only counted. A monitor may publish at
+1 kHz, and Python takes a tenth of a millisecond to unpack a few pairs."""
 
 ROWS = 20
-"""So many pairs are listed where there is no terminal whose height says how many."""
+"""How many pairs are listed if no terminal's height says how many."""
 
 MANY = 10
-"""From so many moving bodies on, their poses are played in one message: a process takes in some
+"""From this number of moving bodies on, one message carries all poses: a process takes in some
 3,000 messages a second, whatever is in them."""
 
 
 class View(Node):
-    """Subscribes to a monitor and shows its picture from time to time."""
+    """Subscribes to a monitor and shows its results from time to time."""
 
     def __init__(self, picture: Picture, show: Callable[[], None], period_s: float) -> None:
         """Subscribe; `show` is called every `period_s` seconds once the picture is ready."""
@@ -97,15 +97,15 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
 
     Args:
         scene: a scene file with a motion, or the name of a bundled one.
-        seconds: how long; None until SIGINT or SIGTERM.
+        seconds: how long; None: until SIGINT or SIGTERM.
         speed: seconds of motion in a second.
         page: whether the page in the browser is served, too.
 
     Returns:
-        The exit code: 1 if the scene cannot be used, the motion failed while it was played, or the
-        monitor published nothing.
+        The exit code: 1 if the scene cannot be used, the motion failed, or the monitor published
+        nothing.
     """
-    # Nobody else's network needs to see a demo.
+    # A demo is of no use to others on the network.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     console = Console()
     with ros([], "proximity_monitor demo") as stop, ExitStack() as stack:
@@ -143,7 +143,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
             try:
                 spin([player], stop, over)
                 played = True
-            finally:  # the watch ends as well, if it is by an error, which the thread prints
+            finally:  # the watch ends as well, be it by an error, which the thread prints
                 ends = -math.inf
 
         # In a thread of its own: a motion that is computed with effort must not hold up the watch.
@@ -164,7 +164,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
 
 
 def _progress() -> compiling.Progress:
-    """Print how far the compiling is, as long as this is entered."""
+    """Print the progress of compiling while this is entered."""
     said = ""
 
     def tell(progress: compiling.Progress) -> None:
@@ -177,7 +177,7 @@ def _progress() -> compiling.Progress:
 
 
 def _start(scene: Scene, moves: motion.Motion, speed: float, stack: ExitStack) -> list[Node]:
-    """Start monitor and player; only what stops them is logged, as the view shows the rest."""
+    """Start monitor and player; they log only what stops them, as the view shows the rest."""
     for name in ("proximity_monitor", "proximity_player"):
         set_logger_level(name, LoggingSeverity.FATAL)
     moving = {body.name for body in scene.bodies if body.topic is not None}

@@ -13,11 +13,11 @@ from proximity_monitor.ros.qos import LATCHED
 from proximity_monitor.ros.spin import POLL_S, asked_to_stop
 
 _AGAIN_S = 10.0
-"""How often it is said that a description has not come."""
+"""Seconds between two messages that a description has not come."""
 
 
 class Descriptions:
-    """The descriptions that a scene asks for, and whether they stayed the same since."""
+    """The descriptions that a scene asks for; changes of them are reported."""
 
     def __init__(self, node: Node) -> None:
         """Begin without any; `node` gives subscriptions and its log."""
@@ -39,7 +39,7 @@ class Descriptions:
         while topic not in self._texts:
             if asked_to_stop():
                 raise KeyboardInterrupt
-            # The node's executor is not asked: it may well be what waits here, in a transition.
+            # Taken by hand, because the node's executor may be waiting right here, in a transition.
             handle = self._subscriptions[topic].handle
             with handle:
                 taken = handle.take_message(String, False)
@@ -53,7 +53,7 @@ class Descriptions:
         return self._texts[topic]
 
     def forget(self) -> None:
-        """Forget the descriptions, and listen to their topics no more."""
+        """Forget the descriptions, and unsubscribe from their topics."""
         for subscription in self._subscriptions.values():
             self._node.destroy_subscription(subscription)
         self._subscriptions.clear()

@@ -1,4 +1,4 @@
-"""The node's own state for /diagnostics: four statuses, each saying in a line what is wrong.
+"""The node's own state for /diagnostics: four statuses, each with a line about what is wrong.
 
 ``<node>: clearance`` is an error while a pair is at stop, a warning while one is at warn or stale;
 ``<node>: schedule`` a warning when ticks overran since the last message, or the node is paused or
@@ -22,19 +22,18 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene.alerts import Level
-from proximity_monitor.scene.listed import as_arrays
-from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, silence
+from proximity_monitor.scene.state import STATUSES, PairStatus, Tick, as_arrays, silence
 from proximity_monitor.scene.unseen import Unseen
 
 WINDOW_S = 10.0
-"""Percentiles and the achieved rate are over the ticks of so many seconds."""
+"""Seconds of ticks that percentiles and the achieved rate cover."""
 
 OVERRUN_S = 0.001
-"""How far a search may run past the budget before it counts: a slice of a search takes well under a
-millisecond, so what is above is a real overrun or a machine that is too busy."""
+"""Seconds by which a search may pass its budget before that counts: a slice of a search takes well
+under a millisecond, so more is a real overrun or a machine that is too busy."""
 
 NAMED = 10
-"""So many bodies are named in the line that says what is wrong."""
+"""How many bodies are named in the line about what is wrong."""
 
 
 class Timing:
@@ -73,8 +72,8 @@ class Timing:
         return values
 
 
-class State(NamedTuple):
-    """What a configured monitor is like at the moment of a message."""
+class NodeState(NamedTuple):
+    """The state of a configured monitor at the moment of a message."""
 
     activity: str
     """active, paused or inactive."""
@@ -85,34 +84,34 @@ class State(NamedTuple):
     """Pairs of the scene."""
     inputs: Inputs
     silent: Mapping[str, str]
-    """By a body that is not to be relied on, why."""
+    """Why bodies are not to be relied on, by name."""
     refused_joints: Mapping[str, int]
     """By reason."""
     held: Mapping[str, str]
-    """By an attached body, the one that it hangs on."""
+    """The parent by attached body."""
     waiting: Mapping[str, str]
-    """The same of those that cannot be attached yet."""
+    """The parent by body that cannot be attached yet."""
     built: Mapping[str, int]
     """Messages made, by topic."""
     alerts_left_out: int
-    """Changes that were not published because too many came with one tick."""
+    """Alerts that were not published because one tick had too many."""
     distance_ticks: int
-    """Ticks that were asked for distances."""
+    """Ticks that somebody wanted distances of."""
     incompatible: Mapping[str, int]
-    """By topic, peers whose quality of service does not fit."""
+    """Peers whose quality of service does not fit, by topic."""
     unseen: Unseen
     """Pairs that cannot see one body inside the other."""
     namesakes: int
     """Other nodes of the same name."""
     dropped: Mapping[str, int]
-    """By body that is a cloud, points that are not finite."""
+    """Points that are not finite, by body that is a cloud."""
     clouds: Mapping[str, int]
-    """By body that is a cloud, messages that became its model."""
+    """Messages that became a model, by body that is a cloud."""
 
 
 @dataclass
 class Health:
-    """What the diagnostics need to know, and what they said last."""
+    """Makes the diagnostics, and remembers what they said last."""
 
     node: str
     hardware_id: str
@@ -121,7 +120,7 @@ class Health:
     _rejected: int = 0
     _incompatible: int = 0
 
-    def message(self, stamp: Time, state: State) -> DiagnosticArray:
+    def message(self, stamp: Time, state: NodeState) -> DiagnosticArray:
         """Return the diagnostics of this second."""
         array = DiagnosticArray()
         array.header.stamp = stamp
@@ -133,10 +132,10 @@ class Health:
         ]
         return array
 
-    def _clearance(self, state: State) -> DiagnosticStatus:
+    def _clearance(self, state: NodeState) -> DiagnosticStatus:
         tick, count = state.tick, Counter(state.levels.values())
         pairs = as_arrays(tick.pairs if tick is not None else ())
-        if tick is not None:  # the levels have some pairs that are not listed, but not all of them
+        if tick is not None:  # the levels include some of the pairs that are not listed
             count[Level.STALE] = int(pairs.silent.any(axis=1).sum()) + tick.unsure
             urgent = count[Level.STOP] + count[Level.WARN] + count[Level.STALE]
             count[Level.CLEAR] = len(pairs) + tick.far + tick.unsure - urgent
@@ -160,7 +159,7 @@ class Health:
         values["clearance_m"] = repr(tick.clearance()) if tick is not None else "nan"
         return self._status("clearance", level, worst, values)
 
-    def _schedule(self, state: State) -> DiagnosticStatus:
+    def _schedule(self, state: NodeState) -> DiagnosticStatus:
         settings, tick = state.settings, state.tick
         overruns = self.timing.budget_overruns + self.timing.period_overruns
         new, self._overruns = overruns - self._overruns, overruns
@@ -179,7 +178,7 @@ class Health:
         }
         return self._status("schedule", level, what, values)
 
-    def _inputs(self, state: State) -> DiagnosticStatus:
+    def _inputs(self, state: NodeState) -> DiagnosticStatus:
         refused = state.inputs.rejected | state.refused_joints
         rejected = sum(refused.values())
         new, self._rejected = rejected - self._rejected, rejected
@@ -203,7 +202,7 @@ class Health:
         level = DiagnosticStatus.WARN if wrong else DiagnosticStatus.OK
         return self._status("inputs", level, "; ".join(wrong) or "all bodies reported", values)
 
-    def _outputs(self, state: State) -> DiagnosticStatus:
+    def _outputs(self, state: NodeState) -> DiagnosticStatus:
         incompatible = sum(state.incompatible.values())
         new, self._incompatible = incompatible - self._incompatible, incompatible
         values = {f"built: {topic}": str(n) for topic, n in state.built.items()}
@@ -234,7 +233,7 @@ class Health:
 
 
 def _some(names: Sequence[str]) -> str:
-    """The first names of a list that may be long, for a line."""
+    """The first names of a list that may be too long for a line."""
     more = len(names) - NAMED
     return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 

@@ -1,9 +1,9 @@
-"""Poses and shapes from the outside: checked as they arrive, then kept, or refused and counted.
+"""Poses and shapes from outside: checked as they arrive, then kept, or refused and counted.
 
-A message never does more than this. What a body's state hangs on is a list of inputs: its pose,
-and the vertices or the cloud that its shape comes from, if any. Each remembers the stamp of its
-last good message. That message stays in force, and its body is silent once the stamp is older than
-the timeout, so a source that sends garbage ends like one that fell silent.
+A body's state depends on its inputs: its pose, and the vertices or the cloud that its shape comes
+from, if any. Each input remembers the stamp of its last good message. That message stays in force,
+and the body is silent once the stamp is older than the timeout, so a source that sends garbage is
+treated like one that fell silent.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from types import MappingProxyType
 import numpy as np
 
 from proximity_monitor.ros.bulk import StampedPose
-from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrices, pose_matrix
+from proximity_monitor.scene.relative_motion import Course
 from proximity_monitor.scene.state import NO_POSE_YET, NO_RECENT_POSE, PoseSample
 
 FUTURE_TOLERANCE_S = 0.1
-"""How far ahead of the node's clock a stamp may be. Clocks of machines that are kept in step
-differ by less; a stamp further ahead would hide for as long that its source fell silent."""
+"""How far ahead of the node's clock a stamp may be. Synchronised clocks differ by less. A stamp
+that is further ahead would hide for just as long that its source fell silent."""
 
 FURTHEST = 1e9
-"""Metres from the origin. Beyond it float64 rounds by more than a ten-thousandth of a mm."""
+"""Metres from the origin. Beyond this, float64 rounds by more than a ten-thousandth of a mm."""
 
 RIGID = 1e-6
 """How far each entry of R'R may be from the identity's: half of what the engine refuses."""
@@ -54,7 +54,7 @@ class Reason:
 
 
 class _Input:
-    """Something that has to go on arriving: the stamp of its last good message."""
+    """An input that must keep arriving: the stamp of its last good message."""
 
     __slots__ = ("stamp_ns",)
 
@@ -72,7 +72,7 @@ class _Input:
 
 
 class _Last(_Input):
-    """The last good pose of one body, and the one with another stamp before it."""
+    """The last good pose of one body, and the one before it with another stamp."""
 
     __slots__ = ("before", "before_ns", "first", "pose")
 
@@ -85,8 +85,9 @@ class _Last(_Input):
 
     def keep(self, pose: np.ndarray, stamp_ns: int) -> None:
         if stamp_ns != self.stamp_ns:
-            # A link's stamp is that of what is oldest in its pose, which may move on meanwhile: the
-            # first pose of a stamp is the one of that moment, and a later one would hide motion.
+            # A link's stamp is the oldest of all that its pose depends on, so other joints may move
+            # while it stays the same. The first pose of a stamp belongs to that moment; a later one
+            # would hide motion.
             self.before, self.before_ns = self.first, self.stamp_ns
             self.first = pose
         self.pose, self.stamp_ns = pose, stamp_ns
@@ -102,14 +103,14 @@ class Inputs:
         roots: Iterable[str] = (),
         shapes: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
-        """Begin with nothing heard.
+        """Begin without any message.
 
         Args:
             bodies: whose poses arrive.
-            frame: the only one that is accepted of poses.
+            frame: the only frame that poses may be in.
             roots: robots whose root link moves. Its poses are kept like a body's; those of the
                 links follow from them.
-            shapes: by a body whose shape arrives what it arrives as, such as "vertices".
+            shapes: how the shape arrives, such as "vertices", by body whose shape does.
         """
         self.names = tuple(bodies)
         """The moving bodies, in the order of bulk messages."""
@@ -126,7 +127,7 @@ class Inputs:
         self.rejected: Counter[str] = Counter({reason: 0 for reason in Reason.ALL})
 
     def store(self, name: str, pose: StampedPose, now_ns: int) -> str | None:
-        """Keep a pose if it is good; return the reason if it is not.
+        """Keep a pose if it is good, else return the reason.
 
         Args:
             name: a moving body of the scene, or a robot whose root moves.
@@ -152,7 +153,7 @@ class Inputs:
         frame: str,
         now_ns: int,
     ) -> int:
-        """Keep the poses of one moment of all moving bodies; return how many were good.
+        """Keep the poses of all moving bodies at one moment; return how many were good.
 
         Args:
             positions: (n, 3) in the order of `names`; with another n nothing is kept.
@@ -179,7 +180,7 @@ class Inputs:
     def store_many(
         self, names: Sequence[str], poses: np.ndarray, stamp_ns: int, frame: str, now_ns: int
     ) -> int:
-        """Keep the poses of one moment of some bodies; return how many were good.
+        """Keep the poses of some bodies at one moment; return how many were good.
 
         Args:
             names: k moving bodies of the scene.
@@ -201,17 +202,17 @@ class Inputs:
         return self._keep(names, poses, good, stamp_ns, frame, now_ns)
 
     def refuse(self, reason: str) -> None:
-        """Count a message that is refused for what it holds."""
+        """Count a message that is refused because of its content."""
         self.rejected[reason] += 1
 
     def judge_shape(self, name: str, stamp_ns: int, now_ns: int) -> str | None:
-        """Return why a shape of a body cannot be taken for the time of its stamp, if it cannot."""
+        """Return why a shape's stamp is refused; None if it is not."""
         if reason := self._judge_age(stamp_ns, now_ns):
             return reason
         return Reason.ORDER if self._shapes[name][0].out_of_order(stamp_ns) else None
 
     def keep_shape(self, name: str, stamp_ns: int) -> None:
-        """Take note that a body has the shape of a message with this stamp."""
+        """Note that a body has the shape of a message with this stamp."""
         self._shapes[name][0].stamp_ns = stamp_ns
 
     def forget(self) -> None:
@@ -238,15 +239,15 @@ class Inputs:
         }
 
     def last(self, name: str) -> tuple[np.ndarray, int] | None:
-        """Return the last good pose (4, 4) of a body or root and its stamp in ns; None without."""
+        """Return the last good pose (4, 4) of a body or root and its stamp in ns, or None."""
         last = self._last[name]
         return None if last.pose is None else (last.pose, last.stamp_ns)
 
     def silent(self, samples: Mapping[str, PoseSample | None], now_ns: int) -> dict[str, str]:
-        """Return by each silent body why it is.
+        """Return the reason by silent body.
 
         Args:
-            samples: where the bodies are, those that are carried by others too.
+            samples: the poses of the bodies, carried ones included.
             now_ns: nanoseconds of the node's clock.
         """
         found = {
@@ -255,14 +256,14 @@ class Inputs:
             if at is None or at.stale
         }
         for name, (heard, what) in self._shapes.items():
-            # Of who takes no poses it is the shape that is missing.
+            # A body that takes no poses lacks its shape.
             first = name not in found or name not in self._last
             if first and heard.late(now_ns, self.timeout_s):
                 found[name] = f"no {what} yet" if heard.stamp_ns is None else f"no recent {what}"
         return found
 
     def await_again(self, names: Iterable[str]) -> None:
-        """Begin a new round, which is `complete` when each of these bodies has a new pose."""
+        """Begin a new round, which is `complete` once each of these bodies has a new pose."""
         self._awaited = set(names)
 
     @property
@@ -275,11 +276,11 @@ class Inputs:
         return self._last[name].stamp_ns if name in self._last else None
 
     def shape_stamp_ns(self, name: str) -> int | None:
-        """Return the stamp of the message that a body's shape is from; None where there is none."""
+        """Return the stamp of the message that a body's shape comes from, or None."""
         return self._shapes[name][0].stamp_ns if name in self._shapes else None
 
     def course(self, name: str) -> Course | None:
-        """Return a moving body's last two poses; None where there are not two in good time."""
+        """Return a moving body's last two poses; None without two recent ones."""
         last = self._last[name]
         if last.before is None:
             return None
@@ -289,7 +290,7 @@ class Inputs:
     def note_strangers(self, publishers: Iterable[tuple[str, bytes]]) -> list[str]:
         """Take the present publishers of pose topics that no body of the scene listens to.
 
-        The node does not subscribe to such topics, so what is counted is publishers, each once.
+        The node does not subscribe to such topics, so it counts publishers, each once.
 
         Args:
             publishers: the body that the topic names, and the publisher's identity in the
@@ -315,7 +316,7 @@ class Inputs:
         frame: str,
         now_ns: int,
     ) -> int:
-        """Keep the good poses of one moment; count the others' reasons that are not counted yet."""
+        """Keep the good poses of one moment; count the reasons of others not yet counted."""
         if reason := self._judge_header(frame, stamp_ns, now_ns):
             self.rejected[reason] += int(good.sum())
             return 0
@@ -330,7 +331,7 @@ class Inputs:
         return len(kept)
 
     def _count(self, tests: Iterable[tuple[str, np.ndarray]]) -> np.ndarray:
-        """Count what fails by the first test that it fails; return what passes all of them."""
+        """Count each failure by the first test that fails; return what passes all tests."""
         good = True
         for reason, passed in tests:
             self.rejected[reason] += int((good & ~passed).sum())

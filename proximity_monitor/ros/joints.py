@@ -1,10 +1,10 @@
-"""Joint input: positions of joints from topics become poses of robots' links.
+"""Joint input: turns joint positions from topics into poses of robots' links.
 
 A message is checked as it arrives, and taken or refused and counted as a whole. It need not name
-all joints: the others keep their last positions, and a link's pose is as old as the oldest position
-that it depends on, so that a gripper that fell silent is stale although its arm goes on. Where the
-robot's root moves, its pose is one more of what the links depend on. Names of joints that no robot
-on the topic has are counted and passed over.
+all joints: the others keep their last positions. A link's pose is as old as the oldest position
+that it depends on, so a gripper that fell silent is stale although its arm goes on. If the robot's
+root moves, the links depend on its pose as well. Names of joints that no robot on the topic has are
+counted and skipped.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from proximity_monitor.ros.inputs import FURTHEST, FUTURE_TOLERANCE_S
 from proximity_monitor.scene import Robot, Scene
 
 POSITIONS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Several publishers may each tell some of the joints, hence more than the latest message; best
-effort accepts reliable publishers too."""
+"""Several publishers may each report some of the joints, so more than the latest message counts.
+Best effort accepts reliable publishers, too."""
 
 Store = Callable[[Sequence[str], np.ndarray, int, str, int], object]
 """Takes poses of bodies: names, (n, 4, 4) poses, stamp in ns, frame, the node's time in ns."""
 
 RootPose = Callable[[str], tuple[np.ndarray, int] | None]
-"""Returns the last pose of the root of a robot by its name, and its stamp in ns; None without."""
+"""Returns the last pose of a robot's root by the robot's name, and its stamp in ns, or None."""
 
 
 class JointReason:
-    """What is counted of messages; all but UNKNOWN and LIMIT mean that one was refused."""
+    """The reasons by which messages are counted; all but UNKNOWN and LIMIT refuse the message."""
 
     LENGTH = "joint names and positions differ in number"
     TWICE = "joint named twice"
@@ -59,7 +59,7 @@ class _Joints:
         self.forget()
 
     def forget(self) -> None:
-        """Begin again with what the scene file says."""
+        """Begin again with the scene file's positions."""
         self.positions = dict(self.robot.start)
         self.stamps: dict[str, int] = {}
 
@@ -68,11 +68,11 @@ class _Joints:
         return [name for name in self._free if name not in self.positions]
 
     def late(self, names: Sequence[str], stamp_ns: int) -> bool:
-        """Whether a newer position of one of the joints was taken before."""
+        """Whether one of the joints has a newer position already."""
         return any(self.stamps.get(name, stamp_ns) > stamp_ns for name in names)
 
     def take(self, positions: dict[str, float], stamp_ns: int) -> bool:
-        """Keep the positions of the robot's free joints; return whether one is beyond its limit."""
+        """Keep the positions of the robot's free joints; return whether any exceeds its limit."""
         beyond = False
         for name in self._free.keys() & positions.keys():
             joint, value = self._free[name], positions[name]
@@ -81,10 +81,10 @@ class _Joints:
         return beyond
 
     def by_stamp(self, stamp_ns: int, root_ns: int | None) -> dict[int, list[str]]:
-        """The bodies whose poses are known, by the oldest stamp of what is in them.
+        """The bodies whose poses are known, by the oldest stamp that their poses depend on.
 
-        Where all positions are the scene file's, which do not age, and the root stands, that is the
-        message's stamp.
+        The scene file's positions do not age: a pose that depends on nothing else has the message's
+        stamp.
         """
         found: dict[int, list[str]] = {}
         for body, drivers in self._drivers.items():
@@ -100,7 +100,7 @@ class JointInputs:
     """Subscriptions to the joint states of a scene's robots.
 
     Attributes:
-        rejected: how many messages were refused, or remarkable, by `JointReason`.
+        rejected: how many messages were refused or remarkable, by `JointReason`.
     """
 
     def __init__(
@@ -112,14 +112,14 @@ class JointInputs:
         frame: str | None = None,
         root: RootPose = lambda name: None,
     ) -> None:
-        """Subscribe, once a topic.
+        """Subscribe to each topic once.
 
         Args:
             node: gives subscriptions, its clock and its log.
             scene: may have no robots.
-            store: called with the poses of a message's robots; what it refuses, it counts.
+            store: called with the poses of a message's robots; counts what it refuses.
             frame: fixed frame of the poses; None: the scene's.
-            root: of the robots whose root moves; `follow` is to be called when it has a new one.
+            root: gives the poses of moving roots; `follow` must be called when there is a new one.
         """
         self.rejected: Counter[str] = Counter({reason: 0 for reason in JointReason.ALL})
         self._node = node
@@ -159,7 +159,7 @@ class JointInputs:
 
     def _now(self) -> int:
         now_ns = self._node.get_clock().now().nanoseconds
-        if now_ns < self._now_ns:  # the clock went back: no stamp can be compared with a former one
+        if now_ns < self._now_ns:  # the clock went back, so earlier stamps cannot be compared
             for each in self._all():
                 each.forget()
         self._now_ns = now_ns
@@ -179,7 +179,7 @@ class JointInputs:
             self._place(each, stamp_ns, now_ns)
 
     def _place(self, each: _Joints, stamp_ns: int, now_ns: int) -> None:
-        """Store the poses of a robot's links as far as they are known."""
+        """Store those poses of a robot's links that are known."""
         for name in each.missing():
             self._warn(name, "has no position yet, neither in the scene file nor in a message")
         base = root_ns = None
@@ -198,14 +198,14 @@ class JointInputs:
             self._warn(name, "is not of a robot in the scene")
 
     def _warn(self, name: str, why: str) -> None:
-        """Once a joint: messages come by the hundred."""
+        """Once for each joint: messages come by the hundred."""
         if name not in self._told:
             self._told.add(name)
             self._node.get_logger().warning(f"joint '{name}' {why}")
 
 
 def _judge(message: JointState, robots: list[_Joints], stamp_ns: int, now_ns: int) -> str | None:
-    """Why a message is refused, if it is. How old it may be is for `store` to say."""
+    """Why a message is refused, or None. `store` judges its age."""
     names, positions = message.name, message.position
     if len(names) != len(positions):
         return JointReason.LENGTH
@@ -215,7 +215,7 @@ def _judge(message: JointState, robots: list[_Joints], stamp_ns: int, now_ns: in
         return JointReason.NOT_FINITE
     if not all(abs(position) <= FURTHEST for position in positions):
         return JointReason.TOO_FAR
-    # Kept, its stamp would make every later message look out of order.
+    # If it were kept, its stamp would make every later message look out of order.
     if (stamp_ns - now_ns) * 1e-9 > FUTURE_TOLERANCE_S:
         return JointReason.FUTURE
     if any(each.late(names, stamp_ns) for each in robots):

@@ -1,10 +1,10 @@
-"""What a viewer draws each tick: distance lines, closest points and labels.
+"""Markers for viewers, each tick: distance lines, closest points and labels.
 
-Each marker costs some 40 microseconds on either side, so all lines are one marker and all points
-are another, coloured a pair by its level; labels are only drawn for pairs that are not clear and
-for the nearest few. Ids are stable, a label that is no longer wanted is deleted by itself, and
-nothing is ever deleted all at once, which would flicker. A monitor that dies leaves no picture
-behind that looks current: the markers' lifetime is a second, or three ticks where that is longer.
+Each marker costs some 40 µs on either side, so all lines are one marker and all points another,
+coloured by the level of each pair; labels are only drawn for pairs that are not clear and for the
+nearest few. Ids are stable. A label that is no longer wanted is deleted alone: deleting everything
+at once would flicker. A monitor that dies leaves no picture behind that looks current: the markers'
+lifetime is a second, or three ticks if that is longer.
 
 Everything is in the fixed frame and stamped with its tick.
 """
@@ -25,11 +25,11 @@ from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.state import PairState, PairStatus
 
 NEAREST = 3
-"""So many pairs are labelled even when all is clear."""
+"""How many pairs are labelled even when all are clear."""
 
 LABELS = 50
-"""So many are labelled at most, the nearest of those that are not clear: more are no help, and each
-costs as much as all lines together."""
+"""How many pairs are labelled at most, the nearest of those that are not clear: more would not
+help, and each label costs as much as all lines together."""
 
 COLOURS = {
     Level.CLEAR: ColorRGBA(r=0.16, g=0.63, b=0.40, a=1.0),
@@ -61,7 +61,7 @@ class ClearanceMarkers:
 
         Args:
             pairs: those that the tick lists.
-            levels: of these by their index in the scene, which also is the id of a pair's label.
+            levels: by index in the scene, which is also the id of a pair's label.
             stamp: of the tick.
         """
         shown = [pair for pair in pairs if pair.status is not PairStatus.UNKNOWN]
@@ -79,7 +79,7 @@ class ClearanceMarkers:
         return MarkerArray(markers=markers)
 
     def farewell(self, stamp: Time) -> MarkerArray:
-        """Return the message that takes down what is shown."""
+        """Return the message that removes all markers."""
         gone = [self._gone("distance", 0, stamp), self._gone("points", 0, stamp)]
         gone += [self._gone("label", i, stamp) for i in sorted(self._labelled)]
         self._labelled = set()
@@ -95,7 +95,7 @@ class ClearanceMarkers:
         shown: Sequence[PairState],
     ) -> Marker:
         if not shown:
-            return self._gone(namespace, 0, stamp)  # viewers complain about a list without points
+            return self._gone(namespace, 0, stamp)  # viewers complain about lists without points
         marker = self._marker(kind, namespace, 0, stamp)
         marker.scale.x = marker.scale.y = marker.scale.z = scale * self._size
         marker.points = [to_point(p) for pair in shown for p in (pair.point_a, pair.point_b)]

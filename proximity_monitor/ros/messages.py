@@ -1,9 +1,9 @@
 """Results as messages: points in the fixed frame, lengths in metres.
 
-``~/closest_points`` is a `diagnostic_msgs/DiagnosticArray` with one `DiagnosticStatus` a pair,
-because of the types in common_interfaces it is the only one that carries named values for each of
-many named things, and that ``ros2 topic echo`` and every diagnostics viewer show readably. It lists
-the pairs that the tick lists: of pairs with a range, those that may be within it.
+``~/closest_points`` is a `diagnostic_msgs/DiagnosticArray` with one `DiagnosticStatus` a pair, the
+only type in common_interfaces that carries named values for each of many named things, and that
+``ros2 topic echo`` and every diagnostics viewer show readably. It lists the pairs that the tick
+lists: a pair with a range is left out while it is certainly farther apart.
 
 ====================  ==================================================================
 ``header.stamp``      the tick; ``header.frame_id`` the fixed frame
@@ -18,8 +18,9 @@ the pairs that the tick lists: of pairs with a range, those that may be within i
 ``stamp``             the older stamp of the two bodies' poses: the moment that is spoken of
 ``age_s``             seconds since the numbers answered the present poses; 0 while they do
 ``direction``         unit vector from A's point to B's; empty where they coincide
-``feature_a, _b``     of a pair at warn or stop, where its points lie on the models: the triangle,
-                      and the barycentric weights of its corners
+``feature_a, _b``     of a pair at warn or stop, where its points lie on the models: on what kind
+                      of element, which one, and where on it; on a mesh ``edge 12 0.5 0.5 0``: the
+                      triangle, and the barycentric weights of its corners
 ``session_min_m``     the smallest upper bound since the last reset: surely reached
 ``session_min_lower_m``  the smallest lower bound since then: at no tick could it be nearer
 ====================  ==================================================================
@@ -31,13 +32,13 @@ would be lighter, and would tie every consumer to building this package.
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
+from proximity_monitor import cdr
 from proximity_monitor.scene import Unit
 from proximity_monitor.scene.alerts import Alert, Level
 from proximity_monitor.scene.state import NO_POSE_YET, PairState, PairStatus, silence
@@ -51,12 +52,6 @@ SEVERITY = {
 
 _NEAR = (Level.WARN, Level.STOP)
 
-_LITTLE_ENDIAN_CDR = b"\x00\x01\x00\x00"
-_HEAD = struct.Struct("<4siI")
-_COUNT = struct.Struct("<I")
-_PADDING = (b"\0\0\0\0", b"\0\0\0", b"\0\0", b"\0")
-"""By a string's length modulo 4 the zero that ends it, and those up to the next multiple of 4."""
-
 
 def pair_name(a: str, b: str) -> str:
     """Return the name of a pair as it is published."""
@@ -66,9 +61,9 @@ def pair_name(a: str, b: str) -> str:
 def clearance_text(
     pair: PairState, unit: Unit, silent: Mapping[str, str] = MappingProxyType({})
 ) -> str:
-    """Return a pair's clearance for people: one number where it is known, else both bounds.
+    """Return a pair's clearance for people: one number if it is known, else both bounds.
 
-    `silent` says, by a silent body, why it is.
+    `silent` gives the reason by silent body.
     """
     if pair.status is PairStatus.UNKNOWN:
         return silence(pair.silent, silent, NO_POSE_YET)
@@ -91,8 +86,7 @@ def closest_points(
 ) -> bytes:
     """Return all pairs of a tick as one serialised message (see the module's table).
 
-    rclpy takes some 5 microseconds for each of a pair's dozen values, ten times as long as to write
-    them as the message has them.
+    rclpy takes some 5 µs for each of a pair's dozen values, ten times as long as writing its bytes.
 
     Args:
         pairs: those that the tick lists.
@@ -101,34 +95,27 @@ def closest_points(
         frame: the fixed frame.
         unit: for the texts.
         pose_stamp_ns: the stamp of a body's pose, by name.
-        silent: by a silent body, why it is.
+        silent: the reason by silent body.
     """
-    hardware_id = _text(frame)
-    head = _HEAD.pack(_LITTLE_ENDIAN_CDR, stamp.sec, stamp.nanosec)
-    parts, spare = [head, hardware_id, _COUNT.pack(len(pairs))], 0
+    hardware_id = cdr.text(frame)
+    head = cdr.stamped(stamp.sec, stamp.nanosec)
+    parts, spare = [head, hardware_id, cdr.count(len(pairs))], 0
     for pair in pairs:
         level = levels[pair.index]
         values = _pair_values(pair, level, pose_stamp_ns)
-        if spare:  # an octet stands right after a string, where that has been filled up
+        if spare:  # an octet follows a string without padding
             parts[-1] = parts[-1][:-spare]
         parts += (
             SEVERITY[level] + bytes(spare - 1 if spare else 3),
-            _text(pair_name(pair.a, pair.b)),
-            _text(clearance_text(pair, unit, silent)),
+            cdr.text(pair_name(pair.a, pair.b)),
+            cdr.text(clearance_text(pair, unit, silent)),
             hardware_id,
-            _COUNT.pack(len(values)),
+            cdr.count(len(values)),
         )
         for key, value in values.items():
-            parts += (_KEYS[key], _text(value))
+            parts += (_KEYS[key], cdr.text(value))
         spare = 3 - len(value) % 4
     return b"".join(parts)
-
-
-def _text(text: str) -> bytes:
-    """A string as plain CDR has it at a multiple of four bytes, filled up to another one."""
-    encoded = text.encode()
-    length = len(encoded)
-    return _COUNT.pack(length + 1) + encoded + _PADDING[length % 4]
 
 
 def alert(change: Alert, *, stamp: Time, frame: str) -> DiagnosticStatus:
@@ -136,10 +123,10 @@ def alert(change: Alert, *, stamp: Time, frame: str) -> DiagnosticStatus:
 
     Its values: ``old`` and ``new`` level; ``lower_m`` and ``upper_m``; ``reason``; ``stamp`` of the
     tick; ``body`` and ``escape``, the unit vector in the fixed frame by which that body gets away;
-    ``closing_m_s``, negative where the bodies part; ``seconds_left`` at that speed until stop, or
-    until contact where the pair is at stop. What is not known is empty or ``nan``.
+    ``closing_m_s``, negative if the bodies part; ``seconds_left`` at that speed until stop, or
+    until contact if the pair is at stop. Unknown values are empty or ``nan``.
     """
-    motion = change.approach
+    motion = change.motion
     escape = motion is not None and motion.escape is not None
     return DiagnosticStatus(
         level=SEVERITY[change.new],
@@ -189,9 +176,10 @@ def _pair_values(
             pair.session_min_lower if pair.session_min_lower < math.inf else math.nan
         ),
     }
-    if level in _NEAR and pair.faces:
-        for key, face, weights in zip(_FEATURES, pair.faces, pair.weights.tolist(), strict=True):
-            values[key] = f"{face} {_vector(weights)}"
+    if level in _NEAR:
+        for key, feature in zip(_FEATURES, pair.features, strict=False):
+            where = (f"{value:.9g}" for value in feature.parameters.tolist())
+            values[key] = " ".join((feature.kind, str(feature.index), *where))
     return values
 
 
@@ -211,7 +199,7 @@ def _values(items: dict[str, str]) -> list[KeyValue]:
 
 _FEATURES = ("feature_a", "feature_b")
 _KEYS = {
-    key: _text(key)
+    key: cdr.text(key)
     for key in (
         "point_a", "point_b", "lower_m", "upper_m", "status", "state", "stamp", "age_s",
         "direction", "session_min_m", "session_min_lower_m", *_FEATURES,

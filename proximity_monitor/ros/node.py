@@ -39,7 +39,7 @@ def _told(transition: Transition) -> Transition:
         except (
             OSError,
             ValueError,
-        ) as error:  # of a scene, a model or a parameter: the user's to mend
+        ) as error:  # a scene, a model or a parameter that the user has to mend
             self.get_logger().fatal(str(error))
             return TransitionCallbackReturn.FAILURE
         except Exception:
@@ -72,14 +72,14 @@ class ProximityMonitor(LifecycleNode):
         self._survive_impossible_transitions()
 
     def start(self) -> bool:
-        """Configure and activate, as `autostart` asks for; return whether both succeeded."""
+        """Configure and activate, as `autostart` asks; return whether both succeeded."""
         return all(
             trigger() is TransitionCallbackReturn.SUCCESS
             for trigger in (self.trigger_configure, self.trigger_activate)
         )
 
     def destroy_node(self) -> None:
-        """Take down what is shown, free everything and leave the graph."""
+        """Remove the markers, free everything and leave the graph."""
         self._free()
         super().destroy_node()
 
@@ -119,19 +119,19 @@ class ProximityMonitor(LifecycleNode):
 
     @_told
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop ticking; poses are still taken in."""
+        """Stop ticking; poses are still received."""
         self._session.stop()
         return super().on_deactivate(state)
 
     @_told
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Free what was made when the node was configured."""
+        """Free everything that configuring made."""
         self._free()
         return TransitionCallbackReturn.SUCCESS
 
     @_told
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Free everything, from whatever state."""
+        """Free everything, from any state."""
         self._free()
         return TransitionCallbackReturn.SUCCESS
 
@@ -142,9 +142,9 @@ class ProximityMonitor(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _survive_impossible_transitions(self) -> None:
-        """Answer a request for a transition that the present state does not have with "no".
+        """Refuse a transition that the present state does not have.
 
-        rclpy raises out of the service's callback instead, which ends the process.
+        rclpy would raise out of the service's callback, which ends the process.
         """
         service = self._service_change_state
         change = service.callback
@@ -183,7 +183,7 @@ class ProximityMonitor(LifecycleNode):
 
 
 class _ToLog(logging.Handler):
-    """Hands what the engine has to say, such as that it compiles, to a node's own log."""
+    """Passes the engine's log, such as that it compiles, to a node's own."""
 
     def __init__(self, node: ProximityMonitor) -> None:
         super().__init__(logging.WARNING)

@@ -29,11 +29,11 @@ from proximity_monitor.scene.alerts import Alert, Level
 from proximity_monitor.scene.state import PoseSample, Tick
 
 KEPT_ALERTS = 1000
-"""So many alerts at most are kept for subscribers that are slow or come late; and so many of one
-tick are published, the most urgent ones, as no subscriber could hold more."""
+"""How many alerts are kept for slow or late subscribers. No more of one tick are published, the
+most urgent ones, because no subscriber could hold them."""
 
 LAST_WORD_S = 0.5
-"""So long at most is waited for subscribers to have the last state, before its publishers go."""
+"""How long to wait until subscribers have the last state, before its publishers go."""
 
 _URGENCY = (Level.STOP, Level.STALE, Level.WARN, Level.CLEAR)
 
@@ -48,12 +48,12 @@ class Outputs:
         settings: Settings,
         incompatible: Incompatible,
     ) -> None:
-        """Create the publishers; `show` says what the bodies look like."""
+        """Create the publishers; `show` describes the bodies' looks."""
         self._node = node
         self._scene = scene
         self._frame = settings.frame
-        # Every pair may change at one moment, twice before a slow subscriber looks; who comes late
-        # still gets the last changes.
+        # Every pair may change at one moment, twice before a slow subscriber reads; a late
+        # subscriber still gets the last changes.
         alerts = QoSProfile(
             depth=min(2 * len(scene.pairs), KEPT_ALERTS),
             reliability=ReliabilityPolicy.RELIABLE,
@@ -61,7 +61,7 @@ class Outputs:
         )
         self._publishers = []
         self.built: Counter[str] = Counter()
-        """How many messages were made of each topic."""
+        """How many messages were made for each topic."""
         self.alerts_left_out = 0
 
         def create(kind: type, topic: str, qos: QoSProfile):
@@ -90,7 +90,7 @@ class Outputs:
         self._parts_due_s = 0.0
         self._settings = settings
 
-    def show(self, models: Mapping[str, engine.TriangleMesh]) -> None:
+    def show(self, models: Mapping[str, engine.Model]) -> None:
         """Take the models of all bodies by name; before that nothing can be published."""
         self._models = models
         self._scene_message = SceneMessage(self._scene, models, self._node.resolve_topic_name)
@@ -104,8 +104,8 @@ class Outputs:
         self._scene_is_new = True
         self._marks.live(max(1.0, 3.0 / settings.rate_hz))
 
-    def look(self) -> bool:
-        """See who listens, for the next `publish`; return whether anybody wants distances."""
+    def check_demand(self) -> bool:
+        """Note who listens, for the next `publish`; return whether anybody wants distances."""
         self._points_wanted = self._closest.get_subscription_count() > 0
         self._clearance_wanted = self._clearance.get_subscription_count() > 0
         self._marks_wanted = self._settings.markers and self._markers.get_subscription_count() > 0
@@ -120,16 +120,16 @@ class Outputs:
         silent: Mapping[str, str],
         pose_stamp_ns: Callable[[str], int | None],
     ) -> None:
-        """Publish a tick: alerts always, as late subscribers get them too, the rest on demand.
+        """Publish a tick: alerts always, because late subscribers get them, the rest on demand.
 
-        Call `look` before.
+        Call `check_demand` first.
 
         Args:
             stamp: of the tick.
             tick: what it found.
-            levels: by a pair's index.
-            changes: of the levels.
-            silent: by a silent body, why it is.
+            levels: by index of the pair.
+            changes: the levels that changed.
+            silent: the reason by silent body.
             pose_stamp_ns: the stamp of a body's pose, by name.
         """
         told = changes
@@ -161,7 +161,7 @@ class Outputs:
             self._send("markers", self._markers, self._marks.message(pairs, levels, stamp))
 
     def publish_parts(self, samples: Mapping[str, PoseSample | None], now_s: float) -> None:
-        """Publish the parts if a viewer has come, or one is there and a body moved since."""
+        """Publish the parts if a viewer came, or if there is one and a body moved since."""
         viewers = self._parts.get_subscription_count() if self._settings.markers else 0
         came, self._viewers = viewers > self._viewers, viewers
         if not viewers or (now_s < self._parts_due_s and not came):
@@ -180,7 +180,7 @@ class Outputs:
             self._parts_due_s = now_s + self._message.period_s
 
     def publish_scene(self) -> None:
-        """Publish what the scene is and what is in force, where that has changed."""
+        """Publish the scene and the settings in force, if they changed."""
         if self._scene_is_new:
             self._scene_is_new = False
             message = self._scene_message.message(self._settings, self._deforming)
@@ -192,22 +192,22 @@ class Outputs:
             self._send("poses", self._poses, self._poses_message.serialised(samples, stamp))
 
     def reshape(self, name: str) -> None:
-        """Have the parts built anew before they are shown again: the body's vertices moved."""
+        """Rebuild the parts before they are shown again, because the body's vertices moved."""
         self._scene_is_new |= name not in self._deforming
         self._deforming.add(name)
         self._message = None
         self._shown.clear()
 
     def take_down(self, stamp: Time) -> None:
-        """Remove the marks from viewers' pictures; the parts stay."""
+        """Remove the markers from viewers; the parts stay."""
         if self._markers.get_subscription_count():
             self._markers.publish(self._marks.farewell(stamp))
 
     def destroy(self) -> None:
         """Destroy the publishers, once the last state has arrived.
 
-        What is still under way when its publisher goes is lost: one message in four, as measured
-        where six processes share two cores.
+        A message that is still under way when its publisher goes is lost: one in four, measured
+        with six processes on two cores.
         """
         until = time.monotonic() + LAST_WORD_S
         for publisher in (self._closest, self._clearance, self._markers):
@@ -215,7 +215,7 @@ class Outputs:
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 log = self._node.get_logger()
                 log.warning(f"{publisher.topic_name}: not all who listen have the last message")
-        # Fast DDS asks for the receipt of what has a longer history every three seconds only.
+        # Fast DDS asks whether a longer history was received only every three seconds.
         self._alerts.wait_for_all_acked(Duration(seconds=0.02))
         for publisher in self._publishers:
             self._node.destroy_lifecycle_publisher(publisher)

@@ -20,10 +20,10 @@ _END_S = 10.0
 
 
 class PageProcess:
-    """Runs the display, and says where it is as soon as that is known."""
+    """Runs the display, and reports its address once that is known."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        """Start it; `say` is told a line for people, from another thread."""
+        """Start it; another thread calls `say` with a line for people."""
         self._say = say
         self._stopping = False
         self._process = subprocess.Popen(

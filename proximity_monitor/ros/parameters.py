@@ -1,8 +1,8 @@
-"""The monitor's parameters: what they are, what they may be, and the settings they give.
+"""The monitor's parameters, their legal values, and the settings that follow from them.
 
 Four of them override the scene file: ``rate_hz``, ``budget_ms``, ``rel_err`` and ``abs_err``. Their
-default, -1, means "as the scene file says". What depends on the scene becomes parameters when the
-node is configured, so that what they show is what is in force (`scene_parameters`). All lengths are
+default, -1, means "as the scene file says". Parameters that depend on the scene are declared when
+the node is configured, so that they show what is in force (`scene_parameters`). All lengths are
 metres.
 """
 
@@ -22,11 +22,11 @@ AS_SCENE = -1.0
 """The value of an overriding parameter that leaves the scene file's value in force."""
 
 FURTHEST = 1e6
-"""Metres; thresholds and tolerances beyond it are slips of the keyboard."""
+"""Metres; larger thresholds and tolerances are typing errors."""
 
 
 class Spec(NamedTuple):
-    """What a parameter is, and what it may be."""
+    """A parameter and its legal values."""
 
     default: Any
     text: str
@@ -36,7 +36,7 @@ class Spec(NamedTuple):
     overrides: bool = False  # AS_SCENE means the scene file's value
 
     def descriptor(self) -> ParameterDescriptor:
-        """Return what the parameter services say of it."""
+        """Return its description for the parameter services."""
         made = ParameterDescriptor(description=self.text)
         if isinstance(self.default, float):
             low = AS_SCENE if self.overrides else self.low
@@ -122,7 +122,7 @@ SPECS: Mapping[str, Spec] = {
 
 
 def declare(node: Node) -> None:
-    """Declare the parameters that exist whatever the scene.
+    """Declare the parameters that exist for every scene.
 
     Raises:
         rclpy.exceptions.ParameterException: a value given at start is of another type or out of
@@ -134,7 +134,7 @@ def declare(node: Node) -> None:
 
 
 def declare_one(node: Node, name: str, default: Any, descriptor: ParameterDescriptor) -> None:
-    """Declare a parameter; where it is a real number, it may be given as a whole one, too.
+    """Declare a parameter; a real one may be given as a whole number, too.
 
     Raises:
         rclpy.exceptions.ParameterException: a value given at start is of another type or out of
@@ -152,7 +152,7 @@ def declare_one(node: Node, name: str, default: Any, descriptor: ParameterDescri
 
 
 def _with_real_numbers(node: Node, changes: Sequence[Parameter]) -> list[Parameter]:
-    """Return changes with whole numbers made real where the parameter is a real one."""
+    """Return changes, with whole numbers made real for real parameters."""
     return [
         Parameter(change.name, value=float(change.value))
         if change.type_ is Parameter.Type.INTEGER
@@ -163,16 +163,16 @@ def _with_real_numbers(node: Node, changes: Sequence[Parameter]) -> list[Paramet
 
 
 def values(node: Node) -> dict[str, Any]:
-    """Return the parameters that exist whatever the scene, by name."""
+    """Return the parameters that exist for every scene, by name."""
     return {name: node.get_parameter(name).value for name in SPECS if node.has_parameter(name)}
 
 
 def refusal(values: Mapping[str, Any], changed: Sequence[str]) -> str:
-    """Return why the values cannot be in force; empty if they can.
+    """Return why the values are illegal; empty if they are legal.
 
     Args:
         values: parameters by name.
-        changed: the names that are new, for which each value is judged by itself.
+        changed: the names whose values are new and judged one by one.
     """
     for name in changed:
         value = values[name]

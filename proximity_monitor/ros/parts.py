@@ -1,14 +1,13 @@
 """The parts as mesh markers for ~/parts: one latched message with every body.
 
-A marker has no way to move without its mesh being sent again, and a transform on /tf would need
-tf2_msgs, which pip cannot install. A message of rclpy has a Python object for each corner, 50 ms
-for 12,000 triangles and seconds for a million. So rclpy serialises one triangle a body, and the
-corners are spliced into that as numpy has them: every corner is 24 bytes, so nothing else in the
-message moves against the eight bytes that numbers are aligned to. After that only the poses are
-overwritten. The message is built when the first viewer appears; it is published when one appears
-and, while there is one, up to five times a second if a body moved. Every message is complete, so
-the latched one is right for whoever comes late. The stamp is zero, which viewers take as "now": the
-message is older than the poses in it.
+A marker cannot move without its mesh being sent again, and a transform on /tf would need tf2_msgs,
+which pip cannot install. A message of rclpy has a Python object for each corner: 50 ms for 12,000
+triangles and seconds for a million. So rclpy serialises one triangle a body, and the corners are
+spliced in from numpy arrays. Every corner is 24 bytes, so the eight-byte alignment of everything
+else stays the same. After that only the poses are overwritten. The message is built for the first
+viewer. It is published when a viewer appears and, while there is one, up to five times a second if
+a body moved. Every message is complete, so the latched one is right for late viewers. The stamp is
+zero, which viewers take as "now": the message is older than the poses in it.
 """
 
 from __future__ import annotations
@@ -28,8 +27,11 @@ from proximity_monitor.scene import Body
 RATE_HZ = 5.0
 """Smooth enough to see where a part is; the distances come at the monitor's own rate."""
 
+ROUNDNESS = 0.005
+"""How far the triangles that show a body may be from its surface, in radii of the body."""
+
 BYTES_PER_S = 20e6
-"""Where the message is so large that five a second would pass this, it is published less often."""
+"""Larger messages, of which five a second would exceed this, are published less often."""
 
 _ENCAPSULATION = 4  # bytes before the body of a serialised message; alignment counts from there
 _PENDING = 0x70617274  # an action that no marker has: marks the place to overwrite
@@ -48,7 +50,7 @@ class PartsMessage:
     """The serialised marker array of all bodies; poses are written into it."""
 
     def __init__(
-        self, bodies: Sequence[Body], models: Mapping[str, engine.TriangleMesh], frame: str
+        self, bodies: Sequence[Body], models: Mapping[str, engine.Model], frame: str
     ) -> None:
         """Build the message; a body is not shown until `place` gives it a pose.
 
@@ -58,10 +60,10 @@ class PartsMessage:
         self._index = {body.name: i for i, body in enumerate(bodies)}
         template = _Template(bodies, frame)
         corners = [
-            drawn.vertices[drawn.faces].reshape(-1, 3)
-            for drawn in (models[body.name].tessellated() for body in bodies)
+            model.display_mesh(ROUNDNESS * model.radius).corners().reshape(-1, 3)
+            for model in (models[body.name] for body in bodies)
         ]
-        # What the splice does is seen on two triangles of each body, which are soon read.
+        # Two triangles of each body show whether the splice works, and are read quickly.
         self._bytes, self._places = template.filled([each[:6] for each in corners])
         self._prove([each[:6] for each in corners])
         self._bytes, self._places = template.filled(corners)

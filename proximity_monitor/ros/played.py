@@ -1,4 +1,4 @@
-"""Messages of what the player plays."""
+"""The player's messages."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FIELDS = [
 
 
 def set_pose(message: Pose, pose: np.ndarray) -> Pose:
-    """Write a pose (4, 4) in metres into a message, and return that."""
+    """Write a pose (4, 4) in metres into a message, and return the message."""
     place, turn = message.position, message.orientation
     place.x, place.y, place.z = pose[:3, 3].tolist()
     turn.x, turn.y, turn.z, turn.w = to_quaternion(pose[:3, :3])

@@ -23,21 +23,20 @@ from proximity_monitor.scene import Scene, load_scene
 from proximity_monitor.scene.opening import find_scene
 
 LEAST = 10.0
-"""Hertz: more slowly, the poses of a scene with a low rate would be stale before the next ones."""
+"""Hertz: at a lower rate poses could be stale before the next ones come."""
 
 _NOBODY = Parameter("released", Parameter.Type.STRING_ARRAY, [])
 
 
 class ProximityPlayer(Node):
-    """Publishes what the effects of a scene move, stamped with the node's clock.
+    """Publishes all that the effects of a scene move, stamped with the node's clock.
 
-    That is the PoseStamped of each driven body or robot's root on its topic or, with ``bulk``, one
-    PoseArray on ``poses`` with all moving bodies in the scene's order; a JointState with the driven
-    joints on the topic of their robot; the vertices of each deforming body as PointCloud2 on
-    ``bodies/NAME/vertices``.
-
-    Bodies that are named in the parameter ``released``, which can change while it runs, are left
-    out: a hand, or another node, moves them meanwhile. In bulk that cannot be.
+    These are: the PoseStamped of each driven body or robot's root on its topic or, with ``bulk``,
+    one PoseArray on ``poses`` with all moving bodies in the scene's order; a JointState with the
+    driven joints on the topic of their robot; the vertices of each deforming body as PointCloud2 on
+    ``bodies/NAME/vertices``. Bodies that are named in the parameter ``released``, which can change
+    at any time, are left out, because a hand or another node moves them. In bulk that is
+    impossible.
 
     Parameters that are read at start: ``scene`` (file or bundled name), ``rate_hz`` (messages a
     second and body; -1: the scene's rate, at least `LEAST`), ``speed`` (seconds of motion in a
@@ -50,11 +49,11 @@ class ProximityPlayer(Node):
         """Load the scene and start to publish.
 
         Args:
-            moves: the motion of the scene, where it is made already.
+            moves: the motion of the scene, if it exists already.
             node_options: for `rclpy.node.Node`, such as parameter_overrides.
 
         Raises:
-            ValueError, OSError: of the scene, its motion or a parameter; the message says which.
+            ValueError, OSError: the scene, its motion or a parameter is bad; the message says.
         """
         super().__init__("proximity_player", **node_options)
         try:
@@ -64,7 +63,7 @@ class ProximityPlayer(Node):
         descriptions = Descriptions(self)
         scene = load_scene(find_scene(values["scene"]), descriptions.wait)
         descriptions.forget()
-        with interruptible():  # it may read a long recording, or simulate what is left out
+        with interruptible():  # it may read a long recording, or simulate the part that is left out
             self._motion = moves if moves is not None else motion.from_scene(scene, live=True)
             self._motion.seek(values["seek_s"])
         self._frame = values["fixed_frame"] or scene.frame
@@ -118,7 +117,7 @@ class ProximityPlayer(Node):
         return {name: self.get_parameter(name).value for name in (*number, *other)}
 
     def _advertise(self, scene: Scene, bulk: bool) -> None:
-        """Make a publisher for everything that the motion drives, and for nothing else."""
+        """Make a publisher for each thing that the motion drives."""
         driven = set(self._motion.bodies)
         moving = [body.name for body in scene.bodies if body.moving]
         posed = {body.name: body.topic for body in scene.bodies if body.topic is not None}
@@ -150,7 +149,7 @@ class ProximityPlayer(Node):
         }
         self._vertices = {
             name: self.create_publisher(PointCloud2, f"bodies/{name}/vertices", LATEST)
-            for name in self._motion.vertices(self._seek_s)
+            for name in self._motion.control_points(self._seek_s)
         }
 
     def _publish(self) -> None:
@@ -169,7 +168,7 @@ class ProximityPlayer(Node):
             for output in self._joints.values():
                 output.publish(joints)
         if self._vertices:
-            for name, vertices in self._motion.vertices(t).items():
+            for name, vertices in self._motion.control_points(t).items():
                 cloud = as_cloud(vertices, Header(stamp=stamp, frame_id=name))
                 self._vertices[name].publish(cloud)
 
@@ -182,9 +181,7 @@ class ProximityPlayer(Node):
                 if name not in released:
                     set_pose(message.pose, pose)
                     self._outputs[name].publish(message)
-        elif len(poses) == len(
-            self._order
-        ):  # or else one has no pose yet, and nothing stands for it
+        elif len(poses) == len(self._order):  # else one has no pose yet, and no value means that
             message = PoseArray(header=header)
             message.poses = [set_pose(Pose(), poses[name]) for name in self._order]
             self._bulk.publish(message)

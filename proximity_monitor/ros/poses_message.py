@@ -1,23 +1,21 @@
-"""The poses that a tick spoke of: ``~/poses``, a `geometry_msgs/PoseArray` with the tick's stamp.
+"""The poses of a tick: ``~/poses``, a `geometry_msgs/PoseArray` with the tick's stamp.
 
-One pose a moving body, in the scene's order; that of a body without a pose is all zeros, which no
-pose is. Sources are many (a topic a body, arrays, joints, transforms, attachments), and these are
-what became of them, so a viewer shows the bodies where the numbers of the same stamp saw them. The
-message is written as bytes: rclpy takes some 20 microseconds for each pose it is given.
+One pose a moving body, in the scene's order; all zeros, which is no pose, stand for a body without
+one. Poses come from many sources (topics, arrays, joints, transforms, attachments), and these are
+the results, so a viewer shows the bodies where the tick of the same stamp saw them. The message is
+written as bytes, because rclpy takes some 20 µs for each pose.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from builtin_interfaces.msg import Time
 
+from proximity_monitor import cdr
 from proximity_monitor.ros.parts import to_quaternion
 from proximity_monitor.scene.state import PoseSample
-
-_LITTLE_ENDIAN_CDR = b"\x00\x01\x00\x00"
 
 
 class PosesMessage:
@@ -28,10 +26,7 @@ class PosesMessage:
         self._names = tuple(moving)
         self._shown: dict[str, np.ndarray | None] = {}
         self._numbers = np.zeros((len(self._names), 7), "<f8")
-        name = frame.encode() + b"\0"
-        length = 12 + len(name)  # bytes of the body up to here; the array's length is aligned to 4
-        self._head = struct.pack("<I", len(name)) + name + bytes(-length % 4)
-        self._head += struct.pack("<I", len(self._names))
+        self._head = cdr.text(frame) + cdr.count(len(self._names))
         self._head += bytes(-(8 + len(self._head)) % 8)  # 8: the stamp; numbers are aligned to 8
 
     def serialised(self, samples: Mapping[str, PoseSample | None], stamp: Time) -> bytes:
@@ -44,5 +39,4 @@ class PosesMessage:
                 self._numbers[i] = (
                     0.0 if pose is None else (*pose[:3, 3], *to_quaternion(pose[:3, :3]))
                 )
-        time = struct.pack("<iI", stamp.sec, stamp.nanosec)
-        return _LITTLE_ENDIAN_CDR + time + self._head + self._numbers.tobytes()
+        return cdr.stamped(stamp.sec, stamp.nanosec) + self._head + self._numbers.tobytes()

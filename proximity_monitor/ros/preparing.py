@@ -1,7 +1,7 @@
-"""What a node says while it gets ready, which takes a minute where kernels are compiled.
+"""Progress of a node that gets ready, which takes a minute if kernels must be compiled.
 
-Getting ready keeps the main thread busy, so another one speaks. It is not interrupted by signals,
-which come to the main thread alone.
+Getting ready keeps the main thread busy, so another thread reports. Signals do not interrupt it,
+because they come to the main thread only.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Qualities of service, and the count of peers whose own do not fit."""
+"""Quality of service, and a count of peers whose own does not fit."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def dump(recording: Recording, folder: str, node: str, frame: str) -> list[Path]:
-    """Write a recording into a new folder of its own and return the paths of what is there.
+    """Write a recording into a new folder of its own and return the paths of its files.
 
     Args:
         recording: what to write.
@@ -29,13 +29,13 @@ def dump(recording: Recording, folder: str, node: str, frame: str) -> list[Path]
 
     Raises:
         OSError: a file or folder cannot be written.
-        ImportError: rosbags is not installed; the CSV files are there all the same, as the message
-            says.
+        ImportError: rosbags is not installed; the CSV files are written all the same, as the
+            message says.
     """
     name = f"{node.strip('/').replace('/', '_')}_{time.strftime('%Y%m%d_%H%M%S')}"
     try:
         parent = Path(folder or ".").expanduser().resolve()
-    except RuntimeError as error:  # of "~name" where nobody has that name
+    except RuntimeError as error:  # "~name", and nobody has that name
         raise FileNotFoundError(f"recording_dir {folder}: {error}") from error
     made = _new_folder(parent, name)
     tables = recording.write_csv(made)
@@ -62,7 +62,7 @@ def _new_folder(parent: Path, name: str) -> Path:
 
 
 def _write_bag(recording: Recording, path: Path, node: str, frame: str) -> Path:
-    """Write the clearance and the alerts with the types and topics that they were published on."""
+    """Write the clearance and the alerts with their published types and topics."""
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 

@@ -25,8 +25,6 @@ when a body's vertices arrive for the first time.
 from __future__ import annotations
 
 import json
-import struct
-import zlib
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
@@ -39,15 +37,15 @@ from proximity_monitor.scene.description import Point
 
 
 class SceneMessage:
-    """Makes the message; what does not change is found once."""
+    """Makes the message; its constant parts are made once."""
 
     def __init__(
         self,
         scene: Scene,
-        models: Mapping[str, engine.TriangleMesh],
+        models: Mapping[str, engine.Model],
         full_name: Callable[[str], str],
     ) -> None:
-        """Take the scene that is watched, its meshes, and what returns a topic's full name."""
+        """Take the scene that is watched, its models, and what returns a topic's full name."""
         self._scene = scene
         self._bodies = [_body(body, models[body.name], full_name) for body in scene.bodies]
         self._own = [i for i, pair in enumerate(scene.pairs) if pair.own_thresholds]
@@ -92,21 +90,15 @@ class SceneMessage:
         return String(data=json.dumps(told))
 
 
-def _body(body: Body, mesh: engine.TriangleMesh, full_name: Callable[[str], str]) -> dict[str, Any]:
+def _body(body: Body, model: engine.Model, full_name: Callable[[str], str]) -> dict[str, Any]:
     return {
         "name": body.name,
         "moving": body.moving,
-        # Whoever reads this may have another namespace, and other names for topics.
+        # A reader may have another namespace, and other names for topics.
         "topic": None if body.topic is None else full_name(body.topic),
         "point": isinstance(body.primitive, Point),
-        "mesh": _digest(mesh),
+        "mesh": model.digest(),
     }
-
-
-def _digest(mesh: engine.TriangleMesh) -> str:
-    """Tells one shape from another."""
-    radius = struct.pack("<d", mesh.swept_radius)
-    return f"{zlib.crc32(radius, zlib.crc32(mesh.faces, zlib.crc32(mesh.vertices))):08x}"
 
 
 def _limits(limits: Thresholds) -> dict[str, float]:

@@ -1,14 +1,12 @@
-"""The parameters that a scene brings along, and the settings that follow from all of them.
+"""The parameters that depend on the scene, and the settings that follow from all parameters.
 
 ``thresholds.warn|stop|hysteresis|hold_s`` are of all pairs without thresholds of their own in the
 scene file, and ``pairs.<a>.<b>.warn|...`` of each pair with its own; the scene file's values are
 the defaults. To move ``warn`` below the present ``stop``, or the other way round, set both in one
-atomic call. ``attachments.<child>`` names the body that a moving body hangs on, and is empty where
-it hangs on none: so an assembly step is a call of the standard parameter service, is answered with
-the reason where it is refused, and is written down where a node is started from a file. (Of the
-standard services none takes two names.)
-
-What is given at start may name the bodies of a pair in either order; what names nothing is told.
+atomic call. ``attachments.<child>`` names the body that a moving body is attached to, and is empty
+if there is none. So an assembly step is a call of the standard parameter service, a refusal says
+why, and a parameter file can hold it. (No standard service takes two names.) Parameters that are
+given at start may name the bodies of a pair in either order; names that match nothing are reported.
 """
 
 from __future__ import annotations
@@ -28,7 +26,7 @@ from proximity_monitor.scene import Scene, Thresholds
 from proximity_monitor.scene.attachments import Attachments
 
 MAX_PAIRS = 100
-"""So many pairs' own thresholds become parameters; where a scene has more, none of these does: a
+"""How many pairs' own thresholds may become parameters. If a scene has more, none of them does: a
 million parameters would take hours to declare and serve nobody."""
 
 _LIMITS = {"warn": "m", "stop": "m", "hysteresis": "m", "hold_s": "s"}
@@ -36,7 +34,7 @@ _LONGEST_HOLD_S = 3600.0
 
 
 class Settings(NamedTuple):
-    """What is in force, parameters and scene file taken together. SI units."""
+    """The settings in force, from parameters and scene file together. SI units."""
 
     rate_hz: float
     budget_s: float
@@ -55,7 +53,7 @@ class Settings(NamedTuple):
     thresholds: tuple[Thresholds, ...]
     """One a watched pair."""
     attachments: Mapping[str, str]
-    """By the attached body's name the one that it hangs on."""
+    """The parent by attached body."""
 
 
 class SceneParameters:
@@ -72,7 +70,7 @@ class SceneParameters:
         self._scene = scene
         own = [i for i, pair in enumerate(scene.pairs) if pair.own_thresholds]
         self.unadjustable = len(own) if len(own) > MAX_PAIRS else 0
-        """How many pairs have thresholds of their own that no parameter shows."""
+        """How many pairs have thresholds of their own without parameters."""
         self._groups = {"thresholds": scene.thresholds}
         self._own: dict[int, str] = {}
         if not self.unadjustable:
@@ -96,7 +94,7 @@ class SceneParameters:
         self._tell_overrides_of_nothing()
 
     def undeclare(self) -> None:
-        """Remove those that are declared."""
+        """Remove the declared ones."""
         for name in self._names():
             if self._node.has_parameter(name):
                 self._node.undeclare_parameter(name)
@@ -117,7 +115,7 @@ class SceneParameters:
         return SetParametersResult(successful=not reason, reason=reason)
 
     def settings(self) -> Settings:
-        """Return what is in force."""
+        """Return the settings in force."""
         scene, values = self._scene, parameters.values(self._node)
 
         def chosen(name: str, otherwise: Any) -> Any:
@@ -151,7 +149,7 @@ class SceneParameters:
             self._node.declare_parameter(f"{_ATTACHMENTS}{child}", "", descriptor)
 
     def _turn_overrides(self) -> None:
-        """Let what is given for pairs.b.a.* be given for pairs.a.b.*, as the pair is called."""
+        """Take values that are given for pairs.b.a.* as values of pairs.a.b.*."""
         for i in self._own:
             pair = self._scene.pairs[i]
             for limit in _LIMITS:

@@ -26,8 +26,8 @@ class Services:
             node: whose services they are.
             reset: forgets the session's minima; returns what to answer, as do the others.
             pause: pauses the watch, or lets it go on.
-            dump: writes the recording while the watch goes on; what it returns raises OSError or
-                ImportError where it cannot.
+            dump: writes the recording while the watch goes on; its future raises OSError or
+                ImportError if it fails.
         """
         self._node = node
 
@@ -47,7 +47,7 @@ class Services:
                 node.get_logger().error(f"dump_recording: {error}")
             return response
 
-        # In a group of its own: until it is answered, nothing else of its group is called.
+        # In a callback group of its own: until it is answered, nothing else in its group is called.
         alone = MutuallyExclusiveCallbackGroup()
         self._services = [
             node.create_service(Trigger, "~/reset_minima", on_reset),
@@ -56,8 +56,8 @@ class Services:
         ]
 
     def destroy(self) -> None:
-        """Answer no more."""
+        """Destroy the services."""
         for service in self._services:
-            # A dump may still be going on: rclpy raises where it answers for what is gone.
+            # A dump may still be going on; rclpy raises when it answers for a destroyed service.
             service.send_response = lambda *_: None
             self._node.destroy_service(service)

@@ -1,4 +1,4 @@
-"""A configured monitor: what it holds, and its tick, which gathers, decides and publishes."""
+"""A configured monitor and its tick, which gathers, decides and publishes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from proximity_monitor import engine
 from proximity_monitor.engine import compiling
 from proximity_monitor.ros import spin
 from proximity_monitor.ros.cloud_bodies import CloudBodies
-from proximity_monitor.ros.diagnostics import Health, State
+from proximity_monitor.ros.diagnostics import Health, NodeState
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.outputs import Outputs
 from proximity_monitor.ros.pace import Pace
@@ -35,34 +35,34 @@ from proximity_monitor.ros.whereabouts import Whereabouts
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
 from proximity_monitor.scene.attachments import Samples
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.recording import Recording
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import NO_POSE_YET, Tick
 from proximity_monitor.scene.unseen import Unseen, unseen_containment
 
 SLICE_S = 0.2
-"""A longer budget is spent in slices of this, so that a signal ends the node in good order, with
-what it knows published, and not when the budget is over."""
+"""A longer budget is spent in slices of this length, so that a signal ends the node soon and in
+good order, with its knowledge published."""
 
 LOGGED = 20
-"""So many changes of one tick are written to the log, each with a line."""
+"""How many changes of one tick are logged, a line each."""
 
 
 class Session:
     """Everything that lives from configure to cleanup.
 
-    Ticks and diagnostics are timed by the steady clock, so that they go on where simulated time
-    stands still; stamps, and the age of poses, are of the node's clock.
+    The steady clock times ticks and diagnostics, so that they go on while simulated time stands
+    still; stamps and the ages of poses are measured by the node's clock.
     """
 
     def __init__(self, node: LifecycleNode, scene: Scene, settings: Settings) -> None:
-        """Create the publishers; all else is created by `prepare`, and ticking begins by `start`.
+        """Create the publishers; `prepare` creates everything else, and `start` begins to tick.
 
         Args:
-            node: whose they are.
+            node: creates them.
             scene: what to watch.
-            settings: in force to begin with.
+            settings: in force at first.
         """
         self.scene = scene
         self.settings = settings
@@ -96,10 +96,10 @@ class Session:
     def prepare(self) -> None:
         """Load the models, get the search ready, and listen.
 
-        The topics are there meanwhile, and the diagnostics say that it compiles, if it does.
+        The topics exist meanwhile, and the diagnostics say so if kernels are compiled.
 
         Raises:
-            OSError, ValueError: a model cannot be used, or a parameter cannot be in force.
+            OSError, ValueError: a model cannot be used, or a parameter's value is illegal.
             KeyboardInterrupt: a signal came.
         """
         node, scene, settings = self._node, self.scene, self.settings
@@ -118,7 +118,7 @@ class Session:
             settings,
             self._inputs,
             self._incompatible,
-            set_vertices=self._set_vertices,
+            deform=self._deform,
             on_poses=self._on_poses,
         )
         self._clouds = CloudBodies(
@@ -150,7 +150,7 @@ class Session:
         if first or before.thresholds != settings.thresholds:
             self._monitor.set_thresholds(settings.thresholds)
         if _effort(before) != _effort(settings):
-            self._health.timing.forget_window()  # so that the next percentiles are of the new ones
+            self._health.timing.forget_window()  # its percentiles are of the old ones
         if before.rate_hz != settings.rate_hz:
             self._pace.limit(settings.rate_hz)
             if not self._ticking.is_canceled():
@@ -165,7 +165,7 @@ class Session:
         self._restart(1.0)
 
     def stop(self) -> None:
-        """Tick no more, and take down what viewers show of the last tick."""
+        """Stop ticking, and remove the last tick's markers from viewers."""
         self._ticking.cancel()
         self._outputs.take_down(self._node.get_clock().now().to_msg())
 
@@ -178,15 +178,14 @@ class Session:
             self._services.destroy()
             for timer in (self._ticking, self._seconds):
                 self._node.destroy_timer(timer)
-            self._monitor.close()
         self._outputs.destroy()
         self._node.destroy_publisher(self._diagnostics)
-        # Each callback is a cycle, and Python never looks for cycles in what was there when `spin`
-        # began: meshes and search trees would stay for good.
+        # Each callback is a reference cycle, and Python never collects cycles of objects that
+        # existed when `spin` began: meshes and search trees would stay for good.
         vars(self).clear()
 
     def _restart(self, periods: float) -> None:
-        """Have the timer end after so many periods from now, and again and again."""
+        """Let the timer ring every so many periods from now on."""
         self._late = periods > 1.0
         self._ticking.timer_period_ns = int(1e9 * periods / self.settings.rate_hz)
         self._ticking.reset()
@@ -198,10 +197,11 @@ class Session:
             self._step()
 
     def _on_poses(self) -> None:
-        """Tick at once where all bodies have new poses.
+        """Tick at once if all bodies have new poses.
 
-        The timer then gives the next poses half a period more: where they come at the very rate, it
-        would else end just before they do, and its tick, which finds nothing new, have them wait.
+        The timer then waits half a period longer for the next poses. If they come at just the tick
+        rate, it would otherwise ring just before them, and its tick, which finds nothing new, would
+        keep them waiting.
         """
         if (
             self.settings.tick_on_pose
@@ -255,31 +255,31 @@ class Session:
         self._where.clock.pardon(ended - started)
 
     def _search(self, samples: Samples, silent: Mapping[str, str]) -> Tick:
-        """Spend the budget, or as much of it as there is time for before a signal."""
-        distances = self._outputs.look() or self.settings.record_distances
+        """Spend the budget, or less if a signal comes."""
+        distances = self._outputs.check_demand() or self.settings.record_distances
         self._distance_ticks += distances
-        budget, spent, looked_at = self.settings.budget_s, 0.0, ()
+        budget, spent, searched = self.settings.budget_s, 0.0, ()
         while True:
             left_s = budget - spent
             tick = self._monitor.tick(
                 samples, min(left_s, SLICE_S), silent=silent, distances=distances
             )
             spent += tick.elapsed_s
-            looked_at += tick.looked_at
-            # A slice ends a little early: what closes a tick is set aside.
+            searched += tick.searched
+            # A slice ends a little early, because a tick sets time aside for its end.
             if not tick.left or left_s <= SLICE_S or spent >= budget or spin.asked_to_stop():
                 break
         if left_s == budget:
             return tick
-        return replace(tick, elapsed_s=spent, budget_s=budget, looked_at=looked_at)
+        return replace(tick, elapsed_s=spent, budget_s=budget, searched=searched)
 
-    def _replace_model(self, name: str, model: engine.TriangleMesh) -> None:
+    def _replace_model(self, name: str, model: engine.Model) -> None:
         self._models[name] = model
         self._monitor.replace_model(name, model)
         self._outputs.reshape(name)
 
-    def _set_vertices(self, name: str, vertices: np.ndarray) -> None:
-        self._monitor.set_vertices(name, vertices)
+    def _deform(self, name: str, points: np.ndarray) -> None:
+        self._monitor.deform(name, points)
         self._outputs.reshape(name)
 
     def _log(self, changes: Sequence[Alert]) -> None:
@@ -295,7 +295,7 @@ class Session:
             logger.warning(f"and {len(changes) - LOGGED} more pairs changed their state")
 
     def _say_progress(self, progress: compiling.Progress) -> None:
-        """Tell that it is not ready yet, and why not."""
+        """Publish that it is not ready yet, and why."""
         doing = "preparing the search"
         if progress.started:
             doing = str(progress)
@@ -339,7 +339,7 @@ class Session:
         refused_joints: Mapping[str, int],
     ) -> None:
         """Publish the diagnostics."""
-        state = State(
+        state = NodeState(
             activity=activity,
             settings=self.settings,
             tick=self._tick,
@@ -375,14 +375,14 @@ class Session:
         return "running again"
 
     def _dump_recording(self) -> Future:
-        """Write in a thread: a full recording takes seconds, in which the watch goes on."""
+        """Write in a thread: a full recording takes seconds, and the watch goes on meanwhile."""
         name, settings = self._node.get_fully_qualified_name(), self.settings
         taken, done = self._recording.snapshot(), Future(executor=self._node.executor)
 
         def write() -> None:
             try:
                 paths = dump(taken, settings.recording_dir, name, settings.frame)
-            except Exception as error:  # whatever it is, who awaits it raises it
+            except Exception as error:  # any error; it is raised where the future is awaited
                 done.set_exception(error)
             else:
                 done.set_result(", ".join(map(str, paths)))
@@ -392,5 +392,5 @@ class Session:
 
 
 def _effort(settings: Settings) -> tuple[float | None, ...]:
-    """What decides how long a search takes."""
+    """The settings that decide how long a search takes."""
     return settings.budget_s, settings.rel_err, settings.abs_err

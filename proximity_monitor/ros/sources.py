@@ -1,4 +1,4 @@
-"""The monitor's subscriptions: what arrives is checked, kept or counted, and nothing more.
+"""The monitor's subscriptions: messages are checked, then kept, or refused and counted.
 
 Poses come one body a message on each body's topic, all in one `geometry_msgs/PoseArray` on
 ``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, whose
@@ -27,7 +27,7 @@ from proximity_monitor.ros.qos import LATEST, POSES, TRANSFORMS, Incompatible
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene import Scene
 
-SetVertices = Callable[[str, np.ndarray], None]
+Deform = Callable[[str, np.ndarray], None]
 
 
 class Sources:
@@ -37,24 +37,24 @@ class Sources:
         self,
         node: Node,
         scene: Scene,
-        models: Mapping[str, engine.TriangleMesh],
+        models: Mapping[str, engine.Model],
         settings: Settings,
         inputs: Inputs,
         incompatible: Incompatible,
         *,
-        set_vertices: SetVertices,
+        deform: Deform,
         on_poses: Callable[[], None],
     ) -> None:
         """Subscribe.
 
         Args:
-            node: whose subscriptions they are.
-            scene: says which topics there are.
-            models: by body; those of deforming bodies say how many vertices are expected.
-            settings: of the frame and of which sources to use.
+            node: creates the subscriptions.
+            scene: gives the topics.
+            models: by body; those of deforming bodies say how many points are expected.
+            settings: give the frame and the sources to use.
             inputs: keeps the poses.
             incompatible: counts publishers that do not fit.
-            set_vertices: takes a deforming body's name and vertices, (n, 3) metres.
+            deform: takes a deforming body's name and control points, (n, 3) metres.
             on_poses: called after each message that may have brought poses.
 
         Raises:
@@ -64,17 +64,17 @@ class Sources:
         self._node = node
         self._inputs = inputs
         self._frame = settings.frame
-        self._set_vertices = set_vertices
+        self._deform = deform
         self._on_poses = on_poses
         self._incompatible = incompatible
         self._subscriptions = []
         self._roots = {robot.name: robot.root for robot in scene.robots if robot.root is not None}
         self._frames = {name: [name] for name in inputs.names}
-        """By a frame on /tf the bodies and robots' roots that it moves."""
+        """The bodies and robots' roots that a frame on /tf moves, by frame."""
         for name, root in self._roots.items():
             self._frames.setdefault(root.frame, []).append(name)
         self.topics: set[str] = set()
-        """Full names of the bodies' own pose topics that are listened to."""
+        """Full names of the bodies' own pose topics."""
         self._subscribe(PoseArray, "poses", self._on_array, POSES, raw=True)
         posed = [(name, root.topic) for name, root in self._roots.items()]
         if settings.body_topics:
@@ -85,7 +85,7 @@ class Sources:
             self.topics.add(made.topic_name)
         for body in scene.bodies:
             if body.deforming:
-                take = partial(self._on_vertices, body.name, len(models[body.name].vertices))
+                take = partial(self._on_vertices, body.name, len(models[body.name].control_points))
                 self._subscribe(PointCloud2, f"bodies/{body.name}/vertices", take, LATEST)
         if transforms is not None:
             self._subscribe(transforms, "/tf", self._on_transforms, TRANSFORMS)
@@ -169,8 +169,8 @@ class Sources:
         if not (np.abs(vertices) <= FURTHEST).all():
             return Reason.TOO_FAR
         try:
-            self._set_vertices(name, vertices)
-        except ValueError:  # such as of a solid that would be open now
+            self._deform(name, vertices)
+        except ValueError:  # such as a solid that would be open now
             return Reason.SHAPE
         self._inputs.keep_shape(name, stamp_ns)
         return None
@@ -179,7 +179,7 @@ class Sources:
         self.take_transforms(message.transforms)
 
     def take_transforms(self, transforms: Iterable[TransformStamped]) -> None:
-        """Keep the transforms to frames of moving bodies and roots; others are nobody's."""
+        """Keep the transforms to frames of moving bodies and roots, and skip the others."""
         for transform in transforms:
             for name in self._frames.get(transform.child_frame_id, ()):
                 p, q = transform.transform.translation, transform.transform.rotation

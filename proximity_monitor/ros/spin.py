@@ -16,18 +16,18 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 POLL_S = 0.1
-"""How long an idle executor waits before it looks whether it should stop: Python's signal handlers
+"""How long an idle executor waits before it checks whether it should stop: Python's signal handlers
 do not run while it waits."""
 
 AGAIN_S = 0.2
-"""After which time a signal interrupts computing that it did not end."""
+"""Seconds after which a signal interrupts a computation that goes on."""
 
 
 class Stop:
     """Whether a signal asked to stop."""
 
     def __init__(self) -> None:
-        """Begin with nothing asked."""
+        """Begin without a signal."""
         self.asked = False
         self.by = ""
         """The signal's name."""
@@ -38,7 +38,7 @@ class Stop:
         if number != signal.SIGALRM:
             self.by = signal.Signals(number).name
         if _computing:
-            # And again soon: an import that is tried under `except BaseException` swallows it.
+            # And again soon: an import under `except BaseException` swallows the interrupt.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
             raise KeyboardInterrupt
 
@@ -48,16 +48,16 @@ _computing = False
 
 
 def asked_to_stop() -> bool:
-    """Return whether a signal asked the program to end: then long work should end early."""
+    """Return whether a signal asked the program to end: long work should then end early."""
     return _current.asked
 
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Let a signal end what runs here with KeyboardInterrupt, as it can take long.
+    """Let a signal end the long computation in this context with KeyboardInterrupt.
 
-    It must be pure computing: an exception in the middle of rclpy's or the middleware's code leaves
-    that broken, so everywhere else a signal waits for the present callback to end.
+    It must be pure computation: an exception in the middle of rclpy's or the middleware's code
+    leaves that broken, so everywhere else a signal waits for the present callback to end.
     """
     global _computing
     if _current.asked:
@@ -66,8 +66,8 @@ def interruptible() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        # The interrupt itself may come up as another error: numba's compiler and readers of files
-        # take whatever is raised below them for a fault of their input.
+        # The interrupt may come up as another error: numba's compiler and readers of files take
+        # whatever is raised below them for a fault in their input.
         if _current.asked:
             raise KeyboardInterrupt from error
         raise
@@ -82,10 +82,9 @@ def interruptible() -> Iterator[None]:
 def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
     """Initialise rclpy for a program that SIGINT and SIGTERM end without an error.
 
-    If it has a `name`, it says in a line that it ended so.
-
-    rclpy's own handlers shut the context down under a callback that is still publishing; with these
-    a tick ends first, and nodes can say goodbye. A process runs one such program at a time.
+    If it has a `name`, it prints a line that it ended so. rclpy's own handlers shut the context
+    down under a callback that is still publishing; with these, a tick ends first, and nodes can
+    clean up. A process runs one such program at a time.
     """
     global _current
     stop = _current = Stop()
@@ -102,22 +101,22 @@ def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
         if stop.asked and name:
             print(f"{name}: ended by {stop.by}", file=sys.stderr, flush=True)
         sys.unraisablehook = complain
-        gc.freeze()  # or Python looks through all objects once more, for half a second, to end
+        gc.freeze()  # else Python searches all objects once more at the end, for half a second
         for kind, handler in zip(kinds, before, strict=True):
             signal.signal(kind, handler)
 
 
 def _unraisable(complain: Callable[[Any], None], told: Any) -> None:
-    """Say nothing of the interrupt where Python cannot raise it, as in a callback from C."""
+    """Do not report the interrupt where Python cannot raise it, as in a callback from C."""
     if not (_current.asked and issubclass(told.exc_type, KeyboardInterrupt)):
         complain(told)
 
 
 def spin(nodes: Sequence[Node], stop: Stop, done: Callable[[], bool] | None = None) -> None:
-    """Run the nodes' callbacks in this thread until a signal came or `done()` is true."""
+    """Run the nodes' callbacks in this thread until a signal comes or `done()` is true."""
     executor = SingleThreadedExecutor()
-    # What is there now, half a million objects of numba most of all, stays to the end: a collection
-    # that looks through it takes longer than many a tick.
+    # All objects that exist now, half a million of them numba's, stay to the end: a collection that
+    # searches them takes longer than many a tick.
     gc.collect()
     gc.freeze()
     try:

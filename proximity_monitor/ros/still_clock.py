@@ -1,8 +1,8 @@
 """A watchdog on simulated time.
 
-The age of an input is a difference of two times of the node's clock. Where that is /clock and
-/clock stands still, nothing grows old any more, so it is watched by steady time. Whether the
-simulation is paused, slow or dead cannot be told apart; the bodies may be anywhere in all cases.
+The age of an input is a difference of two times of the node's clock. If that clock is /clock and it
+stands still, no input ever grows old, so this watchdog measures /clock by steady time. It cannot
+tell a paused simulation from a slow or a dead one; in each case the bodies may be anywhere.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ class StillClock:
         self._now_ns = -1
         self._since_s = time.monotonic()
         self.still = False
-        """What the last `look` found."""
+        """What the last `update` found."""
 
-    def look(self, now_ns: int, timeout_s: float) -> bool:
-        """Look at the clock, which says `now_ns`; return whether that began or ended to be still.
+    def update(self, now_ns: int, timeout_s: float) -> bool:
+        """Take the time `now_ns`; return whether the clock has just stopped or started again.
 
-        It is still when it said the same for longer than `timeout_s` seconds of steady time.
+        It stands still once it has shown one time for more than `timeout_s` seconds of steady time.
         """
         steady_s = time.monotonic()
         if now_ns != self._now_ns:

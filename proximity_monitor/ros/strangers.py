@@ -1,4 +1,4 @@
-"""What is in the graph that should not be: poses of unknown bodies, nodes of the same name."""
+"""Strangers in the graph: poses of unknown bodies, and nodes of the same name."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from rclpy.node import Node
 
 
 def strangers(node: Node, heard: Collection[str]) -> list[tuple[str, bytes]]:
-    """Return the publishers of topics bodies/*/pose, in the node's namespace, not listened to.
+    """Return the publishers of unheard topics bodies/*/pose in the node's namespace.
 
     Args:
-        node: looks at the graph.
-        heard: full names of the topics that somebody listens to.
+        node: knows the graph.
+        heard: full names of the topics that the node listens to.
 
     Returns:
         For each publisher the name of the body, and the publisher's identity in the middleware.

@@ -1,4 +1,4 @@
-"""The demo's picture of a running monitor, made from what it publishes."""
+"""The demo's picture of a running monitor, made from its topics."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from proximity_monitor.motion.motion import counted
 from proximity_monitor.scene import Unit
 
 _STYLES = {"stop": "bold red", "warn": "bold yellow", "stale": "bold magenta", "clear": "green"}
-"""By the state of a pair, the most urgent first."""
+"""The states of pairs, the most urgent first."""
 _COLUMNS = ("pair", "clearance", "status", "state", "session minimum")
 _LENGTHS = (1, 4)
 _ALERTS = 3
-"""So many of the last alerts are shown live, and of each kind in the summary."""
+"""How many of the last alerts are shown live, and of each kind in the summary."""
 
 
 @dataclass
 class Picture:
-    """The last messages of a monitor, and how they read."""
+    """The last messages of a monitor, as text."""
 
     unit: Unit
     what_runs: str
     results: int = 0
-    """Messages of ~/closest_points that came, whether or not they were read."""
+    """How many messages of ~/closest_points came, read or not."""
     alerts: list[DiagnosticStatus] = field(default_factory=list)
     _pairs: list[DiagnosticStatus] = field(default_factory=list)
     _least: dict[str, float] = field(default_factory=dict)
@@ -42,7 +42,7 @@ class Picture:
 
     @property
     def ready(self) -> bool:
-        """Whether there is something true to show: results, and a rate at which they come."""
+        """Whether there is something to show: results and their rate."""
         return bool(self.results) and self._schedule.get("rate_achieved_hz", "nan") != "nan"
 
     def take_points(self, message: DiagnosticArray) -> None:
@@ -57,7 +57,7 @@ class Picture:
         self.alerts.append(message)
 
     def take_diagnostics(self, message: DiagnosticArray) -> None:
-        """Keep what the monitor says about itself, of a message of /diagnostics."""
+        """Keep the monitor's part of a message of /diagnostics."""
         for status in message.status:
             _, _, task = status.name.rpartition(": ")
             if task == "clearance":
@@ -83,7 +83,7 @@ class Picture:
         )
 
     def count(self) -> str:
-        """Return one line: how many pairs there are, and in which states those that are listed."""
+        """Return one line: how many pairs there are, and the states of the listed ones."""
         listed = Counter(_values(status)["state"] for status in self._pairs)
         states = ", ".join(f"{listed[state]} {state}" for state in _STYLES if listed[state])
         if not self._clearance:
@@ -94,10 +94,10 @@ class Picture:
         return f"{watched}: {', '.join(filter(None, (states, far)))}"
 
     def rows(self, limit: int) -> list[tuple[str, ...]]:
-        """Return a text for each column of the pairs that may be nearest, the nearest first.
+        """Return texts, one a column, of the pairs that may be nearest, the nearest first.
 
         Args:
-            limit: of so many pairs at most. Those without a pose come last.
+            limit: how many pairs at most. Those without a pose come last.
         """
         told = [(status.name, _values(status)) for status in self._pairs]
         told.sort(key=_nearness)
@@ -113,9 +113,9 @@ class Picture:
         ]
 
     def changes(self) -> list[str]:
-        """Return a line for each kind of alert: how many there were, and of which pairs, and why.
+        """Return a line for each kind of alert: how many there were, of which pairs, and why.
 
-        The last ones are told; a pair once.
+        Only the last ones are named, and each pair once.
         """
         kinds: dict[str, list[DiagnosticStatus]] = {}
         for alert in self.alerts:
@@ -130,7 +130,7 @@ class Picture:
         return lines
 
     def minima(self, limit: int) -> list[tuple[str, str]]:
-        """Return the pairs that came nearest in the session, and how near; the nearest first."""
+        """Return the smallest clearances of the session with their pairs, the smallest first."""
         known = [(least, name) for name, least in self._least.items() if least < math.inf]
         return [(name, self._length(least)) for least, name in sorted(known)[:limit]]
 
@@ -150,7 +150,7 @@ class Picture:
         head = [Text(self.what_runs, style="dim"), Text(self.header()), Text(self.count())]
         head += [Text(line, style="yellow") for line in self._warnings()]
         last = [Text(f"{a.name}: {a.message}", style="dim") for a in self.alerts[-_ALERTS:]]
-        # Titles and the line beneath them, the line of what is not shown, and the cursor's.
+        # Titles, the line beneath them, the line about further pairs, and the cursor's.
         limit = max(height - len(head) - len(last) - 4, 1)
         table = Table(show_edge=False, pad_edge=False)
         for i, title in enumerate(self._titles()):
@@ -181,7 +181,7 @@ class Picture:
         return [f"  and {more} more pairs, none of them nearer"] if more > 0 else []
 
     def _warnings(self) -> list[str]:
-        """What the diagnostics complain of; they are up to a second older than the pairs."""
+        """The complaints of the diagnostics, which are up to a second older than the pairs."""
         heard = self._silent and all(_values(pair)["state"] != "stale" for pair in self._pairs)
         return [
             f"{task}: {text}"
@@ -195,7 +195,7 @@ def _values(status: DiagnosticStatus) -> dict[str, str]:
 
 
 def _nearness(pair: tuple[str, Mapping[str, str]]) -> tuple[float, float, str]:
-    """By what pairs are sorted: how near they may be, then how near they are, then by name."""
+    """Sorts pairs by their lower bound, then by their upper bound, then by name."""
     name, values = pair
     lower, upper = float(values["lower_m"]), float(values["upper_m"])
     return (math.inf, math.inf, name) if math.isnan(lower) else (lower, upper, name)

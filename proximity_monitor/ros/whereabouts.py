@@ -1,4 +1,4 @@
-"""Where the bodies are at a moment, how sure that is, and which pairs need no watch therefore."""
+"""Where the bodies are, how sure that is, and which pairs therefore need no watch."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from proximity_monitor.ros.cloud_bodies import CloudBodies
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.still_clock import REASON, StillClock
 from proximity_monitor.scene import Scene
-from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.attachments import Attachments, Samples
+from proximity_monitor.scene.relative_motion import Course
 
 
 class Whereabouts:
-    """Puts together what is heard of bodies, what they hang on, and whether time goes on."""
+    """Joins the inputs of bodies, their attachments, and whether time goes on."""
 
     unwatched: Mapping[int, str]
-    """By the index of each pair that is not watched now, why."""
+    """Why pairs are not watched now, by index."""
 
     def __init__(
         self,
@@ -29,11 +29,11 @@ class Whereabouts:
         clouds: CloudBodies,
         ignore: Callable[[Collection[int]], None],
     ) -> None:
-        """Begin with all bodies by themselves.
+        """Begin without attachments.
 
         Args:
-            node: whose clock counts.
-            scene: of the bodies and pairs.
+            node: its clock counts.
+            scene: gives bodies and pairs.
             inputs: the poses, and how fresh they are.
             clouds: the bodies that are point clouds.
             ignore: takes the pairs that need no watch from now on.
@@ -55,7 +55,7 @@ class Whereabouts:
         }
 
     def samples(self, now_ns: int) -> Samples:
-        """Return the poses of all moving bodies: of attached ones and of clouds as carried."""
+        """Return the poses of all moving bodies; attached ones and clouds are carried."""
         self._look_at_clock(now_ns)
         samples = self.attachments.carry(self._inputs.samples(now_ns))
         held = self.attachments.held
@@ -66,13 +66,13 @@ class Whereabouts:
         return samples
 
     def silent(self, samples: Samples, now_ns: int) -> dict[str, str]:
-        """Return by each body that is not to be relied on, why."""
+        """Return why bodies are not to be relied on, by name."""
         if self.clock.still:
             return dict.fromkeys(self._changeable, REASON)
         return self._inputs.silent(samples, now_ns)
 
     def attach(self, parents: Mapping[str, str], now_ns: int) -> None:
-        """Let bodies hang on each other so, from this moment on where their poses are known."""
+        """Attach bodies to these parents, from the moment when their poses are known."""
         before, carried = self.attachments.held, self.samples(now_ns)
         roots = {child: self.attachments.root(child) for child in before}
         self.attachments.want(parents)
@@ -83,33 +83,33 @@ class Whereabouts:
         self.samples(now_ns)
 
     def course(self, name: str) -> Course | None:
-        """Return how a body moved last; None where that is not known."""
+        """Return how a body moved last, or None if that is unknown."""
         if name in self._clouds.dropped:
-            return None  # its points are others each time
+            return None  # it has other points each time
         root = self.attachments.root(name)
         fixed = self._fixed.get(root)
         return fixed or self.attachments.course(name, self._inputs.course(root))
 
     def stamp_ns(self, name: str) -> int | None:
-        """Return the stamp of the oldest message that says where a body is and of what shape."""
+        """Return the stamp of the oldest message that a body's pose and shape depend on."""
         pose_ns = self._inputs.stamp_ns(self.attachments.root(name))
         stamps = [ns for ns in (pose_ns, self._inputs.shape_stamp_ns(name)) if ns is not None]
         return min(stamps, default=None)
 
     def forget(self) -> None:
-        """Forget all that was heard: the clock went back."""
+        """Forget all messages, because the clock went back."""
         self._inputs.forget()
         self.attachments.forget()
 
     def _look_at_clock(self, now_ns: int) -> None:
-        if self.clock.look(now_ns, self._inputs.timeout_s):
+        if self.clock.update(now_ns, self._inputs.timeout_s):
             if self.clock.still:
                 self._log.warning("/clock stands still: all bodies are stale until it goes on")
             else:
                 self._log.info("/clock goes on")
 
     def _leave_out(self, held: Mapping[str, str], absent: frozenset[str]) -> None:
-        """Do not watch bodies against those they hang on, nor clouds without points."""
+        """Do not watch attached bodies against each other, nor clouds without points."""
         if (held, absent) == self._unwatched_for:
             return
         self._unwatched_for, unwatched = (held, absent), {}

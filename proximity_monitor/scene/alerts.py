@@ -1,10 +1,10 @@
-"""When a pair changes between clear, warn, stop and stale: thresholds, hysteresis, time, silence.
+"""Alerts: when a pair changes between clear, warn, stop and stale.
 
-A pair is judged by its certified lower bound, so it is clear only when that is certain. A distance
-equal to the threshold triggers, and at once. A level that triggered is released only when the bound
-has stayed above its threshold plus the hysteresis for the threshold's `hold_s`, so that a distance
-that trembles about a threshold gives one alert and not thirty a second. A pair that a tick does not
-list is certified to be farther apart than any of that.
+A pair is judged by its certified lower bound, so it is clear only when that is certain. A bound
+equal to a threshold triggers at once. A level is released only when the bound has stayed above its
+threshold plus the hysteresis for `hold_s`; a distance that trembles about a threshold gives one
+alert and not thirty a second. A pair that a tick does not list is certified to be farther apart
+than any of these.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from proximity_monitor.scene.approach import Approach, Courses, approach
-from proximity_monitor.scene.listed import as_arrays
+from proximity_monitor.scene.relative_motion import Courses, RelativeMotion, relative_motion
 from proximity_monitor.scene.state import (
     NO_POSE_YET,
     NO_RECENT_POSE,
@@ -28,6 +27,7 @@ from proximity_monitor.scene.state import (
     PairStates,
     PairStatus,
     Tick,
+    as_arrays,
     silence,
 )
 
@@ -58,15 +58,16 @@ class Alert:
     old: Level
     new: Level
     lower: float
-    """Bounds in metres; NaN when a pose is unknown, or nothing is certain of a pair not listed."""
+    """Bounds in metres; NaN if a pose is unknown, or if nothing is certain about an unlisted
+    pair."""
     upper: float
     reason: str
     """One line for people, lengths in the scene's unit."""
-    approach: Approach | None = None
-    """How the two bodies move against each other; None where the tick did not list the pair."""
+    motion: RelativeMotion | None = None
+    """How the two bodies move relative to each other; None if the tick did not list the pair."""
     seconds_left: float = math.nan
-    """At the closing speed until the lower bound is down to the next threshold: stop while at warn,
-    contact while at stop. NaN unless the bodies approach."""
+    """Until the lower bound reaches the next threshold at the present closing speed: stop while at
+    warn, contact while at stop. NaN unless the bodies approach."""
 
 
 @dataclass(slots=True)
@@ -74,7 +75,7 @@ class _Held:
     """What is remembered of a pair that is not clear."""
 
     level: Level
-    """The last one that was no silence."""
+    """The last level other than stale."""
     above_stop_s: float = math.nan
     """Since when the bound is above stop + hysteresis without a break; NaN while it is not."""
     above_warn_s: float = math.nan
@@ -84,7 +85,7 @@ class Alerts:
     """The levels of all watched pairs; before the first tick they are stale."""
 
     def __init__(self, pairs: Sequence[WatchedPair], unit: Unit) -> None:
-        """Watch the scene's `pairs`; `unit` is the one that reasons are written in."""
+        """Watch the scene's `pairs`; reasons are written in `unit`."""
         self._pairs = pairs
         self._unit = unit
         self._levels: dict[int, Level] = {}
@@ -95,7 +96,7 @@ class Alerts:
 
     @property
     def levels(self) -> Mapping[int, Level]:
-        """By index the levels of the pairs that the last tick listed, and of all not clear."""
+        """Levels by index, of the pairs that the last tick listed and all that are not clear."""
         return MappingProxyType(self._levels)
 
     def update(
@@ -112,13 +113,13 @@ class Alerts:
         Args:
             tick: the listed pairs; all others are certified to be farther apart than their range
                 and than warn + hysteresis, unless one of their bodies is silent.
-            thresholds: one for each pair of the scene, those that the tick's monitor has; they may
+            thresholds: one for each pair of the scene, the same that the monitor has; they may
                 differ from those of the last call.
             now_s: seconds of a clock that never goes back.
             courses: of the bodies at the tick's poses, for how the alerts' pairs move.
-            unwatched: by the index of each pair that is not watched now, why: a few words. The
-                tick does not list them.
-            silent: by a silent body, why it is, such as "no recent pose".
+            unwatched: the reason, a few words, by the index of each pair that is not watched now.
+                The tick does not list these pairs.
+            silent: the reason, such as "no recent pose", by silent body.
         """
         changes = []
         pairs = as_arrays(tick.pairs)
@@ -147,7 +148,7 @@ class Alerts:
         return changes
 
     def _as_silent(self, pairs: PairStates) -> np.ndarray:
-        """Return which pairs (k,) are as silent as they were."""
+        """Return which pairs (k,) were silent before and still are."""
         still = pairs.silent.any(axis=1)
         if self._unlisted is not Level.STALE:
             stale = [i for i, level in self._levels.items() if level is Level.STALE]
@@ -157,7 +158,7 @@ class Alerts:
     def _suspects(
         self, pairs: PairStates, thresholds: Sequence[Thresholds], among: np.ndarray
     ) -> list[int]:
-        """Return the places of those pairs `among` (k,) that are not at a glance still clear."""
+        """Return the places of those pairs `among` (k,) that may not be clear any more."""
         if thresholds is not self._thresholds:
             self._thresholds = thresholds
             self._warn = np.array([limits.warn for limits in thresholds])
@@ -191,7 +192,7 @@ class Alerts:
         unwatched: str | None,
         silent: Mapping[str, str],
     ) -> tuple[Level, str, float]:
-        """Judge a pair that was not clear and is not listed; the last is its lower bound."""
+        """Judge an unlisted pair that was not clear; returns level, reason and lower bound."""
         held, watched = self._held.get(i), self._pairs[i]
         names = [name for name in (watched.a, watched.b) if name in silent]
         if names and unwatched is None:
@@ -202,7 +203,7 @@ class Alerts:
             new, reason, lower = Level.CLEAR, unwatched, math.nan
         else:
             lower = max(watched.range, limits.warn + limits.hysteresis)
-            # It is farther than that, not just as far: above whatever it is compared with.
+            # It is farther apart than that, so its bound exceeds whatever it is compared with.
             new, reason = self._step(held, math.inf, limits, now_s, None)
             if new is Level.CLEAR:
                 reason = f"farther than {self._length(lower)}"
@@ -225,7 +226,7 @@ class Alerts:
         now_s: float,
         pair: PairState | None,
     ) -> tuple[Level, str]:
-        """Return the level that follows a held one, and why; None as pair: it is not listed."""
+        """Return the level that follows a held one, and why; `pair` is None if it is not listed."""
         if held is not None:
             above = lower > limits.stop + limits.hysteresis
             held.above_stop_s = _since(held.above_stop_s, above, now_s)
@@ -260,7 +261,7 @@ class Alerts:
         limits: Thresholds,
         courses: Courses,
     ) -> Alert:
-        motion = approach(pair, courses)
+        motion = relative_motion(pair, courses)
         left = math.nan
         if new in (Level.WARN, Level.STOP):
             threshold = limits.stop if new is Level.WARN else 0.0

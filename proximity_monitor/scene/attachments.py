@@ -1,9 +1,9 @@
-"""Bodies that are carried by others: an assembly step makes two parts one, another parts them.
+"""Attachments: bodies that are carried by others while an assembly step joins them.
 
-A child follows its parent from the moment when both are known and fresh: what the child's pose is
-in the parent's frame at that moment is kept, and the child's own poses are not looked at until it
-is detached. A parent may be a child of another body; a fixed body may be a parent, not a child. A
-child is as stale as what it hangs on.
+A child follows its parent from the moment when both poses are known and fresh. It keeps the pose
+that it has in the parent's frame at that moment, and its own poses are ignored until it is
+detached. A parent may be another body's child; a fixed body may be a parent, but not a child. A
+child is as stale as its parent.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.description import Body
+from proximity_monitor.scene.relative_motion import Course
 from proximity_monitor.scene.state import PoseSample
 
 Samples = dict[str, PoseSample | None]
@@ -22,24 +22,24 @@ Samples = dict[str, PoseSample | None]
 
 @dataclass(slots=True)
 class _Hold:
-    """A child that is held: its pose in its parent's frame, and where that put it last."""
+    """A held child: its pose in its parent's frame, and where that put it last."""
 
     offset: np.ndarray
     parent_pose: np.ndarray | None = None
     pose: np.ndarray | None = None
 
     def put(self, parent_pose: np.ndarray) -> np.ndarray:
-        """Return the child's pose; the same array while the parent's is the same one."""
+        """Return the child's pose, as the same array while the parent's is the same."""
         if parent_pose is not self.parent_pose:
             self.parent_pose, self.pose = parent_pose, parent_pose @ self.offset
         return self.pose
 
 
 class Attachments:
-    """Which moving body hangs on which body, and where."""
+    """Which moving body is attached to which body, and where."""
 
     def __init__(self, bodies: Sequence[Body]) -> None:
-        """Begin with all bodies of a scene by themselves."""
+        """Begin with no body of the scene attached."""
         self._fixed = {b.name: PoseSample(b.pose) for b in bodies if not b.moving}
         self._moving = {body.name for body in bodies if body.posed}
         self._parents: dict[str, str] = {}  # each after its own parent
@@ -47,22 +47,22 @@ class Attachments:
 
     @property
     def held(self) -> Mapping[str, str]:
-        """By a child that is carried now, its parent."""
+        """The parent by child, of children that are carried now."""
         return {child: self._parents[child] for child in self._holds}
 
     @property
     def waiting(self) -> Mapping[str, str]:
-        """By a child that is to be carried as soon as both poses are known and fresh, its parent.
+        """The parent by child, of children that will be carried once both poses are fresh.
 
         Until then its own poses count, and its pair with the parent is watched.
         """
         return {c: parent for c, parent in self._parents.items() if c not in self._holds}
 
     def refusal(self, parents: Mapping[str, str]) -> str:
-        """Return why bodies cannot hang on each other so, in a sentence; empty if they can.
+        """Return a sentence that says why these attachments are impossible; empty if they are not.
 
         Args:
-            parents: by each child its parent; both may be anything that a user typed.
+            parents: the parent by child; both may be anything that a user typed.
         """
         for child, parent in parents.items():
             if child not in self._moving:
@@ -76,13 +76,13 @@ class Attachments:
                 if chain[-1] == child:
                     return f"{' -> '.join(chain)} is a circle; detach one of them first"
                 if len(chain) > len(parents) + 1:
-                    break  # a circle that this child only leads to: told for its own members
+                    break  # a circle that this child only leads to; its members report it
         return ""
 
     def want(self, parents: Mapping[str, str]) -> None:
-        """Let bodies hang on each other so from now on.
+        """Attach children to these parents from now on.
 
-        Who had this parent before stays where it is on it; who has none is free.
+        A child that had this parent before stays where it is; one without a parent is free.
 
         Raises:
             ValueError: as `refusal` says; nothing has changed.
@@ -103,9 +103,9 @@ class Attachments:
                 self._parents[each] = parents[each]
 
     def carry(self, samples: Samples) -> Samples:
-        """Return the poses with those of the carried bodies in place of their own.
+        """Return the poses, with those of the carried bodies replaced.
 
-        Children that are waiting are taken hold of where both poses are known and fresh.
+        A waiting child is held from now on if both poses are known and fresh.
 
         Args:
             samples: of all moving bodies by name.
@@ -126,7 +126,7 @@ class Attachments:
         return carried
 
     def root(self, name: str) -> str:
-        """Return the body whose poses move a body: the end of the chain that it hangs on."""
+        """Return the body whose poses move a body: the end of its chain of parents."""
         while name in self._holds:
             name = self._parents[name]
         return name
@@ -142,15 +142,15 @@ class Attachments:
         return Course(root.before @ offset, root.after @ offset, root.seconds)
 
     def forget(self) -> None:
-        """Let every child wait again, for poses that are still to come."""
+        """Let every child wait again for fresh poses."""
         self._holds.clear()
 
 
 def _offset(parent: np.ndarray, child: np.ndarray) -> np.ndarray:
     """Return the child's pose in the parent's frame, its rotation made exactly orthogonal.
 
-    Both rotations may be off by as much as a pose is allowed to be; the product of two would not be
-    allowed any more, nor would be that of a chain.
+    Both rotations may be off by as much as a pose may be. Their product could be off by more, and
+    that of a chain by more still.
     """
     offset = np.eye(4)
     u, _, v = np.linalg.svd(parent[:3, :3].T @ child[:3, :3])

@@ -39,8 +39,8 @@ class Box:
 class Cylinder:
     """About z, centred on the origin; lengths in metres.
 
-    It is measured as a prism of `segments` sides, from whose surface its own is
-    ``radius * tan(pi / segments / 2) ** 2`` away at most: bounds are widened by that.
+    It is measured as a prism of `segments` sides. Its own surface is at most
+    ``radius * tan(pi / segments / 2) ** 2`` away from the prism's, and bounds are widened by that.
     """
 
     radius: float
@@ -54,7 +54,7 @@ class Sphere:
 
     radius: float
     subdivisions: int | None = None
-    """How often an icosahedron is subdivided that stands for it; None: it is exact."""
+    """How often its icosahedron is subdivided; None: the sphere is exact."""
 
 
 @dataclass(frozen=True)
@@ -96,17 +96,17 @@ Primitive = Box | Cylinder | Sphere | Capsule | Point | Compound
 
 
 Solid = bool | Literal["robust"] | None
-"""Whether a model is to be a solid."""
+"""Whether a model shall be a solid."""
 
 
 @dataclass(frozen=True)
 class Cloud:
-    """Points that arrive on a topic, and a ball of `radius` metres around each of them."""
+    """Points that arrive on a topic, with a ball of `radius` metres around each."""
 
     topic: str
     radius: float
     frame: str
-    """The body in whose frame the points are; empty: the fixed frame."""
+    """The body whose frame the points are given in; empty: the fixed frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ class Body:
     colour: tuple[float, float, float, float]
     """Red, green, blue, opacity, each 0 to 1."""
     solid: Solid = None
-    """Whether it must be a solid, as for `engine.TriangleMesh`; None: if its model encloses one."""
+    """Whether it must be a solid, as for `engine.load`; None: if its model encloses one."""
     solid_at: str = ""
     """Where the file says so."""
     deviation: float = 0.0
@@ -144,7 +144,7 @@ class Body:
 
     @property
     def posed(self) -> bool:
-        """Whether poses of it arrive: it moves, and not only with the frame that it is seen in."""
+        """Whether its own poses arrive: it moves, and not only with the sensor's frame."""
         return self.moving and self.cloud is None
 
 
@@ -155,13 +155,13 @@ class Thresholds:
     warn: float
     stop: float
     hysteresis: float
-    """How far a clearance must exceed a threshold before its alert ends."""
+    """Metres by which a clearance must exceed a threshold before its alert ends."""
     hold_s: float = 0.0
-    """For how many seconds without a break it must do so."""
+    """Seconds for which it must do so without a break."""
 
 
 Question = Literal["distance", "within", "collide"]
-"""What is asked about a pair: its distance, only on which side of its thresholds that is, or only
+"""The question about a pair: its distance, or only on which side of its thresholds it lies, or only
 whether the two touch."""
 
 
@@ -179,7 +179,7 @@ class WatchedPair:
     """False where the thresholds are the scene's defaults."""
     question: Question = "distance"
     range: float = float("inf")
-    """Metres; a pair that is certainly farther apart is not looked at."""
+    """Metres; a pair that is certainly farther apart is not searched."""
 
 
 @dataclass(frozen=True)
@@ -202,9 +202,9 @@ class Robot:
     topic: str
     """Topic of the positions of its joints."""
     start: Mapping[str, float]
-    """Positions of joints from the file, until others arrive; radians or metres."""
+    """Positions of joints from the file, which hold until others arrive; radians or metres."""
     links: Mapping[str, str]
-    """Its moving bodies: by the body's name, the link that it is."""
+    """The link by name of the moving body that it is."""
     root: Root | None = None
     """None where its root link stands at `base`."""
 
@@ -214,8 +214,8 @@ class Robot:
         """Return the pose (4, 4) in metres, model to world, of each moving body.
 
         Args:
-            positions: of joints by name, radians or metres. For those that are absent `start`
-                holds, else 0; names that are not of its free joints are passed over.
+            positions: of joints by name, radians or metres. Absent ones are taken from `start`,
+                else 0; names that are no free joint are skipped.
             base: (4, 4) pose of its root link in the world, metres; None: its own `base`.
 
         Raises:
@@ -243,10 +243,10 @@ class Scene:
     bodies: tuple[Body, ...]
     pairs: Sequence[WatchedPair]
     motion: Mapping[str, Mapping[str, Any]] | None
-    """By the name of an effect its settings in SI units (see `effects`)."""
+    """The settings in SI units by the name of an effect (see `effects`)."""
     thresholds: Thresholds
     """The defaults of all pairs."""
     description: str = ""
-    """What there is to see, in one line."""
+    """One line about what the scene shows."""
     robots: tuple[Robot, ...] = ()
     """Their links are among the bodies."""

@@ -11,7 +11,7 @@ from proximity_monitor.scene import schema
 from proximity_monitor.scene.bodies import check_clouds, read_bodies
 from proximity_monitor.scene.description import UNITS, Scene
 from proximity_monitor.scene.effects import read_motion
-from proximity_monitor.scene.pairs import Limits, read_limits, read_pairs
+from proximity_monitor.scene.pairs import PairSettings, read_pairs, read_settings
 from proximity_monitor.scene.report import Report, shown
 from proximity_monitor.scene.robots import Describe, check_script, read_robots
 from proximity_monitor.scene.source import read
@@ -24,8 +24,8 @@ def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -
 
     Args:
         path: the file.
-        describe: returns the robot description that is published on a topic, for scenes that name
-            one; it may wait for it. None: such a scene is refused.
+        describe: returns the robot description that is published on a topic, and may wait for it.
+                None: scenes that name such a topic are refused.
 
     Returns:
         The scene in SI units.
@@ -45,7 +45,7 @@ def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -
 
 
 def _check_version(data: Any, report: Report) -> None:
-    """Another version may mean anything by its keys, so nothing else is said about them."""
+    """The keys of another version may mean anything, so nothing else is checked."""
     if isinstance(data, dict) and "version" in data and ("version",) not in report.places():
         version = data["version"]
         if type(version) is not int or version != _VERSION:
@@ -58,7 +58,7 @@ def _check_version(data: Any, report: Report) -> None:
 
 def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe | None) -> Scene:
     unit = UNITS[data["unit"]]
-    limits = read_limits(data, (), Limits(), unit, report)
+    limits = read_settings(data, (), PairSettings(), unit, report)
     defaults = dataclasses.replace(limits, own_thresholds=False)
     bodies = read_bodies(data.get("bodies", []), path.parent, unit, report)
     robots = read_robots(data.get("robots", []), bodies, path.parent, unit, report, describe)

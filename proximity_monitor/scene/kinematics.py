@@ -1,9 +1,8 @@
 """Forward kinematics: from the positions of a robot's joints to the poses of its links.
 
-A link's pose is that of its parent, times the joint's origin, times what the joint does: a turn
-about its axis or a move along it. Joints are taken by their depth in the tree, all of one depth at
-once, so that a call costs as many matrix products as the robot is deep, for one set of positions or
-for many.
+A link's pose is its parent's pose, times the joint's origin, times the joint's own motion: a turn
+about its axis or a move along it. All joints of one depth in the tree are computed at once, so a
+call costs as many matrix products as the robot is deep, for one set of positions or for many.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class Joint:
     origin: NDArray[np.float64]
     """(4, 4) pose of the joint in the parent link, metres."""
     axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    """In the joint's frame, of any length above 0."""
+    """Direction in the joint's frame, of any length above 0."""
     lower: float = -math.inf
     """Radians or metres."""
     upper: float = math.inf
@@ -183,7 +182,7 @@ class Kinematics:
         return poses
 
     def _moved(self, positions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """What the joints do at (..., m - 1) positions: a rotation, or a translation."""
+        """The joints' own motions at (..., m - 1) positions: rotations or translations."""
         moved = np.zeros((*positions.shape, 4, 4))
         moved[..., 3, 3] = 1.0
         moved[..., :3, :3] = rotations(self._turn, positions)
@@ -226,7 +225,7 @@ def _followers(
     for row, joint in enumerate(joints):
         factor, shift, seen = 1.0, 0.0, [joint.name]
         while joint.mimic is not None:
-            # What follows a follower: the composition of both straight lines.
+            # A joint that follows a follower: compose both straight lines.
             shift += factor * joint.mimic.offset
             factor *= joint.mimic.multiplier
             if joint.mimic.joint not in by_name:
@@ -244,7 +243,7 @@ def _followers(
 
 
 def _axes(joints: Sequence[Joint]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What turning joints turn about (m, 3), and what sliding ones move along (m, 3)."""
+    """The axes that joints turn about and those that they slide along, (m, 3) each."""
     turn, slide = np.zeros((len(joints), 3)), np.zeros((len(joints), 3))
     for row, joint in enumerate(joints):
         if joint.kind == "fixed":

@@ -2,7 +2,7 @@
 
 XML is parsed by the standard library; nothing in it is executed or fetched, and a document type
 declaration (which could make it grow without bound, or name other files) is refused. A xacro file
-is another matter: `xacro` evaluates what stands in it and reads the files that it includes.
+is different: `xacro` evaluates its expressions and reads the files that it includes.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class Lined(Element):
 
 
 def is_xacro(path: Path) -> bool:
-    """Return whether a file's name says that it is to be expanded by xacro."""
+    """Return whether a file's name says that xacro must expand it."""
     return path.suffix == ".xacro"
 
 
 def read(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Lined:
-    """Return the root of an XML file, or of what a xacro file comes to.
+    """Return the root of an XML file, or of the expanded xacro file.
 
     Args:
         path: a name that ends in .xacro means a xacro file.

@@ -41,13 +41,13 @@ def descriptions() -> dict[str, str]:
     return said
 
 
-def load_models(scene: Scene) -> dict[str, engine.TriangleMesh]:
+def load_models(scene: Scene) -> dict[str, engine.Model]:
     """Return each body's model in metres by name; rigid bodies that look the same share one.
 
     Raises:
         FileNotFoundError, engine.ModelError: as `scene.load_model`.
     """
-    shared: dict[tuple, engine.TriangleMesh] = {}
+    shared: dict[tuple, engine.Model] = {}
     models = {}
     for body in scene.bodies:
         own = body.name if body.deforming else None

@@ -11,16 +11,16 @@ import numpy as np
 from proximity_monitor.scene.description import Body, Thresholds, Unit
 from proximity_monitor.scene.report import Keys, Report
 from proximity_monitor.scene.robots import Robots
-from proximity_monitor.scene.watch import CONTACT, UNWATCHED, Limits, WatchedPairs
+from proximity_monitor.scene.watch import CONTACT, UNWATCHED, PairSettings, WatchedPairs
 
 _EVERYTHING = "all"
-"""The name that every body can be called by, unless it is the name of something."""
+"""The name that stands for every body, unless something has that name."""
 
 
-def read_limits(
-    data: Mapping[str, Any], keys: Keys, defaults: Limits, unit: Unit, report: Report
-) -> Limits:
-    """Read what stands of the limits; the rest is taken from the defaults."""
+def read_settings(
+    data: Mapping[str, Any], keys: Keys, defaults: PairSettings, unit: Unit, report: Report
+) -> PairSettings:
+    """Read the settings that the file gives; take the others from the defaults."""
     tolerance = data.get("tolerance", {})
     question = data.get("question", defaults.question)
     given = {
@@ -36,7 +36,7 @@ def read_limits(
                 "mean nothing where the question is 'collide', which alerts on contact alone; "
                 "remove them, or ask 'within'",
             )
-    limits = Limits(
+    limits = PairSettings(
         rel_err=float(tolerance.get("rel_err", defaults.rel_err)),
         abs_err=unit.to_metre * tolerance["abs_err"]
         if "abs_err" in tolerance
@@ -50,8 +50,8 @@ def read_limits(
     return limits
 
 
-def _check(limits: Limits, key: str, keys: Keys, unit: Unit, report: Report) -> None:
-    """Report limits that contradict each other; `key` is what the file gives of range and warn."""
+def _check(limits: PairSettings, key: str, keys: Keys, unit: Unit, report: Report) -> None:
+    """Report settings that contradict each other; `key` is the one of them that the file gives."""
     thresholds = limits.thresholds
     warn, stop, least, most = (
         value / unit.to_metre
@@ -78,12 +78,12 @@ def _check(limits: Limits, key: str, keys: Keys, unit: Unit, report: Report) -> 
 def read_pairs(
     section: Mapping[str, Any] | str,
     bodies: tuple[Body, ...],
-    defaults: Limits,
+    defaults: PairSettings,
     unit: Unit,
     report: Report,
     robots: Robots,
 ) -> WatchedPairs:
-    """Make the watched pairs; what is wrong with them goes to the report."""
+    """Make the watched pairs; their problems go to the report."""
     if isinstance(section, str):  # "all"
         section = {}
     names = _Names(bodies, section.get("groups", {}), robots.groups, report)
@@ -93,7 +93,7 @@ def read_pairs(
         for index, entry in enumerate(section["watch"]):
             keys = ("pairs", "watch", index)
             kind = len(kinds)
-            kinds.append(read_limits(entry, keys, defaults, unit, report))
+            kinds.append(read_settings(entry, keys, defaults, unit, report))
             if names.mean_everything(entry["between"]):
                 rule, exceptions = kind, []
             else:
@@ -155,7 +155,7 @@ class _Names:
         return two == [_EVERYTHING, _EVERYTHING] and not self._named_so
 
     def watched(self, two: list[str], keys: Keys) -> np.ndarray:
-        """The pairs of an entry that can change; none at all is a mistake in the file."""
+        """The pairs of an entry whose clearance can change; a file without any is mistaken."""
         pairs = self.between(two, (*keys, "between"))
         moving = self._changing(pairs)
         if len(pairs) and not len(moving):
@@ -182,7 +182,7 @@ class _Names:
         return min(i, j), max(i, j)
 
     def last(self, exceptions: Sequence[np.ndarray]) -> np.ndarray:
-        """Of exceptions (k, 3) the last one about each pair that can change."""
+        """Keep the last of the exceptions (k, 3) about each pair whose clearance can change."""
         every = np.concatenate(exceptions)[::-1]
         every = self._changing(every)
         _, first = np.unique(every[:, 0] * len(self._moving) + every[:, 1], return_index=True)

@@ -14,9 +14,9 @@ _SCHEME = "package://"
 _HERE = Path(__file__).resolve()
 _BUNDLED = _HERE.parent / "bundled"
 _DATA_ON_PYPI = ("example-robot-data",)
-"""ROS packages of data alone that come with the extra, too."""
+"""ROS packages that hold only data and come with the extra, too."""
 WITH_ROBOTS = "in the checkout: pip install '.[robots]'"
-"""What brings all that robots' descriptions and meshes may need."""
+"""How to install what robots' descriptions and meshes may need."""
 
 
 def bundled(name: str) -> Path:
@@ -102,7 +102,7 @@ def mesh_path(text: str, urdf: Path) -> Path:
 
 
 def _installed_by_pip(package: str) -> list[Path]:
-    """The share folders of a package that pip installed, wherever in its tree they are."""
+    """The share folders of a package that pip installed, wherever they are in its tree."""
     try:
         files = metadata.files(package) or []
     except metadata.PackageNotFoundError:

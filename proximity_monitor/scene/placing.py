@@ -7,6 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.scene.description import Body
 from proximity_monitor.scene.primitives import check_solid
 from proximity_monitor.scene.state import PoseSample
@@ -18,13 +20,14 @@ class Placing:
     Attributes:
         names: of all n bodies, in the scene's order.
         models: theirs.
+        kinds: the kinds of the models.
         solid: (n,) whether each is a solid.
         known: (n,) whether each has a pose.
         silent: (n,) whether each is not to be relied on, as where its pose is unknown or too old.
         answers: the table; it holds the poses.
     """
 
-    def __init__(self, bodies: Sequence[Body], models: Mapping[str, engine.TriangleMesh]) -> None:
+    def __init__(self, bodies: Sequence[Body], models: Mapping[str, engine.Model]) -> None:
         """Begin with the fixed bodies where they are, and the moving ones nowhere yet.
 
         Raises:
@@ -32,16 +35,16 @@ class Placing:
         """
         self.names = tuple(body.name for body in bodies)
         self.models = tuple(models[name] for name in self.names)
+        self.kinds = tuple(type(model) for model in self.models)
         for body, model in zip(bodies, self.models, strict=True):
             check_solid(body, model)
         self.solid = np.array([model.is_solid for model in self.models], dtype=bool)
         moving = np.array([body.moving for body in bodies], dtype=bool)
         self.known, self.silent = ~moving, moving.copy()
-        self.answers = engine.Answers(self.models, self.names)
+        self.answers = Answers(self.models, self.names)
         fixed = np.flatnonzero(~moving)
         if len(fixed):
             self.answers.move(fixed, np.stack([bodies[i].pose for i in fixed]))
-        self._revisions = [model.revision for model in self.models]
         self._reshaped = False  # since the last `take`
         self._at = {name: i for i, name in enumerate(self.names)}
         self._moving = np.flatnonzero(moving)
@@ -68,11 +71,11 @@ class Placing:
         self.silent[:] = False
         self.silent[self._moving] = [sample is None or sample.stale for sample in samples]
         self.silent[[self._at[name] for name in silent]] = True
-        self._look_for_refits()
+        self._look_for_deformed()
         reshaped, self._reshaped = self._reshaped, False
         return reshaped or moved > 0
 
-    def model(self, name: str) -> engine.TriangleMesh:
+    def model(self, name: str) -> engine.Model:
         """Return the model of a body.
 
         Raises:
@@ -80,7 +83,7 @@ class Placing:
         """
         return self.models[self._at[name]]
 
-    def replace(self, name: str, model: engine.TriangleMesh) -> tuple[int, np.ndarray]:
+    def replace(self, name: str, model: engine.Model) -> tuple[int, np.ndarray]:
         """Give a body another model; returns its index, and the rows of its pairs.
 
         Raises:
@@ -88,7 +91,7 @@ class Placing:
         """
         body = self._at[name]
         self.models = (*self.models[:body], model, *self.models[body + 1 :])
-        self._revisions[body] = model.revision
+        self.kinds = tuple(type(each) for each in self.models)
         self._reshaped = True
         self.solid[body] = model.is_solid
         rows = self.answers.replace(body, model)
@@ -96,27 +99,25 @@ class Placing:
         self.answers.sign(rows, self.solid[a] | self.solid[b])
         return body, rows
 
-    def refit(self, name: str, vertices: np.ndarray) -> None:
-        """Refit a body's model to other vertices (n, 3), for every body that shares it.
+    def deform(self, name: str, points: np.ndarray) -> None:
+        """Move the control points (n, 3) of a body's model, for every body that shares it.
 
         Raises:
             KeyError: there is no such body.
-            engine.ModelError: see `engine.TriangleMesh.refit`; or a solid would be none any more.
+            engine.ModelError: see `engine.Model.deform`; or a solid would be none any more.
                 Nothing has changed.
         """
         model = self.model(name)
-        before, solid = model.vertices, self.solid[self.names.index(name)]
-        model.refit(vertices)
+        before, solid = model.control_points, self.solid[self._at[name]]
+        displacement = model.deform(points)
         if solid and (reason := model.not_solid):
-            model.refit(before)
+            model.deform(before)
             self._reshape(model, 0.0)
             raise engine.ModelError(
                 f"body '{name}' is a solid, and would be none: {reason}; say 'solid: false' in the "
                 "scene if it is to be a surface"
             )
-        # Differences, squares, sums and root err by less than 4 u of the length in all.
-        largest = float(np.sqrt(((model.vertices - before) ** 2).sum(axis=1).max()))
-        self._reshape(model, largest * (1.0 + 4.0 * np.finfo(np.float64).eps))
+        self._reshape(model, displacement)
 
     def _stacked(self, given: list[np.ndarray], bodies: np.ndarray) -> np.ndarray:
         """The poses (k, 4, 4) of bodies (k,)."""
@@ -126,21 +127,16 @@ class Placing:
             stacked = np.empty(0)
         if stacked.shape != (len(given), 4, 4):
             for pose, body in zip(given, bodies, strict=True):
-                engine.check_pose(pose, f"pose of {self.names[body]}")
+                check_pose(pose, f"pose of {self.names[body]}")
         return stacked
 
-    def _look_for_refits(self) -> None:
-        """Forget what is known of models that somebody else refitted."""
-        revisions = [model.revision for model in self.models]
-        if revisions == self._revisions:
-            return
-        for model, old, new in zip(self.models, self._revisions, revisions, strict=True):
-            if old != new:
-                self._reshape(model, np.inf)
+    def _look_for_deformed(self) -> None:
+        """Forget what is known of models that somebody else deformed."""
+        for body in self.answers.deformed():
+            self._reshape(self.models[body], np.inf)
 
-    def _reshape(self, model: engine.TriangleMesh, displacement: float) -> None:
+    def _reshape(self, model: engine.Model, displacement: float) -> None:
         self._reshaped = True
         for i, each in enumerate(self.models):
             if each is model:
                 self.answers.reshape(i, displacement)
-                self._revisions[i] = model.revision

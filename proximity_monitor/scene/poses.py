@@ -11,9 +11,9 @@ _CROSS = np.array(
     [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]],
     dtype=np.float64,
 )
-"""Times a vector: the nine entries of the matrix that stands for the cross product with it."""
+"""Maps a vector to the nine entries of its cross product matrix."""
 
-#: How far a quaternion's length may be from 1. People and messages round to three digits or more;
+#: How far a quaternion's length may be from 1. People and messages round to three digits or more,
 #: anything further off is a mistake (an axis and an angle, wxyz order with a bad number, zeros).
 UNIT_LENGTH = 1e-3
 

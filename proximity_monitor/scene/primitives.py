@@ -3,14 +3,32 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from proximity_monitor import engine
-from proximity_monitor.scene.description import Body, Unit
-from proximity_monitor.scene.shapes import shape_of
+from proximity_monitor.scene.description import (
+    Body,
+    Box,
+    Capsule,
+    Compound,
+    Cylinder,
+    Part,
+    Point,
+    Primitive,
+    Sphere,
+    Unit,
+)
+from proximity_monitor.scene.poses import rpy_matrix
+
+_SUBDIVISIONS = 3
+"""Of the icosahedron that a deforming sphere is."""
 
 
-def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.TriangleMesh:
-    """Load a body's model file, or make the mesh of its primitive.
+def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
+    """Load a body's model file, or make the model of its primitive.
 
     Args:
         body: of a loaded scene, or made by hand; its scale must be greater than 0.
@@ -23,29 +41,62 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Triangl
     Raises:
         ValueError: the scale is not a number greater than 0.
         FileNotFoundError: the model file is gone.
-        engine.ModelError: it holds no usable mesh; an unknown volume; no solid where the scene says
-            that it is one: then the message names the file, line and key.
+        engine.ModelError: it holds no usable model; an unknown volume; no solid where the scene
+            says that it is one: then the message names the file, line and key.
     """
     if not (math.isfinite(body.scale) and body.scale > 0.0):
         raise ValueError(f"body '{body.name}': scale must be greater than 0 (got {body.scale})")
     how = {"volume": volume, "solid": None if body.solid is True else body.solid}
+    deviation = {"deviation": body.deviation}
     if body.primitive is None:
-        how["deviation"] = body.deviation
-        model = engine.load(body.model, unit=unit.to_metre, scale=body.scale, **how)
-    elif body.deforming:  # its vertices are what is given, whatever they were taken from
-        shape = shape_of(body.primitive).tessellated()
-        model = engine.TriangleMesh(shape.vertices * body.scale, shape.faces, name=body.name, **how)
+        model = engine.load(body.model, unit=unit.to_metre, scale=body.scale, **deviation, **how)
+    elif body.deforming:
+        model = _mesh_of(body.primitive, body.scale, body.name, how)
     else:
-        shape = shape_of(body.primitive, robust=body.solid == "robust")
-        model = shape.model(body.name, body.scale, body.deviation, how)
+        model = _shape(body.primitive, body.scale, name=body.name, **deviation, **how)
     check_solid(body, model)
     return model
 
 
-def check_solid(body: Body, model: engine.TriangleMesh) -> None:
+def check_solid(body: Body, model: engine.Model) -> None:
     """Raise ModelError where a body must be a solid and its model is none; it says where."""
     if body.solid is True and not model.is_solid:
         raise engine.ModelError(
             f"{body.solid_at or 'solid'}: true, but body '{body.name}' is none: {model.not_solid}; "
             "repair the model, say 'robust', which bridges holes, or leave the key out"
         )
+
+
+def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
+    """The model of a primitive in the body's frame; `how` is as for `engine.shapes`."""
+    shapes = engine.shapes
+    match primitive:
+        case Box(size):
+            return shapes.box([length * scale for length in size], **how)
+        case Cylinder(radius, height, segments):
+            return shapes.cylinder(radius * scale, height * scale, segments, **how)
+        case Sphere(radius, subdivisions):
+            return shapes.sphere(radius * scale, subdivisions, **how)
+        case Capsule(radius, length):
+            return shapes.capsule(radius * scale, length * scale, **how)
+        case Point():
+            return shapes.points(np.zeros((1, 3)), **how)
+        case Compound(parts):
+            return shapes.compound([_part(part, scale) for part in parts], **how)
+
+
+def _part(part: Part, scale: float) -> engine.shapes.Part:
+    """A part of a compound that is `scale` times as large."""
+    found = part.shape
+    model = engine.load(found) if isinstance(found, Path) else _shape(found, 1.0)
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rpy_matrix(part.rpy), np.multiply(part.xyz, scale)
+    return engine.shapes.Part(model, pose, tuple(factor * scale for factor in part.scale))
+
+
+def _mesh_of(primitive: Primitive, scale: float, name: str, how: dict[str, Any]) -> engine.Model:
+    """A mesh that begins as a primitive; then its vertices go wherever they are told."""
+    if isinstance(primitive, Sphere) and primitive.subdivisions is None:
+        primitive = Sphere(primitive.radius, _SUBDIVISIONS)
+    vertices, faces, _ = _shape(primitive, scale).display_mesh(0.0)
+    return engine.shapes.triangles(vertices, faces, name=name, **how)

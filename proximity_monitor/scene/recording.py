@@ -1,4 +1,4 @@
-"""A flight recorder: the last ticks and alerts, in memory that does not grow, and their files."""
+"""A flight recorder: the last ticks and alerts, in bounded memory, and their files."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from proximity_monitor.scene.alerts import Alert
-from proximity_monitor.scene.listed import as_arrays
-from proximity_monitor.scene.state import Tick
+from proximity_monitor.scene.state import Tick, as_arrays
 
 if TYPE_CHECKING:
     from proximity_monitor.scene import WatchedPair
@@ -56,7 +55,7 @@ class Recording:
         self._alerts: deque[StampedAlert] = deque(maxlen=alerts)
 
     def add(self, stamp_ns: int, tick: Tick, alerts: Sequence[Alert]) -> None:
-        """Keep what a tick found, and the alerts that it gave."""
+        """Keep the summary of a tick, and its alerts."""
         pairs, nearest = as_arrays(tick.pairs), None
         if len(pairs):
             nearest = np.argmin(np.where(pairs.silent.any(axis=1), -np.inf, pairs.lower))
@@ -72,7 +71,7 @@ class Recording:
         self._alerts.extend(StampedAlert(stamp_ns, alert) for alert in alerts)
 
     def snapshot(self) -> Recording:
-        """Return what is kept now, for another thread to read while this one goes on."""
+        """Return a copy that another thread may read while this one goes on."""
         taken = copy(self)
         taken._ring, taken._alerts = self._ring.copy(), self._alerts.copy()
         return taken
@@ -103,8 +102,8 @@ class Recording:
             writer.writerow(
                 ["stamp_ns", "clearance_m", "upper_m", "a", "b", "elapsed_s", "budget_s"]
             )
-            # One by one: a list of all would be a single step of Python, through which no other
-            # thread runs.
+            # One by one: making a list of all would be a single step of Python and stop all other
+            # threads.
             rows = map(np.void.item, self.ticks)
             for stamp_ns, lower, upper, pair, elapsed, budget in rows:
                 a, b = (self._pairs[pair].a, self._pairs[pair].b) if pair >= 0 else ("", "")

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from typing import Any, NoReturn
 
 Keys = tuple[str | int, ...]
-"""Where a value stands: mapping keys and list indices from the file's root."""
+"""The path to a value: mapping keys and list indices from the file's root."""
 
 
 class SceneError(ValueError):
@@ -15,10 +15,10 @@ class SceneError(ValueError):
 
 
 class Report:
-    """Collects the problems of one file, so that they can be told all together."""
+    """Collects the problems of one file, to report them all at once."""
 
     def __init__(self, name: str) -> None:
-        """Start without problems; `name` is the file as the user called it."""
+        """Start without problems; `name` is the file's name as the user gave it."""
         self.name = name
         self.lines: dict[Keys, int] = {}
         self._problems: dict[tuple[int, str], Keys] = {}
@@ -29,17 +29,17 @@ class Report:
         self._problems[(self.line(keys), f"{at}{message}")] = keys
 
     def places(self) -> set[Keys]:
-        """The values with which a problem is noted already."""
+        """The values about which a problem was noted."""
         return set(self._problems.values())
 
     def line(self, keys: Keys) -> int:
-        """The line of a value; of what it should stand in where it is missing."""
+        """The line of a value, or of the innermost mapping or list around a missing one."""
         while keys and keys not in self.lines:
             keys = keys[:-1]
         return self.lines.get(keys, 1)
 
     def place(self, keys: Keys) -> str:
-        """Say where a value stands, for what can only be told of it later."""
+        """Spell the place of a value, for problems that are found later."""
         return f"{self.name}:{self.line(keys)}: {spelled(keys)}"
 
     def check(self) -> None:
@@ -61,7 +61,7 @@ def spelled(keys: Keys) -> str:
 
 
 def meant(name: str, known: Collection[str]) -> str:
-    """Return the end of a sentence about an unknown name: which one it may be, or all that are."""
+    """Return the end of a sentence about an unknown name: the likeliest known one, or all."""
     near = difflib.get_close_matches(name, known, n=1)
     return f"; did you mean '{near[0]}'?" if near else f"; known are {', '.join(known) or 'none'}"
 

@@ -1,4 +1,4 @@
-"""Which pairs of a robot's own links are not watched."""
+"""The pairs of a robot's own links that are not watched."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def excluded(
         data: the robot's entry in the file.
         keys: where that stands.
         robot: what it describes.
-        names: by a link with a shape, the body that it is.
+        names: the body by link, of links with a shape.
         bodies: these.
-        srdf: what it names, if it does.
+        srdf: the semantic description that it names, if any.
         unit: the scene's.
         report: takes the problems.
     """
@@ -63,7 +63,7 @@ def _rigid(kinematics: Kinematics, names: Mapping[str, str]) -> Pairs:
 def _adjacent(kinematics: Kinematics, names: Mapping[str, str]) -> Pairs:
     for link in names:
         parents = (joint.parent for joint in kinematics.path(link))
-        # Links without a shape, as for tool frames, stand between others in name alone.
+        # Links without a shape, such as tool frames, do not count as being between others.
         if (parent := next((each for each in parents if each in names), None)) is not None:
             yield frozenset((link, parent))
 
@@ -90,9 +90,9 @@ def _disabled(srdf: Srdf, keys: Keys, links: tuple[str, ...], report: Report) ->
 
 
 def _touching(robot: Robot, bodies: list[Body], keys: Keys, unit: Unit, report: Report) -> Pairs:
-    """The pairs that touch or overlap where the robot starts, one inside the other included."""
+    """The pairs that touch or overlap at the robot's start, or are one inside the other."""
     if not all(body.primitive.parts for body in bodies):
-        return  # a mesh is missing, which is told
+        return  # a mesh is missing, which was reported
     poses = {body.name: body.pose for body in bodies} | robot.poses({})
     try:
         models = {body.name: load_model(body, unit) for body in bodies}

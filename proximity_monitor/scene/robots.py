@@ -1,4 +1,4 @@
-"""The `robots` section: each robot's links become bodies, and its joints what moves them."""
+"""The `robots` section: each robot's links become bodies, and its joints move them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def read_robots(
     report: Report,
     describe: Describe | None,
 ) -> Robots:
-    """Make robots and the bodies of their links; what is wrong with them goes to the report.
+    """Make robots and the bodies of their links; their problems go to the report.
 
     Args:
         section: obeys the schema.
@@ -72,7 +72,7 @@ def read_robots(
         found = list(reader.bodies(taken))
         links += found
         groups[data["name"]] = [body.name for body in found]
-        # Two links may have come to one name, which is told; it makes no pair.
+        # Two links may have got one name, which was reported; they make no pair.
         apart.update(
             pair
             for pair in excluded(data, keys, reader.robot, reader.names, found, srdf, unit, report)
@@ -88,8 +88,8 @@ def _descriptions(
     report: Report,
     describe: Describe | None,
 ) -> tuple[Urdf, Srdf | None]:
-    """What describes a robot, and which of its pairs of links need not be watched."""
-    # Arguments of xacro files are text; YAML's true is Python's True, which xacro reads.
+    """A robot's description, and the pairs of its links that need not be watched."""
+    # Arguments of xacro files are text; xacro reads Python's True for YAML's true.
     arguments = {name: str(value) for name, value in data.get("xacro_args", {}).items()}
     key, srdf = "urdf", None
     if not isinstance(data[key], str):
@@ -105,7 +105,7 @@ def _descriptions(
             raise SceneError("are for xacro files, whose names end in .xacro; remove them")
     except (SceneError, UrdfError, SrdfError) as error:
         report.add((*keys, key), str(error))
-        report.check()  # without its links, nothing that names them can be judged
+        report.check()  # without links nothing that names them can be checked
         raise
     return urdf, srdf
 
@@ -136,7 +136,7 @@ class _Reader:
         self._data, self._keys, self._urdf = data, keys, urdf
         self._unit, self._report = unit, report
         self.names: dict[str, str] = {}
-        """By a link with a shape, the body that it is."""
+        """The body by link, of links with a shape."""
         kinematics = urdf.kinematics
         base = np.eye(4)
         if "pose" in data:
@@ -185,14 +185,14 @@ class _Reader:
         self._report.check()
 
     def _start(self, kinematics: Kinematics) -> dict[str, float]:
-        """The positions that the file gives, of joints that exist and can have them."""
+        """The positions from the file of joints that exist and allow them."""
         start = {}
         for kind in ("angles_deg", "offsets"):
             for name, value in self._data.get(kind, {}).items():
                 keys = (*self._keys, kind, name)
                 if (joint := _joint(name, kind, kinematics.free, keys, self._report)) is None:
                     continue
-                # What the file's values are in those of the description.
+                # Converts the file's values to the description's units.
                 factor = math.radians(1.0) if kind == "angles_deg" else self._unit.to_metre
                 start[name] = factor * value
                 if not joint.lower <= start[name] <= joint.upper:
@@ -211,7 +211,7 @@ class _Reader:
         return name if name.startswith(f"{robot}_") else f"{robot}_{name}"
 
     def bodies(self, taken: set[str]) -> Iterator[Body]:
-        """The links that have a shape; their names are added to those that are taken."""
+        """The links that have a shape; their names are taken from now on."""
         robot, kinematics = self.robot, self._urdf.kinematics
         poses = kinematics.poses(kinematics.values(robot.start), robot.base)
         standing = dict(zip(kinematics.links, poses, strict=True))
@@ -226,7 +226,7 @@ class _Reader:
                 )
             taken.add(name)
             pose = None
-            if name not in robot.links:  # it hangs on fixed joints alone, and the root stands
+            if name not in robot.links:  # only fixed joints lead to it, and the root does not move
                 pose = standing[link.name]
                 pose.setflags(write=False)
             yield Body(
@@ -253,7 +253,7 @@ class _Reader:
 
 
 def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: Report) -> None:
-    """Report the joints that a `script` names and no robot has, or has of another kind."""
+    """Report joints of a `script` that no robot has, or that are of another kind."""
     free = [joint for robot in robots for joint in robot.kinematics.free]
     for name, joint in section.get("script", {}).get("joints", {}).items():
         (kind,) = joint

@@ -44,7 +44,7 @@ def check(data: Any, report: Report) -> None:
 
 
 def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
-    """Translate one finding of the validator; unknown keys are one finding for all of them."""
+    """Translate one finding of the validator; all unknown keys of a mapping are one finding."""
     keys, got = tuple(error.absolute_path), error.instance
     rule, value = error.validator, error.validator_value
     if "propertyNames" in error.absolute_schema_path:

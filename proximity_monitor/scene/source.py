@@ -12,7 +12,7 @@ import yaml
 
 from proximity_monitor.scene.report import Keys, Report
 
-# A scene of ten thousand bodies fits; PyYAML would read anything larger for minutes.
+# Ten thousand bodies fit; PyYAML would need minutes to read anything larger.
 _MAX_BYTES = 4 * 1024 * 1024
 # YAML aliases can stand for exponentially many values, or for themselves.
 _MAX_VALUES = 200_000
@@ -23,7 +23,7 @@ _SCALARS = {_YAML + kind for kind in ("null", "bool", "int", "float", "str")}
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML 1.1, which alone would read 1e-3 as text because it has neither a dot nor a sign."""
+    """YAML 1.1, which reads 1e-3 as a number, too: the standard wants a dot."""
 
 
 _Loader.add_implicit_resolver(

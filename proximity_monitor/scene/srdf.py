@@ -1,6 +1,6 @@
-"""Reads from semantic robot descriptions (SRDF) which pairs of links need not be watched.
+"""Reads semantic robot descriptions (SRDF): the pairs of links that need not be watched.
 
-Groups, states, end effectors and whatever else stands in the file are passed over.
+Groups, states, end effectors and everything else in the file are skipped.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _RULES = {
     "disable_default_collisions": ("link",),
     "enable_collisions": ("link1", "link2"),
 }
-"""By the element its attributes that name links."""
+"""The attributes that name links, by element."""
 
 
 class SrdfError(ValueError):
@@ -30,7 +30,7 @@ class Rule(NamedTuple):
     kind: str
     links: tuple[str, ...]
     line: int
-    """In the file; of a xacro file, in what it was expanded to."""
+    """Its line in the file, or in the expanded text of a xacro file."""
 
 
 class Srdf(NamedTuple):
@@ -42,8 +42,8 @@ class Srdf(NamedTuple):
     def disabled(self, links: Collection[str]) -> Iterator[frozenset[str]]:
         """Return the pairs of the given links that are disabled.
 
-        A pair is disabled by name, or because all pairs of one of its links are and its own is not
-        enabled.
+        A pair is disabled by name, or because all pairs of one of its links are disabled and it is
+        not enabled by name.
         """
         by_kind = {kind: [r.links for r in self.rules if r.kind == kind] for kind in _RULES}
         enabled = set(map(frozenset, by_kind["enable_collisions"]))

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import enum
+import operator
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar, overload
 
 import numpy as np
 
-from proximity_monitor.scene.lazy import LazySequence
+from proximity_monitor import engine
+from proximity_monitor.engine.models.model import Feature
+
+Item = TypeVar("Item")
 
 
 class PairStatus(enum.Enum):
@@ -27,6 +32,8 @@ class PairStatus(enum.Enum):
     UNKNOWN = "unknown pose"
     """A body of the pair has no pose yet: there are no numbers."""
 
+
+_UNKNOWN_POINTS = np.full((2, 3), np.nan)
 
 NO_POSE_YET, NO_RECENT_POSE = "no pose yet", "no recent pose"
 """Why a body is silent, where nobody says it more closely."""
@@ -53,7 +60,7 @@ def silence(
 
 
 STATUSES = tuple(PairStatus)
-"""A status by its code in `PairStates.status`, which is also that of `engine.Agenda.report`."""
+"""A status by its code in `PairStates.status`, as `Schedule.report` of the engine gives it."""
 
 
 class PoseSample(NamedTuple):
@@ -91,15 +98,55 @@ class PairState:
     """The smallest `lower` of the session: the pair never was certified to be nearer at a tick."""
     index: int = 0
     """Where the pair stands among the scene's pairs."""
-    faces: tuple[int, ...] = ()
-    """The triangles of A's and of B's model that the points lie on; empty where not known."""
-    weights: np.ndarray | None = None
-    """(2, 3) the points' barycentric coordinates in them."""
+    kinds: tuple[type[engine.Model], ...] = ()
+    """Of A's and of B's model; empty where it is not known where on them the points lie."""
+    elements: tuple[int, ...] = (-1, -1)
+    """Which elements of the models the points lie on, and"""
+    parameters: np.ndarray | None = None
+    """(2, 3) where; `features` tells what that means."""
 
     @property
     def stale(self) -> bool:
         """Whether a body is silent, so that nothing is certain about now."""
         return bool(self.silent)
+
+    @property
+    def features(self) -> tuple[Feature, ...]:
+        """Where the points lie on A's and on B's model; empty where not known."""
+        if not self.kinds:
+            return ()
+        sides = zip(self.kinds, self.elements, self.parameters, strict=True)
+        return tuple(kind.feature(element, where) for kind, element, where in sides)
+
+
+class LazySequence(Sequence[Item]):
+    """A sequence whose items are made when they are read."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def _made(self, places: range) -> Iterator[Item]:
+        """The items at these places, which all exist."""
+
+    @overload
+    def __getitem__(self, at: int) -> Item: ...
+
+    @overload
+    def __getitem__(self, at: slice) -> tuple[Item, ...]: ...
+
+    def __getitem__(self, at: int | slice) -> Item | tuple[Item, ...]:
+        """One item, or those of a slice."""
+        if isinstance(at, slice):
+            return tuple(self._made(range(*at.indices(len(self)))))
+        place, count = operator.index(at), len(self)
+        if not -count <= place < count:
+            raise IndexError(f"{place} of {count}")
+        (item,) = self._made(range(place % count, place % count + 1))
+        return item
+
+    def __iter__(self) -> Iterator[Item]:
+        """All items, one by one."""
+        return self._made(range(len(self)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,8 +165,9 @@ class PairStates(LazySequence[PairState]):
         silent: (k, 2) whether the pose or shape of either body is stale or unknown.
         session_min: (k,) metres.
         session_min_lower: (k,) metres.
-        faces: (k, 2) the triangles of the models that the points lie on; -1: not known.
-        weights: (k, 2, 3) barycentric coordinates of the points in them.
+        kinds: of the bodies' models.
+        elements: (k, 2) which elements of the models the points lie on; -1: not known.
+        parameters: (k, 2, 3) where on them.
     """
 
     names: tuple[str, ...]
@@ -133,8 +181,9 @@ class PairStates(LazySequence[PairState]):
     silent: np.ndarray
     session_min: np.ndarray
     session_min_lower: np.ndarray
-    faces: np.ndarray
-    weights: np.ndarray
+    kinds: tuple[type[engine.Model], ...]
+    elements: np.ndarray
+    parameters: np.ndarray
 
     def __len__(self) -> int:
         """How many listed pairs there are."""
@@ -142,7 +191,10 @@ class PairStates(LazySequence[PairState]):
 
     def _made(self, places: range) -> Iterator[PairState]:
         for k in places:
-            a, b = (self.names[body] for body in self.bodies[k].tolist())
+            first, second = self.bodies[k].tolist()
+            a, b = self.names[first], self.names[second]
+            elements = tuple(self.elements[k].tolist())
+            known = elements[0] >= 0
             silent = self.silent[k].tolist()
             yield PairState(
                 a=a,
@@ -157,8 +209,9 @@ class PairStates(LazySequence[PairState]):
                 session_min=float(self.session_min[k]),
                 session_min_lower=float(self.session_min_lower[k]),
                 index=int(self.positions[k]),
-                faces=tuple(faces) if (faces := self.faces[k].tolist())[0] >= 0 else (),
-                weights=self.weights[k],
+                kinds=(self.kinds[first], self.kinds[second]) if known else (),
+                elements=elements,
+                parameters=self.parameters[k] if known else None,
             )
 
     def clearance(self) -> float:
@@ -166,6 +219,35 @@ class PairStates(LazySequence[PairState]):
         # A bound that is NaN is of an unknown pose, which counts as 0 like every silent one.
         lowest = np.where(self.silent.any(axis=1), np.fmin(self.lower, 0.0), self.lower)
         return float(lowest.min(initial=np.inf))
+
+
+def as_arrays(pairs: Sequence[PairState]) -> PairStates:
+    """Return pairs as arrays: unchanged if a monitor made them, else packed one by one."""
+    if isinstance(pairs, PairStates):
+        return pairs
+    names = tuple(dict.fromkeys(name for pair in pairs for name in (pair.a, pair.b)))
+    place = {name: i for i, name in enumerate(names)}
+    kinds: dict[str, type[engine.Model]] = {}
+    for pair in pairs:
+        kinds |= zip((pair.a, pair.b), pair.kinds, strict=False)
+    return PairStates(
+        names=names,
+        positions=np.array([pair.index for pair in pairs], dtype=np.int64),
+        bodies=np.array([(place[p.a], place[p.b]) for p in pairs], np.int64).reshape(-1, 2),
+        lower=np.array([pair.lower for pair in pairs]),
+        upper=np.array([pair.upper for pair in pairs]),
+        points=np.array([(pair.point_a, pair.point_b) for pair in pairs]).reshape(-1, 2, 3),
+        status=np.array([STATUSES.index(pair.status) for pair in pairs], dtype=np.int8),
+        age_s=np.array([pair.age_s for pair in pairs]),
+        silent=np.array([(p.a in p.silent, p.b in p.silent) for p in pairs], bool).reshape(-1, 2),
+        session_min=np.array([pair.session_min for pair in pairs]),
+        session_min_lower=np.array([pair.session_min_lower for pair in pairs]),
+        kinds=tuple(kinds.get(name, engine.Model) for name in names),
+        elements=np.array([pair.elements for pair in pairs], np.int32).reshape(-1, 2),
+        parameters=np.array(
+            [_UNKNOWN_POINTS if p.parameters is None else p.parameters for p in pairs], np.float64
+        ).reshape(-1, 2, 3),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +259,7 @@ class Tick:
     are within it or may be."""
     elapsed_s: float
     budget_s: float
-    looked_at: tuple[int, ...]
+    searched: tuple[int, ...]
     """Indices, among the scene's pairs, of those that were searched, in the order of the search."""
     left: int
     """Pairs that wanted a search and got none, or whose search ran out of time."""

@@ -46,7 +46,7 @@ class Unseen:
         return "\n".join(lines)
 
 
-def unseen_containment(scene: Scene, models: Mapping[str, engine.TriangleMesh]) -> Unseen:
+def unseen_containment(scene: Scene, models: Mapping[str, engine.Model]) -> Unseen:
     """Find the watched pairs that cannot see one body inside the other.
 
     Args:
@@ -57,7 +57,7 @@ def unseen_containment(scene: Scene, models: Mapping[str, engine.TriangleMesh]) 
     each = [models[name] for name in names]
     size, index = np.array([model.radius for model in each]), np.arange(len(names))
     # Points and lines could hold nothing in any case.
-    hollow = np.array([not model.is_solid and _has_area(model) for model in each], dtype=bool)
+    hollow = np.array([not model.is_solid and model.has_area for model in each], dtype=bool)
     count, first, reasons = 0, [], {}
     for i in np.flatnonzero(hollow):
         held = (size < size[i]) | ((size == size[i]) & (~hollow | (index > i)))
@@ -70,9 +70,3 @@ def unseen_containment(scene: Scene, models: Mapping[str, engine.TriangleMesh]) 
             first += [(names[j], names[k]) for j, k in found[: _NAMED - len(first)]]
             reasons[names[i]] = each[i].not_solid
     return Unseen(count, tuple(first), reasons)
-
-
-def _has_area(model: engine.TriangleMesh) -> bool:
-    """Whether any face has three corners."""
-    a, b, c = model.faces.T
-    return bool(((a != b) & (b != c) & (c != a)).any())

@@ -1,8 +1,7 @@
 """Reads robot descriptions in URDF: links with their shapes, and the joints between them.
 
-Only what moves and what has a shape is read; masses, materials, transmissions and everything that
-other programs add are passed over, so that a mistake there stops nobody. Meshes are only named
-here.
+Only joints and shapes are read. Masses, materials, transmissions and the additions of other
+programs are skipped, so a mistake there stops nobody. Meshes are only named here.
 
 The format is in metres and radians (http://wiki.ros.org/urdf/XML).
 """
@@ -27,8 +26,8 @@ from proximity_monitor.scene.report import shown
 
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
 _SEGMENTS = 64
-# Metres or radians. Beyond, float64 rounds by more than a robot's clearances, and products of such
-# numbers would leave its range in the end.
+# Metres or radians. Beyond this, float64 rounds by more than a robot's clearances, and products of
+# such numbers could overflow.
 _LARGEST = 1e9
 _Vector = tuple[float, float, float]
 
@@ -62,10 +61,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Urdf:
-    """A robot as its description tells it."""
+    """A robot as described."""
 
     path: Path
-    """The file; meshes are found from its folder, in which it need not exist."""
+    """The file, which need not exist; meshes are found from its folder."""
     links: tuple[Link, ...]
     kinematics: Kinematics
 
@@ -90,7 +89,7 @@ def read_urdf(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Urdf:
 
 
 def parse_urdf(text: str, name: str, folder: Path) -> Urdf:
-    """Read a robot description that is no file.
+    """Read a robot description from its text.
 
     Args:
         text: the description.

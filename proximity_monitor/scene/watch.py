@@ -1,7 +1,7 @@
 """The watched pairs: a rule and its exceptions, never a list of what follows from the rule.
 
 A thousand bodies that are all watched against each other make half a million pairs, ten thousand
-make fifty million. What the file says about them is short, and so is what is kept.
+make fifty million. The file describes them in a few lines, and so does this module.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from proximity_monitor.scene.description import Question, Thresholds, WatchedPair
-from proximity_monitor.scene.lazy import LazySequence
+from proximity_monitor.scene.state import LazySequence
 
 CONTACT = Thresholds(warn=0.0, stop=0.0, hysteresis=0.0)
 UNWATCHED = -1
 """The kind of a pair that is not watched."""
 _CHUNK = 4096
-"""So many pairs are made in a row."""
+"""How many pairs are made in one go."""
 
 
 @dataclass(frozen=True)
-class Limits:
-    """What a pair is watched with; all lengths in metres (see `WatchedPair`)."""
+class PairSettings:
+    """How a pair is watched; all lengths in metres (see `WatchedPair`)."""
 
     rel_err: float = 0.0
     abs_err: float = 0.0
@@ -34,26 +34,26 @@ class Limits:
 
 
 class WatchedPairs(LazySequence[WatchedPair]):
-    """The watched pairs of a scene, in the order of their bodies, made when they are looked at.
+    """The watched pairs of a scene, in the order of their bodies, made when they are read.
 
-    Bodies are known by their indices; the first of a pair is the lower one. What a pair is watched
-    with is its *kind*, an index of `kinds`.
+    Bodies are known by their indices; the first of a pair is the lower one. A pair's *kind* says
+    how it is watched: an index of `kinds`.
     """
 
     def __init__(
         self,
         names: Sequence[str],
         moving: Sequence[bool],
-        kinds: Sequence[Limits],
+        kinds: Sequence[PairSettings],
         rule: int,
         exceptions: np.ndarray,
     ) -> None:
         """Make the sequence.
 
         Args:
-            names: of the bodies.
-            moving: of the bodies; two that do not move are never watched.
-            kinds: the limits that occur.
+            names: the bodies' names.
+            moving: which bodies move; two that do not are never watched.
+            kinds: all settings that occur.
             rule: the kind of every pair that is no exception; UNWATCHED for none.
             exceptions: (k, 3) whole numbers: two bodies, the lower index first, one of them moving,
                 and their kind or UNWATCHED; each pair once.
@@ -70,7 +70,8 @@ class WatchedPairs(LazySequence[WatchedPair]):
             a, b, kind = a[kind >= 0], b[kind >= 0], kind[kind >= 0]
         self._a, self._b, self._kind = a, b, kind
         self._exceptions = self._keys(a, b)
-        # The rule's pairs by first body: all later ones, or the later moving ones of a fixed body.
+        # How many pairs of the rule have each body first: with all later bodies if it moves, else
+        # with the later moving ones.
         self._movers = np.flatnonzero(self.moving)
         self._movers_before = np.concatenate(([0], np.cumsum(self.moving)))
         index = np.arange(len(self.names))
@@ -95,7 +96,7 @@ class WatchedPairs(LazySequence[WatchedPair]):
                 yield WatchedPair(self.names[i], self.names[j], **vars(self.kinds[kind]))
 
     def bodies(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the two bodies (k,) each of the pairs at positions (k,) of the sequence."""
+        """Return the first and the second bodies, (k,) each, of the pairs at positions (k,)."""
         if self.rule == UNWATCHED:
             return self._a[positions], self._b[positions]
         ranks = positions + np.searchsorted(
@@ -107,14 +108,14 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return a, np.where(self.moving[a], a + 1 + later, self._movers[mover])
 
     def positions(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Return where watched pairs of bodies (k,) each stand in the sequence."""
+        """Return the positions (k,) of the watched pairs of first and second bodies (k,) each."""
         if self.rule == UNWATCHED:
             return np.searchsorted(self._exceptions, self._keys(a, b))
         ranks = self._rank(a, b)
         return ranks - np.searchsorted(self._gone, ranks)
 
     def kind(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Return the kinds (k,) of pairs of bodies of which one moves; UNWATCHED of others."""
+        """Return the kinds (k,) of pairs with a moving body; UNWATCHED for those not watched."""
         kinds = np.full(len(a), self.rule)
         if len(self._exceptions):
             keys = self._keys(a, b)
@@ -122,9 +123,9 @@ class WatchedPairs(LazySequence[WatchedPair]):
             kinds = np.where(self._exceptions[at] == keys, self._kind[at], kinds)
         return kinds
 
-    def endless(self) -> np.ndarray:
+    def infinite(self) -> np.ndarray:
         """Return the positions of the pairs of infinite range."""
-        if self._ruled_endless():
+        if self._ruled_infinite():
             positions = np.arange(self._length)
             finite = self._finite_exceptions()
             return np.delete(positions, self.positions(self._a[finite], self._b[finite]))
@@ -132,9 +133,9 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return self.positions(self._a[infinite], self._b[infinite])
 
     def reaches(self, least: float) -> np.ndarray:
-        """Return for each body the largest finite range of its pairs, or `least` if that is more.
+        """Return (n,) metres: the largest finite range of each body's pairs, at least `least`.
 
-        That of a body without such pairs is -inf. (n,) metres.
+        It is -inf for a body without such pairs.
         """
         ruled = self.ranges[self.rule] if self.ruled_finite else -np.inf
         reaches = np.full(len(self.names), ruled)
@@ -144,7 +145,7 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return np.where(reaches >= 0.0, np.maximum(reaches, least), reaches)
 
     def finite_of(self, chosen: np.ndarray) -> int:
-        """Return how many pairs of finite range have a body among the chosen ones (n,) bool."""
+        """Return how many pairs of finite range have one of the chosen bodies, a mask (n,)."""
         if not self.ruled_finite:
             return len(self.finite_exceptions_of(chosen)[0])
         movers, others = (int(((self.moving == each) & ~chosen).sum()) for each in (True, False))
@@ -153,16 +154,16 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return int(self._starts[-1]) - among_others - int(other.sum())
 
     def finite_exceptions_of(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the bodies (k,) each of those of these pairs that are exceptions, in order."""
+        """Return both bodies, (k,) each, of such pairs that are exceptions, in order."""
         which = (chosen[self._a] | chosen[self._b]) & self._finite_exceptions()
         return self._a[which], self._b[which]
 
     @property
     def ruled_finite(self) -> bool:
-        """Whether pairs that are no exceptions are watched, and to a finite range."""
+        """Whether the rule watches pairs, with a finite range."""
         return self.rule != UNWATCHED and bool(np.isfinite(self.ranges[self.rule]))
 
-    def _ruled_endless(self) -> bool:
+    def _ruled_infinite(self) -> bool:
         return self.rule != UNWATCHED and bool(np.isinf(self.ranges[self.rule]))
 
     def _finite_exceptions(self) -> np.ndarray:
@@ -172,6 +173,6 @@ class WatchedPairs(LazySequence[WatchedPair]):
         return a * len(self.names) + b
 
     def _rank(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """Where pairs stand among all that have a moving body."""
+        """The positions of pairs among all that have a moving body."""
         among_movers = self._movers_before[b] - self._movers_before[a + 1]
         return self._starts[a] + np.where(self.moving[a], b - a - 1, among_movers)

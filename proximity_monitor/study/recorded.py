@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .scenes import Scene, Track, identities
+from .scenes import StudyScene, Track, identities
 from .shapes import Mesh
 
 VARIABLE = "PROXIMITY_MONITOR_DATA"
@@ -34,7 +34,7 @@ def find_falling_tori(data: Path | None, usual: Path) -> Path | None:
     return None
 
 
-def falling_tori(folder: Path) -> Scene:
+def falling_tori(folder: Path) -> StudyScene:
     """The scene in that folder: 2,398 steps along the recorded path."""
     meshes, poses = {}, {}
     for name in ("torus1", "torus2"):
@@ -46,7 +46,7 @@ def falling_tori(folder: Path) -> Scene:
         poses[name][:, :3, :3] = _orthonormal(rows[:, :3])
         poses[name][:, :3, 3] = rows[:, 3]
     track = Track("torus1", "torus2", poses["torus1"], poses["torus2"])
-    return Scene(meshes, [track], quick=8)
+    return StudyScene(meshes, [track], quick=8)
 
 
 def _welded(corners: NDArray[np.float64]) -> Mesh:

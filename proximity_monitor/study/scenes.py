@@ -31,7 +31,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Scene:
+class StudyScene:
     """Meshes by name and the pairs of them that are asked about at every step.
 
     Attributes:
@@ -66,7 +66,7 @@ def random_rotations(random: np.random.Generator, count: int) -> NDArray[np.floa
     return rotation_poses((axis / length).T, 2.0 * np.arctan2(length, w))
 
 
-def engine_block(a: str, b: str) -> Scene:
+def engine_block(a: str, b: str) -> StudyScene:
     """One turn of the bundled engine: the watched pairs of a kind of body with another kind."""
     description = load_scene(bundled("engine"))
     moves = motion.from_scene(description)
@@ -75,8 +75,8 @@ def engine_block(a: str, b: str) -> Scene:
     poses = {name: np.array([frame[name] for frame in frames]) for name in frames[0]}
     meshes = {}
     for body in description.bodies:
-        model = load_model(body, description.unit).tessellated()
-        meshes[body.name] = (model.vertices, model.faces)
+        vertices, faces, _ = load_model(body, description.unit).display_mesh(0.0)
+        meshes[body.name] = (vertices, faces)
         if not body.moving:
             poses[body.name] = np.tile(body.pose, (steps, 1, 1))
     tracks = [
@@ -85,7 +85,7 @@ def engine_block(a: str, b: str) -> Scene:
         if pair.a.startswith(a) and pair.b.startswith(b)
     ]
     used = {name for track in tracks for name in (track.a, track.b)}
-    return Scene({name: meshes[name] for name in used}, tracks, block=16, quick=2)
+    return StudyScene({name: meshes[name] for name in used}, tracks, block=16, quick=2)
 
 
 def corridor(count: int) -> NDArray[np.float64]:
@@ -94,7 +94,7 @@ def corridor(count: int) -> NDArray[np.float64]:
     return np.stack((2.4 * np.cos(s), 2.0 * np.sin(2 * s) * 0.6, 0.35 * np.sin(3 * s)), axis=1)
 
 
-def cave(coherent: bool) -> Scene:
+def cave(coherent: bool) -> StudyScene:
     """A wrinkled torus in a cave: 2,880 random poses as a path planner tries them, or one path."""
     meshes = {"torus": shapes.wrinkled_torus(), "cave": shapes.cave(corridor(400), clear=0.25)}
     count = 2880
@@ -106,10 +106,10 @@ def cave(coherent: bool) -> Scene:
     else:
         poses = random_rotations(random, count)
         poses[:, :3, 3] = random.uniform((-2.8, -2.8, -1.1), (2.8, 2.8, 1.1), (count, 3))
-    return Scene(meshes, [Track("torus", "cave", poses, identities(count))], quick=6)
+    return StudyScene(meshes, [Track("torus", "cave", poses, identities(count))], quick=6)
 
 
-def chain() -> Scene:
+def chain() -> StudyScene:
     """Ten rings that hang in one another, held level and let go: all 45 pairs at each step."""
     links, steps, spacing, step_s = 10, 480, 1.3, 0.01
     joints = np.zeros((links + 1, 3))
@@ -139,10 +139,10 @@ def chain() -> Scene:
         poses[:, step, :3, 3] = 0.5 * (joints[1:] + joints[:-1])
     pairs = [(i, j) for i in range(links) for j in range(i)]
     tracks = [Track("ring", "ring", poses[i], poses[j]) for i, j in pairs]
-    return Scene({"ring": shapes.ring()}, tracks, block=32, quick=2)
+    return StudyScene({"ring": shapes.ring()}, tracks, block=32, quick=2)
 
 
-def tori() -> Scene:
+def tori() -> StudyScene:
     """A warped torus lands aslant on a lumpy one, pivots and falls through its hole."""
     count = 2398
     share = np.linspace(0.0, 1.0, count)
@@ -155,26 +155,28 @@ def tori() -> Scene:
     poses[:, 2, 3] = np.interp(share, times, (0.9, 0.62, 0.36, 0.0, -1.2))
     wander = rotation_poses(np.array([0.0, 0.0, 1.0]), 6.0 * share)
     meshes = {"warped": shapes.warped_torus(), "lumpy": shapes.lumpy_torus()}
-    return Scene(meshes, [Track("warped", "lumpy", wander @ poses, identities(count))], quick=8)
+    return StudyScene(
+        meshes, [Track("warped", "lumpy", wander @ poses, identities(count))], quick=8
+    )
 
 
-def separated_spheres(gap: float) -> Scene:
+def separated_spheres(gap: float) -> StudyScene:
     """Two unit spheres side by side, 500 times in random orientations."""
     random = np.random.default_rng(500)
     poses_a, poses_b = random_rotations(random, 500), random_rotations(random, 500)
     poses_b[:, 0, 3] = 2.0 + gap
-    return Scene({"sphere": shapes.sphere(1.0)}, [Track("sphere", "sphere", poses_a, poses_b)])
+    return StudyScene({"sphere": shapes.sphere(1.0)}, [Track("sphere", "sphere", poses_a, poses_b)])
 
 
-def concentric_spheres(gap: float) -> Scene:
+def concentric_spheres(gap: float) -> StudyScene:
     """A sphere in the middle of a unit sphere, 60 times in random orientations."""
     random = np.random.default_rng(60)
     poses = random_rotations(random, 60), random_rotations(random, 60)
     meshes = {"outer": shapes.sphere(1.0), "inner": shapes.sphere(1.0 - gap)}
-    return Scene(meshes, [Track("outer", "inner", *poses)], block=2, quick=1)
+    return StudyScene(meshes, [Track("outer", "inner", *poses)], block=2, quick=1)
 
 
-def growing_tori() -> Scene:
+def growing_tori() -> StudyScene:
     """A lumpy torus goes round another, tumbling; both of 500 triangles, of 1,000 … 512,000.
 
     As the 1997 paper moves models of growing resolution round a stationary one (section 3.1.1).
@@ -194,10 +196,10 @@ def growing_tori() -> Scene:
         mesh = shapes.lumpy_torus(round(asked / 2 / minor), minor)
         meshes[str(len(mesh[1]))] = mesh
     tracks = [Track(name, name, poses, identities(count)) for name in meshes]
-    return Scene(meshes, tracks)
+    return StudyScene(meshes, tracks)
 
 
-SCENES: dict[str, Callable[[], Scene]] = {
+SCENES: dict[str, Callable[[], StudyScene]] = {
     "engine/piston-block": partial(engine_block, "piston", "block"),
     "engine/crankshaft-block": partial(engine_block, "crankshaft", "block"),
     "engine/piston-crankshaft": partial(engine_block, "piston", "crankshaft"),

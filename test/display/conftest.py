@@ -12,6 +12,7 @@ import shutil
 import signal
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from deadlines import DEADLINE_S, START_DEADLINE_S
@@ -26,7 +27,7 @@ budget_ms: 90
 thresholds: {warn: 100, stop: 20, hysteresis: 10}
 bodies:
   - {name: table, primitive: {box: {size: [800, 800, 50]}}, pose: {position: [0, 0, -25]}}
-  - {name: ball, primitive: {sphere: {radius: 100}}, moving: true, colour: [0.2, 0.5, 0.8, 1]}
+  - {name: ball, model: a.ball, moving: true, colour: [0.2, 0.5, 0.8, 1]}
   - {name: die, primitive: {box: {size: [150, 150, 150]}}, moving: true,
      colour: [0.85, 0.74, 0.55, 1]}
   - {name: cursor, primitive: {point: {}}, moving: true, colour: [0.8, 0.2, 0.6, 1]}
@@ -39,6 +40,8 @@ pairs:
     - {between: [ball, die], thresholds: {warn: 50, stop: 5}}
     - {between: [cursor, solids], thresholds: {warn: 2, stop: 1}, range: 300}
 """
+KINDS = Path(__file__).parents[1] / "kinds"
+"""Where the package is that brings the ball's kind of model; see `test_own_kind.py`."""
 START = {"ball": (-0.2, 0.0, 0.3), "die": (0.2, 0.0, 0.3), "cursor": (0.2, -0.2, 0.3)}
 POSE_TIMEOUT_S = 3.0  # a busy machine lets the sources be silent for a while
 LOOK_S = 0.1
@@ -140,6 +143,10 @@ class Sources:
         # After that, so that of this moment's poses none counts as another's.
         self._released_ns[name] = self.node.get_clock().now().nanoseconds
 
+    def move(self, name, position):
+        """Publish a body elsewhere."""
+        self._held[name] = position
+
     def restore(self):
         """Publish all bodies where they began."""
         self._held = dict(START)
@@ -195,6 +202,7 @@ class Sources:
 def scene_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("display_scene") / "cell.yaml"
     path.write_text(SCENE)
+    (path.parent / "a.ball").write_text("0 0 0 100")
     return path
 
 
@@ -250,7 +258,8 @@ def browser():
 @pytest.fixture(scope="module")
 def sources(browser, domain, launch_for_all, scene_file):
     """The poses of all bodies, of which a monitor hears."""
-    environment = {"ROS_DOMAIN_ID": domain}
+    python_path = os.pathsep.join(filter(None, (str(KINDS), os.environ.get("PYTHONPATH"))))
+    environment = {"ROS_DOMAIN_ID": domain, "PYTHONPATH": python_path}
     monitor = launch_for_all(
         "node", scene=scene_file, pose_timeout_s=POSE_TIMEOUT_S, environment=environment
     )

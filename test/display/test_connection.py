@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.connection import Connection, State, banner, connection, pill
+from proximity_monitor.display.connection import (
+    Connection,
+    ConnectionState,
+    banner,
+    connection,
+    pill,
+)
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.state import (
     BOUNDED,
@@ -16,15 +22,15 @@ from proximity_monitor.display.state import (
     WARN,
     Frame,
     Health,
-    Limits,
     Pairs,
-    Scene,
+    SceneInfo,
+    Thresholds,
     Unit,
 )
 
 NOW = 1000.0
 NAMES = (("a", "b"), ("a", "c"), ("b", "c"))
-SCENE = Scene(
+SCENE = SceneInfo(
     name="cell",
     description="",
     frame="world",
@@ -32,7 +38,7 @@ SCENE = Scene(
     bodies=(),
     deforming=frozenset(),
     pairs=3,
-    thresholds=Limits(0.1, 0.02, 0.0),
+    thresholds=Thresholds(0.1, 0.02, 0.0),
     own_thresholds={},
     own_parameters=True,
     settings={"rate_hz": 30.0},
@@ -74,35 +80,39 @@ NEVER = float("-inf")
 @pytest.mark.parametrize(
     "changes, state, text",
     [
-        ({}, State.LIVE, "every number"),
-        ({"frame_at_s": NOW - 2.0}, State.STALE, "no tick for 2.0 s: paused"),
-        ({"frame": frame(status=(BOUNDED, BOUNDED, 0))}, State.COMPUTING, "2 pairs are not exact"),
-        ({"parts": None}, State.COMPUTING, "the meshes"),
-        ({"frame": None, "frame_at_s": NEVER}, State.COMPUTING, "its first tick"),
+        ({}, ConnectionState.LIVE, "every number"),
+        ({"frame_at_s": NOW - 2.0}, ConnectionState.STALE, "no tick for 2.0 s: paused"),
+        (
+            {"frame": frame(status=(BOUNDED, BOUNDED, 0))},
+            ConnectionState.COMPUTING,
+            "2 pairs are not exact",
+        ),
+        ({"parts": None}, ConnectionState.COMPUTING, "the meshes"),
+        ({"frame": None, "frame_at_s": NEVER}, ConnectionState.COMPUTING, "its first tick"),
         (
             {"frame": None, "frame_at_s": NEVER, "health_at_s": NEVER},
-            State.COMPUTING,
+            ConnectionState.COMPUTING,
             "prepares its search",
         ),
         (
             {"frame": None, "frame_at_s": NEVER, "health_at_s": NEVER, "present": False},
-            State.DISCONNECTED,
+            ConnectionState.DISCONNECTED,
             "waiting for the monitor",
         ),
         (
             {"frame_at_s": NOW - 9.0, "health_at_s": NOW - 8.0},
-            State.STALE,
+            ConnectionState.STALE,
             "no word from the monitor for 9 s",
         ),
         (
             {"frame_at_s": NOW - 9.0, "health_at_s": NOW - 8.0, "present": False},
-            State.DISCONNECTED,
+            ConnectionState.DISCONNECTED,
             "the monitor is gone for 8 s",
         ),
-        ({"unreadable": {"tick": "cut"}}, State.STALE, "cannot be read: tick: cut"),
+        ({"unreadable": {"tick": "cut"}}, ConnectionState.STALE, "cannot be read: tick: cut"),
         (
             {"scene": None, "frame": None, "unreadable": {"scene": "is the monitor older?"}},
-            State.STALE,
+            ConnectionState.STALE,
             "scene: is the monitor older?",
         ),
     ],
@@ -116,7 +126,7 @@ def test_the_state_of_the_connection(changes, state, text):
 def test_silent_bodies_are_named_with_how_long():
     silent = ("", "no recent pose of c", "no recent pose of b and c")
     told = connection(news(frame=frame(level=(0, STALE, STALE), silent=silent)), NOW)
-    assert told.state is State.STALE
+    assert told.state is ConnectionState.STALE
     # c by the pair in which it alone is silent; of b no more is known than of the two.
     assert told.text == "no recent pose: c for 1.0 s, b for 2.0 s"
 
@@ -128,7 +138,7 @@ def test_a_body_that_never_had_a_pose_is_named():
     assert told.text == "no recent pose: c never given"
 
 
-LIVE = Connection(State.LIVE, "")
+LIVE = Connection(ConnectionState.LIVE, "")
 
 
 def words(html):

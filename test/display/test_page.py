@@ -32,6 +32,16 @@ TEXTS = """under => Object.entries(window.__viserSceneTree.getState())
   .filter(([name, node]) => name.startsWith(under) && node.effectiveVisibility)
   .map(([, node]) => node.message.props.text).filter(text => text)"""
 OPACITY = "i => window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props.opacity"
+# How far the corners of a part's mesh are from its origin at most.
+REACH = """i => {
+  const props = window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props;
+  const bytes = props.vertices, at = bytes.byteOffset ?? 0;
+  const all = new Float32Array(bytes.buffer.slice(at, at + bytes.byteLength));
+  let reach = 0;
+  for (let k = 0; k < all.length; k += 3)
+    reach = Math.max(reach, Math.hypot(all[k], all[k + 1], all[k + 2]));
+  return reach;
+}"""
 ROWS = "all => all.map(r => [r.dataset.pair, [+r.dataset.lower, +r.dataset.upper, r.innerText]])"
 CHOSEN = ".pm-row.pm-chosen"
 HIDDEN = "#pm-pairs ~ .pm-small .pm-press"
@@ -175,6 +185,31 @@ def test_the_page_shows_the_parts(page, eventually):
         assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 200
         assert ball_is_blue(page, pixels)
         assert {"table", "ball", "die", "cursor"} <= set(page.evaluate(TEXTS, "/parts"))
+
+    eventually(shown)
+
+
+def test_a_part_of_a_kind_from_another_package_is_shown_and_its_features_told(
+    page, world, sources, wait, eventually
+):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    assert world[1]["ball"].kind == "ball"
+    told = {}
+
+    def take(message):
+        told.update((s.name, {v.key: v.value for v in s.values}) for s in message.status)
+
+    listening = sources.node.create_subscription(
+        DiagnosticArray, "proximity_monitor/closest_points", take, 1
+    )
+    sources.move("ball", (-0.2, 0.0, 0.105))
+    wait(lambda: told.get("table - ball", {}).get("feature_b") == "ball 0", "the ball's feature")
+    sources.node.destroy_subscription(listening)
+
+    def shown():
+        assert row(page, "table - ball")[0] == pytest.approx(0.005, abs=1e-9)
+        assert page.evaluate(REACH, 1) == pytest.approx(0.1, rel=1e-6)
 
     eventually(shown)
 

@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.received import read_pairs, read_parts, read_poses
-from proximity_monitor.display.state import LEVELS, STATUSES, Scene, Unit
+from proximity_monitor.display.state import LEVELS, STATUSES, SceneInfo, Unit
 from proximity_monitor.ros import messages
 from proximity_monitor.ros.poses_message import PosesMessage
 from proximity_monitor.ros.scene_message import SceneMessage
@@ -167,7 +167,7 @@ def described(folder, text, **settings):
     in_force = dict.fromkeys(Settings._fields) | {
         "frame": "cell", "budget_s": 0.01, "body_topics": True, "thresholds": (Thresholds(2, 1, 0),)
     } | settings  # fmt: skip
-    return Scene.read(made.message(Settings(**in_force), ()).data)
+    return SceneInfo.read(made.message(Settings(**in_force), ()).data)
 
 
 def test_the_scene_is_read_as_the_monitor_writes_it(tmp_path):

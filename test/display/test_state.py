@@ -26,9 +26,9 @@ from proximity_monitor.display.state import (
     UNKNOWN,
     WARN,
     Frame,
-    Limits,
     Pairs,
-    Scene,
+    SceneInfo,
+    Thresholds,
     Unit,
 )
 
@@ -74,11 +74,11 @@ def frame(stamp_s, lower, upper=None, **given):
 
 
 def test_a_scene_is_read():
-    scene = Scene.read(json.dumps(TOLD))
+    scene = SceneInfo.read(json.dumps(TOLD))
     assert scene.moving == ("b", "c")
     assert scene.body("c").point
-    assert scene.limits(("a", "b")) == Limits(0.1, 0.02, 0.0)
-    assert scene.limits(("a", "c")) == Limits(0.2, 0.1, 0.0)
+    assert scene.thresholds_of(("a", "b")) == Thresholds(0.1, 0.02, 0.0)
+    assert scene.thresholds_of(("a", "c")) == Thresholds(0.2, 0.1, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -92,14 +92,14 @@ def test_a_scene_is_read():
     ],
 )
 def test_what_makes_it_another_scene(changed, other):
-    before, after = (Scene.read(json.dumps(told)) for told in (TOLD, TOLD | changed))
+    before, after = (SceneInfo.read(json.dumps(told)) for told in (TOLD, TOLD | changed))
     assert (before.key != after.key) is other
 
 
 @pytest.mark.parametrize("text", ["[]", "{}", json.dumps(TOLD | {"unit": {"symbol": "mm"}})])
 def test_what_is_no_scene_is_refused_with_the_way_out(text):
     with pytest.raises(ValueError, match="is the monitor of the same version"):
-        Scene.read(text)
+        SceneInfo.read(text)
 
 
 def test_numbers_bear_their_unit():
@@ -136,7 +136,7 @@ def test_every_state_has_a_glyph_and_a_word_of_its_own():
 
 
 def test_the_colour_runs_from_stop_over_warn_to_clear():
-    limits = Limits(warn=0.1, stop=0.02, hysteresis=0.0)
+    limits = Thresholds(warn=0.1, stop=0.02, hysteresis=0.0)
 
     def colour(metres, touching=False, stale=False):
         return tuple(ramp(metres, limits, touching=touching, stale=stale))
@@ -147,7 +147,7 @@ def test_the_colour_runs_from_stop_over_warn_to_clear():
     np.testing.assert_allclose(between, (np.array(colour(0.02)) + colour(0.1)) / 2.0)
     assert len({colour(0.0), colour(0.0, touching=True), colour(0.0, stale=True)}) == 3
     # One threshold of 0 and none at all are no division by zero.
-    assert np.isfinite(ramp(0.0, Limits(0.0, 0.0, 0.0), touching=False, stale=False)).all()
+    assert np.isfinite(ramp(0.0, Thresholds(0.0, 0.0, 0.0), touching=False, stale=False)).all()
 
 
 def test_the_session_keeps_ten_ticks_a_second_and_every_worst():

@@ -17,16 +17,24 @@ from proximity_monitor.display import serving
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox
-from proximity_monitor.display.limits import ASK_S, HAND_S
-from proximity_monitor.display.limits import Limits as LimitsPanel
+from proximity_monitor.display.limits import ASK_S, HAND_S, LimitsPanel
 from proximity_monitor.display.received import Part
-from proximity_monitor.display.state import STALE, STOP, Body, Frame, Limits, Pairs, Scene, Unit
+from proximity_monitor.display.state import (
+    STALE,
+    STOP,
+    Body,
+    Frame,
+    Pairs,
+    SceneInfo,
+    Thresholds,
+    Unit,
+)
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
 HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
 THERE = np.array([3.0, 0, 0, 1, 0, 0, 0])
 NAMES = ("<i>a", "b")
-SCENE = Scene(
+SCENE = SceneInfo(
     name="cell",
     description="",
     frame="world",
@@ -34,7 +42,7 @@ SCENE = Scene(
     bodies=tuple(Body(name, True, f"/{i}", False, "1") for i, name in enumerate(NAMES)),
     deforming=frozenset(),
     pairs=1,
-    thresholds=Limits(0.1, 0.02, 0.0),
+    thresholds=Thresholds(0.1, 0.02, 0.0),
     own_thresholds={},
     own_parameters=True,
     settings={"rate_hz": 30.0, "budget_ms": 10.0, "rel_err": 0.0, "abs_err": 0.0},
@@ -179,7 +187,7 @@ def test_what_others_named_is_no_html(page):
     page.all._timeline._due_s = 0.0
     page.tell(rivals=("<i>robot",), refusal="<i>no")
     limits = page.all._limits
-    own = replace(SCENE, own_thresholds={NAMES: Limits(0.2, 0.1, 0.0)})
+    own = replace(SCENE, own_thresholds={NAMES: Thresholds(0.2, 0.1, 0.0)})
     limits.show(own, frame(0.0), None, "<i>no", time.monotonic())
     told = (page.move._note, page.all._timeline._worst, limits._refusal, limits._whose)
     for html in told:
@@ -206,7 +214,7 @@ def show(panel, scene, now_s, refusal=""):
 
 def test_a_threshold_beyond_its_slider_is_not_lowered_with_another(panel):
     show(panel, SCENE, 0.0)
-    far = replace(SCENE, thresholds=Limits(7.0, 0.02, 0.0))
+    far = replace(SCENE, thresholds=Thresholds(7.0, 0.02, 0.0))
     show(panel, far, 10.0)
     assert panel.lengths["warn"].value == panel.lengths["warn"].max == 500.0
     set_by_hand(panel, "stop", 30.0)
@@ -234,7 +242,7 @@ def test_a_slider_follows_once_its_request_was_answered(panel, refusal):
     show(panel, SCENE, 10.0)
     show(panel, SCENE, 60.0)
     assert panel.lengths["hysteresis"].value == 5.0
-    answer = SCENE if refusal else replace(SCENE, thresholds=Limits(0.1, 0.02, 0.004))
+    answer = SCENE if refusal else replace(SCENE, thresholds=Thresholds(0.1, 0.02, 0.004))
     show(panel, answer, 61.0, refusal)
     assert panel.lengths["hysteresis"].value == (0.0 if refusal else pytest.approx(4.0))
 

@@ -16,9 +16,9 @@ from proximity_monitor.display.state import (
     UNKNOWN,
     WARN,
     Body,
-    Limits,
     Pairs,
-    Scene,
+    SceneInfo,
+    Thresholds,
     Unit,
 )
 
@@ -35,8 +35,18 @@ def server():
 
 def test_a_deforming_body_gets_its_new_shape_and_others_keep_theirs(server):
     bodies = tuple(Body(name, True, name, False, "") for name in "ab")
-    scene = Scene(
-        "s", "", "w", Unit("mm", 0.001), bodies, frozenset("b"), 1, Limits(1, 0, 0), {}, True, {}
+    scene = SceneInfo(
+        "s",
+        "",
+        "w",
+        Unit("mm", 0.001),
+        bodies,
+        frozenset("b"),
+        1,
+        Thresholds(1, 0, 0),
+        {},
+        True,
+        {},
     )
     parts = [Part(POSE, np.ones(4), CORNERS) for _ in bodies]
     views = Parts(server, scene, parts, lambda name: None)
@@ -49,8 +59,8 @@ def test_a_deforming_body_gets_its_new_shape_and_others_keep_theirs(server):
 @pytest.mark.parametrize("size", [0.003, 0.5, 40.0])
 def test_whatever_a_scene_measures_it_is_about_a_unit_on_the_page(server, size):
     body = Body("a", True, "a", False, "")
-    scene = Scene(
-        "s", "", "w", Unit("m", 1.0), (body,), frozenset(), 0, Limits(1, 0, 0), {}, True, {}
+    scene = SceneInfo(
+        "s", "", "w", Unit("m", 1.0), (body,), frozenset(), 0, Thresholds(1, 0, 0), {}, True, {}
     )
     parts = Parts(server, scene, [Part(POSE, np.ones(4), size * CORNERS)], lambda name: None)
     assert 0.3 < parts.size < 4.0

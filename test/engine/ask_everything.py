@@ -5,6 +5,9 @@ from engine_bodies import IDENTITY, ORDERS, box, pose, soup, sphere, torus
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.assembly.broad_phase import BroadPhase
+from proximity_monitor.engine.kernels.base.tables import table
 
 rng = np.random.default_rng(1)
 models = [
@@ -57,7 +60,7 @@ pairs = np.array([(i, j) for i in range(len(models)) for j in range(i)])
 asked = assembly.distances(poses, pairs, threads=2)
 assembly.distances(poses, pairs, hints=2**20 + asked.hints, clearance=0.5, budget_s=1e-3)
 
-answers, everyone = engine.Answers(models, [each.name for each in models]), np.arange(len(models))
+answers, everyone = Answers(models, [each.name for each in models]), np.arange(len(models))
 rows = answers.add(pairs, np.arange(len(pairs)) % 2 == 0)
 answers.move(everyone, poses)
 answers.keep(
@@ -67,8 +70,8 @@ answers.keep(
 )
 answers.drop(rows[::2])
 answers.move(everyone, poses[::-1])
-answers.carried(rows[1::2])
-broad = engine.BroadPhase()
+answers.intervals(rows[1::2])
+broad = BroadPhase()
 for size in (2, 600, 300):
     centres = rng.uniform(size=(size, 3))
     broad.near(centres, np.full(size, 0.3), np.arange(size) % 3 > 0, np.arange(0, size, 1))
@@ -86,15 +89,14 @@ for a in solids:
             for budget in (0.0, 2e-5, 2e-5, None):
                 pair.signed_distance(pose(rng, far), IDENTITY, budget_s=budget)
         pair.signed_distance(IDENTITY, IDENTITY, rel_err=0.1)
-        a.refit(0.9 * a.vertices)
+        a.deform(0.9 * a.vertices)
         pair.signed_distance(IDENTITY, IDENTITY, abs_err=0.1)
 
 # The check is on: a child that is no triangle is found.
-tree = models[0]._tree
-children = tree.children.copy()
+hierarchy = models[0]._hierarchy
+children = hierarchy.tree.children.copy()
 children[16:] = ~np.int32(2**30)
-broken = tree._replace(children=children)
-models[0]._keep(broken, broken)
+hierarchy.table = table((*hierarchy.tree._replace(children=children), hierarchy.numbers))
 try:
     engine.distance(models[0], IDENTITY, models[1], pose(rng, 3.0))
 except IndexError:

@@ -7,7 +7,8 @@ import subprocess
 import sys
 
 QUICK = "import numpy as np; from proximity_monitor import engine; "
-POSE = "engine.check_pose(np.eye(4)); "  # the kernel that is compiled fastest
+# The kernel that is compiled fastest.
+POSE = "from proximity_monitor.engine.poses import check_pose; check_pose(np.eye(4)); "
 
 
 def run(code, cache=None):

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
 
 
 def rotation(axis, angle):
@@ -43,7 +44,7 @@ def true_distance(a, pose_a, b, pose_b):
 
 def table(a, b, signed=False):
     """A table with one row, for two bodies."""
-    answers = engine.Answers([a, b], ["a", "b"])
+    answers = Answers([a, b], ["a", "b"])
     return answers, answers.add(np.array([[0, 1]]), np.array([signed]))
 
 
@@ -67,7 +68,7 @@ def answered(a, pose_a, b, pose_b):
 def carried(a, start_a, b, start_b, end_a, end_b):
     answers, row = answered(a, start_a, b, start_b)
     move(answers, end_a, end_b)
-    return answers.carried(row)
+    return answers.intervals(row)
 
 
 def cloud(random, count=12, size=1.0, away=0.0):
@@ -97,12 +98,12 @@ def test_the_interval_contains_the_distance_after_any_motion(seed, spread, motio
 def test_pairs_that_were_never_answered_are_certified_too():
     random = np.random.default_rng(5)
     clouds = [cloud(random, 9) for _ in range(100)]
-    answers = engine.Answers(clouds, [str(i) for i in range(100)])
+    answers = Answers(clouds, [str(i) for i in range(100)])
     pairs = np.arange(100).reshape(-1, 2)
     rows = answers.add(pairs, np.zeros(50, bool))
     poses = np.stack([random_pose(random, 5.0) for _ in clouds])
     answers.move(np.arange(100), poses)
-    got = answers.carried(rows)
+    got = answers.intervals(rows)
     true = [true_distance(clouds[i], poses[i], clouds[j], poses[j]) for i, j in pairs]
     assert np.all(got.lower <= true)
     assert np.all(true <= got.upper)
@@ -175,8 +176,8 @@ def test_bodies_that_do_not_move_keep_the_very_numbers():
     random = np.random.default_rng(4)
     a, b = cloud(random), cloud(random)
     answers, row = answered(a, random_pose(random, 1.0), b, random_pose(random, 1.0))
-    first = answers.carried(row)
-    again = answers.carried(row)
+    first = answers.intervals(row)
+    again = answers.intervals(row)
     assert again.same.all()
     assert again.still.all()
     assert (first.lower, first.upper) == (again.lower, again.upper)
@@ -187,7 +188,7 @@ def test_a_ball_beyond_any_number_that_can_be_squared_leaves_the_bounds_that_alw
     """1e45 m is as far as a model reaches; products of such lengths are still numbers."""
     a, b = engine.points([[1e45, 0, 0], [0, 1e45, 0]]), engine.points([[0, 0, 0]])
     answers, row = table(a, b)
-    got = answers.carried(row)
+    got = answers.intervals(row)
     assert 0.0 <= got.lower[0] <= 1e45 <= got.upper[0] < np.inf
 
 
@@ -206,11 +207,11 @@ def test_the_interval_contains_the_distance_after_motion_and_deformation(seed, m
     for _ in range(3):
         step = random.uniform(-bend, bend, a.vertices.shape)
         before = a.vertices
-        a.refit(before + step)
+        a.deform(before + step)
         answers.reshape(0, np.linalg.norm(a.vertices - before, axis=1).max() * (1 + 1e-15))
         ends = [nudged(random, each, motion) for each in ends]
         move(answers, *ends)
-        got = answers.carried(row)
+        got = answers.intervals(row)
         true = true_distance(a, ends[0], b, ends[1])
         assert got.lower[0] <= true <= got.upper[0]
 
@@ -219,9 +220,9 @@ def test_after_a_deformation_of_unknown_size_the_new_ball_alone_bounds():
     random = np.random.default_rng(6)
     a, b = cloud(random), cloud(random)
     answers, row = answered(a, np.eye(4), b, pose(position=(20, 0, 0)))
-    a.refit(3.0 * a.vertices)
+    a.deform(3.0 * a.vertices)
     answers.reshape(0, np.inf)
-    got = answers.carried(row)
+    got = answers.intervals(row)
     apart = np.linalg.norm(b.centre + np.array([20, 0, 0]) - a.centre) - a.radius - b.radius
     assert got.lower[0] == pytest.approx(apart, abs=1e-12)
     true = true_distance(a, np.eye(4), b, pose(position=(20, 0, 0)))
@@ -232,9 +233,9 @@ def test_bodies_at_the_same_pose_are_not_still_when_their_answer_was_forgotten()
     random = np.random.default_rng(6)
     a, b = cloud(random), cloud(random)
     answers, row = answered(a, np.eye(4), b, np.eye(4))
-    assert answers.carried(row).still[0]
+    assert answers.intervals(row).still[0]
     answers.reshape(0, np.inf)
-    assert not answers.carried(row).still[0]
+    assert not answers.intervals(row).still[0]
 
 
 BOX = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
@@ -262,7 +263,7 @@ def test_a_signed_distance_stays_within_its_bounds_through_any_jump(seed, size, 
     bounds = np.array([[before.lower, before.upper]])
     answers.keep(row, bounds, np.array([[before.point_a, before.point_b]]))
     move(answers, *ends)
-    got = answers.carried(row)
+    got = answers.intervals(row)
     after = engine.signed_distance(a, ends[0], b, ends[1])
     assert got.lower[0] <= after.upper
     assert after.lower <= got.upper[0]
@@ -273,7 +274,7 @@ def test_solids_that_overlap_stay_so_while_they_move_less_than_their_depth():
     answers, row = table(a, b, signed=True)
     answers.keep(row, np.array([[-0.5, -0.5]]), np.zeros((1, 2, 3)))
     move(answers, np.eye(4), pose(position=(0.1, 0, 0)))
-    got = answers.carried(row)
+    got = answers.intervals(row)
     assert got.upper[0] == pytest.approx(-0.4, abs=1e-12)
     assert got.lower[0] == pytest.approx(-0.6, abs=1e-12)
 
@@ -285,7 +286,7 @@ def test_rows_are_used_again_and_begin_with_nothing():
     answers.drop(row)
     again = answers.add(np.array([[1, 0]]), np.array([False]))
     assert again.tolist() == row.tolist()
-    got = answers.carried(again)
+    got = answers.intervals(again)
     assert not got.same[0]
     assert got.points[0, 0].tolist() == b.vertices[0].tolist()
 
@@ -293,8 +294,8 @@ def test_rows_are_used_again_and_begin_with_nothing():
 def test_a_pose_that_is_none_is_refused_by_name_and_moves_nothing():
     random = np.random.default_rng(9)
     answers, row = table(cloud(random), cloud(random))
-    before = answers.carried(row)
+    before = answers.intervals(row)
     with pytest.raises(ValueError, match="pose of b"):
         move(answers, pose(position=(1, 0, 0)), 2.0 * np.eye(4))
     assert np.array_equal(answers.poses, np.tile(np.eye(4), (2, 1, 1)))
-    assert answers.carried(row).lower == before.lower
+    assert answers.intervals(row).lower == before.lower

@@ -13,6 +13,10 @@ from numba.core.dispatcher import Dispatcher
 
 from proximity_monitor import engine
 from proximity_monitor.engine import kernels
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.assembly.broad_phase import BroadPhase
+from proximity_monitor.engine.assembly.schedule import Schedule
+from proximity_monitor.engine.poses import check_pose
 
 A, B = sphere(2), box()
 HERE, THERE = IDENTITY, translation(3.0, 0.5)
@@ -158,7 +162,7 @@ ARRAYS = {
     "signed": (THERE, lambda x: engine.signed_distance(A, HERE, B, x).upper),
     "within": (THERE, lambda x: engine.within(A, HERE, B, x, 0.5).lower),
     "collide": (THERE, lambda x: engine.collide(A, HERE, B, x).colliding),
-    "check_pose": (THERE, lambda x: engine.check_pose(x)),
+    "check_pose": (THERE, lambda x: check_pose(x)),
     "poses": (POSES, lambda x: engine.distances(A, POSES, B, x).upper),
     "of an assembly": (POSES, lambda x: ASSEMBLY.distances(x, PAIRS).upper),
     "points": (POSES[:, 0, :3], lambda x: engine.closest_points(A, HERE, x).upper),
@@ -220,29 +224,29 @@ def test_what_is_no_model_is_refused_by_name(other):
         r"b\b.*": lambda: engine.collide(A, HERE, other, THERE),
         "model": lambda: engine.closest_points(other, HERE, [[0.0, 0.0, 0.0]]),
         r"models\[1\]": lambda: engine.Assembly([A, other]),
-        r"models\[0\]": lambda: engine.Answers([other, A], ["a", "b"]),
+        r"models\[0\]": lambda: Answers([other, A], ["a", "b"]),
     }.items():
         with pytest.raises(TypeError, match=rf"^{name}: expected a model .*TriangleMesh"):
             ask()
 
 
-def test_an_agenda_takes_any_numbers_and_compiles_nothing():
-    answers = engine.Answers([A, B], ["a", "b"])
+def test_a_schedule_takes_any_numbers_and_compiles_nothing():
+    answers = Answers([A, B], ["a", "b"])
     answers.move(np.arange(2), POSES)
     rows = answers.add(PAIRS, np.zeros(1, bool))
-    book = engine.Agenda(answers, ASSEMBLY)
-    book.begin(rows)
+    schedule = Schedule(answers, ASSEMBLY)
+    schedule.begin(rows)
 
     def moment(index, truth, real, whole):
         answers.move(index([0, 1]), POSES)
-        book.look(index(rows), truth([1, 1]), truth([0, 0]), whole(1))
-        questions = book.ask(index(book.order()))
-        book.search(questions, real(1), whole(1), lambda: real(2))
-        book.take(questions, [engine.distance(A, HERE, B, THERE)] * len(questions.at), real(2))
-        answers.carried(index(rows))
+        schedule.update(index(rows), truth([1, 1]), truth([0, 0]), whole(1))
+        queries = schedule.queries(index(schedule.order()))
+        schedule.search_together(queries, real(1), whole(1), lambda: real(2))
+        schedule.commit(queries, [engine.distance(A, HERE, B, THERE)] * len(queries.at), real(2))
+        answers.intervals(index(rows))
         balls = answers.centres.tolist(), [real(5), real(5)]
-        engine.BroadPhase().near(*balls, truth([1, 1]), index([0, 1]))
-        return book.report(real(3))[1]
+        BroadPhase().near(*balls, truth([1, 1]), index([0, 1]))
+        return schedule.report(real(3))[1]
 
     assert moment(np.array, lambda x: np.array(x, bool), float, int) == 0
     before = forms()

@@ -10,9 +10,10 @@ import pytest
 from engine_bodies import IDENTITY, SMALL, pose, sphere, torus
 
 from proximity_monitor import engine
+from proximity_monitor.engine.questions.result import Distances
 
 STATUS = tuple(engine.Status)
-FIELDS = [field.name for field in dataclasses.fields(engine.Distances)]
+FIELDS = [field.name for field in dataclasses.fields(Distances)]
 
 
 def crowd(seed=0, count=24, spread=2.0):
@@ -39,7 +40,7 @@ def test_the_answers_are_those_of_single_questions(threads):
         one = alone(assembly, poses, pair)
         assert STATUS[found.status[k]] is one.status
         features = one.feature_a, one.feature_b
-        if found.triangles[k].tolist() != [feature.triangle for feature in features]:
+        if found.elements[k].tolist() != [feature.index for feature in features]:
             # The kernel is compiled into either question: where triangles are as near as others,
             # float32 bounds that differ in their last bits decide which are found.
             assert found.upper[k] == pytest.approx(one.upper, rel=0.0, abs=1e-13)
@@ -48,7 +49,7 @@ def test_the_answers_are_those_of_single_questions(threads):
         assert (found.lower[k], found.upper[k]) == (one.lower, one.upper)
         assert np.array_equal(found.points_a[k], one.point_a)
         assert np.array_equal(found.points_b[k], one.point_b)
-        assert np.array_equal(found.barycentric[k], [each.barycentric for each in features])
+        assert np.array_equal(found.parameters[k], [each.parameters for each in features])
         assert found.bound_tests[k] == pytest.approx(one.bound_tests, rel=0.1, abs=64)
     assert other < 0.05 * len(pairs)
     assert {STATUS[code] for code in found.status} == {
@@ -132,7 +133,7 @@ def test_a_mesh_that_was_refitted_is_seen_anew():
     poses = np.tile(np.eye(4), (2, 1, 1))
     poses[1, 0, 3] = 4.0
     before = assembly.distances(poses, [[0, 1]]).upper[0]
-    mesh.refit(1.5 * mesh.vertices)
+    mesh.deform(1.5 * mesh.vertices)
     after = assembly.distances(poses, [[0, 1]])
     assert after.upper[0] == pytest.approx(before - 0.5, abs=1e-3)
     assert after.upper[0] == alone(assembly, poses, (0, 1)).upper
@@ -192,7 +193,7 @@ def test_a_cut_search_goes_on_only_with_the_same_question():
         )
         assert found.bound_tests == fresh.bound_tests
     refitted = cut()
-    models[0].refit(1.005 * models[0].vertices)
+    models[0].deform(1.005 * models[0].vertices)
     found = refitted.distances(poses, [[0, 1]], budget_s=60.0)
     assert found.upper == engine.distance(models[0], IDENTITY, models[1], IDENTITY).upper
 

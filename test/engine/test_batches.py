@@ -82,7 +82,7 @@ def test_signed_answers_are_those_of_single_questions(name):
         overlapping += one.upper < 0.0
     assert overlapping > 3 or name == "two surfaces"
     many = engine.distances(a, poses_a, b, poses_b, signed=True, threads=3)
-    for field in ("lower", "upper", "points_a", "points_b", "triangles", "status"):
+    for field in ("lower", "upper", "points_a", "points_b", "elements", "status"):
         assert np.array_equal(getattr(many, field), getattr(found, field)), field
 
 
@@ -182,7 +182,7 @@ def test_a_cut_depth_goes_on_only_with_the_same_question():
             lower, upper = answer(assembly, where, budget_s=0.0)
             assert lower <= whole[id(where)][1]
             assert whole[id(where)][0] <= upper
-    models[1].refit(0.9 * models[1].vertices)
+    models[1].deform(0.9 * models[1].vertices)
     again = answer(assembly, poses, budget_s=60.0)
     assert again == pytest.approx(answer(engine.Assembly(models), poses), abs=1e-13)
 
@@ -217,7 +217,7 @@ def test_whatever_the_budget_the_bounds_hold(signed, threads):
         assert (found.lower[unseen] == least).all()
         assert (found.upper[unseen] == np.inf).all()
         assert np.isnan(found.points_a[unseen]).all()
-        assert (found.triangles[unseen] == -1).all()
+        assert (found.elements[unseen] == -1).all()
         assert (found.status[unseen] == OPEN).all()
         assert (found.lower[some] <= exact.upper).all()
         assert (exact.lower <= found.upper[some]).all()

@@ -10,9 +10,9 @@ from engine_bodies import box, from_python, pose, rotation, soup, sphere, torus,
 from engine_oracles import exact_squared_distance, pairwise_distances, root
 
 from proximity_monitor import engine
-from proximity_monitor.engine import check_tree
 from proximity_monitor.engine.kernels.base import motion
 from proximity_monitor.engine.kernels.bounds import boxes, volumes
+from proximity_monitor.engine.models.tree import check_tree
 
 box_bounds, shortest = from_python(boxes.box_bounds), from_python(boxes.shortest)
 relative_motions = from_python(motion.relative_motions)
@@ -58,7 +58,7 @@ def around(corners, kind):
 
 def stored(mesh):
     """Centre and half edges (3, 3) of the box around a whole model, metres, as it was rounded."""
-    tree = mesh._tree
+    tree = mesh._hierarchy.tree
     lane = tree.nodes.reshape(-1, FIELDS, WIDTH)[0, :, 0].astype(float)
     u, v = lane[3:6], lane[6:9]
     edges = np.stack((lane[10] * u, lane[11] * v, lane[9] * np.cross(u, v)))
@@ -84,12 +84,12 @@ def bounds(a, pose_a, b, pose_b, reach=EVERYTHING):
     """What the search makes of all of `a` against the sixteen volumes of b's first node, metres."""
     motions, single = np.zeros((2, 12)), np.empty(16, np.float32)
     relative_motions(pose_a, pose_b, *motions)
-    assert place(a._tree, 0, motions[1], b._tree, 0, 0.0, single)
+    assert place(a._hierarchy.tree, 0, motions[1], b._hierarchy.tree, 0, 0.0, single)
     found = np.empty(WIDTH, np.float32)
-    lower_bounds(b._tree.nodes, np.uint64(0), single, found, np.uint64(0))
+    lower_bounds(b._hierarchy.tree.nodes, np.uint64(0), single, found, np.uint64(0))
     spheres = found.copy()
-    box_bounds(a._tree, 0, motions[1], b._tree, 0, 0.0, reach, found, 0)
-    return found * b._tree.scale[0], spheres * b._tree.scale[0]
+    box_bounds(a._hierarchy.tree, 0, motions[1], b._hierarchy.tree, 0, 0.0, reach, found, 0)
+    return found * b._hierarchy.tree.scale[0], spheres * b._hierarchy.tree.scale[0]
 
 
 def check(a, pose_a, b, pose_b):
@@ -203,7 +203,7 @@ def test_a_box_and_a_swept_sphere(kind):
     boxes, spheres = around(corners_of((1.0, 0.8, 0.6)), kind), of(sphere(3), "pss")
     c, edges = stored(boxes)
     centre, _ = stored(spheres)
-    radius = float(spheres._tree.nodes[9 * WIDTH]) * spheres._tree.scale[0]
+    radius = float(spheres._hierarchy.tree.nodes[9 * WIDTH]) * spheres._hierarchy.tree.scale[0]
     for direction in rng.normal(size=(30, 3)):
         where = translation(*(2.0 * direction))
         away = 2.0 * direction + c - centre
@@ -301,8 +301,8 @@ def test_a_walk_may_end_early():
 
 def lanes_of(mesh):
     """Every used volume (k, FIELDS)."""
-    lanes = mesh._tree.nodes.reshape(-1, FIELDS, WIDTH).swapaxes(1, 2).reshape(-1, FIELDS)
-    return lanes[mesh._tree.children != -(2**31)].astype(float)
+    lanes = mesh._hierarchy.tree.nodes.reshape(-1, FIELDS, WIDTH).swapaxes(1, 2).reshape(-1, FIELDS)
+    return lanes[mesh._hierarchy.tree.children != -(2**31)].astype(float)
 
 
 def test_axis_aligned_boxes_are_aligned_and_no_larger_than_their_points():
@@ -338,18 +338,18 @@ def test_a_box_is_thin_along_its_third_axis(kind):
 @pytest.mark.parametrize("node", [0, 1, -1])
 def test_a_box_that_is_too_small_is_found(node, field, kind):
     mesh = of(torus(), kind)
-    nodes = mesh._tree.nodes.copy()
+    nodes = mesh._hierarchy.tree.nodes.copy()
     # The first lane that has an extent: one of a triangle may have none.
     lane = int(np.argmax(nodes.reshape(-1, FIELDS, WIDTH)[node, field] > 1e-3))
     nodes.reshape(-1, FIELDS, WIDTH)[node, field, lane] *= np.float32(1.0 - 1e-5)
     with pytest.raises(AssertionError, match=rf"node \d+ lane {lane}: a corner lies .* outside"):
-        check_tree(mesh._tree._replace(nodes=nodes), kind)
+        check_tree(mesh._hierarchy.tree._replace(nodes=nodes), kind)
 
 
 @pytest.mark.parametrize("kind", ["rss", "obb"])
 def test_a_tree_that_is_taken_for_another_is_found(kind):
     """The search asks the hierarchy itself whether it holds boxes."""
-    tree = of(torus(), kind)._tree
+    tree = of(torus(), kind)._hierarchy.tree
     scale = tree.scale.copy()
     scale[3] = 1.0 - scale[3]
     with pytest.raises(AssertionError, match=r"scale: .* boxes"):

@@ -32,7 +32,7 @@ NESTED = sphere(4, 1.0), sphere(4, 1.3)
 def triangles_under(mesh, node):
     """Triangles, in tree order, under a node."""
     found = []
-    for child in mesh._tree.children[node * WIDTH : (node + 1) * WIDTH].tolist():
+    for child in mesh._hierarchy.tree.children[node * WIDTH : (node + 1) * WIDTH].tolist():
         if child >= 0:
             found += triangles_under(mesh, child)
         elif child != EMPTY:
@@ -43,8 +43,8 @@ def triangles_under(mesh, node):
 @pytest.mark.parametrize("name", list(SMALL))
 def test_kept_vertices_are_the_nodes_own_and_far_apart(name):
     mesh = SMALL[name]
-    corners = mesh._tree.triangles.reshape(-1, 3)
-    ranges, spread = mesh._ranges(), mesh._spread_corners()
+    corners = mesh._hierarchy.tree.triangles.reshape(-1, 3)
+    ranges, spread = mesh._hierarchy.ranges(), mesh._hierarchy.spread_corners()
     for node in range(len(spread)):
         under = triangles_under(mesh, node)
         assert sorted(under) == list(range(*ranges[node]))
@@ -54,7 +54,7 @@ def test_kept_vertices_are_the_nodes_own_and_far_apart(name):
         assert np.ptp(points, axis=0).max() <= 2.0 * np.linalg.norm(kept - kept[0], axis=1).max()
         # Whatever vertex a lowest node has, it is no farther from those kept than they are from
         # each other; a node above keeps what those below it keep.
-        children = mesh._tree.children[node * WIDTH : (node + 1) * WIDTH]
+        children = mesh._hierarchy.tree.children[node * WIDTH : (node + 1) * WIDTH]
         if children[0] < 0:
             apart = np.linalg.norm(kept[:, None] - kept, axis=2)[np.triu_indices(4, 1)].min()
             nearest = np.linalg.norm(points[:, None] - kept, axis=2).min(axis=1)
@@ -69,9 +69,9 @@ def test_a_mesh_that_is_never_searched_so_keeps_no_vertices():
     a, b = sphere(2), sphere(2)
     engine.distance(a, IDENTITY, b, translation(3.0))
     engine.distance(a, IDENTITY, b, translation(3.0), order="priority", rel_err=0.1)
-    assert a._spread is None
+    assert a._hierarchy._spread is None
     engine.distance(a, IDENTITY, b, translation(3.0), order="breadth_first")
-    assert a._spread is not None
+    assert a._hierarchy._spread is not None
 
 
 @pytest.mark.parametrize("volume", VOLUMES)
@@ -80,18 +80,20 @@ def test_a_refit_renews_the_vertices(volume):
     pair = engine.Pair(a, b)
     far = translation(4.0)
     pair.distance(far, IDENTITY, order="breadth_first")
-    a.refit(a.vertices * (0.1, 3.0, 1.0))
+    a.deform(a.vertices * (0.1, 3.0, 1.0))
     expected = engine.distance(of(a, volume), far, b, IDENTITY)
     found = pair.distance(far, IDENTITY, order="breadth_first")
     assert (found.lower, found.upper) == pytest.approx((expected.lower, expected.upper), abs=1e-13)
-    spread = a._tree.triangles.reshape(-1, 3)[a._spread_corners()[1]]
+    spread = a._hierarchy.tree.triangles.reshape(-1, 3)[a._hierarchy.spread_corners()[1]]
     assert np.ptp(spread[:, 1]) == pytest.approx(6.0, rel=0.01), "far apart as it is now"
 
 
 def test_the_vertices_kept_of_the_whole_models_are_its_first_upper_bound(monkeypatch):
     monkeypatch.setattr(run, "SLICE", 1)
     rng = np.random.default_rng(2)
-    p, q = (m._tree.triangles.reshape(-1, 3)[m._spread_corners()[1]] for m in (A, B))
+    p, q = (
+        m._hierarchy.tree.triangles.reshape(-1, 3)[m._hierarchy.spread_corners()[1]] for m in (A, B)
+    )
     for _ in range(20):
         here = pose(rng, 4.0)
         placed = p @ here[:3, :3].T + here[:3, 3]

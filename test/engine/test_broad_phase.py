@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from proximity_monitor.engine import BroadPhase
+from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 
 
 def meeting(centres, radii, moving):

@@ -16,7 +16,9 @@ import pytest
 
 from proximity_monitor.engine.kernels.base import cache
 
-ASK = "import numpy as np; from proximity_monitor import engine; engine.check_pose(np.eye(4))"
+ASK = (
+    "import numpy; from proximity_monitor.engine.poses import check_pose; check_pose(numpy.eye(4))"
+)
 ROOT = os.geteuid() == 0
 NOBODY = 65534
 

@@ -38,7 +38,7 @@ def test_against_brute_force(name, spread):
     assert (found.lower <= expected + slack).all()
     assert (found.upper - found.lower <= 2.0 * slack).all()
     assert np.linalg.norm(found.points - given, axis=1) == pytest.approx(expected, abs=slack)
-    for point, triangle in zip(found.points, found.triangles, strict=True):
+    for point, triangle in zip(found.points, found.elements, strict=True):
         at = pairwise_distances(np.array([[point] * 3]), corners[[triangle]])
         assert at[0, 0] <= slack
 
@@ -103,7 +103,7 @@ def test_each_answer_depends_on_its_point_alone():
 
 def test_no_points_have_no_answers():
     found = engine.closest_points(MODELS["box"], IDENTITY, np.empty((0, 3)))
-    assert found.lower.shape == found.upper.shape == found.triangles.shape == (0,)
+    assert found.lower.shape == found.upper.shape == found.elements.shape == (0,)
     assert found.points.shape == (0, 3)
 
 
@@ -140,7 +140,7 @@ def test_beyond_the_largest_distance_only_that_is_told(name, radius):
         assert found.done.all()
         assert (found.lower[~near] >= farthest).all()
         assert np.isnan(found.points[~near]).all()
-        assert (found.triangles[~near] == -1).all()
+        assert (found.elements[~near] == -1).all()
         assert near[whole.lower < farthest - 1e-12].all()
         assert found.lower[~near] == pytest.approx(farthest, abs=1e-12)
         assert (found.lower[~near] <= whole.upper[~near]).all()
@@ -160,7 +160,7 @@ def test_what_the_budget_does_not_suffice_for_can_be_asked_again():
         assert found.done.any()
         assert (found.lower[~found.done] == 0.0).all()
         assert np.isinf(found.upper[~found.done]).all()
-        assert (found.triangles[~found.done] == -1).all()
+        assert (found.elements[~found.done] == -1).all()
         upper[left[found.done]] = found.upper[found.done]
         left, calls = left[~found.done], calls + 1
     assert calls > 2
@@ -183,7 +183,7 @@ def test_normals_are_those_of_faces():
     model, matrix = MODELS["box"], pose(rng, 1.0)
     given = matrix[:3, 3] + 3.0 * rng.normal(size=(50, 3))
     found = engine.closest_points(model, matrix, given, normals=True)
-    corners = triangles(model, matrix)[found.triangles]
+    corners = triangles(model, matrix)[found.elements]
     n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     assert np.allclose(found.normals, n, atol=1e-14)

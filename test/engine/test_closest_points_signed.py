@@ -200,7 +200,7 @@ def test_beyond_the_largest_distance_the_side_is_told(name):
         assert (found.upper[~told & inside] <= -farthest).all()
         assert np.isinf(found.lower[~told & inside]).all()
         assert np.isnan(found.points[~told]).all()
-        assert (found.triangles[~told] == -1).all()
+        assert (found.elements[~told] == -1).all()
 
 
 @pytest.mark.parametrize("name", ["torus", "holed", "capsule"])
@@ -218,7 +218,7 @@ def test_what_the_budget_does_not_suffice_for_is_open_and_can_be_asked_again(nam
         assert np.isneginf(found.lower[open_]).all()
         assert np.isposinf(found.upper[open_]).all()
         assert np.isnan(found.points[open_]).all()
-        assert (found.triangles[open_] == -1).all()
+        assert (found.elements[open_] == -1).all()
         now = left[found.done]
         assert found.upper[found.done] == pytest.approx(whole.upper[now], abs=1e-14)
         left, calls = left[open_], calls + 1
@@ -254,7 +254,7 @@ def test_a_refitted_solid_is_seen_as_it_is():
     model = sphere(2)
     centre = [[0.0, 0.0, 0.0]]
     assert engine.closest_points(model, IDENTITY, centre, signed=True).upper[0] < -0.9
-    model.refit(model.vertices + np.array([3.0, 0.0, 0.0]))
+    model.deform(model.vertices + np.array([3.0, 0.0, 0.0]))
     assert engine.closest_points(model, IDENTITY, centre, signed=True).lower[0] > 1.9
     away = engine.closest_points(model, translation(-3.0), centre, signed=True)
     assert -1.0 <= away.lower[0] <= away.upper[0] < -0.9

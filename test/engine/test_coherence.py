@@ -9,7 +9,7 @@ from engine_bodies import IDENTITY, box, from_python, rotation, soup, sphere, to
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base import state as index
 from proximity_monitor.engine.kernels.base.motion import relative_motions
-from proximity_monitor.engine.kernels.search.search import coherence
+from proximity_monitor.engine.kernels.search import coherence
 from proximity_monitor.engine.questions import run
 
 displacement = from_python(coherence._displacement)
@@ -62,7 +62,7 @@ def test_no_vertex_moves_farther_than_the_bound(size):
             motions_of(IDENTITY, at, found[k, 0], found[k, 1])
         moved = [model.vertices @ m[0, :9].reshape(3, 3).T + m[0, 9:] for m in found]
         farthest = np.linalg.norm(moved[1] - moved[0], axis=1).max()
-        bound = displacement(model._tree, found[0, 0], found[1, 0])
+        bound = displacement(model._hierarchy.tree, found[0, 0], found[1, 0])
         assert farthest <= bound * (1.0 + 1e-15) + 1e-14 * (size + 5.0)
         assert bound <= 4.0 * farthest + 1e-14 * (size + 5.0)
 
@@ -144,7 +144,7 @@ def test_a_model_that_was_refitted_is_looked_at_anew():
         k = np.argsort(away)[rng.integers(5, 300)]
         nearer = rng.uniform(0.7, 0.99) * found.upper / away[k]
         vertices[k] = found.point_b + nearer * (vertices[k] - found.point_b)
-        a.refit(vertices)
+        a.deform(vertices)
         found, alone = pair.distance(IDENTITY, at), engine.distance(a, IDENTITY, b, at)
         assert found.upper == pytest.approx(alone.upper, rel=1e-12, abs=1e-14)
 

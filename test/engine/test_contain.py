@@ -96,7 +96,7 @@ def test_walls_that_solids_share_count_from_both_sides():
     n = len(rows_of_cubes.vertices)
     faces = np.concatenate((rows_of_cubes.faces, [[n, n + 1, n + 2], [n, n + 2, n + 1]]))
     block = engine.TriangleMesh(vertices, faces)
-    assert block.is_solid and len(block._coincident.twins) == 2 * 2 + 1
+    assert block.is_solid and len(block._hierarchy.coincident.twins) == 2 * 2 + 1
     probe = engine.points([[0.0, 0.0, 0.0]])
     assembly = engine.Assembly([block, probe])
     rng = np.random.default_rng(4)

@@ -45,10 +45,10 @@ def extent(a, b, pose_a, pose_b):
 
 
 def check_witness(mesh, matrix, point, feature):
-    weights = feature.barycentric
+    weights = feature.parameters
     assert weights.min() >= 0.0
     assert abs(weights.sum() - 1.0) <= 1e-15
-    corners = triangles(mesh, matrix)[feature.triangle]
+    corners = triangles(mesh, matrix)[feature.index]
     assert np.abs(weights @ corners - point).max() <= 4e-15 * np.abs(corners).max()
 
 

@@ -14,7 +14,7 @@ COUNT = 1300
 """More than five of the portions that threads take."""
 
 FIELDS = (
-    "lower", "upper", "points_a", "points_b", "triangles", "bound_tests", "primitive_tests",
+    "lower", "upper", "points_a", "points_b", "elements", "bound_tests", "primitive_tests",
 )  # fmt: skip
 
 
@@ -75,7 +75,7 @@ def test_no_poses_have_no_answers():
     none = engine.distances(box(), np.empty((0, 4, 4)), box(), np.empty((0, 4, 4)), threads=2)
     assert len(none) == 0
     assert none.points_a.shape == (0, 3)
-    assert none.triangles.shape == (0, 2)
+    assert none.elements.shape == (0, 2)
 
 
 @pytest.mark.parametrize("threads", [1, 3])

@@ -15,7 +15,7 @@ from proximity_monitor.engine.kernels.base import state as index
 from proximity_monitor.engine.kernels.bounds import cross
 from proximity_monitor.engine.kernels.bounds import gaps as filters
 from proximity_monitor.engine.kernels.bounds.gaps import BATCH, CORNERS
-from proximity_monitor.engine.kernels.search.search import aim
+from proximity_monitor.engine.kernels.elements import aim
 from proximity_monitor.engine.kernels.tree.layout import EMPTY
 
 gather, shift = from_python(filters.gather), from_python(filters.shift)
@@ -44,8 +44,8 @@ def crowds(kind):
 def exact_distances(a, b, pose_a, pose_b):
     """Of all pairs of triangles in tree order, b's fastest; Fractions, right to 2^-150."""
     motion = exact_motion(pose_a, pose_b)
-    first = a._tree.triangles.reshape(-1, 3, 3)
-    second = [exactly_moved(motion, t) for t in b._tree.triangles.reshape(-1, 3, 3)]
+    first = a._hierarchy.tree.triangles.reshape(-1, 3, 3)
+    second = [exactly_moved(motion, t) for t in b._hierarchy.tree.triangles.reshape(-1, 3, 3)]
     return [root(exact_squared_distance(p.tolist(), q)) for p in first for q in second]
 
 
@@ -58,10 +58,10 @@ def test_no_filter_exceeds_the_exact_distance(kind):
         pair.distance(pose_a, pose_b)
         search = pair._search
         reals, motion = search.reals, search.state.motions[0]
-        first, second = a._tree.triangles, b._tree.triangles
+        first, second = a._hierarchy.tree.triangles, b._hierarchy.tree.triangles
         for k in range(BATCH):
             gather(first, k // EACH, second, k % EACH, k, corners)
-        scale = min(a._tree.scale[1], b._tree.scale[1])
+        scale = min(a._hierarchy.tree.scale[1], b._hierarchy.tree.scale[1])
         shift(corners, motion, scale, local)
         gaps(local, np.float32(reals[index.SLACK] * scale * (1.0 + 1e-6)), found)
         for k, exact in enumerate(exact_distances(a, b, pose_a, pose_b)):
@@ -81,14 +81,14 @@ def test_the_filters_are_tight_where_it_counts(kind):
             continue
         reals, counts = pair._search.reals, pair._search.counts
         ta, tb = counts[index.TRIANGLE_A], counts[index.TRIANGLE_B]
-        along = gap_along(reals, a._tree.triangles, ta, b._tree.triangles, tb)
+        along = gap_along(reals, a._hierarchy.tree.triangles, ta, b._hierarchy.tree.triangles, tb)
         slack = reals[index.SLACK]
         assert along >= answer.upper - 3.0 * slack or np.isclose(along, answer.upper, rtol=1e-12)
 
 
 def lowest_node(mesh):
     """The one node of a small mesh that holds triangles; its lanes that do, and which."""
-    children = mesh._tree.children.reshape(-1, 16)
+    children = mesh._hierarchy.tree.children.reshape(-1, 16)
     node = int(children[0, 0])  # the first node has but one lane: all of the mesh
     lanes = [
         (k, triangle)
@@ -107,14 +107,17 @@ def check_along_the_aim(a, b, pose_a, pose_b):
     upper = pair.distance(pose_a, pose_b).upper
     reals = pair._search.reals
     (node_a, lanes_a), (node_b, lanes_b) = lowest_node(a), lowest_node(b)
-    between = node_apart(a._tree, node_a, index.NORMAL_A, -1.0, lows[0], reals)
-    between += node_apart(b._tree, node_b, index.NORMAL_B, 1.0, lows[1], reals)
+    between = node_apart(a._hierarchy.tree, node_a, index.NORMAL_A, -1.0, lows[0], reals)
+    between += node_apart(b._hierarchy.tree, node_b, index.NORMAL_B, 1.0, lows[1], reals)
     between += reals[index.OFFSET] - reals[index.BOUND_SLACK]
     exact = exact_distances(a, b, pose_a, pose_b)
     dismissed = 0
     for k, ta in lanes_a:
         for m, tb in lanes_b:
-            own, other = lows[0, k] * a._tree.scale[0], lows[1, m] * b._tree.scale[0]
+            own, other = (
+                lows[0, k] * a._hierarchy.tree.scale[0],
+                lows[1, m] * b._hierarchy.tree.scale[0],
+            )
             bound = float(between + own + other)
             assert Fraction(bound) <= exact[len(b.faces) * ta + tb]
             dismissed += bound >= upper

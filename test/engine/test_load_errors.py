@@ -32,6 +32,7 @@ from model_files import (
 
 from proximity_monitor import engine
 from proximity_monitor.engine import ModelError
+from proximity_monitor.engine.models.tree import check_tree
 
 NAN, INF = float("nan"), float("inf")
 
@@ -356,7 +357,7 @@ def test_a_damaged_file_is_a_sound_model_or_a_model_error(tmp_path, name, steps)
     assert np.isfinite(mesh.vertices).all()
     assert mesh.faces.min() >= 0
     assert mesh.faces.max() < len(mesh.vertices)
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._hierarchy.tree)
 
 
 @settings(

@@ -147,7 +147,7 @@ def test_degenerate_triangles_take_part():
     for x, expected, triangles in ((5.5, 1.0, {1}), (-7.0, 5.0**0.5, {2}), (0.2, 1.0, {0, 3})):
         found = engine.distance(mesh, IDENTITY, engine.points([[x, 0.0, 1.0]]), IDENTITY)
         assert found.upper == pytest.approx(expected)
-        assert found.feature_a.triangle in triangles
+        assert found.feature_a.index in triangles
 
 
 def test_points_are_a_model():
@@ -156,7 +156,7 @@ def test_points_are_a_model():
     assert cloud.faces.tolist() == [[0, 0, 0], [1, 1, 1]]
     found = engine.distance(cloud, IDENTITY, engine.points([[3.0, 4.0, 0.0]]), IDENTITY)
     assert found.lower <= 4.0 <= found.upper
-    assert found.feature_a.triangle == 1
+    assert found.feature_a.index == 1
     assert found.feature_a.kind == "vertex"
 
 
@@ -207,7 +207,7 @@ def test_a_mesh_can_be_sent_to_another_process():
     expected = engine.distance(mesh, here, mesh, IDENTITY)
     found = engine.distance(copy, here, copy, IDENTITY)
     assert (found.lower, found.upper) == (expected.lower, expected.upper)
-    for array in (copy.vertices, copy.faces, copy.centre, *copy._tree):
+    for array in (copy.vertices, copy.faces, copy.centre, *copy._hierarchy.tree):
         assert not array.flags.writeable
 
 

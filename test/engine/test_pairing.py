@@ -8,15 +8,16 @@ from engine_bodies import SMALL, box, leaf_triangles, soup, sphere, torus
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.tree.layout import EMPTY, FIELDS, WIDTH
+from proximity_monitor.engine.models.tree import check_tree
 
 BODIES = SMALL | {"ball": lambda: sphere(3), "ring": lambda: torus(40)}
 
 
 def leaves(mesh):
     """The caller's faces of each leaf."""
-    children = mesh._tree.children
+    children = mesh._hierarchy.tree.children
     codes = children[(children < 0) & (children != EMPTY)].tolist()
-    return [[int(mesh._face_of[t]) for t in leaf_triangles(code)] for code in codes]
+    return [[int(mesh._hierarchy.numbers[t]) for t in leaf_triangles(code)] for code in codes]
 
 
 def shared(mesh):
@@ -77,10 +78,14 @@ def test_a_grid_of_squares_is_taken_apart_into_squares(turn):
 @pytest.mark.parametrize("turn", [0.0, 0.4])
 def test_the_volume_of_a_square_is_hardly_larger(turn):
     mesh = grid(4, 4, turn)
-    lanes = mesh._tree.nodes.reshape(-1, FIELDS, WIDTH)
-    children = mesh._tree.children.reshape(-1, WIDTH)
+    lanes = mesh._hierarchy.tree.nodes.reshape(-1, FIELDS, WIDTH)
+    children = mesh._hierarchy.tree.children.reshape(-1, WIDTH)
     used = (children < 0) & (children != EMPTY)
-    sides = np.stack((lanes[:, 10][used], lanes[:, 11][used]), axis=1) * 2.0 * mesh._tree.scale[0]
+    sides = (
+        np.stack((lanes[:, 10][used], lanes[:, 11][used]), axis=1)
+        * 2.0
+        * mesh._hierarchy.tree.scale[0]
+    )
     slanted = np.hypot(1.0, 0.3)
     assert np.allclose(np.sort(sides, axis=1), [1.0, slanted], rtol=1e-6)
     assert lanes[:, 9][used].max() < 1e-6
@@ -128,7 +133,7 @@ def test_a_triangle_that_is_drawn_again_stands_alone(faces):
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]
     mesh = engine.TriangleMesh(points, [*faces, [1, 3, 2]])
     assert len(shared(mesh)) == 1
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._hierarchy.tree)
 
 
 def unwelded(mesh):
@@ -141,8 +146,8 @@ def unwelded(mesh):
 def test_triangles_that_share_no_vertices_have_the_same_hierarchy(name):
     mesh = body(name)
     other = unwelded(mesh)
-    assert np.array_equal(mesh._face_of, other._face_of)
-    for first, second in zip(mesh._tree, other._tree, strict=True):
+    assert np.array_equal(mesh._hierarchy.numbers, other._hierarchy.numbers)
+    for first, second in zip(mesh._hierarchy.tree, other._hierarchy.tree, strict=True):
         assert np.array_equal(first, second)
 
 
@@ -157,7 +162,7 @@ def test_an_edge_of_many_triangles_parts_them_by_twos():
     pages += [[0.5, np.cos(0.001 * k), np.sin(0.001 * k)] for k in range(7)]
     mesh = engine.TriangleMesh(pages, [[0, 1, 2 + k] for k in range(7)])
     assert len(shared(mesh)) == 3
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._hierarchy.tree)
 
 
 def test_needles_and_points_stand_alone():
@@ -165,7 +170,7 @@ def test_needles_and_points_stand_alone():
     faces = [[0, 1, 2], [1, 0, 3], [2, 2, 2], [0, 0, 1]]
     mesh = engine.TriangleMesh(points, faces)
     assert shared(mesh) == []
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._hierarchy.tree)
 
 
 def test_the_size_of_the_model_does_not_matter():
@@ -174,7 +179,7 @@ def test_the_size_of_the_model_does_not_matter():
     for size in (1e-30, 1e30):
         other = engine.TriangleMesh(mesh.vertices * size, mesh.faces)
         assert len(shared(other)) >= 0.9 * len(expected)
-        engine.check_tree(other._tree)
+        check_tree(other._hierarchy.tree)
 
 
 @pytest.mark.parametrize("volume", ["rss", "lss", "pss", "hybrid", "obb", "aabb"])
@@ -187,11 +192,11 @@ def test_a_leaf_that_is_folded_later_still_holds_both(volume):
         for _ in range(5):
             folded = points.copy()
             folded[3] = [1.0 - height * rng.uniform(), rng.uniform(), height]  # over the other
-            mesh.refit(folded)
-            engine.check_tree(mesh._tree, volume)
+            mesh.deform(folded)
+            check_tree(mesh._hierarchy.tree, volume)
     for folded in (0.0 * points, points[:, [0, 0, 0]], points * [1.0, 1e-200, 1.0]):
-        mesh.refit(folded)
-        engine.check_tree(mesh._tree, volume)
+        mesh.deform(folded)
+        check_tree(mesh._hierarchy.tree, volume)
 
 
 @pytest.mark.parametrize("volume", ["rss", "lss", "obb"])
@@ -205,4 +210,4 @@ def test_leaves_whose_products_underflow_have_perpendicular_unit_axes(size, volu
     thin[:, 0] = thin[:, 1] + size * rng.normal(size=(40, 3)) * (0.0, 1.0, 1.0)
     corners = np.concatenate((tiny, thin)).reshape(-1, 3)
     mesh = engine.TriangleMesh(corners, np.arange(240).reshape(-1, 3), volume=volume)
-    engine.check_tree(mesh._tree, volume)
+    check_tree(mesh._hierarchy.tree, volume)

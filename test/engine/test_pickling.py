@@ -12,6 +12,9 @@ import pytest
 from engine_bodies import IDENTITY, box, pose, sphere, torus, translation
 
 from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.assembly.broad_phase import BroadPhase
+from proximity_monitor.engine.assembly.schedule import Schedule
 from proximity_monitor.engine.questions.run import Search
 
 NESTED = sphere(4, 1.0), sphere(4, 1.01)
@@ -31,18 +34,18 @@ class Crowd:
     def __init__(self):
         self.poses = np.array([pose(np.random.default_rng(k), 2.0) for k in range(4)])
         self.assembly = engine.Assembly(MODELS)
-        self.answers = engine.Answers(MODELS, [str(k) for k in range(4)])
+        self.answers = Answers(MODELS, [str(k) for k in range(4)])
         self.answers.move(np.arange(4), self.poses)
         self.rows = self.answers.add(PAIRS, np.zeros(len(PAIRS), bool))
-        self.agenda = engine.Agenda(self.answers, self.assembly)
-        self.agenda.begin(self.rows)
-        self.agenda.look(self.rows, np.ones(4, bool), np.zeros(4, bool), True)
+        self.schedule = Schedule(self.answers, self.assembly)
+        self.schedule.begin(self.rows)
+        self.schedule.update(self.rows, np.ones(4, bool), np.zeros(4, bool), True)
 
 
-def searched(agenda):
-    """The certified bounds after all that an agenda wants is searched."""
-    agenda.search(agenda.ask(agenda.order()), 60.0, 1, lambda: 0.0)
-    return np.stack([agenda.report(0.0)[0][name] for name in ("lower", "upper")])
+def searched(schedule):
+    """The certified bounds after all that a schedule wants is searched."""
+    schedule.search_together(schedule.queries(schedule.order()), 60.0, 1, lambda: 0.0)
+    return np.stack([schedule.report(0.0)[0][name] for name in ("lower", "upper")])
 
 
 def memory_of(thing, models=(), seen=None):
@@ -72,10 +75,10 @@ def things():
     pair.signed_distance(NEAR, IDENTITY)
     crowd = Crowd()
     crowd.assembly.distances(crowd.poses, PAIRS, threads=2)
-    phase = engine.BroadPhase()
+    phase = BroadPhase()
     phase.near(crowd.answers.centres, np.full(4, 9.0), np.ones(4, bool), np.arange(4))
     search = Search(*NESTED)
-    parts = [pair, search, crowd.assembly, crowd.answers, crowd.agenda, phase]
+    parts = [pair, search, crowd.assembly, crowd.answers, crowd.schedule, phase]
     return {type(part).__name__: part for part in parts}
 
 
@@ -86,8 +89,9 @@ def test_nothing_that_is_written_to_is_shared(kind, route):
     given = MODELS if route == "copy" else []
     if kind in ("Pair", "Search") and route == "copy":
         given = NESTED
-    if kind == "Agenda" and route == "copy":
+    if kind == "Schedule" and route == "copy":
         given = [*MODELS, thing._answers, thing._assembly]
+    given = [*given, *(each._hierarchy for each in given if hasattr(each, "_hierarchy"))]
     mine = memory_of(thing, given)
     other = memory_of(ROUTES[route](thing), given)
     assert mine
@@ -132,41 +136,41 @@ def test_a_deep_copy_has_models_of_its_own_and_a_copy_has_not():
     pair = engine.Pair(ball, other)
     deep, shallow = copy.deepcopy(pair), copy.copy(pair)
     before = pair.distance(FAR, IDENTITY).upper
-    ball.refit(ball.vertices * 0.5)
+    ball.deform(ball.vertices * 0.5)
     assert deep.distance(FAR, IDENTITY).upper == pytest.approx(before)
     assert shallow.distance(FAR, IDENTITY).upper == pytest.approx(before + 0.5)
 
 
 @pytest.mark.parametrize("route", ROUTES)
-def test_copies_of_an_agenda_do_not_disturb_each_other(route):
+def test_copies_of_a_schedule_do_not_disturb_each_other(route):
     crowd = Crowd()
-    alone = searched(Crowd().agenda)
-    other = ROUTES[route](crowd.agenda)
-    other.book["ignored"] = True
-    other.look(crowd.rows[:2], np.ones(4, bool), np.zeros(4, bool), True)
-    assert np.array_equal(searched(crowd.agenda), alone)
-    other.book["ignored"] = False
-    other.look(crowd.rows, np.ones(4, bool), np.zeros(4, bool), True)
+    alone = searched(Crowd().schedule)
+    other = ROUTES[route](crowd.schedule)
+    other.records["ignored"] = True
+    other.update(crowd.rows[:2], np.ones(4, bool), np.zeros(4, bool), True)
+    assert np.array_equal(searched(crowd.schedule), alone)
+    other.records["ignored"] = False
+    other.update(crowd.rows, np.ones(4, bool), np.zeros(4, bool), True)
     assert np.allclose(searched(other), alone, atol=1e-13)
 
 
 def test_bodies_that_share_a_model_share_it_in_a_pickle():
     assembly = pickle.loads(pickle.dumps(engine.Assembly([MODELS[0], MODELS[1], MODELS[0]])))
     assert assembly.models[0] is assembly.models[2]
-    agenda = pickle.loads(pickle.dumps(Crowd().agenda))
-    assert agenda._assembly.models[0] is agenda._answers._models[0]
+    schedule = pickle.loads(pickle.dumps(Crowd().schedule))
+    assert schedule._assembly.models[0] is schedule._answers._models[0]
 
 
 LOADED = """
 import pickle, sys
 import numpy as np
-pair, assembly, agenda, broad, poses = pickle.load(sys.stdin.buffer)
+pair, assembly, schedule, broad, poses = pickle.load(sys.stdin.buffer)
 here, there = poses[0], poses[1]
 found = pair.distance(here, there)
 signed = pair.signed_distance(here, there)
 many = assembly.distances(poses, [[0, 1], [2, 3]], threads=2)
-agenda.search(agenda.ask(agenda.order()), 60.0, 1, lambda: 0.0)
-states = agenda.report(0.0)[0]
+schedule.search_together(schedule.queries(schedule.order()), 60.0, 1, lambda: 0.0)
+states = schedule.report(0.0)[0]
 near = broad.near(poses[:, :3, 3], np.full(4, 3.0), np.ones(4, bool), np.arange(4))
 answers = found.upper, signed.upper, many.upper, states["upper"], near
 pickle.dump(answers, sys.stdout.buffer)
@@ -177,16 +181,16 @@ def test_another_process_answers_the_same_and_compiles_nothing():
     crowd = Crowd()
     pair = engine.Pair(MODELS[0], MODELS[2])
     pair.signed_distance(IDENTITY, FAR)
-    broad = engine.BroadPhase()
+    broad = BroadPhase()
     around = crowd.poses[:, :3, 3], np.full(4, 3.0), np.ones(4, bool), np.arange(4)
     expected = (
         pair.distance(crowd.poses[0], crowd.poses[1]).upper,
         pair.signed_distance(crowd.poses[0], crowd.poses[1]).upper,
         crowd.assembly.distances(crowd.poses, [[0, 1], [2, 3]]).upper,
-        searched(Crowd().agenda)[1],
+        searched(Crowd().schedule)[1],
         broad.near(*around),
     )
-    sent = pickle.dumps((pair, crowd.assembly, crowd.agenda, broad, crowd.poses))
+    sent = pickle.dumps((pair, crowd.assembly, crowd.schedule, broad, crowd.poses))
     done = subprocess.run(
         [sys.executable, "-c", LOADED], input=sent, capture_output=True, check=False
     )

@@ -20,7 +20,7 @@ from engine_oracles import pairwise_distances, triangles
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base.hashing import EMPTY_HASH, mixed, slot
 from proximity_monitor.engine.kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, WIDTH
-from proximity_monitor.engine.models.tree import places
+from proximity_monitor.engine.models.tree import check_tree, places
 
 
 def test_vertices_of_one_place_are_found():
@@ -59,8 +59,8 @@ def again(mesh, times, name="again"):
 
 def seen(mesh):
     """The triangles, in tree order, that a search for the nearest may reach."""
-    radii = mesh._distinct.nodes.reshape(-1, FIELDS, WIDTH)[:, 9]
-    children = mesh._distinct.children.reshape(-1, WIDTH)
+    radii = mesh._hierarchy.distinct.nodes.reshape(-1, FIELDS, WIDTH)[:, 9]
+    children = mesh._hierarchy.distinct.children.reshape(-1, WIDTH)
     found, nodes = [], [0]
     while nodes:
         node = nodes.pop()
@@ -75,7 +75,10 @@ def seen(mesh):
 
 
 def on_places(mesh, which):
-    return {frozenset(map(tuple, (mesh._tree.triangles[t] + 0.0).reshape(3, 3))) for t in which}
+    return {
+        frozenset(map(tuple, (mesh._hierarchy.tree.triangles[t] + 0.0).reshape(3, 3)))
+        for t in which
+    }
 
 
 BODIES = {
@@ -95,7 +98,7 @@ BODIES = {
 @pytest.mark.parametrize("name", BODIES)
 def test_the_nearest_is_looked_for_among_one_of_each(name):
     mesh = BODIES[name]()
-    engine.check_tree(mesh._tree)
+    check_tree(mesh._hierarchy.tree)
     which = seen(mesh)
     everywhere = on_places(mesh, range(len(mesh.faces)))
     assert on_places(mesh, which) == everywhere
@@ -165,8 +168,8 @@ def test_what_comes_apart_is_looked_at_again(volume):
     one[-1] += 0.3
     pair = engine.Pair(mesh, ball)
     for vertices in (whole + rng.normal(0.0, 0.1, whole.shape), whole, one, 2.0 * whole, whole):
-        mesh.refit(vertices)
-        engine.check_tree(mesh._tree, volume)
+        mesh.deform(vertices)
+        check_tree(mesh._hierarchy.tree, volume)
         fresh = engine.TriangleMesh(vertices, mesh.faces)
         assert on_places(mesh, seen(mesh)) == on_places(fresh, range(len(fresh.faces)))
         for _ in range(3):

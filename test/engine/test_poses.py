@@ -10,6 +10,7 @@ import pytest
 from engine_bodies import IDENTITY, box, pose, sphere
 
 from proximity_monitor import engine
+from proximity_monitor.engine.poses import check_pose
 
 A, B = box(), sphere(1)
 
@@ -69,7 +70,7 @@ BAD = {
 def test_what_is_no_rigid_motion_is_told_why(kind):
     matrix, message = BAD[kind]
     with pytest.raises(ValueError, match=message) as caught:
-        engine.check_pose(matrix, "pose_a")
+        check_pose(matrix, "pose_a")
     assert str(caught.value).startswith("pose_a")
 
 
@@ -104,8 +105,8 @@ def test_a_rigid_motion_comes_back_as_it_is():
     rng = np.random.default_rng(2)
     for _ in range(100):
         matrix = pose(rng, 100.0)
-        assert engine.check_pose(matrix) is matrix
-        assert engine.check_pose(matrix.tolist()).tolist() == matrix.tolist()
+        assert check_pose(matrix) is matrix
+        assert check_pose(matrix.tolist()).tolist() == matrix.tolist()
 
 
 def test_every_coordinate_may_be_as_large_as_is_promised():
@@ -131,13 +132,13 @@ def test_rotations_of_six_digits_are_accepted(digits):
     rng = np.random.default_rng(digits)
     for _ in range(300):
         matrix = np.round(pose(rng, 10.0), digits)
-        assert np.array_equal(engine.check_pose(matrix), matrix)
+        assert np.array_equal(check_pose(matrix), matrix)
 
 
 def test_rotations_of_float32_are_accepted():
     rng = np.random.default_rng(3)
     for _ in range(300):
-        checked = engine.check_pose(pose(rng, 10.0).astype(np.float32))
+        checked = check_pose(pose(rng, 10.0).astype(np.float32))
         assert checked.dtype == np.float64
 
 
@@ -146,7 +147,7 @@ def test_rotations_of_four_digits_are_not():
     refused = 0
     for _ in range(100):
         try:
-            engine.check_pose(np.round(pose(rng), 4))
+            check_pose(np.round(pose(rng), 4))
         except ValueError:
             refused += 1
     assert refused > 90
@@ -154,10 +155,10 @@ def test_rotations_of_four_digits_are_not():
 
 @pytest.mark.parametrize("share", [0.5e-6, 0.99e-6])
 def test_the_tolerance_is_a_millionth(share):
-    engine.check_pose(scaled(1.0 + share))
-    engine.check_pose(scaled(1.0 - share))
+    check_pose(scaled(1.0 + share))
+    check_pose(scaled(1.0 - share))
     with pytest.raises(ValueError, match="no rigid motion"):
-        engine.check_pose(scaled(1.0 + 3.0 * share + 1e-6))
+        check_pose(scaled(1.0 + 3.0 * share + 1e-6))
 
 
 @pytest.mark.parametrize("layout", [np.asfortranarray, np.ascontiguousarray, list])

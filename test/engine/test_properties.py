@@ -230,7 +230,7 @@ def test_many_poses_are_answered_alike_on_any_number_of_threads(question, seed, 
         many = engine.distances(q.a, poses_a, q.b, poses_b, order=order, threads=threads)
         assert np.array_equal(one.lower, many.lower)
         assert np.array_equal(one.upper, many.upper)
-        assert np.array_equal(one.triangles, many.triangles)
+        assert np.array_equal(one.elements, many.elements)
         assert np.array_equal(one.points_a, many.points_a)
 
 

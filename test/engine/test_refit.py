@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from engine_bodies import Fcl, covering, pose, soup, sphere, torus, translation
 
 from proximity_monitor import engine
-from proximity_monitor.engine import check_tree
+from proximity_monitor.engine.models.tree import check_tree
 
 KINDS = ("rss", "lss", "pss", "hybrid", "obb", "aabb")
 
@@ -88,14 +90,14 @@ MOVES = (bent, jittered, scattered, grown, shrunk, far_away, collapsed, flattene
 def test_a_refitted_mesh_holds_its_triangles(name, move, kind):
     mesh, rng = of(BODIES[name](), kind), np.random.default_rng(6)
     moved = move(mesh.vertices, rng)
-    mesh.refit(moved)
-    check_tree(mesh._tree, kind)
+    mesh.deform(moved)
+    check_tree(mesh._hierarchy.tree, kind)
     fresh = engine.TriangleMesh(moved, mesh.faces)
     assert np.array_equal(mesh.vertices, moved)
     assert np.array_equal(mesh.centre, fresh.centre)
     assert mesh.radius == fresh.radius
-    in_order = mesh.vertices[mesh.faces[mesh._face_of]].reshape(-1, 9)
-    assert np.array_equal(mesh._tree.triangles, in_order)
+    in_order = mesh.vertices[mesh.faces[mesh._hierarchy.numbers]].reshape(-1, 9)
+    assert np.array_equal(mesh._hierarchy.tree.triangles, in_order)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -103,7 +105,7 @@ def test_a_refitted_mesh_holds_its_triangles(name, move, kind):
 def test_a_refitted_mesh_answers_as_a_new_one(move, kind):
     rng = np.random.default_rng(7)
     mesh, other = of(torus(), kind), sphere(2)
-    mesh.refit(move(mesh.vertices, rng))
+    mesh.deform(move(mesh.vertices, rng))
     fresh = engine.TriangleMesh(mesh.vertices, mesh.faces)
     for spread in (0.5, 2.0, 2.0, 40.0):
         first, second = pose(rng), pose(rng, spread)
@@ -119,7 +121,7 @@ def test_a_refitted_mesh_agrees_with_fcl():
     rng = np.random.default_rng(8)
     mesh, other = torus(), sphere(2)
     for _ in range(5):
-        mesh.refit(bent(jittered(mesh.vertices, rng), rng))
+        mesh.deform(bent(jittered(mesh.vertices, rng), rng))
         first, second = pose(rng), pose(rng, 2.0)
         expected = Fcl(mesh, other).distance(first, second)
         answer = engine.distance(mesh, first, other, second)
@@ -131,8 +133,8 @@ def test_refitting_back_gives_the_first_answers():
     mesh, other = torus(), sphere(2)
     first, second = pose(rng), translation(2.5, 0.3, 0.4)
     before, vertices = engine.distance(mesh, first, other, second), mesh.vertices
-    mesh.refit(scattered(vertices, rng))
-    mesh.refit(vertices)
+    mesh.deform(scattered(vertices, rng))
+    mesh.deform(vertices)
     after = engine.distance(mesh, first, other, second)
     assert after.upper == pytest.approx(before.upper, rel=1e-14)
 
@@ -144,13 +146,13 @@ def test_pairs_see_the_new_shape():
     pair, itself = engine.Pair(mesh, other), engine.Pair(mesh, mesh)
     first, second = pose(rng), translation(3.0, 0.2, 0.1)
     for _ in range(6):
-        mesh.refit(bent(jittered(mesh.vertices, rng), rng))
+        mesh.deform(bent(jittered(mesh.vertices, rng), rng))
         fresh = engine.TriangleMesh(mesh.vertices, mesh.faces)
         answer = pair.distance(first, second)
         expected = engine.distance(fresh, first, other, second)
         assert answer.upper == pytest.approx(expected.upper, rel=1e-14)
-        triangle = mesh.vertices[mesh.faces[answer.feature_a.triangle]]
-        nearest = first[:3, :3] @ (answer.feature_a.barycentric @ triangle) + first[:3, 3]
+        triangle = mesh.vertices[mesh.faces[answer.feature_a.index]]
+        nearest = first[:3, :3] @ (answer.feature_a.parameters @ triangle) + first[:3, 3]
         assert np.allclose(nearest, answer.point_a, atol=1e-12)
         answer = itself.distance(first, second @ translation(1.0))
         expected = engine.distance(fresh, first, fresh, second @ translation(1.0))
@@ -160,18 +162,18 @@ def test_pairs_see_the_new_shape():
 def test_a_refitted_mesh_counts_its_revisions():
     mesh = torus()
     assert mesh.revision == 0
-    mesh.refit(mesh.vertices)
-    mesh.refit(mesh.vertices)
+    mesh.deform(mesh.vertices)
+    mesh.deform(mesh.vertices)
     assert mesh.revision == 2
 
 
 def test_the_given_array_stays_the_callers():
     mesh = torus()
     given = mesh.vertices + 1.0
-    mesh.refit(given)
+    mesh.deform(given)
     given[:] = 0.0
     assert mesh.vertices.min() > -1.0
-    for array in (mesh.vertices, mesh.centre, *mesh._tree):
+    for array in (mesh.vertices, mesh.centre, *mesh._hierarchy.tree):
         assert not array.flags.writeable
 
 
@@ -192,12 +194,28 @@ def holed(vertices):
 )
 def test_bad_vertices_leave_the_mesh_as_it_was(change, message):
     mesh = torus()
-    before = (mesh.vertices, mesh.centre, mesh.radius, mesh._tree)
+    before = (mesh.vertices, mesh.centre, mesh.radius, mesh._hierarchy.tree)
     with pytest.raises(engine.ModelError, match=message):
-        mesh.refit(change(mesh.vertices.copy()))
-    after = (mesh.vertices, mesh.centre, mesh.radius, mesh._tree)
+        mesh.deform(change(mesh.vertices.copy()))
+    after = (mesh.vertices, mesh.centre, mesh.radius, mesh._hierarchy.tree)
     assert all(x is y for x, y in zip(before, after, strict=True))
     assert mesh.revision == 0
+
+
+@pytest.mark.parametrize("size", [1.0, 1e45, 1e-160, 1e-200, 5e-324, 0.0])
+def test_no_vertex_moves_farther_than_is_told(size):
+    """Squares of the smallest would vanish, and of 1e-160 lose most of their digits."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        before, after = rng.uniform(-1.0, 1.0, (2, 4, 3)) * size
+        mesh = engine.TriangleMesh(before, [[0, 1, 2], [0, 2, 3]])
+        told = Fraction(mesh.deform(after))
+        exact = max(
+            sum((Fraction(x) - Fraction(y)) ** 2 for x, y in zip(p, q, strict=True))
+            for p, q in zip(before.tolist(), after.tolist(), strict=True)
+        )
+        assert told**2 >= exact
+        assert told**2 <= exact * (1 + Fraction(1, 10**14)) or told <= Fraction(2e-323)
 
 
 def test_a_search_that_was_cut_off_starts_anew_after_a_refit():
@@ -207,7 +225,7 @@ def test_a_search_that_was_cut_off_starts_anew_after_a_refit():
     here, there = np.eye(4), translation(5.0, 0.0, 0.0)
     for shift in (0.0, 1.0, -3.0):
         pair.distance(here, there, budget_s=0.0)
-        ball.refit(ball.vertices + np.array([shift, 0.0, 0.0]))
+        ball.deform(ball.vertices + np.array([shift, 0.0, 0.0]))
         found = pair.distance(here, there, budget_s=60.0)
         fresh = engine.distance(ball, here, other, there)
         assert (found.lower, found.upper) == (fresh.lower, fresh.upper)

@@ -273,10 +273,10 @@ def test_a_refitted_model_is_seen_as_it_is():
     model = box((1.0, 1.0, 1.0))
     small = box((0.1, 0.1, 0.1))
     assert engine.signed_distance(model, IDENTITY, small, IDENTITY).upper < -0.4
-    model.refit(model.vertices + np.array((3.0, 0.0, 0.0)))
+    model.deform(model.vertices + np.array((3.0, 0.0, 0.0)))
     assert engine.signed_distance(model, IDENTITY, small, IDENTITY).lower > 2.4
     flat = model.vertices * (1.0, 1.0, 0.0)
-    model.refit(flat)
+    model.deform(flat)
     assert not model.is_solid
     found = engine.signed_distance(model, translation(-3.0), small, IDENTITY)
     assert found.lower == 0.0 <= found.upper < TIGHT  # no corner of the sheet lies in the box

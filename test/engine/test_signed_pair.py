@@ -245,7 +245,7 @@ def test_a_refit_forgets_what_was_found_on_the_old_surface():
     pair = engine.Pair(model, SMALL)
     assert pair.signed_distance(IDENTITY, IDENTITY, budget_s=10.0).upper < -0.4
     for size in (3.0, 1.0, 0.3):
-        model.refit(size * sphere(3).vertices)
+        model.deform(size * sphere(3).vertices)
         expected = engine.signed_distance(
             engine.TriangleMesh(model.vertices, model.faces), IDENTITY, SMALL, IDENTITY
         )

@@ -30,7 +30,7 @@ def as_soup(mesh, solid=None):
 def test_a_refit_keeps_what_was_found_of_the_edges():
     for model in (box(), as_soup(box())):
         before = sides_of(model).region
-        model.refit(2.0 * model.vertices + 1.0)
+        model.deform(2.0 * model.vertices + 1.0)
         after = sides_of(model).region
         assert after.owned is before.owned
         assert after.samples is before.samples
@@ -42,13 +42,13 @@ def test_a_refit_that_tears_vertices_apart_is_noticed():
     torn = model.vertices.copy()
     torn[0] += 0.1
     assert model.is_solid
-    model.refit(torn)
+    model.deform(torn)
     assert model.not_solid.startswith("not watertight: 4 open edges")
     with pytest.raises(engine.ModelError, match="soup: no solid: not watertight: 4 open edges"):
-        must_be.refit(torn)
+        must_be.deform(torn)
     assert np.array_equal(must_be.vertices, as_soup(CUBE).vertices)
     assert must_be.is_solid
-    model.refit(as_soup(CUBE).vertices)
+    model.deform(as_soup(CUBE).vertices)
     assert len(sides_of(model).region.samples) == 1
     assert model.is_solid
 
@@ -60,7 +60,7 @@ def test_a_refit_that_tears_parts_apart_leaves_a_solid():
     faces = np.concatenate((CUBE.faces, CUBE.faces[:, ::-1] + 8))
     model = engine.TriangleMesh(vertices, faces)
     assert len(sides_of(model).region.samples) == 1
-    model.refit(np.concatenate((CUBE.vertices, 3.0 * corner - CUBE.vertices)))
+    model.deform(np.concatenate((CUBE.vertices, 3.0 * corner - CUBE.vertices)))
     assert len(sides_of(model).region.samples) == 2
 
 

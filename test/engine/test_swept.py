@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
+from proximity_monitor.engine.assembly.answers import Answers
 
 ROUNDING = 1e-14
 """By what share of the coordinates the bounds of an exact answer may differ."""
@@ -171,7 +172,7 @@ def test_assembly_and_refit_know_the_radii():
     poses = np.stack([pose(rng, 8.0) for _ in models])
     pairs = np.argwhere(np.triu(np.ones((4, 4)), 1))
     assembly = engine.Assembly(models)
-    models[0].refit(models[0].vertices * 1.1)
+    models[0].deform(models[0].vertices * 1.1)
     found = assembly.distances(poses, pairs)
     for k, (i, j) in enumerate(pairs):
         single = engine.distance(models[i], poses[i], models[j], poses[j])
@@ -187,7 +188,7 @@ def test_assembly_and_refit_know_the_radii():
 def test_a_sphere_that_spins_stays_where_it_is():
     """Carried bounds are those of the cores: nothing is lost by a spin, and points stay nearest."""
     ball, other = engine.points([[0, 0, 0]], radius=0.5), engine.points([[0, 0, 0]], radius=0.25)
-    answers = engine.Answers([ball, other], ["ball", "other"])
+    answers = Answers([ball, other], ["ball", "other"])
     row = answers.add(np.array([[0, 1]]), np.zeros(1, bool))
     poses = np.stack((np.eye(4), translation(1.0)))
     answers.move(np.arange(2), poses)
@@ -198,7 +199,7 @@ def test_a_sphere_that_spins_stays_where_it_is():
     for _ in range(20):
         poses[0] = pose(rng)
         answers.move(np.arange(2), poses)
-        carried = answers.carried(row)
+        carried = answers.intervals(row)
         assert carried.still[0] and not carried.same[0]
         assert carried.lower[0] <= 0.25 <= carried.upper[0]
         assert carried.upper[0] - carried.lower[0] < 1e-11
@@ -215,7 +216,7 @@ def test_carried_bounds_hold_wherever_swept_bodies_move(seed, motion, deviation)
     rng = np.random.default_rng(seed)
     a, b = swept(rng, "mesh", 0.3, deviation), swept(rng, "capsules", 0.2)
     poses = np.stack((pose(rng, 3.0), pose(rng, 3.0)))
-    answers = engine.Answers([a, b], ["a", "b"])
+    answers = Answers([a, b], ["a", "b"])
     row = answers.add(np.array([[0, 1]]), np.zeros(1, bool))
     answers.move(np.arange(2), poses)
     found = engine.distance(core_of(a), poses[0], core_of(b), poses[1])
@@ -228,7 +229,7 @@ def test_carried_bounds_hold_wherever_swept_bodies_move(seed, motion, deviation)
     step[:3, 3] = turn
     poses[1] = poses[1] @ step
     answers.move(np.arange(2), poses)
-    carried = answers.carried(row)
+    carried = answers.intervals(row)
     true = float(true_distance(a, poses[0], b, poses[1]))
     assert carried.lower[0] <= max(true - deviation, 0.0)
     assert true + deviation <= carried.upper[0] * (1.0 + 1e-15)

@@ -7,7 +7,7 @@ import pytest
 from engine_bodies import box, from_trimesh, soup, sphere, torus
 
 from proximity_monitor import engine
-from proximity_monitor.engine import check_tree
+from proximity_monitor.engine.models.tree import check_tree
 
 WIDTH, FIELDS = 16, 12
 """Lanes of a node, and numbers of a lane: field f of lane k stands at f * WIDTH + k."""
@@ -78,14 +78,14 @@ def _sphere_40k():
 def test_every_volume_holds_its_triangles(name, kind):
     model = MODELS[name]()
     mesh = engine.TriangleMesh(model.vertices, model.faces, volume=kind)
-    check_tree(mesh._tree, kind)
-    assert sorted(mesh._face_of) == list(range(len(mesh.faces)))
-    in_order = mesh.vertices[mesh.faces[mesh._face_of]].reshape(-1, 9)
-    assert np.array_equal(mesh._tree.triangles, in_order)
+    check_tree(mesh._hierarchy.tree, kind)
+    assert sorted(mesh._hierarchy.numbers) == list(range(len(mesh.faces)))
+    in_order = mesh.vertices[mesh.faces[mesh._hierarchy.numbers]].reshape(-1, 9)
+    assert np.array_equal(mesh._hierarchy.tree.triangles, in_order)
 
 
 def test_the_hierarchy_is_frozen():
-    for array in sphere(1)._tree:
+    for array in sphere(1)._hierarchy.tree:
         with pytest.raises(ValueError, match="read-only"):
             array.reshape(-1)[0] = 1
 
@@ -93,13 +93,13 @@ def test_the_hierarchy_is_frozen():
 def test_the_hierarchy_is_wide_and_shallow():
     mesh = MODELS["sphere of 40k triangles"]()
     assert mesh.depth <= 8
-    nodes = len(mesh._tree.nodes) // (WIDTH * FIELDS)
+    nodes = len(mesh._hierarchy.tree.nodes) // (WIDTH * FIELDS)
     assert nodes <= 2 * 40_000 / WIDTH
 
 
 def damaged(field, change, model=None):
     """A copy of a hierarchy with one of its arrays changed."""
-    tree = (model or torus(24))._tree
+    tree = (model or torus(24))._hierarchy.tree
     array = getattr(tree, field).copy()
     change(array)
     return tree._replace(**{field: array})
@@ -111,8 +111,8 @@ def used_lanes(tree):
 
 
 TORUS = torus(24)
-LANES = used_lanes(TORUS._tree)
-LEAVES = [at for at in LANES if TORUS._tree.children[at[0] * WIDTH + at[1]] < 0]
+LANES = used_lanes(TORUS._hierarchy.tree)
+LEAVES = [at for at in LANES if TORUS._hierarchy.tree.children[at[0] * WIDTH + at[1]] < 0]
 INNER = [at for at in LANES if at not in LEAVES]
 
 
@@ -235,7 +235,7 @@ def test_a_corner_that_moved_is_found(column):
 
 def test_an_unused_lane_that_can_be_reached_is_found():
     """Its child is no triangle: a search that got there would read beyond the arrays."""
-    tree = TORUS._tree
+    tree = TORUS._hierarchy.tree
     unused = np.flatnonzero(tree.children == EMPTY)
     node, lane = divmod(int(unused[-1]), WIDTH)
 

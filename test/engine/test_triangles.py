@@ -99,8 +99,8 @@ def test_witness_points_lie_on_the_triangles_and_attain_the_bound(kind):
             (a, found.point_a, found.feature_a),
             (b, found.point_b, found.feature_b),
         ):
-            weights = feature.barycentric
-            assert feature.triangle == 0, case
+            weights = feature.parameters
+            assert feature.index == 0, case
             assert weights.min() >= 0.0, case
             assert abs(weights.sum() - 1.0) <= 1e-15, case
             assert np.abs(weights @ corners - point).max() <= rounding, case

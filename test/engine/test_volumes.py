@@ -7,7 +7,7 @@ import pytest
 from engine_bodies import Fcl, box, pose, soup, sphere, torus, translation
 
 from proximity_monitor import engine, scene
-from proximity_monitor.engine import check_tree
+from proximity_monitor.engine.models.tree import check_tree
 
 KINDS = ("rss", "lss", "pss", "hybrid", "obb", "aabb")
 WIDTH, FIELDS = 16, 12
@@ -98,26 +98,26 @@ def same(first, second, size):
 def test_every_volume_holds_its_triangles(name, kind):
     mesh = of(BODIES[name](), kind)
     assert mesh.volume == kind
-    check_tree(mesh._tree, kind)
+    check_tree(mesh._hierarchy.tree, kind)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_volume_holds_the_parts_of_the_engine(engine_parts, kind):
     for part in engine_parts.values():
-        check_tree(of(part, kind)._tree, kind)
+        check_tree(of(part, kind)._hierarchy.tree, kind)
 
 
 def test_rectangles_are_the_default():
     mesh, named = torus(), of(torus(), "rss")
     assert mesh.volume == "rss"
-    for array, other in zip(mesh._tree, named._tree, strict=True):
+    for array, other in zip(mesh._hierarchy.tree, named._hierarchy.tree, strict=True):
         assert np.array_equal(array, other)
 
 
 def cores(mesh):
     """How many sides each volume's core has: half lengths that are not zero."""
-    lanes = mesh._tree.nodes.reshape(-1, FIELDS, WIDTH)
-    used = mesh._tree.children.reshape(-1, WIDTH) != EMPTY
+    lanes = mesh._hierarchy.tree.nodes.reshape(-1, FIELDS, WIDTH)
+    used = mesh._hierarchy.tree.children.reshape(-1, WIDTH) != EMPTY
     return (lanes[:, 10:] > 0.0).sum(axis=1)[used]
 
 
@@ -149,7 +149,7 @@ def test_hybrids_choose_by_a_factor_of_two(size, edges):
 
 
 def root_radius(mesh):
-    return float(mesh._tree.nodes[9 * WIDTH]) * mesh._tree.scale[0]
+    return float(mesh._hierarchy.tree.nodes[9 * WIDTH]) * mesh._hierarchy.tree.scale[0]
 
 
 def test_a_point_swept_sphere_is_the_smallest_one():
@@ -187,8 +187,8 @@ def test_a_line_swept_sphere_fits_a_capsule():
     ends = np.array([[[2.0, 0.0, 0.0]], [[-2.0, 0.0, 0.0]]])
     shape = (ball + ends).reshape(-1, 3) @ pose(rng)[:3, :3].T
     mesh = of(engine.points(shape), "lss")
-    nodes = mesh._tree.nodes.reshape(-1, FIELDS, WIDTH)
-    half = nodes[0, 10, 0] * mesh._tree.scale[0]
+    nodes = mesh._hierarchy.tree.nodes.reshape(-1, FIELDS, WIDTH)
+    half = nodes[0, 10, 0] * mesh._hierarchy.tree.scale[0]
     assert root_radius(mesh) == pytest.approx(0.5, rel=0.02)
     assert half == pytest.approx(2.0, rel=0.02)
 
@@ -268,9 +268,9 @@ def test_an_unknown_volume_is_refused(volume):
 
 
 def changed(mesh, change):
-    nodes = mesh._tree.nodes.copy()
+    nodes = mesh._hierarchy.tree.nodes.copy()
     change(nodes.reshape(-1, FIELDS, WIDTH))
-    return mesh._tree._replace(nodes=nodes)
+    return mesh._hierarchy.tree._replace(nodes=nodes)
 
 
 @pytest.mark.parametrize(("kind", "field"), [("pss", 10), ("pss", 11), ("lss", 11)])
@@ -305,7 +305,7 @@ def test_axes_that_are_not_perpendicular_are_found(kind):
 
 
 def test_a_size_that_is_too_small_is_found():
-    tree = torus()._tree
+    tree = torus()._hierarchy.tree
     sizes = tree.sizes.copy()
     sizes[WIDTH + 1] *= 0.5
     with pytest.raises(AssertionError, match="node 1 lane 1"):

@@ -7,6 +7,7 @@ import pytest
 from dynamics_bodies import box_arrays
 
 from proximity_monitor import engine, motion, scene
+from proximity_monitor.engine.models.model import DisplayMesh
 from proximity_monitor.motion import Field
 from proximity_monitor.motion.dynamics.mass import mass_properties
 
@@ -35,8 +36,8 @@ def test_at_rest_in_the_beginning_and_after_a_period(kind):
 
 @pytest.mark.parametrize(("kind", "factor"), [("stretch", 1.0), ("breathe", math.exp(0.6))])
 def test_volumes_of_the_linear_fields(kind, factor):
-    volume = mass_properties(REST, FACES, 1.0).mass
-    found = mass_properties(field(kind).moved(REST, 0.5), FACES, 1.0).mass
+    volume = mass_properties(DisplayMesh(REST, FACES), 1.0).mass
+    found = mass_properties(DisplayMesh(field(kind).moved(REST, 0.5), FACES), 1.0).mass
     assert found == pytest.approx(factor * volume)
 
 
@@ -117,11 +118,11 @@ def test_a_scene_deforms_what_it_names_and_moves_nothing(tmp_path):
     assert made.poses(1.0) == {}
     assert made.period_s == pytest.approx(2.0)
     assert made.describe() == "deform: 1 body, stretch at 0.5 Hz"
-    (name,) = made.vertices(0.5)
+    (name,) = made.control_points(0.5)
     assert name == "bellows"
-    assert made.vertices(0.5)[name][:, 2].max() == pytest.approx(0.05 * math.exp(0.25))
+    assert made.control_points(0.5)[name][:, 2].max() == pytest.approx(0.05 * math.exp(0.25))
     with pytest.raises(ValueError, match="t: nan"):
-        made.vertices(math.nan)
+        made.control_points(math.nan)
 
 
 def test_a_refitted_mesh_is_as_near_as_a_new_one(tmp_path):
@@ -131,7 +132,7 @@ def test_a_refitted_mesh_is_as_near_as_a_new_one(tmp_path):
     poses = {body.name: body.pose for body in described.bodies}
     pair = engine.Pair(models["bellows"], models["wall"])
     for t in np.linspace(0.0, 2.0, 9):
-        models["bellows"].refit(made.vertices(t)["bellows"])
+        models["bellows"].deform(made.control_points(t)["bellows"])
         found = pair.distance(poses["bellows"], poses["wall"])
         top = 0.05 * math.exp(0.25 * math.sin(math.pi * t))
         assert found.lower <= 0.08 - top + 1e-15

@@ -7,10 +7,10 @@ import pytest
 from dynamics_bodies import at
 
 from proximity_monitor.engine.kernels.base.jit import CACHE_DIRECTORY
-from proximity_monitor.motion.dynamics import near, solver
+from proximity_monitor.motion.dynamics import candidates, solver
 
 
-@pytest.mark.parametrize("module", [near, solver])
+@pytest.mark.parametrize("module", [candidates, solver])
 def test_it_is_kept_with_the_kernels(module):
     compiled = [each for each in vars(module).values() if hasattr(each, "py_func")]
     kept = {each.stats.cache_path for each in compiled} - {None}
@@ -34,10 +34,10 @@ def test_bounds_are_below_the_exact_distance_wherever_models_are_drawn(away):
         poses = np.array([at((0, 0, 0), random.normal(size=3), random.normal()) for _ in points])
         poses[:, :3, 3] -= np.einsum("nij,nj->ni", poses[:, :3, :3], points)
         poses[0, :3, 3] += random.uniform(1.0, 2.0, 3)
-        spheres = near.spheres_at(poses, np.arange(2), np.pad(points, ((0, 0), (0, 1))))
+        spheres = candidates.spheres_at(poses, np.arange(2), np.pad(points, ((0, 0), (0, 1))))
         boxes, pairs, rows = np.hstack((points, points)), np.array([[0, 1]]), np.empty((1, 3), int)
         lower = np.zeros(1)
-        assert not near.candidates(
+        assert not candidates.near_patches(
             poses, pairs, np.zeros(1), lower, np.arange(3), spheres, boxes, rows
         )
         first, second = map(exact, poses, points)

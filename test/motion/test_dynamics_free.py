@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dynamics_bodies import DOWN, STEP_S, at, box, box_arrays, moving, on_floor
 
-from proximity_monitor.engine import TriangleMesh
+from proximity_monitor.engine import DisplayMesh, TriangleMesh
 from proximity_monitor.motion.dynamics import Forces, RigidBody, World
 from proximity_monitor.motion.dynamics.mass import mass_properties
 
@@ -15,7 +15,7 @@ def test_mass_of_a_box_anywhere():
     vertices, faces = box_arrays(*SIZE)
     turn = at((3.0, -2.0, 5.0), (1.0, 2.0, 3.0), 0.7)
     placed = vertices @ turn[:3, :3].T + turn[:3, 3]
-    found = mass_properties(placed, faces, 800.0)
+    found = mass_properties(DisplayMesh(placed, faces), 800.0)
     x, y, z = np.square(SIZE)
     mass = 800.0 * np.prod(SIZE)
     expected = mass / 12.0 * turn[:3, :3] @ np.diag([y + z, x + z, x + y]) @ turn[:3, :3].T
@@ -29,12 +29,12 @@ def test_mass_of_a_box_anywhere():
 @pytest.mark.parametrize("kind", ["inward", "soup"])
 def test_mass_takes_either_orientation_and_unshared_vertices(kind):
     vertices, faces = box_arrays(*SIZE)
-    expected = mass_properties(vertices, faces, 1.0)
+    expected = mass_properties(DisplayMesh(vertices, faces), 1.0)
     if kind == "inward":
         faces = faces[:, ::-1]
     else:
         vertices, faces = vertices[faces].reshape(-1, 3), np.arange(36).reshape(12, 3)
-    found = mass_properties(vertices, faces, 1.0)
+    found = mass_properties(DisplayMesh(vertices, faces), 1.0)
     assert found.mass == pytest.approx(expected.mass)
     assert found.inertia == pytest.approx(expected.inertia)
 

@@ -83,7 +83,7 @@ def test_several_effects_run_together_and_no_others(tmp_path):
     assert poses["arm"][1, 0] == pytest.approx(math.sin(math.pi / 4))
     assert poses["ram"][2, 3] == pytest.approx(0.1)
     assert set(poses) == set(made.bodies)
-    assert made.vertices(1.0) == {}
+    assert made.control_points(1.0) == {}
     assert made.joints(1.0) == {}
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from proximity_monitor import engine
+from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.motion import screw
 from proximity_monitor.scene import pose_matrix
 
@@ -53,7 +53,7 @@ def turned(axis, degrees):
 
 
 def assert_rigid(pose):
-    engine.check_pose(pose)
+    check_pose(pose)
     assert np.array_equal(pose[3], [0.0, 0.0, 0.0, 1.0])
     assert np.abs(pose[:3, :3] @ pose[:3, :3].T - np.eye(3)).max() < 3e-15
     assert np.linalg.det(pose[:3, :3]) > 0.0

@@ -99,7 +99,8 @@ def told(pairs, levels, frame="world"):
 @pytest.mark.parametrize("least", [0.5, 0.25, 0.125, 0.0625])
 def test_closest_points_are_read_as_they_were_written(frame, least):
     corners = np.array([[1.0, 0.0, 0.0], [0.25, 0.25, 0.5]])
-    near = replace(pair(0.5, index=1), faces=(7, 0), weights=corners)
+    kinds = engine.TriangleMesh, engine.TriangleMesh
+    near = replace(pair(0.5, index=1), kinds=kinds, elements=(7, 0), parameters=corners)
     far = replace(pair(2.0, index=2), session_min_lower=least)
     levels = [Level.STALE, Level.WARN, Level.CLEAR, Level.CLEAR]
     message = told([UNKNOWN, near, far, replace(far, index=3)], levels, frame)
@@ -109,7 +110,10 @@ def test_closest_points_are_read_as_they_were_written(frame, least):
     assert {status.name for status in message.status} == {"left - right"}
     assert message.status[1].message == "500 mm exact"
     told_of = [{each.key: each.value for each in status.values} for status in message.status]
-    assert (told_of[1]["feature_a"], told_of[1]["feature_b"]) == ("7 1 0 0", "0 0.25 0.25 0.5")
+    assert (told_of[1]["feature_a"], told_of[1]["feature_b"]) == (
+        "vertex 7 1 0 0",
+        "face 0 0.25 0.25 0.5",
+    )
     assert not any("feature_a" in values for values in (told_of[0], *told_of[2:]))
     assert {float(values["session_min_lower_m"]) for values in told_of[2:]} == {least}
 
@@ -206,7 +210,7 @@ def test_timing_counts_overruns_of_budget_and_period_and_keeps_a_window():
     for i in range(2000):
         late = i % 100 == 0
         searched = 0.02 if late else 0.004
-        tick = Tick((), searched, budget_s=0.005, looked_at=(), left=0)
+        tick = Tick((), searched, budget_s=0.005, searched=(), left=0)
         timing.record(i * 0.01, tick, searched + 0.001, period_s=0.01)
     values = timing.values()
     assert values["rate_achieved_hz"] == "100.00"

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
-from proximity_monitor.ros.diagnostics import Health, State
+from proximity_monitor.ros.diagnostics import Health, NodeState
 from proximity_monitor.scene import Thresholds, Unit, WatchedPair
 from proximity_monitor.scene.alerts import Alerts
 from proximity_monitor.scene.state import PairState, PairStatus, Tick
@@ -32,10 +32,10 @@ def test_every_pair_is_counted_once_listed_or_not():
     alerts.update(Tick(near, 0.0, 0.0, (), 0, far=2), thresholds, 1.0)
     tick = Tick(near[:1], 0.0, 0.0, (), 0, far=2, unsure=2)
     alerts.update(tick, thresholds, 2.0, silent=dict.fromkeys(("a1", "a3"), "no recent pose"))
-    nothing = dict.fromkeys(State._fields)
+    nothing = dict.fromkeys(NodeState._fields)
     unseen = Unseen(2, (("a0", "b0"), ("a1", "b1")), {"a0": "not watertight"})
     given = {"tick": tick, "levels": alerts.levels, "watched": 5, "unseen": unseen}
-    told = Health("monitor", "cell")._clearance(State(**nothing | given))
+    told = Health("monitor", "cell")._clearance(NodeState(**nothing | given))
     counts = {each.key: each.value for each in told.values}
     assert counts["pairs that cannot see containment"] == "2"
     assert counts["containment unseen"] == "a0 - b0, a1 - b1"

@@ -267,7 +267,7 @@ def test_transforms_to_frames_named_like_bodies_are_poses(rclpy_context, world):
     called = []
     sources = Sources(
         node, scene, models, Settings, inputs, Incompatible(node),
-        set_vertices=None, on_poses=lambda: called.append(1),
+        deform=None, on_poses=lambda: called.append(1),
     )  # fmt: skip
     now = node.get_clock().now()
     made = []

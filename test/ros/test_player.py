@@ -272,7 +272,7 @@ def test_vertices_of_a_deforming_body_are_a_cloud_in_its_own_frame(scene, play, 
     assert [(field.name, field.datatype) for field in cloud.fields] == [
         (name, PointField.FLOAT64) for name in "xyz"
     ]
-    vertices = moves.vertices(0.1)["bladder"]
+    vertices = moves.control_points(0.1)["bladder"]
     assert (cloud.width, cloud.height, cloud.row_step) == (len(vertices), 1, len(cloud.data))
     assert np.array_equal(read_vertices(cloud), vertices)
     assert listener.topics(process, *heard) == {f"{listener.namespace}/{topic}" for topic in heard}

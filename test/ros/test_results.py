@@ -10,6 +10,7 @@ from visualization_msgs.msg import Marker
 
 from proximity_monitor import engine
 from proximity_monitor.ros.markers import COLOURS
+from proximity_monitor.ros.parts import ROUNDNESS
 from proximity_monitor.scene.alerts import Level
 
 TURN = tuple(np.array((0.1, -0.3, 0.2, 0.9)) / np.linalg.norm((0.1, -0.3, 0.2, 0.9)))
@@ -92,7 +93,8 @@ def test_a_pair_that_is_not_clear_says_on_which_triangles_its_points_lie(peer, w
     near = pairs["table - ball"]
     poses = {"table": scene.bodies[0].pose, "ball": as_matrix(NEAR["ball"])}
     for body, side in (("table", "a"), ("ball", "b")):
-        triangle, *weights = near[f"feature_{side}"].split()
+        kind, triangle, *weights = near[f"feature_{side}"].split()
+        assert kind in ("vertex", "edge", "face")
         corners = models[body].vertices[models[body].faces[int(triangle)]]
         own = np.array([float(weight) for weight in weights]) @ corners
         point = poses[body][:3, :3] @ own + poses[body][:3, 3]
@@ -169,8 +171,8 @@ def test_parts_are_the_models_where_the_bodies_are(peer, world):
             i,
         )
         assert rgba(marker.color) == pytest.approx(body.colour, abs=1e-6)
-        drawn = models[body.name].tessellated()
-        corners = drawn.vertices[drawn.faces].reshape(-1, 3)
+        drawn = models[body.name].display_mesh(ROUNDNESS * models[body.name].radius)
+        corners = drawn.corners().reshape(-1, 3)
         np.testing.assert_array_equal([xyz(p) for p in marker.points], corners)
     assert xyz(message.markers[0].pose.position).tolist() == [0.0, 0.0, -0.05]
 

@@ -209,7 +209,7 @@ def test_a_transform_moves_the_root(rclpy_context, hall):
     called = []
     sources = Sources(
         node, scene, {}, Settings, inputs, Incompatible(node),
-        set_vertices=None, on_poses=lambda: called.append(1),
+        deform=None, on_poses=lambda: called.append(1),
     )  # fmt: skip
     now = node.get_clock().now()
     transform = TransformStamped(child_frame_id="base_link")

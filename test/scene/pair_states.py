@@ -29,7 +29,7 @@ def pair(lower, *, upper=None, status=PairStatus.EXACT, silent=(), index=0, a="p
 
 
 def tick(*pairs, far=0, elapsed_s=0.001):
-    return Tick(pairs, elapsed_s, budget_s=0.01, looked_at=(), left=0, far=far)
+    return Tick(pairs, elapsed_s, budget_s=0.01, searched=(), left=0, far=far)
 
 
 def watched(count=1, reach=math.inf):

@@ -6,7 +6,7 @@ from pair_states import pair, tick, watched
 
 from proximity_monitor.scene import Thresholds, Unit
 from proximity_monitor.scene.alerts import Alerts, Level
-from proximity_monitor.scene.approach import Course
+from proximity_monitor.scene.relative_motion import Course
 from proximity_monitor.scene.state import PairStatus
 
 LIMITS = Thresholds(warn=0.010, stop=0.002, hysteresis=0.001)
@@ -248,9 +248,9 @@ def test_an_alert_says_how_fast_the_bodies_close_and_how_long_there_is():
     watch.see(pair(0.016))
     near = pair(0.006, points=((0.0, 0.0, 0.006), (0.0, 0.0, 0.0)))
     (change,) = watch.see(near, courses=courses.get)
-    assert change.approach.body == "piston"
-    assert change.approach.escape.tolist() == [0.0, 0.0, 1.0]
-    assert change.approach.closing == pytest.approx(0.1)
+    assert change.motion.body == "piston"
+    assert change.motion.escape.tolist() == [0.0, 0.0, 1.0]
+    assert change.motion.closing == pytest.approx(0.1)
     assert change.seconds_left == pytest.approx(0.04)  # 4 mm to stop at 100 mm/s
     assert change.reason == "distance 6 mm <= warn 10 mm, closing at 100 mm/s, stop in 0.04 s"
     at_stop = pair(0.002, points=((0.0, 0.0, 0.002), (0.0, 0.0, 0.0)))

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from proximity_monitor.engine import check_pose
+from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.scene import Body, pose_matrix
-from proximity_monitor.scene.approach import Course
 from proximity_monitor.scene.attachments import Attachments
+from proximity_monitor.scene.relative_motion import Course
 from proximity_monitor.scene.state import PoseSample
 
 TABLE = pose_matrix((1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0))

@@ -215,8 +215,8 @@ def test_the_closest_feature_is_that_of_the_pebble(probe):
         poses = probe.poses(t)
         found = engine.distance(probe.models["tip"], poses["tip"], pebble, poses["pebble"])
         assert found.feature_a.kind == "vertex"
-        corners = pebble.vertices[pebble.faces[found.feature_b.triangle]]
-        np.testing.assert_allclose(found.feature_b.barycentric @ corners, found.point_b, atol=1e-12)
+        corners = pebble.vertices[pebble.faces[found.feature_b.index]]
+        np.testing.assert_allclose(found.feature_b.parameters @ corners, found.point_b, atol=1e-12)
         np.testing.assert_allclose(found.point_a, poses["tip"][:3, 3], atol=1e-15)
 
 

@@ -16,7 +16,7 @@ from numba.core.caching import NullCache
 from proximity_monitor.engine import ahead
 from proximity_monitor.scene import load_scene
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.state import PoseSample
 import numpy as np
 
@@ -71,12 +71,12 @@ def test_the_kernels_that_a_scene_needs_are_those_that_it_loads(body, tmp_path):
 
 def test_progress_counts_what_is_compiled(tmp_path):
     code = (
-        "import numpy as np; from proximity_monitor import engine;"
-        "from proximity_monitor.engine import compiling\n"
+        "import numpy as np; from proximity_monitor.engine import compiling\n"
+        "from proximity_monitor.engine.poses import check_pose\n"
         "said = []\n"
         "say = lambda progress: said.append(str(progress))\n"
         "with compiling.Progress({'base.motion.pose_deviation', 'x.y'}, say):\n"
-        "    engine.check_pose(np.eye(4))\n"
+        "    check_pose(np.eye(4))\n"
         "print(said)"
     )
     run = subprocess.run(

@@ -7,9 +7,9 @@ import pytest
 from crowds import placed, samples
 
 from proximity_monitor.scene.alerts import Alerts, Level
-from proximity_monitor.scene.approach import Course
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
+from proximity_monitor.scene.relative_motion import Course
 
 SCENE = """version: 1
 unit: m
@@ -39,7 +39,6 @@ def alerts_of(scene, models, distances):
         }
         made += alerts.update(tick, limits, k * PERIOD_S, courses.get)
         before = poses
-    monitor.close()
     return made
 
 
@@ -53,4 +52,4 @@ def test_the_time_left_is_the_same_whether_anybody_wants_distances(load):
         assert math.isnan(without.seconds_left) == math.isnan(with_.seconds_left)
         if with_.new in (Level.WARN, Level.STOP):
             assert without.seconds_left == pytest.approx(with_.seconds_left, rel=0.02)
-            assert without.approach.closing == pytest.approx(with_.approach.closing, rel=0.02)
+            assert without.motion.closing == pytest.approx(with_.motion.closing, rel=0.02)

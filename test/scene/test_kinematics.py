@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from proximity_monitor import engine
+from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.scene.kinematics import Joint, Kinematics, KinematicsError, Mimic
 
 EPS = np.finfo(float).eps
@@ -255,7 +255,7 @@ def test_any_tree_agrees_with_the_recursion_and_is_rigid(case):
             np.testing.assert_allclose(
                 pose[:3, :3] @ axis, rotated(attitude, axis), atol=40.0 * EPS * len(robot)
             )
-        engine.check_pose(pose)
+        check_pose(pose)
         # Each joint multiplies two rotations into it, and each product rounds by some 4 eps.
         error = np.abs(pose[:3, :3].T @ pose[:3, :3] - np.eye(3)).max()
         assert error <= 20.0 * EPS * (2 * len(robot) + 1)

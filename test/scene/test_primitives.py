@@ -130,11 +130,19 @@ def test_pictures_of_swept_models_lie_on_their_surfaces():
         (Capsule(0.1, 0.6), 4 / 3 * math.pi * 0.1**3 + math.pi * 0.1**2 * 0.6),
     ):
         model = load_model(with_shape(shape), MM)
-        drawn = model.tessellated()
-        assert drawn.swept_radius == 0.0 and edges_match(drawn)
-        away = engine.closest_points(model, np.eye(4), drawn.vertices)
-        assert (away.upper < 1e-12).all() and drawn.is_solid
-        assert volume(drawn) == pytest.approx(enclosed, rel=0.02) and volume(drawn) < enclosed
+        sizes = []
+        for tolerance in (0.03, 0.01, 0.0015):
+            drawn = model.display_mesh(tolerance)
+            sizes.append(len(drawn.faces))
+            assert edges_match(drawn)
+            mesh = engine.TriangleMesh(drawn.vertices, drawn.faces, solid=True)
+            away = engine.closest_points(model, np.eye(4), drawn.vertices)
+            assert (away.upper < 1e-12).all()
+            inside = engine.closest_points(model, np.eye(4), drawn.corners().mean(axis=1))
+            assert (inside.upper <= tolerance).all()
+            assert volume(mesh) < enclosed
+        assert volume(mesh) == pytest.approx(enclosed, rel=0.02)
+        assert sizes == sorted(set(sizes)), "the finer, the more"
 
 
 def test_a_compound_of_spheres_is_exact_and_one_of_unlike_parts_deviates():

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from proximity_monitor import engine
+from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.scene import SceneError, load_scene, paths
 from proximity_monitor.scene.opening import load_models
 
@@ -85,4 +85,4 @@ def test_real_robots_load_with_all_their_meshes(tmp_path, urdf, links, meshes):
     assert len(models) == links
     assert all(0.005 < model.radius < 0.6 for model in models.values())
     for pose in scene.robots[0].poses({}).values():
-        engine.check_pose(pose)
+        check_pose(pose)

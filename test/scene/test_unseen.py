@@ -9,8 +9,8 @@ from crowds import placed, samples
 
 from proximity_monitor import __main__, engine
 from proximity_monitor.scene import load_scene
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.unseen import unseen_containment
 
 STILL = [0, 0, 0, 1]

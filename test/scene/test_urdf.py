@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from proximity_monitor import engine
+from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.scene.description import Box, Cylinder, Sphere
 from proximity_monitor.scene.urdf import Shape, UrdfError, read_urdf
 
@@ -204,7 +204,7 @@ def holds(path, data):
         assert str(error).startswith(f"{path}: ")
         return
     for pose in kinematics.poses(np.full(len(kinematics.free), 0.7)):
-        engine.check_pose(pose)
+        check_pose(pose)
 
 
 @relaxed

@@ -7,9 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from proximity_monitor.scene.watch import UNWATCHED, Limits, WatchedPairs
+from proximity_monitor.scene.watch import UNWATCHED, PairSettings, WatchedPairs
 
-KINDS = [Limits(rel_err=0.5), Limits(range=2.0), Limits(range=3.0, question="within")]
+KINDS = [
+    PairSettings(rel_err=0.5),
+    PairSettings(range=2.0),
+    PairSettings(range=3.0, question="within"),
+]
 
 
 def written_out(moving, rule, exceptions):
@@ -57,7 +61,7 @@ def test_the_sequence_is_that_of_the_pairs_written_out(watch):
     assert pairs.positions(a, b).tolist() == list(range(len(expected)))
     assert pairs.kind(a, b).tolist() == kind.tolist()
     finite = np.isfinite([KINDS[each].range for each in kind])
-    assert sorted(pairs.endless().tolist()) == np.flatnonzero(~finite).tolist()
+    assert sorted(pairs.infinite().tolist()) == np.flatnonzero(~finite).tolist()
 
     for chosen in itertools.product((False, True), repeat=min(len(moving), 4)):
         mask = np.resize(chosen, len(moving))
@@ -93,4 +97,4 @@ def test_ten_thousand_bodies_are_a_rule_and_no_list():
     assert (pairs[-1].a, pairs[-1].b) == ("b9998", "b9999")
     at = int(pairs.positions(np.array([5000]), np.array([9999]))[0])
     assert (pairs[at].a, pairs[at].b, pairs[at].question) == ("b5000", "b9999", "within")
-    assert len(pairs.endless()) == 0
+    assert len(pairs.infinite()) == 0

@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import as_indices, as_reals
 from ..kernels.assembly import carry as kernel
 from ..kernels.inside.solids import HALF
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..models.solid import sides_of
-from ..poses import as_poses, check_pose
+from ..poses import check_pose
 from ..questions.run import check_models
 from ..questions.witness import surface_points
 
@@ -24,28 +23,29 @@ _FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
 """The feature of the first corner of the first face."""
 
 
-class Carried(NamedTuple):
-    """Certified intervals, ``lower <= true distance <= upper``, of k pairs at present poses."""
+class CertifiedIntervals(NamedTuple):
+    """Of k pairs at the present poses: ``lower <= true distance <= upper``."""
 
     lower: NDArray[np.float64]
     """(k,) metres."""
     upper: NDArray[np.float64]
     """(k,) metres; inf where nothing is known."""
     points: NDArray[np.float64]
-    """(k, 2, 3) metres, world: the nearest points of the answer, carried by their bodies."""
+    """(k, 2, 3) metres, world: the nearest points of the answer, moved along with their bodies."""
     still: NDArray[np.bool_]
     """(k,) the bodies did not move relative to each other by more than rounding."""
     same: NDArray[np.bool_]
-    """(k,) neither body moved at all, so these are the very numbers of the answer."""
+    """(k,) neither body moved at all, so the bounds are exactly those of the answer."""
 
 
 class Answers:
     """What is known about pairs of bodies at every moment, between one search and the next.
 
-    No point of a body comes nearer to another than it moved relative to it, so an answer, widened
-    by that motion, is a lower bound for other poses; its two points, carried along, give an upper
-    one (`kernels/carry.py` proves both, rounding included). Pairs are rows of a table, which are
-    given out by `add` and taken back by `drop`.
+    A distance shrinks by at most the relative motion of the bodies, so the old lower bound minus
+    that motion still holds. The two nearest points, moved along with their bodies, still bound it
+    from above (`kernels/assembly/carry.py` proves both, rounding included). Pairs are rows of a
+    table; `add` gives rows out, and `drop` takes them back. Rows and bodies are given as numpy
+    arrays of any integers.
 
     Args:
         models: the bodies' models; several bodies may share one.
@@ -56,16 +56,17 @@ class Answers:
     """
 
     __slots__ = (
-        "_answers", "_balls", "_first", "_free", "_labels", "_models", "_names", "_places",
-        "_versions", "poses",
+        "_answers", "_balls", "_first", "_free", "_hierarchies", "_labels", "_models", "_names",
+        "_places", "_versions", "poses",
     )  # fmt: skip
 
     poses: NDArray[np.float64]
     """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
 
-    def __init__(self, models: Sequence[TriangleMesh], names: Sequence[str]) -> None:
+    def __init__(self, models: Sequence[Model], names: Sequence[str]) -> None:
         self._models = check_models(models)
         count = len(self._models)
+        self._hierarchies = [model._hierarchy for model in self._models]
         self._names = tuple(names)
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
@@ -81,8 +82,9 @@ class Answers:
         self._place(everything, self.poses, True)
 
     def __copy__(self) -> Answers:
-        """Another about the same models, with a table of its own."""
-        return deepcopy(self, {id(model): model for model in self._models})
+        """Another one about the same models, with a table of its own."""
+        shared = (*self._models, *self._hierarchies)
+        return deepcopy(self, {id(each): each for each in shared})
 
     @property
     def centres(self) -> NDArray[np.float64]:
@@ -90,9 +92,9 @@ class Answers:
         return self._places[:, kernel.CENTRE : kernel.CENTRE + 3]
 
     def radii(self) -> NDArray[np.float64]:
-        """(n,) metres: of balls that surely hold the bodies, for all that rounding does.
+        """(n,) metres: the radii of balls that hold the bodies whatever rounding did.
 
-        Two bodies whose balls, so enlarged, are farther apart than a range are themselves.
+        If two such balls are farther apart than a range, so are the bodies.
         """
         defect = self._places[:, kernel.DEFECT].max(initial=0.0)
         slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * self._places[:, kernel.SIZE]
@@ -100,21 +102,22 @@ class Answers:
 
     @property
     def bodies(self) -> tuple[NDArray, ...]:
-        """What kernels are told about the bodies: poses, versions, balls and places."""
+        """The bodies as kernels take them: poses, versions, balls and places."""
         return self.poses, self._versions, self._balls, self._places
 
     @property
     def table(self) -> tuple[NDArray, ...]:
-        """What kernels are told about the rows: labels and answers."""
+        """The rows as kernels take them: labels and answers."""
         return self._labels, self._answers
 
     def move(self, bodies: NDArray[np.int64], poses: ArrayLike) -> int:
-        """Put bodies (m,) at poses (m, 4, 4); returns how many of them were not there already.
+        """Put bodies (m,) at poses (m, 4, 4); return how many of them were elsewhere before.
 
         Raises:
             ValueError: a pose that is no rigid motion; it names the body, and nothing has changed.
         """
-        return self._place(as_indices(bodies, "bodies"), as_poses(poses, "poses"), False)
+        bodies = np.require(bodies, np.int64, "CAWE")
+        return self._place(bodies, np.require(poses, np.float64, "CAWE"), False)
 
     def _place(self, bodies: NDArray[np.int64], poses: NDArray[np.float64], anew: bool) -> int:
         moved = kernel.place(
@@ -126,11 +129,11 @@ class Answers:
         return moved
 
     def reshape(self, body: int, displacement: float) -> None:
-        """Take note that the model of a body was refitted.
+        """Take note that the model of a body was deformed.
 
         Args:
             body: which.
-            displacement: metres; no vertex was moved farther than that. inf: unknown.
+            displacement: metres; no point moved farther than that (`Model.deform`). inf: unknown.
         """
         self._measure(body)
         stretch = self._places[body, kernel.STRETCH] + displacement
@@ -140,8 +143,13 @@ class Answers:
             self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
         self._place(np.array([body]), self.poses[[body]], True)
 
-    def replace(self, body: int, model: TriangleMesh) -> NDArray[np.int64]:
-        """Give a body another model; return the rows of its pairs, of which nothing is known."""
+    def deformed(self) -> list[int]:
+        """The bodies whose models were deformed since `reshape` was told."""
+        pairs = enumerate(zip(self._models, self._hierarchies, strict=True))
+        return [body for body, (model, known) in pairs if model._hierarchy is not known]
+
+    def replace(self, body: int, model: Model) -> NDArray[np.int64]:
+        """Give a body another model; return the rows of its pairs, whose answers are forgotten."""
         models = list(self._models)
         models[body] = model
         self._models = tuple(models)
@@ -149,7 +157,7 @@ class Answers:
         return self._rows_of(body)
 
     def add(self, pairs: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
-        """Rows (k,) for pairs of bodies (k, 2) that were never searched.
+        """Give out rows (k,) for pairs of bodies (k, 2) that were never searched.
 
         `signed` (k,) says whether one of a pair is a solid, so that its distance may be negative.
         """
@@ -166,24 +174,26 @@ class Answers:
         return self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
 
     def sign(self, rows: NDArray[np.int64], signed: NDArray[np.bool_]) -> None:
-        """Say of rows (k,), of which nothing is known, whether one of each pair is a solid."""
+        """Set whether one body of each pair is a solid, for rows (k,) that have no answer yet."""
         self._labels[rows, kernel.SIGNED] = signed * self._kinds(self.pairs(rows))
 
     def _kinds(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Of what kind the signed distances of pairs (k, 2) are."""
-        chosen = {int(body) for body in np.unique(pairs)}
-        holed = [body for body in chosen if sides_of(self._models[body]).region.inside == HALF]
+        """The kinds of the signed distances of pairs (k, 2)."""
+        robust = [
+            i for i in np.unique(pairs).tolist() if self._models[i]._hierarchy.solid == "robust"
+        ]
+        holed = [i for i in robust if sides_of(self._models[i]).region.inside == HALF]
         jumping = np.isin(pairs, holed).any(axis=1)
         return np.where(jumping, kernel.JUMPING, kernel.CONTINUOUS)
 
     def drop(self, rows: NDArray[np.int64]) -> None:
-        """Give rows back; they must not be asked about any more."""
+        """Take rows back; they must not be used any more."""
         self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = -1
         self._free = np.concatenate((rows, self._free))
 
-    def carried(self, rows: NDArray[np.int64]) -> Carried:
-        """Bounds of rows (k,) at the present poses."""
-        rows = as_indices(rows, "rows")
+    def intervals(self, rows: NDArray[np.int64]) -> CertifiedIntervals:
+        """The certified intervals of rows (k,) at the present poses."""
+        rows = np.require(rows, np.int64, "CAWE")
         bounds, points = np.empty((len(rows), 2)), np.empty((len(rows), 6))
         motions = np.empty(len(rows), np.int8)
         kernel.carry(
@@ -192,7 +202,7 @@ class Answers:
         )  # fmt: skip
         bodies = self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
         radii = self._balls[bodies, kernel.SWEPT]
-        return Carried(
+        return CertifiedIntervals(
             bounds[:, 0],
             bounds[:, 1],
             np.stack(surface_points(points[:, :3], points[:, 3:], radii), axis=1),
@@ -217,7 +227,8 @@ class Answers:
             features: (k, 2, 4) where they lie on the models: weights of a triangle's corners, and
                 its face; None: not known.
         """
-        rows, bounds = as_indices(rows, "rows"), as_reals(bounds, "bounds")
+        rows = np.require(rows, np.int64, "CAWE")
+        bounds = np.require(bounds, np.float64, "CAWE")
         witness = np.empty((len(rows), kernel.WITNESS))
         witness[:, :6] = np.reshape(points, (-1, 6))
         witness[:, 6:] = _UNKNOWN if features is None else np.reshape(features, (-1, 8))
@@ -227,16 +238,16 @@ class Answers:
         )  # fmt: skip
 
     def _measure(self, body: int) -> None:
-        model = self._models[body]
-        self._balls[body] = *model.centre, model.core_radius, model.swept_radius, model.deviation
-        self._first[body] = model.vertices[model.faces[0, 0]]
+        core = self._hierarchies[body] = self._models[body]._hierarchy
+        self._balls[body] = *core.centre, core.core_radius, core.swept_radius, core.deviation
+        self._first[body] = core.vertices[core.faces[0, 0]]
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:
         pairs = self._labels[:, kernel.BODY_A : kernel.BODY_B + 1]
         return np.flatnonzero((pairs == body).any(axis=1))
 
     def _forget(self, rows: NDArray[np.int64]) -> None:
-        """Make rows such that they know nothing but one point of either body."""
+        """Forget the answers of rows, so that only one point of either body is known."""
         a, b = self._labels[rows, kernel.BODY_A], self._labels[rows, kernel.BODY_B]
         self._labels[rows, kernel.SEEN_A : kernel.SEEN_B + 1] = -1
         answers = np.zeros((len(rows), kernel.ANSWER))
@@ -244,7 +255,7 @@ class Answers:
         answers[:, kernel.WITNESS_A : kernel.WITNESS_A + 3] = self._first[a]
         answers[:, kernel.WITNESS_B : kernel.WITNESS_B + 3] = self._first[b]
         answers[:, kernel.FEATURES : kernel.ANSWER] = 2 * _FIRST_CORNER
-        # Of no poses: nothing is still.
+        # An answer to no poses, so that no pair counts as still.
         answers[:, kernel.ROTATION : kernel.TRANSLATION + 3] = np.nan
         answers[:, kernel.THEN_A] = self._places[a, kernel.STRETCH]
         answers[:, kernel.THEN_B] = self._places[b, kernel.STRETCH]

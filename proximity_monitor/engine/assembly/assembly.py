@@ -14,14 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, as_real, as_reals, check_tolerance
 from ..kernels.base import state as index
-from ..kernels.base.state import Tree
 from ..kernels.inside.contain import Insides
 from ..kernels.search import search as kernel
-from ..models.mesh import TriangleMesh
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.rows import distances_of, no_answers
+from ..questions.rows import distances_of
 from ..questions.run import Search, check_models, code_for
 from ..questions.sharing import share
 from ..questions.slices import Slices
@@ -42,41 +42,41 @@ class Assembly:
     models may be shared. Copies of it, and what comes out of a pickle, have memory of their own.
 
     Args:
-        models: one mesh a body; bodies may share one. A mesh that is refitted later is seen anew.
+        models: one a body; bodies may share one. A model that is deformed later is seen anew.
 
     Raises:
         TypeError: one that is no model.
         ValueError: there are none.
     """
 
-    def __init__(self, models: Sequence[TriangleMesh]) -> None:
+    def __init__(self, models: Sequence[Model]) -> None:
         self.models = check_models(models)
         if not self.models:
             raise ValueError("models: there are none; an assembly needs at least one body")
-        self._meshes = tuple({id(model): model for model in self.models}.values())
-        self._trees: list[Tree] = []
-        self._deepest = max(self._meshes, key=lambda model: model.depth)
+        self._shapes = tuple({id(model): model for model in self.models}.values())
+        self._hierarchies: list[Hierarchy] = []
+        self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches: list[Search] = []
         self._insides: Insides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question in which they were
         self._settling = Settling()
-        self._unusual = code_for(self._meshes)
+        self._unusual = code_for(self._shapes)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
         """Of what another is made: kernels find the memory of this one by its addresses."""
         return type(self), (self.models,)
 
-    def replace(self, body: int, model: TriangleMesh) -> None:
+    def replace(self, body: int, model: Model) -> None:
         """Give a body another model; what was found with the old one is no hint any more."""
         models = list(self.models)
         models[body] = model
         self.models = tuple(models)
-        self._meshes = tuple({id(each): each for each in models}.values())
-        self._unusual = code_for(self._meshes)
-        self._trees = []  # the tables are made anew
+        self._shapes = tuple({id(each): each for each in models}.values())
+        self._unusual = code_for(self._shapes)
+        self._hierarchies = []  # the tables are made anew
         self._insides = None
         self._cut.clear()
-        if model.depth > self._deepest.depth:
+        if model._hierarchy.depth > self._deepest._hierarchy.depth:
             self._deepest = model
             self._searches.clear()
 
@@ -174,10 +174,13 @@ class Assembly:
         asked = poses, pairs, hints, wanted, signed, insides
         searches = self._allot(threads, poses, pairs, wanted)
 
-        def answer(first: int, stopped: Event) -> None:
+        def answer(first: int, stopped: Event | None) -> None:
             self._run(*searches[first], first, threads, asked, deadline, stopped, answers)
 
-        share(answer, range(threads), threads)
+        if threads == 1:
+            answer(0, None)
+        else:
+            share(answer, range(threads), threads)
         return answers
 
     def _signed_rows(
@@ -238,10 +241,10 @@ class Assembly:
     def _tabulate(self, threads: int) -> None:
         """Have the tables of all bodies as they are now, and a search for each thread."""
         # Of the very hierarchies that the tables hold addresses of, which so stay in memory.
-        trees = [mesh._tree for mesh in self._meshes]
-        if len(trees) != len(self._trees) or any(map(is_not, trees, self._trees)):
-            self._tables = np.stack([model._table for model in self.models])
-            self._trees = trees
+        now = [model._hierarchy for model in self._shapes]
+        if len(now) != len(self._hierarchies) or any(map(is_not, now, self._hierarchies)):
+            self._tables = np.stack([model._hierarchy.table for model in self.models])
+            self._hierarchies = now
             self._insides = None
         while len(self._searches) < threads:
             self._searches.append(Search(self._deepest, self._deepest, coherent=False))
@@ -249,15 +252,15 @@ class Assembly:
     def _enclosed(self) -> Insides:
         """What the bodies enclose as they are now."""
         if self._insides is None:
-            regions = [sides_of(mesh).region for mesh in self._meshes]
+            regions = [sides_of(model).region for model in self._shapes]
             starts = np.cumsum([0, *(len(each.samples) for each in regions)])
-            place = {id(mesh): k for k, mesh in enumerate(self._meshes)}
+            place = {id(model): k for k, model in enumerate(self._shapes)}
             of = np.array([place[id(model)] for model in self.models])
             self._insides = Insides(
                 np.array([each.inside for each in regions], np.int8)[of],
                 np.stack((starts[of], starts[of + 1]), axis=1),
                 np.concatenate([each.samples for each in regions]),
-                np.stack([model._table_of_all for model in self.models]),
+                np.stack([model._hierarchy.table_of_all for model in self.models]),
             )
         return self._insides
 
@@ -295,7 +298,7 @@ class Assembly:
         every: int,
         asked: tuple,
         deadline: float | None,
-        stopped: Event,
+        stopped: Event | None,
         answers: NDArray[np.float64],
     ) -> None:
         """Answer for every so many of the pairs from the first on, into `answers`.
@@ -314,9 +317,16 @@ class Assembly:
             if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                 body = int(pairs[at, code - index.BAD_POSE_A])
                 check_pose(poses[body], self._pose_name(body))
-            if code == index.ENDED or stopped.is_set():
+            if code == index.ENDED or (stopped is not None and stopped.is_set()):
                 break
             if slices.over():
                 if code == index.CUT:
                     self._cut[self._question(poses, pairs[at], wanted[at])] = search
                 break
+
+
+def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
+    rows = np.full((len(signed), index.ANSWER), np.nan)
+    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
+    return rows

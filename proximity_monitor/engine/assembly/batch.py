@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import as_count, check_tolerance
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..poses import as_poses
 from ..questions.result import Distances
-from ..questions.rows import distances_of, no_answers
+from ..questions.rows import distances_of
 from ..questions.run import Order, Search
 from ..questions.sharing import share
-from .assembly import Assembly
+from .assembly import Assembly, no_answers
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
@@ -24,9 +24,9 @@ answers are the same however many threads there are."""
 
 
 def distances(
-    a: TriangleMesh,
+    a: Model,
     poses_a: ArrayLike,
-    b: TriangleMesh,
+    b: Model,
     poses_b: ArrayLike,
     *,
     rel_err: float = 0.0,

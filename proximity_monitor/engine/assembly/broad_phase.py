@@ -7,16 +7,15 @@ from copy import deepcopy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import as_indices, as_reals
 from ..kernels.assembly.sweep import UNSORTED, WIDTH, sweep
 
 
 class BroadPhase:
     """Finds all pairs of bodies whose balls meet, by sweep and prune.
 
-    What it remembers of the last call, the bodies' order along an axis, only makes the next one
-    fast: the cost is that of the bodies and of the pairs that overlap along that axis, never that
-    of all pairs (Thomas et al. 2000, section 5).
+    It remembers the bodies' order along an axis, which makes the next call fast and changes no
+    result. The cost grows with the bodies and with the pairs that overlap along that axis, never
+    with all pairs (Thomas et al. 2000, section 5).
     """
 
     __slots__ = ("_lanes", "_low", "_order", "_pairs")
@@ -28,7 +27,7 @@ class BroadPhase:
         self._pairs = np.empty((1024, 2), np.int64)
 
     def __copy__(self) -> BroadPhase:
-        """One that remembers the same, by itself."""
+        """Another one that remembers the same, with memory of its own."""
         return deepcopy(self)
 
     def near(
@@ -42,19 +41,18 @@ class BroadPhase:
 
         Args:
             centres: (n, 3) metres, world.
-            radii: (n,) metres, not negative; what a pair's range dilates is part of them.
-            moving: (n,); two bodies of which neither moves are no pair.
-            taking_part: (m,) the bodies to look at, ascending; those of the last call are found
-                fastest.
+            radii: (n,) metres, not negative; they include half of a pair's range.
+            moving: (n,); two bodies that do not move are no pair.
+            taking_part: (m,) the bodies to compare, ascending; fastest if the same as before.
 
         Returns:
             (k, 2) indices, the lower one first, sorted.
         """
         if len(taking_part) < 2:
             return np.empty((0, 2), np.int64)
-        centres, radii = as_reals(centres, "centres"), as_reals(radii, "radii")
+        centres, radii = (np.require(each, np.float64, "CAWE") for each in (centres, radii))
         moving = np.require(moving, np.bool_, "CAWE")
-        taking_part = as_indices(taking_part, "taking_part")
+        taking_part = np.require(taking_part, np.int64, "CAWE")
         with np.errstate(over="ignore"):
             axis = int(np.ptp(centres[taking_part], axis=0).argmax())
         if len(self._low) != len(radii) or not self._same(taking_part):

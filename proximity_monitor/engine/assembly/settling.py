@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..questions.pair import Pair
 from ..questions.result import Distance, Status
 from ..questions.sharing import share
@@ -48,7 +48,7 @@ class Settling:
 
     def settle(
         self,
-        models: Sequence[tuple[TriangleMesh, TriangleMesh]],
+        models: Sequence[tuple[Model, Model]],
         poses: NDArray[np.float64],
         wanted: NDArray[np.float64],
         question: Callable[[int], Hashable],

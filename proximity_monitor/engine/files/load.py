@@ -6,22 +6,11 @@ import math
 from os import PathLike
 from pathlib import Path
 
-import numpy as np
-
-from ..models.mesh import ModelError, Solid, TriangleMesh
-from .dae import read_dae
-from .gltf import read_glb, read_gltf
-from .obj import read_obj
-from .off import read_off
-from .ply import read_ply
-from .stl import read_stl
-from .threemf import read_3mf
-from .triangles import FormatError, Triangles, check_finite
-
-_READERS = {
-    ".stl": read_stl, ".obj": read_obj, ".ply": read_ply, ".off": read_off, ".glb": read_glb,
-    ".gltf": read_gltf, ".dae": read_dae, ".3mf": read_3mf,
-}  # fmt: skip
+from ..models.checks import ModelError
+from ..models.hierarchy import Solid
+from ..models.model import Model
+from .readers import Reader, Reading, extensions, reader_of
+from .triangles import FormatError
 
 
 def load(
@@ -32,8 +21,10 @@ def load(
     deviation: float = 0.0,
     volume: str = "rss",
     solid: Solid = None,
-) -> TriangleMesh:
+) -> Model:
     """Read a model from a file: .stl, .obj, .ply, .off, .glb, .gltf, .dae or .3mf.
+
+    Other packages may read other extensions (see `files.readers`).
 
     Several geometries in one file are merged with their transforms; points and curves among them
     are left out. Degenerate triangles are kept, but for those that join strips. Polygons are cut
@@ -57,60 +48,51 @@ def load(
     Raises:
         FileNotFoundError: there is no such file.
         IsADirectoryError: it is a directory.
-        ModelError: another extension; an empty, truncated or damaged file; a vertex that is not
-            finite, a face that names no vertex, no triangles; an unknown volume; no solid though it
-            must be one. The message starts with the path.
+        ModelError: another extension that no package reads; an empty, truncated or damaged file; a
+            vertex that is not finite, a face that names no vertex, no triangles; an unknown volume;
+            no solid though it must be one. The message starts with the path.
         ValueError: a unit or a scale that is not finite and above 0.
     """
     for key, value in (("unit", unit), ("scale", scale)):
         if not 0.0 < value < math.inf:
             raise ValueError(f"{key} = {value!r}: must be finite and above 0")
     file = Path(path)
-    found = _read(file)
-    with np.errstate(over="ignore"):  # what becomes infinite is refused next, with its index
-        vertices = found.vertices * ((unit if found.unit is None else found.unit) * scale)
-    mesh = TriangleMesh(
-        vertices, found.faces, name=str(file), deviation=deviation, volume=volume, solid=solid
-    )
-    mesh.name = file.stem
-    return mesh
-
-
-def _read(file: Path) -> Triangles:
-    """The content of a file, which has triangles and finite vertices."""
     kind = file.suffix.lower()
-    data = _contents(file, kind)
     try:
-        found = _READERS[kind](data, file.parent)
-        check_finite(found.vertices)
-        if not len(found.faces):
-            raise FormatError("no triangles (points and curves are not a surface)")
+        data, read = _contents(file, kind)
     except FormatError as error:
         raise ModelError(f"{file}: {error}") from None
+    try:
+        model = read(data, file, Reading(unit, scale, deviation, volume, solid))
+    except (FormatError, ModelError) as error:
+        named = str(error) if str(error).startswith(str(file)) else f"{file}: {error}"
+        raise ModelError(named) from None
     except Exception as error:  # damaged bytes can make a reader fail in any way
         raise ModelError(
             f"{file}: not a readable {kind[1:].upper()} file: {type(error).__name__}: {error}"
         ) from error
-    return found
+    model.name = file.stem
+    return model
 
 
-def _contents(file: Path, kind: str) -> bytes:
-    """All bytes of a file whose extension is known."""
+def _contents(file: Path, kind: str) -> tuple[bytes, Reader]:
+    """All bytes of a file, and the reader of its extension."""
     try:
         file.stat()
         if file.is_dir():
             raise IsADirectoryError(f"{file}: is a directory, not a model file")
-        if kind not in _READERS:
+        read = reader_of(kind)
+        if read is None:
             raise ModelError(
-                f"{file}: unknown extension {file.suffix!r}; read are {', '.join(_READERS)}"
+                f"{file}: unknown extension {file.suffix!r}; read are {', '.join(extensions())}"
             )
         data = file.read_bytes()
     except FileNotFoundError:
         raise FileNotFoundError(f"{file}: there is no such file") from None
-    except (IsADirectoryError, ModelError):
+    except (IsADirectoryError, ModelError, FormatError):
         raise
     except (OSError, ValueError) as error:
         raise ModelError(f"{file}: cannot be read: {error}") from error
     if not data:
         raise ModelError(f"{file}: is empty")
-    return data
+    return data, read

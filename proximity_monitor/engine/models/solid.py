@@ -1,10 +1,9 @@
-"""Where a mesh has an inside: the check, what it finds for the search, and the reason for none."""
+"""Where a model has an inside: the check, what the search needs of it, and the reason for none."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,8 @@ from ..kernels.inside.solids import HALF, NOWHERE, WHOLE, Region
 from .tree import places
 
 if TYPE_CHECKING:
-    from .mesh import TriangleMesh
+    from .hierarchy import Hierarchy
+    from .model import Model
 
 _AS_TOLD = "it is to be taken for a surface (solid=False)"
 _NO_MOMENTS = np.empty((0, MOMENTS))
@@ -24,7 +24,7 @@ _NO_MOMENTS = np.empty((0, MOMENTS))
 
 @dataclass(slots=True)
 class Sides:
-    """What is known of a mesh's inside."""
+    """What is known of a model's inside."""
 
     first: NDArray[np.int32]
     """(n,) of each vertex the first one at the same place."""
@@ -36,30 +36,29 @@ class Sides:
     """Why its edges bound no solid, and between which vertices first; None where they do."""
     rim: float
     """Metres: how long its open edges are together."""
-    vertices: NDArray[np.float64]
-    """With which all this is so."""
     region: Region
     reason: str
     """Why it is no solid; empty where it is one."""
 
 
-_known: WeakKeyDictionary[TriangleMesh, Sides] = WeakKeyDictionary()
+def sides_of(model: Model) -> Sides:
+    """Where a model has an inside; found once a shape and remembered."""
+    return model._hierarchy.sides()
 
 
-def sides_of(mesh: TriangleMesh) -> Sides:
-    """Where a mesh has an inside; found once a mesh and remembered.
+def find_sides(mesh: Hierarchy, known: Sides | None) -> Sides:
+    """Find where triangles have an inside.
 
     Vertices of equal coordinates count as one, so a soup of triangles, as STL files hold it, can
     be a solid. Each edge must be passed as often one way as the other: by two faces, or by four
     and more where parts touch along an edge. Then every point off the surface has a whole winding
     number. Faces that repeat a vertex enclose nothing and are passed over.
 
-    A mesh whose vertices were moved keeps its edges, unless vertices came apart or together; so
-    after `refit` little more than its volume is computed again.
+    Args:
+        mesh: the triangles.
+        known: of the same faces, before their vertices moved. The edges are the same unless
+            vertices came apart or together, so little more than the volume is computed again.
     """
-    known = _known.get(mesh)
-    if known is not None and known.vertices is mesh.vertices:
-        return known
     robust = mesh.solid == "robust"
     first = places(mesh.vertices)
     same = known is not None and np.array_equal(first, known.first)
@@ -67,7 +66,7 @@ def sides_of(mesh: TriangleMesh) -> Sides:
         part, proper, opening = known.part, known.proper, known.opening
         rim, owned, samples = known.rim, known.region.owned, known.region.samples
     else:
-        faces = first[mesh.faces[mesh._face_of]]
+        faces = first[mesh.faces[mesh.numbers]]
         proper, opening, rim = _edges(mesh, faces)
         part, owned, samples = solids.parts_and_owners(faces, len(first))
     inside, reason, moments = NOWHERE, "", _NO_MOMENTS
@@ -80,7 +79,7 @@ def sides_of(mesh: TriangleMesh) -> Sides:
         inside = NOWHERE if reason else WHOLE
     elif robust:
         inside = HALF
-        moments = moments_of(mesh._tree.triangles, mesh._tree.children, mesh._ranges())
+        moments = moments_of(mesh.tree.triangles, mesh.tree.children, mesh.ranges())
     else:
         text, i, j = opening
         reason = f"{text} {mesh.vertices[i].tolist()} and {mesh.vertices[j].tolist()}"
@@ -90,13 +89,11 @@ def sides_of(mesh: TriangleMesh) -> Sides:
     region = Region(inside, owned, samples, ball, rim, moments)
     for array in (owned, samples, ball, moments):
         array.setflags(write=False)
-    found = Sides(first, part, proper, opening, rim, mesh.vertices, region, reason)
-    _known[mesh] = found
-    return found
+    return Sides(first, part, proper, opening, rim, region, reason)
 
 
 def _edges(
-    mesh: TriangleMesh, faces: NDArray[np.int32]
+    mesh: Hierarchy, faces: NDArray[np.int32]
 ) -> tuple[bool, tuple[str, int, int] | None, float]:
     """Whether any face has an area; `Sides.opening`; how long the edges are that bound nothing."""
     proper, odd, unlike, firsts, rim = solids.unpaired_edges(faces, mesh.vertices)
@@ -110,12 +107,12 @@ def _edges(
     return proper > 0, None, 0.0
 
 
-def _no_volume(mesh: TriangleMesh, part: NDArray[np.int32], samples: NDArray[np.int32]) -> str:
+def _no_volume(mesh: Hierarchy, part: NDArray[np.int32], samples: NDArray[np.int32]) -> str:
     """Empty where at least one connected part encloses a volume that is more than rounding.
 
     A part that does not is a folded sheet, around which no point has a winding number but 0.
     """
-    tree = mesh._tree
+    tree = mesh.tree
     volumes, terms = solids.part_volumes(tree.triangles, tree.scale[0], part, samples).T
     enclosed = (np.abs(volumes) > 32.0 * DOUBLE_EPS * terms).any()
     return "" if enclosed else "it encloses no volume"

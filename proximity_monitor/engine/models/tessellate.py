@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +16,8 @@ _MERIDIANS = (8, 12, 16, 24, 32, 48)
 
 
 def tessellated(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], radius: float
-) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    vertices: NDArray[np.float64], faces: NDArray[np.int32], radius: float, tolerance: float
+) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
     """A mesh whose corners lie on the surface: of each edge a capsule, of each point a ball.
 
     Each is closed, and they overlap. A triangle adds its two sides, moved out by the radius.
@@ -24,24 +26,42 @@ def tessellated(
         vertices: (n, 3) metres.
         faces: (m, 3) indices of vertices; a segment or a point repeats some.
         radius: metres, above 0.
+        tolerance: metres; how far inside the surface a face may be, if so many triangles do for it.
 
     Returns:
-        (k, 3) vertices, metres, and (l, 3) faces, turned outwards.
+        (k, 3) vertices, metres; (l, 3) faces, turned outwards; and how far from what is swept all
+        that is outside is at least, metres, to rounding.
     """
     corners = np.unique(np.sort(places(vertices)[faces], axis=1), axis=0)
     ends = corners[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
     edges = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0)
     alone = np.setdiff1d(corners, edges)
     spans = np.concatenate((vertices[edges], np.repeat(vertices[alone, None], 2, axis=1)))
-    fits = [n for n in _MERIDIANS if 2 * n * n * len(spans) <= _ENOUGH]
-    points, facets = _capsules(spans, radius, max(fits, default=_MERIDIANS[0]))
+    fits = [n for n in _MERIDIANS if 2 * n * n * len(spans) <= _ENOUGH] or _MERIDIANS[:1]
+    fine = (n for n in fits if radius * (1.0 - _inside(n)) <= tolerance)
+    meridians = next(fine, fits[-1])
+    points, facets = _capsules(spans, radius, meridians)
     facets = places(points)[facets]  # of a ball both halves end on the same ring
     a, b, c = facets.T
     facets = facets[(a != b) & (b != c) & (c != a)]
     proper = corners[(corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])]
     sides = _sides(vertices[proper], radius)
     flat = np.arange(3 * len(sides)).reshape(-1, 3) + len(points)
-    return np.concatenate((points, sides.reshape(-1, 3))), np.concatenate((facets, flat))
+    points = np.concatenate((points, sides.reshape(-1, 3)))
+    return points, np.concatenate((facets, flat)), radius * _inside(meridians)
+
+
+def _inside(meridians: int) -> float:
+    """How far from the centre the planes of a unit ball's facets are at least.
+
+    A facet between two parallels is a trapezoid. Its plane cuts the plane of symmetry, a meridian's
+    at half a step, in the line through the middles p and q of its parallel sides.
+    """
+    angles = np.linspace(0.0, math.pi, meridians // 2 + 1)
+    p = np.stack((np.sin(angles) * math.cos(math.pi / meridians), np.cos(angles)), axis=1)
+    q = p[1:] - p[:-1]
+    across = np.abs(p[:-1, 0] * q[:, 1] - p[:-1, 1] * q[:, 0])
+    return float((across / np.linalg.norm(q, axis=1)).min())
 
 
 def _capsules(

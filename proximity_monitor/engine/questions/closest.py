@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_reals, check_tolerance
 from ..kernels.inside import closest as closest_kernel
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import check_pose
 from .result import ClosestPoints
@@ -24,7 +24,7 @@ _POINTS = 4096
 
 
 def closest_points(
-    model: TriangleMesh,
+    model: Model,
     pose: NDArray[np.float64],
     points: ArrayLike,
     *,
@@ -73,12 +73,13 @@ def closest_points(
         first = int(np.argwhere(~np.isfinite(given))[0, 0])
         raise ValueError(f"points[{first}] = {given[first].tolist()}: must be finite")
     k = len(given)
+    hierarchy = model._hierarchy
     region = sides_of(model).region if signed and model.is_solid else None
     nothing = [0.0 if region is None else -math.inf, math.inf]
     bounds, done = np.tile(nothing, (k, 1)), np.zeros(k, np.bool_)
     nearest, triangles = np.full((k, 3), np.nan), np.full(k, closest_kernel.NONE, np.int32)
     directions = np.full((k if normals else 0, 3), np.nan)
-    capacity = 1 + model.depth * 15
+    capacity = 1 + hierarchy.depth * 15
 
     def answer(first: int, stopped: Event) -> None:
         part = slice(first, first + _POINTS)
@@ -92,7 +93,7 @@ def closest_points(
         while at < count and not (over or stopped.is_set()):
             if at == found:
                 found = closest_kernel.closest_points(
-                    model._distinct, pose, given[part], max_distance, region is not None, at,
+                    hierarchy.distinct, pose, given[part], max_distance, region is not None, at,
                     slices.steps, stack, stacked, going, bounds[part], nearest[part],
                     triangles[part], directions[part],
                 )  # fmt: skip
@@ -100,7 +101,7 @@ def closest_points(
                 at = found
             elif at < found:
                 at = closest_kernel.sides(
-                    model._tree, region, pose, given[part], at, found, slices.steps, around,
+                    hierarchy.tree, region, pose, given[part], at, found, slices.steps, around,
                     bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
             # One point at least, so that whoever asks again and again comes to an end.
@@ -110,7 +111,7 @@ def closest_points(
         bounds[half_done], triangles[half_done] = nothing, closest_kernel.NONE
 
     share(answer, range(0, k, _POINTS), threads)
-    faces = np.where(triangles >= 0, model._face_of[triangles], np.int32(-1))
+    faces = np.where(triangles >= 0, hierarchy.numbers[triangles], np.int32(-1))
     return ClosestPoints(
         bounds[:, 0], bounds[:, 1], nearest, faces, done, directions if normals else None
     )

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.state import Tree
-from ..kernels.base.tables import table
 from ..kernels.elements import contacts as kernel
 from ..kernels.elements.swept import lower_of, reach_of
-from ..models.mesh import TriangleMesh
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
 from .run import Search, least
 
 Touching = tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]
@@ -32,8 +31,8 @@ class Met:
     that is done within the budget of the search.
     """
 
-    models: tuple[TriangleMesh, TriangleMesh]
-    trees: tuple[Tree, Tree]
+    models: tuple[Model, Model]
+    hierarchies: tuple[Hierarchy, Hierarchy]
     """As the search saw them: a model may be refitted later."""
     pose_a: NDArray[np.float64]
     blocks: tuple[NDArray[np.float64], ...]
@@ -51,7 +50,7 @@ class Met:
 
     def contacts(self) -> Touching:
         """All contacts in the rows."""
-        a, b = self.models
+        a, b = self.hierarchies
         reals = self.reals
         reach = reach_of.py_func(0.0, reals[index.RADII], reals[index.DEVIATIONS])
         slack = float(reals[index.SLACK])
@@ -59,14 +58,11 @@ class Met:
         pairs = rows[:, :2].astype(np.int32)
         points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
         # The search itself may go on meanwhile.
-        own = Search(a, b, coherent=False)
+        own = Search(*self.models, coherent=False)
         own.state.motions[:], own.reals[:] = self.motions, reals
-        tables = [
-            table((*tree, mesh._face_of))
-            for tree, mesh in zip(self.trees, self.models, strict=True)
-        ]
+        tables = a.table_of_all, b.table_of_all
         kernel.contacts(*tables, own.memory, self.pose_a, pairs, points, normals)
-        contacts = np.stack((a._face_of[pairs[:, 0]], b._face_of[pairs[:, 1]]), axis=1)
+        contacts = np.stack((a.numbers[pairs[:, 0]], b.numbers[pairs[:, 1]]), axis=1)
         return contacts, points, normals
 
 
@@ -79,7 +75,7 @@ def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
         blocks = (np.array([[answer[index.TREE_A], answer[index.TREE_B], 0.0]]),)
     return Met(
         search.models,
-        (a._tree, b._tree),
+        (a._hierarchy, b._hierarchy),
         pose_a.copy(),
         blocks,
         search.state.motions.copy(),

@@ -110,7 +110,7 @@ class Collision:
 
     @property
     def contacts(self) -> NDArray[np.int32]:
-        """(k, 2); triangles of a and of b, indices into their faces, that touch or cross.
+        """(k, 2) int32; elements of a and of b, such as triangles, that touch or cross.
 
         One pair, or every pair where all of them were asked for and the answer is `complete`.
         """

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..kernels.base import state as index
 from ..kernels.elements.swept import lower_of, reach_of, upper_of
 from ..kernels.tree.layout import first_of, last_of
-from ..models.mesh import TriangleMesh
+from ..models.hierarchy import Hierarchy
 from .result import Manifold
 from .run import Search, least
 
@@ -23,9 +23,8 @@ class Candidates:
     its rows as they are, and nothing writes to them any more.
     """
 
-    models: tuple[TriangleMesh, TriangleMesh]
-    triangles: tuple[NDArray[np.float64], NDArray[np.float64]]
-    """Of either model, (m, 9) metres, in tree order: a model may be refitted later."""
+    hierarchies: tuple[Hierarchy, Hierarchy]
+    """As the search saw them: a model may be refitted later."""
     blocks: tuple[NDArray[np.float64], ...]
     """Rows of `State.collected`."""
     pending: tuple[NDArray[np.int32], NDArray[np.float64]]
@@ -53,7 +52,7 @@ class Candidates:
         lanes = np.concatenate((~rows[~tested, :2].astype(np.int32), lanes[near]))
         ranges = [
             np.concatenate((_one(triangles[:, side]), _under(mesh, lanes[:, side])))
-            for side, mesh in enumerate(self.models)
+            for side, mesh in enumerate(self.hierarchies)
         ]
         lower = np.concatenate((distances - slack, rows[~tested, 2], bounds[near]))
         upper = np.concatenate((distances, self._apart(ranges, len(triangles)))) + slack
@@ -61,7 +60,7 @@ class Candidates:
             np.maximum(lower_of.py_func(lower, *offsets), 0.0),
             upper_of.py_func(upper, *offsets),
             *ranges,
-            *(mesh._face_of for mesh in self.models),
+            *(mesh.numbers for mesh in self.hierarchies),
         )
 
     def _apart(self, ranges: list[NDArray[np.int32]], first: int) -> NDArray[np.float64]:
@@ -70,7 +69,10 @@ class Candidates:
         No two points of a pair need be as near, but the nearest are. They err by no more than the
         distances of triangles (MARGIN_A).
         """
-        p, q = (of[each[first:, 0], :3] for of, each in zip(self.triangles, ranges, strict=True))
+        p, q = (
+            mesh.tree.triangles[each[first:, 0], :3]
+            for mesh, each in zip(self.hierarchies, ranges, strict=True)
+        )
         moved = q @ self.motion[:9].reshape(3, 3).T + self.motion[9:]
         return np.sqrt(((p - moved) ** 2).sum(axis=1))
 
@@ -79,8 +81,7 @@ def candidates(search: Search) -> Candidates:
     """What a search that collects holds at this moment."""
     a, b = search.models
     return Candidates(
-        search.models,
-        (a._tree.triangles, b._tree.triangles),
+        (a._hierarchy, b._hierarchy),
         search.collected(),
         search.pending(),
         search.state.motions[0].copy(),
@@ -93,9 +94,9 @@ def _one(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     return np.stack((triangles, triangles + np.int32(1)), axis=1)
 
 
-def _under(mesh: TriangleMesh, lanes: NDArray[np.int32]) -> NDArray[np.int32]:
+def _under(mesh: Hierarchy, lanes: NDArray[np.int32]) -> NDArray[np.int32]:
     """Ranges of the triangles under volumes."""
-    children = mesh._tree.children[lanes]
+    children = mesh.tree.children[lanes]
     leaves = children < 0
     own = np.stack((first_of.py_func(children), last_of.py_func(children) + 1), axis=1)
-    return np.where(leaves[:, None], own, mesh._ranges()[np.where(leaves, 0, children)])
+    return np.where(leaves[:, None], own, mesh.ranges()[np.where(leaves, 0, children)])

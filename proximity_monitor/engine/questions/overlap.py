@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..models.mesh import TriangleMesh
+from ..models.hierarchy import Hierarchy
 from .result import STATUSES, Status
 
 _ROUNDING = 64.0 * DOUBLE_EPS
@@ -19,7 +19,7 @@ MARGIN_A, MARGIN_B and MARGIN_T for the points, two roundings for each coordinat
 
 
 def overlap(
-    models: Sequence[TriangleMesh],
+    models: Sequence[Hierarchy],
     poses: Sequence[NDArray[np.float64]],
     row: NDArray[np.float64],
     deeper: int,
@@ -38,7 +38,7 @@ def overlap(
     as much, and so a diameter by twice that.
 
     Args:
-        models: two, of which one at least is swept or deviates.
+        models: the hierarchies of two, of which one at least is swept or deviates.
         poses: two (4, 4), model to world, metres.
         row: (ANSWER,) what the search for the cores' signed distance found; changed.
         deeper: which model the deepest vertex is of, where the upper bound is negative.
@@ -64,7 +64,7 @@ def overlap(
         row[index.STATUS] = STATUSES.index(Status.EXACT if exact else Status.INTERSECTING)
 
 
-def _smaller_ball(models: Sequence[TriangleMesh]) -> float:
+def _smaller_ball(models: Sequence[Hierarchy]) -> float:
     """Diameter, metres, of the ball that both models hold where a ball of either is in the other.
 
     Infinity for a solid and a surface, of which the deepest point counts.
@@ -74,7 +74,7 @@ def _smaller_ball(models: Sequence[TriangleMesh]) -> float:
 
 
 def _shallowest(
-    models: Sequence[TriangleMesh], row: NDArray[np.float64], deeper: int, slack: float
+    models: Sequence[Hierarchy], row: NDArray[np.float64], deeper: int, slack: float
 ) -> float:
     """The least that two swept models overlap by, metres; 0 where they may not."""
     radii = models[0].swept_radius + models[1].swept_radius
@@ -88,7 +88,7 @@ def _shallowest(
 
 
 def _deepest(
-    models: Sequence[TriangleMesh],
+    models: Sequence[Hierarchy],
     poses: Sequence[NDArray[np.float64]],
     shallow: float,
     slack: float,

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import check_tolerance
 from ..kernels.base import state as index
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..poses import as_pose, check_pose
 from .contacts import met
 from .decision import Clearance, Collision
@@ -46,7 +46,7 @@ class Pair:
 
     __slots__ = ("_asked", "_search", "_signed", "a", "b")
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh, *, coherent: bool = True) -> None:
+    def __init__(self, a: Model, b: Model, *, coherent: bool = True) -> None:
         self._begin(Search(a, b, coherent=coherent))
 
     def _begin(self, search: Search) -> None:
@@ -80,7 +80,8 @@ class Pair:
             self._change_order(order)
         self._run(start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
         search = self._search
-        return distance_of(search.answers, start, candidates(search) if manifold else None)
+        held = candidates(search) if manifold else None
+        return distance_of(search.answers, start, held, search.kinds)
 
     def ideal(
         self,
@@ -108,7 +109,7 @@ class Pair:
         # The next begins with the distance of the triangles that this one found.
         start = perf_counter()
         search.run(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err)
-        return distance_of(search.answers, start, None)
+        return distance_of(search.answers, start, None, search.kinds)
 
     def signed_distance(
         self,
@@ -182,7 +183,7 @@ class Pair:
         search = self._search
         if budget_s is not None:
             deadline = start + check_tolerance("budget_s", budget_s)
-            shapes = self.a.revision, self.b.revision
+            shapes = self.a._hierarchy, self.b._hierarchy
             wanted = rel_err, abs_err, stop, limit, collect, search.order
             asked = (pose_a.tobytes(), pose_b.tobytes(), wanted, shapes)
             fresh = asked != self._asked

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import check_tolerance
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from .decision import Clearance, Collision
 from .pair import Pair
 from .result import Distance
@@ -16,9 +16,9 @@ from .run import Order
 
 
 def distance(
-    a: TriangleMesh,
+    a: Model,
     pose_a: NDArray[np.float64],
-    b: TriangleMesh,
+    b: Model,
     pose_b: NDArray[np.float64],
     *,
     rel_err: float = 0.0,
@@ -69,9 +69,9 @@ def distance(
 
 
 def within(
-    a: TriangleMesh,
+    a: Model,
     pose_a: NDArray[np.float64],
-    b: TriangleMesh,
+    b: Model,
     pose_b: NDArray[np.float64],
     clearance: float,
     *,
@@ -101,9 +101,9 @@ def within(
 
 
 def collide(
-    a: TriangleMesh,
+    a: Model,
     pose_a: NDArray[np.float64],
-    b: TriangleMesh,
+    b: Model,
     pose_b: NDArray[np.float64],
     *,
     all_contacts: bool = False,
@@ -141,9 +141,9 @@ def _left(budget_s: float | None, start: float) -> float | None:
 
 
 def signed_distance(
-    a: TriangleMesh,
+    a: Model,
     pose_a: ArrayLike,
-    b: TriangleMesh,
+    b: Model,
     pose_b: ArrayLike,
     *,
     rel_err: float = 0.0,

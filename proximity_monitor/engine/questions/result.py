@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..kernels.base import state as index
+from ..models.model import Feature, Model
 from .witness import witness_points
 
 if TYPE_CHECKING:
@@ -33,24 +34,6 @@ class Status(Enum):
 
 STATUSES = tuple(Status)
 """By the numbers that kernels have for them."""
-
-
-@dataclass(frozen=True, slots=True)
-class Feature:
-    """Where a witness point lies on its mesh.
-
-    Attributes:
-        triangle: index into the mesh's faces.
-        barycentric: (3,) weights of the triangle's corners; they are not negative and sum to 1.
-    """
-
-    triangle: int
-    barycentric: NDArray[np.float64]
-
-    @property
-    def kind(self) -> str:
-        """`"vertex"`, `"edge"` or `"face"`: by how many weights are not zero."""
-        return ("vertex", "edge", "face")[int(np.count_nonzero(self.barycentric)) - 1]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,12 +78,14 @@ class Distance:
         row: (ANSWER,) what follows as numbers in a row, as a search writes them.
         elapsed_s: seconds the search took.
         candidates: what makes the `manifold`, where it was asked for.
+        kinds: those of the two models, which know what features there are.
     """
 
     # A call takes a few microseconds, of which six numbers that nobody may want would be one.
     row: NDArray[np.float64]
     elapsed_s: float
     candidates: Candidates | None
+    kinds: tuple[type[Model], type[Model]]
 
     @cached_property
     def manifold(self) -> Manifold | None:
@@ -151,12 +136,15 @@ class Distance:
     @property
     def feature_a(self) -> Feature:
         """Where point_a lies on a."""
-        return _feature(self.row, index.FEATURE_A)
+        return self._feature(0, index.FEATURE_A)
 
     @property
     def feature_b(self) -> Feature:
         """Where point_b lies on b."""
-        return _feature(self.row, index.FEATURE_B)
+        return self._feature(1, index.FEATURE_B)
+
+    def _feature(self, side: int, at: int) -> Feature:
+        return self.kinds[side].feature(int(self.row[at + 3]), self.row[at : at + 3])
 
     def __repr__(self) -> str:
         """The bounds, points and status."""
@@ -164,10 +152,6 @@ class Distance:
         return (
             f"Distance(lower={self.lower!r}, upper={self.upper!r}, {self.status}, points {points})"
         )
-
-
-def _feature(row: NDArray[np.float64], at: int) -> Feature:
-    return Feature(int(row[at + 3]), row[at : at + 3])
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,13 +162,13 @@ class ClosestPoints:
     one that the budget did not suffice for has 0; the upper bound of both is infinite. Where signs
     were asked for, a point that lies so deep inside has -`max_distance` or less as its upper bound,
     and lower bounds of which nothing is known are -infinity. The points and normals of all these
-    are NaN and their triangles -1.
+    are NaN and their elements -1.
 
     Attributes:
         lower: (k,) metres; certified lower bounds of the distances, or of the signed distances.
         upper: (k,) metres; certified upper bounds. Inside is certain where they are below 0.
         points: (k, 3) metres, world; the nearest points of the surface.
-        triangles: (k,) int32; the triangles they lie on, indices into the faces.
+        elements: (k,) int32; the elements of the model that they lie on, such as triangles.
         done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
         normals: (k, 3) unit vectors, world, where they were asked for: that of the triangle, which
             points outward as the order of its corners says, or zero where it has no area; of a
@@ -194,7 +178,7 @@ class ClosestPoints:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     points: NDArray[np.float64]
-    triangles: NDArray[np.int32]
+    elements: NDArray[np.int32]
     done: NDArray[np.bool_]
     normals: NDArray[np.float64] | None
 
@@ -209,8 +193,9 @@ class Distances:
         upper: (k,) metres; infinity where nothing was searched.
         points_a: (k, 3) metres, world; NaN where nothing was searched.
         points_b: (k, 3) metres, world.
-        triangles: (k, 2) int32; the witness points' triangles, indices into the faces; else -1.
-        barycentric: (k, 2, 3) the witness points' weights in those triangles.
+        elements: (k, 2) int32; the elements of the models that the witness points lie on, such as
+            triangles; -1 where nothing was searched.
+        parameters: (k, 2, 3) where on them; `Model.feature` tells.
         hints: (k, 2) int32; where the next question to an `Assembly` may start; -1 for nowhere.
         status: (k,) int32; positions in `tuple(Status)`.
         bound_tests: (k,) bounding volume pairs tested.
@@ -222,8 +207,8 @@ class Distances:
     upper: NDArray[np.float64]
     points_a: NDArray[np.float64]
     points_b: NDArray[np.float64]
-    triangles: NDArray[np.int32]
-    barycentric: NDArray[np.float64]
+    elements: NDArray[np.int32]
+    parameters: NDArray[np.float64]
     hints: NDArray[np.int32]
     status: NDArray[np.int32]
     bound_tests: NDArray[np.int64]

@@ -8,19 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
+from ..models.model import Model
 from .manifold import Candidates
 from .result import Distance, Distances
 from .witness import witness_points
 
+Kinds = tuple[type[Model], type[Model]]
+
 _new = object.__new__
 
 
-def distance_of(row: NDArray[np.float64], start: float, candidates: Candidates | None) -> Distance:
-    """The answer of a row (ANSWER,), which is kept, to what was asked at `start`."""
+def distance_of(
+    row: NDArray[np.float64], start: float, candidates: Candidates | None, kinds: Kinds
+) -> Distance:
+    """The answer of a row (ANSWER,), which is kept, to what was asked at `start`.
+
+    `kinds` are those of the two models.
+    """
     # Its own __init__, which sets field by field past what freezes it, takes three times as long.
     answer = _new(Distance)
     fields = answer.__dict__
-    fields["row"], fields["candidates"] = row, candidates
+    fields["row"], fields["candidates"], fields["kinds"] = row, candidates, kinds
     fields["elapsed_s"] = perf_counter() - start
     return answer
 
@@ -45,10 +53,3 @@ def distances_of(rows: NDArray[np.float64]) -> Distances:
         whole[:, 5].astype(np.int64),
         searched,
     )
-
-
-def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Rows (k, ANSWER) of searches that did not begin, where `signed` (k,) of signed distances."""
-    rows = np.full((len(signed), index.ANSWER), np.nan)
-    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
-    return rows

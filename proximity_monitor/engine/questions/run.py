@@ -15,7 +15,7 @@ from ..kernels.base.state import KEPT
 from ..kernels.base.tables import table
 from ..kernels.search import search as kernel
 from ..kernels.search.queue import QUEUE
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..models.tree import BOXES
 from ..poses import check_pose
 from .slices import Slices
@@ -41,19 +41,19 @@ _BLOCK = 4096
 slice takes the longer the more was collected before."""
 
 
-def code_for(models: Iterable[TriangleMesh], order: Order = "depth_first") -> int | None:
+def code_for(models: Iterable[Model], order: Order = "depth_first") -> int | None:
     """Which code a search between some models needs: `unusual` of `kernels.descent.advance`."""
-    usual = order == "depth_first" and not any(model.volume in BOXES for model in models)
+    usual = order == "depth_first" and not any(model._hierarchy.volume in BOXES for model in models)
     return None if usual else 1
 
 
-def check_model(model: TriangleMesh, name: str) -> TriangleMesh:
+def check_model(model: Model, name: str) -> Model:
     """The model, if it is one.
 
     Raises:
         TypeError: it is something else.
     """
-    if not isinstance(model, TriangleMesh):
+    if not isinstance(model, Model):
         raise TypeError(
             f"{name}: expected a model (TriangleMesh, or what load, points or polyline return), "
             f"got {'None' if model is None else type(model).__name__}"
@@ -61,7 +61,7 @@ def check_model(model: TriangleMesh, name: str) -> TriangleMesh:
     return model
 
 
-def check_models(models: Iterable[TriangleMesh]) -> tuple[TriangleMesh, ...]:
+def check_models(models: Iterable[Model]) -> tuple[Model, ...]:
     """The models, if all of them are.
 
     Raises:
@@ -95,13 +95,14 @@ class Search:
     """
 
     __slots__ = (
-        "_blocks", "_unusual", "answers", "counts", "memory", "models", "order", "reals", "state",
+        "_blocks", "_unusual", "answers", "counts", "kinds", "memory", "models", "order", "reals",
+        "state",
     )  # fmt: skip
 
     def __init__(
         self,
-        a: TriangleMesh,
-        b: TriangleMesh,
+        a: Model,
+        b: Model,
         order: Order = "depth_first",
         coherent: bool = True,
         nearest: tuple[int, int] = (0, 0),
@@ -109,12 +110,13 @@ class Search:
         if order not in _ORDERS:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
         self.models = check_model(a, "a"), check_model(b, "b")
+        self.kinds = type(a), type(b)
         self.order = order
         self._unusual = code_for((a, b), order)
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model; a priority queue that is full besides leaves all its pairs below. A list of levels
         # is full while there is still room for a search depth first (see levels.py).
-        levels = a.depth + b.depth
+        levels = a._hierarchy.depth + b._hierarchy.depth
         capacity = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
         if order == "breadth_first":
             capacity = _LIST
@@ -191,20 +193,21 @@ class Search:
             ValueError: a pose that is no rigid motion.
         """
         a, b = self.models
+        a, b = a._hierarchy, b._hierarchy
         if collect:
             stop = -math.inf
-        tables = a._table, b._table
+        tables = a.table, b.table
         if collect:
-            tables = a._table_of_all, b._table_of_all
+            tables = a.table_of_all, b.table_of_all
         collected = bool(len(self.state.collected))
-        if collect != collected and not (a._distinct is a._tree and b._distinct is b._tree):
+        if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
             self.state.keys.fill(-1)  # too far were those pairs that it looked at
         if collect != collected or (collect and fresh):
             # An answer may still hold the rows of the last search.
             self._blocks = []
             self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
         if fresh and self.order == "breadth_first":
-            corners = a._spread_corners(), b._spread_corners()
+            corners = a.spread_corners(), b.spread_corners()
             self._keep(self.state._replace(spread_a=corners[0], spread_b=corners[1]))
         count = len(poses_a) // 4
         if answers is None:

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state
+from ..kernels.base.state import Tree
 from ..kernels.inside import depth as kernel
 from ..kernels.inside import probe
 from ..kernels.inside.contain import FEW
 from ..kernels.inside.solids import HALF, NOWHERE
-from ..models.mesh import TriangleMesh
+from ..models.model import Model
 from ..models.solid import sides_of
 from .overlap import overlap
 from .result import STATUSES, Distance, Status
@@ -36,14 +37,15 @@ class SignedSearch:
         "_earlier_tests", "_limits", "_models", "_poses", "_regions", "_revisions", "_tolerance",
     )  # fmt: skip
 
-    def __init__(self, a: TriangleMesh, b: TriangleMesh, apart: Callable[..., Distance]) -> None:
+    def __init__(self, a: Model, b: Model, apart: Callable[..., Distance]) -> None:
         self._models = a, b
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
         models = self._models
         # Each lane and each vertex enters the heap at most once.
-        room = sum(len(each._tree.children) + 3 * len(each.faces) for each in models)
-        descent = 1 + max(each.depth for each in models) * 15
+        cores = [model._hierarchy for model in models]
+        room = sum(len(core.tree.children) + 3 * len(core.faces) for core in cores)
+        descent = 1 + max(core.depth for core in cores) * 15
         self._depth = kernel.Depth(
             np.zeros((2, 12)),
             np.zeros(kernel.REALS),
@@ -88,15 +90,17 @@ class SignedSearch:
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err)
         row = self._answer()
-        offset = any(model.swept_radius + model.deviation > 0.0 for model in self._models)
+        cores = [model._hierarchy for model in self._models]
+        offset = any(core.swept_radius + core.deviation > 0.0 for core in cores)
         if offset and not row[state.LOWER] > 0.0:
-            overlap(self._models, self._poses, row, int(self._depth.counts[kernel.MODEL]))
+            overlap(cores, self._poses, row, int(self._depth.counts[kernel.MODEL]))
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits
         self._limits = max(lower, row[state.LOWER]), min(upper, row[state.UPPER])
         row[state.LOWER], row[state.UPPER] = self._limits
-        return Distance(row, perf_counter() - start, None)
+        a, b = self._models
+        return Distance(row, perf_counter() - start, None, (type(a), type(b)))
 
     def _begin(
         self,
@@ -127,10 +131,16 @@ class SignedSearch:
         if self._by_vertices:
             abs_err = 0.0  # with it a vertex that decides on the sign might be left out
         kernel.begin_depth(
-            a._tree, b._tree, *self._regions, *self._poses, rel_err, abs_err, self._depth
+            *self._trees, *self._regions, *self._poses, rel_err, abs_err, self._depth
         )
         if parts > FEW:
             self._depth.counts[kernel.SAMPLED] = parts
+
+    @property
+    def _trees(self) -> tuple[Tree, Tree]:
+        """The hierarchies as they are now."""
+        a, b = self._models
+        return a._hierarchy.tree, b._hierarchy.tree
 
     @property
     def _insides(self) -> tuple[int, int]:
@@ -176,8 +186,7 @@ class SignedSearch:
         slices = Slices(None if self._deadline == math.inf else self._deadline)
         while True:
             code = kernel.search_depth(
-                self._models[0]._tree, self._models[1]._tree, *self._regions, self._depth,
-                samples_alone, slices.steps,
+                *self._trees, *self._regions, self._depth, samples_alone, slices.steps,
             )  # fmt: skip
             if code == state.ENDED:
                 return True
@@ -205,7 +214,7 @@ class SignedSearch:
     def _bounds(self, weights: NDArray[np.float64] | None = None) -> tuple[float, float]:
         """Certified bounds of the depth; writes the weights (3,) of the deepest vertex's foot."""
         weights = np.zeros(3) if weights is None else weights
-        return kernel.deepest(self._models[0]._tree, self._models[1]._tree, self._depth, weights)
+        return kernel.deepest(*self._trees, self._depth, weights)
 
     def _outside(self, apart: Distance, lower: float, status: Status) -> NDArray[np.float64]:
         """The answer where overlap is not certain: that of `distance` with another lower bound."""
@@ -225,13 +234,14 @@ class SignedSearch:
         triangles[deeper], triangles[other] = triangle, counts[kernel.TRIANGLE]
         row = np.full(state.ANSWER, -1.0)  # its triangles are no hints where to search
         for k, (body, pose) in enumerate(zip(bodies, self._poses, strict=True)):
-            face = body._face_of[triangles[k]]
-            local = weights_of[k] @ body.vertices[body.faces[face]]
+            core = body._hierarchy
+            face = core.numbers[triangles[k]]
+            local = weights_of[k] @ core.vertices[core.faces[face]]
             at = (state.POINT_A, state.POINT_B)[k]
             row[at : at + 3] = pose[:3, :3] @ local + pose[:3, 3]
             at = (state.FEATURE_A, state.FEATURE_B)[k]
             row[at : at + 3], row[at + 3] = weights_of[k], face
-            row[(state.RADIUS_A, state.RADIUS_B)[k]] = body.swept_radius
+            row[(state.RADIUS_A, state.RADIUS_B)[k]] = core.swept_radius
         status = Status.OUT_OF_TIME
         if ended:
             exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]

@@ -10,14 +10,14 @@ from proximity_monitor.motion.dynamics.settings import ContactLaw, Forces, Rigid
 from proximity_monitor.motion.dynamics.world import World
 
 if TYPE_CHECKING:
-    from proximity_monitor.engine import TriangleMesh
+    from proximity_monitor.engine import Model
     from proximity_monitor.scene import Scene
 
 __all__ = ["ContactLaw", "Dynamics", "Forces", "RigidBody", "World", "from_settings"]
 
 
 def from_settings(
-    settings: Mapping[str, Any], scene: Scene, models: Mapping[str, TriangleMesh], live: bool
+    settings: Mapping[str, Any], scene: Scene, models: Mapping[str, Model], live: bool
 ) -> Dynamics:
     """Return the effect that the section `motion.dynamics` of a scene describes.
 
@@ -29,9 +29,8 @@ def from_settings(
     """
     poses = {body.name: body.pose for body in scene.bodies}
     bodies = [
-        RigidBody(name, models[name].tessellated(), **body)
-        for name, body in settings["bodies"].items()
-    ] + [RigidBody(name, models[name].tessellated(), poses[name]) for name in settings["obstacles"]]
+        RigidBody(name, models[name], **body) for name, body in settings["bodies"].items()
+    ] + [RigidBody(name, models[name], poses[name]) for name in settings["obstacles"]]
     law = settings["contacts"]
     forces = Forces(
         contacts=None if law is None else ContactLaw(**law),

@@ -1,4 +1,4 @@
-"""Contacts from the engine's closest points: one for each pair of patches that are near."""
+"""Contacts from the engine's closest points: one for each pair of pieces that are near."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proximity_monitor import engine
-from proximity_monitor.motion.dynamics import near
-from proximity_monitor.motion.dynamics.patches import Patches, cut
+from proximity_monitor.motion.dynamics import candidates
+from proximity_monitor.motion.dynamics.pieces import Pieces, cut
 
 
 class Contacts(NamedTuple):
@@ -21,7 +21,7 @@ class Contacts(NamedTuple):
         points: (k, 2, 3) the witness points on either.
         normals: (k, 3) unit vectors from the second point to the first.
         gaps: (k,) the distances of the points.
-        keys: (k, 3) which pair of bodies and which two patches; rows are sorted by them.
+        keys: (k, 3) which pair of bodies and which two pieces; rows are sorted by them.
     """
 
     bodies: NDArray[np.int64]
@@ -58,32 +58,32 @@ class ContactFinder:
     """Bodies that may touch, and the lower bounds that say which of them need to be looked at.
 
     Args:
-        models: one mesh a body; equal ones are cut once.
+        models: one a body; a model that bodies share is cut once.
         pairs: (k, 2) which bodies may touch.
         slack: metres; how far a pair may move before its contacts are searched anew.
-        every: each pair of patches has a contact; else those at which the distance is least.
+        every: each pair of pieces has a contact; else those at which the distance is least.
     """
 
     def __init__(
         self,
-        models: Sequence[engine.TriangleMesh],
+        models: Sequence[engine.Model],
         pairs: NDArray[np.int64],
         slack: float,
         every: bool,
     ) -> None:
-        cuts: dict[int, Patches] = {id(model): cut(model) for model in models}
+        cuts: dict[int, Pieces] = {id(model): cut(model) for model in models}
         each = [cuts[id(model)] for model in models]
-        sizes = [len(part.meshes) for part in each]
+        sizes = [len(part.models) for part in each]
         self.pairs = pairs
         self._slack = slack
         self._every = every
         self.searches = 0
-        """How many pairs of patches the engine was asked about."""
+        """How many pairs of pieces the engine was asked about."""
         self._owner = np.repeat(np.arange(len(models)), sizes)
         self._first = np.concatenate(([0], np.cumsum(sizes)))
         self._spheres = np.concatenate([part.spheres for part in each])
         self._boxes = np.concatenate([part.boxes for part in each])
-        self._assembly = engine.Assembly([mesh for part in each for mesh in part.meshes])
+        self._assembly = engine.Assembly([model for part in each for model in part.models])
         self._rows = np.empty((1024, 3), np.int64)
         self._surfaces(list(cuts.values()))
         starts = dict(
@@ -92,13 +92,13 @@ class ContactFinder:
         faces = [
             starts[id(model)] + numbers
             for model, part in zip(models, each, strict=True)
-            for numbers in part.faces
+            for numbers in part.triangles
         ]
         self._face_start = np.concatenate(([0], np.cumsum([len(part) for part in faces])))
         self._faces = np.concatenate(faces)
         self.restart()
 
-    def _surfaces(self, cuts: Sequence[Patches]) -> None:
+    def _surfaces(self, cuts: Sequence[Pieces]) -> None:
         """All triangles, and all places with the triangles around them, one model after another."""
         triangles, places, entries = 0, 0, 0
         parts = []
@@ -190,11 +190,11 @@ class ContactFinder:
 
         After those of `Contacts` it is the points (k, 2, 3) in the models' frames.
         """
-        spheres = near.spheres_at(poses, self._owner, self._spheres)
+        spheres = candidates.spheres_at(poses, self._owner, self._spheres)
         lower = self.lower.copy()
         while True:
             self.lower[:] = lower
-            count = near.candidates(
+            count = candidates.near_pieces(
                 poses, self.pairs, reach, self.lower, self._first, spheres, self._boxes, self._rows
             )
             if count <= len(self._rows):
@@ -210,9 +210,9 @@ class ContactFinder:
         bodies = self.pairs[keys[:, 0]]
         kept = np.ones(len(within), np.bool_)
         if not self._every:
-            faces = self._faces[self._face_start[keys[:, 1:]] + found.triangles[within]]
-            near.local_minima(
-                poses, bodies, faces, found.barycentric[within], points,
+            faces = self._faces[self._face_start[keys[:, 1:]] + found.elements[within]]
+            candidates.local_minima(
+                poses, bodies, faces, found.parameters[within], points,
                 self._corners, self._places, self._place_first, self._around, kept,
             )  # fmt: skip
         bodies, points, keys = bodies[kept], points[kept], keys[kept]

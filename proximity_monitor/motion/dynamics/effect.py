@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from proximity_monitor.engine import TriangleMesh
+from proximity_monitor import engine
 from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
 from proximity_monitor.motion.dynamics.world import World
 from proximity_monitor.motion.motion import Motion, counted
@@ -148,17 +148,15 @@ class Dynamics(Motion):
 
 
 def _compile(forces: Forces, substep_s: float) -> None:
-    """Let a tetrahedron fall on another: the first contact must not take the time to compile."""
-    size = 20.0 * forces.contacts.margin
-    corners = size * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
-    faces = [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]
-    mesh = TriangleMesh(corners, faces, name="tetrahedron")
+    """Let a box fall on another: the first contact must not take the time to compile."""
+    size = 40.0 * forces.contacts.margin
+    box = engine.shapes.box((size, size, size))
     above = np.eye(4)
-    above[2, 3] = 2.0 * size + forces.contacts.margin
+    above[2, 3] = size + forces.contacts.margin
     speed = np.array([0.1, 0.0, -1.0]) * (
         1.0 if forces.gravity is None else max(1.0, np.abs(forces.gravity).max())
     )
-    moving = RigidBody("falling", mesh, above, density=1000.0, velocity=speed)
-    world = World([moving, RigidBody("fixed", mesh, np.eye(4))], forces, substep_s)
+    moving = RigidBody("falling", box, above, density=1000.0, velocity=speed)
+    world = World([moving, RigidBody("fixed", box, np.eye(4))], forces, substep_s)
     for _ in range(3):
         world.step()

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from proximity_monitor.motion.dynamics import solver
 from proximity_monitor.motion.dynamics.contacts import Contacts
 from proximity_monitor.motion.dynamics.settings import Forces
-from proximity_monitor.motion.dynamics.state import State
+from proximity_monitor.motion.dynamics.state import RigidBodyState
 
 _SWEEPS = 40
 """Sweeps over all contacts at most. A resting pile of a dozen bodies, which starts from the last
@@ -55,7 +55,7 @@ class ContactForces:
         self.closest = _CLOSEST * self.kept
         """Metres: no state has surfaces nearer than this."""
         self.every = law.method == "penalty"
-        """Whether all pairs of patches have contacts: a spring each makes a smooth potential."""
+        """Whether all pairs of pieces have contacts: a spring each makes a smooth potential."""
         self.slack = 0.0 if self.every else _SLACK * self.kept
         """Metres: resting contacts are searched anew only after so much motion."""
         self.reach = 2.0 * law.margin
@@ -79,7 +79,7 @@ class ContactForces:
     def start(
         self,
         h: float,
-        state: State,
+        state: RigidBodyState,
         contacts: Contacts,
         inverse_inertia: NDArray[np.float64],
         gently: bool,
@@ -119,7 +119,11 @@ class ContactForces:
         return moving.velocity, moving.momentum
 
     def end(
-        self, h: float, state: State, contacts: Contacts, inverse_inertia: NDArray[np.float64]
+        self,
+        h: float,
+        state: RigidBodyState,
+        contacts: Contacts,
+        inverse_inertia: NDArray[np.float64],
     ) -> None:
         """Bring velocities from the middle of a step to its end, at the new contacts.
 
@@ -210,6 +214,6 @@ class ContactForces:
         return key, pressed, rubbed
 
 
-def _spins(state: State, inverse_inertia: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spins(state: RigidBodyState, inverse_inertia: NDArray[np.float64]) -> NDArray[np.float64]:
     """Angular velocities (n, 3) of angular momenta."""
     return np.einsum("nij,nj->ni", inverse_inertia, state.momentum)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from proximity_monitor.engine.models.tree import places
+from proximity_monitor.engine.models.model import DisplayMesh
 
 _ROUNDING = 32.0 * np.finfo(np.float64).eps
 """A volume of less than this share of what its tetrahedra add up to may be rounding alone."""
@@ -31,32 +31,22 @@ class MassProperties:
     thickness: float
 
 
-def welded(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> NDArray[np.int64]:
-    """Return the faces (m, 3) with one number for all vertices of equal coordinates.
-
-    So a soup of triangles, as STL files hold it, has neighbours too.
-    """
-    return places(vertices)[faces].astype(np.int64)
-
-
-def mass_properties(
-    vertices: NDArray[np.float64], faces: NDArray[np.int32], density: float
-) -> MassProperties:
-    """Return the mass properties of what a mesh encloses; its faces may point out or in.
+def mass_properties(mesh: DisplayMesh, density: float) -> MassProperties:
+    """Return the mass properties of what triangles enclose; they may point out or in.
 
     Each face and a point inside make a tetrahedron with a sign; the moments of those add up to
     the solid's. A tetrahedron of corners 0, a, b, c has ``V = det(a, b, c) / 6``, and
     ``∫ x xᵀ dV = V / 20 (a aᵀ + b bᵀ + c cᵀ + s sᵀ)`` with ``s = a + b + c``.
 
     Args:
-        vertices: (n, 3) metres.
-        faces: (m, 3) indices of vertices.
+        mesh: the triangles.
         density: kilograms per cubic metre.
 
     Raises:
         ValueError: the mesh encloses no volume.
     """
-    _check_closed(welded(vertices, faces))
+    vertices, faces, _ = mesh
+    _check_closed(mesh.welded().astype(np.int64))
     middle = vertices.mean(axis=0)
     corners = (vertices - middle)[faces]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from proximity_monitor.engine import TriangleMesh
+from proximity_monitor import engine
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +17,8 @@ class RigidBody:
 
     Attributes:
         name: what messages call it.
-        model: its surface, which encloses a volume unless the body is an obstacle.
+        model: its shape, taken as the triangles that show it; they enclose a volume unless the
+            body is an obstacle.
         pose: (4, 4) model to world at the start, metres.
         density: kilograms per cubic metre; None for an obstacle, which never moves.
         velocity: (3,) metres per second, of the centre of mass.
@@ -25,7 +26,7 @@ class RigidBody:
     """
 
     name: str
-    model: TriangleMesh
+    model: engine.Model
     pose: NDArray[np.float64]
     density: float | None = None
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
@@ -40,7 +41,7 @@ class ContactLaw:
         method: by impulses, which stop what would come nearer than the margin; or by a penalty,
             a spring that begins at the margin, with impulses at a quarter of it as a last stop.
         margin: metres; the distance that is kept. Surfaces never touch.
-        stiffness: newtons per metre, of the penalty's spring between two patches.
+        stiffness: newtons per metre, of the penalty's spring between two pieces.
     """
 
     method: Literal["impulse", "penalty"]

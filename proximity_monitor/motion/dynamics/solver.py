@@ -5,7 +5,7 @@ mass, `inverse_mass` (n,) and `inverse_inertia` (n, 3, 3, world) are zero for wh
 Contacts are rows too: `bodies` (k, 2), `arms` (k, 2, 3) from either centre of mass to its witness
 point, `normals` (k, 3) from the second body to the first. All are in SI units and the world frame.
 
-A change of another file does not have the functions compiled anew, so all helpers stand here.
+Numba compiles these anew when this file changes, so all other helpers stand here.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from proximity_monitor.engine.compiling import entry, helper
+from proximity_monitor.engine.compiling import cross, dot, entry, helper
 
 ENOUGH = 1e-6
 """Metres per second: sweeps end when no contact changes its velocity by more; a micrometre in a
@@ -22,16 +22,6 @@ second is not seen."""
 
 _LEAST_TURN = 1e-15
 """Radians: where an iteration for the midpoint ends; an orientation's last digit tells more."""
-
-
-@helper
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@helper
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @helper
@@ -104,8 +94,8 @@ def turn_freely(turn, momentum, inverse_inertia_body, rotation, h):
         for _ in range(50):
             half = (0.5 * h * spin[0], 0.5 * h * spin[1], 0.5 * h * spin[2])
             # (M₀ + M₁) / 2 is M₀ turned back halfway: m + half × m = M₀, solved for m.
-            along, size = _dot(half, start), 1.0 + _dot(half, half)
-            side = _cross(half, start)
+            along, size = dot(half, start), 1.0 + dot(half, half)
+            side = cross(half, start)
             middle = (
                 (start[0] + along * half[0] - side[0]) / size,
                 (start[1] + along * half[1] - side[1]) / size,
@@ -129,7 +119,7 @@ def turn_freely(turn, momentum, inverse_inertia_body, rotation, h):
 @helper
 def _relative(v, w, a, b, arm_a, arm_b):
     """Velocity of the witness point on a, seen from the one on b."""
-    p, q = _cross(w[a], arm_a), _cross(w[b], arm_b)
+    p, q = cross(w[a], arm_a), cross(w[b], arm_b)
     return (
         v[a, 0] + p[0] - v[b, 0] - q[0],
         v[a, 1] + p[1] - v[b, 1] - q[1],
@@ -139,7 +129,7 @@ def _relative(v, w, a, b, arm_a, arm_b):
 
 @helper
 def _push_one(v, w, body, arm, impulse, sign, inverse_mass, inverse_inertia):
-    change = _times(inverse_inertia[body], _cross(arm, impulse))
+    change = _times(inverse_inertia[body], cross(arm, impulse))
     for k in range(3):
         v[body, k] += sign * inverse_mass[body] * impulse[k]
         w[body, k] += sign * change[k]
@@ -155,8 +145,8 @@ def _push(v, w, a, b, arms, impulse, inverse_mass, inverse_inertia):
 @helper
 def _response(a, b, arms, d, inverse_mass, inverse_inertia):
     """Change of the relative velocity at a contact that a unit impulse along d makes."""
-    p = _cross(_times(inverse_inertia[a], _cross(arms[0], d)), arms[0])
-    q = _cross(_times(inverse_inertia[b], _cross(arms[1], d)), arms[1])
+    p = cross(_times(inverse_inertia[a], cross(arms[0], d)), arms[0])
+    q = cross(_times(inverse_inertia[b], cross(arms[1], d)), arms[1])
     m = inverse_mass[a] + inverse_mass[b]
     return m * d[0] + p[0] + q[0], m * d[1] + p[1] + q[1], m * d[2] + p[2] + q[2]
 
@@ -171,14 +161,14 @@ def _masses(bodies, arms, normals, inverse_mass, inverse_inertia):
     masses = np.empty((len(bodies), 2))
     for i in range(len(bodies)):
         a, b, n = bodies[i, 0], bodies[i, 1], _row(normals, i)
-        masses[i, 0] = 1.0 / _dot(n, _response(a, b, arms[i], n, inverse_mass, inverse_inertia))
-        side = _cross(n, (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0))
-        size = math.sqrt(_dot(side, side))
+        masses[i, 0] = 1.0 / dot(n, _response(a, b, arms[i], n, inverse_mass, inverse_inertia))
+        side = cross(n, (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0))
+        size = math.sqrt(dot(side, side))
         s = (side[0] / size, side[1] / size, side[2] / size)
-        t = _cross(n, s)
+        t = cross(n, s)
         by_s = _response(a, b, arms[i], s, inverse_mass, inverse_inertia)
         by_t = _response(a, b, arms[i], t, inverse_mass, inverse_inertia)
-        ss, st, tt = _dot(s, by_s), _dot(t, by_s), _dot(t, by_t)
+        ss, st, tt = dot(s, by_s), dot(t, by_s), dot(t, by_t)
         masses[i, 1] = 2.0 / (ss + tt + math.sqrt((ss - tt) ** 2 + 4.0 * st * st))
     return masses
 
@@ -191,7 +181,7 @@ def _rub(v, w, i, bodies, arms, normals, mass, most, rubbed, inverse_mass, inver
     """
     a, b, n = bodies[i, 0], bodies[i, 1], normals[i]
     u = _relative(v, w, a, b, arms[i, 0], arms[i, 1])
-    un = _dot(n, u)
+    un = dot(n, u)
     p0 = rubbed[i, 0] - mass * (u[0] - un * n[0])
     p1 = rubbed[i, 1] - mass * (u[1] - un * n[1])
     p2 = rubbed[i, 2] - mass * (u[2] - un * n[2])
@@ -201,14 +191,14 @@ def _rub(v, w, i, bodies, arms, normals, mass, most, rubbed, inverse_mass, inver
     step = (p0 - rubbed[i, 0], p1 - rubbed[i, 1], p2 - rubbed[i, 2])
     rubbed[i, 0], rubbed[i, 1], rubbed[i, 2] = p0, p1, p2
     _push(v, w, a, b, arms[i], step, inverse_mass, inverse_inertia)
-    return math.sqrt(_dot(step, step)) / mass
+    return math.sqrt(dot(step, step)) / mass
 
 
 @helper
 def _press(v, w, i, bodies, arms, normals, mass, target, pressed, inverse_mass, inverse_inertia):
     """The normal impulse of one contact, so that it parts at `target` or faster."""
     a, b, n = bodies[i, 0], bodies[i, 1], normals[i]
-    un = _dot(n, _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
+    un = dot(n, _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
     total = max(pressed[i] - mass * (un - target), 0.0)
     step = total - pressed[i]
     pressed[i] = total
@@ -232,7 +222,7 @@ def prevent(
     for i in range(len(bodies)):
         n = normals[i]
         # The guess is from another moment: friction stays in this one's tangent plane.
-        along = _dot(n, rubbed[i])
+        along = dot(n, rubbed[i])
         for k in range(3):
             rubbed[i, k] -= along * n[k]
         push = (
@@ -280,7 +270,7 @@ def collide(
     rubbed[:] = 0.0
     for i in range(count):
         a, b = bodies[i, 0], bodies[i, 1]
-        before[i] = _dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
+        before[i] = dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
     for _ in range(sweeps):
         change = 0.0
         for i in range(count):
@@ -295,7 +285,7 @@ def collide(
     took, size = 0.0, 0.0
     for i in range(count):
         a, b = bodies[i, 0], bodies[i, 1]
-        after = _dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
+        after = dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
         if restitution[i] > 0.0:
             took -= pressed[i] * before[i]
             size += pressed[i] * (after - before[i])
@@ -338,7 +328,7 @@ def apply(impulses, bodies, arms, velocity, momentum, inverse_mass):
             body = bodies[i, side]
             if inverse_mass[body] > 0.0:
                 sign = 1.0 - 2.0 * side
-                moment = _cross(arms[i, side], impulses[i])
+                moment = cross(arms[i, side], impulses[i])
                 for k in range(3):
                     velocity[body, k] += sign * inverse_mass[body] * impulses[i, k]
                     momentum[body, k] += sign * moment[k]
@@ -367,5 +357,5 @@ def approach(v, w, bodies, arms, normals):
     speeds = np.empty(len(bodies))
     for i in range(len(bodies)):
         a, b = bodies[i, 0], bodies[i, 1]
-        speeds[i] = _dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
+        speeds[i] = dot(normals[i], _relative(v, w, a, b, arms[i, 0], arms[i, 1]))
     return speeds

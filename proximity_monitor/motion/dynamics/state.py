@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 @dataclass
-class State:
+class RigidBodyState:
     """A row a body, world frame.
 
     Attributes:
@@ -24,6 +24,6 @@ class State:
     velocity: NDArray[np.float64]
     momentum: NDArray[np.float64]
 
-    def copy(self) -> State:
+    def copy(self) -> RigidBodyState:
         """Return the same in arrays of its own."""
-        return State(*(array.copy() for array in vars(self).values()))
+        return RigidBodyState(*(array.copy() for array in vars(self).values()))

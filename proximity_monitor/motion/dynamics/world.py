@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proximity_monitor.motion.dynamics import solver
+from proximity_monitor.motion.dynamics.candidates import ROUNDING
 from proximity_monitor.motion.dynamics.contacts import ContactFinder, Contacts, Seen
 from proximity_monitor.motion.dynamics.forces import ContactForces
 from proximity_monitor.motion.dynamics.mass import MassProperties, mass_properties
-from proximity_monitor.motion.dynamics.near import ROUNDING
 from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
-from proximity_monitor.motion.dynamics.state import State
+from proximity_monitor.motion.dynamics.state import RigidBodyState
 
 _HALVINGS = 16
 """How often parts of one step are halved before its bodies are stopped: what cannot be had within
@@ -90,7 +90,7 @@ class World:
     def restart(self) -> None:
         """Put everything back to its start; what follows is the same as it was, bit by bit."""
         turns = np.array([_quaternion(body.pose[:3, :3]) for body in self.bodies])
-        self.state = State(
+        self.state = RigidBodyState(
             centre=np.array(
                 [
                     b.pose[:3, :3] @ c + b.pose[:3, 3]
@@ -151,7 +151,7 @@ class World:
 
     @property
     def searches(self) -> int:
-        """How many distances of two patches contacts have cost so far; 0 without contacts."""
+        """How many distances of two pieces contacts have cost so far; 0 without contacts."""
         return 0 if self._finder is None else self._finder.searches
 
     @property
@@ -197,7 +197,7 @@ class World:
         self._contacts = found
         return True
 
-    def _take_back(self, before: State, seen: Seen) -> bool:
+    def _take_back(self, before: RigidBodyState, seen: Seen) -> bool:
         """Put everything back, and look again at the pairs that came too near: contacts lacked."""
         self.state = before
         self._place()
@@ -256,7 +256,7 @@ class World:
         travel = self.step_s * (speeds + self.step_s * self._pull)
         return self._law.reach + np.minimum(travel, self._thickness)
 
-    def _moved(self, before: State) -> NDArray[np.float64]:
+    def _moved(self, before: RigidBodyState) -> NDArray[np.float64]:
         """Upper bounds (k,) of how far two points of each pair's bodies moved together.
 
         A turn by θ moves a point by 2 sin(θ/2) times its distance from the centre at most, and
@@ -350,7 +350,7 @@ def _mass_of(body: RigidBody) -> MassProperties | None:
     if body.density is None:
         return None
     try:
-        return mass_properties(body.model.vertices, body.model.faces, body.density)
+        return mass_properties(body.model.display_mesh(0.0), body.density)
     except ValueError as error:
         raise ValueError(f"dynamics.bodies.{body.name}: {error}") from None
 

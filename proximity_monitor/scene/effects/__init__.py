@@ -2,8 +2,7 @@
 
 One module an effect, each with ``read(data, keys, bodies, unit, report, folder)``: `data` obeys the
 schema, `keys` is where it stands in the file, `folder` is the scene file's. It claims every body
-that it drives by ``bodies.drive(name, keys)`` and returns the settings; what is wrong with them
-goes to the report.
+that it drives by ``bodies.drive(name, keys)`` and returns the settings; problems go to the report.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ def read_motion(
 ) -> Mapping[str, Mapping[str, Any]]:
     """Return ``{effect: settings}`` in metres, radians and seconds, read-only, in the file's order.
 
-    What is wrong with the settings goes to the report; they are not to be used then.
+    Problems go to the report; the settings must not be used then.
     """
     cast = Cast(bodies, report, robots)
     return MappingProxyType(

@@ -1,4 +1,4 @@
-"""`bag`: poses recorded in a ROS 2 bag. Only the bag's path is looked at; the motion opens it."""
+"""`bag`: poses recorded in a ROS 2 bag. Its path is checked here; the motion opens it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from proximity_monitor.scene.report import Keys, Report, SceneError
 def read(
     data: Mapping[str, Any], keys: Keys, bodies: Cast, unit: Unit, report: Report, folder: Path
 ) -> dict[str, Any]:
-    """Return the arguments of `motion.Bag` but for the frame.
+    """Return the arguments of `motion.Bag` except the frame.
 
     In `topics` a name stands for a topic of PoseStamped, a tuple of them for one of PoseArray.
     """

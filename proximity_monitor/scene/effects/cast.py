@@ -1,4 +1,4 @@
-"""The bodies of a scene as its effects see them: each is driven by one of them at most."""
+"""The bodies of a scene as its effects see them: at most one effect drives each."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from proximity_monitor.scene.report import Keys, Report, spelled
 
 
 class Cast:
-    """Says which bodies exist, and takes note of what drives them."""
+    """Knows which bodies exist, and notes what drives them."""
 
     def __init__(
         self, bodies: tuple[Body, ...], report: Report, robots: Sequence[Robot] = ()
@@ -22,7 +22,7 @@ class Cast:
         self._driven: dict[str, Keys] = {}
 
     def find(self, name: str, keys: Keys) -> Body | None:
-        """Return a body that the value at `keys` names; a problem goes to the report."""
+        """Return the body that the value at `keys` names; a problem goes to the report."""
         if name not in self._known:
             self._report.add(keys, f"no body is named '{name}'; known are {', '.join(self._known)}")
         return self._known.get(name)
@@ -30,7 +30,7 @@ class Cast:
     def drive(self, name: str, keys: Keys, *, or_root: bool = False) -> None:
         """Claim a body for the value at `keys`, or with `or_root` a robot, whose root moves it.
 
-        If it does not exist, is fixed, or is driven already, that goes to the report.
+        If it does not exist, is fixed, or is already driven, the report says so.
         """
         if or_root and name in self._robots:
             problem = None
@@ -54,7 +54,7 @@ class Cast:
 
 
 def _problem(body: Body) -> str | None:
-    """Why nothing can drive a body."""
+    """Why no effect can drive a body."""
     if not body.moving:
         return "is fixed; give it 'moving: true' in place of its pose"
     if body.topic is None:

@@ -19,7 +19,7 @@ _ACROSS = ("bend", "wave")
 """Fields that also have a direction across the axis."""
 
 _PERPENDICULAR = 1e-3
-"""Directions are written down to a few digits: what is this near to perpendicular is made so."""
+"""Directions are written with few digits: what is this near to perpendicular is made so."""
 
 
 def read(

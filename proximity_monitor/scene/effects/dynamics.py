@@ -1,4 +1,4 @@
-"""`dynamics`: rigid bodies, and what acts on them."""
+"""`dynamics`: rigid bodies and the forces on them."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from proximity_monitor.scene.report import Keys, Report
 _SUBSTEP_MS = 2.5
 _NEEDS_CONTACTS = ("friction", "restitution")
 _MARGIN = 0.0002
-"""Metres: the gap that is kept where a scene says nothing else."""
+"""Metres: the gap that is kept unless the scene gives another."""
 
 
 def read(
     data: Mapping[str, Any], keys: Keys, bodies: Cast, unit: Unit, report: Report, folder: Path
 ) -> dict[str, Any]:
-    """Return the settings of `motion.dynamics`; what the section does not name is None.
+    """Return the settings of `motion.dynamics`; None for those that the section does not give.
 
     By name of the body, `bodies` has `density` in kg/m³, `pose` (4, 4), `velocity` (3,) in m/s and
     `spin` (3,) in rad/s; `obstacles` are names of fixed bodies.

@@ -14,11 +14,11 @@ from proximity_monitor.scene.report import SceneError, shown
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
-# Eight minutes at 1 kHz: read in three seconds; the path of them takes 0.3 GB while it is made.
+# Eight minutes at 1 kHz: they are read in three seconds, and making their path takes 0.3 GB.
 _MAX_ROWS = 500_000
-# A line of eight numbers is shorter; a file without line ends would be read whole.
+# Lines of eight numbers are shorter; without a limit a file without line ends is read whole.
 _MAX_LINE = 4096
-# Seconds, eleven days: later keys are stamps of a clock. As the schema says of keys in a scene.
+# Seconds, eleven days: larger times are stamps of a clock. The schema has the same limit.
 _LATEST = 1e6
 _FURTHEST = 1e9
 
@@ -72,7 +72,7 @@ def _places(header: list[str]) -> list[int]:
 
 
 def _numbers(row: list[str], places: list[int], width: int, before: array) -> list[float]:
-    """The numbers of one row, in the order of COLUMNS; `before` are those of the rows so far."""
+    """The numbers of one row, in the order of COLUMNS; `before` holds those of earlier rows."""
     if len(before) == _MAX_ROWS * len(COLUMNS):
         raise ValueError(f"more than {_MAX_ROWS} poses")
     if len(row) != width:

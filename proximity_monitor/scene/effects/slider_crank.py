@@ -15,8 +15,8 @@ from proximity_monitor.scene.effects.cast import Cast
 from proximity_monitor.scene.effects.values import direction, frozen, metres
 from proximity_monitor.scene.report import Keys, Report
 
-# Directions are written down to a few digits: what is this near to perpendicular is meant to be,
-# and is made so.
+# Directions are written with few digits: what is this near to perpendicular is meant to be so, and
+# is made so.
 _PERPENDICULAR = 1e-3
 # An offset that leaves the axis would change the stroke. Relative to the crank's radius, this much
 # is rounding.

@@ -1,4 +1,4 @@
-"""Numbers of a scene file to read-only arrays in metres, and directions to unit vectors."""
+"""Converts a scene file's numbers to read-only arrays in metres and unit vectors."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from proximity_monitor.scene.report import Keys, Report
 
 
 def direction(data: Mapping[str, Any], keys: Keys, key: str, report: Report) -> np.ndarray:
-    """A unit vector; zeros, with a problem in the report, where none can be made."""
+    """A unit vector; zeros, and a problem in the report, if there is none."""
     vector = np.array(data[key], dtype=np.float64)
     largest = np.abs(vector).max()
     if not largest > 0.0:
         report.add((*keys, key), f"must be a direction, of a length above 0 (got {data[key]})")
         return np.zeros(3)
-    vector /= largest  # so that the square of no number that matters is 0 or beyond all numbers
+    vector /= largest  # so that no square underflows or overflows
     return vector / np.linalg.norm(vector)
 
 

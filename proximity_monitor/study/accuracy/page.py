@@ -15,11 +15,11 @@ _HEAD = """\
 
 Distances may be exact, or as near as one asks for, or as good as a time budget allows. This page
 shows what each costs: how long queries take, how many tests of bounding volume pairs ("bound
-tests") and of triangle pairs they make, and how far their bounds are apart. It was written, with
-all its numbers and figures, by one command, and says beside them what the papers have that the
-engine is made after: "the 1999 paper" is Larsen, Gottschalk, Lin and Manocha, *Fast Proximity
-Queries with Swept Sphere Volumes*; "the 1997 paper" is Johnson and Cohen, *A Framework for
-Efficient Minimum Distance Computations*.
+tests") and of triangle pairs they make, and how far their bounds are apart. One command wrote it,
+with all its numbers and figures. Beside them stand the corresponding figures of the papers: "the
+1999 paper" is Larsen, Gottschalk, Lin and Manocha, *Fast Proximity Queries with Swept Sphere
+Volumes*; "the 1997 paper" is Johnson and Cohen, *A Framework for Efficient Minimum Distance
+Computations*.
 
 Times are processor time of a single query called from Python, on one thread. Whatever is compared
 took turns, block by block, in one process. An opening of a node is {width} bound tests,

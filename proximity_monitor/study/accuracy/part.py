@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from proximity_monitor import engine
 
-from ..scenes import Scene
+from ..scenes import StudyScene
 
 Row = dict[str, str | int | float]
 Rows = list[Row]
@@ -27,7 +27,7 @@ class Job:
     """
 
     name: str
-    scene: Scene
+    scene: StudyScene
     quick: bool
     advance: Callable[[float], None]
 

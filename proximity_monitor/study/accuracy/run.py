@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
 from ..recorded import falling_tori, find_falling_tori
-from ..scenes import SCENES, Scene, growing_tori
+from ..scenes import SCENES, StudyScene, growing_tori
 from . import bounds, budget, growth, orders, spheres, tolerance, volumes_page
 from .certificate import BrokenCertificateError
 from .data import note_run, write_rows
@@ -30,17 +30,17 @@ PARTS = (
 INTERRUPTED = 130
 """The exit code that shells know for Ctrl-C."""
 
-Makers = Mapping[str, Callable[[], Scene]]
+Makers = Mapping[str, Callable[[], StudyScene]]
 Plan = list[tuple[Part, list[str]]]
 
 
-def scenes(data: Path | None) -> dict[str, Callable[[], Scene]]:
+def scenes(data: Path | None) -> dict[str, Callable[[], StudyScene]]:
     """What makes each scene that is there; a scene that was made is kept.
 
     Raises:
         FileNotFoundError: `data`, or the environment, names a folder without recorded data.
     """
-    makers: dict[str, Callable[[], Scene]] = {**SCENES, "growing": growing_tori}
+    makers: dict[str, Callable[[], StudyScene]] = {**SCENES, "growing": growing_tori}
     folder = find_falling_tori(data, Path("../shared/data"))
     if folder:
         makers["falling-tori"] = lambda: falling_tori(folder)

@@ -35,14 +35,14 @@ _TIED = 8.0
 
 
 @kernel
-def _enough(reals):
+def enough(reals):
     """Bound from which a pair cannot improve the answer by more than was asked for."""
     slack, radii = reals[SLACK], reals[RADII]
     distance = max(reals[DISTANCE], radii)
     upper = distance + slack
     share = (upper - radii) / (1.0 + reals[REL_ERR])
-    enough = min(distance - slack, radii + share - OFFSET_MARGIN * radii)
-    return min(enough, upper - reals[ABS_ERR])
+    least = min(distance - slack, radii + share - OFFSET_MARGIN * radii)
+    return min(least, upper - reals[ABS_ERR])
 
 
 @inlined
@@ -56,16 +56,16 @@ def keep(state, distance, ta, tb, wa, wb, way):
     counts[TRIANGLE_A], counts[TRIANGLE_B] = ta, tb
     reals[WEIGHTS_A], reals[WEIGHTS_A + 1], reals[WEIGHTS_A + 2] = wa
     reals[WEIGHTS_B], reals[WEIGHTS_B + 1], reals[WEIGHTS_B + 2] = wb
-    enough = _enough(reals)
+    least = enough(reals)
     if state.collected.shape[0] > 0:
         # All that may be as near as the upper bound, distance + slack, matters; the second slack,
         # of many units in its last place, has the comparison leave out none.
-        enough += 2.0 * reals[DEVIATIONS]
+        least += 2.0 * reals[DEVIATIONS]
         reach = reach_of(distance, reals[RADII], reals[DEVIATIONS])
-        reals[ENOUGH] = min(reals[ENOUGH], enough)
+        reals[ENOUGH] = min(reals[ENOUGH], least)
         reals[LIMIT] = min(reals[LIMIT], reach + 2.0 * reals[SLACK])
     else:
-        reals[ENOUGH] = min(reals[ENOUGH], enough)
+        reals[ENOUGH] = min(reals[ENOUGH], least)
         reals[LIMIT] = reals[ENOUGH]
     take_aim(reals, state.motions[0], way)
 

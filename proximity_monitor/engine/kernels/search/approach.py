@@ -11,15 +11,23 @@ two triangles, tested like any other.
 from __future__ import annotations
 
 import numpy as np
+from numba import uint64
 
 from ..base.jit import inlined, kernel
+from ..base.lanes import lowest, not_above, smallest
 from ..base.memory import on_stack
 from ..base.state import (
     APPROACHED,
     BOUND_SLACK,
     BOUND_TESTS,
+    BREADTH_FIRST,
+    DEPTH,
     DISTANCE,
+    LEVEL_LOWER,
+    LIMIT,
+    ORDER,
     PRIMITIVE_TESTS,
+    REL_ERR,
     SLACK,
     STOP,
     TRIANGLE_A,
@@ -27,16 +35,17 @@ from ..base.state import (
     WEIGHTS_A,
     WEIGHTS_B,
 )
-from ..base.vectors import moved
-from ..elements.primitives import corners, mixed, test_triangles
-from ..inside.nearest import begin_nearest, nearest
-from ..tree.layout import WIDTH
+from ..base.vectors import along, moved, scaled, sub
+from ..elements.primitives import corners, enough, mixed, test_triangles
+from ..inside.nearest import begin_nearest, nearest, point_bounds, point_triangle
+from ..tree.layout import STRIDE, WIDTH, first_of, row
 
 APPROACH_STEPS = 64
 """Steps that a search takes as long for as this does, about: so a slice of steps is one of time."""
 
-_QUERY = 32
-"""Steps of a point query: what it has found by then will do."""
+_QUERY, _ROUGH = 32, 6
+"""Steps of a point query: what it has found by then will do; and where less than the exact distance
+is asked for: down to the first leaf."""
 _STACK = 512
 """A step replaces one entry of the stack by at most sixteen."""
 _ROUNDS, _WORTH = 4, 0.98
@@ -45,23 +54,103 @@ _FAR = 0.97
 """Of the distance that the search began with, or had after the last rounds: what it has to have
 found before more of them pay. Along a path it never has, and none are made."""
 
+_PATIENCE = 24 * WIDTH
+"""Bound tests that a search with a tolerance makes first."""
+_WITHIN_REACH = 1.5
+"""How many times as far as a clearance the nearest points may be and may soon be within it."""
+_POOR = 0.1
+"""Share of the last distance by which the remembered triangles are too far to begin with."""
+_ALL = (1 << WIDTH) - 1
+_TINY = np.float32(1e-30)
+
 
 @kernel
-def _near(tree, p, nearby, state, stack, bounds, found):
+def _near(tree, p, nearby, state, steps, stack, bounds, found):
     """A triangle near p, a point in the tree's frame."""
     distance, nearby, top = begin_nearest(tree, p, nearby, stack, bounds)
     slack = state.reals[BOUND_SLACK]
     _, nearby, _, left = nearest(
-        tree, p, distance, nearby, top, slack, 0.0, stack, bounds, found, _QUERY
+        tree, p, distance, nearby, top, slack, 0.0, stack, bounds, found, steps
     )
-    state.counts[BOUND_TESTS] += WIDTH * (_QUERY - left)
+    state.counts[BOUND_TESTS] += WIDTH * (steps - left)
     return nearby
 
 
 @inlined
-def far_from_nearest(reals):
-    """Whether the descent has found so much nearer points that `approach` is worth its time."""
-    return reals[DISTANCE] < _FAR * reals[APPROACHED]
+def far_from_nearest(reals, counts):
+    """Whether the descent has found so much nearer points that `approach` is worth its time.
+
+    Where less than the exact distance is asked for, a few openings often answer: they come first.
+    Whether something is within a clearance, which the limit is then, is approached from near it.
+    """
+    distance, limit = reals[DISTANCE], reals[LIMIT]
+    if not distance < _FAR * reals[APPROACHED]:
+        return False
+    if limit >= _FAR * distance:
+        return True
+    return counts[BOUND_TESTS] >= _PATIENCE and (
+        distance < _WITHIN_REACH * limit or limit >= enough(reals)
+    )
+
+
+@kernel
+def _walk(tree, p, found):
+    """The first triangle of the leaf where the nearest volume to p, level by level, leads to."""
+    child = tree.children[0]
+    while child >= 0:
+        x = np.float32(p[0] * tree.scale[1] - tree.centres[child, 0])
+        y = np.float32(p[1] * tree.scale[1] - tree.centres[child, 1])
+        z = np.float32(p[2] * tree.scale[1] - tree.centres[child, 2])
+        point_bounds(tree.nodes, uint64(child * STRIDE), x, y, z, np.float32(0.0), found)
+        least = smallest(found, 0, _ALL)
+        nearest_lanes = not_above(found, 0, least + np.float32(1e-6) * (abs(least) + _TINY))
+        # Where float32 does not serve, the first lane, which is always used, is as good as any.
+        child = tree.children[child * WIDTH + (lowest(nearest_lanes) if least < 1e29 else 0)]
+    return first_of(child)
+
+
+@kernel
+def _point_near(tree, t, p):
+    """The point of a triangle that is nearest to p."""
+    a, b, c = corners(tree.triangles, t)
+    _, v, w = point_triangle(p, a, b, c)
+    return along(along(a, sub(b, a), v), sub(c, a), w)
+
+
+@kernel
+def guess(tree_a, tree_b, state, last):
+    """Begin elsewhere where the remembered triangles are much farther apart than when they were.
+
+    `last` is the distance that the search before ended with. The nearest triangle of a to the
+    middle of b, and that of b to it, as far as one walk down each hierarchy tells, are nearer then.
+    Returns from where to approach.
+    """
+    reals, counts, motions = state.reals, state.counts, state.motions
+    near = (1.0 + max(reals[REL_ERR], _POOR)) * last
+    if reals[LIMIT] < enough(reals):
+        return np.inf
+    if reals[DISTANCE] <= near:
+        return reals[DISTANCE]
+    found = on_stack(WIDTH, np.float32(0.0))
+    middle = scaled(row(tree_b.centres, 0), tree_b.scale[0])
+    middle = moved(motions[0], middle)
+    ta = _walk(tree_a, middle, found)
+    p = moved(motions[1], _point_near(tree_a, ta, middle))
+    tb = _walk(tree_b, p, found)
+    counts[PRIMITIVE_TESTS] += 1
+    test_triangles(tree_a, tree_b, state, ta, tb, 0.0)
+    return np.inf
+
+
+@inlined
+def _least(state):
+    """The least bound of the pairs that are left."""
+    if state.counts[ORDER] == BREADTH_FIRST:
+        return state.reals[LEVEL_LOWER]
+    least = np.inf
+    for i in range(state.counts[DEPTH]):
+        least = min(least, state.bounds[i])
+    return least
 
 
 @kernel
@@ -69,19 +158,21 @@ def approach(tree_a, tree_b, state, found):
     """Improve the nearest points found so far, while that goes fast."""
     reals, counts, motions = state.reals, state.counts, state.motions
     stack, bounds = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
+    least = _least(state)
+    steps = _QUERY if reals[LIMIT] >= _FAR * reals[DISTANCE] else _ROUGH
     for _ in range(_ROUNDS):
         before = reals[DISTANCE]
-        if before - reals[SLACK] <= reals[STOP]:
+        if before - reals[SLACK] <= reals[STOP] or reals[LIMIT] <= least:
             break
         ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
         p = mixed(corners(tree_a.triangles, ta), reals[WEIGHTS_A : WEIGHTS_A + 3])
-        other = _near(tree_b, moved(motions[1], p), tb, state, stack, bounds, found)
+        other = _near(tree_b, moved(motions[1], p), tb, state, steps, stack, bounds, found)
         if other != tb:
             counts[PRIMITIVE_TESTS] += 1
             test_triangles(tree_a, tree_b, state, ta, other, 0.0)
         ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
         q = mixed(corners(tree_b.triangles, tb), reals[WEIGHTS_B : WEIGHTS_B + 3])
-        other = _near(tree_a, moved(motions[0], q), ta, state, stack, bounds, found)
+        other = _near(tree_a, moved(motions[0], q), ta, state, steps, stack, bounds, found)
         if other != ta:
             counts[PRIMITIVE_TESTS] += 1
             test_triangles(tree_a, tree_b, state, other, tb, 0.0)

@@ -3,8 +3,8 @@
 From one moment to the next a search mostly opens the same pairs of volumes, and finds nothing under
 many of them. What it proved there, that nothing is nearer than some bound, is kept with how far the
 models had moved by then. Later that bound holds less what they have moved since, and where it is
-still beyond the limit, the pair is not opened. Of the triangles that were nearest the searches know
-themselves (Larsen et al. 1999, section 6.2).
+still beyond the limit, the pair is not opened. Each search remembers its nearest triangles
+separately (Larsen et al. 1999, section 6.2).
 """
 
 from __future__ import annotations

@@ -236,9 +236,9 @@ def advance(tree_a, tree_b, state, unusual):
                     tree_a, tree_b, state, pairs, taken, corners, local, scratch.found
                 )
                 steps -= min(steps, _FILTER_STEPS + _EXACT_STEPS * exact)
-                if far_from_nearest(reals):
-                    approach(tree_a, tree_b, state, scratch.found)
-                    steps -= min(steps, APPROACH_STEPS)
+        if far_from_nearest(reals, counts):
+            approach(tree_a, tree_b, state, scratch.found)
+            steps -= min(steps, APPROACH_STEPS)
         if counts[DEPTH] == 0 or reals[DISTANCE] - reals[SLACK] <= reals[STOP]:
             break
         if steps == 0:

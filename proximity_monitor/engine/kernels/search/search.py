@@ -74,6 +74,7 @@ from ..elements.aim import no_aim
 from ..elements.primitives import corners, mixed, test_triangles
 from ..elements.swept import core_of, lower_of, upper_of
 from ..inside.contain import settle_sign
+from .approach import guess
 from .coherence import travel
 from .descent import advance
 
@@ -108,6 +109,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     if state.keys.shape[0] > 0:
         travel(tree_a, tree_b, state, before, slack)
     reals[UPPER_SLACK] = reals[SLACK]
+    last = reals[DISTANCE]
     reals[DISTANCE] = np.inf
     no_aim(reals)
     reals[RADII] = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
@@ -120,9 +122,8 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, rel_err, abs_err, stop, limit):
     counts[DEPTH], counts[BASE], counts[FRAMES] = 1, 0, 0
     counts[LEVEL_END], counts[NEAREST_A], counts[NEAREST_B] = 0, 0, 0
     reals[LEVEL_LOWER], reals[NEXT_LOWER] = 0.0, 0.0
-    reals[APPROACHED] = test_triangles(
-        tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B], 0.0
-    )
+    test_triangles(tree_a, tree_b, state, counts[TRIANGLE_A], counts[TRIANGLE_B], 0.0)
+    reals[APPROACHED] = guess(tree_a, tree_b, state, last)
     return CUT
 
 

@@ -1,4 +1,4 @@
-"""Questions about many pairs: what is searched, what is left alone, what is reported."""
+"""Queries about many pairs: what is searched, what is left alone, what is reported."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import pytest
 from engine_bodies import SMALL, pose, sphere
 
 from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.assembly.schedule import Schedule
 from proximity_monitor.engine.kernels.base import state as index
 
 COUNT = 12
@@ -18,7 +20,7 @@ OUT_OF_TIME = STATUS.index(engine.Status.OUT_OF_TIME)
 
 
 class Watched:
-    """All pairs of a crowd, and their agenda."""
+    """All pairs of a crowd, and their schedule."""
 
     def __init__(self, seed=0):
         self.rng = np.random.default_rng(seed)
@@ -26,10 +28,10 @@ class Watched:
         models = [meshes[i % len(meshes)] for i in range(COUNT)]
         self.pairs = np.array(list(itertools.combinations(range(COUNT), 2)))
         self.assembly = engine.Assembly(models)
-        self.answers = engine.Answers(models, [str(i) for i in range(COUNT)])
+        self.answers = Answers(models, [str(i) for i in range(COUNT)])
         self.rows = self.answers.add(self.pairs, np.zeros(len(self.pairs), bool))
-        self.agenda = engine.Agenda(self.answers, self.assembly)
-        self.agenda.begin(self.rows)
+        self.schedule = Schedule(self.answers, self.assembly)
+        self.schedule.begin(self.rows)
         self.known, self.silent = np.ones(COUNT, bool), np.zeros(COUNT, bool)
         self.move()
 
@@ -37,13 +39,13 @@ class Watched:
         self.poses = np.array([pose(self.rng, 4.0) for _ in range(COUNT)])
         self.answers.move(np.arange(COUNT), self.poses)
 
-    def look(self, distances=True):
-        self.agenda.look(self.rows, self.known, self.silent, distances)
+    def update(self, distances=True):
+        self.schedule.update(self.rows, self.known, self.silent, distances)
 
     def search(self, budget_s=60.0):
         """One go through all that is open; the entries that were searched, in their order."""
-        questions = self.agenda.ask(self.agenda.order())
-        return self.agenda.search(questions, budget_s, 1, perf_counter)
+        queries = self.schedule.queries(self.schedule.order())
+        return self.schedule.search_together(queries, budget_s, 1, perf_counter)
 
     def search_all(self):
         while len(self.search()):
@@ -53,7 +55,7 @@ class Watched:
         return self.assembly.distances(self.poses, self.pairs)
 
     def report(self):
-        return self.agenda.report(perf_counter())
+        return self.schedule.report(perf_counter())
 
 
 @pytest.fixture
@@ -63,7 +65,7 @@ def watched():
 
 def test_what_is_searched_has_the_assemblys_answer_and_is_not_searched_again(watched):
     found = watched.exact()
-    watched.look()
+    watched.update()
     watched.search_all()
     states, left = watched.report()
     assert left == 0
@@ -75,13 +77,13 @@ def test_what_is_searched_has_the_assemblys_answer_and_is_not_searched_again(wat
         engine.Status.INTERSECTING,
     }
     assert not states["age_s"].any()
-    watched.look()
-    assert not len(watched.agenda.order()), "the bodies stand still"
+    watched.update()
+    assert not len(watched.schedule.order()), "the bodies stand still"
 
 
 def test_pairs_beyond_their_range_are_neither_searched_nor_reported(watched):
-    watched.agenda.book["range"] = 1.0
-    watched.look()
+    watched.schedule.records["range"] = 1.0
+    watched.update()
     watched.search_all()
     found = watched.exact()
     states, left = watched.report()
@@ -90,16 +92,16 @@ def test_pairs_beyond_their_range_are_neither_searched_nor_reported(watched):
 
 
 def test_open_sides_of_levels_come_first_then_the_nearest_and_stale_ones_last(watched):
-    watched.look()
+    watched.update()
     states, _ = watched.report()
     lower, upper = states["lower"], states["upper"]
     level = float(np.median(upper))
-    watched.agenda.book["levels"][watched.rows] = level
+    watched.schedule.records["levels"][watched.rows] = level
     watched.silent[3] = True
-    watched.look()
+    watched.update()
     urgent = (lower <= level) & (level < upper)
     stale = (watched.pairs == 3).any(axis=1)
-    got = watched.agenda.order()
+    got = watched.schedule.order()
     rank = [(bool(stale[k]), not urgent[k], float(lower[k])) for k in got]
     assert rank == sorted(rank)
     assert sorted(got.tolist()) == list(range(len(lower)))
@@ -107,8 +109,8 @@ def test_open_sides_of_levels_come_first_then_the_nearest_and_stale_ones_last(wa
 
 
 def test_a_decided_level_ends_the_question_where_no_number_is_wanted(watched):
-    watched.agenda.book["levels"][watched.rows] = 1.0
-    watched.look(distances=False)
+    watched.schedule.records["levels"][watched.rows] = 1.0
+    watched.update(distances=False)
     watched.search_all()
     found = watched.exact()
     states, _ = watched.report()
@@ -119,7 +121,7 @@ def test_a_decided_level_ends_the_question_where_no_number_is_wanted(watched):
 
 
 def test_what_the_budget_does_not_reach_keeps_its_bounds_and_is_left(watched):
-    watched.look()
+    watched.update()
     before, _ = watched.report()
     reached = np.isin(before["at"], watched.search(budget_s=0.0))
     assert 0 < reached.sum() < len(watched.pairs), "every search makes some progress"
@@ -131,14 +133,14 @@ def test_what_the_budget_does_not_reach_keeps_its_bounds_and_is_left(watched):
 
 def test_pairs_of_unknown_poses_have_no_numbers_and_ignored_ones_are_left_out(watched):
     watched.known[2], watched.silent[2] = False, True
-    watched.agenda.book["ignored"][watched.rows[:5]] = True
-    watched.look()
+    watched.schedule.records["ignored"][watched.rows[:5]] = True
+    watched.update()
     watched.search_all()
     states, _ = watched.report()
     assert states["at"].tolist() == list(range(5, len(watched.pairs)))
     unknown = (states["bodies"] == 2).any(axis=1)
     assert np.isnan(states["lower"][unknown]).all()
-    assert (states["status"][unknown] == engine.Agenda.UNKNOWN).all()
+    assert (states["status"][unknown] == Schedule.UNKNOWN).all()
     assert np.array_equal(states["silent"].any(axis=1), unknown)
     assert np.isfinite(states["lower"][~unknown]).all()
 
@@ -146,7 +148,7 @@ def test_pairs_of_unknown_poses_have_no_numbers_and_ignored_ones_are_left_out(wa
 def test_the_smallest_bounds_of_all_moments_are_kept(watched):
     least = np.full((2, len(watched.pairs)), np.inf)
     for _ in range(3):
-        watched.look()
+        watched.update()
         watched.search()
         states, _ = watched.report()
         least = np.minimum(least, (states["lower"], states["upper"]))
@@ -159,35 +161,35 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
     poses = np.array([np.eye(4), np.eye(4)])
     poses[1, 0, 3] = 3.0
     models = [ball, other]
-    answers = engine.Answers(models, ["ball", "other"])
-    agenda = engine.Agenda(answers, engine.Assembly(models))
+    answers = Answers(models, ["ball", "other"])
+    schedule = Schedule(answers, engine.Assembly(models))
     rows = answers.add(np.array([[0, 1]]), np.zeros(1, bool))
-    agenda.begin(rows)
+    schedule.begin(rows)
     answers.move(np.arange(2), poses)
     known, silent = np.ones(2, bool), np.zeros(2, bool)
 
     def look():
-        agenda.look(rows, known, silent, True)
-        return agenda.ask(agenda.order())
+        schedule.update(rows, known, silent, True)
+        return schedule.queries(schedule.order())
 
-    agenda.search(look(), 60.0, 1, perf_counter)
+    schedule.search_together(look(), 60.0, 1, perf_counter)
     before = ball.vertices
-    ball.refit(0.7 * before)
+    ball.deform(0.7 * before)
     answers.reshape(0, 1.001 * np.linalg.norm(ball.vertices - before, axis=1).max())
-    questions = look()
+    queries = look()
     # Points of both models, though by far not the nearest ones.
     far = (ball.vertices[ball.vertices[:, 0].argmin()], other.vertices[0] + poses[1, :3, 3])
     upper = np.linalg.norm(far[0] - far[1])
     row = np.array(
         [0.0, upper, *far[0], *far[1], 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 1, OUT_OF_TIME, 0, 0]
     )
-    cut = engine.Distance(row, 0.0, None)
+    cut = engine.Distance(row, 0.0, None, (engine.TriangleMesh, engine.TriangleMesh))
     assert cut.status is engine.Status.OUT_OF_TIME
-    agenda.take(questions, [cut], perf_counter())
+    schedule.commit(queries, [cut], perf_counter())
     poses[1, 1, 3] += 1e-9
     answers.move(np.arange(2), poses)
     look()
-    state = agenda.report(perf_counter())[0][0]
+    state = schedule.report(perf_counter())[0][0]
     true = engine.distance(ball, poses[0], other, poses[1]).upper
     assert state["lower"] <= true <= state["upper"]
 
@@ -196,11 +198,11 @@ def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cu
     """A rotation that is none to 1e-7, as float32 gives them, shortens what it turns and back."""
     ball, other = sphere(2), sphere(2)
     models = [ball, other]
-    answers = engine.Answers(models, ["ball", "other"])
-    agenda = engine.Agenda(answers, engine.Assembly(models))
+    answers = Answers(models, ["ball", "other"])
+    schedule = Schedule(answers, engine.Assembly(models))
     rows = answers.add(np.array([[0, 1]]), np.zeros(1, bool))
-    agenda.begin(rows)
-    agenda.book["abs_err"] = 1.0
+    schedule.begin(rows)
+    schedule.records["abs_err"] = 1.0
     known, silent = np.ones(2, bool), np.zeros(2, bool)
     poses = np.array([np.eye(4), np.eye(4)])
     poses[1, 0, 3] = 2.01
@@ -209,69 +211,73 @@ def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cu
     def look(shift):
         poses[1, 1, 3] = shift
         answers.move(np.arange(2), poses)
-        agenda.look(rows, known, silent, True)
+        schedule.update(rows, known, silent, True)
         return engine.distance(ball, poses[0], other, poses[1])
 
     exact = look(0.0)
-    agenda.take(agenda.ask(np.zeros(1, np.int64)), [exact], perf_counter())
+    schedule.commit(schedule.queries(np.zeros(1, np.int64)), [exact], perf_counter())
     far = exact.row.copy()
     far[[index.LOWER, index.UPPER, index.STATUS]] = 0.0, 50.0, OUT_OF_TIME
     for k in range(300):
         true = look(1e-9 * (k + 1)).upper
-        agenda.take(
-            agenda.ask(np.zeros(1, np.int64)), [engine.Distance(far, 0.0, None)], perf_counter()
+        schedule.commit(
+            schedule.queries(np.zeros(1, np.int64)),
+            [engine.Distance(far, 0.0, None, (engine.TriangleMesh, engine.TriangleMesh))],
+            perf_counter(),
         )
-        state = agenda.report(perf_counter())[0][0]
+        state = schedule.report(perf_counter())[0][0]
         assert state["lower"] <= true <= state["upper"]
 
 
-def test_as_many_answers_as_questions_and_bodies_as_bodies_are_asked_for(watched):
-    watched.look()
-    with pytest.raises(ValueError, match="0 answers to 66 questions"):
-        watched.agenda.take(watched.agenda.ask(watched.agenda.order()), [], perf_counter())
+def test_as_many_answers_as_queries_and_bodies_as_bodies_are_asked_for(watched):
+    watched.update()
+    with pytest.raises(ValueError, match="0 answers to 66 queries"):
+        watched.schedule.commit(
+            watched.schedule.queries(watched.schedule.order()), [], perf_counter()
+        )
     few = engine.Assembly([SMALL["torus"]])
     with pytest.raises(ValueError, match="of 1 bodies, the answers of 12"):
-        engine.Agenda(watched.answers, few)
+        Schedule(watched.answers, few)
 
 
 def test_a_level_inside_of_what_a_tolerance_left_is_decided_when_only_that_is_asked(watched):
-    watched.agenda.book["rel_err"] = 0.5
-    watched.look()
+    watched.schedule.records["rel_err"] = 0.5
+    watched.update()
     watched.search_all()
     states, _ = watched.report()
     wide = states["upper"] - states["lower"] > 1e-3
     assert wide.any()
-    watched.agenda.book["levels"][:, 0] = (states["lower"] + states["upper"]) / 2.0
-    watched.look(distances=False)
+    watched.schedule.records["levels"][:, 0] = (states["lower"] + states["upper"]) / 2.0
+    watched.update(distances=False)
     watched.search_all()
     states, left = watched.report()
-    level = watched.agenda.book["levels"][:, 0]
+    level = watched.schedule.records["levels"][:, 0]
     assert left == 0 and ((states["lower"] > level) | (states["upper"] <= level))[wide].all()
 
 
 def test_of_models_that_met_the_surfaces_tell_first_and_how_deep_comes_last():
     """The depth takes a hundred times as long as all that a threshold needs."""
     ball = sphere(2)
-    answers = engine.Answers([ball, ball, ball], ["a", "b", "c"])
-    agenda = engine.Agenda(answers, engine.Assembly([ball, ball, ball]))
+    answers = Answers([ball, ball, ball], ["a", "b", "c"])
+    schedule = Schedule(answers, engine.Assembly([ball, ball, ball]))
     rows = answers.add(np.array([[0, 1], [0, 2]]), np.ones(2, bool))
-    agenda.begin(rows)
+    schedule.begin(rows)
     poses = np.tile(np.eye(4), (3, 1, 1))
     poses[1, 0, 3], poses[2, 1, 3] = 1.8, 2.5
     known, silent = np.ones(3, bool), np.zeros(3, bool)
-    together, inside = engine.Agenda.TOGETHER, engine.Agenda.INSIDE
+    together, inside = Schedule.TOGETHER, Schedule.INSIDE
     for step in range(3):
         poses[1:, 2, 3] = 0.3 * step
         answers.move(np.arange(3), poses)
-        agenda.look(rows, known, silent, True)
-        first = agenda.ask(agenda.order())
+        schedule.update(rows, known, silent, True)
+        first = schedule.queries(schedule.order())
         assert sorted(first.at.tolist()) == [0, 1] and first.how.tolist() == [together] * 2
-        agenda.search(first, 60.0, 1, perf_counter)
-        then = agenda.ask(agenda.order())
+        schedule.search_together(first, 60.0, 1, perf_counter)
+        then = schedule.queries(schedule.order())
         assert (then.at.tolist(), then.how.tolist()) == ([0], [inside])
-        states, left = agenda.report(perf_counter())
+        states, left = schedule.report(perf_counter())
         overlapping = dict(zip(states["at"].tolist(), states["upper"].tolist(), strict=True))
         assert overlapping[0] < 1e-12 < overlapping[1] and left == 1
         found = engine.signed_distance(ball, poses[0], ball, poses[1])
-        agenda.take(then, [found], perf_counter())
-        assert len(agenda.order()) == 0
+        schedule.commit(then, [found], perf_counter())
+        assert len(schedule.order()) == 0

@@ -5,8 +5,8 @@ import pytest
 from crowds import assert_certified, exact, meshes_of, samples, text, walk
 
 from proximity_monitor import engine
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 
 COUNT = 6
 
@@ -32,7 +32,6 @@ def test_bounds_hold_while_models_are_replaced(load, head, budget_s):
                 # How deep two clouds overlap, each may find at another place.
                 at = true[pair.a, pair.b]
                 assert pair.upper <= (at.upper if at.lower > 0.0 else max(at.upper, 0.0)) + 1e-9
-    monitor.close()
 
 
 def test_a_model_that_others_share_is_replaced_for_one_body_alone(load):
@@ -47,7 +46,6 @@ def test_a_model_that_others_share_is_replaced_for_one_body_alone(load):
         monitor.replace_model("b3", other)
         tick = monitor.tick(samples(poses), 1.0)
         assert_certified(tick, exact(models, poses))
-        assert {i for i, p in enumerate(tick.pairs) if "b3" in (p.a, p.b)} == set(tick.looked_at)
+        assert {i for i, p in enumerate(tick.pairs) if "b3" in (p.a, p.b)} == set(tick.searched)
     with pytest.raises(KeyError):
         monitor.replace_model("b9", models["b0"])
-    monitor.close()

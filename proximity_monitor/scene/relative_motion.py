@@ -1,11 +1,10 @@
-"""Where a body gets away from another, and how fast the two close in.
+"""The way in which one body gets away from another, and how fast the two close in.
 
-The speed is that of the closest points, taken as parts of their bodies: each body's velocity at its
-point follows from its last two poses and their stamps, and the part of the difference that lies
-along the line of the two points is how fast they approach. For the exact closest points that is the
-rate of the distance itself; for bounds it is the rate of the upper one. Nothing but the last two
-poses enters, so it is there at the second pose and does not lag; noise of the poses is not
-filtered.
+The closing speed is that of the closest points, each fixed to its body. A body's velocity at its
+point follows from its last two poses and their stamps; the component of the relative velocity along
+the line between the points is the closing speed. For exact closest points it is the rate of the
+distance itself, for bounds the rate of the upper bound. It uses only the last two poses, so it is
+known at the second pose and does not lag; noise in the poses is not filtered.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ from proximity_monitor.scene.state import PairState, PairStatus
 
 
 class Course(NamedTuple):
-    """A body's last two poses, (4, 4) model to world in metres, and the time from one to the other.
+    """A body's last two poses, (4, 4) model to world in metres, and the time between them.
 
-    A body that is fixed has `seconds` = inf.
+    A fixed body has `seconds` = inf.
     """
 
     before: np.ndarray
@@ -42,18 +41,18 @@ class Course(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Approach:
-    """The motion of a pair, as its alert tells it."""
+class RelativeMotion:
+    """The relative motion of a pair, for its alert."""
 
     body: str
-    """The body that is to get away: the moving one; A where both move."""
+    """The body that should get away: the moving one, or A if both move."""
     escape: np.ndarray | None
     """Unit vector (3,) in the world: from the other body's closest point to this body's, or, for
     overlapping solids, from the deepest vertex the shortest way out. None where the points
     coincide."""
     closing: float
-    """m/s at which the closest points approach, negative where they part; NaN where the poses do
-    not tell it."""
+    """m/s at which the closest points approach; negative if they part, NaN if the poses do not
+    tell."""
 
     def seconds_to(self, distance: float) -> float:
         """Return the time until `distance` metres are closed at this speed; NaN unless closing."""
@@ -61,10 +60,10 @@ class Approach:
 
 
 Courses = Callable[[str], Course | None]
-"""A body's course by its name; None as long as there are no two poses with different stamps."""
+"""Gives a body's course by its name; None until there are two poses with different stamps."""
 
 
-def approach(pair: PairState, courses: Courses) -> Approach:
+def relative_motion(pair: PairState, courses: Courses) -> RelativeMotion:
     """Return how the bodies of a pair move against each other at its closest points.
 
     Args:
@@ -74,16 +73,16 @@ def approach(pair: PairState, courses: Courses) -> Approach:
     a, b = courses(pair.a), courses(pair.b)
     body = pair.b if a is not None and a.fixed else pair.a
     if pair.status is PairStatus.UNKNOWN:
-        return Approach(body, None, math.nan)
+        return RelativeMotion(body, None, math.nan)
     between = pair.point_b - pair.point_a
     length = float(np.sqrt(between @ between))
     if not 0.0 < length < math.inf:
-        return Approach(body, None, math.nan)
-    line = between / length  # from A to B
+        return RelativeMotion(body, None, math.nan)
+    line = between / length  # unit vector from A to B
     if pair.upper < 0.0:
         # The points are the deepest vertex and where it gets out, so B parts from A against it.
         line = -line
     closing = math.nan
     if a is not None and b is not None:
         closing = float(line @ (a.velocity_at(pair.point_a) - b.velocity_at(pair.point_b)))
-    return Approach(body, line if body == pair.b else -line, closing)
+    return RelativeMotion(body, line if body == pair.b else -line, closing)

@@ -1,7 +1,7 @@
-"""Which watched pairs there is something to know about: all of infinite range, and the near ones.
+"""The watched pairs that are followed one by one: all of infinite range, and the near ones.
 
-A pair of finite range whose bodies' balls are farther apart than that costs nothing: the broad
-phase never meets it, and it is certified all the same.
+A pair whose bodies' balls are farther apart than its range costs nothing: the broad phase never
+meets it, and yet it is certified.
 """
 
 from __future__ import annotations
@@ -10,17 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from proximity_monitor import engine
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.scene.watch import WatchedPairs
 
 LISTED_SILENT = 250
-"""So many pairs of silent bodies may be listed though they were far apart when last heard of. They
-are no use one by one: where all of a thousand bodies are silent, half a million pairs are. A crowd
-whose poses are still to come so costs a tick no more than one that is there."""
+"""How many pairs of silent bodies are listed although they were far apart when last heard of. One
+by one they are of no use: if a thousand bodies are silent, so are half a million pairs. With this
+limit a crowd whose poses are still to come costs a tick no more than one that is there."""
 
 
 class Change(NamedTuple):
-    """Which pairs of finite range went, and which came; a row may be of both."""
+    """The pairs of finite range that left, and those that came; both may use the same row."""
 
     left: np.ndarray
     """(k,) keys: the first body's index times the number of bodies, plus the second's."""
@@ -36,57 +37,58 @@ class NearPairs:
     """The pairs that have rows in a table of answers, in the scene's order."""
 
     rows: np.ndarray
-    """(k,) in the table of answers."""
+    """(k,) their rows in the table of answers."""
     a: np.ndarray
-    """(k,) the first bodies."""
+    """(k,) their first bodies."""
     b: np.ndarray
     positions: np.ndarray
-    """(k,) among the watched pairs."""
+    """(k,) their positions among the watched pairs."""
     kinds: np.ndarray
-    """(k,) with what each is watched."""
+    """(k,) their kinds, see `WatchedPairs`."""
     unsure: int
-    """Pairs of silent bodies that have no row, because they are too many; ignored ones apart."""
+    """How many pairs of silent bodies have no row because there are too many; ignored ones do not
+    count."""
     beyond: float
     """Metres; all pairs without a row are farther apart than this."""
 
-    def __init__(self, watched: WatchedPairs, answers: engine.Answers, solid: np.ndarray) -> None:
-        """Begin with the pairs of infinite range; `solid` (n,) bool is of the bodies."""
+    def __init__(self, watched: WatchedPairs, answers: Answers, solid: np.ndarray) -> None:
+        """Begin with the pairs of infinite range; `solid` (n,) says which bodies are solids."""
         self._watched = watched
         self._answers = answers
         self._solid = solid
-        self._broad = engine.BroadPhase()
+        self._broad = BroadPhase()
         self._heard: tuple[bytes, bytes] | None = None
         self._silent_pairs, self._silent_keys = 0, np.empty(0, np.int64)
         self._ignored = np.empty(0, np.int64)
         self.unsure = 0
-        self._finite = np.empty((2, 0), np.int64)  # keys and rows of the near ones
-        a, b = watched.bodies(watched.endless())
-        self._endless = np.stack((self._key(a, b), self._rows(a, b)))
+        self._finite = np.empty((2, 0), np.int64)  # keys and rows of near pairs
+        a, b = watched.bodies(watched.infinite())
+        self._infinite = np.stack((self._key(a, b), self._rows(a, b)))
         finite = watched.ranges[np.isfinite(watched.ranges)]
         self.beyond = float(finite.min(initial=np.inf))
         self.set_least(0.0)
         self._sort()
 
     def set_least(self, least: float) -> None:
-        """Have no finite range count for less than this, in metres: what alerts depend on."""
+        """Let every finite range count for at least this, metres: alerts depend on it."""
         reaches = self._watched.reaches(least)
         self._taking_part = np.flatnonzero(reaches >= 0.0)
-        # A pair's range is at most that of either body, so half of each suffices; doubling is
-        # exact, halving too but for subnormals, which the broad phase's floor covers.
+        # A pair's range is at most that of either body, so half of each suffices. Doubling is
+        # exact, and so is halving, except for subnormals, which the broad phase's floor covers.
         self._dilation = np.where(reaches >= 0.0, reaches, 0.0) / 2.0
         self._heard = None
 
     def ignore(self, positions: np.ndarray) -> None:
-        """Leave the watched pairs at positions (k,) out of `unsure`: nothing is asked of them."""
+        """Leave the watched pairs at positions (k,) out of `unsure`: nobody asks about them."""
         self._ignored = self._of_finite_range(*self._watched.bodies(positions))
         self._heard = None
 
     def update(self, known: np.ndarray, silent: np.ndarray, moved: bool) -> Change:
-        """Find the near pairs of the bodies' present places.
+        """Find the pairs that are near at the present poses.
 
         Args:
-            known: (n,) the bodies whose place is known at all.
-            silent: (n,) those whose place may be another by now.
+            known: (n,) the bodies whose pose is known.
+            silent: (n,) the bodies whose pose may have changed unheard.
             moved: whether any body moved since the last call.
         """
         heard = known.tobytes(), silent.tobytes()
@@ -111,13 +113,13 @@ class NearPairs:
         return self._replace(keys)
 
     def _of_finite_range(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The keys of those pairs that are watched to a finite range."""
+        """The keys of those pairs that are watched with a finite range."""
         kinds = self._watched.kind(a, b)
         wanted = (kinds >= 0) & np.isfinite(self._watched.ranges[kinds])
         return self._key(a[wanted], b[wanted])
 
     def _some_of(self, silent: np.ndarray) -> np.ndarray:
-        """The keys of as many pairs of silent bodies as are listed."""
+        """The keys of the pairs of silent bodies that are listed."""
         if not self._watched.ruled_finite:
             return self._key(*self._watched.finite_exceptions_of(silent))[:LISTED_SILENT]
         others, found, count = np.arange(len(silent)), [np.empty(0, np.int64)], 0
@@ -130,7 +132,7 @@ class NearPairs:
         return np.sort(np.concatenate(found))[:LISTED_SILENT]
 
     def _replace(self, keys: np.ndarray) -> Change:
-        """Have rows for exactly these pairs of finite range."""
+        """Give rows to exactly these pairs of finite range."""
         old, rows = self._finite
         if np.array_equal(keys, old):
             return NO_CHANGE
@@ -146,8 +148,8 @@ class NearPairs:
         return gone._replace(come_rows=kept[new])
 
     def _sort(self) -> None:
-        """Put all together, in the scene's order, which is that of the keys."""
-        keys, rows = np.concatenate((self._endless, self._finite), axis=1)
+        """Join both kinds in the scene's order, which is that of the keys."""
+        keys, rows = np.concatenate((self._infinite, self._finite), axis=1)
         order = np.argsort(keys, kind="stable")
         self.rows = rows[order]
         self.a, self.b = np.divmod(keys[order], len(self._solid))

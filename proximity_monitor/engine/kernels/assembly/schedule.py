@@ -1,9 +1,9 @@
-"""Questions about many pairs of bodies: which are open, and what to ask next.
+"""Queries about many pairs of bodies: which are open, and what to ask next.
 
-A pair is asked for its distance, to a tolerance, as long as it may be within its range; or for no
-more than on which side of some levels it is. What is certain of it (carry.py) may answer that
-without a search. All that a moment needs is done here for many pairs in one go: for a single pair a
-step with arrays costs microseconds, as much as its search.
+While a pair may be within its range it is asked for its distance, to a tolerance, or only on which
+side of some levels it is. What is certain of it already (carry.py) may answer that without a
+search. Each step does all pairs in one call: for a single pair a step with arrays would cost
+microseconds, as much as its search.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from .carry import (
 
 LEVELS = 4
 
-QUESTION = np.dtype(
+RECORD = np.dtype(
     [
-        ("range", np.float64),  # metres; who is farther is not asked for more
+        ("range", np.float64),  # metres; a pair that is farther apart is not searched
         ("levels", np.float64, (LEVELS,)),  # metres
         ("rel_err", np.float64),
         ("abs_err", np.float64),
-        ("looked", np.float64),  # seconds: when it was last searched
+        ("searched_s", np.float64),  # when it was last searched
         ("min_upper", np.float64),  # the smallest bounds of all moments
         ("min_lower", np.float64),
         ("hint", np.int32, (2,)),  # nearest triangles, as a search knows them
         ("status", np.int8),  # of the last search: why it stopped
-        ("deciding", np.bool_),  # no more is asked than the side of the levels
-        ("ignored", np.bool_),  # nothing is
+        ("deciding", np.bool_),  # only the side of the levels is asked for
+        ("ignored", np.bool_),  # nothing is asked
         ("done", np.bool_),  # the last search answered all that can be asked
         ("hard", np.bool_),  # the last search ran out of time
         ("met", np.bool_),  # it left open, or found, that the models overlap
@@ -54,7 +54,7 @@ VIEW = np.dtype(
         ("upper", np.float64),
         ("witness", np.float64, (carry.WITNESS,)),
         ("asked", np.float64),  # the level of the last search of this moment; NaN: there was none
-        ("known", np.bool_),  # both poses are
+        ("known", np.bool_),  # both poses are known
         ("stale", np.bool_),  # a pose is not known, or too old
         ("deciding", np.bool_),
         ("answered", np.bool_),  # nothing can be added to what the last search found
@@ -67,9 +67,9 @@ VIEW = np.dtype(
 )
 """A pair at one moment; searches improve it."""
 
-STATE = np.dtype(
+LISTED = np.dtype(
     [
-        ("at", np.int64),  # its place among those looked at
+        ("at", np.int64),  # its place among the views
         ("bodies", np.int64, (2,)),
         ("lower", np.float64),
         ("upper", np.float64),
@@ -87,17 +87,17 @@ STATE = np.dtype(
 """What is known of a listed pair at the end."""
 
 OVERLAPPING, UNKNOWN = 4, 5
-"""What the numbers of a pair are, besides the reasons why a search stopped: OUT_OF_TIME stands for
-all bounds that are wider than was asked for."""
+"""Two more states of a listed pair, besides the reasons why a search stopped. There OUT_OF_TIME
+stands for all bounds that are wider than was asked for."""
 
 TOGETHER, ALONE, INSIDE = 0, 1, 2
-"""How a pair is to be searched: with others; by itself, as it takes long; or so because a solid may
-overlap the other, and the search has to look how deep."""
+"""How to search a pair: in one call with others; alone, because it takes long; or alone because a
+solid may overlap the other, and the search has to find how deep."""
 
 
 @kernel
-def _judge(question, view):
-    """What a view's bounds say about its question.
+def _judge(record, view):
+    """What a view's bounds say about its record.
 
     A pair that is certainly at a level is asked for its distance then, also where all pairs are
     only to be decided: an estimate of the time that is left, made from bounds that just decide,
@@ -106,12 +106,12 @@ def _judge(question, view):
     lower, upper = view.lower, view.upper
     urgent = near = False
     for i in range(LEVELS):
-        urgent |= lower <= question.levels[i] < upper
-        near |= upper <= question.levels[i]
-    if near and not urgent and not question.deciding:
+        urgent |= lower <= record.levels[i] < upper
+        near |= upper <= record.levels[i]
+    if near and not urgent and not record.deciding:
         view.deciding = False
     small, large = min(abs(lower), abs(upper)), max(abs(lower), abs(upper))
-    rel_err, abs_err = question.rel_err, question.abs_err
+    rel_err, abs_err = record.rel_err, record.abs_err
     tolerated = abs_err > 0.0 and upper - lower <= abs_err
     if rel_err > 0.0 and (lower > 0.0 or upper < 0.0):
         tolerated |= large <= (1.0 + rel_err) * small
@@ -120,23 +120,23 @@ def _judge(question, view):
         (urgent if view.deciding else not tolerated)
         and view.known
         and not view.answered
-        and not question.ignored
-        and lower <= question.range
+        and not record.ignored
+        and lower <= record.range
     )
 
 
 @entry
-def look(
-    poses, versions, balls, places, labels, answers, known, silent, rows, book, distances, views
+def update(
+    poses, versions, balls, places, labels, answers, known, silent, rows, records, distances, views
 ):
     """Write the views of the rows (k,), as they are before any search.
 
-    The first six are those of `carry`; known (n,) and silent (n,) are of the bodies, book (m,)
-    QUESTION is of all rows. If not `distances`, pairs beyond their levels are only decided.
+    The first six are those of `carry`; known (n,) and silent (n,) are of the bodies, records (m,)
+    RECORD is of all rows. If not `distances`, pairs beyond their levels are only decided.
     """
     for k in range(len(rows)):
         row = rows[k]
-        label, answer, question, view = labels[row], answers[row], book[row], views[k]
+        label, answer, record, view = labels[row], answers[row], records[row], views[k]
         a, b = label[BODY_A], label[BODY_B]
         view.lower, view.upper, motion = carry_one(
             poses, versions, balls, places, label, answer, view.witness
@@ -145,21 +145,21 @@ def look(
             view.witness[6 + i] = answer[carry.FEATURES + i]
         view.known = known[a] and known[b]
         view.stale = silent[a] or silent[b]
-        view.deciding = question.deciding or not distances
-        # What a tolerance left may have a level in it.
-        open_yet = view.deciding and question.status == state.WITHIN_TOLERANCE
-        view.answered = question.done and motion != carry.MOVED and not open_yet
+        view.deciding = record.deciding or not distances
+        # A level may lie between the bounds that a tolerance left.
+        open_yet = view.deciding and record.status == state.WITHIN_TOLERANCE
+        view.answered = record.done and motion != carry.MOVED and not open_yet
         view.asked = np.nan
         view.searched = False
-        _judge(question, view)
+        _judge(record, view)
 
 
 @entry
-def wanting(rows, book, views, at, kind, keys):
-    """Write which views want a search into `at`, and by what they are ordered; return how many.
+def pending(rows, records, views, at, kind, keys):
+    """Write the views that want a search into `at`, and their sort keys; return how many.
 
-    `kind` is 0 where the side of a level is open, 1 elsewhere, and 2 more for stale pairs; keys
-    (2, k) are the lower bounds, infinite for models that overlap, and when they were last searched.
+    `kind` is 0 where the side of a level is open, 1 elsewhere, and 2 more for stale pairs. keys
+    (2, k) are the lower bounds, infinite for models that overlap, and the times of the last search.
     """
     count = 0
     for k in range(len(rows)):
@@ -167,68 +167,80 @@ def wanting(rows, book, views, at, kind, keys):
         if view.wanting:
             at[count] = k
             kind[count] = 2 * view.stale + (not view.urgent)
-            # Of models that surely meet no more than the depth is open, which takes long to say.
+            # Of models that surely meet only the depth is open, and that takes long to find.
             keys[0, count] = view.lower if view.upper > 0.0 else np.inf
-            keys[1, count] = book[rows[k]].looked
+            keys[1, count] = records[rows[k]].searched_s
             count += 1
     return count
 
 
 @kernel
-def _level(question, view):
-    """What a search may end at: metres; infinity for nothing but the tolerance.
+def _level(record, view):
+    """The clearance at which a search may end, metres; infinity where only the tolerance ends it.
 
-    A pair that is to be decided is asked for the largest level that is open: most pairs are beyond
-    all of them, and that one question tells. One whose number is wanted is asked for its range
-    first, while it may be farther: that costs an eighth of a distance, and who is farther is done
-    with. Where an earlier search for the same level ended, rounding alone keeps it open; then all
-    there is to know is asked.
+    If a pair is only to be decided, ask for the largest open level: most pairs are beyond all
+    levels, and that one query settles them. If a distance is wanted, first check whether the pair
+    is within range: that costs an eighth of a full query and settles most pairs. If a search for
+    this very level ended and left it open, only rounding keeps it so: then ask for everything.
     """
     level = np.inf
     if view.deciding:
         level = -np.inf
         for i in range(LEVELS):
-            if view.lower <= question.levels[i] < view.upper:
-                level = max(level, question.levels[i])
-    elif view.upper > question.range:
-        level = question.range
+            if view.lower <= record.levels[i] < view.upper:
+                level = max(level, record.levels[i])
+    elif view.upper > record.range:
+        level = record.range
     return np.inf if level == view.asked else level
 
 
 @entry
-def ask(rows, labels, book, views, at, bodies, wanted, hints, signed, how):
-    """Write the questions about the views `at` (m,).
+def query(rows, labels, records, views, at, bodies, wanted, hints, signed, how):
+    """Write the queries about the views `at` (m,).
 
     bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `search_pairs`; `how`
-    (m,) is one of TOGETHER, ALONE and INSIDE. Whose side of a level alone is asked for has no
-    tolerance: the level ends its search. A solid that is certainly apart from the other is as far
-    apart as the surfaces are; the sign of others is asked for, and nearly all turn out apart.
+    (m,) is one of TOGETHER, ALONE and INSIDE. A pair that is only to be decided has no tolerance:
+    the level ends its search. Where two solids are certainly apart, their distance is that of
+    their surfaces; elsewhere the sign is asked for, and nearly all pairs turn out to be apart.
     """
     for i in range(len(at)):
         row, view = rows[at[i]], views[at[i]]
-        label, question = labels[row], book[row]
+        label, record = labels[row], records[row]
         bodies[i, 0], bodies[i, 1] = label[BODY_A], label[BODY_B]
-        wanted[i, 0] = 0.0 if view.deciding else question.rel_err
-        wanted[i, 1] = 0.0 if view.deciding else question.abs_err
-        wanted[i, 2] = _level(question, view)
-        hints[i, 0], hints[i, 1] = question.hint[0], question.hint[1]
+        wanted[i, 0] = 0.0 if view.deciding else record.rel_err
+        wanted[i, 1] = 0.0 if view.deciding else record.abs_err
+        wanted[i, 2] = _level(record, view)
+        hints[i, 0], hints[i, 1] = record.hint[0], record.hint[1]
         signed[i] = label[SIGNED] != UNSIGNED and view.lower <= 0.0
-        how[i] = ALONE if question.hard else TOGETHER
+        how[i] = ALONE if record.hard else TOGETHER
         if signed[i]:
-            # Whether models that met still do, the surfaces tell first, which costs far less.
-            again = question.met and not view.searched and view.upper > 0.0
-            inside = label[SIGNED] == JUMPING or question.hard or question.met
+            # The surfaces tell first whether models that met still do: that costs far less.
+            again = record.met and not view.searched and view.upper > 0.0
+            inside = label[SIGNED] == JUMPING or record.hard or record.met
             how[i] = INSIDE if inside and not again else TOGETHER
 
 
 @entry
-def take(
-    poses, versions, places, labels, answers, rows, book, views, at, wanted, found, now_s, reached
+def commit(
+    poses,
+    versions,
+    places,
+    labels,
+    answers,
+    rows,
+    records,
+    views,
+    at,
+    wanted,
+    found,
+    now_s,
+    reached,
 ):
     """Take what searches of the views `at` (m,) found, and return how many there were.
 
-    found (m, state.ANSWER) has NaN as status where there was none, and as triangles where they are
-    no hints, and -inf as lower bound where the sign stayed open; reached (m,) is written.
+    In found (m, state.ANSWER) the status is NaN where nothing was searched, the triangles are NaN
+    where they are no hints, and the lower bound is -inf where the sign stayed open. Writes
+    reached (m,): which were searched.
     """
     count = 0
     for i in range(len(at)):
@@ -238,10 +250,10 @@ def take(
             continue
         count += 1
         row, view, level = rows[at[i]], views[at[i]], wanted[i, 2]
-        question, status = book[row], int(answer[state.STATUS])
+        record, status = records[row], int(answer[state.STATUS])
         ended, unsure = status != state.OUT_OF_TIME, answer[state.LOWER] == -np.inf
         final = ended and level == np.inf
-        # Points that were carried through a deformation are none of the models any more.
+        # Points that were carried through a deformation no longer lie on the models.
         nearer = final or was_deformed(places, labels[row], answers[row])
         nearer |= answer[state.UPPER] <= view.upper
         if nearer:
@@ -255,58 +267,58 @@ def take(
         view.answered = final or (intersecting and not unsure)
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
-        question.hard = not ended and not decided
-        question.met = not ended if unsure else view.lower <= 0.0
-        question.done, question.status, question.looked = view.answered, status, now_s
+        record.hard = not ended and not decided
+        record.met = not ended if unsure else view.lower <= 0.0
+        record.done, record.status, record.searched_s = view.answered, status, now_s
         if answer[state.TREE_A] >= 0.0:
-            question.hint[0] = int(answer[state.TREE_A])
-            question.hint[1] = int(answer[state.TREE_B])
+            record.hint[0] = int(answer[state.TREE_A])
+            record.hint[1] = int(answer[state.TREE_B])
         keep_one(
             poses, versions, places, labels[row], answers[row],
             view.lower, view.upper, view.witness, nearer,
         )  # fmt: skip
-        _judge(question, view)
+        _judge(record, view)
     return count
 
 
 @kernel
-def _status(question, view):
+def _status(record, view):
     if not view.known:
         return UNKNOWN
     if view.upper < 0.0:
         return OVERLAPPING
     if view.answered:
-        return int(question.status)
+        return int(record.status)
     if view.upper == 0.0:
         return state.INTERSECTING
     return state.WITHIN_TOLERANCE if view.tolerated else state.OUT_OF_TIME
 
 
 @entry
-def report(rows, labels, balls, silent, book, views, now_s, states):
-    """Write the states of the listed views; return how many, and how many want a search yet.
+def report(rows, labels, balls, silent, records, views, now_s, listed):
+    """Write what is known of the listed views; return how many, and how many still want a search.
 
-    Listed are those that may be within their range, as far as is known. The smallest bounds of all
-    moments count where both poses are certain.
+    Views that may be within their range are listed. The smallest bounds of all moments count only
+    moments at which both poses are certain.
     """
-    listed = left = 0
+    count = left = 0
     for k in range(len(rows)):
         row, view = rows[k], views[k]
-        question, label = book[row], labels[row]
+        record, label = records[row], labels[row]
         if view.known and not view.stale:
-            question.min_upper = min(question.min_upper, view.upper)
-            question.min_lower = min(question.min_lower, view.lower)
+            record.min_upper = min(record.min_upper, view.upper)
+            record.min_lower = min(record.min_lower, view.lower)
         left += view.wanting
-        if question.ignored or not (view.stale or view.lower <= question.range):
+        if record.ignored or not (view.stale or view.lower <= record.range):
             continue
-        made = states[listed]
-        listed += 1
+        made = listed[count]
+        count += 1
         made.at = k
         made.lower = view.lower if view.known else np.nan
         made.upper = view.upper if view.known else np.nan
-        made.status = _status(question, view)
-        made.age_s = 0.0 if view.answered or view.searched else now_s - question.looked
-        made.min_upper, made.min_lower = question.min_upper, question.min_lower
+        made.status = _status(record, view)
+        made.age_s = 0.0 if view.answered or view.searched else now_s - record.searched_s
+        made.min_upper, made.min_lower = record.min_upper, record.min_lower
         witness = view.witness
         points = surface_points(
             (witness[0], witness[1], witness[2]), (witness[3], witness[4], witness[5]),
@@ -319,4 +331,4 @@ def report(rows, labels, balls, silent, book, views, now_s, states):
             for i in range(3):
                 made.points[side, i] = points[side][i] if view.known else np.nan
                 made.weights[side, i] = witness[6 + 4 * side + i]
-    return listed, left
+    return count, left

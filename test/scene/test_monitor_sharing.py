@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from crowds import assert_certified, exact, placed, samples, text, walk
 
+from proximity_monitor.engine.assembly import long_searches
+from proximity_monitor.scene.monitor import Monitor, simulate
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor, simulate
 from proximity_monitor.scene.state import PairStatus
 
 COUNT = 8
@@ -84,18 +85,16 @@ def test_a_long_search_goes_on_across_ticks_and_others_have_their_turn(load):
     assert long.status is PairStatus.EXACT
     assert turns > 1, "the others had to wait until the long search ended"
     still = monitor.tick(samples(poses | {"b0": away}), 2e-3)
-    assert 0 not in still.looked_at
+    assert 0 not in still.searched
 
 
 def test_no_more_is_kept_than_has_room(load, monkeypatch):
-    from proximity_monitor.scene import searches
-
-    monkeypatch.setattr(searches, "KEPT", 2)
+    monkeypatch.setattr(long_searches, "KEPT", 2)
     scene = load(text(COUNT))
     models = load_models(scene)
     monitor = Monitor(scene, models)
     poses = next(walk(COUNT, 1, spread=0.1))
     tick = monitor.tick(samples(poses), 10.0)
-    assert len(tick.looked_at) > 2
-    assert len(monitor._searches._kept) == 2
+    assert len(tick.searched) > 2
+    assert len(monitor._schedule._long._kept) == 2
     assert_certified(tick, exact(models, poses))

@@ -5,8 +5,8 @@ import pytest
 from crowds import assert_certified, exact, placed, samples, text, walk
 
 from proximity_monitor import engine
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 
 COUNT = 8
 
@@ -37,7 +37,7 @@ def test_bounds_hold_while_bodies_deform(load, body, head, budget_s):
     monitor = Monitor(scene, models)
     for k, poses in enumerate(walk(COUNT, 15, spread=1.2)):
         for name, vertices in rest.items():
-            monitor.set_vertices(name, bent(vertices, 0.05 * k))
+            monitor.deform(name, bent(vertices, 0.05 * k))
         tick = monitor.tick(samples(poses), budget_s)
         true = exact(models, poses)
         listed = assert_certified(tick, true)
@@ -50,9 +50,9 @@ def test_a_deformation_alone_asks_for_a_new_search(load):
     monitor = Monitor(scene, models)
     poses = next(walk(3, 1))
     monitor.tick(samples(poses), 1.0)
-    monitor.set_vertices("b0", bent(models["b0"].vertices, 1.0))
+    monitor.deform("b0", bent(models["b0"].vertices, 1.0))
     tick = monitor.tick(samples(poses), 1.0)
-    assert {i for i, p in enumerate(tick.pairs) if "b0" in (p.a, p.b)} == set(tick.looked_at)
+    assert {i for i, p in enumerate(tick.pairs) if "b0" in (p.a, p.b)} == set(tick.searched)
     assert_certified(tick, exact(models, poses))
 
 
@@ -62,7 +62,7 @@ def test_a_model_that_somebody_else_refits_is_seen(load):
     monitor = Monitor(scene, models)
     poses = next(walk(3, 1))
     monitor.tick(samples(poses), 1.0)
-    models["b0"].refit(5.0 * models["b0"].vertices)
+    models["b0"].deform(5.0 * models["b0"].vertices)
     for budget_s in (0.0, 1.0):
         assert_certified(monitor.tick(samples(poses), budget_s), exact(models, poses))
 
@@ -74,7 +74,7 @@ def test_a_deformation_that_is_none_is_refused_and_changes_nothing(load):
     poses = next(walk(3, 1))
     before = monitor.tick(samples(poses), 1.0)
     with pytest.raises(engine.ModelError, match="vertices"):
-        monitor.set_vertices("b0", np.full_like(models["b0"].vertices, np.nan))
+        monitor.deform("b0", np.full_like(models["b0"].vertices, np.nan))
     assert told(monitor.tick(samples(poses), 0.0)) == told(before)
 
 
@@ -87,9 +87,9 @@ def test_a_body_that_grows_into_range_while_all_stand_still_is_met(load, by_itse
     assert monitor.tick(samples(poses), 1.0).far == 1
     grown = 9.0 * models["b0"].vertices
     if by_itself:
-        models["b0"].refit(grown)
+        models["b0"].deform(grown)
     else:
-        monitor.set_vertices("b0", grown)
+        monitor.deform("b0", grown)
     (near,) = monitor.tick(samples(poses), 1.0).pairs
     assert near.lower == exact(models, poses)["b0", "b1"].lower < 0.5
 
@@ -115,7 +115,7 @@ def test_a_solid_keeps_its_shape_where_the_new_one_encloses_none(load, change):
     poses = {f"b{i}": placed([0.2 * i, 0.0, 0.0], [0, 0, 0, 1]) for i in range(2)}
     before = monitor.tick(samples(poses), 1.0)
     with pytest.raises(engine.ModelError, match=r"body 'b0' is a solid, and would be none: .*"):
-        monitor.set_vertices("b0", change(soup))
+        monitor.deform("b0", change(soup))
     assert (models["b0"].vertices == soup).all()
     after = monitor.tick(samples(poses), 1.0)
     assert_certified(after, exact(models, poses))
@@ -126,7 +126,7 @@ def test_vertices_of_a_body_that_is_not_there(load):
     scene = load(text(2))
     monitor = Monitor(scene, load_models(scene))
     with pytest.raises(KeyError, match="b7"):
-        monitor.set_vertices("b7", np.zeros((3, 3)))
+        monitor.deform("b7", np.zeros((3, 3)))
 
 
 def test_a_body_that_deforms_shares_its_model_with_nobody(load):

@@ -1,4 +1,4 @@
-"""Which patches may be near each other, and which nearest points are contacts, compiled."""
+"""Which pieces may be near each other, and which nearest points are contacts, compiled."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def _to_box(pose, x, y, z, box):
 
 @entry
 def spheres_at(poses, owner, spheres):
-    """Centres in the world and radii of the patches, which move with their owners (p,).
+    """Centres in the world and radii of the pieces, which move with their owners (p,).
 
-    The last column of the result (p, 5) is what rounding may do to a bound of that patch. It counts
+    The last column of the result (p, 5) is what rounding may do to a bound of that piece. It counts
     the coordinates in either frame: those of a mesh that is drawn far from its origin are large,
     however near to the world's origin it stands.
     """
@@ -54,12 +54,12 @@ def spheres_at(poses, owner, spheres):
 
 
 @entry
-def candidates(poses, pairs, reach, lower, first, spheres, boxes, rows):
-    """Write the pairs of patches that may be within reach into `rows` (size, 3); return how many.
+def near_pieces(poses, pairs, reach, lower, first, spheres, boxes, rows):
+    """Write the pairs of pieces that may be within reach into `rows` (size, 3); return how many.
 
-    A row holds the number of the pair of bodies and the two patches. Pairs of bodies whose `lower`
+    A row holds the number of the pair of bodies and the two pieces. Pairs of bodies whose `lower`
     is beyond their reach are passed over; that of the others becomes the least bound of the pairs
-    of patches that are not written. If the rows do not suffice, their number is still right.
+    of pieces that are not written. If the rows do not suffice, their number is still right.
     """
     count = 0
     for i in range(len(pairs)):
@@ -150,10 +150,10 @@ def _same(p, q, tolerance):
 def local_minima(poses, bodies, faces, weights, points, corners, places, first, around, kept):
     """Mark in `kept` (k,) the points (k, 2, 3) where the distance of the surfaces is least.
 
-    Where two patches of one body meet, both have a nearest point; one of them may lie on the
-    patch's border only because the patch ends there, and pushing along that pair's line would be a
+    Where two pieces of one body meet, both have a nearest point; one of them may lie on the
+    piece's border only because the piece ends there, and pushing along that pair's line would be a
     bump on a smooth surface. A local minimum is one for both surfaces (Johnson 2005). Of several
-    pairs of patches that meet in the same two points the first is marked.
+    pairs of pieces that meet in the same two points the first is marked.
 
     `faces` (k, 2) and `weights` (k, 2, 3) say where the points lie, among the triangles of all
     models one after the other, as `corners`, `places`, `first` and `around` hold them.

@@ -10,8 +10,8 @@ from crowds import meshes_of
 
 from proximity_monitor import engine
 from proximity_monitor.scene import Thresholds
+from proximity_monitor.scene.monitor import Monitor, simulate
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor, simulate
 from proximity_monitor.scene.state import PairStatus, PoseSample
 
 SCENE = """
@@ -124,7 +124,7 @@ def test_every_interval_contains_the_distance_at_every_tick(load, budget_s):
             PairStatus.INTERSECTING,
         }
     if budget_s == 0.0:
-        assert all(t.looked_at == () and t.left == len(t.pairs) for t in ticks)
+        assert all(t.searched == () and t.left == len(t.pairs) for t in ticks)
 
 
 def test_an_ample_budget_gives_the_engines_own_answers(scene, models):
@@ -144,8 +144,8 @@ def test_nothing_is_searched_while_nothing_moves(scene, models):
     monitor = Monitor(scene, models)
     first = monitor.tick(samples(APART), budget_s=1.0)
     again = monitor.tick(samples({n: p.copy() for n, p in APART.items()}), budget_s=1.0)
-    assert len(first.looked_at) == len(first.pairs)
-    assert again.looked_at == ()
+    assert len(first.searched) == len(first.pairs)
+    assert again.searched == ()
     assert [(p.lower, p.upper, p.status) for p in again.pairs] == [
         (p.lower, p.upper, p.status) for p in first.pairs
     ]
@@ -156,7 +156,7 @@ def test_only_pairs_of_a_body_that_moved_are_searched_again(scene, models):
     monitor.tick(samples(APART), budget_s=1.0)
     tick = monitor.tick(samples(APART | {"die": pose(0, 2.4, 3)}), budget_s=1.0)
     assert {i for i, pair in enumerate(tick.pairs) if "die" in (pair.a, pair.b)} == set(
-        tick.looked_at
+        tick.searched
     )
 
 
@@ -166,7 +166,7 @@ def test_bodies_that_are_carried_together_are_not_searched_again(scene, models):
     carried = {name: pose(0.3, -0.2, 0.1, 0.4) @ each for name, each in APART.items()}
     tick = monitor.tick(samples(carried), budget_s=1.0)
     among = [i for i, pair in enumerate(tick.pairs) if "table" not in (pair.a, pair.b)]
-    assert not set(among) & set(tick.looked_at)
+    assert not set(among) & set(tick.searched)
     for i in among:
         assert tick.pairs[i].status is PairStatus.EXACT
         assert tick.pairs[i].lower == pytest.approx(before.pairs[i].lower, abs=1e-12)
@@ -185,7 +185,7 @@ def test_bounds_that_straddle_a_threshold_come_first_then_the_nearest(scene, mod
     far[unsure] = (bounds[unsure].lower + bounds[unsure].upper) / 2.0
     monitor.set_thresholds([Thresholds(level, 0.0, 0.0) for level in far])
 
-    order = monitor.tick(samples(moved), budget_s=1.0).looked_at
+    order = monitor.tick(samples(moved), budget_s=1.0).searched
     assert order[0] == unsure
     rest = [bounds[i].lower for i in order[1:]]
     assert rest == sorted(rest)
@@ -202,7 +202,7 @@ def test_of_equally_near_pairs_the_one_not_looked_at_for_longest_comes_first(loa
     for turn, movers in enumerate(((), ("ball",), ("rod",), MOVING)):
         clock.now += 10.0
         poses |= {name: poses[name] @ pose(0.001, 0.002, 0, 0.1 * turn) for name in movers}
-        order = monitor.tick(samples(poses), budget_s=1.0).looked_at
+        order = monitor.tick(samples(poses), budget_s=1.0).searched
         if turn < 3:
             looked |= dict.fromkeys(order, turn)
     assert sorted(order) == list(range(6))
@@ -212,7 +212,7 @@ def test_of_equally_near_pairs_the_one_not_looked_at_for_longest_comes_first(loa
 def test_no_search_begins_when_the_time_is_gone(scene, models):
     clock = Clock(step=0.1)  # each look at the clock costs so much
     tick = Monitor(scene, models, clock=clock).tick(samples(APART), budget_s=0.05)
-    assert tick.looked_at == ()
+    assert tick.searched == ()
     assert tick.left == len(tick.pairs) == 6
     assert all(pair.status is PairStatus.BOUNDED for pair in tick.pairs)
     assert all(pair.age_s == math.inf for pair in tick.pairs)
@@ -253,7 +253,7 @@ def test_a_tolerance_that_the_bounds_meet_saves_the_search(scene, models):
     monitor.tick(samples(APART), budget_s=1.0)
     monitor.set_tolerance(abs_err=0.1)
     tick = monitor.tick(samples(APART | {"die": pose(0, 2.46, 3)}), budget_s=1.0)
-    assert tick.looked_at == ()
+    assert tick.searched == ()
     assert {p.status for p in tick.pairs} == {PairStatus.WITHIN_TOLERANCE}
     monitor.set_tolerance(rel_err=0.0, abs_err=0.0)
     exact = monitor.tick(samples(APART | {"die": pose(0, 2.46, 3)}), budget_s=1.0)

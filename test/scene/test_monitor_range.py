@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from crowds import assert_certified, exact, samples, text, walk
 
-from proximity_monitor.scene import Thresholds
-from proximity_monitor.scene import near as near_pairs
+from proximity_monitor.scene import Thresholds, near_pairs
 from proximity_monitor.scene.alerts import Alerts
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import PairStatus
 
 COUNT = 12
@@ -78,7 +77,7 @@ def test_what_is_far_is_not_searched(load):
             for j, b in enumerate(models)
             if i < j and _gap(models[a], poses[a], models[b], poses[b]) <= 0.011
         }
-        assert len(tick.looked_at) <= len(balls)
+        assert len(tick.searched) <= len(balls)
 
 
 def _gap(a, pose_a, b, pose_b):
@@ -111,7 +110,7 @@ def test_a_silent_body_is_never_far(load):
     }
     assert all(pair.silent == ("b5",) for pair in tick.pairs)
     assert_certified(tick, exact(models, poses))
-    assert tick.looked_at == ()
+    assert tick.searched == ()
     assert tick.clearance() == 0.0
 
     del poses["b5"]
@@ -189,10 +188,10 @@ def test_pairs_that_are_ignored_are_neither_searched_nor_listed(load):
     monitor.ignore([3, 7])
     tick = monitor.tick(samples(poses[0]), 1.0)
     assert {pair.index for pair in tick.pairs} == set(range(PAIRS)) - {3, 7}
-    assert not {3, 7} & set(tick.looked_at)
+    assert not {3, 7} & set(tick.searched)
     assert (tick.left, tick.far) == (0, 0)
     monitor.ignore([])
-    assert set(monitor.tick(samples(poses[0]), 1.0).looked_at) == {3, 7}
+    assert set(monitor.tick(samples(poses[0]), 1.0).searched) == {3, 7}
 
 
 def test_all_beyond_their_range_is_room_as_far_as_the_range(load):
@@ -221,4 +220,3 @@ def test_a_crowd_before_its_first_poses_costs_no_more_than_after(load):
     for k in range(2):
         alerts.update(monitor.tick({}, 0.1), limits, 2.0 + k, silent=why)
     assert len(judged) <= 250, "who is as silent as before is not judged again"
-    monitor.close()

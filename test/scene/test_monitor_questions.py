@@ -6,8 +6,8 @@ from crowds import assert_certified, exact, meshes_of, placed, samples, text, wa
 
 from proximity_monitor import engine
 from proximity_monitor.scene import Thresholds
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import PairStatus
 
 COUNT = 8
@@ -47,7 +47,7 @@ def test_a_decided_pair_is_not_looked_at_again_while_its_bounds_decide(load):
     _, _, deciding = watch(load, head=HEAD + "\nquestion: within")
     _, _, measuring = watch(load, head=HEAD)
     looked = [
-        sum(len(monitor.tick(samples(poses), 1.0).looked_at) for poses in walk(COUNT, 30))
+        sum(len(monitor.tick(samples(poses), 1.0).searched) for poses in walk(COUNT, 30))
         for monitor in (deciding, measuring)
     ]
     assert looked[0] < 0.2 * looked[1]
@@ -92,7 +92,7 @@ def test_a_distance_that_is_the_threshold_to_rounding_is_settled(load):
     tick = monitor.tick(samples(poses), 1.0)
     assert tick.left == 0
     assert_certified(tick, true)
-    assert monitor.tick(samples(poses), 1.0).looked_at == ()
+    assert monitor.tick(samples(poses), 1.0).searched == ()
 
 
 @pytest.mark.parametrize("budget_s", [0.0, 3e-4, 1.0])

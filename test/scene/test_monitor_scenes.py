@@ -1,6 +1,6 @@
 """Every bundled scene that moves: at every tick, whatever the budget, the bounds hold the truth.
 
-The truth is the engine's exact answer for every pair, asked one by one; test_schedule.py compares
+The truth is the engine's exact answer for every pair, asked one by one; test_monitor.py compares
 with FCL.
 """
 
@@ -11,9 +11,9 @@ import pytest
 
 from proximity_monitor import engine, motion
 from proximity_monitor.scene import SceneError, bundled, load_scene
+from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.paths import bundled_names
-from proximity_monitor.scene.schedule import Monitor
 from proximity_monitor.scene.state import PoseSample
 
 TICKS = 4
@@ -35,9 +35,9 @@ class Recording:
         poses |= moves.poses(t)
         for robot in self.scene.robots:
             poses |= robot.poses(moves.joints(t))
-        vertices = {name: np.array(each) for name, each in moves.vertices(t).items()}
+        vertices = {name: np.array(each) for name, each in moves.control_points(t).items()}
         for name, each in vertices.items():
-            self.models[name].refit(each)
+            self.models[name].deform(each)
         return poses, vertices, [self._exact(pair, poses) for pair in self.scene.pairs]
 
     def _exact(self, pair, poses):
@@ -68,7 +68,7 @@ def test_the_interval_contains_the_distance_at_every_tick(name, budget_s):
     compared = 0
     for poses, vertices, exact in recording.ticks:
         for body, each in vertices.items():
-            monitor.set_vertices(body, each)
+            monitor.deform(body, each)
         tick = monitor.tick({n: PoseSample(poses[n]) for n in moving}, budget_s)
         for pair in tick.pairs:
             true = exact[pair.index]

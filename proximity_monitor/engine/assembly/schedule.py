@@ -1,0 +1,303 @@
+"""What is asked about many pairs of bodies, moment by moment, and which pair is searched next.
+
+Time goes first to pairs whose bounds straddle a level, then to those with the nearest lower bound,
+then to those that were not searched for longest. A pair whose bodies did not move relative to each
+other since its search ended costs nothing.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from copy import deepcopy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.assembly import schedule as kernel
+from ..kernels.base import state as index
+from ..models.model import Model
+from ..questions.result import Distance
+from .answers import Answers
+from .assembly import Assembly
+from .long_searches import LongSearches
+
+REMEMBERED = 100_000
+"""How many pairs that have no row keep their smallest bounds. The oldest are forgotten first."""
+
+_FIRST = {
+    "range": np.inf, "searched_s": -np.inf, "min_upper": np.inf, "min_lower": np.inf, "hint": -1,
+}  # fmt: skip
+"""What a new record begins with, where that is not zero."""
+
+
+class Queries(NamedTuple):
+    """What to ask about m entries of a `Schedule`."""
+
+    at: NDArray[np.int64]
+    """(m,) the entries."""
+    bodies: NDArray[np.int32]
+    """(m, 2)."""
+    wanted: NDArray[np.float64]
+    """(m, 3) rel_err, abs_err, and a clearance in metres: the search may end when it knows on which
+    side of it the distance lies; infinity: it goes on to the tolerance."""
+    hints: NDArray[np.int32]
+    """(m, 2) see `Assembly`."""
+    signed: NDArray[np.bool_]
+    """(m,) whether the sign of the distance is asked for: one is a solid, and may overlap."""
+    how: NDArray[np.int8]
+    """(m,) Schedule.TOGETHER, ALONE (the search takes long) or INSIDE (alone, and signed)."""
+
+    def part(self, start: int, end: int) -> Queries:
+        """The queries from `start` to before `end`."""
+        return Queries(*(column[start:end] for column in self))
+
+
+class Schedule:
+    """The queries about the rows of a table of answers, moment by moment.
+
+    A moment is one call of `update`, then of `search`, then of `report`. An entry is the place of a
+    row among those that were given to `update`. Rows and bodies are given as numpy arrays of any
+    integers, flags as arrays of bool.
+
+    Args:
+        answers: the table.
+        assembly: of the same bodies.
+
+    Raises:
+        ValueError: they are not as many.
+
+    Attributes:
+        records: (m,) one a row, with fields for others to write: `range` and `levels` (LEVELS,),
+            metres: a pair is asked about only while it may be within its range; `rel_err` and
+            `abs_err` of its distance, or `deciding`: only the side of its levels is asked for;
+            `ignored`: nothing is. And with fields to read: `min_upper`, `min_lower`: the smallest
+            bounds, metres, of all moments at which both poses were certain.
+    """
+
+    LEVELS = kernel.LEVELS
+    TOGETHER, ALONE, INSIDE = kernel.TOGETHER, kernel.ALONE, kernel.INSIDE
+    OVERLAPPING, UNKNOWN = kernel.OVERLAPPING, kernel.UNKNOWN
+
+    def __init__(self, answers: Answers, assembly: Assembly) -> None:
+        if len(assembly.models) != len(answers.poses):
+            raise ValueError(
+                f"assembly: of {len(assembly.models)} bodies, the answers of {len(answers.poses)}"
+            )
+        self._answers = answers
+        self._assembly = assembly
+        self._long = LongSearches(assembly.models)
+        self._minima: dict[int, tuple[float, float]] = {}  # of pairs without a row, by key
+        self.records = np.zeros(0, kernel.RECORD)
+        self._rows = np.empty(0, np.int64)
+        self._silent = np.empty(0, np.bool_)
+        self._reserve(1)
+
+    def __copy__(self) -> Schedule:
+        """Another one about the same answers and assembly, with records of its own."""
+        shared = self._answers, self._assembly, *self._assembly.models
+        return deepcopy(self, {id(each): each for each in shared})
+
+    def _reserve(self, count: int) -> None:
+        """Have memory for so many entries."""
+        self._views = np.zeros(count, kernel.VIEW)
+        self._at, self._kind = np.empty((2, count), np.int64)
+        self._keys = np.empty((2, count))
+
+    def prepare(self) -> None:
+        """Run every kernel of a moment once, so that no moment has to compile one."""
+        nothing, nobody = np.empty(0, np.int64), np.zeros(len(self._answers.poses), np.bool_)
+        self.update(nothing, nobody, nobody, True)
+        self.order()
+        self.commit(self.queries(nothing), [], 0.0)
+        self.report(0.0)
+        self._long.prepare(self._assembly)
+
+    def begin(self, rows: NDArray[np.int64]) -> None:
+        """Begin the records of rows (k,). A pair that had a row before keeps its minima."""
+        least = int(rows.max(initial=-1)) + 1
+        if least > len(self.records):
+            more = np.zeros(max(least, 2 * len(self.records)) - len(self.records), kernel.RECORD)
+            self.records = np.concatenate((self.records, more))
+        fresh = np.zeros(1, kernel.RECORD)
+        for name, value in _FIRST.items():
+            fresh[name] = value
+        self.records[rows] = fresh
+        if self._minima:
+            keys = self._answers.pairs(rows) @ (len(self._answers.poses), 1)
+            for key, row in zip(keys.tolist(), rows.tolist(), strict=True):
+                if key in self._minima:
+                    record = self.records[row]
+                    record["min_upper"], record["min_lower"] = self._minima.pop(key)
+
+    def end(self, keys: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        """Keep the minima of pairs whose rows (k,) were dropped.
+
+        A key is the first body's index times the number of bodies, plus the second's.
+        """
+        left = self.records[rows]
+        known = np.isfinite(left["min_lower"])
+        minima = left[known][["min_upper", "min_lower"]].tolist()
+        self._minima.update(zip(keys[known].tolist(), minima, strict=True))
+        while len(self._minima) > REMEMBERED:
+            del self._minima[next(iter(self._minima))]
+
+    def reset_minima(self) -> None:
+        """Forget the smallest bounds of all pairs."""
+        self._minima.clear()
+        self.records["min_upper"] = self.records["min_lower"] = np.inf
+
+    def replace(self, body: int, model: Model, rows: NDArray[np.int64]) -> None:
+        """Give a body another model; what searches of its pairs' rows (k,) found is forgotten."""
+        self._assembly.replace(body, model)
+        self._long.replace(body, model)
+        self.records["done"][rows] = self.records["hard"][rows] = False
+        self.records["hint"][rows] = _FIRST["hint"]
+
+    def update(
+        self,
+        rows: NDArray[np.int64],
+        known: NDArray[np.bool_],
+        silent: NDArray[np.bool_],
+        distances: bool,
+    ) -> None:
+        """Begin a moment: find what is certain about rows (k,) at the present poses.
+
+        Args:
+            rows: the entries from now on.
+            known: (n,) the bodies whose pose is known.
+            silent: (n,) those whose pose is unknown or too old; their pairs come last.
+            distances: whether anybody wants numbers; if not, pairs are only decided, except those
+                that are at a level.
+        """
+        if len(rows) > len(self._views):
+            self._reserve(2 * len(rows))
+        self._rows = np.require(rows, np.int64, "CAWE")
+        known, self._silent = (np.require(each, np.bool_, "CAWE") for each in (known, silent))
+        kernel.update(
+            *self._answers.bodies, *self._answers.table, known, self._silent, self._rows,
+            self.records, bool(distances), self._views,
+        )  # fmt: skip
+
+    def order(self) -> NDArray[np.int64]:
+        """The entries that want a search, the most urgent first.
+
+        First come those whose side of a level is open. Then those with the nearest lower bound,
+        and last models that overlap; equals in the order of their last searches. Stale ones come
+        after all others.
+        """
+        count = kernel.pending(
+            self._rows, self.records, self._views, self._at, self._kind, self._keys
+        )
+        if count < 2:
+            return self._at[:count].copy()
+        lower, searched_s = self._keys[:, :count]
+        return self._at[np.lexsort((searched_s, lower, self._kind[:count]))]
+
+    def queries(self, at: NDArray[np.int64]) -> Queries:
+        """The queries about entries (m,)."""
+        at = np.require(at, np.int64, "CAWE")
+        count = len(at)
+        bodies, hints = np.empty((2, count, 2), np.int32)
+        wanted, how = np.empty((count, 3)), np.empty(count, np.int8)
+        signed = np.empty(count, np.bool_)
+        kernel.query(
+            self._rows, self._answers.table[0], self.records, self._views, at, bodies, wanted,
+            hints, signed, how,
+        )  # fmt: skip
+        return Queries(at, bodies, wanted, hints, signed, how)
+
+    def search(self, deadline: float, clock: Callable[[], float], threads: int = 1) -> list[int]:
+        """Search until every query is answered or the deadline has come.
+
+        A pair that takes long gets half of the time that is left while others want some too, and
+        more of it when they had their turn.
+
+        Args:
+            deadline: seconds of the clock.
+            clock: says when a search ended.
+            threads: how many share the searches.
+
+        Returns:
+            The entries that were searched, in the order of their first search.
+        """
+        searched: dict[int, None] = {}
+        while clock() < deadline and len(todo := self.order()):
+            queries = self.queries(todo)
+            for start, end in _turns(queries.how != self.TOGETHER, threads):
+                left = deadline - clock()
+                if left <= 0.0:
+                    return list(searched)
+                part = queries.part(start, end)
+                if part.how[0] == self.TOGETHER:
+                    reached = self.search_together(part, left, threads, clock)
+                else:
+                    share = left if len(part.at) == len(todo) else left / 2.0
+                    found = self._long.search(
+                        self._answers.poses, part.bodies.tolist(), part.wanted.tolist(),
+                        (part.how == self.INSIDE).tolist(), share, threads,
+                    )  # fmt: skip
+                    reached = self.commit(part, found, clock())
+                searched.update(dict.fromkeys(reached.tolist()))
+        return list(searched)
+
+    def search_together(
+        self, queries: Queries, budget_s: float, threads: int, clock: Callable[[], float]
+    ) -> NDArray[np.int64]:
+        """Search entries in one call, in this order; return those that the budget reached."""
+        found = self._assembly.rows(
+            self._answers.poses, queries.bodies, queries.wanted, queries.hints, queries.signed,
+            float(budget_s), threads,
+        )  # fmt: skip
+        return self._commit(queries, found, clock())
+
+    def commit(self, queries: Queries, found: Sequence[Distance], now_s: float) -> NDArray:
+        """Take what searches of single entries (m,) found at `now_s`; return the entries.
+
+        It was found with `Pair`, a signed distance for INSIDE.
+        """
+        if len(found) != len(queries.at):
+            raise ValueError(f"found: {len(found)} answers to {len(queries.at)} queries")
+        rows = np.array([each.row for each in found]).reshape(-1, index.ANSWER)
+        return self._commit(queries, rows, now_s)
+
+    def _commit(
+        self, queries: Queries, found: NDArray[np.float64], now_s: float
+    ) -> NDArray[np.int64]:
+        at = queries.at
+        reached = np.empty(len(at), np.bool_)
+        poses, versions, _, places = self._answers.bodies
+        count = kernel.commit(
+            poses, versions, places, *self._answers.table, self._rows, self.records, self._views,
+            at, queries.wanted, found, float(now_s), reached,
+        )  # fmt: skip
+        return at if count == len(at) else at[reached]
+
+    def report(self, now_s: float) -> tuple[NDArray, int]:
+        """What is known of the entries that may be within their range, and how many are open.
+
+        Returns:
+            (l,) records: `at` its entry; `bodies` (2,); `lower` and `upper`, metres, NaN where a
+            pose is unknown; `points` (2, 3) metres, world: `upper` is their distance where it is
+            not negative; `faces` (2,) and `weights` (2, 3): where the points lie on the models;
+            `status`, a position in `tuple(Status)`, where OUT_OF_TIME stands for all bounds that
+            are wider than asked for, or OVERLAPPING or UNKNOWN; `age_s` since the numbers were an
+            answer to the present poses; `min_upper` and `min_lower` of `records`; `silent` (2,)
+            the bodies whose pose is unknown or too old. And how many entries still want a search.
+        """
+        listed = np.empty(len(self._rows), kernel.LISTED)
+        count, left = kernel.report(
+            self._rows, self._answers.table[0], self._answers.bodies[2], self._silent, self.records,
+            self._views, float(now_s), listed,
+        )  # fmt: skip
+        return listed[:count], left
+
+
+def _turns(alone: NDArray[np.bool_], threads: int) -> Iterator[tuple[int, int]]:
+    """From where to where queries are searched in one call, or side by side where `alone` (m,)."""
+    ends = [0, *(np.flatnonzero(alone[1:] != alone[:-1]) + 1).tolist(), len(alone)]
+    for start, end in itertools.pairwise(ends):
+        step = threads if alone[start] else end - start
+        for first in range(start, end, step):
+            yield first, min(first + step, end)

@@ -1,0 +1,102 @@
+"""Which function makes a model of a file: by its extension, in this package or in another one.
+
+A reader takes a file's bytes, its path and a `Reading`, and returns a `Model`. Whatever it raises
+becomes a ModelError that names the file. Other packages register theirs as entry points of GROUP,
+named after the extension without its dot: ``ball = "round_things.files:read_ball"``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..models.hierarchy import Solid
+from ..models.mesh import TriangleMesh
+from ..models.model import Model
+from .dae import read_dae
+from .gltf import read_glb, read_gltf
+from .obj import read_obj
+from .off import read_off
+from .ply import read_ply
+from .stl import read_stl
+from .threemf import read_3mf
+from .triangles import FormatError, Triangles, check_finite
+
+GROUP = "proximity_monitor.models"
+"""The group of entry points that are readers."""
+
+
+class Reading(NamedTuple):
+    """What a file does not say about its model; see `load`."""
+
+    unit: float
+    """Metres in the file's unit of length, where the file does not state it."""
+    scale: float
+    deviation: float
+    volume: str
+    solid: Solid
+
+
+Reader = Callable[[bytes, Path, Reading], Model]
+
+
+def mesh_reader(read: Callable[[bytes, Path], Triangles]) -> Reader:
+    """The reader of a format of triangles, from what takes a file's bytes and folder."""
+
+    def reader(data: bytes, file: Path, how: Reading) -> Model:
+        found = read(data, file.parent)
+        check_finite(found.vertices)
+        if not len(found.faces):
+            raise FormatError("no triangles (points and curves are not a surface)")
+        metres = how.unit if found.unit is None else found.unit
+        with np.errstate(over="ignore"):  # what becomes infinite is refused next, with its index
+            vertices = found.vertices * (metres * how.scale)
+        return TriangleMesh(
+            vertices, found.faces, name=str(file), deviation=how.deviation, volume=how.volume,
+            solid=how.solid,
+        )  # fmt: skip
+
+    return reader
+
+
+_TRIANGLES = {
+    ".stl": read_stl, ".obj": read_obj, ".ply": read_ply, ".off": read_off, ".glb": read_glb,
+    ".gltf": read_gltf, ".dae": read_dae, ".3mf": read_3mf,
+}  # fmt: skip
+_READERS = {suffix: mesh_reader(read) for suffix, read in _TRIANGLES.items()}
+
+
+def reader_of(suffix: str) -> Reader | None:
+    """The reader of files with an extension such as ".stl", in lower case; None if there is none.
+
+    Raises:
+        FormatError: another package's cannot be had, or several packages have one.
+    """
+    if suffix in _READERS:
+        return _READERS[suffix]
+    found = metadata.entry_points(group=GROUP, name=suffix.removeprefix("."))
+    if len({entry.value for entry in found}) > 1:
+        raise FormatError(f"read by several packages: {', '.join(_origin(each) for each in found)}")
+    for entry in found:
+        try:
+            _READERS[suffix] = entry.load()
+        except Exception as error:
+            raise FormatError(
+                f"its reader {_origin(entry)} cannot be had: {type(error).__name__}: {error}"
+            ) from error
+    return _READERS.get(suffix)
+
+
+def extensions() -> list[str]:
+    """The extensions that are read, such as ".stl"."""
+    others = {f".{name}" for name in metadata.entry_points(group=GROUP).names}
+    return [*_TRIANGLES, *sorted(others - _TRIANGLES.keys())]
+
+
+def _origin(entry: metadata.EntryPoint) -> str:
+    package = "" if entry.dist is None else f" of {entry.dist.name}"
+    return f"{entry.value}{package}"

@@ -1,0 +1,83 @@
+"""What the arrays of a model have to be, and the error that says what they are not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arguments import as_real, as_reals
+from ..kernels.base.rounding import LARGEST_COORDINATE
+
+
+class ModelError(ValueError):
+    """A model's file or arrays are not what they should be; the message names which and where."""
+
+
+def checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:
+    """A frozen copy of points (n, 3), n >= 1, in metres; `name` is what messages call the model.
+
+    Raises:
+        ModelError: no such array; a coordinate that is not finite, or beyond 1e45 m.
+    """
+    array = as_reals(vertices, f"{name}: vertices", error=ModelError).copy()
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise ModelError(f"{name}: vertices: shape {array.shape}, expected (n, 3)")
+    if len(array) == 0:
+        raise ModelError(f"{name}: vertices: there are none")
+    bad = ~(np.abs(array) <= LARGEST_COORDINATE).all(axis=1)
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise ModelError(
+            f"{name}: vertices[{first}] = {array[first].tolist()}: every coordinate must be finite "
+            f"and at most {LARGEST_COORDINATE:g} m ({int(bad.sum())} such vertices)"
+        )
+    array.setflags(write=False)
+    return array
+
+
+def checked_length(value: float, name: str, what: str) -> float:
+    """A length in metres, from 0 to 1e45.
+
+    Raises:
+        ModelError: it is none.
+    """
+    try:
+        length = as_real(value, what)
+    except TypeError:
+        length = math.nan
+    if not 0.0 <= length <= LARGEST_COORDINATE:
+        raise ModelError(
+            f"{name}: {what} = {value!r}: must be a number of metres from 0 to "
+            f"{LARGEST_COORDINATE:g}"
+        )
+    return length
+
+
+def checked_faces(faces: ArrayLike, vertex_count: int, name: str) -> NDArray[np.int32]:
+    """A frozen copy of triangles (m, 3), m >= 1, by the indices of their vertices.
+
+    Raises:
+        ModelError: no such array; an index of no vertex.
+    """
+    try:
+        given = np.asarray(faces)
+    except ValueError as error:
+        raise ModelError(f"{name}: faces: not an array: {error}") from None
+    if given.size == 0:
+        raise ModelError(f"{name}: faces: there are none; a model needs at least one triangle")
+    if given.ndim != 2 or given.shape[1] != 3:
+        raise ModelError(f"{name}: faces: shape {given.shape}, expected (m, 3)")
+    if given.dtype.kind not in "iu":
+        raise ModelError(f"{name}: faces: dtype {given.dtype}, expected integers")
+    bad = ((given < 0) | (given >= vertex_count)).any(axis=1)
+    if bad.any():
+        first = int(np.flatnonzero(bad)[0])
+        raise ModelError(
+            f"{name}: faces[{first}] = {given[first].tolist()}: names no vertex; there are "
+            f"{vertex_count}, numbered from 0 ({int(bad.sum())} such faces)"
+        )
+    array = np.array(given, dtype=np.int32, order="C")
+    array.setflags(write=False)
+    return array

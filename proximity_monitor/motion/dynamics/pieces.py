@@ -1,0 +1,77 @@
+"""A model's triangles cut into pieces: each pair of them gives two bodies one contact point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proximity_monitor import engine
+
+MOST = 16
+"""Pieces of a model. Bodies that touch at several places do so with several pairs of pieces; more
+pieces see places that are closer together, and cost as many more tests of bounding volumes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """The pieces of one model, and which triangles meet at a vertex.
+
+    Attributes:
+        models: the pieces, each with the vertices that it uses alone.
+        triangles: of each piece the faces of the whole that it consists of.
+        spheres: (p, 4) metres, model frame; centre and radius of a sphere around each piece.
+        boxes: (p, 6) metres, model frame; least and greatest corner of each piece.
+        corners: (m, 3, 3) metres, model frame; the corners of the whole's triangles.
+        places: (m, 3) number of each corner, equal where the coordinates are.
+        first: (n + 1,) where the triangles of a place begin in `around`.
+        around: the triangles that meet at each place.
+    """
+
+    models: list[engine.Model]
+    triangles: list[NDArray[np.int64]]
+    spheres: NDArray[np.float64]
+    boxes: NDArray[np.float64]
+    corners: NDArray[np.float64]
+    places: NDArray[np.int64]
+    first: NDArray[np.int64]
+    around: NDArray[np.int64]
+
+
+def cut(model: engine.Model) -> Pieces:
+    """Cut the triangles that show a model into at most MOST pieces of about as many each."""
+    mesh = model.display_mesh(0.0)
+    vertices, faces, _ = mesh
+    corners = mesh.corners()
+    centres = corners.mean(axis=1)
+    parts = [np.arange(len(faces))]
+    while 2 * len(parts) <= MOST and any(len(part) > 1 for part in parts):
+        parts = [half for part in parts for half in _halves(part, centres)]
+    models, boxes = [], []
+    for i, part in enumerate(parts):
+        used, own = np.unique(faces[part], return_inverse=True)
+        name = f"{model.name}, piece {i}"
+        models.append(engine.shapes.triangles(vertices[used], own.reshape(-1, 3), name=name))
+        boxes.append([*vertices[used].min(axis=0), *vertices[used].max(axis=0)])
+    places = mesh.welded().astype(np.int64)
+    first = np.concatenate(([0], np.cumsum(np.bincount(places.reshape(-1)))))
+    return Pieces(
+        models,
+        parts,
+        np.array([[*each.centre, each.radius] for each in models]),
+        np.array(boxes),
+        corners,
+        places,
+        first,
+        np.argsort(places.reshape(-1), kind="stable") // 3,
+    )
+
+
+def _halves(part: NDArray[np.int64], centres: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+    """Split triangles at the median along the axis on which their centres spread most."""
+    if len(part) == 1:
+        return [part]
+    axis = np.argmax(np.ptp(centres[part], axis=0))
+    order = part[np.argsort(centres[part, axis], kind="stable")]
+    return [order[: len(order) // 2], order[len(order) // 2 :]]

@@ -1,0 +1,100 @@
+"""Models made from dimensions: closed, turned outwards, and as large as they should be."""
+
+import math
+
+import numpy as np
+import pytest
+
+from proximity_monitor import engine
+from proximity_monitor.engine import shapes
+
+HERE = np.eye(4)
+EXACT = {
+    "box": (lambda: shapes.box((1.0, 2.0, 3.0)), 6.0),
+    "cylinder": (lambda: shapes.cylinder(0.5, 2.0, 96), math.pi * 0.5),
+    "sphere": (lambda: shapes.sphere(0.5, 4), math.pi / 6.0),
+}
+
+
+def volume(model):
+    a, b, c = model.display_mesh(0.0).corners().swapaxes(0, 1)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_a_shape_is_closed_and_turned_outwards(name):
+    make, enclosed = EXACT[name]
+    model = make()
+    faces = model.display_mesh(0.0).welded()
+    edges = np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)]).tolist()
+    assert sorted(edges) == sorted(edge[::-1] for edge in edges)
+    assert len(set(map(tuple, edges))) == len(edges)
+    assert model.name == name and model.is_solid
+    assert volume(model) == pytest.approx(enclosed, rel=2e-3)
+    assert shapes.triangles(*model.display_mesh(0.0)[:2], solid=True).is_solid
+
+
+def test_what_is_given_besides_reaches_the_model():
+    for make in (
+        lambda **how: shapes.box((1.0, 1.0, 1.0), **how),
+        lambda **how: shapes.cylinder(1.0, 1.0, 8, **how),
+        lambda **how: shapes.sphere(1.0, 1, **how),
+        lambda **how: shapes.sphere(1.0, **how),
+        lambda **how: shapes.capsule(1.0, 2.0, **how),
+        lambda **how: shapes.compound([shapes.Part(shapes.sphere(1.0), HERE)], **how),
+    ):
+        own = make().deviation
+        model = make(name="part", deviation=0.25, volume="pss", solid=False)
+        assert (model.name, model.volume, model.is_solid) == ("part", "pss", False)
+        assert model.deviation == own + 0.25
+
+
+def test_a_part_is_placed_scaled_and_mirrored():
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]], (10.0, 0.0, 0.0)
+    box = shapes.box((1.0, 2.0, 3.0))
+    made = shapes.compound([shapes.Part(box, pose, (-2.0, 1.0, 1.0))])
+    vertices = made.control_points
+    np.testing.assert_allclose(vertices.min(axis=0), (9.0, -1.0, -1.5))
+    np.testing.assert_allclose(vertices.max(axis=0), (11.0, 1.0, 1.5))
+    assert volume(made) == pytest.approx(12.0), "its faces still point outwards"
+    ball = shapes.compound([shapes.Part(shapes.sphere(0.5), pose, (2.0, 2.0, -2.0))])
+    found = engine.distance(ball, HERE, shapes.points([[13.0, 0.0, 0.0]]), HERE)
+    assert found.lower <= 2.0 <= found.upper and ball.deviation == 0.0
+    with pytest.raises(engine.ModelError, match=r"compound: sphere: .*all factors must be alike"):
+        shapes.compound([shapes.Part(shapes.sphere(0.5), pose, (2.0, 2.0, 1.0))])
+
+
+def test_unlike_round_parts_become_a_mesh_whose_deviation_holds():
+    at = np.eye(4)
+    at[0, 3] = 3.0
+    made = shapes.compound(
+        [shapes.Part(shapes.sphere(0.5), HERE), shapes.Part(shapes.capsule(0.2, 1.0), at)]
+    )
+    vertices, faces, _ = made.display_mesh(0.0)
+    corners = vertices[faces]
+    rng = np.random.default_rng(5)
+    inner = np.einsum("kfc,fcx->kfx", rng.dirichlet((0.3,) * 3, (20, len(faces))), corners)
+    for places in (vertices, inner.reshape(-1, 3)):
+        near = places[:, 0] < 1.5
+        off = np.linalg.norm(places[near], axis=1) - 0.5
+        x, y, z = (places[~near] - at[:3, 3]).T
+        along = np.linalg.norm(np.stack((x, y, z - np.clip(z, -0.5, 0.5))), axis=0) - 0.2
+        assert max(np.abs(off).max(), np.abs(along).max()) <= made.deviation
+    assert made.deviation < 0.003
+
+
+def test_shapes_that_differ_in_anything_but_the_name_have_different_digests():
+    models = [
+        shapes.sphere(0.5),
+        shapes.sphere(0.5, deviation=0.1),
+        shapes.sphere(0.6),
+        shapes.points([[0.0, 0.0, 1.0]], radius=0.5),
+        shapes.points([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0]], radius=0.5),
+        shapes.sphere(0.5, 0),
+    ]
+    assert len({model.digest() for model in models}) == len(models)
+    assert shapes.sphere(0.5, name="other").digest() == models[0].digest()
+    moved = shapes.sphere(0.5)
+    moved.deform([[0.0, 0.0, 1.0]])
+    assert moved.digest() == models[3].digest()
