@@ -214,8 +214,8 @@ def _smallest(rows: Rows) -> str:
         return "No search was cut, so this says nothing about the smallest budget that pays."
     return (
         f"**The smallest budget that pays is {', '.join(said)}.** A call takes some microseconds "
-        "to begin and does one slice of work whatever its budget, so with less it takes as long all "
-        "the same and knows little more than the distance of the triangles that it began with. "
+        "to begin and does one slice of work whatever its budget, so with less it takes as long "
+        "all the same and knows little more than the distance of the triangles that it began with. "
         "Where there is less time a pair than that, ask about many pairs in one call of an "
         "`Assembly`, with one budget for all, or ask `within` for a yes or no; or give a search "
         "one budget after the other: the same `Pair` goes on where it stopped."
