@@ -13,10 +13,10 @@ from numba import typeof
 from numpy.typing import NDArray
 
 from .kernels.base import ahead, cache, claims
-from .kernels.base.state import Tree
+from .kernels.base.state import QUERY, MeshTree
 from .kernels.inside import depth, probe, solids
-from .kernels.inside.contain import Insides
-from .kernels.search import search
+from .kernels.inside.contain import Insides, settle_signs
+from .kernels.pairs import mesh_mesh
 from .kernels.tree import build, fit_tree, pairing
 
 Kernel = tuple[Any, tuple[Any, ...]]
@@ -28,32 +28,32 @@ def kernels(watching: bool) -> Iterator[Kernel]:
 
     All questions about the distances of meshes need some of them, `watching` a scene the rest.
     """
-    real, reals, rows, stack = 0.0, np.empty(0), np.empty((0, 4)), np.empty((0, 4, 4))
+    real, reals, rows = 0.0, np.empty(0), np.empty((0, 4))
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
     table, counts = np.empty((2, 0), np.int64), np.empty(0, np.int64)
-    signs = np.empty(0, np.bool_)
-    one = table, table, table, rows, rows, 0, 0, real, real, real, real, 0, True, reals
-    tables = np.empty((0, 2, 0), np.int64)
-    insides = Insides(np.empty(0, np.int8), table, lanes, tables)
-    many = (
-        tables, table, stack, integers, integers, rows, signs, insides, 0, 0, 0, 0, True, rows,
-    )  # fmt: skip
+    tables, queries = np.empty((0, 2, 0), np.int64), np.empty(0, QUERY)
+    asked = tables, table, rows, rows, queries, 0, 0, 1, 0, True, rows
+    yield mesh_mesh.search, asked
     frozen_rows, frozen_lanes = _frozen(rows), _frozen(lanes)
-    nodes, frozen = _frozen(np.empty(0, np.float32)), _frozen(reals)
-    tree = Tree(nodes, frozen_rows, frozen_lanes, nodes, frozen_rows, frozen)
-    region = solids.Region(
-        0, _frozen(np.empty(0, np.uint8)), frozen_lanes, frozen, real, frozen_rows
-    )
-    memory = depth.Depth(
-        rows, reals, counts, reals, integers,
-        probe.Probe(reals, counts, lanes, reals, counts, rows),
-    )  # fmt: skip
-    yield search.search, (*one, None)
     if watching:
-        yield search.search, (*one, 1)
+        nodes, frozen = _frozen(np.empty(0, np.float32)), _frozen(reals)
+        tree = MeshTree(nodes, frozen_rows, frozen_lanes, nodes, frozen_rows, frozen)
+        region = solids.Region(
+            0, _frozen(np.empty(0, np.uint8)), frozen_lanes, frozen, real, frozen_rows
+        )
+        memory = depth.Depth(
+            rows, reals, counts, reals, integers,
+            probe.Probe(reals, counts, lanes, reals, counts, rows),
+        )  # fmt: skip
+        yield mesh_mesh.search_nearest_first, asked
         yield depth.search_depth, (tree, tree, region, region, memory, True, 0)
-    yield search.search_pairs, (*many, None)
-    if watching:
+        insides = Insides(np.empty(0, np.int8), table, lanes, tables)
+        signs = np.empty(0, np.bool_)
+        poses = np.empty((0, 4, 4))
+        yield (
+            settle_signs,
+            (insides, poses, integers, reals, signs, 0, 0, 1, integers, rows),
+        )
         yield solids.part_volumes, (frozen_rows, real, lanes, lanes)
     yield fit_tree.fit_tree, (rows, integers, lanes, real, None)
     yield build.build_tree, (rows, integers, 0)

@@ -31,7 +31,7 @@ WATCHING = frozenset(
         "elements.primitives.test_triangles", "inside.depth.begin_depth",
         "inside.depth.deepest", "inside.depth.search_depth", "inside.solids.part_volumes",
         "inside.solids.parts_and_owners", "inside.solids.unpaired_edges",
-        "search.descent.advance", "search.search.search", "search.search.search_pairs",
+        "inside.contain.settle_signs", "pairs.mesh_mesh.search", "search.descent.advance",
         "tree.build.build_tree", "tree.fit_tree.fit_tree", "tree.measure.measure",
         "tree.pairing.pair_up", "tree.places.first_drawn", "tree.places.first_of_place",
         "tree.ranges.node_ranges",

@@ -11,7 +11,6 @@ from engine_oracles import exact_motion, exact_squared_distance, exactly_moved, 
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.base import state as index
 from proximity_monitor.engine.kernels.bounds import cross
 from proximity_monitor.engine.kernels.bounds import gaps as filters
 from proximity_monitor.engine.kernels.bounds.gaps import BATCH, CORNERS
@@ -57,15 +56,15 @@ def test_no_filter_exceeds_the_exact_distance(kind):
         pair = engine.Pair(a, b)
         pair.distance(pose_a, pose_b)
         search = pair._search
-        reals, motion = search.reals, search.state.motions[0]
+        progress, motion = search.state.progress[0], search.state.motions[0]
         first, second = a._hierarchy.tree.triangles, b._hierarchy.tree.triangles
         for k in range(BATCH):
             gather(first, k // EACH, second, k % EACH, k, corners)
         scale = min(a._hierarchy.tree.scale[1], b._hierarchy.tree.scale[1])
         shift(corners, motion, scale, local)
-        gaps(local, np.float32(reals[index.SLACK] * scale * (1.0 + 1e-6)), found)
+        gaps(local, np.float32(progress["slack"] * scale * (1.0 + 1e-6)), found)
         for k, exact in enumerate(exact_distances(a, b, pose_a, pose_b)):
-            along = gap_along(reals, first, k // EACH, second, k % EACH)
+            along = gap_along(progress, first, k // EACH, second, k % EACH)
             assert Fraction(along) <= exact
             # It is compared with the limit in single precision, rounded up as here.
             assert Fraction(float(found[k])) <= exact * Fraction(scale) * Fraction(1.0 + 1e-6)
@@ -79,10 +78,12 @@ def test_the_filters_are_tight_where_it_counts(kind):
         answer = pair.distance(pose_a, pose_b)
         if answer.lower == 0.0:
             continue
-        reals, counts = pair._search.reals, pair._search.counts
-        ta, tb = counts[index.TRIANGLE_A], counts[index.TRIANGLE_B]
-        along = gap_along(reals, a._hierarchy.tree.triangles, ta, b._hierarchy.tree.triangles, tb)
-        slack = reals[index.SLACK]
+        progress = pair._search.state.progress[0]
+        ta, tb = progress["element_a"], progress["element_b"]
+        along = gap_along(
+            progress, a._hierarchy.tree.triangles, ta, b._hierarchy.tree.triangles, tb
+        )
+        slack = progress["slack"]
         assert along >= answer.upper - 3.0 * slack or np.isclose(along, answer.upper, rtol=1e-12)
 
 
@@ -105,11 +106,11 @@ def check_along_the_aim(a, b, pose_a, pose_b):
     lows = np.empty((2, 16), np.float32)
     pair = engine.Pair(a, b)
     upper = pair.distance(pose_a, pose_b).upper
-    reals = pair._search.reals
+    progress = pair._search.state.progress[0]
     (node_a, lanes_a), (node_b, lanes_b) = lowest_node(a), lowest_node(b)
-    between = node_apart(a._hierarchy.tree, node_a, index.NORMAL_A, -1.0, lows[0], reals)
-    between += node_apart(b._hierarchy.tree, node_b, index.NORMAL_B, 1.0, lows[1], reals)
-    between += reals[index.OFFSET] - reals[index.BOUND_SLACK]
+    between = node_apart(a._hierarchy.tree, node_a, progress["normal_a"], -1.0, lows[0])
+    between += node_apart(b._hierarchy.tree, node_b, progress["normal_b"], 1.0, lows[1])
+    between += progress["offset"] - progress["bound_slack"]
     exact = exact_distances(a, b, pose_a, pose_b)
     dismissed = 0
     for k, ta in lanes_a:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from operator import is_not
 from threading import Event
 from time import perf_counter
@@ -14,24 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, as_real, as_reals, check_tolerance
 from ..kernels.base import state as index
-from ..kernels.inside.contain import Insides
-from ..kernels.search import search as kernel
+from ..kernels.inside.contain import Insides, settle_signs
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.rows import distances_of
-from ..questions.run import Search, check_models, code_for
+from ..questions.run import Search, check_models, entry_for, queries_about
 from ..questions.sharing import share
 from ..questions.slices import Slices
 from .settling import Settling
-
-_UNASKED = Insides(
-    np.empty(0, np.int8), np.empty((0, 2), np.int64), np.empty(0, np.int32),
-    np.empty((0, 2, 7), np.int64),
-)  # fmt: skip
-"""What bodies enclose, where no sign is asked for."""
 
 
 class Assembly:
@@ -60,7 +52,6 @@ class Assembly:
         self._insides: Insides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question in which they were
         self._settling = Settling()
-        self._unusual = code_for(self._shapes)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
         """Of what another is made: kernels find the memory of this one by its addresses."""
@@ -72,7 +63,6 @@ class Assembly:
         models[body] = model
         self.models = tuple(models)
         self._shapes = tuple({id(each): each for each in models}.values())
-        self._unusual = code_for(self._shapes)
         self._hierarchies = []  # the tables are made anew
         self._insides = None
         self._cut.clear()
@@ -121,8 +111,8 @@ class Assembly:
             ValueError: other shapes, a pair that names no body, a pose of a pair that is no rigid
                 motion, a tolerance, clearance or budget that is negative or NaN.
         """
-        if budget_s is not None:
-            budget_s = check_tolerance("budget_s", budget_s)
+        start = perf_counter()
+        deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
         threads = as_count(threads, "threads")
         poses = as_poses(poses, "poses")
         if len(poses) != len(self.models):
@@ -146,9 +136,8 @@ class Assembly:
             raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
         solid = np.array([bool(signed) and model.is_solid for model in self.models])
         asked = poses, chosen, wanted, hints, solid[chosen].any(axis=1)
-        if signed:
-            return distances_of(self._signed_rows(*asked, budget_s, threads))
-        return distances_of(self.rows(*asked, budget_s, threads))
+        rows = self._signed_rows if signed else self.rows
+        return Distances(rows(*asked, deadline, threads))
 
     def rows(
         self,
@@ -157,25 +146,30 @@ class Assembly:
         wanted: NDArray[np.float64],
         hints: NDArray[np.int32],
         signed: NDArray[np.bool_],
-        budget_s: float | None,
+        deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
         """As `distances`, of what needs no check; rows (k, ANSWER) as the kernel writes them.
 
         wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,), an answer is one of
         the signed distance, or has -inf as lower bound, if the bodies may overlap. A pair that is
-        not searched has NaN as status.
+        not searched has NaN as status. The deadline is one of perf_counter.
         """
-        deadline = None if budget_s is None else perf_counter() + budget_s
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
-        insides = self._enclosed() if signed.any() else _UNASKED
-        asked = poses, pairs, hints, wanted, signed, insides
+        queries = queries_about(pairs, wanted, hints)
         searches = self._allot(threads, poses, pairs, wanted)
+        settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
         def answer(first: int, stopped: Event | None) -> None:
-            self._run(*searches[first], first, threads, asked, deadline, stopped, answers)
+            search, fresh = searches[first]
+            code, at = self._run(
+                search, fresh, self._runs(pairs, first, threads), poses, queries, threads,
+                deadline, stopped, answers, settle,
+            )  # fmt: skip
+            if code == index.CUT:
+                self._cut[self._question(poses, pairs[at], wanted[at])] = search
 
         if threads == 1:
             answer(0, None)
@@ -190,11 +184,10 @@ class Assembly:
         wanted: NDArray[np.float64],
         hints: NDArray[np.int32],
         signed: NDArray[np.bool_],
-        budget_s: float | None,
+        deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
-        """As `rows`; where bodies may overlap, their signed distances as far as the budget goes."""
-        deadline = math.inf if budget_s is None else perf_counter() + budget_s
+        """As `rows`; where bodies may overlap, their signed distances as far as time goes."""
 
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k])
@@ -204,7 +197,7 @@ class Assembly:
             unsettled = self._settling.begun([question(k) for k in range(len(pairs))])
         answers, rest = no_answers(signed), ~unsettled
         answers[rest] = self.rows(
-            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], budget_s, threads
+            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], deadline, threads
         )
         upper, clearance = answers[:, index.UPPER], wanted[:, 2]
         open_ = (answers[:, index.LOWER] == -np.inf) & ~np.isnan(answers[:, index.STATUS])
@@ -218,7 +211,8 @@ class Assembly:
 
         self._settling.settle(
             [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
-            poses[pairs[chosen]], wanted[chosen], lambda i: question(chosen[i]), deadline, threads,
+            poses[pairs[chosen]], wanted[chosen], lambda i: question(chosen[i]),
+            math.inf if deadline is None else deadline, threads,
             take,
         )  # fmt: skip
         return answers
@@ -290,39 +284,82 @@ class Assembly:
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
+    def _runs(
+        self, pairs: NDArray[np.int32], first: int, every: int
+    ) -> list[tuple[Callable, int, int]]:
+        """Every so many pairs from the first on, in runs of one kind of pair.
+
+        The compiled entry of each, where it begins, and one after where it ends.
+        """
+        models = self.models
+        if len({type(model._hierarchy.tree) for model in self._shapes}) == 1:
+            return [(entry_for(models[0], models[0]), first, len(pairs))]
+        found: list[tuple[Callable, int, int]] = []
+        for k in range(first, len(pairs), every):
+            entry = entry_for(models[pairs[k, 0]], models[pairs[k, 1]])
+            if found and found[-1][0] is entry:
+                found[-1] = entry, found[-1][1], k + 1
+            else:
+                found.append((entry, k, k + 1))
+        return found
+
     def _run(
         self,
         search: Search,
         fresh: bool,
-        first: int,
+        runs: list[tuple[Callable, int, int]],
+        poses: NDArray[np.float64],
+        queries: NDArray,
         every: int,
-        asked: tuple,
         deadline: float | None,
         stopped: Event | None,
         answers: NDArray[np.float64],
-    ) -> None:
-        """Answer for every so many of the pairs from the first on, into `answers`.
+        settle: Callable[[int, int], None],
+    ) -> tuple[int, int]:
+        """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
+        stacked = poses.reshape(-1, 4)
+        slices = Slices(deadline)
+        code, at = index.ENDED, 0
+        for entry, at, last in runs:
+            while True:
+                before = at
+                code, at = entry(
+                    self._tables, search.memory, stacked, stacked, queries, at, last, every,
+                    slices.steps, fresh, answers,
+                )  # fmt: skip
+                settle(before, at + (code == index.CUT))
+                fresh = code != index.CUT
+                if code in (index.BAD_POSE_A, index.BAD_POSE_B):
+                    body = int(queries["poses"][at, code - index.BAD_POSE_A])
+                    check_pose(poses[body], self._pose_name(body))
+                if (stopped is not None and stopped.is_set()) or slices.over():
+                    return code, at
+                if code == index.ENDED:
+                    break
+        return code, at
 
-        `asked` are poses, pairs, hints, wanted, signed and insides, as for `search_pairs`.
-        """
-        poses, pairs, _, wanted, _, _ = asked
-        at, slices = first, Slices(deadline)
-        while True:
-            code, at = kernel.search_pairs(
-                self._tables, search.memory, *asked, at, len(pairs), every, slices.steps, fresh,
-                answers,
-                self._unusual,
-            )  # fmt: skip
-            fresh = code == index.CUT_BETWEEN
-            if code in (index.BAD_POSE_A, index.BAD_POSE_B):
-                body = int(pairs[at, code - index.BAD_POSE_A])
-                check_pose(poses[body], self._pose_name(body))
-            if code == index.ENDED or (stopped is not None and stopped.is_set()):
-                break
-            if slices.over():
-                if code == index.CUT:
-                    self._cut[self._question(poses, pairs[at], wanted[at])] = search
-                break
+    def _settle_signs(
+        self,
+        poses: NDArray[np.float64],
+        pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+        signed: NDArray[np.bool_],
+        answers: NDArray[np.float64],
+        every: int,
+    ) -> Callable[[int, int], None]:
+        """What makes every so many answers, from one to before another, signed ones."""
+        if not signed.any():
+            return lambda first, last: None
+        insides, clearances = self._enclosed(), np.ascontiguousarray(wanted[:, 2])
+        room = 1 + 15 * self._deepest._hierarchy.depth
+
+        def settle(first: int, last: int) -> None:
+            scratch = np.empty((room, 2), np.int32)
+            settle_signs(
+                insides, poses, pairs, clearances, signed, first, last, every, scratch, answers
+            )
+
+        return settle
 
 
 def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -13,7 +13,6 @@ from ..arguments import as_count, check_tolerance
 from ..models.model import Model
 from ..poses import as_poses
 from ..questions.result import Distances
-from ..questions.rows import distances_of
 from ..questions.run import Order, Search
 from ..questions.sharing import share
 from .assembly import Assembly, no_answers
@@ -95,11 +94,11 @@ def distances(
         Search(a, b, order).run(
             many_a[part].reshape(-1, 4), many_b[part].reshape(-1, 4),
             rel_err=rel_err, abs_err=abs_err, stop=stop, limit=limit, deadline=deadline,
-            first=first, stopped=stopped, answers=rows[part].reshape(-1),
+            first=first, stopped=stopped, answers=rows[part],
         )  # fmt: skip
 
     share(answer, range(0, count, _CHUNK), threads)
-    return distances_of(rows)
+    return Distances(rows)
 
 
 class _Poses(Assembly):

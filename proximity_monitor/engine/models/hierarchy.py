@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.base.state import REVISION
 from ..kernels.base.tables import table
 from ..kernels.search.spread import spread_corners
 from ..kernels.tree.measure import measure
@@ -16,8 +17,7 @@ from .solid import Sides, find_sides
 from .tree import build, refit
 
 if TYPE_CHECKING:
-    from ..kernels.base.state import Tree
-    from .tree import Coincident
+    from .tree import Coincident, Tree
 
 Solid = bool | Literal["robust"] | None
 """Whether a model is to be a solid; see `TriangleMesh`."""
@@ -134,7 +134,7 @@ class Hierarchy:
     @property
     def revision(self) -> int:
         """How often it was refitted."""
-        return int(self.tree.scale[4])
+        return int(self.tree.scale[REVISION])
 
     @property
     def is_solid(self) -> bool:

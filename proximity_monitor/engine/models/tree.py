@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import SINGLE_EPS
-from ..kernels.base.state import Tree
+from ..kernels.base.state import REVISION, BoxTree, MeshTree
 from ..kernels.tree.build import build_tree
 from ..kernels.tree.fit import AABB, HYBRID, LSS, OBB, PSS, RSS
 from ..kernels.tree.fit_tree import fit_tree
@@ -25,6 +25,9 @@ BOXES = ("obb", "aabb")
 
 _EDGES = {"rss": 2, "lss": 1, "pss": 0, "hybrid": 2, "obb": 2, "aabb": 2}
 """How many half edges a core of each kind may have."""
+
+
+Tree = MeshTree | BoxTree
 
 
 class Coincident(NamedTuple):
@@ -83,7 +86,7 @@ def build(
     else:
         faces = first.take(faces)
         faces.setflags(write=False)  # as the mesh's: kernels need no second form
-    scale = _scale(corners, volume, 0.0, swept, deviation)
+    scale = _scale(corners, 0.0, swept, deviation)
     drawn = first_drawn(faces)
     leaves, distinct = pair_up(corners, faces, drawn, scale[0])
     children, order, depth = build_tree(corners, leaves, distinct)
@@ -125,7 +128,7 @@ def refit(
         # One that has come away from the first of its place stands for itself.
         there = (vertices == vertices.take(first, axis=0)).all(axis=1)
         faces = np.where(there, first, np.arange(len(first), dtype=np.int32)).take(faces)
-    scale = _scale(corners, volume, tree.scale[4] + 1.0, *tree.scale[5:])
+    scale = _scale(corners, tree.scale[REVISION] + 1.0, *tree.scale[REVISION + 1 :])
     fitted = _fitted(tree.children, corners, faces, scale, volume)
     return fitted, _distinct(fitted, faces, coincident.twins)
 
@@ -148,21 +151,21 @@ def _fitted(
 ) -> Tree:
     """A hierarchy of a structure over triangles in tree order."""
     nodes, centres, sizes = fit_tree(corners, faces, children, scale[0], VOLUMES[volume])
-    tree = Tree(nodes, centres, children, sizes, corners, scale)
+    kind = BoxTree if volume in BOXES else MeshTree
+    tree = kind(nodes, centres, children, sizes, corners, scale)
     for array in tree:
         array.setflags(write=False)
     return tree
 
 
 def _scale(
-    corners: NDArray[np.float64], volume: str, revision: float, swept: float, deviation: float
+    corners: NDArray[np.float64], revision: float, swept: float, deviation: float
 ) -> NDArray[np.float64]:
-    """The numbers of a hierarchy as a whole: see `Tree`."""
+    """The numbers of a hierarchy as a whole: see `MeshTree`."""
     _, largest, longest = measure(corners, np.empty(3))
     # A power of two: dividing by it is exact. Zero for a model at the origin alone.
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
-    boxes = float(volume in BOXES)
-    return np.array([unit, 1.0 / unit, longest, boxes, revision, swept, deviation])
+    return np.array([unit, 1.0 / unit, longest, revision, swept, deviation])
 
 
 class TreeError(AssertionError):
@@ -180,8 +183,8 @@ def check_tree(tree: Tree, volume: str = "rss") -> None:
     Raises:
         TreeError: naming the node and the lane.
     """
-    if tree.scale[3] != (volume in BOXES):
-        raise TreeError(f"scale: marked with {tree.scale[3]} for boxes; the volumes are {volume!r}")
+    if isinstance(tree, BoxTree) != (volume in BOXES):
+        raise TreeError(f"{type(tree).__name__}: its volumes are to be {volume!r}")
     seen = np.zeros(len(tree.triangles), dtype=np.int64)
     _check_node(tree, 0, seen, _EDGES[volume])
     if not (seen == 1).all():
@@ -235,7 +238,7 @@ def _check_volume(
     c = volume[0:3]
     corners = tree.triangles[triangles].reshape(-1, 3) / tree.scale[0]
     d = corners - (tree.centres[node, :3] + c)
-    outside = _outside_box(volume, d) if tree.scale[3] else _outside_swept(volume, d)
+    outside = (_outside_box if isinstance(tree, BoxTree) else _outside_swept)(volume, d)
     if not outside <= 0.0:
         raise TreeError(f"node {node} lane {lane}: a corner lies {outside} outside")
     reach = np.sqrt(c @ c) + volume[9:].sum()

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_reals, check_tolerance
+from ..kernels.base.state import MeshTree
 from ..kernels.inside import closest as closest_kernel
 from ..models.model import Model
 from ..models.solid import sides_of
@@ -80,6 +81,8 @@ def closest_points(
     nearest, triangles = np.full((k, 3), np.nan), np.full(k, closest_kernel.NONE, np.int32)
     directions = np.full((k if normals else 0, 3), np.nan)
     capacity = 1 + hierarchy.depth * 15
+    # Of whatever volumes: boxes may be taken for swept spheres.
+    tree, distinct = MeshTree(*hierarchy.tree), MeshTree(*hierarchy.distinct)
 
     def answer(first: int, stopped: Event) -> None:
         part = slice(first, first + _POINTS)
@@ -93,7 +96,7 @@ def closest_points(
         while at < count and not (over or stopped.is_set()):
             if at == found:
                 found = closest_kernel.closest_points(
-                    hierarchy.distinct, pose, given[part], max_distance, region is not None, at,
+                    distinct, pose, given[part], max_distance, region is not None, at,
                     slices.steps, stack, stacked, going, bounds[part], nearest[part],
                     triangles[part], directions[part],
                 )  # fmt: skip
@@ -101,7 +104,7 @@ def closest_points(
                 at = found
             elif at < found:
                 at = closest_kernel.sides(
-                    hierarchy.tree, region, pose, given[part], at, found, slices.steps, around,
+                    tree, region, pose, given[part], at, found, slices.steps, around,
                     bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
             # One point at least, so that whoever asks again and again comes to an end.

@@ -38,28 +38,27 @@ class Met:
     blocks: tuple[NDArray[np.float64], ...]
     """Rows of `State.collected`."""
     motions: NDArray[np.float64]
-    reals: NDArray[np.float64]
-    """`State.motions` and `State.reals`."""
+    progress: np.record
+    """`State.motions`, and how far the search was, as PROGRESS."""
 
     @property
     def touching(self) -> bool:
         """Whether the nearest triangles that were found touch or cross, or rounding hides it."""
-        reals = self.reals
-        certain = float(reals[index.DISTANCE] - reals[index.SLACK])
-        return bool(lower_of.py_func(certain, reals[index.RADII], reals[index.DEVIATIONS]) <= 0.0)
+        progress = self.progress
+        certain = progress.distance - progress.slack
+        return bool(lower_of.py_func(certain, progress.radii, progress.deviations) <= 0.0)
 
     def contacts(self) -> Touching:
         """All contacts in the rows."""
         a, b = self.hierarchies
-        reals = self.reals
-        reach = reach_of.py_func(0.0, reals[index.RADII], reals[index.DEVIATIONS])
-        slack = float(reals[index.SLACK])
-        rows = np.concatenate([each[least(each, slack) <= reach] for each in self.blocks])
+        progress = self.progress
+        reach = reach_of.py_func(0.0, progress.radii, progress.deviations)
+        rows = np.concatenate([each[least(each, progress.slack) <= reach] for each in self.blocks])
         pairs = rows[:, :2].astype(np.int32)
         points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
         # The search itself may go on meanwhile.
         own = Search(*self.models, coherent=False)
-        own.state.motions[:], own.reals[:] = self.motions, reals
+        own.state.motions[:], own.state.progress[0] = self.motions, progress
         tables = a.table_of_all, b.table_of_all
         kernel.contacts(*tables, own.memory, self.pose_a, pairs, points, normals)
         contacts = np.stack((a.numbers[pairs[:, 0]], b.numbers[pairs[:, 1]]), axis=1)
@@ -71,7 +70,7 @@ def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
     a, b = search.models
     blocks = search.collected()
     if not len(search.state.collected):
-        answer = search.answers
+        answer = search.answers[0]
         blocks = (np.array([[answer[index.TREE_A], answer[index.TREE_B], 0.0]]),)
     return Met(
         search.models,
@@ -79,5 +78,5 @@ def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
         pose_a.copy(),
         blocks,
         search.state.motions.copy(),
-        search.reals.copy(),
+        search.progress_now(),
     )

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base import state as index
 from ..kernels.elements.swept import lower_of, reach_of, upper_of
 from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy
@@ -31,8 +30,8 @@ class Candidates:
     """Pairs of volumes that the search did not look into: lanes (k, 2), bounds (k,) in metres."""
     motion: NDArray[np.float64]
     """(12,) from b to a."""
-    reals: NDArray[np.float64]
-    """`State.reals`."""
+    progress: np.record
+    """How far the search was, as PROGRESS."""
 
     def manifold(self) -> Manifold:
         """Every pair whose lower bound is not above the upper bound of the search.
@@ -40,9 +39,9 @@ class Candidates:
         Those are the pairs of triangles whose distance was found, the pairs of volumes left alone,
         and where the search was cut those not yet looked into.
         """
-        reals = self.reals
-        slack, offsets = reals[index.SLACK], (reals[index.RADII], reals[index.DEVIATIONS])
-        reach = reach_of.py_func(reals[index.DISTANCE] + reals[index.UPPER_SLACK], *offsets)
+        progress = self.progress
+        slack, offsets = progress.slack, (progress.radii, progress.deviations)
+        reach = reach_of.py_func(progress.distance + progress.upper_slack, *offsets)
         rows = np.concatenate([each[least(each, slack) <= reach] for each in self.blocks])
         tested = rows[:, 0] >= 0.0
         triangles = rows[tested, :2].astype(np.int32)
@@ -85,7 +84,7 @@ def candidates(search: Search) -> Candidates:
         search.collected(),
         search.pending(),
         search.state.motions[0].copy(),
-        search.reals.copy(),
+        search.progress_now(),
     )
 
 

@@ -81,7 +81,7 @@ class Pair:
         self._run(start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
         search = self._search
         held = candidates(search) if manifold else None
-        return distance_of(search.answers, start, held, search.kinds)
+        return distance_of(search.answers[0], start, held, search.kinds)
 
     def ideal(
         self,
@@ -109,7 +109,7 @@ class Pair:
         # The next begins with the distance of the triangles that this one found.
         start = perf_counter()
         search.run(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err)
-        return distance_of(search.answers, start, None, search.kinds)
+        return distance_of(search.answers[0], start, None, search.kinds)
 
     def signed_distance(
         self,
@@ -145,7 +145,7 @@ class Pair:
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         beyond = math.nextafter(clearance, math.inf)
         code = self._run(start, budget_s, pose_a, pose_b, stop=clearance, limit=beyond)
-        return Clearance(self._search.answers, clearance, code == index.ENDED)
+        return Clearance(self._search.answers[0], clearance, code == index.ENDED)
 
     def collide(
         self,
@@ -161,7 +161,7 @@ class Pair:
         limit = math.ulp(0.0)
         code = self._run(start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
         search = self._search
-        return Collision(search.answers, met(search, pose_a), code == index.ENDED)
+        return Collision(search.answers[0], met(search, pose_a), code == index.ENDED)
 
     def _run(
         self,

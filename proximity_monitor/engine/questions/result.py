@@ -183,41 +183,95 @@ class ClosestPoints:
     normals: NDArray[np.float64] | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Distances:
     """Minimum or signed distances, one row a pose or a pair of bodies; see `Distance`.
 
     Attributes:
-        lower: (k,) metres; 0 where nothing was searched. Of a signed distance it is -infinity
-            there, and may be where `upper` decided about a clearance.
-        upper: (k,) metres; infinity where nothing was searched.
-        points_a: (k, 3) metres, world; NaN where nothing was searched.
-        points_b: (k, 3) metres, world.
-        elements: (k, 2) int32; the elements of the models that the witness points lie on, such as
-            triangles; -1 where nothing was searched.
-        parameters: (k, 2, 3) where on them; `Model.feature` tells.
-        hints: (k, 2) int32; where the next question to an `Assembly` may start; -1 for nowhere.
-        status: (k,) int32; positions in `tuple(Status)`.
-        bound_tests: (k,) bounding volume pairs tested.
-        primitive_tests: (k,) triangle pairs tested.
-        searched: (k,) whether the budget allowed to look at the pair at all.
+        rows: (k, ANSWER) what follows as numbers in rows, as searches write them; NaN stands for
+            the status where nothing was searched.
     """
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    points_a: NDArray[np.float64]
-    points_b: NDArray[np.float64]
-    elements: NDArray[np.int32]
-    parameters: NDArray[np.float64]
-    hints: NDArray[np.int32]
-    status: NDArray[np.int32]
-    bound_tests: NDArray[np.int64]
-    primitive_tests: NDArray[np.int64]
-    searched: NDArray[np.bool_]
+    # As in `Distance`, nothing is made that nobody may want: of thousands it would take longer than
+    # a short budget lasts.
+    rows: NDArray[np.float64]
 
     def __len__(self) -> int:
         """How many there are."""
-        return len(self.lower)
+        return len(self.rows)
+
+    @property
+    def lower(self) -> NDArray[np.float64]:
+        """(k,) metres; 0 where nothing was searched.
+
+        Of a signed distance it is -infinity there, and may be where `upper` decided about a
+        clearance.
+        """
+        return self.rows[:, index.LOWER]
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """(k,) metres; infinity where nothing was searched."""
+        return self.rows[:, index.UPPER]
+
+    @property
+    def points_a(self) -> NDArray[np.float64]:
+        """(k, 3) metres, world; NaN where nothing was searched."""
+        return self._points[0]
+
+    @property
+    def points_b(self) -> NDArray[np.float64]:
+        """(k, 3) metres, world; NaN where nothing was searched."""
+        return self._points[1]
+
+    @cached_property
+    def elements(self) -> NDArray[np.int32]:
+        """(k, 2); the models' elements on which the witness points lie, such as triangles.
+
+        -1 where nothing was searched.
+        """
+        return self._integers((index.FEATURE_A + 3, index.FEATURE_B + 3), -1).astype(np.int32)
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """(k, 2, 3) where on them; `Model.feature` tells."""
+        a, b = index.FEATURE_A, index.FEATURE_B
+        return self.rows[:, [*range(a, a + 3), *range(b, b + 3)]].reshape(-1, 2, 3)
+
+    @cached_property
+    def hints(self) -> NDArray[np.int32]:
+        """(k, 2); where the next question to an `Assembly` may start; -1 for nowhere."""
+        return self._integers((index.TREE_A, index.TREE_B), -1).astype(np.int32)
+
+    @cached_property
+    def status(self) -> NDArray[np.int32]:
+        """(k,) positions in `tuple(Status)`."""
+        return self._integers(index.STATUS, index.OUT_OF_TIME).astype(np.int32)
+
+    @cached_property
+    def bound_tests(self) -> NDArray[np.int64]:
+        """(k,) bounding volume pairs tested."""
+        return self._integers(index.TESTS, 0)
+
+    @cached_property
+    def primitive_tests(self) -> NDArray[np.int64]:
+        """(k,) triangle pairs tested."""
+        return self._integers(index.TESTS + 1, 0)
+
+    @cached_property
+    def searched(self) -> NDArray[np.bool_]:
+        """(k,) whether the budget allowed to look at the pair at all."""
+        return ~np.isnan(self.rows[:, index.STATUS])
+
+    @cached_property
+    def _points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return witness_points(self.rows)
+
+    def _integers(self, columns: int | tuple[int, ...], otherwise: int) -> NDArray[np.int64]:
+        """Columns of whole numbers; `otherwise` where nothing was searched."""
+        chosen = self.rows[:, columns].copy()
+        chosen[~self.searched] = otherwise
+        return chosen.astype(np.int64)
 
     def within(self, clearance: ArrayLike) -> NDArray[np.bool_]:
         """Whether the models may be as near as `clearance` metres, a number or (k,); (k,) bool.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from threading import Event
 from typing import Any, Literal
 
@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.state import KEPT
-from ..kernels.base.tables import table
-from ..kernels.search import search as kernel
+from ..kernels.base.tables import state_table
+from ..kernels.pairs.entries import ENTRIES
+from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
 from ..models.model import Model
-from ..models.tree import BOXES
 from ..poses import check_pose
 from .slices import Slices
 
@@ -24,9 +24,9 @@ Order = Literal["depth_first", "priority", "breadth_first"]
 """In which order a search visits pairs of volumes; the answer is the same."""
 
 _ORDERS = {
-    "depth_first": index.DEPTH_FIRST,
-    "priority": index.PRIORITY,
-    "breadth_first": index.BREADTH_FIRST,
+    "depth_first": index.DepthFirst,
+    "priority": index.Priority,
+    "breadth_first": index.BreadthFirst,
 }
 
 _LIST = 1 << 20
@@ -41,10 +41,9 @@ _BLOCK = 4096
 slice takes the longer the more was collected before."""
 
 
-def code_for(models: Iterable[Model], order: Order = "depth_first") -> int | None:
-    """Which code a search between some models needs: `unusual` of `kernels.descent.advance`."""
-    usual = order == "depth_first" and not any(model._hierarchy.volume in BOXES for model in models)
-    return None if usual else 1
+def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
+    """The compiled entry that answers queries about two models."""
+    return ENTRIES[type(a._hierarchy.tree), type(b._hierarchy.tree)][_ORDERS[order]]
 
 
 def check_model(model: Model, name: str) -> Model:
@@ -95,8 +94,8 @@ class Search:
     """
 
     __slots__ = (
-        "_blocks", "_unusual", "answers", "counts", "kinds", "memory", "models", "order", "reals",
-        "state",
+        "_blocks", "_entry", "_known", "_models", "_queries", "_wanted", "answers", "kinds",
+        "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -112,7 +111,10 @@ class Search:
         self.models = check_model(a, "a"), check_model(b, "b")
         self.kinds = type(a), type(b)
         self.order = order
-        self._unusual = code_for((a, b), order)
+        self._entry = entry_for(a, b, order)
+        self._queries = queries(1)
+        self._wanted = memoryview(self._queries.view(np.float64))[-4:]
+        self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model; a priority queue that is full besides leaves all its pairs below. A list of levels
         # is full while there is still room for a search depth first (see levels.py).
@@ -120,23 +122,25 @@ class Search:
         capacity = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
         if order == "breadth_first":
             capacity = _LIST
-        self.reals = np.zeros(index.REALS)
-        self.counts = np.zeros(index.COUNTS, np.int64)
-        self.counts[index.ORDER] = _ORDERS[order]
-        self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1] = nearest
-        self.counts[index.FULL] = capacity - 15 * levels - 16
+        record = np.zeros(1, index.PROGRESS)
+        self.progress = record.view(np.recarray)[0]
+        self.progress.element_a, self.progress.element_b = nearest
+        self.progress.full = capacity - 15 * levels - 16
+        pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
+        open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
+        if order == "priority":
+            open_pairs = index.Priority(pairs, bounds, np.zeros(levels + 1, np.int64))
+        elif order == "breadth_first":
+            open_pairs = index.BreadthFirst(pairs, bounds, no_corners, no_corners)
+        waiting = np.empty((WAITING_ROOM, 2), np.int32), np.empty(WAITING_ROOM)
         self._keep(
             index.State(
                 np.zeros((2, 12)),
-                self.reals,
-                self.counts,
-                np.empty((capacity, 2), np.int32),
-                np.empty(capacity),
-                np.zeros(levels + 1, np.int64),
+                record,
+                open_pairs,
+                index.Waiting(*waiting),
                 np.empty((0, 3)),
-                no_corners,
-                no_corners,
                 np.full(_COHERENT if coherent else 0, -1),
                 np.zeros(_COHERENT if coherent else 0),
             )
@@ -152,8 +156,7 @@ class Search:
     @property
     def nearest(self) -> tuple[int, int]:
         """The nearest triangles of the last answer, in tree order."""
-        a, b = self.counts[index.TRIANGLE_A : index.TRIANGLE_B + 1].tolist()
-        return a, b
+        return int(self.progress.element_a), int(self.progress.element_b)
 
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
         """Of what another is made."""
@@ -162,7 +165,7 @@ class Search:
     def _keep(self, state: index.State) -> None:
         """Take the arrays of a search, and make the table by which kernels find them."""
         # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
-        memory = table(state)
+        memory = state_table(state)
         self.state, self.memory = state, memory
 
     def run(
@@ -181,7 +184,7 @@ class Search:
         stopped: Event | None = None,
         answers: NDArray[np.float64] | None = None,
     ) -> int:
-        """Answer at k poses, one below the other (4 k, 4), into `answers` (k ANSWER,), or new ones.
+        """Answer at k poses, one below the other (4 k, 4), into `answers` (k, ANSWER), or new ones.
 
         Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
         alone, it collects every pair that may be as near as the upper bound, and ends only when it
@@ -196,9 +199,11 @@ class Search:
         a, b = a._hierarchy, b._hierarchy
         if collect:
             stop = -math.inf
-        tables = a.table, b.table
-        if collect:
-            tables = a.table_of_all, b.table_of_all
+        tables = (a.table_of_all, b.table_of_all) if collect else (a.table, b.table)
+        known = self._known
+        if tables[0] is not known[0] or tables[1] is not known[1]:  # a model was deformed
+            self._models = np.empty((2, *tables[0].shape), np.int64)
+            self._models[0], self._models[1] = self._known = tables
         collected = bool(len(self.state.collected))
         if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
             self.state.keys.fill(-1)  # too far were those pairs that it looked at
@@ -207,19 +212,29 @@ class Search:
             self._blocks = []
             self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
         if fresh and self.order == "breadth_first":
+            pairs, bounds, *_ = self.state.open
             corners = a.spread_corners(), b.spread_corners()
-            self._keep(self.state._replace(spread_a=corners[0], spread_b=corners[1]))
+            open_pairs = index.BreadthFirst(pairs, bounds, *corners)
+            self._keep(self.state._replace(open=open_pairs))
         count = len(poses_a) // 4
         if answers is None:
-            answers = np.empty(count * index.ANSWER)
+            answers = np.empty((count, index.ANSWER))
         self.answers = answers
+        asked, wanted = self._queries, self._wanted
+        if count > 1:
+            asked = queries(count)
+            asked["poses"] = np.arange(count)[:, None]
+            asked["rel_err"], asked["abs_err"] = rel_err, abs_err
+            asked["stop"], asked["limit"] = stop, limit
+        else:
+            wanted[0], wanted[1], wanted[2], wanted[3] = rel_err, abs_err, stop, limit
         row = 0
         # At least one slice: whoever asks again and again comes to an end.
         slices = Slices(deadline)
         while True:
-            code, row = kernel.search(
-                *tables, self.memory, poses_a, poses_b, row, count,
-                rel_err, abs_err, stop, limit, slices.steps, fresh, answers, self._unusual,
+            code, row = self._entry(
+                self._models, self.memory, poses_a, poses_b, asked, row, count, 1, slices.steps,
+                fresh, answers,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:
                 self._make_room()
@@ -239,21 +254,53 @@ class Search:
 
     def _make_room(self) -> None:
         """Set the full block aside, less what matters no longer, and begin another."""
-        rows = self.state.collected[: self.counts[index.COLLECTED]]
-        rows = rows[least(rows, self.reals[index.SLACK]) <= self.reals[index.LIMIT]]
+        progress = self.progress
+        rows = self.state.collected[: progress.collected]
+        rows = rows[least(rows, progress.slack) <= progress.limit]
         room = np.empty((_BLOCK, 3))
         # The number last: Ctrl-C may come at any moment, and no row may be missing.
         self._blocks.append(rows)
         self._keep(self.state._replace(collected=room))
-        self.counts[index.COLLECTED] = 0
+        progress.collected = 0
+
+    def progress_now(self) -> np.record:
+        """How far the search is at this moment; a later search leaves it alone."""
+        return self.state.progress.copy().view(np.recarray)[0]
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
-        return *self._blocks, self.state.collected[: self.counts[index.COLLECTED]]
+        return *self._blocks, self.state.collected[: self.progress.collected]
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
         ring = self.order == "breadth_first"
-        first = self.counts[index.BASE] if ring else 0
-        where = np.arange(first, self.counts[index.DEPTH]) % len(self.state.bounds)
-        return self.state.stack[where], self.state.bounds[where]
+        first = self.progress["base"] if ring else 0  # `.base` is an array's own
+        pairs, bounds, *_ = self.state.open
+        where = np.arange(first, self.progress.open) % len(bounds)
+        lanes, lower = self.state.waiting
+        waiting = slice(self.progress.waiting)
+        return (
+            np.concatenate((pairs[where], lanes[waiting])),
+            np.concatenate((bounds[where], lower[waiting])),
+        )
+
+
+def queries(count: int) -> NDArray:
+    """Queries (count,) about the bodies 0 and 1, from the elements that were nearest last."""
+    made = np.zeros(count, index.QUERY)
+    made["bodies"], made["nearest"] = (0, 1), index.KEEP
+    return made
+
+
+def queries_about(
+    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32]
+) -> NDArray:
+    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
+    made = np.zeros(len(pairs), index.QUERY)
+    made["bodies"] = made["poses"] = pairs
+    made["nearest"] = np.maximum(hints, 0)  # none is the first
+    made["rel_err"], made["abs_err"], clearances = wanted.T
+    beyond = clearances == np.inf
+    made["stop"] = np.where(beyond, 0.0, clearances)
+    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
+    return made

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state
-from ..kernels.base.state import Tree
 from ..kernels.inside import depth as kernel
 from ..kernels.inside import probe
 from ..kernels.inside.contain import FEW
 from ..kernels.inside.solids import HALF, NOWHERE
 from ..models.model import Model
 from ..models.solid import sides_of
+from ..models.tree import Tree
 from .overlap import overlap
 from .result import STATUSES, Distance, Status
 from .slices import Slices

@@ -198,7 +198,7 @@ def _level(record, view):
 def query(rows, labels, records, views, at, bodies, wanted, hints, signed, how):
     """Write the queries about the views `at` (m,).
 
-    bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `search_pairs`; `how`
+    bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `Assembly.rows`; `how`
     (m,) is one of TOGETHER, ALONE and INSIDE. A pair that is only to be decided has no tolerance:
     the level ends its search. Where two solids are certainly apart, their distance is that of
     their surfaces; elsewhere the sign is asked for, and nearly all pairs turn out to be apart.

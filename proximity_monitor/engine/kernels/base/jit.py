@@ -16,9 +16,11 @@ from __future__ import annotations
 
 import logging
 from functools import partial
+from types import FunctionType
 
-from numba import njit
+from numba import njit, types
 from numba.core import event
+from numba.core.typing.templates import infer, infer_global, make_overload_template
 
 from .cache import CACHE_DIRECTORY, KernelCache, refused
 
@@ -102,3 +104,45 @@ numba's own inlining compiles each copy anew, and the code is a tenth slower."""
 
 inlined16 = _helper(_nrt=False, forceinline=True, fastmath=_FREE)
 """Compile into a `loop16`, which must see through it."""
+
+
+def specialised(function, name, **constants):
+    """The same function under another name, with constants of its own for some of its globals.
+
+    Numba takes globals for constants, types among them, so a copy is compiled for these. A call
+    with types for arguments would do the same; but LLVM optimises what a function calls with every
+    function that calls it, so each function in between takes as long to compile as all below.
+    """
+    copy = FunctionType(function.__code__, {**function.__globals__, **constants}, name)
+    copy.__module__, copy.__doc__ = constants.get("__name__", function.__module__), function.__doc__
+    return copy
+
+
+def implements(stub, *kinds):
+    """Let a kernel stand in for a stub where the first arguments are of these kinds.
+
+    A kind is a NamedTuple type, or some of them; an argument is of that kind where it is one of
+    these types or a value of it. Numba chooses when it compiles, so a choice costs nothing later.
+    A stub is a function of this package that does nothing but say what it is for.
+
+    It is `numba.extending.overload`, but for a kernel that is already there: of a function it would
+    make another kernel around it, which takes as long to compile as all below (see `specialised`).
+    """
+
+    def fits(argument, kind):
+        own = getattr(argument, "instance_class", None)
+        return own in kind if type(kind) is tuple else own is kind
+
+    def register(kernel):
+        def build(self, key, args, kws):
+            found = all(map(fits, args, kinds))
+            self._impl_cache[key] = (kernel, args) if found else (None, None)
+            return self._impl_cache[key]
+
+        template = make_overload_template(stub, kernel.py_func, {}, False, "never")
+        template._build_impl = build
+        infer(template)
+        infer_global(stub, types.Function(template))
+        return kernel
+
+    return register

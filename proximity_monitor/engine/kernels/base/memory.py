@@ -101,3 +101,19 @@ def rows_at(typingctx, address, rows, columns, like):
         return _array(context, builder, array_type, data, extents, strides)
 
     return array_type(*arguments), codegen
+
+
+@intrinsic
+def records_at(typingctx, address, rows, record):
+    """The array (rows,) of records of a dtype, a constant, that begins there; else as `rows_at`."""
+    if not (isinstance(record, types.DType) and isinstance(record.dtype, types.Record)):
+        return None
+    array_type = types.Array(record.dtype, 1, "C")
+
+    def codegen(context, builder, signature, args):
+        item = context.get_data_type(array_type.dtype)
+        size = context.get_constant(types.intp, array_type.dtype.size)
+        data = builder.inttoptr(args[0], item.as_pointer())
+        return _array(context, builder, array_type, data, [args[1]], [size])
+
+    return array_type(types.int64, types.int64, record), codegen

@@ -7,7 +7,13 @@ from __future__ import annotations
 
 from .jit import entry, kernel
 from .precise import dot_precise, two_sum
-from .rounding import LARGEST_COORDINATE, RIGID_TOLERANCE
+from .rounding import (
+    LARGEST_COORDINATE,
+    POINT_FLOOR,
+    POINT_MARGIN,
+    POSE_MARGIN,
+    RIGID_TOLERANCE,
+)
 
 
 @kernel
@@ -74,3 +80,14 @@ def relative_motions(pose_a, pose_b, b_to_a, a_to_b):
             a_to_b[3 * j + i] = product
         b_to_a[9 + i] = dot_precise(row, (x, y, z), (dx, dy, dz))
         a_to_b[9 + i] = -(pose_b[0, i] * x + pose_b[1, i] * y + pose_b[2, i] * z)
+
+
+@kernel
+def slack_of_bounds(size_a, size_b, apart, error):
+    """What a point that was moved by one of `relative_motions` errs by, metres.
+
+    No point of the models lies farther from its origin than the sizes, the origins are `apart`, and
+    `error` is the sum of both poses' `deviation`.
+    """
+    imperfect = POINT_MARGIN + POSE_MARGIN * error
+    return imperfect * (size_a + size_b + apart) + POINT_FLOOR

@@ -4,60 +4,123 @@ from __future__ import annotations
 
 from collections import namedtuple
 
-Tree = namedtuple("Tree", "nodes centres children sizes triangles scale")
-"""A hierarchy as the kernels see it.
+import numpy as np
+
+MeshTree = namedtuple("MeshTree", "nodes centres children sizes triangles scale")
+"""A hierarchy of swept spheres over triangles, as the kernels see it.
 
 nodes (float32, flat) the volumes; centres (k, 4) each node's centre and reach in node units;
-children (int32, k × 16) a node, a leaf or EMPTY (see leaf.py); sizes (float32, k × 16) each
-volume's extent in node units; triangles (m, 9) in tree order, metres; scale (7,) metres in a node
-unit, its inverse, the largest norm of a vertex in metres, 1 where the volumes are boxes, else 0,
-how often it was refitted, the radius of the ball that sweeps the triangles, and how far they may
-deviate from what they stand for, both in metres.
+children (int32, k × 16) a node, a leaf or EMPTY (see layout.py); sizes (float32, k × 16) each
+volume's extent in node units; triangles (m, 9) in tree order, metres; scale (6,) metres in a node
+unit, its inverse, the largest norm of a vertex in metres, how often it was refitted, the radius of
+the ball that sweeps the triangles, and how far they may deviate from what they stand for, both in
+metres.
+
+Each kind of model has a tree of a type of its own, by which kernels are chosen when they are
+compiled (see search/stubs.py). All kinds have children, sizes, centres and scale as here.
 """
 
-SWEPT, DEVIATION = 5, 6
-"""Of `Tree.scale`."""
+BoxTree = namedtuple("BoxTree", MeshTree._fields)
+"""A hierarchy of boxes over triangles: what is a radius of MeshTree is a box's half thickness here.
 
-State = namedtuple(
-    "State",
-    "motions reals counts stack bounds frames collected spread_a spread_b keys reaches",
-)
-"""A search. motions (2, 12): b to a, a to b; reals and counts by the indices below; stack (int32,
-n × 2) the pairs of volumes still to be looked at, as lanes 16 node + lane, and their lower bounds
-(n,) in metres; collected (n, 3) every pair that may hold the minimum, where they are asked for
-(n > 0): two triangles and their distance, or ~lane, ~lane and a lower bound; spread_a and spread_b
-(int32, k × 4) vertices of each node, as 3 triangle + corner, where the order needs them; keys
+A box lies inside its rectangle swept by that, so wherever boxes are of no use the same arrays may
+be taken for a MeshTree.
+"""
+
+MESHES = MeshTree, BoxTree
+"""The trees over triangles."""
+
+REVISION, SWEPT, DEVIATION = 3, 4, 5
+"""Of a tree's `scale`."""
+
+DepthFirst = namedtuple("DepthFirst", "pairs bounds")
+"""The pairs of volumes still to be looked at (int32, n × 2), as lanes 16 node + lane, and their
+lower bounds (n,) in metres. The next is the last one: of those opened together the nearest."""
+
+Priority = namedtuple("Priority", "pairs bounds frames")
+"""The same as queues, the nearest first; frames (n,) where those begin that wait (see queue.py)."""
+
+BreadthFirst = namedtuple("BreadthFirst", "pairs bounds spread_a spread_b")
+"""The same level by level (see levels.py); spread_a and spread_b (int32, k × 4) vertices of each
+node, as 3 triangle + corner."""
+
+State = namedtuple("State", "motions progress open waiting collected keys reaches")
+"""A search. motions (2, 12): b to a, a to b; progress, a PROGRESS; open, of one of the three types
+above, which says in which order pairs are taken; waiting, the pairs of leaves whose
+elements are still to be compared; collected (n, 3) every pair that may hold the minimum, where they
+are asked for (n > 0): two triangles and their distance, or ~lane, ~lane and a lower bound; keys
 (int64) and reaches (n,), which pairs of lanes were too far, and how far the models will have moved
 when they no longer are (see coherence.py).
 """
 
-DISTANCE, SLACK, BOUND_SLACK, LIMIT, REL_ERR, ABS_ERR, STOP, UPPER_SLACK = 0, 1, 2, 3, 4, 5, 6, 7
-"""Reals: smallest distance found; what rounding may have done to it, and to a moved volume; bound
-from which a pair is pruned; the tolerances; distance at which the search may end; rounding of
-the upper bound, 0 where triangles certainly cross. All metres."""
-NORMAL_A, NORMAL_B, OFFSET = 8, 11, 14
-"""Reals: the unit vector from the nearest point of a to that of b, in a's frame and in b's, and its
-product with the translation from b to a (see aim.py)."""
-ENOUGH, LEVEL_LOWER, NEXT_LOWER = 15, 16, 17
-"""Reals: bound from which a pair cannot improve the answer by more than was asked for: LIMIT, but
-where pairs are collected; the least bound of this level and what follows, and of the next."""
-WEIGHTS_A, WEIGHTS_B, APPROACHED = 18, 21, 24
-"""Reals: barycentric weights of the nearest points, three each; and the distance from which they
-were last improved (see approach.py)."""
-TRAVELLED, STEP, SHAPE_A, SHAPE_B, PROVEN = 25, 26, 27, 28, 29
-"""Reals: how far the models have moved in all, and since the last search, metres; how often they
-had been refitted; and the bound of all pairs that were opened last, metres, if none was left."""
-RADII, DEVIATIONS, REALS = 30, 31, 32
-"""Reals: both models' swept radii together, and both deviations, metres. Every other real is about
-the models' triangles, the cores of what is swept: `finish` makes it one of the models."""
+Waiting = namedtuple("Waiting", "lanes bounds")
+"""Pairs of leaves: their lanes (int32, n × 2) and bounds (n,) metres. They stay where a slice ends,
+and their bounds count in `lower`. A kind whose elements take many steps to compare has its own type
+for this, with the unfinished cells of a pair beside their bounds."""
 
-DEPTH, TRIANGLE_A, TRIANGLE_B, BOUND_TESTS, PRIMITIVE_TESTS, COLLECTED = 0, 1, 2, 3, 4, 5
-ORDER, BASE, FRAMES = 6, 7, 8
-"""Counts: pairs on the stack; the nearest triangles so far, in tree order; tests made; pairs
-collected; the order; where the present queue begins, and how many wait below it."""
-LEVEL_END, NEAREST_A, NEAREST_B, FULL, STEPS, COUNTS = 9, 10, 11, 12, 13, 14
-"""Counts of a search level by level: where the present level ends; the nearest pair of the next;
-how many pairs may be listed; and, of any search, how many steps this slice has left."""
+QUERY = np.dtype(
+    [
+        ("bodies", np.int32, (2,)),
+        ("poses", np.int32, (2,)),
+        ("nearest", np.int32, (2,)),  # elements to begin with, in tree order; KEEP
+        ("rel_err", np.float64),
+        ("abs_err", np.float64),
+        ("stop", np.float64),  # metres: a distance at which the search may end
+        ("limit", np.float64),  # metres: nothing is asked about what is farther
+    ],
+    align=True,
+)
+"""What is asked about two bodies: which models and poses, and how well the distance is wanted."""
+
+KEEP = -1
+"""The element that a search begins with is the one that it found last."""
+
+PROGRESS = np.dtype(
+    [
+        ("distance", np.float64),  # the smallest found
+        ("slack", np.float64),  # what rounding may have done to it
+        ("upper_slack", np.float64),  # the same of the upper bound; 0 where elements surely cross
+        ("bound_slack", np.float64),  # what rounding may have done to a moved volume
+        ("limit", np.float64),  # the bound from which a pair is pruned
+        ("enough", np.float64),  # the bound from which a pair cannot improve the answer by more
+        # than was asked for: `limit`, but where pairs are collected
+        ("rel_err", np.float64),
+        ("abs_err", np.float64),
+        ("stop", np.float64),  # the distance at which the search may end
+        ("radii", np.float64),  # both models' swept radii together
+        ("deviations", np.float64),  # both deviations
+        ("normal_a", np.float64, (3,)),  # unit vector from the nearest point of a to that of b,
+        ("normal_b", np.float64, (3,)),  # in a's frame and in b's (see aim.py)
+        ("offset", np.float64),  # its product with the translation from b to a
+        ("weights_a", np.float64, (3,)),  # where the nearest points lie on their elements
+        ("weights_b", np.float64, (3,)),
+        ("approached", np.float64),  # the distance from which they were last improved
+        ("travelled", np.float64),  # how far the models have moved in all
+        ("step", np.float64),  # ... and since the last search
+        ("shape_a", np.float64),  # how often the models had been refitted
+        ("shape_b", np.float64),
+        ("proven", np.float64),  # bound of the pair opened last, where all below it were pruned
+        ("level_lower", np.float64),  # the least bound of this level and what follows
+        ("next_lower", np.float64),  # ... and of the next level
+        ("element_a", np.int64),  # the nearest elements, in tree order
+        ("element_b", np.int64),
+        ("bound_tests", np.int64),
+        ("primitive_tests", np.int64),
+        ("open", np.int64),  # how many pairs of volumes are open: where the next stands
+        ("waiting", np.int64),  # how many pairs of leaves wait
+        ("collected", np.int64),  # how many are collected
+        ("steps", np.int64),  # what this slice has left
+        ("base", np.int64),  # where the present queue or list begins
+        ("frames", np.int64),  # how many queues wait below it
+        ("full", np.int64),  # how many pairs a list may hold
+        ("level_end", np.int64),  # where the present level ends
+        ("nearest_a", np.int64),  # the nearest pair of the next level
+        ("nearest_b", np.int64),
+    ],
+    align=True,
+)
+"""How far a search is. All lengths are in metres, and about the models' elements, the cores of what
+is swept: `finish` makes them such of the models."""
 
 LOWER, UPPER, POINT_A, POINT_B = 0, 1, 2, 5
 FEATURE_A, FEATURE_B, TREE_A, TREE_B, TESTS, STATUS = 8, 12, 16, 17, 18, 20
@@ -69,9 +132,6 @@ which the points lie inside the models (see swept.py)."""
 
 EXACT, WITHIN_TOLERANCE, OUT_OF_TIME, INTERSECTING = 0, 1, 2, 3
 """Why a search stopped, in the order of `result.Status`."""
-
-DEPTH_FIRST, PRIORITY, BREADTH_FIRST = 0, 1, 2
-"""Orders of a search."""
 
 ENDED, CUT, BAD_POSE_A, BAD_POSE_B, COLLECTED_FULL, CUT_BETWEEN = 0, 1, 2, 3, 4, 5
 """What a slice of a search returns; the last, where it was over before the next search began."""

@@ -8,10 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.state import KEPT
-from .jit import inlined
-from .memory import read_only, rows_at
-from .state import State, Tree
+from .jit import implements, inlined
+from .memory import read_only, records_at, rows_at
+from .state import (
+    KEPT,
+    PROGRESS,
+    BoxTree,
+    BreadthFirst,
+    DepthFirst,
+    MeshTree,
+    Priority,
+    State,
+    Waiting,
+)
 
 
 def table(arrays):
@@ -20,35 +29,93 @@ def table(arrays):
     return np.array([addresses, [len(array) for array in arrays]], np.int64)
 
 
+def tree_at(kind, model):
+    """The hierarchy, a tree of that type, of a table of its arrays and labels; and the labels.
+
+    A label says what an element is called outside: of a triangle its face. Each kind implements it.
+    """
+
+
 @inlined
-def tree_at(model):
-    """The hierarchy of a table of a Tree's arrays and the faces of its triangles, and the faces."""
+def _mesh_arrays(model):
+    """The arrays of a tree over triangles, and the faces of the triangles."""
     at, rows = model[0], model[1]
-    tree = Tree(
+    return (
         read_only(rows_at(at[0], rows[0], 0, np.float32(0.0))),
         read_only(rows_at(at[1], rows[1], 4, 0.0)),
         read_only(rows_at(at[2], rows[2], 0, np.int32(0))),
         read_only(rows_at(at[3], rows[3], 0, np.float32(0.0))),
         read_only(rows_at(at[4], rows[4], 9, 0.0)),
         read_only(rows_at(at[5], rows[5], 0, 0.0)),
+        rows_at(at[6], rows[6], 0, np.int32(0)),
     )
-    return tree, rows_at(at[6], rows[6], 0, np.int32(0))
+
+
+@implements(tree_at, MeshTree)
+@inlined
+def _mesh_at(kind, model):
+    nodes, centres, children, sizes, triangles, scale, faces = _mesh_arrays(model)
+    return MeshTree(nodes, centres, children, sizes, triangles, scale), faces
+
+
+@implements(tree_at, BoxTree)
+@inlined
+def _boxes_at(kind, model):
+    nodes, centres, children, sizes, triangles, scale, faces = _mesh_arrays(model)
+    return BoxTree(nodes, centres, children, sizes, triangles, scale), faces
+
+
+def _open_at(order, at, rows):
+    """What is open in a search of that order; each order implements it."""
+
+
+@implements(_open_at, DepthFirst)
+@inlined
+def _stack_at(order, at, rows):
+    return DepthFirst(
+        rows_at(at[7], rows[7], 2, np.int32(0)),
+        rows_at(at[8], rows[8], 0, 0.0),
+    )
+
+
+@implements(_open_at, Priority)
+@inlined
+def _queues_at(order, at, rows):
+    return Priority(
+        rows_at(at[7], rows[7], 2, np.int32(0)),
+        rows_at(at[8], rows[8], 0, 0.0),
+        rows_at(at[9], rows[9], 0, np.int64(0)),
+    )
+
+
+@implements(_open_at, BreadthFirst)
+@inlined
+def _levels_at(order, at, rows):
+    return BreadthFirst(
+        rows_at(at[7], rows[7], 2, np.int32(0)),
+        rows_at(at[8], rows[8], 0, 0.0),
+        rows_at(at[9], rows[9], KEPT, np.int32(0)),
+        rows_at(at[10], rows[10], KEPT, np.int32(0)),
+    )
 
 
 @inlined
-def state_at(memory):
-    """The search of a table of a State's arrays."""
+def state_at(order, memory):
+    """The search of a table of a State's arrays, as `state_table` makes it."""
     at, rows = memory[0], memory[1]
     return State(
         rows_at(at[0], rows[0], 12, 0.0),
-        rows_at(at[1], rows[1], 0, 0.0),
-        rows_at(at[2], rows[2], 0, np.int64(0)),
-        rows_at(at[3], rows[3], 2, np.int32(0)),
-        rows_at(at[4], rows[4], 0, 0.0),
+        records_at(at[1], rows[1], PROGRESS),
+        _open_at(order, at, rows),
+        Waiting(rows_at(at[2], rows[2], 2, np.int32(0)), rows_at(at[3], rows[3], 0, 0.0)),
+        rows_at(at[4], rows[4], 3, 0.0),
         rows_at(at[5], rows[5], 0, np.int64(0)),
-        rows_at(at[6], rows[6], 3, 0.0),
-        rows_at(at[7], rows[7], KEPT, np.int32(0)),
-        rows_at(at[8], rows[8], KEPT, np.int32(0)),
-        rows_at(at[9], rows[9], 0, np.int64(0)),
-        rows_at(at[10], rows[10], 0, 0.0),
+        rows_at(at[6], rows[6], 0, 0.0),
     )
+
+
+def state_table(state):
+    """The table of a search."""
+    s = state
+    shared = s.motions, s.progress, *s.waiting, s.collected, s.keys, s.reaches
+    return table((*shared, *s.open))

@@ -41,8 +41,7 @@ def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first):
     """Raise the bounds of a node's sixteen lanes, where they are below `reach`, to those of boxes.
 
     The first six arguments are those of `place`, which has accepted the volume; `bounds` is what
-    `lower_bounds` wrote, from `first` on. Node units, float32. Either tree may be one of swept
-    spheres: a volume here is a box swept by a ball, of which one has no thickness.
+    `lower_bounds` wrote, from `first` on. Node units, float32.
     """
     own = lane // WIDTH
     base = uint64(own * STRIDE + lane % WIDTH)
@@ -51,7 +50,7 @@ def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first):
     c = sub(scaled(moved(motion, c), tree.scale[1]), row(tree.centres, node))
     # The third axis is moved like a point of the box: the product of two axes that were moved would
     # differ by what the motion lacks to a rotation.
-    u, v, w, ball = _half_edges(fixed.nodes, base, fixed.scale[3] != 0.0)
+    u, v, w = _half_edges(fixed.nodes, base)
     u = scaled(rotated(motion, u), ratio)
     v = scaled(rotated(motion, v), ratio)
     w = scaled(rotated(motion, w), ratio)
@@ -60,30 +59,24 @@ def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first):
     # is twice that, of which float64 takes a millionth.
     size = abs(c[0]) + abs(c[1]) + abs(c[2]) + 1.5 * fixed.sizes[lane] * ratio
     margin = 2.0 * SINGLE_EPS * (size + tree.centres[node, 3]) + slack * tree.scale[1]
-    ball = ball * ratio + margin
-    boxed = tree.scale[3] != 0.0
     for k in range(WIDTH):
         if bounds[first + k] >= reach:
             continue
         at = uint64(node * STRIDE + k)
-        f, g, h, radius = _half_edges(tree.nodes, at, boxed)
-        swept = ball + radius
+        f, g, h = _half_edges(tree.nodes, at)
         d = sub(c, read_vector(tree.nodes, at))
-        bound = shortest(d, (u, v, w, f, g, h), swept, swept + reach) - swept
+        bound = shortest(d, (u, v, w, f, g, h), margin, margin + reach) - margin
         bounds[first + k] = max(bounds[first + k], np.float32(bound))
 
 
 @kernel
-def _half_edges(nodes, base, boxed):
-    """Half edges of a lane's box, and the radius of the ball that it is swept by."""
+def _half_edges(nodes, base):
+    """Half edges of a lane's box."""
     u, v = read_vector(nodes, base + _F3), read_vector(nodes, base + _F6)
-    extent = np.float64(nodes[base + _F9])
-    thickness = extent if boxed else 0.0
     return (
         scaled(u, np.float64(nodes[base + _F10])),
         scaled(v, np.float64(nodes[base + _F11])),
-        scaled(cross(u, v), thickness),
-        extent - thickness,
+        scaled(cross(u, v), np.float64(nodes[base + _F9])),
     )
 
 

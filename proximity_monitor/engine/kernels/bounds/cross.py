@@ -17,14 +17,9 @@ from ..base.jit import inlined, loop16
 from ..base.lanes import has_three, lowest, not_above, smallest
 from ..base.memory import read_only
 from ..base.rounding import ALONG_MARGIN, CROSS_MARGIN, SINGLE_EPS, SINGLE_LIMIT, SINGLE_TINY
-from ..base.state import BOUND_SLACK, BOUND_TESTS, NORMAL_A, NORMAL_B, OFFSET, PROVEN
 from ..base.vectors import add, moved, scaled, sub
 from ..tree.layout import EMPTY, STRIDE, WIDTH, read_vector, row
-from .boxes import box_bounds
-from .volumes import lower_bounds, lows_along
-
-Waiting = namedtuple("Waiting", "lanes bounds")
-"""Pairs of triangles that wait to be tested: their lanes (int32, n × 2) and bounds (n,) metres."""
+from .volumes import lower_bounds, lows_along, tighten
 
 Scratch = namedtuple("Scratch", "single found frame placed owns lows other_lows")
 """Room for float32: a single volume (16,), bounds (17 × 16), a motion (16,), a moved node
@@ -78,13 +73,13 @@ def _pick(lanes, base, margin, single):
 
 
 @inlined
-def _apart(tree, node, normal, sign, lows, reals):
+def _apart(tree, node, normal, sign, lows):
     """How far along the direction from a to b the node of a tree keeps from the other's, in metres.
 
     That is of its centre; how much less it is of its lanes is written to `lows`, in node units. For
     b, whose sign is 1, it is measured along the direction, for a against it.
     """
-    x, y, z = sign * reals[normal], sign * reals[normal + 1], sign * reals[normal + 2]
+    x, y, z = sign * normal[0], sign * normal[1], sign * normal[2]
     lows_along(tree.nodes, uint64(node * STRIDE), np.float32(x), np.float32(y), np.float32(z), lows)
     c = tree.centres
     centre = x * c[node, 0] + y * c[node, 1] + z * c[node, 2]
@@ -108,35 +103,31 @@ def _proven(lows, found, along, own_unit, unit, aligned, whole, count):
 
 
 @inlined
-def cross_leaves(
-    tree, node, fixed, lane, motion, flip, state, inherited, limit, scratch, waiting, n, unusual
-):
-    """Append to `waiting` the pairs of triangles that may be nearer than `limit`.
+def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, scratch, n):
+    """What `stubs.cross_leaves` asks for, of two trees over triangles.
 
-    One triangle is of the lowest node `node` of `tree`, the other of the one under `lane` of the
-    tree `fixed`; `motion` moves the former into the latter's frame, `flip` says that `tree` is b.
-    `inherited` is a bound of all pairs; where none is left, PROVEN is as good a one or better.
-    Returns how many pairs are waiting then, of n before; or -1 where single precision does not
-    serve.
+    Returns -1 where single precision does not serve.
     """
     single, found, frame, placed, owns, lows, other_lows = scratch
+    waiting = state.waiting
     other = fixed.children[lane]
     unit, inverse = fixed.scale[0], fixed.scale[1]
-    reals = state.reals
-    state.counts[BOUND_TESTS] += WIDTH
+    progress = state.progress[0]
+    progress.bound_tests += WIDTH
     before = n
     # Along the direction between the nearest points, all pairs of volumes at once.
-    normal, other_normal = (NORMAL_B, NORMAL_A) if flip else (NORMAL_A, NORMAL_B)
+    normal = progress.normal_b if flip else progress.normal_a
+    other_normal = progress.normal_a if flip else progress.normal_b
     sign = 1.0 if flip else -1.0
-    apart = _apart(tree, node, normal, sign, lows, reals)
-    apart += _apart(fixed, other, other_normal, -sign, other_lows, reals)
-    apart += reals[OFFSET] - reals[BOUND_SLACK]
+    apart = _apart(tree, node, normal, sign, lows)
+    apart += _apart(fixed, other, other_normal, -sign, other_lows)
+    apart += progress.offset - progress.bound_slack
     room = limit - apart
     nearest = smallest(other_lows, 0, _ALL) * unit
     rows = not_above(lows, 0, np.float32((room - nearest) * tree.scale[1]))
     aligned, whole = rows, rows
     if not rows:
-        reals[PROVEN] = apart + nearest + smallest(lows, 0, _ALL) * tree.scale[0]
+        progress.proven = apart + nearest + smallest(lows, 0, _ALL) * tree.scale[0]
         return n
     ratio = tree.scale[0] * inverse
     centre = row(fixed.centres, other)
@@ -150,7 +141,7 @@ def cross_leaves(
         abs(d[0]) + abs(d[1]) + abs(d[2]) + tree.centres[node, 3] * ratio
         + abs(o[0]) + abs(o[1]) + abs(o[2]) + 1.5 * fixed.sizes[lane] + fixed.centres[other, 3]
     )  # fmt: skip
-    slack = state.reals[BOUND_SLACK] * inverse
+    slack = progress.bound_slack * inverse
     if not (reach + slack < SINGLE_LIMIT and ratio < SINGLE_LIMIT):
         return -1
     # The floor covers what float32 would flush.
@@ -166,7 +157,7 @@ def cross_leaves(
         _pick(fixed.nodes, base, margin, single)
         single[0], single[1], single[2] = np.float32(o[0]), np.float32(o[1]), np.float32(o[2])
         lower_bounds(moved_lanes, uint64(0), single, found, uint64(0))
-        state.counts[BOUND_TESTS] += WIDTH
+        progress.bound_tests += WIDTH
         whole = not_above(found, 0, threshold)
         rows &= whole
     # All are bounded before any result is looked at, so that the processor works on two at once.
@@ -180,14 +171,13 @@ def cross_leaves(
         at = (count + 1) * WIDTH
         _pick(moved_lanes, uint64(own), margin, single)
         lower_bounds(fixed.nodes, uint64(other * STRIDE), single, found, uint64(at))
-        if unusual is not None and fixed.scale[3] + tree.scale[3] > 0.0:
-            box_bounds(
-                tree, node * WIDTH + own, motion, fixed, other, state.reals[BOUND_SLACK],
-                threshold, found, at,
-            )  # fmt: skip
+        tighten(
+            tree, fixed, node * WIDTH + own, motion, other, progress.bound_slack,
+            threshold, found, at,
+        )  # fmt: skip
         owns[count] = own
         count += 1
-    state.counts[BOUND_TESTS] += WIDTH * count
+    progress.bound_tests += WIDTH * count
     for i in range(count):
         at = (i + 1) * WIDTH
         own_room = np.float32((room - lows[owns[i]] * tree.scale[0]) * inverse)
@@ -203,5 +193,5 @@ def cross_leaves(
     if n == before:
         along = apart + nearest
         proven = _proven(lows, found, along, tree.scale[0], unit, aligned, whole, count)
-        reals[PROVEN] = max(proven, inherited)
+        progress.proven = max(proven, inherited)
     return n

@@ -178,3 +178,10 @@ def far_bound(fixed, lane, motion, tree, node, slack):
     d = sub(c, scaled(row(tree.centres, node), unit))
     reach = 1.5 * fixed.sizes[lane] * fixed.scale[0] + tree.centres[node, 3] * unit
     return (np.sqrt(dot(d, d)) - reach) * (1.0 - 1e-12) - slack
+
+
+def tighten(fixed, tree, lane, motion, node, slack, reach, bounds, first):
+    """Raise the bounds that `lower_bounds` wrote, where they are below `reach`: a stub.
+
+    The arguments are those of `boxes.box_bounds`; see pairs/mesh_mesh.py.
+    """

@@ -12,19 +12,19 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS, GAP_SHARE
-from ..base.state import NORMAL_A, NORMAL_B, OFFSET, SLACK
 from ..base.vectors import dot
 
 
 @kernel
-def no_aim(reals):
+def no_aim(progress):
     """Forget the direction: `gap_along` is then of no use, and dismisses nothing."""
-    for i in range(NORMAL_A, OFFSET + 1):
-        reals[i] = 0.0
+    for i in range(3):
+        progress.normal_a[i] = progress.normal_b[i] = 0.0
+    progress.offset = 0.0
 
 
 @kernel
-def take_aim(reals, motion, g):
+def take_aim(progress, motion, g):
     """Measure along g, the way from the nearest point of a to that of b in a's frame.
 
     Half a dozen roundings may lengthen a unit vector by less than 4 u, so it is made that much
@@ -33,16 +33,16 @@ def take_aim(reals, motion, g):
     length = np.sqrt(dot(g, g))
     scale = (1.0 - 4.0 * DOUBLE_EPS) / length if length > 1e-140 else 0.0
     x, y, z = scale * g[0], scale * g[1], scale * g[2]
-    reals[NORMAL_A], reals[NORMAL_A + 1], reals[NORMAL_A + 2] = x, y, z
+    progress.normal_a[0], progress.normal_a[1], progress.normal_a[2] = x, y, z
     for i in range(3):
-        reals[NORMAL_B + i] = motion[i] * x + motion[3 + i] * y + motion[6 + i] * z
-    reals[OFFSET] = motion[9] * x + motion[10] * y + motion[11] * z
+        progress.normal_b[i] = motion[i] * x + motion[3 + i] * y + motion[6 + i] * z
+    progress.offset = motion[9] * x + motion[10] * y + motion[11] * z
 
 
 @inlined
-def _along(reals, normal, triangles, t):
+def _along(normal, triangles, t):
     """The products of a triangle's three corners with a direction."""
-    x, y, z = reals[normal], reals[normal + 1], reals[normal + 2]
+    x, y, z = normal[0], normal[1], normal[2]
     return (
         x * triangles[t, 0] + y * triangles[t, 1] + z * triangles[t, 2],
         x * triangles[t, 3] + y * triangles[t, 4] + z * triangles[t, 5],
@@ -51,27 +51,27 @@ def _along(reals, normal, triangles, t):
 
 
 @inlined
-def end_along(reals, triangles_a, ta):
+def end_along(progress, triangles_a, ta):
     """Where a triangle of a ends along the aim."""
-    a0, a1, a2 = _along(reals, NORMAL_A, triangles_a, ta)
+    a0, a1, a2 = _along(progress.normal_a, triangles_a, ta)
     return max(max(a0, a1), a2)
 
 
 @inlined
-def begin_along(reals, triangles_b, tb):
+def begin_along(progress, triangles_b, tb):
     """Where a triangle of b begins along the aim, in b's frame."""
-    b0, b1, b2 = _along(reals, NORMAL_B, triangles_b, tb)
+    b0, b1, b2 = _along(progress.normal_b, triangles_b, tb)
     return min(min(b0, b1), b2)
 
 
 @inlined
-def gap_between(reals, end, begin):
+def gap_between(progress, end, begin):
     """Certified lower bound of the distance, metres, of what ends and what begins there."""
-    return ((begin + reals[OFFSET]) - end) - GAP_SHARE * reals[SLACK]
+    return ((begin + progress.offset) - end) - GAP_SHARE * progress.slack
 
 
 @inlined
-def gap_along(reals, triangles_a, ta, triangles_b, tb):
+def gap_along(progress, triangles_a, ta, triangles_b, tb):
     """Certified lower bound of the distance of two triangles, metres: their gap along the aim."""
-    end = end_along(reals, triangles_a, ta)
-    return gap_between(reals, end, begin_along(reals, triangles_b, tb))
+    end = end_along(progress, triangles_a, ta)
+    return gap_between(progress, end, begin_along(progress, triangles_b, tb))

@@ -10,7 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, kernel
-from ..base.state import DISTANCE, SLACK, SWEPT, TRIANGLE_A, TRIANGLE_B, WEIGHTS_A, WEIGHTS_B
+from ..base.state import (
+    SWEPT,
+    DepthFirst,
+    MeshTree,
+)
 from ..base.tables import state_at, tree_at
 from ..base.vectors import across, dot, face_normal, moved, scaled, sub, unit
 from .primitives import corners, mixed, test_triangles
@@ -59,23 +63,23 @@ def contacts(model_a, model_b, memory, pose, pairs, points, normals):
     The triangles are in tree order, `memory` is that of the search that found them, which is over;
     `pose` is a's.
     """
-    tree_a, _ = tree_at(model_a)
-    tree_b, _ = tree_at(model_b)
-    state = state_at(memory)
-    reals, counts, motion = state.reals, state.counts, state.motions[0]
-    near_a, near_b = counts[TRIANGLE_A], counts[TRIANGLE_B]
+    tree_a, _ = tree_at(MeshTree, model_a)
+    tree_b, _ = tree_at(MeshTree, model_b)
+    state = state_at(DepthFirst, memory)
+    progress, motion = state.progress[0], state.motions[0]
+    near_a, near_b = progress.element_a, progress.element_b
     for k in range(pairs.shape[0]):
         ta, tb = np.int64(pairs[k, 0]), np.int64(pairs[k, 1])
-        reals[DISTANCE] = np.inf
+        progress.distance = np.inf
         test_triangles(tree_a, tree_b, state, ta, tb, 0.0)
         a, b = corners(tree_a.triangles, ta), corners(tree_b.triangles, tb)
         b = (moved(motion, b[0]), moved(motion, b[1]), moved(motion, b[2]))
-        p = mixed(a, reals[WEIGHTS_A : WEIGHTS_A + 3])
-        q = mixed(b, reals[WEIGHTS_B : WEIGHTS_B + 3])
-        apart = reals[DISTANCE] > _NOISE * reals[SLACK]
+        p = mixed(a, progress.weights_a)
+        q = mixed(b, progress.weights_b)
+        apart = progress.distance > _NOISE * progress.slack
         normal = unit(sub(q, p)) if apart else _normal(a, b)
         p, q = surface_points(p, q, tree_a.scale[SWEPT], tree_b.scale[SWEPT])
         for i in range(3):
             points[k, i] = pose[i, 0] * p[0] + pose[i, 1] * p[1] + pose[i, 2] * p[2] + pose[i, 3]
             normals[k, i] = pose[i, 0] * normal[0] + pose[i, 1] * normal[1] + pose[i, 2] * normal[2]
-    counts[TRIANGLE_A], counts[TRIANGLE_B] = near_a, near_b
+    progress.element_a, progress.element_b = near_a, near_b

@@ -12,9 +12,10 @@ from collections import namedtuple
 
 import numpy as np
 
-from ..base.jit import kernel, shared
-from ..base.memory import on_stack
-from ..base.state import BOUND_SLACK, ENDED, LOWER, OUT_OF_TIME, STATUS, UPPER
+from ..base.jit import entry, kernel, shared
+from ..base.memory import on_stack, table_on_stack
+from ..base.motion import deviation, relative_motions, slack_of_bounds
+from ..base.state import LOWER, OUT_OF_TIME, STATUS, UPPER, MeshTree
 from ..base.tables import tree_at
 from ..base.vectors import moved, scaled, sub
 from ..elements.primitives import corners
@@ -87,34 +88,50 @@ def _holds_triangle(holder, body, t, motion, slack, stack, gaps):
 
 
 @kernel
-def _one_in_the_other(insides, i, j, state, slack, apart):
+def _one_in_the_other(insides, i, j, motions, slack, apart, stack):
     """Whether a part of body i or j, whose surfaces are so far apart, may be inside the other."""
-    where, spans, motions = insides.where, insides.spans, state.motions
-    tree_a, _ = tree_at(insides.tables[i])
-    tree_b, _ = tree_at(insides.tables[j])
+    where, spans = insides.where, insides.spans
+    tree_a, _ = tree_at(MeshTree, insides.tables[i])
+    tree_b, _ = tree_at(MeshTree, insides.tables[j])
     if where[j] == WHOLE:
         samples = insides.samples[spans[i, 0] : spans[i, 1]]
-        if holds(tree_b, tree_a, samples, motions[1], slack, apart, state.stack):
+        if holds(tree_b, tree_a, samples, motions[1], slack, apart, stack):
             return True
     if where[i] == WHOLE:
         samples = insides.samples[spans[j, 0] : spans[j, 1]]
-        return holds(tree_a, tree_b, samples, motions[0], slack, apart, state.stack)
+        return holds(tree_a, tree_b, samples, motions[0], slack, apart, stack)
     return False
 
 
-@kernel
-def settle_sign(insides, i, j, state, clearance, code, answer):
-    """Make the answer about the surfaces of bodies i and j one about their signed distance.
+@entry
+def settle_signs(insides, poses, pairs, clearances, signed, first, last, every, stack, answers):
+    """Make answers about surfaces into such about signed distances, where `signed` (k,).
 
-    Where the surfaces may meet, or one body lie inside the other, its sign is open, and `lower` is
-    -inf. Then the search counts as cut, unless its upper bound has decided about the clearance.
+    The answers (k, ANSWER) are those of `answer_queries` about pairs (k, 2) of bodies at poses
+    (n, 4, 4); first, first + every, ... below last of them. Where the surfaces may meet, or one
+    body lie inside the other, the sign is open, and `lower` is -inf. Then the search counts as cut,
+    unless its upper bound has decided about the clearance (k,). `stack` (m, 2) is scratch.
     """
-    slack, where = state.reals[BOUND_SLACK], insides.where
-    certain = code == ENDED and answer[LOWER] > 4.0 * slack
-    certain = certain and where[i] != HALF and where[j] != HALF
-    if certain and (where[i] == WHOLE or where[j] == WHOLE):
-        certain = not _one_in_the_other(insides, i, j, state, slack, answer[LOWER])
-    if not certain:
-        answer[LOWER] = -np.inf
-        if not answer[UPPER] <= clearance < np.inf:
-            answer[STATUS] = OUT_OF_TIME
+    motions = table_on_stack(2, 12, 0.0)
+    where = insides.where
+    for k in range(first, last, every):
+        if not signed[k]:
+            continue
+        answer, i, j = answers[k], pairs[k, 0], pairs[k, 1]
+        certain = answer[STATUS] != OUT_OF_TIME and where[i] != HALF and where[j] != HALF
+        if certain:
+            pose_a, pose_b = poses[i], poses[j]
+            relative_motions(pose_a, pose_b, motions[0], motions[1])
+            t = motions[0]
+            apart = np.sqrt(t[9] * t[9] + t[10] * t[10] + t[11] * t[11])
+            tree_a, _ = tree_at(MeshTree, insides.tables[i])
+            tree_b, _ = tree_at(MeshTree, insides.tables[j])
+            error = deviation(pose_a) + deviation(pose_b)
+            slack = slack_of_bounds(tree_a.scale[2], tree_b.scale[2], apart, error)
+            certain = answer[LOWER] > 4.0 * slack
+            if certain and (where[i] == WHOLE or where[j] == WHOLE):
+                certain = not _one_in_the_other(insides, i, j, motions, slack, answer[LOWER], stack)
+        if not certain:
+            answer[LOWER] = -np.inf
+            if not answer[UPPER] <= clearances[k] < np.inf:
+                answer[STATUS] = OUT_OF_TIME

@@ -16,29 +16,11 @@ from numba import uint64
 from ..base.jit import inlined, kernel
 from ..base.lanes import lowest, not_above, smallest
 from ..base.memory import on_stack
-from ..base.state import (
-    APPROACHED,
-    BOUND_SLACK,
-    BOUND_TESTS,
-    BREADTH_FIRST,
-    DEPTH,
-    DISTANCE,
-    LEVEL_LOWER,
-    LIMIT,
-    ORDER,
-    PRIMITIVE_TESTS,
-    REL_ERR,
-    SLACK,
-    STOP,
-    TRIANGLE_A,
-    TRIANGLE_B,
-    WEIGHTS_A,
-    WEIGHTS_B,
-)
 from ..base.vectors import along, moved, scaled, sub
 from ..elements.primitives import corners, enough, mixed, test_triangles
 from ..inside.nearest import begin_nearest, nearest, point_bounds, point_triangle
 from ..tree.layout import STRIDE, WIDTH, first_of, row
+from .stubs import least_open
 
 APPROACH_STEPS = 64
 """Steps that a search takes as long for as this does, about: so a slice of steps is one of time."""
@@ -68,28 +50,28 @@ _TINY = np.float32(1e-30)
 def _near(tree, p, nearby, state, steps, stack, bounds, found):
     """A triangle near p, a point in the tree's frame."""
     distance, nearby, top = begin_nearest(tree, p, nearby, stack, bounds)
-    slack = state.reals[BOUND_SLACK]
+    slack = state.progress[0].bound_slack
     _, nearby, _, left = nearest(
         tree, p, distance, nearby, top, slack, 0.0, stack, bounds, found, steps
     )
-    state.counts[BOUND_TESTS] += WIDTH * (steps - left)
+    state.progress[0].bound_tests += WIDTH * (steps - left)
     return nearby
 
 
 @inlined
-def far_from_nearest(reals, counts):
+def far_from_nearest(progress):
     """Whether the descent has found so much nearer points that `approach` is worth its time.
 
     Where less than the exact distance is asked for, a few openings often answer: they come first.
     Whether something is within a clearance, which the limit is then, is approached from near it.
     """
-    distance, limit = reals[DISTANCE], reals[LIMIT]
-    if not distance < _FAR * reals[APPROACHED]:
+    distance, limit = progress.distance, progress.limit
+    if not distance < _FAR * progress.approached:
         return False
     if limit >= _FAR * distance:
         return True
-    return counts[BOUND_TESTS] >= _PATIENCE and (
-        distance < _WITHIN_REACH * limit or limit >= enough(reals)
+    return progress.bound_tests >= _PATIENCE and (
+        distance < _WITHIN_REACH * limit or limit >= enough(progress)
     )
 
 
@@ -125,57 +107,46 @@ def guess(tree_a, tree_b, state, last):
     middle of b, and that of b to it, as far as one walk down each hierarchy tells, are nearer then.
     Returns from where to approach.
     """
-    reals, counts, motions = state.reals, state.counts, state.motions
-    near = (1.0 + max(reals[REL_ERR], _POOR)) * last
-    if reals[LIMIT] < enough(reals):
+    progress, motions = state.progress[0], state.motions
+    near = (1.0 + max(progress.rel_err, _POOR)) * last
+    if progress.limit < enough(progress):
         return np.inf
-    if reals[DISTANCE] <= near:
-        return reals[DISTANCE]
+    if progress.distance <= near:
+        return progress.distance
     found = on_stack(WIDTH, np.float32(0.0))
     middle = scaled(row(tree_b.centres, 0), tree_b.scale[0])
     middle = moved(motions[0], middle)
     ta = _walk(tree_a, middle, found)
     p = moved(motions[1], _point_near(tree_a, ta, middle))
     tb = _walk(tree_b, p, found)
-    counts[PRIMITIVE_TESTS] += 1
+    progress.primitive_tests += 1
     test_triangles(tree_a, tree_b, state, ta, tb, 0.0)
     return np.inf
-
-
-@inlined
-def _least(state):
-    """The least bound of the pairs that are left."""
-    if state.counts[ORDER] == BREADTH_FIRST:
-        return state.reals[LEVEL_LOWER]
-    least = np.inf
-    for i in range(state.counts[DEPTH]):
-        least = min(least, state.bounds[i])
-    return least
 
 
 @kernel
 def approach(tree_a, tree_b, state, found):
     """Improve the nearest points found so far, while that goes fast."""
-    reals, counts, motions = state.reals, state.counts, state.motions
+    progress, motions = state.progress[0], state.motions
     stack, bounds = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
-    least = _least(state)
-    steps = _QUERY if reals[LIMIT] >= _FAR * reals[DISTANCE] else _ROUGH
+    least = least_open(state.open, state)
+    steps = _QUERY if progress.limit >= _FAR * progress.distance else _ROUGH
     for _ in range(_ROUNDS):
-        before = reals[DISTANCE]
-        if before - reals[SLACK] <= reals[STOP] or reals[LIMIT] <= least:
+        before = progress.distance
+        if before - progress.slack <= progress.stop or progress.limit <= least:
             break
-        ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
-        p = mixed(corners(tree_a.triangles, ta), reals[WEIGHTS_A : WEIGHTS_A + 3])
+        ta, tb = progress.element_a, progress.element_b
+        p = mixed(corners(tree_a.triangles, ta), progress.weights_a)
         other = _near(tree_b, moved(motions[1], p), tb, state, steps, stack, bounds, found)
         if other != tb:
-            counts[PRIMITIVE_TESTS] += 1
+            progress.primitive_tests += 1
             test_triangles(tree_a, tree_b, state, ta, other, 0.0)
-        ta, tb = counts[TRIANGLE_A], counts[TRIANGLE_B]
-        q = mixed(corners(tree_b.triangles, tb), reals[WEIGHTS_B : WEIGHTS_B + 3])
+        ta, tb = progress.element_a, progress.element_b
+        q = mixed(corners(tree_b.triangles, tb), progress.weights_b)
         other = _near(tree_a, moved(motions[0], q), ta, state, steps, stack, bounds, found)
         if other != ta:
-            counts[PRIMITIVE_TESTS] += 1
+            progress.primitive_tests += 1
             test_triangles(tree_a, tree_b, state, other, tb, 0.0)
-        if not reals[DISTANCE] < _WORTH * before:
+        if not progress.distance < _WORTH * before:
             break
-    reals[APPROACHED] = reals[DISTANCE]
+    progress.approached = progress.distance

@@ -14,7 +14,7 @@ import numpy as np
 from ..base.hashing import EMPTY_HASH, mixed, slot
 from ..base.jit import inlined, kernel
 from ..base.rounding import TRAVEL_SHARE
-from ..base.state import BOUND_SLACK, LIMIT, SHAPE_A, SHAPE_B, STEP, TRAVELLED
+from ..base.state import REVISION
 from ..base.vectors import dot, scaled
 from ..tree.layout import row
 
@@ -61,24 +61,24 @@ def travel(tree_a, tree_b, state, before, slack):
     Seen from either model it is as much, and the bound is better from the one that turns less far
     out. `slack` is what the motions before erred by. Of a model that was refitted nothing is known.
     """
-    reals, motions = state.reals, state.motions
-    if reals[SHAPE_A] != tree_a.scale[4] or reals[SHAPE_B] != tree_b.scale[4]:
-        reals[SHAPE_A], reals[SHAPE_B] = tree_a.scale[4], tree_b.scale[4]
+    progress, motions = state.progress[0], state.motions
+    if progress.shape_a != tree_a.scale[REVISION] or progress.shape_b != tree_b.scale[REVISION]:
+        progress.shape_a, progress.shape_b = tree_a.scale[REVISION], tree_b.scale[REVISION]
         for i in range(state.keys.shape[0]):
             state.keys[i] = _NONE
     distance = min(
         _displacement(tree_b, before[0], motions[0]), _displacement(tree_a, before[1], motions[1])
     )
-    distance += slack + reals[BOUND_SLACK]
-    reals[STEP] = distance
+    distance += slack + progress.bound_slack
+    progress.step = distance
     # Rounded up, so that no sum of many becomes too small.
-    reals[TRAVELLED] = (reals[TRAVELLED] + distance) * (1.0 + TRAVEL_SHARE)
+    progress.travelled = (progress.travelled + distance) * (1.0 + TRAVEL_SHARE)
 
 
 @inlined
 def is_coherent(state):
     """Whether the models have moved so little since the last search that its bounds may serve."""
-    return state.keys.shape[0] > 0 and state.reals[STEP] < 2.0 * state.reals[LIMIT]
+    return state.keys.shape[0] > 0 and state.progress[0].step < 2.0 * state.progress[0].limit
 
 
 @inlined
@@ -86,7 +86,7 @@ def still_far(state, a, b):
     """Whether it is known that nothing under the lanes a and b is nearer than the limit."""
     key = a << 32 | b
     i = slot(mixed(EMPTY_HASH, key), state.keys.shape[0])
-    far = state.reaches[i] - state.reals[TRAVELLED] >= state.reals[LIMIT]
+    far = state.reaches[i] - state.progress[0].travelled >= state.progress[0].limit
     return far and state.keys[i] == key
 
 
@@ -97,4 +97,4 @@ def remember_far(state, a, b, bound):
         key = a << 32 | b
         i = slot(mixed(EMPTY_HASH, key), state.keys.shape[0])
         state.keys[i] = key
-        state.reaches[i] = (bound + state.reals[TRAVELLED]) * (1.0 - TRAVEL_SHARE)
+        state.reaches[i] = (bound + state.progress[0].travelled) * (1.0 - TRAVEL_SHARE)

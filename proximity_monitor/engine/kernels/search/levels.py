@@ -4,7 +4,7 @@ All pairs of one level of the bounding volume test tree are bounded before any o
 level begins, the nearest of its pairs gives an upper bound: the nearest two of the few vertices
 that are kept of either volume, spread out over it (spread.py).
 
-The pairs are listed in the order in which they were found, `stack` being a ring: those from BASE to
+The pairs are listed in the order in which they were found, `pairs` being a ring: those from BASE to
 DEPTH, which count up without end, stand at their remainders by its length, a power of two.
 
 A level may be large. While more than FULL pairs are listed, the last is taken, not the first: what
@@ -17,49 +17,57 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import implements, inlined, kernel
 from ..base.state import (
-    BASE,
-    DEPTH,
-    DISTANCE,
-    FULL,
     KEPT,
-    LEVEL_END,
-    LEVEL_LOWER,
-    NEAREST_A,
-    NEAREST_B,
-    NEXT_LOWER,
+    BreadthFirst,
 )
 from ..base.vectors import dot, moved, sub
 from ..elements.primitives import keep
 from ..tree.layout import first_of, last_of
+from .stubs import least_open, push, take
 
 
+@implements(push, BreadthFirst)
 @inlined
-def list_pair(state, number, a, b, bound):
-    """Where the pair of a number stands, which is added to the next level."""
-    reals, counts = state.reals, state.counts
-    if bound < reals[NEXT_LOWER]:
-        reals[NEXT_LOWER] = bound
-        counts[NEAREST_A], counts[NEAREST_B] = a, b
-    return number & (state.stack.shape[0] - 1)
+def _push(open_pairs, state, first, top, a, b, bound):
+    progress = state.progress[0]
+    if bound < progress.next_lower:
+        progress.next_lower = bound
+        progress.nearest_a, progress.nearest_b = a, b
+    at = top & (len(open_pairs.bounds) - 1)
+    open_pairs.pairs[at, 0], open_pairs.pairs[at, 1], open_pairs.bounds[at] = a, b, bound
+
+
+@implements(take, BreadthFirst)
+@inlined
+def _take(open_pairs, tree_a, tree_b, state):
+    at = _take_first(tree_a, tree_b, state)
+    return at if open_pairs.bounds[at] < state.progress[0].limit else -1
+
+
+@implements(least_open, BreadthFirst)
+@inlined
+def _least(open_pairs, state):
+    # There may be a million of them.
+    return state.progress[0].level_lower if state.progress[0].open > 0 else np.inf
 
 
 @kernel
-def take_first(tree_a, tree_b, state):
+def _take_first(tree_a, tree_b, state):
     """Take the first pair off the list, or the last where it is full; returns where it stands."""
-    counts = state.counts
-    if counts[DEPTH] - counts[BASE] > counts[FULL]:
-        counts[DEPTH] -= 1
-        number = counts[DEPTH]
+    progress = state.progress[0]
+    if progress.open - progress.base > progress.full:
+        progress.open -= 1
+        number = progress.open
     else:
-        if counts[BASE] >= counts[LEVEL_END]:
+        if progress.base >= progress.level_end:
             _begin_level(tree_a, tree_b, state)
-        number = counts[BASE]
-        counts[BASE] += 1
-    if counts[BASE] == counts[DEPTH]:
-        counts[BASE], counts[DEPTH], counts[LEVEL_END] = 0, 0, 0
-    return number & (state.stack.shape[0] - 1)
+        number = progress.base
+        progress.base += 1
+    if progress.base == progress.open:
+        progress.base, progress.open, progress.level_end = 0, 0, 0
+    return number & (len(state.open.bounds) - 1)
 
 
 @kernel
@@ -69,10 +77,10 @@ def _begin_level(tree_a, tree_b, state):
     What is listed was added since the last level began, and nothing that follows from a pair has a
     smaller bound: so the least bound that was added is one of the whole rest of the search.
     """
-    reals, counts = state.reals, state.counts
-    reals[LEVEL_LOWER], reals[NEXT_LOWER] = reals[NEXT_LOWER], np.inf
-    counts[LEVEL_END] = counts[DEPTH]
-    _test_vertices(tree_a, tree_b, state, counts[NEAREST_A], counts[NEAREST_B])
+    progress = state.progress[0]
+    progress.level_lower, progress.next_lower = progress.next_lower, np.inf
+    progress.level_end = progress.open
+    _test_vertices(tree_a, tree_b, state, progress.nearest_a, progress.nearest_b)
 
 
 @kernel
@@ -81,14 +89,14 @@ def _test_vertices(tree_a, tree_b, state, a, b):
 
     Their distance errs by less than that of triangles does, which SLACK covers.
     """
-    known = state.reals[DISTANCE]
+    known = state.progress[0].distance
     best, way = known * known, (0.0, 0.0, 0.0)
     first, second = 0, 0
     for j in range(KEPT):
-        of_b, q = _vertex(tree_b, state.spread_b, b, j)
+        of_b, q = _vertex(tree_b, state.open.spread_b, b, j)
         q = moved(state.motions[0], q)
         for i in range(KEPT):
-            of_a, p = _vertex(tree_a, state.spread_a, a, i)
+            of_a, p = _vertex(tree_a, state.open.spread_a, a, i)
             d = sub(q, p)
             squared = dot(d, d)
             if squared < best:

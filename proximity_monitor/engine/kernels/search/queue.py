@@ -4,47 +4,68 @@ Larsen et al. 1999, section 6.1: pairs are visited in the order of their bounds,
 size. When it is full its nearest pair is searched by a queue of its own on top, until that is
 empty: so the memory is bounded by the queue's size times the levels of both hierarchies.
 
-Entries base to DEPTH of `stack` and `bounds` are the present queue, a binary heap; `frames` holds
+Entries base to DEPTH of `pairs` and `bounds` are the present queue, a binary heap; `frames` holds
 where the queues below it begin.
 """
 
 from __future__ import annotations
 
-from ..base.jit import inlined, kernel
-from ..base.state import BASE, DEPTH, FRAMES, LIMIT
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel
+from ..base.state import Priority
+from .stubs import least_open, push, take
 
 QUEUE = 256
 """Pairs of a queue; the paper's is 200."""
 
 
 @kernel
-def _swap(stack, bounds, i, j):
+def _swap(pairs, bounds, i, j):
     bounds[i], bounds[j] = bounds[j], bounds[i]
-    stack[i, 0], stack[j, 0] = stack[j, 0], stack[i, 0]
-    stack[i, 1], stack[j, 1] = stack[j, 1], stack[i, 1]
+    pairs[i, 0], pairs[j, 0] = pairs[j, 0], pairs[i, 0]
+    pairs[i, 1], pairs[j, 1] = pairs[j, 1], pairs[i, 1]
 
 
+@implements(push, Priority)
 @inlined
-def rise(stack, bounds, base, at):
-    """Let a new last entry rise to its place."""
-    while at > base:
+def _push(open_pairs, state, first, top, a, b, bound):
+    pairs, bounds, base = open_pairs.pairs, open_pairs.bounds, state.progress[0].base
+    pairs[top, 0], pairs[top, 1], bounds[top] = a, b, bound
+    at = top
+    while at > base:  # it rises to its place
         parent = base + (at - base - 1) // 2
         if bounds[parent] <= bounds[at]:
             break
-        _swap(stack, bounds, parent, at)
+        _swap(pairs, bounds, parent, at)
         at = parent
 
 
+@implements(take, Priority)
+@inlined
+def _take(open_pairs, tree_a, tree_b, state):
+    return _take_nearest(open_pairs, state)
+
+
+@implements(least_open, Priority)
+@inlined
+def _least(open_pairs, state):
+    least = np.inf
+    for i in range(state.progress[0].open):
+        least = min(least, open_pairs.bounds[i])
+    return least
+
+
 @kernel
-def take_nearest(state):
-    """Take the nearest pair of the present queue; returns where it stands, or -1: it is pruned."""
-    counts, stack, bounds = state.counts, state.stack, state.bounds
-    while counts[DEPTH] == counts[BASE] and counts[FRAMES] > 0:
-        counts[FRAMES] -= 1
-        counts[BASE] = state.frames[counts[FRAMES]]
-    counts[DEPTH] -= 1
-    base, last = counts[BASE], counts[DEPTH]
-    _swap(stack, bounds, base, last)
+def _take_nearest(open_pairs, state):
+    progress, bounds, frames = state.progress[0], open_pairs.bounds, open_pairs.frames
+    pairs = open_pairs.pairs
+    while progress.open == progress.base and progress.frames > 0:
+        progress.frames -= 1
+        progress.base = frames[progress.frames]
+    progress.open -= 1
+    base, last = progress.base, progress.open
+    _swap(pairs, bounds, base, last)
     at = base
     while True:
         child = 2 * at - base + 1
@@ -54,13 +75,13 @@ def take_nearest(state):
             child += 1
         if bounds[at] <= bounds[child]:
             break
-        _swap(stack, bounds, at, child)
+        _swap(pairs, bounds, at, child)
         at = child
-    if bounds[last] >= state.reals[LIMIT]:
-        counts[DEPTH] = base  # and so are all others
+    if bounds[last] >= progress.limit:
+        progress.open = base  # and so are all others
         return -1
     if last - base >= QUEUE:
-        state.frames[counts[FRAMES]] = base
-        counts[FRAMES] += 1
-        counts[BASE] = last
+        frames[progress.frames] = base
+        progress.frames += 1
+        progress.base = last
     return last

@@ -1,0 +1,26 @@
+"""Which compiled entry answers queries about two kinds of trees, in which order."""
+
+from __future__ import annotations
+
+from ..base.state import BoxTree, BreadthFirst, DepthFirst, MeshTree, Priority
+from . import mesh_mesh
+
+_SWEPT = {
+    DepthFirst: mesh_mesh.search,
+    Priority: mesh_mesh.search_nearest_first,
+    BreadthFirst: mesh_mesh.search_by_levels,
+}
+_BOXES = {
+    DepthFirst: mesh_mesh.search_boxes,
+    Priority: mesh_mesh.search_boxes_nearest_first,
+    BreadthFirst: mesh_mesh.search_boxes_by_levels,
+}
+
+ENTRIES = {
+    (MeshTree, MeshTree): _SWEPT,
+    (BoxTree, BoxTree): _BOXES,
+    # Against swept spheres, boxes are taken for such.
+    (MeshTree, BoxTree): _SWEPT,
+    (BoxTree, MeshTree): _SWEPT,
+}
+"""By the types of both trees, and then by what a search in that order has open."""

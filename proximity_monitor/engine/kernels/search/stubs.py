@@ -1,0 +1,85 @@
+"""What a kind of pair has to say for itself: stubs that the search calls and `pairs` implements.
+
+A tree is of a type of its own for each kind of model. Numba sees from the types of two trees, when
+it compiles, which implementation is meant: so all else of the search is shared, and nothing is
+asked while it runs. A kind of pair implements each of these once, those of two trees for either
+order of its kinds, and has an entry of its own (see pairs/mesh_mesh.py).
+"""
+
+from __future__ import annotations
+
+
+def slacks(tree_a, tree_b, apart, error):
+    """What rounding may do to a distance of two elements, and to a volume that was moved, metres.
+
+    The models' origins are `apart` metres apart, and `error` is how far the poses are from rigid.
+    """
+
+
+def lane_bounds(fixed, tree, lane, motion, node, slack, reach, inherited, scratch):
+    """Bound one lane of the tree `fixed` against the sixteen of a node of `tree`.
+
+    Writes sixteen lower bounds in the units of `tree` to scratch.found; those of empty lanes are
+    beyond every distance, and bounds above `reach` need not be tight. `motion` moves `fixed` into
+    the frame of `tree`, and errs by `slack` metres. Returns a lower bound of all pairs, metres:
+    `inherited` is one.
+    """
+
+
+def cross_leaves(tree, fixed, node, lane, motion, flip, state, inherited, limit, scratch, n):
+    """Append to state.waiting the pairs of leaves of two lowest nodes that may be below `limit`.
+
+    One is of the node `node` of `tree`, the other of that under `lane` of `fixed`; `motion` moves
+    the former into the latter's frame, `flip` says that `tree` is b. `inherited` is a bound of all
+    pairs; where none is left, PROVEN is as good a one or better. Returns how many pairs are waiting
+    then, of n before; or -1 to have them opened one by one.
+    """
+
+
+def measure(tree_a, tree_b, state, a, b, bound):
+    """Find the distance of two elements, metres, and keep their points where they are nearest.
+
+    `bound` is a lower bound of it: where it is positive, they certainly do not cross.
+    """
+
+
+def resolve(tree_a, tree_b, state, n, steps, scratch):
+    """Compare the elements of some of the last of n waiting pairs of leaves.
+
+    Those that are near enough to matter are measured, and collected where that is asked for.
+    Returns how many pairs wait, and how many steps are left: of either, or both, fewer than before.
+    """
+
+
+def guess(tree_a, tree_b, state, last):
+    """Begin elsewhere where the remembered elements are far apart now, and that is cheap.
+
+    `last` is the distance that the search before ended with. Returns the distance from which they
+    are to be approached, metres; infinity where that is worth a try.
+    """
+
+
+def approach(tree_a, tree_b, state, found):
+    """Improve the nearest points found so far, by whatever means, and note so in APPROACHED."""
+
+
+def witness(tree, element, weights):
+    """The point of an element that `weights`, three numbers, tell of; metres, the tree's frame."""
+
+
+# How a search keeps the pairs of volumes that are open: each order implements these.
+
+
+def push(open_pairs, state, first, top, a, b, bound):
+    """Add a pair of lanes to the open ones, of which there are `top`.
+
+    Those from `first` on came from the same opening.
+    """
+
+
+def take(open_pairs, tree_a, tree_b, state):
+    """Take the next pair; returns its place, or -1 where it is pruned."""
+
+
+def least_open(open_pairs, state):
+    """The least bound of all pairs that are open, metres; infinity where none is."""
