@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection
 from numba.core import event
 from numba.core.caching import NullCache
 
+from .kernels.base import ahead, claims
 from .kernels.base.cache import DIRECTORIES, kernel_name
 from .kernels.base.jit import allocating as helper
 from .kernels.base.jit import allocating_entry as entry
@@ -44,38 +45,48 @@ _KERNELS = __package__ + ".kernels."
 class Progress(event.Listener):
     """Counts the kernels that are compiled while it is entered: "7 of 19".
 
-    Numba reports what its cache did not have, so where that has everything nothing is counted.
+    Those count as well that another process has compiled and kept meanwhile. Numba reports what its
+    cache did not have, so where that has everything nothing is counted.
 
     Args:
         needed: names of kernels; others that are compiled as well are added to them.
-        tell: called as `tell(progress)` when a kernel begins and when it is done, in the thread
-            that compiles.
+        tell: called as `tell(progress)` when a kernel begins and when it is done, and now and then
+            while another process compiles one that is needed, in the thread that waits for it.
 
     Attributes:
-        started: whether anything was compiled.
+        started: whether anything was compiled, here or elsewhere.
     """
 
     def __init__(
         self, needed: Collection[str], tell: Callable[[Progress], None] = lambda progress: None
     ) -> None:
-        kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
         self._needed = set(needed)
-        self._done = self._needed & kept
+        self._done: set[str] = set()
         self._tell = tell
         self.started = False
 
     def __str__(self) -> str:
         """Say how far it is."""
-        return f"compiling kernels: {len(self._done)} of {len(self._needed)}"
+        kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
+        done = self._done | self._needed & kept
+        return f"compiling kernels: {len(done)} of {len(self._needed)}"
 
     def __enter__(self) -> Progress:
         """Begin to count."""
+        ahead.watching |= self._needed >= WATCHING
         event.register("numba:compile", self)
+        claims.waiting.append(self._on_wait)
         return self
 
     def __exit__(self, *_: object) -> None:
         """Count no more."""
+        claims.waiting.remove(self._on_wait)
         event.unregister("numba:compile", self)
+
+    def _on_wait(self) -> None:
+        """Hear that a kernel is waited for, which another process compiles."""
+        self.started = True
+        self._tell(self)
 
     def on_start(self, start: event.Event) -> None:
         """Note that a kernel is being compiled."""

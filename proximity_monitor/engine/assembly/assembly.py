@@ -20,16 +20,9 @@ from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.rows import distances_of
-from ..questions.run import (
-    LONG_SLICE,
-    SLICE,
-    Search,
-    check_models,
-    entry_for,
-    queries_about,
-)
+from ..questions.run import Search, check_models, entry_for, queries_about
 from ..questions.sharing import share
+from ..questions.slices import Slices
 from .settling import Settling
 
 
@@ -120,8 +113,8 @@ class Assembly:
             ValueError: other shapes, a pair that names no body, a pose of a pair that is no rigid
                 motion, a tolerance, clearance or budget that is negative or NaN.
         """
-        if budget_s is not None:
-            budget_s = check_tolerance("budget_s", budget_s)
+        start = perf_counter()
+        deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
         depth_err = check_tolerance("depth_err", depth_err)
         threads = as_count(threads, "threads")
         poses = as_poses(poses, "poses")
@@ -147,8 +140,8 @@ class Assembly:
         solid = np.array([bool(signed) and model.is_solid for model in self.models])
         asked = poses, chosen, wanted, hints, solid[chosen].any(axis=1)
         if signed:
-            return distances_of(self._signed_rows(*asked, depth_err, budget_s, threads))
-        return distances_of(self.rows(*asked, budget_s, threads))
+            return Distances(self._signed_rows(*asked, depth_err, deadline, threads))
+        return Distances(self.rows(*asked, deadline, threads))
 
     def rows(
         self,
@@ -157,16 +150,15 @@ class Assembly:
         wanted: NDArray[np.float64],
         hints: NDArray[np.int32],
         signed: NDArray[np.bool_],
-        budget_s: float | None,
+        deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
         """As `distances` without checks; returns rows (k, ANSWER) as the kernel writes them.
 
         wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,) is set, the answer is a
         signed distance, or has -inf as lower bound if the bodies may overlap. A pair that is not
-        searched has NaN as status.
+        searched has NaN as status. The deadline is one of perf_counter.
         """
-        deadline = None if budget_s is None else perf_counter() + budget_s
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
@@ -197,11 +189,10 @@ class Assembly:
         hints: NDArray[np.int32],
         signed: NDArray[np.bool_],
         depth_err: float,
-        budget_s: float | None,
+        deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
-        """As `rows`, with the signed distances of bodies that may overlap, within the budget."""
-        deadline = math.inf if budget_s is None else perf_counter() + budget_s
+        """As `rows`, with the signed distances of bodies that may overlap, as far as time goes."""
 
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k])
@@ -214,7 +205,7 @@ class Assembly:
             unsettled = self._settling.begun([depth(k) for k in range(len(pairs))])
         answers, rest = no_answers(signed), ~unsettled
         answers[rest] = self.rows(
-            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], budget_s, threads
+            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], deadline, threads
         )
         upper, clearance = answers[:, index.UPPER], wanted[:, 2]
         open_ = (answers[:, index.LOWER] == -np.inf) & ~np.isnan(answers[:, index.STATUS])
@@ -228,8 +219,8 @@ class Assembly:
 
         self._settling.settle(
             [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
-            poses[pairs[chosen]], wanted[chosen], depth_err, lambda i: depth(chosen[i]), deadline,
-            threads, take,
+            poses[pairs[chosen]], wanted[chosen], depth_err, lambda i: depth(chosen[i]),
+            math.inf if deadline is None else deadline, threads, take,
         )  # fmt: skip
         return answers
 
@@ -334,23 +325,21 @@ class Assembly:
     ) -> tuple[int, int]:
         """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
         stacked = poses.reshape(-1, 4)
-        steps = LONG_SLICE if deadline is None else SLICE
+        slices = Slices(deadline)
         code, at = index.ENDED, 0
         for entry, at, last in runs:
             while True:
                 before = at
                 code, at = entry(
-                    self._tables, search.memory, stacked, stacked, queries, at, last, every, steps,
-                    fresh, answers,
+                    self._tables, search.memory, stacked, stacked, queries, at, last, every,
+                    slices.steps, fresh, answers,
                 )  # fmt: skip
                 settle(before, at + (code == index.CUT))
                 fresh = code != index.CUT
                 if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                     body = int(queries["poses"][at, code - index.BAD_POSE_A])
                     check_pose(poses[body], self._pose_name(body))
-                if (stopped is not None and stopped.is_set()) or (
-                    deadline is not None and perf_counter() >= deadline
-                ):
+                if (stopped is not None and stopped.is_set()) or slices.over():
                     return code, at
                 if code == index.ENDED:
                     break

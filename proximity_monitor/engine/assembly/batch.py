@@ -13,7 +13,6 @@ from ..arguments import as_count, check_tolerance
 from ..models.model import Model
 from ..poses import as_poses
 from ..questions.result import Distances
-from ..questions.rows import distances_of
 from ..questions.run import Order, Search
 from ..questions.sharing import share
 from .assembly import Assembly, no_answers
@@ -102,7 +101,7 @@ def distances(
         )  # fmt: skip
 
     share(answer, range(0, count, _CHUNK), threads)
-    return distances_of(rows)
+    return Distances(rows)
 
 
 class _Poses(Assembly):
