@@ -54,6 +54,8 @@ def memory_of(thing, models=(), seen=None):
     if id(thing) in seen or any(thing is model for model in models):
         return []
     seen[id(thing)] = thing
+    if hasattr(thing, "py_func"):  # compiled code has no memory of a search
+        return []
     if isinstance(thing, np.ndarray):
         return [thing] if thing.size else []
     if isinstance(thing, dict):
