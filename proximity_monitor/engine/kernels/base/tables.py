@@ -29,6 +29,30 @@ def table(arrays):
     return np.array([addresses, [len(array) for array in arrays]], np.int64)
 
 
+_OVER_TRIANGLES = {
+    "nodes": (np.float32, 0), "centres": (np.float64, 4), "children": (np.int32, 0),
+    "sizes": (np.float32, 0), "triangles": (np.float64, 9), "scale": (np.float64, 0),
+    "faces": (np.int32, 0),
+}  # fmt: skip
+"""What `_mesh_arrays` takes each array for: the numbers, and how many a row, 0 for one dimension."""
+
+
+def mesh_table(tree, faces):
+    """The table of a tree over triangles and their faces.
+
+    Raises:
+        TypeError: an array is not what `tree_at` takes it for.
+    """
+    arrays = *tree, faces
+    for array, (name, (dtype, columns)) in zip(arrays, _OVER_TRIANGLES.items(), strict=True):
+        shape = (columns,) if columns else ()
+        if array.dtype != dtype or array.shape[1:] != shape or not array.flags.c_contiguous:
+            raise TypeError(
+                f"{name}: {array.dtype} {array.shape}, not {dtype.__name__} (n, *{shape})"
+            )
+    return table(arrays)
+
+
 def tree_at(kind, model):
     """The hierarchy, a tree of that type, of a table of its arrays and labels; and the labels.
 
