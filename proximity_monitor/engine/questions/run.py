@@ -96,7 +96,7 @@ class Search:
 
     __slots__ = (
         "_entry", "_known", "_models", "_queries", "_wanted", "answers", "kinds",
-        "memory", "models", "order", "progress", "state",
+        "memory", "models", "order", "state",
     )  # fmt: skip
 
     def __init__(
@@ -124,11 +124,10 @@ class Search:
         if order == "breadth_first":
             capacity = _LIST
         record = np.zeros(1, index.PROGRESS)
-        self.progress = record.view(np.recarray)[0]
-        self.progress.element_a, self.progress.element_b = nearest
+        record["element_a"], record["element_b"] = nearest
         if nearest != (0, 0):  # how near they were is not known, but it is no guess
-            self.progress.distance = math.inf
-        self.progress.full = capacity - 15 * levels - 16
+            record["distance"] = math.inf
+        record["full"] = capacity - 15 * levels - 16
         pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
         open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
@@ -149,6 +148,11 @@ class Search:
             )
         )
         self.answers = np.empty(0)
+
+    @property
+    def progress(self) -> np.record:
+        """How far the search is, a PROGRESS."""
+        return self.state.progress.view(np.recarray)[0]
 
     @property
     def coherent(self) -> bool:
@@ -274,7 +278,7 @@ class Search:
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
         ring = self.order == "breadth_first"
-        first = self.progress.base if ring else 0
+        first = self.progress["base"] if ring else 0  # every numpy object has a `base`
         pairs, bounds, *_ = self.state.open
         where = np.arange(first, self.progress.open) % len(bounds)
         lanes, lower = self.state.waiting
