@@ -25,7 +25,8 @@ from .state import (
 
 def table(arrays):
     """The table of some arrays, int64 (2, n); whoever keeps it has to keep them."""
-    addresses = [array.__array_interface__["data"][0] for array in arrays]
+    # Of records `__array_interface__` describes every field, which takes as long as fifty queries.
+    addresses = [array.ctypes.data for array in arrays]
     return np.array([addresses, [len(array) for array in arrays]], np.int64)
 
 
@@ -34,7 +35,7 @@ _OVER_TRIANGLES = {
     "sizes": (np.float32, 0), "triangles": (np.float64, 9), "scale": (np.float64, 0),
     "faces": (np.int32, 0),
 }  # fmt: skip
-"""What `_mesh_arrays` takes each array for: the numbers, and how many a row, 0 for one dimension."""
+"""What `_mesh_arrays` takes each array for: the numbers, and how many a row (0 for one axis)."""
 
 
 def mesh_table(tree, faces):
