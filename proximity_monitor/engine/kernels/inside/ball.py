@@ -29,6 +29,7 @@ from .ball_frame import axis_of, common_box, take_axes
 from .ball_point import certain_radius, possible_depth, sound
 from .ball_rows import bound_of
 from .ball_state import FULL, LOOSEST
+from .ball_tangents import tangent
 from .nearest import point_triangle
 from .solids import HALF, NOWHERE
 
@@ -344,20 +345,25 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
     if bound <= limit:
         at.dropped = max(at.dropped, bound)
         return steps
-    rows = table_on_stack(10, 4, 0.0)
+    rows = table_on_stack(12, 4, 0.0)
     used, mean = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     used[0] = used[1] = 0
     count, spare = cell.count, _SPARE * (limit - at.radius)
     for i in range(count):
         for j in range(4):
             rows[i, j] = cell.rows[i, j]
-    for attempt in range(3):
-        k = 1 - shallow if attempt == 1 else shallow
-        found, cost = _plane(
-            tree_a, tree_b, region_a, region_b, k, attempt == 2, trial, centre, half, spare, state,
-            rows[count],
-        )  # fmt: skip
-        steps += cost
+    for attempt in range(5):
+        k = 1 - shallow if attempt & 1 else shallow
+        if attempt == 2 or attempt == 3:
+            tree = tree_a if k == 0 else tree_b
+            found = tangent(tree, state.motions[k], k, at, trial, centre, half, rows[count])
+            steps += 1
+        else:
+            found, cost = _plane(
+                tree_a, tree_b, region_a, region_b, k, attempt == 4, trial, centre, half, spare,
+                state, rows[count],
+            )  # fmt: skip
+            steps += cost
         if found:
             count += 1
             by_rows = bound_of(rows, count, centre, half, limit, at.slack, mean, used)
