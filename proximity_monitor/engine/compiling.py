@@ -1,11 +1,11 @@
-"""The compiler for other rooms: `entry` marks what Python calls, `helper` what an entry calls.
+"""The compiler for other rooms: Python calls functions marked `entry`, entries call a `helper`.
 
 Both may make arrays. Entries are kept where the engine's own kernels are, in a place that can be
 written even where the package cannot. Numba notices a change of the file in which an entry stands,
 and the engine a change of its own kernels; so an entry's helpers and constants belong into its own
 file, or come from here: `cross` and `dot` are products of vectors of three numbers.
 
-`Progress` tells how far the compiling of the engine's kernels is.
+`Progress` reports how many of the engine's kernels are compiled.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection
 from numba.core import event
 from numba.core.caching import NullCache
 
+from .kernels.base import ahead, claims
 from .kernels.base.cache import DIRECTORIES, kernel_name
 from .kernels.base.jit import allocating as helper
 from .kernels.base.jit import allocating_entry as entry
@@ -38,7 +39,7 @@ WATCHING = frozenset(
         "inside.solids.connected_parts", "inside.solids.part_volumes",
         "inside.solids.unpaired_edges", "pairs.mesh_mesh.answer_queries", "search.descent.advance",
         "tree.build.build_tree", "tree.fit_tree.fit_tree", "tree.measure.measure",
-        "tree.pairing.pair_up", "tree.places.first_drawn", "tree.places.first_of_place",
+        "tree.pairing.pair_up", "tree.welding.first_drawn", "tree.welding.first_equal",
         "tree.ranges.node_ranges",
     }
 )  # fmt: skip
@@ -50,48 +51,58 @@ _KERNELS = __package__ + ".kernels."
 class Progress(event.Listener):
     """Counts the kernels that are compiled while it is entered: "7 of 19".
 
-    Numba reports what its cache did not have, so where that has everything nothing is counted.
+    Those count as well that another process has compiled and kept meanwhile. Numba reports what its
+    cache did not have, so where that has everything nothing is counted.
 
     Args:
         needed: names of kernels; others that are compiled as well are added to them.
-        tell: called as `tell(progress)` when a kernel begins and when it is done, in the thread
-            that compiles.
+        tell: called as `tell(progress)` when a kernel begins and when it is done, and now and then
+            while another process compiles one that is needed, in the thread that waits for it.
 
     Attributes:
-        started: whether anything was compiled.
+        started: whether anything was compiled, here or elsewhere.
     """
 
     def __init__(
         self, needed: Collection[str], tell: Callable[[Progress], None] = lambda progress: None
     ) -> None:
-        kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
         self._needed = set(needed)
-        self._done = self._needed & kept
+        self._done: set[str] = set()
         self._tell = tell
         self.started = False
 
     def __str__(self) -> str:
         """Say how far it is."""
-        return f"compiling kernels: {len(self._done)} of {len(self._needed)}"
+        kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
+        done = self._done | self._needed & kept
+        return f"compiling kernels: {len(done)} of {len(self._needed)}"
 
     def __enter__(self) -> Progress:
         """Begin to count."""
+        ahead.watching |= self._needed >= WATCHING
         event.register("numba:compile", self)
+        claims.waiting.append(self._on_wait)
         return self
 
     def __exit__(self, *_: object) -> None:
         """Count no more."""
+        claims.waiting.remove(self._on_wait)
         event.unregister("numba:compile", self)
 
+    def _on_wait(self) -> None:
+        """Hear that a kernel is waited for, which another process compiles."""
+        self.started = True
+        self._tell(self)
+
     def on_start(self, start: event.Event) -> None:
-        """Hear that a kernel is being compiled."""
+        """Note that a kernel is being compiled."""
         if name := _kernel(start):
             self.started = True
             self._needed.add(name)
             self._tell(self)
 
     def on_end(self, end: event.Event) -> None:
-        """Hear that it is done."""
+        """Note that it is done."""
         if name := _kernel(end):
             self._done.add(name)
             self._tell(self)

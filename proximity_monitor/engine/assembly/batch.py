@@ -13,7 +13,6 @@ from ..arguments import as_count, check_tolerance
 from ..models.model import Model
 from ..poses import as_poses
 from ..questions.result import Distances
-from ..questions.rows import distances_of
 from ..questions.run import Order, Search
 from ..questions.sharing import share
 from .assembly import Assembly, no_answers
@@ -54,12 +53,13 @@ def distances(
             is certain whether the models touch or cross. None: it goes on.
         signed: whether to give signed distances, as `signed_distance` does.
         depth_err: of signed distances, as for `signed_distance`.
-        budget_s: seconds; poses that are not reached stay without an answer, those that are cut
-            have certified bounds, and the next call begins them anew (an `Assembly` goes on with
-            them). None: no limit. Some microseconds' work is done at least.
-        order: as for `distance`. Signed distances are searched depth first alone.
-        threads: how many threads share the work; the answers do not depend on it, but for which of
-            them a budget allows.
+        budget_s: seconds; poses that are not reached have no answer, and those that are cut have
+            certified bounds. The next call begins these anew, where an `Assembly` would go on.
+            None: no limit. Some microseconds' work is always done.
+        order: as for `distance`; for the study of searches. Signed distances are always searched
+            depth first.
+        threads: how many threads share the work. They change no answer, only which poses a budget
+            reaches.
 
     Raises:
         TypeError: a model that is none, a tolerance, clearance or budget that is no real number.
@@ -76,7 +76,7 @@ def distances(
     count = len(many_a)
     if count != len(many_b):
         raise ValueError(f"{count} poses_a but {len(many_b)} poses_b")
-    Search(a, b, order)  # refuses an order that there is not, before any thread starts
+    Search(a, b, order)  # refuses an unknown order before any thread starts
     if signed and order != "depth_first":
         raise ValueError(f"order = {order!r}: signed distances are searched 'depth_first' alone")
     if signed and count:
@@ -101,11 +101,11 @@ def distances(
         )  # fmt: skip
 
     share(answer, range(0, count, _CHUNK), threads)
-    return distances_of(rows)
+    return Distances(rows)
 
 
 class _Poses(Assembly):
-    """One body at k poses and then another one at as many: 2 k bodies."""
+    """One body at k poses and then another one at k poses: 2 k bodies."""
 
     def _pose_name(self, body: int) -> str:
         half = len(self.models) // 2

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -248,7 +249,7 @@ class Schedule:
         """Search entries in one call, in this order; return those that the budget reached."""
         found = self._assembly.rows(
             self._answers.poses, queries.bodies, queries.wanted, queries.hints, queries.signed,
-            float(budget_s), threads,
+            perf_counter() + float(budget_s), threads,
         )  # fmt: skip
         return self._commit(queries, found, clock())
 
@@ -280,7 +281,8 @@ class Schedule:
         Returns:
             (l,) records: `at` its entry; `bodies` (2,); `lower` and `upper`, metres, NaN where a
             pose is unknown; `points` (2, 3) metres, world: `upper` is their distance where it is
-            not negative; `faces` (2,) and `weights` (2, 3): where the points lie on the models;
+            not negative; `elements` (2,) and `parameters` (2, 3): where the points lie on the
+            models;
             `status`, a position in `tuple(Status)`, where OUT_OF_TIME stands for all bounds that
             are wider than asked for, or OVERLAPPING or UNKNOWN; `age_s` since the numbers were an
             answer to the present poses; `min_upper` and `min_lower` of `records`; `silent` (2,)

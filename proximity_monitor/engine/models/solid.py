@@ -13,7 +13,7 @@ from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.inside import solids
 from ..kernels.inside.angles import MOMENTS, moments_of
 from ..kernels.inside.solids import HALF, NOWHERE, WHOLE, Region
-from .tree import build, places
+from .tree import build, weld
 
 if TYPE_CHECKING:
     from .hierarchy import Hierarchy
@@ -62,7 +62,7 @@ def find_sides(mesh: Hierarchy, known: Sides | None) -> Sides:
             vertices came apart or together, so little more than the volume is computed again.
     """
     robust = mesh.solid == "robust"
-    first = places(mesh.vertices)
+    first = weld(mesh.vertices)
     same = known is not None and np.array_equal(first, known.first)
     if same and not (robust and known.opening):  # of open edges the lengths count
         part, proper, opening = known.part, known.proper, known.opening

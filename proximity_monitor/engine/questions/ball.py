@@ -8,7 +8,6 @@ of their cores says it.
 from __future__ import annotations
 
 import math
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,7 @@ from ..kernels.inside import deepest
 from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from .run import LONG_SLICE, SLICE
+from .slices import Slices
 
 _CELLS = 64
 """Cells that there is room for at first."""
@@ -100,14 +99,14 @@ class BallSearch:
         return self._search(deadline, False)
 
     def _search(self, deadline: float, seeds_alone: bool) -> bool:
-        steps = LONG_SLICE if deadline == math.inf else SLICE
+        slices = Slices(None if deadline == math.inf else deadline)
         while True:
-            code = self._slice(seeds_alone, steps)
+            code = self._slice(seeds_alone, slices.steps)
             if code == FULL:
                 self._make_room()
             elif code != CUT:
                 return True
-            if perf_counter() >= deadline:
+            if slices.over():
                 return False
 
     def _slice(self, seeds_alone: bool, steps: int) -> int:

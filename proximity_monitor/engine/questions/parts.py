@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
 from ..models.model import Model
 from .ball import tree_of
-from .run import LONG_SLICE, SLICE
+from .slices import Slices
 
 
 class PartSearch:
@@ -66,7 +65,7 @@ class PartSearch:
         """
         if not apart > 4.0 * self._slack:
             return True
-        steps = LONG_SLICE if deadline == math.inf else SLICE
+        slices = Slices(None if deadline == math.inf else deadline)
         if self.found[0] >= 0:
             return True
         for body in range(2):
@@ -76,13 +75,14 @@ class PartSearch:
             while True:
                 t = contain.look_for_part(
                     self._trees[1 - body], self._trees[body], self._regions[body].samples,
-                    motion, self._slack, apart, self._progress[body], *self._scratch[body], steps,
+                    motion, self._slack, apart, self._progress[body], *self._scratch[body],
+                    slices.steps,
                 )  # fmt: skip
                 if t >= 0:
                     self.found = body, int(t)
                     return True
                 if t == contain.NONE:
                     break
-                if perf_counter() >= deadline:
+                if slices.over():
                     return None
         return False

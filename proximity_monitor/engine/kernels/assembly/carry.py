@@ -1,8 +1,8 @@
 """Certified bounds of pairs of bodies that have moved since they were last searched.
 
-A search answers for the poses that it was given. When the bodies move on, that answer is still
-worth something: no point of B comes nearer to A than it moved relative to A, and the two closest
-points of then, carried along by their bodies, are still two points of the models.
+A search answers for the poses that it was given. When the bodies move on, that answer still bounds
+the distance: it shrinks by at most the motion of B relative to A, and the two closest points,
+carried along by their bodies, are still points of the models.
 
 A point of B at y in B's frame moves relative to A by at most ``|T1 c - T0 c| + 2 sin(angle / 2)
 |y - c|``, where T0 and T1 are the relative poses, c is the centre of B's ball and the angle is that
@@ -62,7 +62,7 @@ CORE, SWEPT, DEVIATION, BALL = 3, 4, 5, 6
 that sweeps it, and the deviation, metres."""
 
 CENTRE, SIZE, DEFECT, STRETCH, PLACE = 0, 3, 4, 5, 6
-"""Of a body: its ball's centre in the world; its share of s; d; metres by which its vertices have
+"""Of a body: its ball's centre in the world; its share of s; d; metres by which its points have
 been moved so far, each time the largest displacement, added rounding up."""
 
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
@@ -70,8 +70,8 @@ ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 
 FEATURES, ANSWER = 30, 38
 """Of an answer: bounds; the cores' nearest points in the world and in their bodies' frames; the
 pose of B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their
-models, which no motion changes: weights of a triangle's three corners and its face, of A, then of
-B."""
+models, which no motion changes: three parameters (of a triangle, the weights of its corners) and
+the element, of A, then of B."""
 
 WITNESS = 14
 """Numbers that say which points are nearest: both points in the world, and their FEATURES."""
@@ -80,8 +80,8 @@ BODY_A, BODY_B, SEEN_A, SEEN_B, SIGNED, LABEL = 0, 1, 2, 3, 4, 5
 """Of an answer, whole numbers: the bodies; their versions then; and one of the following."""
 
 UNSIGNED, CONTINUOUS, JUMPING = 0, 1, 2
-"""Of what kind a distance is: one of two surfaces; the signed one of a solid; or the signed one of
-a solid with holes, which jumps where a body passes one."""
+"""Kinds of distances: of two surfaces; signed, of a solid; or signed, of a solid with holes, which
+jumps where a body passes a hole."""
 
 MOVED, STILL, SAME = 0, 1, 2
 """How the bodies of a pair moved relative to each other since its answer: more than rounding, not
@@ -125,7 +125,7 @@ def _norm(v):
 
 @kernel
 def _place(pose, ball, place):
-    """Write where the ball of a body at this pose is."""
+    """Write the place of a body's ball at this pose."""
     centre = (ball[0], ball[1], ball[2])
     place[CENTRE], place[CENTRE + 1], place[CENTRE + 2] = _image(pose, centre)
     reach = ball[CORE] + ball[SWEPT] + ball[DEVIATION]
@@ -174,7 +174,7 @@ def place(bodies, given, anew, balls, poses, versions, places):
 
 @kernel
 def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, points):
-    """Bounds of a pair at its bodies' present poses, from the answer for others; its points."""
+    """Bounds and points of a pair at the present poses, from its answer at earlier ones."""
     slack = (
         ROUNDING + NON_RIGID * max(place_a[DEFECT], place_b[DEFECT], answer[THEN_DEFECT])
     ) * max(place_a[SIZE] + place_b[SIZE], answer[THEN_SIZE])
