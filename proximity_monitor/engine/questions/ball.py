@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..kernels.base import state as index
 from ..kernels.base.state import CUT, MeshTree
 from ..kernels.inside import ball as kernel
-from ..kernels.inside import deepest
+from ..kernels.inside import ball_begin, deepest
 from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
@@ -80,7 +80,7 @@ class BallSearch:
     ) -> None:
         """Start a search, at the centre of the ball that the last one found."""
         self._poses = pose_a, pose_b
-        kernel.begin_ball(*self._solids, pose_a, pose_b, depth_err, 0.5 * abs_err, self._ball)
+        ball_begin.begin_ball(*self._solids, pose_a, pose_b, depth_err, 0.5 * abs_err, self._ball)
 
     def add_seeds(self, points: NDArray[np.float64]) -> None:
         """Have the search begin at points (k, 3) of the world, too."""
@@ -167,7 +167,7 @@ class BallSearch:
         """Write the point of triangle t of a model that is nearest to the best point."""
         model, pose = self._models[which], self._poses[which]
         weights = np.empty(3)
-        kernel.foot(tree_of(model._hierarchy), motion, self._ball.best[0]["place"], t, weights)
+        ball_begin.foot(tree_of(model._hierarchy), motion, self._ball.best[0]["place"], t, weights)
         _point(row, k, model, pose, weights, t)
 
 

@@ -34,7 +34,6 @@ class PartSearch:
         "_slack",
         "_trees",
         "found",
-        "points",
     )
 
     found: tuple[int, int]
@@ -55,8 +54,12 @@ class PartSearch:
         self._progress = np.zeros((2, 2), np.int64)
         room = 1 + max(core.depth for core in self._cores) * 15
         self._scratch = np.empty((2, 2, room), np.int32)
-        self.points = 0
         self.found = (-1, -1)
+
+    @property
+    def points(self) -> int:
+        """How many points' sides were asked for, where each part has one."""
+        return int(self._progress[:, 0].sum())
 
     def search(self, apart: float, deadline: float) -> bool | None:
         """Whether a part may lie inside, the surfaces being `apart` metres or more apart.
