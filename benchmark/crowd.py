@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from proximity_monitor import engine
 from proximity_monitor.scene import UNITS, Body, Scene, Thresholds, WatchedPair
-from proximity_monitor.scene.watch import UNWATCHED, Limits, WatchedPairs
+from proximity_monitor.scene.watch import UNWATCHED, PairSettings, WatchedPairs
 from proximity_monitor.study import shapes
 from proximity_monitor.study.scenes import random_rotations, rotation_poses
 
@@ -37,7 +37,7 @@ class Crowd:
         )
         names = [f"part_{i}" for i in range(count)]
         self.models = dict.fromkeys(names, self.mesh)
-        limits = Limits(thresholds=_THRESHOLDS, range=RANGE)
+        limits = PairSettings(thresholds=_THRESHOLDS, range=RANGE)
         pairs = WatchedPairs(names, [True] * count, [limits], 0, np.empty((0, 3)))
         self.scene = _scene([_body(name) for name in names], pairs)
         random = np.random.default_rng(4)
@@ -85,7 +85,7 @@ def _pair(
 ) -> tuple[Scene, dict[str, engine.TriangleMesh], Poses]:
     surfaces = (engine.TriangleMesh(*each, solid=False) for each in (fixed, moving))
     models = dict(zip(("fixed", "moving"), surfaces, strict=True))
-    limits, exceptions = Limits(thresholds=_THRESHOLDS), np.array([[0, 1, 0]])
+    limits, exceptions = PairSettings(thresholds=_THRESHOLDS), np.array([[0, 1, 0]])
     pairs = WatchedPairs(list(models), [False, True], [limits], UNWATCHED, exceptions)
 
     def poses(t: float) -> NDArray[np.float64]:

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from recorded import available
 
 from proximity_monitor import engine
-from proximity_monitor.study.scenes import SCENES, Scene, Track
+from proximity_monitor.engine.questions.result import Distances
+from proximity_monitor.study.scenes import SCENES, StudyScene, Track
 from proximity_monitor.study.shapes import Mesh
 
 HERE = Path(__file__).resolve().parent
@@ -131,7 +132,7 @@ class Block(NamedTuple):
     poses_b: NDArray[np.float64]
 
 
-def blocks_of(scene: Scene, count: int) -> list[Block]:
+def blocks_of(scene: StudyScene, count: int) -> list[Block]:
     """About so many blocks, spread evenly over the tracks and their steps."""
     length = BATCH if scene.block > 16 else FEW
     every = [
@@ -143,7 +144,7 @@ def blocks_of(scene: Scene, count: int) -> list[Block]:
     return [every[i] for i in chosen.round().astype(int)]
 
 
-def measure(scene: Scene, pqp: Pqp, quick: bool) -> list[dict[str, float]]:
+def measure(scene: StudyScene, pqp: Pqp, quick: bool) -> list[dict[str, float]]:
     """A row for each question.
 
     Raises:
@@ -195,7 +196,7 @@ def measure(scene: Scene, pqp: Pqp, quick: bool) -> list[dict[str, float]]:
 
 def _ours(
     models: dict[str, engine.TriangleMesh], block: Block, question: Question, clearance: float
-) -> tuple[float, engine.Distances]:
+) -> tuple[float, Distances]:
     a, b = models[block.track.a], models[block.track.b]
     asked = {"rel_err": question.rel_err} if question.share is None else {"clearance": clearance}
     gc.disable()
@@ -207,7 +208,7 @@ def _ours(
 
 
 def _compare(
-    question: Question, clearance: float, found: engine.Distances, answers: NDArray, exact: NDArray
+    question: Question, clearance: float, found: Distances, answers: NDArray, exact: NDArray
 ) -> None:
     """See that both answers are true, right to a millionth.
 
@@ -243,7 +244,7 @@ def _to_ideal(
     return tests[0] / tests[1] if tests[1] > 0.0 else np.nan
 
 
-def table(scenes: dict[str, Scene], pqp: Pqp, quick: bool, out: Path) -> str:
+def table(scenes: dict[str, StudyScene], pqp: Pqp, quick: bool, out: Path) -> str:
     """Measure scenes, write pqp.csv, and return what is to be read of it, in Markdown."""
     rows = []
     for name, make in scenes.items():

@@ -38,13 +38,13 @@ or, on a machine with ROS 2 Jazzy, source it first, and:
 _SCENES = "bundled scenes:"
 
 _LISTED = 100
-"""Pairs that `scene check` prints one by one."""
+"""How many pairs `scene check` prints one by one."""
 
 
 class _WithScenes(argparse.HelpFormatter):
-    """Lists the bundled scenes where the epilog has a place for them.
+    """Lists the bundled scenes in the epilog.
 
-    Only the help that is shown is formatted, so that no other command reads their files.
+    Only the help that is shown is formatted, so no other command reads their files.
     """
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
@@ -67,8 +67,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        The exit code: 130 after a Ctrl-C while Python still imports, as later ones end a command in
-        good order; 2, by `SystemExit`, for a wrong command line.
+        The exit code: 130 after a Ctrl-C while Python still imports, because a later one ends a
+        command in good order; 2, by `SystemExit`, for a wrong command line.
     """
     interrupted = False
 
@@ -88,11 +88,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(chosen)
     except KeyboardInterrupt:
         return 130
-    except BrokenPipeError:  # who read what is printed has gone, as `head` does
+    except BrokenPipeError:  # the reader of the output has gone, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what Python flushes
         return 1
     except Exception as error:
-        # Numba's compiler and readers of files take an interrupt for a fault of their input.
+        # Numba's compiler and readers of files take an interrupt for a fault in their input.
         if interrupted:
             return 130
         if isinstance(error, chosen.told):
@@ -109,7 +109,7 @@ def _run(chosen: argparse.Namespace) -> int:
         return chosen.run(chosen)
     except ImportError as error:
         if error.name is None or error.name.startswith("proximity_monitor"):
-            raise  # our own fault, that no installation mends
+            raise  # our own fault, which no installation mends
         print(chosen.install.format(error=error), file=sys.stderr)
         return 1
 
@@ -231,7 +231,7 @@ def _check(chosen: argparse.Namespace) -> int:
 
 
 def _shape(model: engine.Model, unit: Unit) -> str:
-    """Say of what a model is made, and whether it is a solid."""
+    """Describe a model, its deviation, and whether it is a solid."""
     found = model.describe(lambda metres: f"{metres / unit.to_metre:.6g} {unit.symbol}")
     if model.deviation > 0.0:
         found += f" within {model.deviation / unit.to_metre:.3g} {unit.symbol} of the thing"

@@ -12,6 +12,7 @@ from round_things import Ball
 
 from proximity_monitor import engine
 from proximity_monitor.__main__ import main
+from proximity_monitor.engine.files import readers
 from proximity_monitor.motion.dynamics import ContactLaw, Forces, RigidBody, World
 from proximity_monitor.scene import load_scene
 from proximity_monitor.scene.monitor import Monitor
@@ -65,7 +66,7 @@ def test_every_question_is_answered():
     assert again[0].feature_a.kind == again[1].kind == "ball"
 
 
-def test_a_file_of_it_is_read_and_one_that_is_not_what_it_should_be_refused(file):
+def test_a_file_of_it_is_read_and_one_that_is_not_what_it_should_be_refused(file, monkeypatch):
     ball = engine.load(file.parent / "b.BALL", unit=0.001, scale=2.0, deviation=0.002)
     assert (type(ball), ball.name, ball.size, ball.deviation) == (Ball, "b", 0.05, 0.002)
     bad = file.parent / "bad.ball"
@@ -76,6 +77,9 @@ def test_a_file_of_it_is_read_and_one_that_is_not_what_it_should_be_refused(file
         bad.write_text(text)
         with pytest.raises(engine.ModelError, match=message):
             engine.load(bad)
+    monkeypatch.setitem(readers._READERS, ".ball", lambda *_: None)
+    with pytest.raises(engine.ModelError, match="its reader returned no model but NoneType"):
+        engine.load(bad)
     (file.parent / "a.cube").write_text("1")
     with pytest.raises(engine.ModelError, match=r"a\.cube: unknown extension .*\.3mf, \.ball$"):
         engine.load(file.parent / "a.cube")

@@ -1,5 +1,5 @@
-"""The page in the browser: parts to drag, and the clearances as a running monitor publishes them.
+"""The page in the browser: parts to drag, and the clearances that a running monitor publishes.
 
-A node of its own, `proximity_display`. It knows what is on the monitor's topics and nothing else,
-so it runs on any machine that hears them.
+It is a node of its own, `proximity_display`. It knows only the monitor's topics, so it runs on any
+machine that hears them.
 """

@@ -1,9 +1,9 @@
 """Clicks on the page's own HTML: each becomes a text that a callback takes.
 
-viser shows HTML as it is given and hears only its own elements. So a text field that nobody sees
-stands behind the HTML; what is pressed types its word there. Words end in the time of the click, so
-that the same one twice is a change twice. Press and not click: HTML that is written anew between
-the two would swallow the click.
+viser shows HTML as given and hears only its own elements. So there is a hidden text field behind
+the HTML, and a pressed element types its word there. Words end with the time of the press, so that
+pressing one twice changes the field twice. It listens to presses, not to clicks, because HTML that
+is rewritten between press and release would swallow a click.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Bridge:
     """The hidden field."""
 
     def __init__(self, gui: viser.GuiApi, on_word: OnWord) -> None:
-        """Add the field where the GUI stands; `on_word` is told each word, and who pressed."""
+        """Add the field at this place of the GUI; `on_word` gets each word, and who pressed."""
         gui.add_html(f'<style>{_STYLE}</style><span id="{_ID}"></span>')
         field = gui.add_text("pressed", "")
 
@@ -45,5 +45,5 @@ class Bridge:
 
 
 def word(text: str) -> str:
-    """Return the attribute of an element that, when pressed within `PRESSES`, tells a word."""
+    """Return the attribute with which an element within `PRESSES` sends a word when pressed."""
     return f'data-word="{escape(text, quote=True)}"'

@@ -1,4 +1,4 @@
-"""What the people at the page have chosen; callbacks write it, the page's loop reads it."""
+"""The choices of the people at the page; callbacks write them, the page's loop reads them."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ PairName = tuple[str, str]
 
 @dataclass
 class Choice:
-    """Single fields are set as a whole, so no lock is needed."""
+    """Each field is set as a whole, so no lock is needed."""
 
     pair: PairName | None = None
-    """Highlighted: the rest is dim."""
+    """The highlighted pair; the rest is dim."""
     body: str | None = None
     """At the gizmo."""
     search: str = ""
     ignored: frozenset[PairName] = field(default_factory=frozenset)
-    """Not drawn, not in the banner and not in the session's worst; the monitor watches them on."""
+    """Ignored pairs: not drawn, not in the banner, and not in the session's minimum; the monitor
+    keeps watching them."""
     lines: int = 12
-    """So many of the nearest pairs are drawn, beside all that are not clear."""
+    """How many of the nearest pairs are drawn, besides all that are not clear."""
     names: bool = True
-    """Whether parts bear their names."""
+    """Whether parts show their names."""
     at_s: float | None = None
-    """The moment of the session that is shown; None: now."""
+    """The moment of the session to show; None: now."""
 
     def ignore(self, pair: PairName) -> None:
         """Ignore a pair, or watch it again."""
@@ -32,6 +33,6 @@ class Choice:
             self.pair = None
 
     def listens_to(self, a: str, b: str) -> bool:
-        """Return whether a pair's names hold every word of the search."""
+        """Return whether a pair's names contain every word of the search."""
         text = f"{a} {b}".lower()
         return all(word in text for word in self.search.lower().split())

@@ -1,4 +1,4 @@
-"""Whether what is shown is true now: live, stale, computing or disconnected; and the banner."""
+"""How current the page is: live, stale, computing or disconnected; and the banner."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, S
 
 LATE_TICKS = 5.0
 LATE_S = 1.5
-"""After so many periods, and not before so many seconds, without a tick something is wrong."""
+"""Without a tick for so many periods, and at least so many seconds, something is wrong."""
 
 GONE_S = 3.5
-"""After so many seconds without diagnostics, which come each second, the monitor is gone."""
+"""Seconds without diagnostics, which come each second, after which the monitor is gone."""
 
 LOOKING_BACK = "looking back: of all here only this state and the banner are of now"
 
@@ -43,16 +43,16 @@ _PILLS = {
 
 
 class Connection(NamedTuple):
-    """The state, and a line that says why."""
+    """The state of the connection, and a line that says why."""
 
     state: ConnectionState
     text: str
     current: bool = True
-    """Whether the last tick that was read is of now."""
+    """Whether the last tick that was read is current."""
 
 
 def connection(news: News, now_s: float) -> Connection:
-    """Judge what is known at a moment of the monotonic clock."""
+    """Return the state of the connection at a moment of the monotonic clock."""
     since_frame, since_health = now_s - news.frame_at_s, now_s - news.health_at_s
     rate = (news.scene.settings["rate_hz"] if news.scene is not None else None) or 1.0
     late = since_frame > max(LATE_S, LATE_TICKS / rate)
@@ -100,7 +100,7 @@ def silent_bodies(frame: Frame) -> dict[str, str]:
         silent = [name for name in pairs.names[i] if name in said]
         age = frame.stamp_s - pairs.stamp_s[i]
         for name in silent:
-            # Of two silent bodies the stamp is that of the one that is silent longer.
+            # With two silent bodies, the stamp belongs to the one that is silent for longer.
             known = found.get(name, math.inf)
             found[name] = age if math.isinf(known) else min(known, age)
     return {
@@ -110,7 +110,7 @@ def silent_bodies(frame: Frame) -> dict[str, str]:
 
 
 def pill(told: Connection, choice: Choice) -> str:
-    """Return the state as HTML; it is that of now, whatever is looked back at."""
+    """Return the present state as HTML, even while the page looks back."""
     glyph, colour = _PILLS[told.state]
     text = escape(told.text if choice.at_s is None else LOOKING_BACK)
     return (
@@ -121,7 +121,7 @@ def pill(told: Connection, choice: Choice) -> str:
 
 
 def banner(frame: Frame, scene: SceneInfo, choice: Choice, told: Connection) -> str:
-    """Return the worst pair that is not clear as a banner; where all are clear, it says that.
+    """Return a banner with the worst pair that is not clear, or that all are clear.
 
     It always takes the same room, so that nothing moves under the pointer.
 
@@ -129,7 +129,7 @@ def banner(frame: Frame, scene: SceneInfo, choice: Choice, told: Connection) -> 
         frame: the last tick.
         scene: its scene.
         choice: which pairs are hidden.
-        told: whether the tick is of now: all that was clear once may be so no more.
+        told: whether the tick is current: pairs that were clear may not be so any more.
     """
     pairs = frame.pairs
     wrong = [

@@ -1,4 +1,4 @@
-"""What can be taken home: tables as CSV."""
+"""Tables to save, as CSV."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bodies that are held here: their poses are published until they are let go."""
+"""The bodies that are held here: their poses are published until they are released."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 
 UNDO = 200
-"""So many steps can be undone."""
+"""How many steps can be undone."""
 
 
 class Holds:
-    """Poses (7,), x y z in metres, quaternion w x y z, with the way back. Any thread may call."""
+    """Poses (7,), x y z in metres, quaternion w x y z, with undo. Any thread may call."""
 
     def __init__(self) -> None:
-        """Begin with nothing held."""
+        """Begin without any held body."""
         self._lock = threading.Lock()
         self._poses: dict[str, np.ndarray] = {}
         self._first: dict[str, np.ndarray] = {}
@@ -23,7 +23,7 @@ class Holds:
 
     @property
     def poses(self) -> Mapping[str, np.ndarray]:
-        """By body the pose to publish."""
+        """The poses to publish, by body."""
         with self._lock:
             return dict(self._poses)
 
@@ -34,7 +34,7 @@ class Holds:
             return bool(self._before)
 
     def take(self, name: str, now: np.ndarray) -> None:
-        """Begin a step with a body: hold it where it is, if it was not held; it can be undone."""
+        """Begin a step with a body, and hold it where it is; the step can be undone."""
         with self._lock:
             self._before.append((name, self._poses.get(name, now)))
             del self._before[:-UNDO]
@@ -42,7 +42,7 @@ class Holds:
             self._first.setdefault(name, now)
 
     def move(self, name: str, pose: np.ndarray) -> None:
-        """Move a body that is held, within a step."""
+        """Move a held body within a step."""
         with self._lock:
             if name in self._poses:
                 self._poses[name] = pose
@@ -53,7 +53,7 @@ class Holds:
         self.move(name, pose)
 
     def undo(self) -> str | None:
-        """Go back by a step; return the body. It stays held, where the step began."""
+        """Undo a step; return the body, which stays held where the step began."""
         with self._lock:
             if not self._before:
                 return None
@@ -63,7 +63,7 @@ class Holds:
             return name
 
     def reset(self, name: str) -> None:
-        """Put a held body back to where it was when it was taken first; this can be undone."""
+        """Put a held body back to where it was first taken; this can be undone."""
         with self._lock:
             first, pose = self._first.get(name), self._poses.get(name)
             if first is not None and pose is not None:
@@ -71,7 +71,7 @@ class Holds:
                 self._poses[name] = first
 
     def release(self, name: str | None = None) -> None:
-        """Let a body go, or all: its own source has it again."""
+        """Release a body, or all of them, to their own sources."""
         with self._lock:
             for each in [name] if name is not None else list(self._poses):
                 self._poses.pop(each, None)

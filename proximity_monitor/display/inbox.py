@@ -1,4 +1,4 @@
-"""What arrived last, handed from the ROS thread to the page's."""
+"""The last messages, handed from the ROS thread to the page's thread."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from dataclasses import dataclass, field, replace
 from proximity_monitor.display.received import Part, read_pairs, read_parts, read_poses
 from proximity_monitor.display.state import Frame, Health, SceneInfo
 
-_STAMP = slice(4, 12)  # of a serialised message that begins with a header
+_STAMP = slice(4, 12)  # in a serialised message that begins with a header
 
 
 @dataclass(frozen=True)
 class News:
-    """All that is known at one moment."""
+    """Everything that is known at one moment."""
 
     scene: SceneInfo | None = None
     parts: Sequence[Part] | None = None
     frame: Frame | None = None
-    """The last tick that could be read."""
+    """The last readable tick."""
     frame_at_s: float = float("-inf")
-    """When it came, on the monotonic clock."""
+    """When it came, by the monotonic clock."""
     health: Health | None = None
     health_at_s: float = float("-inf")
     unreadable: Mapping[str, str] = field(default_factory=dict)
-    """Why the last message of a kind could not be read, for those of which that is so."""
+    """Why the last message could not be read, by kind of message."""
     present: bool = False
     """Whether the monitor is on the network."""
     rivals: tuple[str, ...] = ()
     """Other publishers on the topics of the bodies that are held here."""
     refusal: str = ""
-    """Why the monitor did not take the last parameters; empty where it did."""
+    """Why the monitor refused the last parameters; empty if it took them."""
 
 
 class Inbox:
-    """Takes messages in as bytes; only what is looked at is read."""
+    """Takes messages as bytes; they are read when the page asks."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Begin without messages."""
         self._lock = threading.Lock()
         self._news = News()
         self._points = self._poses = self._parts = b""
@@ -47,7 +47,7 @@ class Inbox:
 
     @property
     def news(self) -> News:
-        """What is known, as far as it was read."""
+        """The news so far, without unread messages."""
         with self._lock:
             return self._news
 
@@ -74,11 +74,11 @@ class Inbox:
             self._parts = data
 
     def put_health(self, health: Health) -> None:
-        """Take what the monitor says of itself."""
+        """Take what the monitor says about itself."""
         self.tell(health=health, health_at_s=time.monotonic(), present=True)
 
     def judge(self, kind: str, error: str | None) -> None:
-        """Remember why the last message of a kind could not be read; None: it could."""
+        """Remember why the last message of a kind could not be read; None: it was read."""
         with self._lock:
             others = {k: v for k, v in self._news.unreadable.items() if k != kind}
             told = others if error is None else others | {kind: error}
@@ -92,7 +92,7 @@ class Inbox:
             self._news = replace(self._news, parts=None, frame=None, unreadable={})
 
     def read(self) -> News:
-        """Return the news, with what came since the last call read, as far as it can be."""
+        """Return the news, after reading what came since the last call."""
         with self._lock:
             matched, self._matched = self._matched, None
             parts, self._parts = self._parts, b""
@@ -105,14 +105,14 @@ class Inbox:
     def _take(self, kind: str, read: Callable[[], Mapping[str, object]]) -> None:
         try:
             found = read()
-        except ValueError as error:  # of another version's monitor, or no monitor at all
+        except ValueError as error:  # from a monitor of another version, or from no monitor at all
             self.judge(kind, str(error))
         else:
             self.judge(kind, None)
             self.tell(**found)
 
     def _match(self) -> None:
-        """A tick is complete when both messages of its stamp have come."""
+        """A tick is complete when both messages with its stamp have come."""
         if self._points[_STAMP] == self._poses[_STAMP] and self._points:
             self._matched = (self._points, self._poses, time.monotonic())
 

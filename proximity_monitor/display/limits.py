@@ -17,30 +17,30 @@ ASK_S = 0.2
 """Seconds between two requests to the monitor while a slider is dragged."""
 
 HAND_S = 1.0
-"""Seconds after a request until a slider may be pulled from the hand: once it was answered."""
+"""Seconds after a request until a slider may move by itself, once the request was answered."""
 
 HEADROOM = 4.0
-"""A slider of a length reaches to so many times what it was at first."""
+"""A slider of a length reaches up to so many times its first value."""
 
 SETTLED = 2
-"""So many messages about times must have come since a setting was made: the first is of before."""
+"""How many messages about times must have come since a setting was made: the first is older."""
 
 TRIED = 8
-"""So many settings are remembered with what they cost."""
+"""How many settings are remembered with their cost."""
 
 Values = Mapping[str, float]
 
 
 class LimitsPanel:
-    """The panel; what is set here are the monitor's own parameters."""
+    """The panel, which sets the monitor's own parameters."""
 
     def __init__(self, gui: viser.GuiApi, choice: Choice, ask: Callable[[Values], None]) -> None:
-        """Add it where the GUI stands; `ask` sends parameters to the monitor."""
+        """Add it at this place of the GUI; `ask` sends parameters to the monitor."""
         self._choice = choice
         self._ask = ask
         self._wanted: dict[str, float] = {}
         self._asked_s = -math.inf
-        self._asked_in: SceneInfo | None = None  # what was in force then
+        self._asked_in: SceneInfo | None = None  # the scene at that time
         self._prefix = ""
         self._scene: SceneInfo | None = None
         self._tried: dict[str, str] = {}
@@ -67,7 +67,7 @@ class LimitsPanel:
     def show(
         self, scene: SceneInfo, frame: Frame, health: Health | None, refusal: str, now_s: float
     ) -> None:
-        """Send what was set, and show what is in force and what it costs."""
+        """Send new settings, and show those in force and their cost."""
         if self._wanted:
             if now_s >= self._asked_s + ASK_S:
                 self._asked_s, self._asked_in = now_s, scene
@@ -81,7 +81,7 @@ class LimitsPanel:
         self._refusal.content = told if refusal else ""
 
     def _follow(self, scene: SceneInfo) -> None:
-        """Move the sliders to what is in force, with new scales where that is of others."""
+        """Move the sliders to the settings in force, with new scales for another pair or scene."""
         pair = self._choice.pair
         own = pair in scene.own_thresholds and scene.own_parameters
         prefix = f"pairs.{pair[0]}.{pair[1]}" if own else "thresholds"

@@ -1,8 +1,8 @@
 """The clearances in 3D: a line a pair with its closest points, labels, and a star at contact.
 
-The pattern of a line says its state, whatever its colour: solid while clear, dashed at warn, solid
-and thick at stop, dotted while stale; a gap in the middle is uncertainty, where the budget cut the
-search and only bounds are known.
+The pattern of a line shows its state without colour: solid while clear, dashed at warn, solid and
+thick at stop, dotted while stale. A gap in the middle shows that the budget cut the search, so that
+only bounds are known.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from proximity_monitor.display.signs import clearance, ramp, sign, uncertain
 from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
 
 LABELS = 10
-"""So many are shown at most, of the nearest."""
+"""How many lines are shown at most, the nearest ones."""
 
 ALWAYS = 3
-"""So many of the nearest pairs bear a label even while they are clear."""
+"""How many of the nearest pairs have a label even while they are clear."""
 
 THIN, THICK = 2.0, 5.0
 """Pixels."""
@@ -44,7 +44,7 @@ def pattern(level: int, unsure: bool) -> np.ndarray:
 def shown_rows(pairs: Pairs, choice: Choice) -> np.ndarray:
     """Return the rows to draw, the nearest first: all that are not clear, and the nearest others.
 
-    Those of the body at the gizmo are drawn all. Ignored pairs and those without a pose are left
+    All pairs of the body at the gizmo are drawn. Ignored pairs and those without a pose are left
     out; a highlighted pair is drawn alone.
     """
     if choice.pair is not None:

@@ -1,4 +1,4 @@
-"""Moving a part: the gizmo, the typed pose, undo, reset, and letting go."""
+"""Moving a part: the gizmo, the typed pose, undo, reset and release."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Move:
     """The gizmo in the scene and the panel beside it."""
 
     def __init__(self, server: viser.ViserServer, holds: Holds, choice: Choice) -> None:
-        """Add both; they come to life with `begin`."""
+        """Add both; `begin` puts them to work."""
         self._server = server
         self._holds = holds
         self._choice = choice
@@ -30,9 +30,9 @@ class Move:
         self._parts: Parts | None = None
         self._frame: Frame | None = None
         self._gizmo: viser.TransformControlsHandle | None = None
-        self._dragging: str | None = None  # a drag stays with its body, whatever is chosen then
+        self._dragging: str | None = None  # a drag stays with its body, whatever is chosen
         self._hidden = False
-        self._edited = False  # what was typed waits for its button
+        self._edited = False  # typed numbers wait for their button
         self._told: tuple[str | None, bytes] = (None, b"")
         gui = server.gui
         self._who = gui.add_dropdown("Part", (NOBODY,), hint="Or click a part in the picture")
@@ -59,7 +59,7 @@ class Move:
     def begin(self, scene: SceneInfo, parts: Parts) -> None:
         """Take a scene; the gizmo is made anew at its size."""
         self._scene, self._parts, self._frame = scene, parts, None
-        self._dragging = None  # the old gizmo tells no end
+        self._dragging = None  # the old gizmo reports no end
         names = tuple(body.name for body in scene.bodies if body.topic is not None)
         self._who.options = (NOBODY, *names)
         digits = DECIMALS.get(scene.unit.symbol, 4)

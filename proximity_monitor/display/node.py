@@ -1,4 +1,4 @@
-"""The ROS side: what the monitor publishes goes into the inbox, and held bodies are published."""
+"""The ROS side: the monitor's messages go to the inbox, and poses of held bodies are published."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.state import Health, SceneInfo
 
 HELD_HZ = 40.0
-"""How often the poses of held bodies are published."""
+"""Seconds between two publications of held bodies' poses."""
 
 _LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
 _LATCHED = QoSProfile(
@@ -37,7 +37,7 @@ class ProximityDisplay(Node):
         """Subscribe.
 
         Args:
-            inbox: takes what arrives.
+            inbox: takes the messages.
             holds: the poses to publish.
             node_options: for `rclpy.node.Node`, such as parameter_overrides.
 
@@ -48,7 +48,7 @@ class ProximityDisplay(Node):
         self._inbox = inbox
         self._holds = holds
         self._scene: SceneInfo | None = None
-        self._topics: dict[str, str] = {}  # of the bodies that can be held
+        self._topics: dict[str, str] = {}  # the bodies that can be held
         self._publishers_of: dict[str, object] = {}
         self._parts = None
         text = "Name of the monitor's node, in this node's namespace unless it begins with a slash."
@@ -73,13 +73,13 @@ class ProximityDisplay(Node):
             SetParametersAtomically, f"{self.monitor}/set_parameters_atomically"
         )
         self._to_player = self.create_client(SetParameters, f"{self._player}/set_parameters")
-        self._asked: frozenset[str] | None = None  # what the player was told to leave alone
-        self._released: frozenset[str] | None = None  # what it has agreed to; None: not known
+        self._asked: frozenset[str] | None = None  # what the player shall leave alone
+        self._released: frozenset[str] | None = None  # the bodies to which it agreed; None: unknown
         self.create_timer(1.0 / HELD_HZ, self._publish_held)
         self.create_timer(0.5, self._look_around)
 
     def set_parameters_of_monitor(self, values: Mapping[str, float]) -> None:
-        """Ask for new values, all or none; the inbox tells a refusal. Any thread may call."""
+        """Ask for new values, all or none; the inbox gets a refusal. Any thread may call."""
         request = SetParametersAtomically.Request(
             parameters=[Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
         )
@@ -96,7 +96,7 @@ class ProximityDisplay(Node):
 
     @property
     def player_knows(self) -> bool:
-        """Whether a player that is there has agreed to leave alone what is held, and no more."""
+        """Whether the player, if any, has agreed to leave alone exactly the held bodies."""
         return not self._to_player.service_is_ready() or self._holds.poses.keys() == self._released
 
     def _declare(self, name: str, default, text: str, **limits):
@@ -161,12 +161,12 @@ class ProximityDisplay(Node):
         return self._publishers_of[topic]
 
     def _look_around(self) -> None:
-        """See who is there, and hear the meshes only as long as they are needed."""
+        """Check who is there, and listen to the meshes only while they are needed."""
         news = self._inbox.news
         names = self.get_node_names_and_namespaces()
         present = any(f"{space.rstrip('/')}/{name}" == self.monitor for name, space in names)
         if self._asked != self._released or not self._to_player.service_is_ready():
-            # It refused, its answer was lost, or it is gone and another may come: tell it again.
+            # It refused, its answer was lost, or it is gone and another may come: ask again.
             self._asked = self._released = None
         rivals = {
             info.node_name
@@ -184,7 +184,7 @@ class ProximityDisplay(Node):
         return not agreed and node != self.get_fully_qualified_name()
 
     def _hear_parts(self, wanted: bool) -> None:
-        """A large mesh is worth a core if it comes several times a second, and comes but once."""
+        """Large meshes would take a core if read several times a second; once is enough."""
         if wanted and self._parts is None:
             self._parts = self.create_subscription(
                 MarkerArray, f"{self.monitor}/parts", self._inbox.put_parts, _LATCHED, raw=True

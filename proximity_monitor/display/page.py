@@ -1,4 +1,4 @@
-"""The page: what stands where, and the frame that brings it up to date."""
+"""The page: its layout, and the loop that keeps it up to date."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
 
 TABLE_S = 0.1
-"""Seconds between two states of the list: numbers that change faster cannot be read."""
+"""Seconds between two updates of the list: numbers that change faster cannot be read."""
 
 WIDTH = 500
-"""Of the panel, in pixels."""
+"""Width of the panel, in pixels."""
 
 
 class Page:
-    """Everything on the server, for all who look at it."""
+    """Everything on the server, the same for all viewers."""
 
     def __init__(
         self, server: viser.ViserServer, inbox: Inbox, holds: Holds, node: ProximityDisplay
@@ -43,7 +43,7 @@ class Page:
 
         Args:
             server: shows it.
-            inbox: what the monitor says.
+            inbox: gives the monitor's messages.
             holds: the bodies that are held here.
             node: carries requests to the monitor.
         """
@@ -91,7 +91,7 @@ class Page:
             if _complete(news):
                 self._show(news, told, now_s)
             else:
-                self._banner.content = ""  # what it said was of the scene before
+                self._banner.content = ""  # it spoke of the previous scene
 
     def _show(self, news: News, told: Connection, now_s: float) -> None:
         scene, before = news.scene, self._shown
@@ -125,7 +125,7 @@ class Page:
         self._server.scene.reset()
         serving.light(self._server)
         self._session.clear()
-        self._holds.release()  # what was taken since the scene came was taken of the one before
+        self._holds.release()  # bodies held since the scene came belong to the previous one
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
         self._parts = Parts(self._server, news.scene, news.parts, self._move.pick)
@@ -137,12 +137,12 @@ class Page:
         self._about.content = f"<div class='pm pm-dim'>{escape(news.scene.description)}</div>"
 
     def _look_at_all(self, frame: Frame) -> None:
-        """Show all parts to who comes, and to who has not looked elsewhere yet."""
+        """Show all parts to new viewers, and to those who have not moved their camera."""
         low, high = self._parts.box()
         middle, across = (low + high) / 2.0, float(np.linalg.norm(high - low))
         camera = self._server.initial_camera
         before = camera.position
-        middle[2] -= 0.12 * across  # the plot covers what is beneath
+        middle[2] -= 0.12 * across  # the plot covers what is below it
         camera.look_at = middle
         camera.position = middle + across * np.array([0.55, -0.75, 0.45])
         for client in self._server.get_clients().values():
@@ -150,7 +150,7 @@ class Page:
                 with client.atomic():
                     client.camera.look_at = middle
                     client.camera.position = camera.position
-        # A monitor's first ticks may come before the first poses.
+        # A monitor's first ticks may come before any poses.
         self._all_placed = bool(frame.poses[:, 3:].any(axis=1).all())
 
     def _add_list(self, gui: viser.GuiApi) -> None:
@@ -187,7 +187,7 @@ class Page:
                 self._zoom(client)
 
     def _zoom(self, client: viser.ClientHandle) -> None:
-        """Look at the gap of the highlighted pair from where the camera stands, but nearer."""
+        """Look at the gap of the highlighted pair from the camera's direction, but nearer."""
         pairs = self._shown.frame.pairs
         row = pairs.places.get(self._choice.pair)
         if row is None or np.isnan(pairs.points[row]).any():
@@ -218,7 +218,7 @@ class Page:
 
 
 def _complete(news: News) -> bool:
-    """Whether all has come, and of one scene: what comes first may still be of the one before."""
+    """Whether everything has come, of one scene: the first messages may be of the previous one."""
     scene, parts, frame = news.scene, news.parts, news.frame
     return (
         not (scene is None or parts is None or frame is None)

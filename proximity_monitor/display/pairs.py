@@ -19,14 +19,14 @@ from proximity_monitor.display.signs import (
 from proximity_monitor.display.state import STALE, UNKNOWN, Pairs, SceneInfo
 
 ROWS = 40
-"""So many are listed; the search finds the others."""
+"""How many pairs are listed; the search finds the others."""
 
 BAR = 4.0
 """The bar's full width, in multiples of a pair's warn."""
 
 
 def listed(pairs: Pairs, choice: Choice) -> list[int]:
-    """Return the rows that the search finds, the nearest first; those without a pose come last."""
+    """Return the rows that match the search, the nearest first; those without a pose come last."""
     order = np.lexsort((pairs.upper, pairs.lower))  # NaN sorts last
     return [
         int(i)
@@ -125,6 +125,6 @@ def _ignored(choice: Choice) -> str:
 
 
 def as_pair(name: str) -> PairName:
-    """Return the names of a pair that a press told."""
+    """Return the pair's names from a pressed word."""
     a, _, b = name.partition(" - ")
     return a, b

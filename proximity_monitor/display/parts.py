@@ -13,10 +13,10 @@ from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import Body, Frame, SceneInfo
 
 DIM = 0.08
-"""Opacity of what is not highlighted."""
+"""Opacity of parts that are not highlighted."""
 
 POINT_RADIUS = 0.008
-"""Of a point body's ball, in sizes of the scene."""
+"""Radius of a point body's ball, in sizes of the scene."""
 
 _EDGE = (45, 50, 60)
 
@@ -27,7 +27,7 @@ class PartView:
     def __init__(
         self, api: viser.SceneApi, i: int, body: Body, part: Part, scale: float, radius: float
     ) -> None:
-        """Add it; `scale` is the page's units a metre, `radius` that of a point's ball."""
+        """Add it; `scale` is in units of the page a metre, `radius` is that of a point's ball."""
         self.name = body.name
         self.pose = IDENTITY if part.pose is None else part.pose
         self._opacity = float(part.colour[3])
@@ -69,7 +69,7 @@ class PartView:
         return (self.low + self.high) / 2.0
 
     def reshape(self, corners: np.ndarray) -> None:
-        """Take new corners, in the page's units; edges are not found anew each time."""
+        """Take new corners, in the page's units; edges are not found again each time."""
         self.mesh.vertices = corners.astype(np.float32)
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
         if self._edges is not None:
@@ -103,11 +103,11 @@ class Parts:
         parts: Sequence[Part],
         on_pick: Callable[[str], None],
     ) -> None:
-        """Add them; `on_pick` is told the name of a moving one that is clicked."""
+        """Add them; `on_pick` gets the name of a moving body that is clicked."""
         boxes = [part.corners for part in parts if len(part.corners)]
         size = max((float(np.ptp(c, axis=0).max()) for c in boxes), default=1.0) or 1.0
-        # Graphics has a nearest and a farthest distance that it shows, so whatever the scene's
-        # size in metres, its largest part is about a unit on the page.
+        # Graphics show only a range of distances, so the largest part of every scene is about one
+        # unit large on the page, whatever its size in metres.
         self.scale = 10.0 ** -np.round(np.log10(size))
         self.size = size * self.scale
         self._views: dict[str, PartView] = {}
@@ -123,7 +123,7 @@ class Parts:
         return self._views[name]
 
     def box(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the low and high corners of everything where it is, in the page's units."""
+        """Return the low and high corners of the whole scene, in the page's units."""
         corners = np.concatenate(
             [
                 view.pose[:3] * self.scale + np.stack((view.low, view.high))
@@ -138,10 +138,10 @@ class Parts:
         """Place the bodies.
 
         Args:
-            frame: the tick that is shown.
+            frame: the tick to show.
             held: poses of bodies that are held here, which are newer.
             choice: whether names are shown.
-            lit: the bodies that are highlighted; empty: none is, and nothing is dim.
+            lit: the highlighted bodies; empty: none, and nothing is dim.
         """
         for name, view in self._views.items():
             row = self._rows.get(name)

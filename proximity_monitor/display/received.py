@@ -65,7 +65,7 @@ def _code(codes: Mapping[bytes, int], word: bytes) -> int:
 
 
 def _values(reader: Reader) -> dict[bytes, bytes]:
-    """Read the named values of a pair: nearly all bytes are here, so nothing is decoded."""
+    """Read the named values of a pair without decoding, because they are most of the bytes."""
     data, count, found = reader.data, reader.count, {}
     for _ in range(count()):
         length = count()

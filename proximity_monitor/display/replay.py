@@ -18,7 +18,7 @@ from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 
 FRAMES = 400
-"""So many moments of the session are in it at most."""
+"""How many moments of the session it contains at most."""
 
 
 def replay_html(
@@ -30,12 +30,12 @@ def replay_html(
         scene: of the session.
         parts: its bodies' meshes.
         session: with at least one frame.
-        choice: what is ignored, and how much is drawn.
-        camera: (2, 3) where it stands and what it looks at, in the page's units.
+        choice: the ignored pairs, and how many are drawn.
+        camera: (2, 3) its position and its target, in the page's units.
     """
     frames = session.frames
     frames = frames[:: -(-len(frames) // FRAMES)]
-    # A server of its own, which nobody connects to, so that nobody's page plays along.
+    # A server of its own that nobody connects to, so that no open page plays along.
     server = serving.serve("127.0.0.1", 0, "")
     try:
         views = Parts(server, scene, parts, lambda name: None)
@@ -53,7 +53,7 @@ def replay_html(
 
 
 def report(scene: SceneInfo, session: Session, last: Frame) -> str:
-    """Return the table of all pairs: smallest clearance of the session, and the last."""
+    """Return the table of all pairs: the smallest clearance of the session, and the last one."""
     unit, pairs = scene.unit, last.pairs
     rows = []
     for i, (a, b) in enumerate(pairs.names):

@@ -21,10 +21,10 @@ from proximity_monitor.display.node import ProximityDisplay
 from proximity_monitor.display.page import Page
 
 FRAMES_HZ = 25.0
-"""How often the page is brought up to date."""
+"""Seconds between two updates of the page."""
 
 FAREWELL_S = 1.0
-"""So long a player has to hear that nothing is held here any more."""
+"""Seconds for a player to hear that nothing is held here any more."""
 
 _IDLE_S = 0.1
 
@@ -61,7 +61,7 @@ def main(args: Sequence[str] | None = None) -> int:
         serving.stop(server)
         node.destroy_node()
         rclpy.try_shutdown()
-    spinning.result()  # what ended that thread, if anything did, ends the program
+    spinning.result()  # an error that ended that thread ends the program
     return 0
 
 

@@ -1,4 +1,4 @@
-"""The panel of what can be taken home."""
+"""The panel with files to save."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from proximity_monitor.display.session import Session
 from proximity_monitor.display.state import Frame, SceneInfo
 
 RENDER_S = 30.0
-"""A browser that has sent no picture after so many seconds sends none."""
+"""Seconds after which a browser that has sent no picture will send none."""
 
 
 class Shown(NamedTuple):
-    """What the page shows, all of one scene."""
+    """The content of the page, all of one scene."""
 
     scene: SceneInfo
     frame: Frame
@@ -40,13 +40,13 @@ class Save:
         shown: Callable[[], Shown | None],
         hide_gizmo: Callable[[bool], None],
     ) -> None:
-        """Add them where the GUI stands.
+        """Add them at this place of the GUI.
 
         Args:
-            gui: where they go.
-            session: what is recorded.
-            choice: what is highlighted and ignored.
-            shown: returns what the page shows, None before the first frame.
+            gui: takes them.
+            session: the recorded session.
+            choice: the highlighted and ignored pairs.
+            shown: returns the content of the page, None before the first frame.
             hide_gizmo: hides it while a picture is taken.
         """
         self._session = session
@@ -65,7 +65,8 @@ class Save:
             "<div class='pm pm-small pm-dim'>The replay is one file that plays in any browser,"
             " without a network.</div>"
         )
-        # Plain functions, which viser runs in threads of their own: none of these is quick.
+        # Plain functions, not coroutines: viser runs them in threads of their own, and they are
+        # slow.
         table.on_click(self._send("csv", self._table))
         series.on_click(self._send("session.csv", self._series))
         picture.on_click(self._send("png", self._picture))

@@ -1,4 +1,4 @@
-"""The page's server: viser's, without what does not belong on a machine that moves bodies."""
+"""The page's server: viser's, made safe for a machine that moves bodies."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import viser
 import websockets.asyncio.server
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-"""The names under which this machine alone can be reached."""
+"""The names under which only this machine can reach itself."""
 
 
 def serve(host: str, port: int, title: str) -> viser.ViserServer:
@@ -21,13 +21,13 @@ def serve(host: str, port: int, title: str) -> viser.ViserServer:
 
     Args:
         host: the address to listen on.
-        port: the first port to try; `server.get_port()` says which one it became.
+        port: the first port to try; `server.get_port()` returns the one in use.
         title: above the panel.
 
     Raises:
         OSError: there is no such address on this machine.
     """
-    # On an address that is not ours viser would wait for ever.
+    # viser would wait for ever on an address that is not ours.
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     socket.create_server((host, 0), family=family).close()
     with _own_pages_only(), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
@@ -54,11 +54,11 @@ def stop(server: viser.ViserServer) -> None:
 
 @contextlib.contextmanager
 def _own_pages_only() -> Iterator[None]:
-    """Have the server that starts meanwhile refuse what another site's page asks.
+    """Make a server that starts in this context refuse requests of other sites' pages.
 
-    A browser lets every page connect to every address of its own machine, and says in `Origin`
-    which page it is, in `Host` under which name it asks; viser's server does not look. It has no
-    setting for it, and takes `serve` from the module at the moment it starts.
+    A browser lets every page connect to every address of its own machine. `Origin` names the page
+    and `Host` the name that it asked for; viser's server checks neither and has no setting for it,
+    but it takes `serve` from the module when it starts.
     """
     plain = websockets.asyncio.server.serve
 
@@ -84,9 +84,9 @@ def foreign(origin: str | None, host: str | None) -> bool:
 
 
 def disguised(listening: str, host: str | None) -> bool:
-    """Return whether a request to this machine alone came under a name that others gave it.
+    """Return whether a local request came under a name that others gave this machine.
 
-    Another site can have its own name resolve to 127.0.0.1 once its page is loaded (DNS rebinding);
+    Another site can let its own name resolve to 127.0.0.1 once its page is loaded (DNS rebinding);
     then the page's origin and the host that it asks are the same.
     """
     return listening in LOOPBACK and urlsplit(f"//{host}").hostname not in LOOPBACK

@@ -1,4 +1,4 @@
-"""The session so far: its ticks, to look back at, and the smallest clearance of each pair."""
+"""The session so far: its ticks, to look back at them, and each pair's smallest clearance."""
 
 from __future__ import annotations
 
@@ -14,39 +14,39 @@ from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.state import STALE, Frame, Pairs
 
 PERIOD_S = 0.1
-"""Ticks are kept no more often than this."""
+"""Least seconds between two kept ticks."""
 
 BYTES = 64_000_000
-"""So much memory the kept ticks may take; then the oldest go."""
+"""Bytes that the kept ticks may take; beyond it the oldest go."""
 
 POINTS = 600
-"""A plot's points at most."""
+"""How many points a plot has at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Worst:
-    """The tick at which a pair was nearest, of all that the page saw."""
+    """The tick at which a pair was nearest, among all that the page saw."""
 
     lower: float
     upper: float
     """Metres; surely reached."""
     stamp_s: float
     poses: np.ndarray
-    """(m, 7) of the moving bodies then."""
+    """(m, 7) poses of the moving bodies at that tick."""
 
 
 class Session:
     """Remembers frames."""
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Begin without frames."""
         self._frames: deque[Frame] = deque()
         self._bytes = 0
         self._of: tuple[PairName | None, frozenset[PairName]] = (None, frozenset())
         self._curve = array("d")  # stamp, lower and upper bound of each kept frame, for `_of`
         self._worst: dict[PairName, Worst] = {}
         self.newest: Frame | None = None
-        """The last that was added, kept or not."""
+        """The last added frame, kept or not."""
 
     def add(self, frame: Frame) -> None:
         """Remember a tick. A clock that went back begins a new session."""
@@ -72,7 +72,7 @@ class Session:
 
     @property
     def frames(self) -> list[Frame]:
-        """Those that are kept, the oldest first."""
+        """The kept frames, the oldest first."""
         return list(self._frames)
 
     @property
@@ -83,7 +83,7 @@ class Session:
         return self._frames[0].stamp_s, self._frames[-1].stamp_s
 
     def at(self, stamp_s: float) -> Frame | None:
-        """Return the first frame that is not older, or the newest."""
+        """Return the first frame that is not older than a stamp, or the newest."""
         if not self._frames:
             return None
         i = bisect_left(self._frames, stamp_s, key=lambda frame: frame.stamp_s)
@@ -106,9 +106,9 @@ class Session:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return stamps, lower and upper bounds (n,), in metres, for a plot.
 
-        They are those of a pair or, without one, of the smallest clearance of all that are not
-        ignored. Of several ticks that fall on one point the nearest is shown; NaN is a gap. Only
-        when it is asked for others than before does it go through the whole session.
+        They belong to a pair or, without one, to the smallest clearance of all pairs that are not
+        ignored. If several ticks fall on one point, the nearest is shown; NaN is a gap. It goes
+        through the whole session only if other pairs are asked for than before.
         """
         wanted = (pair, frozenset(ignored))
         if wanted != self._of:
@@ -152,6 +152,6 @@ def _bounds(
 
 
 def _size(frame: Frame) -> int:
-    """Bytes, nearly: of the arrays, the rest of a pair, and the objects themselves."""
+    """Roughly the bytes of its arrays, of the rest of a pair, and of the objects themselves."""
     pairs = frame.pairs
     return frame.poses.nbytes + pairs.points.nbytes + 70 * len(pairs) + 2_500

@@ -1,7 +1,7 @@
-"""How a clearance reads: its number with unit, its sign, its colour.
+"""How a clearance is shown: its number with unit, its sign, its colour.
 
-Every state has a glyph, a word and a line pattern of its own, so that nothing hangs on telling
-colours apart; the colours are of the palette of Okabe and Ito, which most people tell apart.
+Every state has a glyph, a word and a line pattern of its own, so that nothing depends on colour
+alone. The colours are of the palette of Okabe and Ito, which most people can tell apart.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from proximity_monitor.display.state import (
 )
 
 DECIMALS = {"m": 5, "mm": 3, "in": 4}
-"""Digits after the point: from 1 to 10 micrometres, which is as fine as an assembly is made."""
+"""Digits after the point, for 1 to 10 µm, which is as fine as assemblies are made."""
 
 
 class Sign(NamedTuple):
-    """What stands beside a number."""
+    """The sign beside a number."""
 
     glyph: str
     word: str
@@ -77,7 +77,7 @@ def length(metres: float, unit: Unit) -> str:
 
 
 def clearance(pairs: Pairs, row: int, unit: Unit) -> str:
-    """Return a pair's clearance: one number where it is known, both bounds where they differ."""
+    """Return a pair's clearance: one number if it is known, both bounds if they differ."""
     if pairs.status[row] == UNKNOWN:
         return "no pose"
     lower, upper = number(pairs.lower[row], unit), number(pairs.upper[row], unit)
@@ -97,8 +97,8 @@ def uncertain(pairs: Pairs, row: int) -> bool:
 def ramp(lower: float, limits: Thresholds, *, touching: bool, stale: bool) -> np.ndarray:
     """Return the colour (3,), 0 to 255, of a clearance against its thresholds.
 
-    From stop's colour at or below `stop` over warn's at `warn` and clear's at twice that to blue at
-    four times `warn`. The certified lower bound is what counts.
+    It runs from stop's colour at or below `stop` over warn's at `warn` and clear's at twice that to
+    blue at four times `warn`. The certified lower bound counts.
     """
     if stale or math.isnan(lower):
         return _STALE

@@ -1,4 +1,4 @@
-"""What a monitor said last: the scene, and the frame of its last tick. Metres and seconds."""
+"""The last messages of a monitor: the scene, and its last tick. Metres and seconds."""
 
 from __future__ import annotations
 
@@ -12,19 +12,14 @@ from typing import Any
 import numpy as np
 
 from proximity_monitor.scene import Thresholds
+from proximity_monitor.scene.alerts import Level
+from proximity_monitor.scene.state import PairStatus
 
-LEVELS = ("clear", "warn", "stop", "stale")
-STATUSES = (
-    "exact",
-    "within tolerance",
-    "bounded",
-    "intersecting",
-    "overlapping",
-    "unknown pose",
-)
 PairNames = tuple[tuple[str, str], ...]
-WARN, STOP, STALE = 1, 2, 3
-BOUNDED, INTERSECTING, OVERLAPPING, UNKNOWN = 2, 3, 4, 5
+LEVELS = tuple(level.value for level in Level)
+_, WARN, STOP, STALE = range(len(LEVELS))
+STATUSES = tuple(status.value for status in PairStatus)
+_, _, BOUNDED, INTERSECTING, OVERLAPPING, UNKNOWN = range(len(STATUSES))
 
 
 @dataclass(frozen=True)
@@ -42,15 +37,15 @@ class Body:
     name: str
     moving: bool
     topic: str | None
-    """Where its PoseStamped are taken in; None: nowhere, so it cannot be dragged."""
+    """Topic of its PoseStamped; None: it has none, so it cannot be dragged."""
     point: bool
     mesh: str
-    """Another one where the mesh is another."""
+    """A checksum, which differs for different meshes."""
 
 
 @dataclass(frozen=True)
 class SceneInfo:
-    """What ~/scene says."""
+    """The content of ~/scene."""
 
     name: str
     description: str
@@ -102,7 +97,7 @@ class SceneInfo:
 
     @property
     def key(self) -> Hashable:
-        """What makes it another scene where it changes: all that is built once stands on it."""
+        """Identifies the scene: if it changes, everything that depends on the scene is rebuilt."""
         return self.name, self.frame, self.unit, self.bodies
 
     def body(self, name: str) -> Body:
@@ -116,7 +111,7 @@ class SceneInfo:
 
 @lru_cache(maxsize=16)
 def shared(names: PairNames) -> PairNames:
-    """Return the same object for the same names: the ticks of a session nearly all have them."""
+    """Return the same object for the same names, because most ticks of a session share them."""
     return names
 
 
@@ -143,12 +138,12 @@ class Pairs:
     age_s: np.ndarray
     """(k,) seconds since the numbers answered the present poses."""
     stamp_s: np.ndarray
-    """(k,) of the older of the two poses; NaN while one is unknown."""
+    """(k,) stamp of the older of the two poses; NaN while one is unknown."""
     silent: tuple[str, ...]
-    """Of each pair what is said of its silent bodies; empty where none is."""
+    """For each pair the reason why bodies are silent; empty if none is."""
 
     def __len__(self) -> int:
-        """How many are listed."""
+        """How many pairs are listed."""
         return len(self.names)
 
     @property
@@ -158,33 +153,33 @@ class Pairs:
 
     @cached_property
     def touching(self) -> np.ndarray:
-        """(k,) whether the bodies touch, cross or overlap, which is certain."""
+        """(k,) whether the bodies certainly touch, cross or overlap."""
         return (self.status == INTERSECTING) | (self.status == OVERLAPPING) | (self.upper <= 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A tick: the poses that it spoke of, and what it said of the pairs."""
+    """A tick: its poses and its pairs."""
 
     stamp_s: float
     poses: np.ndarray
-    """(m, 7) of the moving bodies in the scene's order: x y z in metres, quaternion w x y z; all
-    zeros where a body has no pose."""
+    """(m, 7) poses of the moving bodies in the scene's order: x y z in metres, quaternion w x y z;
+    all zeros if a body has no pose."""
     pairs: Pairs
 
     def pose(self, row: int) -> np.ndarray | None:
-        """Return a body's pose (7,), None while it has none."""
+        """Return a body's pose (7,), or None."""
         pose = self.poses[row]
         return pose if pose[3:].any() else None
 
 
 @dataclass(frozen=True)
 class Health:
-    """What the monitor says of its own work each second."""
+    """The monitor's report about its own work, each second."""
 
     schedule: Mapping[str, str] = field(default_factory=dict)
-    """By key, and "message" for the whole."""
+    """Values by key; "message" is the summary."""
 
     def number(self, key: str) -> float:
-        """Return a value as a number; NaN where it is not told."""
+        """Return a value as a number; NaN if there is none."""
         return float(self.schedule.get(key, math.nan))

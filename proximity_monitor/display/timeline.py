@@ -14,10 +14,10 @@ from proximity_monitor.display.signs import DECIMALS, length
 from proximity_monitor.display.state import SceneInfo
 
 EVERY_S = 0.25
-"""Seconds between two states of the plot."""
+"""Seconds between two updates of the plot."""
 
 LIVE_S = 0.15
-"""Nearer than this to the newest tick, the slider means now."""
+"""Within so many seconds of the newest tick, the slider means now."""
 
 
 class Timeline:
@@ -31,14 +31,14 @@ class Timeline:
         choice: Choice,
         on_return: Callable[[], None],
     ) -> None:
-        """Add the plot to its tab, and the rest where the GUI stands.
+        """Add the plot to its tab, and the rest at this place of the GUI.
 
         Args:
-            gui: where they go.
-            plot: the plot's tab.
-            session: what is looked back at.
-            choice: the highlighted pair, and the moment that is shown.
-            on_return: puts the bodies where the worst was.
+            gui: takes the panel.
+            plot: the tab of the plot.
+            session: the session to look back at.
+            choice: the highlighted pair, and the moment to show.
+            on_return: puts the bodies where the smallest clearance was.
         """
         self._gui = gui
         self._session = session
@@ -71,7 +71,7 @@ class Timeline:
             on_return()
 
     def show(self, scene: SceneInfo, now_s: float) -> None:
-        """Bring it up to date, from time to time."""
+        """Update it from time to time."""
         if now_s < self._due_s:
             return
         self._due_s = now_s + EVERY_S

@@ -1,7 +1,7 @@
-"""Numbers and arrays that a question is given, as the kernels take them.
+"""Arguments of questions, numbers and arrays, as the kernels take them.
 
-A kernel is compiled for the types that it is called with. So whatever is a real number becomes a
-float, and whatever holds real numbers an array of one kind; what is not is refused by its name.
+A kernel is compiled for the types that it is called with. So every real number becomes a float, and
+everything that holds real numbers becomes an array of one kind; anything else is refused by name.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def check_tolerance(name: str, value: SupportsFloat) -> float:
 
 
 def as_count(value: int, name: str) -> int:
-    """A number of things as an int, at least 1.
+    """A count as an int, at least 1.
 
     Raises:
         TypeError: no whole number.
@@ -76,7 +76,7 @@ def as_reals(
     what: str = "an array of numbers",
     error: type[ValueError] = ValueError,
 ) -> NDArray[np.float64]:
-    """Real numbers as a float64 array that is C-contiguous and writable; copied where it must be.
+    """Real numbers as a float64 array that is C-contiguous and writable; copied only if necessary.
 
     Raises:
         error: they are not `what`.

@@ -1,11 +1,11 @@
-"""The compiler for other rooms: `entry` marks what Python calls, `helper` what an entry calls.
+"""The compiler for other rooms: Python calls functions marked `entry`, entries call a `helper`.
 
 Both may make arrays. Entries are kept where the engine's own kernels are, in a place that can be
 written even where the package cannot. Numba notices a change of the file in which an entry stands,
 and the engine a change of its own kernels; so an entry's helpers and constants belong into its own
 file, or come from here: `cross` and `dot` are products of vectors of three numbers.
 
-`Progress` tells how far the compiling of the engine's kernels is.
+`Progress` reports how many of the engine's kernels are compiled.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ WATCHING = frozenset(
         "assembly.carry.place", "assembly.schedule.commit", "assembly.schedule.pending",
         "assembly.schedule.query", "assembly.schedule.report", "assembly.schedule.update",
         "assembly.sweep.sweep", "base.motion.pose_deviation",
-        "elements.primitives.test_triangles", "inside.depth.begin_depth",
-        "inside.depth.deepest", "inside.depth.search_depth", "inside.solids.part_volumes",
-        "inside.solids.parts_and_owners", "inside.solids.unpaired_edges",
-        "inside.contain.settle_signs", "pairs.mesh_mesh.search", "search.descent.advance",
+        "elements.primitives.test_triangles", "inside.ball.begin_ball", "inside.ball.foot",
+        "inside.ball.search_ball", "inside.contain.settle_signs", "inside.solids.part_volumes",
+        "inside.solids.connected_parts", "inside.solids.unpaired_edges",
+        "pairs.mesh_mesh.search", "search.descent.advance",
         "tree.build.build_tree", "tree.fit_tree.fit_tree", "tree.measure.measure",
-        "tree.pairing.pair_up", "tree.places.first_drawn", "tree.places.first_of_place",
+        "tree.pairing.pair_up", "tree.welding.first_drawn", "tree.welding.first_equal",
         "tree.ranges.node_ranges",
     }
 )  # fmt: skip
@@ -89,14 +89,14 @@ class Progress(event.Listener):
         self._tell(self)
 
     def on_start(self, start: event.Event) -> None:
-        """Hear that a kernel is being compiled."""
+        """Note that a kernel is being compiled."""
         if name := _kernel(start):
             self.started = True
             self._needed.add(name)
             self._tell(self)
 
     def on_end(self, end: event.Event) -> None:
-        """Hear that it is done."""
+        """Note that it is done."""
         if name := _kernel(end):
             self._done.add(name)
             self._tell(self)

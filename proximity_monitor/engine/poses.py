@@ -32,7 +32,7 @@ def check_pose(pose: ArrayLike, name: str = "pose") -> NDArray[np.float64]:
 
     Args:
         pose: 4×4 homogeneous matrix, model to world; translation in metres.
-        name: what an error calls it.
+        name: its name in errors.
 
     Raises:
         ValueError: another shape, not finite, a last row other than (0, 0, 0, 1), a rotation that

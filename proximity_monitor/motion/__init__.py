@@ -1,4 +1,4 @@
-"""Where the poses of moving bodies come from: the effects that a scene names, and nothing else."""
+"""Motions: the effects that a scene names, which give the poses of its moving bodies."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _EFFECTS: dict[str, Maker] = {
     "dynamics": dynamics.from_settings,
     "deform": lambda settings, scene, models, live: deform.from_settings(settings, models),
 }
-"""By the key in a scene's `motion` section: maker(settings, scene, models, live)."""
+"""Makers of effects, maker(settings, scene, models, live), by key in a scene's `motion` section."""
 
 
 def from_scene(
@@ -51,14 +51,14 @@ def from_scene(
 
     Args:
         scene: as loaded.
-        models: of the scene's bodies by name (see `scene.opening.load_models`), for effects that
-            ask for them; None loads them then.
+        models: the models of the scene's bodies by name (see `scene.opening.load_models`). None:
+            they are loaded when an effect needs them.
         live: poses are wanted in real time, so an effect that cannot keep up falls behind, as its
-            settings say. Otherwise they depend on the time asked for alone.
+            settings say. Otherwise poses depend only on the time that is asked for.
 
     Raises:
-        ValueError: the scene has no such section, or an effect cannot be made, as where a bag is
-            not what the scene says; the message names the file.
+        ValueError: the scene has no such section, or an effect cannot be made, for example because
+            a bag does not match the scene; the message names the file.
     """
     if scene.motion is None:
         raise ValueError(
@@ -73,7 +73,7 @@ def from_scene(
 
 
 class _Models(Mapping):
-    """A scene's models, loaded when the first one is asked for: most motions need none."""
+    """A scene's models, loaded on first use: most motions need none."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene

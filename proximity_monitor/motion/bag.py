@@ -15,11 +15,11 @@ from proximity_monitor.scene.poses import pose_matrices
 
 
 class Bag(Motion):
-    """Bodies that hold the last pose recorded of them, which is what a subscriber would have seen.
+    """Bodies at their last recorded poses, as a subscriber would have seen them.
 
     The time of a pose is the one at which the recorder received it, as for ``ros2 bag play``; the
-    motion begins `seek_s` after the bag does and ends with the bag. A body of which nothing was
-    recorded until then has no pose yet.
+    motion begins `seek_s` after the bag does and ends with the bag. A body without a message so far
+    has no pose yet.
     """
 
     def __init__(
@@ -35,16 +35,16 @@ class Bag(Motion):
 
         Args:
             path: the bag's folder, or its .mcap or .db3 file.
-            topics: by topic the body that its PoseStamped messages move, or the bodies that the
-                poses of its PoseArray messages move.
-            frame: the only frame_id that is accepted.
+            topics: the body that a topic's PoseStamped messages move, or the bodies that the poses
+                of its PoseArray messages move, by topic.
+            frame: the only accepted frame_id.
             rate: seconds of the recording in a second of motion.
-            seek_s: seconds of the recording, from its beginning, that are left out.
-            loop: whether it begins again at its end.
+            seek_s: seconds to skip at the beginning of the recording.
+            loop: whether the motion begins again at the end.
 
         Raises:
-            ValueError: the bag cannot be read, or what it has is not what `topics` says, or the
-                package rosbags is missing; the message names the file and the topic.
+            ValueError: the bag cannot be read, does not match `topics`, or the package rosbags is
+                missing; the message names the file and the topic.
         """
         recorded = read_tracks(path, topics, frame)
         self._tracks = recorded.tracks
@@ -63,11 +63,11 @@ class Bag(Motion):
 
     @property
     def period_s(self) -> float | None:
-        """Seconds of motion until the bag's end; None where it holds but one moment."""
+        """Seconds of motion until the bag's end; None if it holds a single moment."""
         return self._length_s / self._rate or None
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
-        """Return the poses (4, 4), model to world in metres, that were the last at t seconds.
+        """Return the latest poses (4, 4), model to world in metres, at t seconds.
 
         Raises:
             ValueError: t is not finite.

@@ -1,4 +1,4 @@
-"""Reads poses from ROS 2 bags (mcap or sqlite3) by the package rosbags, which needs no ROS 2."""
+"""Reads poses from ROS 2 bags (mcap or sqlite3) with the package rosbags, without ROS 2."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _INSTALL = "reading bags needs the package rosbags: pip install '.[bag]'"
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What was recorded of one topic."""
+    """The recorded messages of one topic."""
 
     bodies: tuple[str, ...]
     times: list[float]
@@ -32,11 +32,11 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What was recorded of the topics that were asked for."""
+    """The recorded messages of the chosen topics."""
 
     tracks: tuple[Track, ...]
     duration_s: float
-    """Of the whole bag."""
+    """Duration of the whole bag."""
 
 
 def read_tracks(path: Path, topics: Mapping[str, str | tuple[str, ...]], frame: str) -> Recorded:
@@ -44,11 +44,12 @@ def read_tracks(path: Path, topics: Mapping[str, str | tuple[str, ...]], frame: 
 
     Args:
         path: the bag's folder, or its .mcap or .db3 file.
-        topics: by topic a body, for messages of type PoseStamped, or several, for PoseArray.
+        topics: one body for messages of type PoseStamped, or several for PoseArray, by topic.
         frame: frame_id that each message must have.
 
     Raises:
-        ValueError: names the file and the topic, and what would do. Also where rosbags is missing.
+        ValueError: the message names the file, the topic and the way out. Also if rosbags is
+            missing.
     """
     kinds, messages, start_ns, end_ns = _read(path, topics)
     tracks = []
@@ -66,7 +67,7 @@ def read_tracks(path: Path, topics: Mapping[str, str | tuple[str, ...]], frame: 
 def _read(
     path: Path, topics: Mapping[str, Any]
 ) -> tuple[dict[str, set[str]], dict[str, list[tuple[int, bytes]]], int, int]:
-    """Return by topic its types and its serialised messages with their times; begin and end."""
+    """Return types and serialised messages with their times by topic; begin and end."""
     try:
         from rosbags.rosbag2 import Reader
     except ImportError as error:
@@ -147,7 +148,7 @@ def _track(
 
 @cache
 def _types() -> Any:
-    """The definitions of Jazzy's messages; making them takes 0.1 s."""
+    """The definitions of Jazzy's messages, which take 0.1 s to make."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS2_JAZZY)
@@ -159,7 +160,7 @@ def _numbers(pose: Any) -> tuple[float, ...]:
 
 
 def _sound(poses: np.ndarray) -> np.ndarray:
-    """Return poses (n, m, 7) with quaternions of length 1, unless one is no pose at all."""
+    """Return poses (n, m, 7) with quaternions of length 1, or raise if one is no pose."""
     with np.errstate(over="ignore", invalid="ignore"):
         lengths = np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True)
     wrong = ~(np.isfinite(poses).all(axis=-1) & (np.abs(lengths[..., 0] - 1.0) <= UNIT_LENGTH))

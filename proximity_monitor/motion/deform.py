@@ -34,11 +34,11 @@ class Field:
     - wave: ``x + A sin(2π (s / λ - f t) - φ) b``, which travels along a and is never at rest.
 
     Attributes:
-        field: which one.
+        field: its name.
         amplitude: A; radians of twist and bend, metres of wave, else a number.
         frequency_hz: f.
         phase: φ, radians.
-        axis: (3,) a, model frame; not used by breathe.
+        axis: (3,) a, model frame; unused by breathe.
         across: (3,) b, perpendicular to a; of bend and wave.
         wavelength: λ, metres; of wave.
         centre: (3,) c, model frame, metres; None: the middle of the points' bounding box.
@@ -81,9 +81,9 @@ class Field:
     def _bent(
         self, along: NDArray[np.float64], aside: NDArray[np.float64], angle: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """The arc's point at each angle k s, and what was aside of it turned with it.
+        """The arc's point at each angle k s, with the offset from the axis turned along.
 
-        sin(k s) / k and (1 - cos(k s)) / k are written without the division, which k = 0 forbids.
+        sin(k s) / k and (1 - cos(k s)) / k are written without a division, as k may be 0.
         """
         height = aside @ self.across
         forward = along * np.sinc(angle / math.pi) - height * np.sin(angle)
@@ -93,13 +93,13 @@ class Field:
 
 
 class Deform(Motion):
-    """Bodies that change their shape and stay where they are."""
+    """Bodies that change their shape and stay in place."""
 
     def __init__(self, fields: Mapping[str, Field], models: Mapping[str, Model]) -> None:
         """Keep the shapes at rest.
 
         Args:
-            fields: by name of the body.
+            fields: by body name.
             models: of those bodies, as they are at rest.
         """
         self._fields = dict(fields)
@@ -107,12 +107,12 @@ class Deform(Motion):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """None: it drives no poses."""
+        """No bodies: it drives no poses."""
         return ()
 
     @property
     def period_s(self) -> float | None:
-        """The longest period of a body, seconds; None where none of them moves."""
+        """The longest period of a body, seconds; None if nothing moves."""
         slowest = min((f.frequency_hz for f in self._fields.values() if f.frequency_hz), default=0)
         return 1.0 / slowest if slowest else None
 

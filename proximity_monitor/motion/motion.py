@@ -1,4 +1,4 @@
-"""What every motion offers."""
+"""The interface of every motion."""
 
 from __future__ import annotations
 
@@ -17,17 +17,16 @@ class Motion(Protocol):
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """The names of the bodies that this motion drives."""
+        """The names of the driven bodies."""
 
     @property
     def period_s(self) -> float | None:
-        """Seconds after which all of it was seen: it repeats, or rests; None where neither."""
+        """Seconds after which the motion repeats or rests; None if it does neither."""
 
     def seek(self, t: float) -> None:
-        """Make ready for times from t seconds on, however long that takes.
+        """Prepare for times from t seconds on, however long that takes.
 
-        That is for a motion that falls behind where it may not take long (see
-        `motion.from_scene`); any other is ready.
+        Only a motion that may fall behind in real time needs it (see `motion.from_scene`).
 
         Raises:
             ValueError: t is not finite.
@@ -40,8 +39,8 @@ class Motion(Protocol):
             t: seconds since the start of the motion.
 
         Returns:
-            By body name, a (4, 4) float64 matrix that maps its model to the world, in metres. A
-            body of which nothing is known yet, as before its first recorded pose, is left out.
+            (4, 4) float64 matrices that map a model to the world, metres, by body name. A body
+            whose pose is still unknown, as before its first recorded pose, is left out.
 
         Raises:
             ValueError: t is not finite.
@@ -67,7 +66,7 @@ class Motion(Protocol):
         return {}
 
     def describe(self) -> str:
-        """Return one line an effect that says what runs, on how many bodies and how fast."""
+        """Return one line an effect: what runs, on how many bodies and how fast."""
 
 
 def counted(number: int, one: str, many: str) -> str:

@@ -8,8 +8,8 @@ velocity u. With h = s theta / 2 and u split into its part along k and its part 
     translation  s (along + sinc(h) (cos(h) across + sin(h) k x across))
 
 These are the closed forms of the exponential of SE(3): the chord of an arc is sinc(h) times as long
-as it, and stands at half its angle. Nothing in them cancels, or divides by something small, where
-theta is small, and at s = 0 they are the identity to the bit.
+as it, and stands at half its angle. For small theta nothing in them cancels or is divided by a
+small number, and at s = 0 they are the exact identity.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from proximity_monitor.scene.poses import pose_matrices, rotations
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """The way of one body: n keys, and the twist that leads on from each to the next."""
+    """The path of one body: n keys, and the twists from each to the next."""
 
     times: np.ndarray
     """(n,) seconds, increasing."""
@@ -36,7 +36,7 @@ class Path:
     angles: np.ndarray
     """(n - 1,) theta: radians, of any size and sign."""
     velocities: np.ndarray
-    """(n - 1, 3) u: metres for the whole way, in the body's frame."""
+    """(n - 1, 3) u: metres for the whole piece, in the body's frame."""
 
 
 def through(times: np.ndarray, positions: np.ndarray, quaternions: np.ndarray) -> Path:
@@ -55,7 +55,7 @@ def through(times: np.ndarray, positions: np.ndarray, quaternions: np.ndarray) -
     ways = np.einsum("nji,nj->ni", poses[:-1, :3, :3], positions[1:] - positions[:-1])
     along = _dot(axes, ways) * axes
     across = ways - along
-    # The formula at the top for s = 1, the other way round; sinc(h) >= 2 / pi as theta <= pi.
+    # The formula at the top for s = 1, solved for u; sinc(h) >= 2 / pi because theta <= pi.
     h = 0.5 * angles[:, None]
     back = (np.cos(h) * across - np.sin(h) * np.cross(axes, across)) / _sinc(h)
     return Path(times, poses, axes, angles, along + back)
@@ -102,7 +102,7 @@ def sliding(times: np.ndarray, offsets: np.ndarray, axis: np.ndarray, pose: np.n
 
 
 class Paths:
-    """Several paths, evaluated together: a hundred bodies cost little more than one."""
+    """Several paths, evaluated together, so that a hundred bodies cost little more than one."""
 
     def __init__(self, paths: Sequence[Path]) -> None:
         """Lay the paths' pieces out one after another; each ends with a rest of any length."""
@@ -157,7 +157,7 @@ def _turns(before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _stacked(parts: Sequence[np.ndarray], *shape: int) -> np.ndarray:
-    """Return the rows of all parts, each of a shape; none of no parts."""
+    """Return the rows of all parts, which have one shape; no rows without parts."""
     return np.concatenate([np.empty((0, *shape)), *parts])
 
 

@@ -15,8 +15,8 @@ from proximity_monitor.motion.motion import Motion, counted
 class Script(Motion):
     """Screw motions between key poses, hinges and slides, and straight lines between joints' keys.
 
-    A body rests before its first key and after its last one. At the time of a key a pose is the
-    key's own, to the bit.
+    A body rests before its first key and after its last one. At the time of a key the pose is
+    exactly the key's own.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class Script(Motion):
                 of length 1 and `pose` (4, 4) at angle 0; or `values` in metres of a `slide` with
                 `axis` and `pose`.
             joints: by name `times` (n,) and `values` (n,) in radians or metres.
-            loop: whether all begin again after the latest key of all.
+            loop: whether all begin again after the latest of all keys.
         """
         self._names = tuple(bodies)
         self._paths = screw.Paths([_path(**body) for body in bodies.values()])
@@ -50,7 +50,7 @@ class Script(Motion):
 
     @property
     def period_s(self) -> float | None:
-        """The time of the latest key of all, in seconds; None where nothing moves."""
+        """The time of the latest of all keys, seconds; None if nothing moves."""
         return self._end_s or None
 
     def poses(self, t: float) -> dict[str, np.ndarray]:

@@ -13,8 +13,8 @@ from proximity_monitor.motion.motion import Motion, counted
 from proximity_monitor.scene.poses import rotations
 
 # How far a direction may be from unit length, two directions from perpendicular, or an offset from
-# the axis (as a fraction of the throw). A millionth covers the rounding of a value that was
-# computed or written to seven digits; more is a slip, and the rods would change their length.
+# the axis (as a fraction of the throw). A millionth covers the rounding of values with seven
+# digits; more is a mistake, and the rods would change their length.
 _ALIGNMENT = 1e-6
 
 
@@ -59,7 +59,7 @@ class SliderCrank(Motion):
             pistons: by body name, `phase` in radians and `offset` (3,) in metres along the axis.
 
         Raises:
-            ValueError: names the key, what is wrong with it, and what would do.
+            ValueError: the message names the key, the problem and the way out.
         """
         self._crank = crank
         self._origin = _vector(crank_origin, "crank_origin")
@@ -102,7 +102,7 @@ class SliderCrank(Motion):
 
     @property
     def period_s(self) -> float | None:
-        """Seconds per turn; None for a crank that stands still."""
+        """Seconds a turn; None if the crank stands still."""
         return math.tau / abs(self._speed) if self._speed else None
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
@@ -128,11 +128,11 @@ class SliderCrank(Motion):
 
     def _height(self, phi: float) -> float:
         across = self._radius * math.sin(phi)
-        # A difference of squares as a product: no cancellation where the rod is barely longer.
+        # A difference of squares as a product: nothing cancels if the rod is barely longer.
         return self._radius * math.cos(phi) + math.sqrt((self._rod - across) * (self._rod + across))
 
     def _turned(self, angle: float) -> np.ndarray:
-        """The crank's pose: its model's origin is at its own."""
+        """The crank's pose; its model's origin is at `crank_origin`."""
         pose = np.eye(4)
         pose[:3, :3] = rotations(self._axis, np.array(angle))
         pose[:3, 3] = self._origin

@@ -1,4 +1,4 @@
-"""Several motions at once, each of which drives bodies and joints of its own."""
+"""Several motions at once; each drives bodies and joints of its own."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Together(Motion):
 
     @property
     def period_s(self) -> float | None:
-        """The longest of the parts' periods; None if one has none.
+        """The longest of the parts' periods; None if a part has none.
 
-        Shorter ones go on as they are, so the whole repeats only where they divide it.
+        Shorter ones just go on, so the whole repeats only if they divide the longest.
         """
         periods = [part.period_s for part in self._parts]
         return None if None in periods else max(periods)

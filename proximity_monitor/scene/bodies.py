@@ -31,14 +31,14 @@ _TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 def read_bodies(
     section: list[dict[str, Any]], folder: Path, unit: Unit, report: Report
 ) -> tuple[Body, ...]:
-    """Make the bodies; what is wrong with them goes to the report."""
+    """Make the bodies; their problems go to the report."""
     bodies = []
     names: dict[str, int] = {}
     topics: dict[str, int] = {}
     for index, data in enumerate(section):
         keys = ("bodies", index)
         body = _body(data, keys, folder, unit, report)
-        # Two bodies of one name share their default topic too; that is one problem, not two.
+        # Two bodies of one name also share their default topic; that is one problem, not two.
         if _unique(body.name, names, (*keys, "name"), report) and body.topic is not None:
             _unique(body.topic, topics, (*keys, "topic"), report)
         bodies.append(body)
@@ -90,7 +90,7 @@ def _cloud(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> Clou
 
 
 def check_clouds(bodies: tuple[Body, ...], count: int, report: Report) -> None:
-    """Report clouds in frames of no body; the first `count` bodies stand in the file."""
+    """Report clouds in frames of no body; the file names the first `count` bodies."""
     posed = [body.name for body in bodies if body.cloud is None]
     for index, body in enumerate(bodies[:count]):
         if body.cloud is not None and body.cloud.frame and body.cloud.frame not in posed:
@@ -130,7 +130,7 @@ def read_topic(topic: str, keys: Keys, report: Report) -> str:
 
 
 def read_solid(data: Mapping[str, Any], keys: Keys, report: Report) -> dict[str, Any]:
-    """Return what a body or robot says of being solid, as a Body has it."""
+    """Return whether a body or robot says that it is solid, as `Body.solid`."""
     if "solid" not in data:
         return {}
     return {"solid": data["solid"], "solid_at": report.place((*keys, "solid"))}

@@ -1,7 +1,7 @@
 """The monitor of a scene: it takes poses and a time budget, and gives bounds of every watched pair.
 
-A pair that is farther apart than its range is not even met. The others are searched in the order of
-their schedule (`engine/assembly/schedule.py`). A search that ran out of time goes on where it
+A pair that is farther apart than its range is never examined. The others are searched in the order
+of their schedule (`engine/assembly/schedule.py`). A search that ran out of time goes on where it
 stopped while its bodies stand still. A pair that the budget does not reach keeps its last answer,
 widened by the motion since (`engine/assembly/answers.py`).
 """
@@ -78,7 +78,7 @@ class Monitor:
     def set_thresholds(self, thresholds: Sequence[Thresholds]) -> None:
         """Take new thresholds, one a pair: they order the searches from the next tick on.
 
-        A pair's range counts as warn + hysteresis where that is more.
+        A pair's range counts as at least warn + hysteresis.
         """
         if len(thresholds) != len(self._pairs):
             raise ValueError(f"{len(thresholds)} thresholds for {len(self._pairs)} pairs")
@@ -138,14 +138,14 @@ class Monitor:
         Args:
             poses: the last good pose of each moving body by name; None or a missing name means that
                 the body has no pose yet. Names of other bodies are ignored.
-            silent: bodies, fixed ones too, that are not to be relied on, whatever their poses say:
+            silent: bodies, fixed ones too, that are not to be relied on whatever their poses say,
                 such as a deforming one whose vertices are late.
             budget_s: seconds for the whole tick. 0 searches nothing and still certifies
                 everything. A search that is running at the end of the budget overruns it by one
                 slice at most.
-            distances: whether anybody wants the distances; if not, pairs are only decided against
-                their thresholds, which is cheaper; but the distance of one that is at a threshold
-                is searched, as its alert tells it.
+            distances: whether anybody wants the distances. If not, pairs are only decided against
+                their thresholds, which is cheaper. The distance of a pair at a threshold is
+                searched anyway, because its alert needs it.
 
         Raises:
             ValueError: a pose is not finite or not rigid; it names the body, nothing has changed.
@@ -210,8 +210,8 @@ class Monitor:
             session_min=states["min_upper"],
             session_min_lower=states["min_lower"],
             kinds=self._placing.kinds,
-            elements=states["faces"],
-            parameters=states["weights"],
+            elements=states["elements"],
+            parameters=states["parameters"],
         )
         return Tick(
             pairs,

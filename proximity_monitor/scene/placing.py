@@ -1,4 +1,4 @@
-"""Where the bodies of a scene are, how fresh that is, and what shape they have."""
+"""Where the bodies of a scene are, how fresh their poses are, and which shapes they have."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ class Placing:
 
     Attributes:
         names: of all n bodies, in the scene's order.
-        models: theirs.
+        models: their models.
         kinds: the kinds of the models.
         solid: (n,) whether each is a solid.
         known: (n,) whether each has a pose.
-        silent: (n,) whether each is not to be relied on, as where its pose is unknown or too old.
+        silent: (n,) whether each is not to be relied on, as when its pose is unknown or too old.
         answers: the table; it holds the poses.
     """
 
     def __init__(self, bodies: Sequence[Body], models: Mapping[str, engine.Model]) -> None:
-        """Begin with the fixed bodies where they are, and the moving ones nowhere yet.
+        """Begin with the fixed bodies at their poses; the moving ones have none yet.
 
         Raises:
             engine.ModelError: a body must be a solid, but its model is none; it names the body.
@@ -52,7 +52,7 @@ class Placing:
         self._moving_names = [self.names[i] for i in self._moving]
 
     def take(self, poses: Mapping[str, PoseSample | None], silent: Collection[str] = ()) -> bool:
-        """Take the poses of moving bodies by name; whether anything moved or changed its shape.
+        """Take the poses of moving bodies by name; return whether anything moved or was reshaped.
 
         `silent` are bodies that are not to be relied on, whatever their poses say.
 
@@ -131,7 +131,7 @@ class Placing:
         return stacked
 
     def _look_for_deformed(self) -> None:
-        """Forget what is known of models that somebody else deformed."""
+        """Forget the answers about models that somebody else deformed."""
         for body in self.answers.deformed():
             self._reshape(self.models[body], np.inf)
 

@@ -59,7 +59,7 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
 
 
 def check_solid(body: Body, model: engine.Model) -> None:
-    """Raise ModelError where a body must be a solid and its model is none; it says where."""
+    """Raise ModelError if a body must be a solid and its model is none."""
     if body.solid is True and not model.is_solid:
         raise engine.ModelError(
             f"{body.solid_at or 'solid'}: true, but body '{body.name}' is none: {model.not_solid}; "

@@ -48,8 +48,8 @@ class RelativeMotion:
     """The body that should get away: the moving one, or A if both move."""
     escape: np.ndarray | None
     """Unit vector (3,) in the world: from the other body's closest point to this body's, or, for
-    overlapping solids, from the deepest vertex the shortest way out. None where the points
-    coincide."""
+    overlapping solids, the way out along which the faces next to the largest ball in both get past
+    each other. None where the points coincide."""
     closing: float
     """m/s at which the closest points approach; negative if they part, NaN if the poses do not
     tell."""
@@ -80,7 +80,7 @@ def relative_motion(pair: PairState, courses: Courses) -> RelativeMotion:
         return RelativeMotion(body, None, math.nan)
     line = between / length  # unit vector from A to B
     if pair.upper < 0.0:
-        # The points are the deepest vertex and where it gets out, so B parts from A against it.
+        # Each point is where one body ends inside the other, so B parts from A against it.
         line = -line
     closing = math.nan
     if a is not None and b is not None:

@@ -1,4 +1,4 @@
-"""What a tick says: the state of every listed pair, in metres and world coordinates."""
+"""The result of a tick: the state of every listed pair, in metres and world coordinates."""
 
 from __future__ import annotations
 
@@ -18,15 +18,16 @@ Item = TypeVar("Item")
 
 
 class PairStatus(enum.Enum):
-    """What the numbers of a pair are."""
+    """How the numbers of a pair are to be read."""
 
     EXACT = "exact"
     WITHIN_TOLERANCE = "within tolerance"
     BOUNDED = "bounded"
-    """Certified, and wider than a distance would be: there was no time for more, or only the side
-    of a threshold was asked for."""
+    """Certified bounds that are wider than those of a distance: there was no time for more, or only
+    the side of a threshold was asked for."""
     INTERSECTING = "intersecting"
-    """The surfaces touch or cross; of two solids: touch, or it is not known yet which."""
+    """The surfaces touch or cross. Two solids touch, or it is not known yet whether they
+    overlap."""
     OVERLAPPING = "overlapping"
     """Two solids overlap, perhaps one wholly inside the other: even the upper bound is negative."""
     UNKNOWN = "unknown pose"
@@ -36,7 +37,7 @@ class PairStatus(enum.Enum):
 _UNKNOWN_POINTS = np.full((2, 3), np.nan)
 
 NO_POSE_YET, NO_RECENT_POSE = "no pose yet", "no recent pose"
-"""Why a body is silent, where nobody says it more closely."""
+"""Why a body is silent, unless a closer reason is known."""
 
 
 def silence(
@@ -45,13 +46,13 @@ def silence(
     otherwise: str = NO_RECENT_POSE,
     listed: Callable[[Sequence[str]], str] = " and ".join,
 ) -> str:
-    """Return in a line why bodies are silent: the reason, and of whom, as often as there are some.
+    """Return a line that says why bodies are silent: each reason with its bodies.
 
     Args:
-        names: of silent bodies.
-        reasons: by a body's name, such as "no recent pose".
-        otherwise: the reason of bodies that have none among these.
-        listed: how the names of one reason read.
+        names: the silent bodies.
+        reasons: such as "no recent pose", by body name.
+        otherwise: the reason for bodies without one.
+        listed: makes a text of the names of one reason.
     """
     found: dict[str, list[str]] = {}
     for name in names:
@@ -69,7 +70,7 @@ class PoseSample(NamedTuple):
     pose: np.ndarray
     """(4, 4) model to world."""
     stale: bool = False
-    """True when it is too old to be relied on; it still is the best that is known."""
+    """Whether it is too old to be relied on; it still is the best known pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +80,8 @@ class PairState:
     a: str
     b: str
     lower: float
-    """Certified for the poses of this tick: lower <= true distance <= upper. NaN if unknown. Of two
-    solids the distance is signed: negative where they overlap."""
+    """Certified for the poses of this tick: lower <= true distance <= upper. NaN if unknown. The
+    distance of two solids is signed: negative if they overlap."""
     upper: float
     point_a: np.ndarray
     """(3,) on A; an `upper` that is not negative is the distance of the two points (plus rounding
@@ -88,16 +89,16 @@ class PairState:
     point_b: np.ndarray
     status: PairStatus
     age_s: float
-    """Seconds since the numbers were an answer to the present poses: 0 while they are; else inf if
-    the pair was never searched."""
+    """Seconds since the numbers were an answer to the present poses, 0 while they are; inf if the
+    pair was never searched."""
     silent: tuple[str, ...]
     """The bodies of the pair whose pose or shape is stale or was never given."""
     session_min: float
-    """The smallest `upper` of the session: surely reached; inf before the first."""
+    """The smallest `upper` of the session, which was certainly reached; inf before the first."""
     session_min_lower: float
-    """The smallest `lower` of the session: the pair never was certified to be nearer at a tick."""
+    """The smallest `lower` of the session: the pair was never nearer than this at a tick."""
     index: int = 0
-    """Where the pair stands among the scene's pairs."""
+    """The pair's position among the scene's pairs."""
     kinds: tuple[type[engine.Model], ...] = ()
     """Of A's and of B's model; empty where it is not known where on them the points lie."""
     elements: tuple[int, ...] = (-1, -1)
@@ -107,7 +108,7 @@ class PairState:
 
     @property
     def stale(self) -> bool:
-        """Whether a body is silent, so that nothing is certain about now."""
+        """Whether a body is silent, so that nothing is certain about the present."""
         return bool(self.silent)
 
     @property
@@ -154,10 +155,10 @@ class PairStates(LazySequence[PairState]):
     """The listed pairs of a tick as arrays, in the scene's order; a `PairState` is made on demand.
 
     Attributes:
-        names: of all bodies.
-        positions: (k,) where each pair stands among the scene's pairs.
+        names: the names of all bodies.
+        positions: (k,) the pairs' positions among the scene's pairs.
         bodies: (k, 2) indices of its bodies.
-        lower: (k,) metres; NaN where a pose is unknown.
+        lower: (k,) metres; NaN if a pose is unknown.
         upper: (k,) metres.
         points: (k, 2, 3) metres, world.
         status: (k,) codes, positions in STATUSES.
@@ -215,8 +216,8 @@ class PairStates(LazySequence[PairState]):
             )
 
     def clearance(self) -> float:
-        """As `Tick.clearance`, of the listed pairs alone."""
-        # A bound that is NaN is of an unknown pose, which counts as 0 like every silent one.
+        """As `Tick.clearance`, but of the listed pairs alone."""
+        # A bound is NaN if a pose is unknown; it counts as 0, like that of every silent pair.
         lowest = np.where(self.silent.any(axis=1), np.fmin(self.lower, 0.0), self.lower)
         return float(lowest.min(initial=np.inf))
 
@@ -252,15 +253,15 @@ def as_arrays(pairs: Sequence[PairState]) -> PairStates:
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """What is certain at the end of one tick about every watched pair."""
+    """What one tick certifies about every watched pair."""
 
     pairs: Sequence[PairState]
-    """The listed ones, in the scene's order: all of infinite range, and those of finite range that
-    are within it or may be."""
+    """The listed pairs in the scene's order: all of infinite range, and those of finite range that
+    may be within it."""
     elapsed_s: float
     budget_s: float
     searched: tuple[int, ...]
-    """Indices, among the scene's pairs, of those that were searched, in the order of the search."""
+    """Indices, among the scene's pairs, of those that were searched, in that order."""
     left: int
     """Pairs that wanted a search and got none, or whose search ran out of time."""
     far: int = 0
@@ -274,15 +275,15 @@ class Tick:
     def clearance(self) -> float:
         """Return the smallest lower bound, in metres; 0 if any pair has a stale or unknown pose.
 
-        Nothing is certain about such a pair, and 0 is the bound of surfaces that always holds:
-        whoever compares the number with a threshold never takes silence for room. Solids that
-        overlap make it negative. Without pairs it is inf.
+        Nothing is certain about such a pair, and 0 is the bound that always holds for surfaces, so
+        a comparison with a threshold never takes silence for clearance. Solids that overlap make it
+        negative. Without pairs it is inf.
         """
         if isinstance(self.pairs, PairStates):
             lowest = self.pairs.clearance()
         else:
             lowest = min(
-                (min(0.0, p.lower) if p.stale else p.lower for p in self.pairs),  # of NaN 0
+                (min(0.0, p.lower) if p.stale else p.lower for p in self.pairs),  # 0 for NaN
                 default=float("inf"),
             )
         if self.unsure:

@@ -1,4 +1,4 @@
-"""Which watched pairs cannot see one body inside the other: their larger body is a surface."""
+"""Watched pairs that cannot see one body inside the other: their larger body is a surface."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from proximity_monitor.scene.description import Scene
 
 _NAMED = 5
-"""So many pairs and bodies are named."""
+"""How many pairs and bodies are named."""
 
 
 @dataclass(frozen=True)
 class Unseen:
-    """Watched pairs of which the larger body is a surface, so that nothing lies inside it."""
+    """Watched pairs whose larger body is a surface, so that nothing lies inside it."""
 
     count: int
-    """How many there are."""
+    """How many such pairs there are."""
     pairs: tuple[tuple[str, str], ...]
     """The first few, by the names of their bodies."""
     reasons: Mapping[str, str]
     """Why these larger bodies are no solids, by name."""
 
     def __str__(self) -> str:
-        """Say so in a few lines, and how to change it; nothing where there are none."""
+        """Describe them in a few lines, with the way out; empty if there are none."""
         if not self.count:
             return ""
         named = ", ".join(f"{a} - {b}" for a, b in self.pairs)
@@ -51,12 +51,12 @@ def unseen_containment(scene: Scene, models: Mapping[str, engine.Model]) -> Unse
 
     Args:
         scene: the bodies and pairs.
-        models: by name of the body.
+        models: by body name.
     """
     watched, names = scene.pairs, [body.name for body in scene.bodies]
     each = [models[name] for name in names]
     size, index = np.array([model.radius for model in each]), np.arange(len(names))
-    # Points and lines could hold nothing in any case.
+    # Points and lines cannot contain anything.
     hollow = np.array([not model.is_solid and model.has_area for model in each], dtype=bool)
     count, first, reasons = 0, [], {}
     for i in np.flatnonzero(hollow):

@@ -24,7 +24,7 @@ PARTS = {
     "concentric": "concentric spheres (1999 paper, Figure 6)",
     "growth": "time against model size, 500 to 512,000 triangles (1997 paper, Figure 6)",
 }
-"""The parts, in the order of the page. They stand here so that the help needs no library."""
+"""The parts, in the order of the page; listed here so that the help needs no library."""
 
 _EPILOG = """\
 parts:
@@ -120,7 +120,7 @@ def _accuracy(chosen: argparse.Namespace, command: str) -> int:
         from .accuracy.page import render
     except ImportError as error:
         if (error.name or "").startswith("proximity_monitor"):
-            raise  # our own fault, that no installation mends
+            raise  # our own fault, which no installation mends
         print(_INSTALL.format(name=error.name), file=sys.stderr)
         return 1
     try:

@@ -1,4 +1,4 @@
-"""The falling tori of the 1999 paper themselves, where their data is."""
+"""The falling tori of the 1999 paper, if their data is available."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ VARIABLE = "PROXIMITY_MONITOR_DATA"
 
 
 def find_falling_tori(data: Path | None, usual: Path) -> Path | None:
-    """The folder `falling_tori`, or None where nobody says that there should be one.
+    """The folder `falling_tori`, or None if nobody says that there should be one.
 
     Args:
-        data: the folder that holds it; None: what VARIABLE names, else `usual`.
+        data: the folder that holds it; None: the one that VARIABLE names, else `usual`.
         usual: where it may lie, but need not.
 
     Raises:
@@ -50,7 +50,7 @@ def falling_tori(folder: Path) -> StudyScene:
 
 
 def _welded(corners: NDArray[np.float64]) -> Mesh:
-    """Corners that triangles share are one vertex, as in every other scene."""
+    """Make shared corners one vertex, as in every other scene."""
     vertices, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, faces.reshape(-1, 3).astype(np.int32)
 

@@ -1,6 +1,6 @@
 """The scenes of benchmark and study, from fixed seeds (Larsen et al. 1999, sections 7.2 and 7.3).
 
-A scene is a set of meshes and, step by step, the poses of the pairs of them that are asked about.
+A scene is a set of meshes and, step by step, the poses of the pairs to measure.
 Lengths are metres, poses (k, 4, 4) from model to world.
 """
 
@@ -32,13 +32,13 @@ class Track:
 
 @dataclass(frozen=True)
 class StudyScene:
-    """Meshes by name and the pairs of them that are asked about at every step.
+    """Meshes by name, and the pairs of them to measure at every step.
 
     Attributes:
         meshes: vertices and faces by name.
         tracks: the pairs; all have the same number of steps.
-        block: so many steps in a row are asked of one engine before the next has its turn.
-        quick: so many blocks, spread evenly over the steps, are taken in a quick run.
+        block: how many steps in a row one engine answers before the next has its turn.
+        quick: how many blocks, spread evenly over the steps, a quick run takes.
     """
 
     meshes: dict[str, shapes.Mesh]
@@ -55,12 +55,12 @@ def rotation_poses(axis: NDArray[np.float64], angle: NDArray[np.float64]) -> NDA
 
 
 def identities(count: int) -> NDArray[np.float64]:
-    """(count, 4, 4) poses that leave everything where it is."""
+    """(count, 4, 4) identity poses."""
     return np.tile(np.eye(4), (count, 1, 1))
 
 
 def random_rotations(random: np.random.Generator, count: int) -> NDArray[np.float64]:
-    """Poses at the origin, every orientation as likely as any other."""
+    """Poses at the origin, with uniformly distributed orientations."""
     w, *axis = (q := random.normal(size=(count, 4))).T / np.linalg.norm(q, axis=1)
     length = np.linalg.norm(axis, axis=0)
     return rotation_poses((axis / length).T, 2.0 * np.arctan2(length, w))
@@ -211,4 +211,4 @@ SCENES: dict[str, Callable[[], StudyScene]] = {
     **{f"spheres/{gap}": partial(separated_spheres, gap) for gap in (0.01, 0.1, 1.0, 10.0)},
     **{f"concentric/{gap}": partial(concentric_spheres, gap) for gap in (0.1, 0.3, 0.5, 0.7, 0.9)},
 }
-"""What makes a scene, by its name; what stands before the slash is a family."""
+"""The makers of scenes by name; the word before the slash is a family."""

@@ -14,6 +14,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from proximity_monitor.display import state
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.received import read_pairs, read_parts, read_poses
 from proximity_monitor.display.state import LEVELS, STATUSES, SceneInfo, Unit
@@ -85,9 +86,11 @@ def test_a_message_without_pairs_is_read():
     assert len(read_pairs(told([], {}, "world"))[1]) == 0
 
 
-def test_every_level_and_status_of_the_monitor_is_known():
-    assert set(LEVELS) == {level.value for level in Level}
-    assert list(STATUSES) == [status.value for status in PairStatus]
+def test_levels_and_statuses_stand_where_their_names_say():
+    assert [LEVELS[i] for i in (state.WARN, state.STOP, state.STALE)] == ["warn", "stop", "stale"]
+    named = (state.BOUNDED, state.INTERSECTING, state.OVERLAPPING, state.UNKNOWN)
+    words = ["bounded", "intersecting", "overlapping", "unknown pose"]
+    assert [STATUSES[i] for i in named] == words
 
 
 def test_what_is_no_pair_is_refused():

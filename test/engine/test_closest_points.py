@@ -174,7 +174,7 @@ def test_answers_do_not_depend_on_threads():
         engine.closest_points(MODELS["soup"], IDENTITY, given, threads=threads, normals=True)
         for threads in (1, 3)
     )
-    for name in ("lower", "upper", "points", "triangles", "done", "normals"):
+    for name in ("lower", "upper", "points", "elements", "done", "normals"):
         assert np.array_equal(getattr(one, name), getattr(many, name))
 
 

@@ -80,7 +80,7 @@ def test_signs_are_those_of_solid_angles(name):
     assert (found.lower <= expected + slack).all()
     assert (expected <= found.upper + slack).all()
     plain = engine.closest_points(model, matrix, given, normals=True)
-    for each in ("points", "triangles", "normals", "done"):
+    for each in ("points", "elements", "normals", "done"):
         assert np.array_equal(getattr(found, each), getattr(plain, each)), each
 
 
@@ -233,7 +233,7 @@ def test_signed_answers_do_not_depend_on_threads():
         )
         for threads in (1, 3)
     )
-    for name in ("lower", "upper", "points", "triangles", "done", "normals"):
+    for name in ("lower", "upper", "points", "elements", "done", "normals"):
         assert np.array_equal(getattr(one, name), getattr(many, name))
 
 
@@ -246,7 +246,7 @@ def test_of_a_surface_a_sign_changes_nothing():
             engine.closest_points(model, IDENTITY, given, signed=s, max_distance=1.0)
             for s in (False, True)
         )
-        for name in ("lower", "upper", "points", "triangles", "done"):
+        for name in ("lower", "upper", "points", "elements", "done"):
             assert np.array_equal(getattr(plain, name), getattr(signed, name), equal_nan=True)
 
 

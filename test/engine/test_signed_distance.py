@@ -8,14 +8,27 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from engine_bodies import IDENTITY, box, from_trimesh, pose, sphere, torus, translation
+from ball_oracle import depth_of_solids, winding_numbers
+from engine_bodies import (
+    IDENTITY,
+    Fcl,
+    box,
+    from_trimesh,
+    pose,
+    rotation,
+    sphere,
+    torus,
+    translation,
+)
 from engine_oracles import pairwise_distances, triangles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from proximity_monitor import engine
+from proximity_monitor.engine import Status
 
 TIGHT = 1e-12
+PERCENT = 1.01 + 1e-9
 
 
 def together(*parts: trimesh.Trimesh, name: str = "assembly") -> engine.TriangleMesh:
@@ -44,125 +57,132 @@ def cylinder(radius: float, height: float) -> engine.TriangleMesh:
     return from_trimesh(trimesh.creation.cylinder(radius, height, sections=24), "cylinder")
 
 
-def winding_numbers(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Solid angles of all triangles (Van Oosterom and Strackee 1983) over 4 pi, unrounded."""
-    a, b, c = (corners[None, :, i] - points[:, None] for i in range(3))
-    x, y, z = (np.linalg.norm(v, axis=2) for v in (a, b, c))
-    volume = np.einsum("ijk,ijk->ij", a, np.cross(b, c))
-    below = x * y * z
-    for p, q, r in ((a, b, z), (b, c, x), (c, a, y)):
-        below = below + np.einsum("ijk,ijk->ij", p, q) * r
-    return (2.0 * np.arctan2(volume, below)).sum(axis=1) / (4.0 * math.pi)
-
-
-def depth_of(points: np.ndarray, corners: np.ndarray) -> float:
-    """Depth of the deepest of points that lie inside a surface; 0 where none does."""
-    inside = np.abs(winding_numbers(points, corners)) > 0.5
-    if not inside.any():
-        return 0.0
-    degenerate = np.repeat(points[inside][:, None], 3, axis=1)
-    return float(pairwise_distances(degenerate, corners).min(axis=1).max())
-
-
-def expected_value(a, pose_a, b, pose_b) -> float:
-    """The signed distance by brute force."""
-    first, second = triangles(a, pose_a), triangles(b, pose_b)
-    depth = max(
-        depth_of(np.unique(first.reshape(-1, 3), axis=0), second),
-        depth_of(np.unique(second.reshape(-1, 3), axis=0), first),
-    )
-    return -depth if depth > 0.0 else float(pairwise_distances(first, second).min())
-
-
-def check(found: engine.Distance, expected: float, slack: float = TIGHT, far: float = 0.0) -> None:
-    """The bounds hold the value and the witnesses, `far` from the origin, attain it."""
-    assert found.lower - slack <= expected <= found.upper + slack
-    slack = max(slack, 1e-15 * far)
-    apart = float(np.linalg.norm(found.point_a - found.point_b))
-    if found.upper < 0.0:
-        assert -found.upper - slack <= apart <= -found.lower + slack
-    else:
-        assert apart <= found.upper + slack
+def ball(radius: float = 0.5) -> engine.TriangleMesh:
+    return engine.points([[0.0, 0.0, 0.0]], radius=radius)
 
 
 def ask(a, pose_a, b, pose_b, **options) -> engine.Distance:
-    """Both orders agree, up to rounding."""
+    """Both orders hold the same number."""
     found = engine.signed_distance(a, pose_a, b, pose_b, **options)
     other = engine.signed_distance(b, pose_b, a, pose_a, **options)
-    assert found.lower == pytest.approx(other.lower, abs=TIGHT)
-    assert found.upper == pytest.approx(other.upper, abs=TIGHT)
-    assert found.status is other.status
+    assert max(found.lower, other.lower) <= min(found.upper, other.upper) + TIGHT
+    assert (found.upper < 0.0) == (other.upper < 0.0)
+    assert (found.lower > 0.0) == (other.lower > 0.0)
     return found
+
+
+def check(found: engine.Distance, expected: float, slack: float = TIGHT) -> None:
+    """The bounds hold the value, and are as near each other as they promise."""
+    assert found.lower - slack <= expected <= found.upper + slack
+    if found.upper < 0.0:
+        assert found.lower >= PERCENT * found.upper - slack
+    elif found.lower > 0.0:
+        assert found.upper - found.lower <= slack
+
+
+def check_brute(a, pose_a, b, pose_b, found: engine.Distance) -> None:
+    """The bounds agree with those of a search on a grid, which are wider."""
+    shallow, deep = depth_of_solids(a, pose_a, b, pose_b)
+    assert max(-found.lower, 0.0) >= shallow - TIGHT
+    assert -found.upper <= deep + TIGHT
+    if shallow > 0.0:
+        assert found.lower < 0.0
+        check(found, found.upper)
+    if found.lower > 0.0:
+        nearest = float(pairwise_distances(triangles(a, pose_a), triangles(b, pose_b)).min())
+        check(found, nearest)
 
 
 SOLIDS = {
     "box": box(),
     "sphere": sphere(1),
-    "torus": torus(16),
-    "cylinder": cylinder(0.4, 2.0),
-    "plate": box((2.0, 2.0, 1e-3)),
-    "needle": box((3.0, 1e-4, 1e-4)),
+    "torus": torus(8),
+    "cylinder": from_trimesh(trimesh.creation.cylinder(0.4, 2.0, sections=12), "cylinder"),
+    "plate": box((2.0, 2.0, 0.05)),
     "two spheres": together(icosphere(1, 0.6, -1.0), icosphere(1, 0.5, 1.0)),
     "overlapping boxes": together(
         trimesh.creation.box((1, 1, 1)), trimesh.creation.box((0.5, 2.0, 0.5))
     ),
-    "hollow": together(icosphere(2, 1.5), trimesh.Trimesh(
+    "hollow": together(icosphere(1, 1.5), trimesh.Trimesh(
         (inner := icosphere(1, 1.1)).vertices, inner.faces[:, ::-1]
     )),
 }  # fmt: skip
-
 
 PAIRS = list(itertools.combinations_with_replacement(SOLIDS, 2))
 
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_against_brute_force(first, second):
-    """Every pair once, now one first and now the other."""
+    """Every pair once, now one first and now the other; nested ones and cavities are among them."""
     if (len(first) + len(second)) % 2:
         first, second = second, first
     a, b = SOLIDS[first], SOLIDS[second]
     rng = np.random.default_rng([len(first), len(second)])
-    for spread in (0.05, 0.3, 0.7, 1.5):
-        pose_a, pose_b = pose(rng, 2.0), pose(rng)
-        pose_b[:3, 3] = pose_a[:3, 3] + spread * rng.normal(size=3)
-        found = engine.signed_distance(a, pose_a, b, pose_b)
-        check(found, expected_value(a, pose_a, b, pose_b))
-        assert found.upper - found.lower < TIGHT
+    spread = (0.05, 0.3, 0.7, 1.5)[(len(first) + len(second)) % 4]
+    pose_a, pose_b = pose(rng, 2.0), pose(rng)
+    pose_b[:3, 3] = pose_a[:3, 3] + spread * rng.normal(size=3)
+    check_brute(a, pose_a, b, pose_b, engine.signed_distance(a, pose_a, b, pose_b))
 
 
-@pytest.mark.parametrize("name", SOLIDS)
-def test_the_side_of_a_point_agrees_with_its_solid_angles(name):
-    """A tiny body asks for the side of its own place."""
-    model = SOLIDS[name]
-    probe = box((1e-9, 1e-9, 1e-9))
-    rng = np.random.default_rng(3)
-    places = rng.uniform(-1.0, 1.0, (40, 3)) * np.abs(model.vertices).max(axis=0)
-    winding = winding_numbers(places, triangles(model))
-    assert np.abs(winding - np.round(winding)).max() < 1e-6
-    for place, number in zip(places, winding, strict=True):
-        found = engine.signed_distance(model, IDENTITY, probe, translation(*place))
-        assert (found.upper < 0.0) == (round(number) != 0)
+# What a formula says
 
 
-@pytest.mark.parametrize("x", [0.0, 0.1, 0.35])
-def test_a_box_within_a_box(x):
-    outer, inner = box((1.0, 1.0, 1.0)), box((0.2, 0.2, 0.2))
-    found = ask(inner, translation(x), outer, IDENTITY)
-    # The deepest corner's nearest wall.
-    assert found.upper == pytest.approx(-min(0.4, 0.5 - (x - 0.1)), abs=TIGHT)
-    assert found.lower == pytest.approx(found.upper, abs=TIGHT)
-    assert found.status is engine.Status.EXACT
-    assert found.feature_a.kind == "vertex"
+@pytest.mark.parametrize("offset", [0.0, 0.05])
+def test_crossed_bars(offset):
+    """No vertex of either lies inside the other."""
+    long, across = box((4.0, 0.2, 0.2)), box((0.2, 4.0, 0.2))
+    check(ask(long, IDENTITY, across, translation(0.3, 0.1, offset)), offset - 0.2)
+
+
+@pytest.mark.parametrize("subdivisions", [0, 1, 3])
+def test_plates_overlap_by_as_much_however_fine_their_mesh_is(subdivisions):
+    plate = trimesh.creation.box((100.0, 100.0, 1.0))
+    for _ in range(subdivisions):
+        plate = plate.subdivide()
+    model, rng = from_trimesh(plate, "plate"), np.random.default_rng(subdivisions)
+    for shift in (0.0, 0.37):
+        here = pose(rng, 3.0)
+        found = ask(model, here, model, here @ translation(shift, 2.0 * shift, 0.5))
+        check(found, -0.5, 1e-10)
+        assert found.upper == pytest.approx(-0.5, abs=1e-10)
+
+
+def test_a_cube_twice_is_as_deep_as_its_edge():
+    found = ask(box((1.0, 1.0, 1.0)), IDENTITY, box((1.0, 1.0, 1.0)), IDENTITY)
+    check(found, -1.0)
+    assert found.status is Status.EXACT
+
+
+@pytest.mark.parametrize("overlap", [1e-9, 1e-6, 1e-3, 0.1, 1.0])
+def test_spheres_overlap_by_as_much_as_they_are_pushed_into_each_other(overlap):
+    rng = np.random.default_rng(5)
+    first, second = pose(rng, 2.0), np.eye(4)
+    way = rng.normal(size=3)
+    second[:3, 3] = first[:3, 3] + (1.0 - overlap) * way / np.linalg.norm(way)
+    found = ask(ball(), first, ball(), second)
+    check(found, -overlap, 1e-14)
+    assert found.status is Status.EXACT
+    mesh = sphere(5)
+    inside = 2.0 - 2.0 * np.linalg.norm(mesh.vertices[mesh.faces].mean(axis=1), axis=1).min()
+    found = engine.signed_distance(mesh, IDENTITY, mesh, translation(2.0 - inside - overlap))
+    assert -PERCENT * (overlap + inside) <= found.lower <= found.upper < 0.0
+    assert found.upper <= -0.99 * overlap + inside or overlap < inside
+
+
+@pytest.mark.parametrize("x", [0.0, 0.1, 0.3])
+def test_a_box_within_a_box_is_as_deep_as_it_is_thick(x):
+    found = ask(box((0.2, 0.2, 0.3)), translation(x), box((1.0, 1.0, 1.0)), IDENTITY)
+    check(found, -0.2)
 
 
 def test_concentric_spheres():
     outer, inner = sphere(2, 1.0), sphere(2, 0.5)
     rng = np.random.default_rng(1)
-    for _ in range(5):
+    thick = 2.0 * np.linalg.norm(inner.vertices[inner.faces].mean(axis=1), axis=1).min()
+    for _ in range(3):
         here = pose(rng, 10.0)
         found = ask(outer, here, inner, here)
-        check(found, expected_value(outer, here, inner, here))
-        assert found.upper == pytest.approx(-0.5, abs=0.05)
+        assert found.lower * PERCENT <= -thick <= found.upper + 1e-3
 
 
 def test_a_cylinder_within_a_pipe():
@@ -174,68 +194,132 @@ def test_a_cylinder_within_a_pipe():
     clear = ask(piston, here, pipe, here)
     assert clear.lower == pytest.approx(1.0 * math.cos(math.pi / 32) - 0.6, abs=0.01)
     inside = ask(cylinder(0.1, 1.0), here @ translation(1.25), pipe, here)
-    assert inside.upper < 0.0
-    check(inside, expected_value(cylinder(0.1, 1.0), here @ translation(1.25), pipe, here))
+    check(inside, -0.2 * math.cos(math.pi / 24), 2e-3)
 
 
 def test_a_body_in_a_cavity_is_clear():
-    hollow = SOLIDS["hollow"]
+    hollow = together(icosphere(2, 1.5), trimesh.Trimesh(
+        (hole := icosphere(1, 1.1)).vertices, hole.faces[:, ::-1]
+    ))  # fmt: skip
     small = sphere(1, 0.2)
     clear = ask(hollow, IDENTITY, small, translation(0.3))
     assert 0.4 < clear.lower <= clear.upper < 0.6
-    assert ask(hollow, IDENTITY, small, translation(1.3)).upper < 0.0
+    assert ask(hollow, IDENTITY, small, translation(1.3)).upper < -0.2
 
 
 def test_only_one_part_lies_inside():
     parts = together(*(icosphere(1, 0.1, x) for x in (5.0, 0.0, -5.0)))
     for here in (0.0, 5.0, -5.0):
         found = ask(parts, translation(here), sphere(2, 1.0), IDENTITY)
-        check(found, expected_value(parts, translation(here), sphere(2, 1.0), IDENTITY))
-        assert found.upper < -0.8
+        assert -0.2 < found.lower <= found.upper < -0.15
     assert ask(parts, translation(2.5), sphere(2, 1.0), IDENTITY).lower > 1.0
 
 
-def test_crossed_bars_have_no_depth():
-    long, across = box((4.0, 0.2, 0.2)), box((0.2, 4.0, 0.2))
-    found = ask(long, IDENTITY, across, translation(0.0, 0.0, 0.05))
-    assert found.lower == 0.0 <= found.upper < TIGHT
-    assert found.status is engine.Status.INTERSECTING
-
-
 def test_touching_boxes():
-    found = ask(box((1.0, 1.0, 1.0)), IDENTITY, box((1.0, 1.0, 1.0)), translation(1.0))
-    assert -TIGHT < found.lower <= 0.0 <= found.upper < TIGHT
-    assert found.status is engine.Status.INTERSECTING
+    for y in (0.0, 0.3):
+        found = ask(box((1.0, 1.0, 1.0)), IDENTITY, box((1.0, 1.0, 1.0)), translation(1.0, y))
+        assert -TIGHT < found.lower <= 0.0 <= found.upper < TIGHT
+        assert found.status is Status.INTERSECTING
 
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_a_model_upon_itself(name):
-    """Every vertex lies on the other surface, or inside another part."""
     model = SOLIDS[name]
     found = engine.signed_distance(model, IDENTITY, model, IDENTITY)
-    check(found, expected_value(model, IDENTITY, model, IDENTITY))
+    check_brute(model, IDENTITY, model, IDENTITY, found)
+    assert found.upper < 0.0
 
 
-@pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-13])
+@pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-12])
 def test_the_sign_next_to_the_surface(gap):
     a, b = box((1.0, 1.0, 1.0)), box((0.5, 0.5, 0.5))
     assert ask(a, IDENTITY, b, translation(0.75 + gap)).lower == pytest.approx(gap, abs=3e-14)
-    overlap = ask(a, IDENTITY, b, translation(0.75 - gap))
-    assert overlap.upper == pytest.approx(-gap, abs=3e-14)
-    assert overlap.upper < 0.0
+    check(ask(a, IDENTITY, b, translation(0.75 - gap)), -gap, 3e-13)
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
 def test_any_scale(size):
+    """Far from the origin, too, where poses are rounded."""
     outer = engine.TriangleMesh(size * sphere(2).vertices, sphere(2).faces)
     inner = engine.TriangleMesh(1e-3 * size * box().vertices, box().faces)
     for x in (0.0, 0.5, 0.9, 2.0):
-        here = translation(1e8 * size + x * size)
         there = translation(1e8 * size)
-        found = engine.signed_distance(inner, here, outer, there)
-        shifted = translation(here[0, 3] - there[0, 3])
-        check(found, expected_value(inner, shifted, outer, IDENTITY), TIGHT * size, 1e8 * size)
-        assert (found.upper < 0.0) == (x < 1.0)
+        found = engine.signed_distance(inner, translation(1e8 * size + x * size), outer, there)
+        if x < 1.0:
+            check(found, -0.6e-3 * size, 1e-6 * size)
+        else:
+            assert found.lower > 0.9 * size
+
+
+# What the points mean
+
+
+def test_the_points_are_those_of_the_surfaces_next_to_the_balls_centre():
+    a, b = box((1.0, 1.0, 1.0)), sphere(3, 0.4)
+    rng = np.random.default_rng(11)
+    for _ in range(10):
+        here, there = pose(rng, 1.0), pose(rng)
+        there[:3, 3] = here[:3, 3] + 0.5 * rng.normal(size=3)
+        found = engine.signed_distance(a, here, b, there)
+        if found.upper >= 0.0:
+            continue
+        for model, at, point in ((a, here, found.point_a), (b, there, found.point_b)):
+            assert (
+                pairwise_distances(
+                    np.repeat(point[None, None], 3, axis=1), triangles(model, at)
+                ).min()
+                < 1e-12
+            )
+
+
+def test_faces_that_are_pushed_into_each_other_tell_which_way_is_out():
+    found = engine.signed_distance(
+        box((1.0, 1.0, 1.0)), IDENTITY, box((1.0, 1.0, 1.0)), translation(0.9, 0.2)
+    )
+    np.testing.assert_allclose(found.point_a - found.point_b, [0.1, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_translation_that_parts_solids_is_shorter(seed):
+    """Convex ones: FCL says how far along a direction they have to be moved to be clear."""
+    rng = np.random.default_rng(seed)
+    shapes = box(), sphere(1), cylinder(0.6, 1.0)
+    a, b = (
+        engine.TriangleMesh(shapes[k].vertices * rng.uniform(0.3, 1.5, 3), shapes[k].faces)
+        for k in rng.integers(3, size=2)
+    )
+    here, there = pose(rng), pose(rng, 0.4)
+    depth = -engine.signed_distance(a, here, b, there).upper
+    assert depth > 0.0
+    peer = Fcl(a, b)
+    for way in [*np.eye(3), *-np.eye(3), *rng.normal(size=(10, 3))]:
+        way = way / np.linalg.norm(way)
+        inside, outside = 0.0, 20.0  # of convex solids one interval of translations overlaps
+        for _ in range(40):
+            step = 0.5 * (inside + outside)
+            shifted = there.copy()
+            shifted[:3, 3] += step * way
+            apart = not peer.collide(here, shifted)
+            apart &= engine.signed_distance(a, here, b, shifted).lower > -1e-9
+            inside, outside = (inside, step) if apart else (step, outside)
+        assert outside >= depth - 1e-9
+
+
+# What does not matter
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_the_side_of_a_point_agrees_with_its_solid_angles(name):
+    """A tiny body asks for the side of its own place."""
+    model = SOLIDS[name]
+    probe = box((1e-9, 1e-9, 1e-9))
+    rng = np.random.default_rng(3)
+    places = rng.uniform(-1.0, 1.0, (25, 3)) * np.abs(model.vertices).max(axis=0)
+    winding = winding_numbers(places, triangles(model))
+    assert np.abs(winding - np.round(winding)).max() < 1e-6
+    for place, number in zip(places, winding, strict=True):
+        found = engine.signed_distance(model, IDENTITY, probe, translation(*place))
+        assert (found.upper < 0.0) == (round(number) != 0)
 
 
 def test_rays_along_edges_and_through_vertices():
@@ -251,43 +335,46 @@ def test_rays_along_edges_and_through_vertices():
 def test_inside_out_and_unmerged_models_answer_alike():
     a, b = torus(16), box()
     rng = np.random.default_rng(4)
-    for _ in range(10):
+    for _ in range(5):
         here = pose(rng, 0.5)
         found = engine.signed_distance(a, here, b, IDENTITY)
         for other in (turned(a), as_soup(a)):
             same = engine.signed_distance(other, here, b, IDENTITY)
-            assert (same.lower, same.upper) == pytest.approx((found.lower, found.upper), abs=TIGHT)
+            assert max(same.lower, found.lower) <= min(same.upper, found.upper) + TIGHT
+            check(same, same.upper)
 
 
-@pytest.mark.parametrize("volume", ["rss", "lss", "pss", "hybrid"])
+@pytest.mark.parametrize("volume", ["rss", "lss", "pss", "hybrid", "obb", "aabb"])
 def test_every_kind_of_volume_answers_alike(volume):
     a = engine.TriangleMesh(torus(16).vertices, torus(16).faces, volume=volume)
     rng = np.random.default_rng(7)
-    for _ in range(10):
+    for _ in range(5):
         here = pose(rng, 0.5)
         found = engine.signed_distance(a, here, SOLIDS["box"], IDENTITY)
-        check(found, expected_value(a, here, SOLIDS["box"], IDENTITY))
+        same = engine.signed_distance(torus(16), here, SOLIDS["box"], IDENTITY)
+        assert max(same.lower, found.lower) <= min(same.upper, found.upper) + TIGHT
+        check(found, found.upper)
 
 
 def test_a_refitted_model_is_seen_as_it_is():
     model = box((1.0, 1.0, 1.0))
     small = box((0.1, 0.1, 0.1))
-    assert engine.signed_distance(model, IDENTITY, small, IDENTITY).upper < -0.4
-    model.deform(model.vertices + np.array((3.0, 0.0, 0.0)))
+    check(engine.signed_distance(model, IDENTITY, small, IDENTITY), -0.1)
+    model.refit(model.vertices + np.array((3.0, 0.0, 0.0)))
     assert engine.signed_distance(model, IDENTITY, small, IDENTITY).lower > 2.4
     flat = model.vertices * (1.0, 1.0, 0.0)
     model.deform(flat)
     assert not model.is_solid
     found = engine.signed_distance(model, translation(-3.0), small, IDENTITY)
-    assert found.lower == 0.0 <= found.upper < TIGHT  # no corner of the sheet lies in the box
+    check(found, -0.05)  # the sheet's deepest points in the box
 
 
 def test_degenerate_triangles_change_nothing():
     plain = box()
     faces = np.concatenate((plain.faces, [[0, 0, 1], [2, 2, 2], [0, 1, 2], [2, 1, 0]]))
     with_sheet = engine.TriangleMesh(plain.vertices, faces, name="sheet")
-    found = engine.signed_distance(with_sheet, IDENTITY, sphere(1, 0.2), IDENTITY)
-    check(found, expected_value(with_sheet, IDENTITY, sphere(1, 0.2), IDENTITY))
+    found = ask(with_sheet, IDENTITY, sphere(1, 0.2), translation(0.0, 0.3))
+    check_brute(plain, IDENTITY, sphere(1, 0.2), translation(0.0, 0.3), found)
     assert found.upper < 0.0
 
 
@@ -295,54 +382,76 @@ poses = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 pairs = st.tuples(st.sampled_from(sorted(SOLIDS)), st.sampled_from(sorted(SOLIDS)))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(pairs, poses, st.floats(0.0, 2.0))
 def test_symmetry_and_common_motion(names, rng, spread):
     a, b = (SOLIDS[name] for name in names)
     pose_a, pose_b, common = pose(rng, spread), pose(rng, spread), pose(rng, 3.0)
     found = ask(a, pose_a, b, pose_b)
     moved = engine.signed_distance(a, common @ pose_a, b, common @ pose_b)
-    assert (moved.lower, moved.upper) == pytest.approx((found.lower, found.upper), abs=1e-11)
+    assert max(moved.lower, found.lower) <= min(moved.upper, found.upper) + 1e-11
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
+@given(pairs, poses, st.floats(0.0, 1.0), st.floats(1e-6, 0.3))
+def test_it_changes_by_no_more_than_the_relative_motion(names, rng, spread, way):
+    a, b = (SOLIDS[name] for name in names)
+    pose_a, pose_b = pose(rng, spread), pose(rng, spread)
+    before = engine.signed_distance(a, pose_a, b, pose_b)
+    step = rng.normal(size=3)
+    pose_b[:3, 3] += way * step / np.linalg.norm(step)
+    after = engine.signed_distance(a, pose_a, b, pose_b)
+    assert after.lower <= before.upper + way + TIGHT
+    assert before.lower - way - TIGHT <= after.upper
+
+
+@settings(max_examples=40, deadline=None)
 @given(pairs, poses, st.floats(0.0, 2.0))
 def test_agrees_with_distance(names, rng, spread):
-    """Where the surfaces are apart: their distance, or a depth that is no less."""
+    """Where no point is inside both: the surfaces' distance."""
     a, b = (SOLIDS[name] for name in names)
     pose_a, pose_b = pose(rng, spread), pose(rng, spread)
     found = engine.signed_distance(a, pose_a, b, pose_b)
     surfaces = engine.distance(a, pose_a, b, pose_b)
-    if surfaces.lower > 0.0:
-        assert abs(found.upper) >= surfaces.lower
-        if found.lower > 0.0:
-            assert (found.lower, found.upper) == (surfaces.lower, surfaces.upper)
-    else:
+    if found.lower > 0.0:
+        assert (found.lower, found.upper) == (surfaces.lower, surfaces.upper)
+    if surfaces.lower == 0.0:
         assert found.lower <= 0.0
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     pairs,
     poses,
     st.floats(0.0, 1.5),
-    st.one_of(st.just(0.0), st.floats(0.0, 1.0), st.just(math.inf)),
+    st.one_of(st.just(0.01), st.floats(0.001, 1.0), st.just(math.inf)),
     st.one_of(st.just(0.0), st.floats(0.0, 1.0), st.just(math.inf)),
     st.one_of(st.none(), st.just(0.0), st.floats(0.0, 1e-3)),
 )
-def test_bounds_hold_under_any_tolerance_and_budget(names, rng, spread, rel, absolute, budget):
+def test_bounds_hold_under_any_tolerance_and_budget(names, rng, spread, depth, absolute, budget):
     a, b = (SOLIDS[name] for name in names)
     pose_a, pose_b = pose(rng, spread), pose(rng, spread)
-    exact = engine.signed_distance(a, pose_a, b, pose_b)
+    close = engine.signed_distance(a, pose_a, b, pose_b)
     loose = engine.signed_distance(
-        a, pose_a, b, pose_b, rel_err=rel, abs_err=absolute, budget_s=budget
+        a, pose_a, b, pose_b, rel_err=depth, abs_err=absolute, depth_err=depth, budget_s=budget
     )
-    assert loose.lower <= exact.upper
-    assert exact.lower <= loose.upper
+    assert loose.lower <= close.upper + TIGHT
+    assert close.lower <= loose.upper + TIGHT
     if budget is None:
-        assert (loose.lower > 0.0) == (exact.lower > 0.0)
-        share = rel * abs(exact.upper) if exact.upper != 0.0 else 0.0
+        assert (loose.lower > 0.0) == (close.lower > 0.0)
+        assert (loose.upper < 0.0) == (close.upper < 0.0)
+        share = depth * abs(close.lower) if close.upper != 0.0 else 0.0
         assert loose.upper - loose.lower <= max(share, absolute) + TIGHT
+
+
+@pytest.mark.parametrize("depth_err", [0.1, 1e-3, 1e-5])
+def test_the_depth_is_as_close_as_it_was_asked_for(depth_err):
+    found = engine.signed_distance(
+        sphere(3), IDENTITY, sphere(3), translation(1.9, 0.1, 0.2), depth_err=depth_err
+    )
+    assert -found.lower <= (1.0 + depth_err) * -found.upper + TIGHT
+    close = engine.signed_distance(sphere(3), IDENTITY, sphere(3), translation(1.9, 0.1, 0.2))
+    assert max(found.lower, close.lower) <= min(found.upper, close.upper)
 
 
 def test_no_time_at_all_still_bounds():
@@ -350,16 +459,21 @@ def test_no_time_at_all_still_bounds():
         found = engine.signed_distance(
             sphere(3), IDENTITY, sphere(3, 0.6), translation(x), budget_s=0.0
         )
-        exact = engine.signed_distance(sphere(3), IDENTITY, sphere(3, 0.6), translation(x))
-        assert found.lower <= exact.lower <= exact.upper <= found.upper
-        assert found.status in (engine.Status.OUT_OF_TIME, exact.status)
+        close = engine.signed_distance(sphere(3), IDENTITY, sphere(3, 0.6), translation(x))
+        assert found.lower <= close.upper
+        assert close.lower <= found.upper
+        assert found.status in (Status.OUT_OF_TIME, close.status)
 
 
-def test_the_deepest_vertex_is_found_without_testing_them_all():
-    a, b = sphere(5), sphere(5)
-    found = engine.signed_distance(a, IDENTITY, b, translation(1.0, 0.2, 0.1))
-    assert found.upper < 0.0
-    assert found.primitive_tests < 0.1 * (len(a.vertices) + len(b.vertices))
+def test_a_largest_ball_is_found_without_looking_everywhere():
+    """The shape of a mesh decides how many points are asked about, and not its triangles."""
+    tests = []
+    for subdivisions in (3, 5):
+        a = sphere(subdivisions)
+        found = engine.signed_distance(a, IDENTITY, a, translation(1.9, 0.2, 0.1))
+        assert found.upper < 0.0
+        tests.append(found.primitive_tests)
+    assert tests[1] < 4 * tests[0] < 2000
 
 
 def test_boxes_that_share_an_edge_are_a_solid():
@@ -368,4 +482,17 @@ def test_boxes_that_share_an_edge_are_a_solid():
     second.apply_translation((1.0, 1.0, 0.0))
     stairs = together(trimesh.creation.box((1, 1, 1)), second)
     found = engine.signed_distance(stairs, IDENTITY, box((0.1, 0.1, 0.1)), translation(1.0, 1.0))
-    assert found.upper == pytest.approx(-0.45, abs=TIGHT)
+    check(found, -0.1)
+
+
+def test_no_ball_passes_the_walls_inside_a_union():
+    walled = together(trimesh.creation.box((1, 1, 1)), trimesh.creation.box((1, 0.2, 1)))
+    check(ask(walled, IDENTITY, box((0.6, 0.6, 0.6)), translation(0.0, 0.1)), -0.3)
+
+
+def test_any_angle_of_turned_plates():
+    plate, rng = box((10.0, 10.0, 0.1)), np.random.default_rng(17)
+    for _ in range(5):
+        here = np.eye(4)
+        here[:3, :3] = rotation(rng)
+        check(ask(plate, here, plate, here @ translation(0.1, 0.2, 0.05)), -0.05)

@@ -37,7 +37,7 @@ def test_bounds_are_below_the_exact_distance_wherever_models_are_drawn(away):
         spheres = candidates.spheres_at(poses, np.arange(2), np.pad(points, ((0, 0), (0, 1))))
         boxes, pairs, rows = np.hstack((points, points)), np.array([[0, 1]]), np.empty((1, 3), int)
         lower = np.zeros(1)
-        assert not candidates.near_patches(
+        assert not candidates.near_pieces(
             poses, pairs, np.zeros(1), lower, np.arange(3), spheres, boxes, rows
         )
         first, second = map(exact, poses, points)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from dynamics_bodies import DOWN, STEP_S, at, box, box_arrays, moving, on_floor
 
-from proximity_monitor.engine import DisplayMesh, TriangleMesh
+from proximity_monitor.engine import TriangleMesh
+from proximity_monitor.engine.models.model import DisplayMesh
 from proximity_monitor.motion.dynamics import Forces, RigidBody, World
 from proximity_monitor.motion.dynamics.mass import mass_properties
 

@@ -62,8 +62,8 @@ def test_the_speed_of_a_turning_body_is_that_of_its_point(turn, rate, centre):
     assert found.closing == pytest.approx(-velocity[2], abs=1e-3)
 
 
-def test_overlapping_solids_part_from_the_deepest_vertex_the_short_way_out():
-    # A's deepest vertex is 0.2 below B's surface at z = 1.
+def test_overlapping_solids_part_the_short_way_out():
+    # A begins 0.2 below B's surface at z = 1.
     deep = pair(-0.2, points=((0.0, 0.0, 0.8), (0.0, 0.0, 1.0)), status=PairStatus.OVERLAPPING)
     found = relative_motion(deep, {"piston": moved((0, 0, -1.0)), "block": STILL}.get)
     assert found.escape.tolist() == [0.0, 0.0, 1.0]

@@ -20,7 +20,7 @@ from ..questions.witness import surface_points
 
 _UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
 _FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
-"""The feature of the first corner of the first face."""
+"""The feature of `Hierarchy.some_point`: parameters and element."""
 
 
 class CertifiedIntervals(NamedTuple):
@@ -49,10 +49,10 @@ class Answers:
 
     Args:
         models: the bodies' models; several bodies may share one.
-        names: what errors call the bodies.
+        names: the bodies' names in errors.
 
     Raises:
-        TypeError: one that is no model.
+        TypeError: one of them is no model.
     """
 
     __slots__ = (
@@ -61,7 +61,7 @@ class Answers:
     )  # fmt: skip
 
     poses: NDArray[np.float64]
-    """(n, 4, 4) model to world; all at the origin to begin with. Written by `move` alone."""
+    """(n, 4, 4) model to world; all at the origin at first. Only `move` writes them."""
 
     def __init__(self, models: Sequence[Model], names: Sequence[str]) -> None:
         self._models = check_models(models)
@@ -129,7 +129,7 @@ class Answers:
         return moved
 
     def reshape(self, body: int, displacement: float) -> None:
-        """Take note that the model of a body was deformed.
+        """Note that the model of a body was deformed.
 
         Args:
             body: which.
@@ -144,7 +144,7 @@ class Answers:
         self._place(np.array([body]), self.poses[[body]], True)
 
     def deformed(self) -> list[int]:
-        """The bodies whose models were deformed since `reshape` was told."""
+        """The bodies whose models were deformed since the last `reshape`."""
         pairs = enumerate(zip(self._models, self._hierarchies, strict=True))
         return [body for body, (model, known) in pairs if model._hierarchy is not known]
 
@@ -220,12 +220,12 @@ class Answers:
         """Take answers for rows (k,) at the present poses.
 
         Args:
-            rows: which, each at most once.
+            rows: each at most once.
             bounds: (k, 2) metres, certified.
             points: (k, 2, 3) metres, world: points of the models' triangles that attain the upper
                 bounds (where they are swept, less the radii).
-            features: (k, 2, 4) where they lie on the models: weights of a triangle's corners, and
-                its face; None: not known.
+            features: (k, 2, 4) where they lie on the models: three parameters and the element, as
+                `Model.feature` takes them; None: not known.
         """
         rows = np.require(rows, np.int64, "CAWE")
         bounds = np.require(bounds, np.float64, "CAWE")
@@ -240,7 +240,7 @@ class Answers:
     def _measure(self, body: int) -> None:
         core = self._hierarchies[body] = self._models[body]._hierarchy
         self._balls[body] = *core.centre, core.core_radius, core.swept_radius, core.deviation
-        self._first[body] = core.vertices[core.faces[0, 0]]
+        self._first[body] = core.some_point
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:
         pairs = self._labels[:, kernel.BODY_A : kernel.BODY_B + 1]

@@ -29,9 +29,9 @@ from .settling import Settling
 class Assembly:
     """Bodies whose distances are asked for together, tick by tick.
 
-    A compiled call goes through the pairs, so that a pair costs no more than its search: some
-    microseconds, where a `Pair` costs as much again on top. It belongs to one thread at a time; the
-    models may be shared. Copies of it, and what comes out of a pickle, have memory of their own.
+    One compiled call goes through all pairs, so a pair costs no more than its search: some
+    microseconds, to which a `Pair` adds as much again. An assembly belongs to one thread at a time;
+    its models may be shared. A copy, and what comes out of a pickle, has memory of its own.
 
     Args:
         models: one a body; bodies may share one. A model that is deformed later is seen anew.
@@ -50,15 +50,15 @@ class Assembly:
         self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches: list[Search] = []
         self._insides: Insides | None = None
-        self._cut: dict[Hashable, Search] = {}  # by the question in which they were
+        self._cut: dict[Hashable, Search] = {}  # by the question that they were asked
         self._settling = Settling()
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
-        """Of what another is made: kernels find the memory of this one by its addresses."""
+        """Make another one: kernels find the memory of this one by its addresses."""
         return type(self), (self.models,)
 
     def replace(self, body: int, model: Model) -> None:
-        """Give a body another model; what was found with the old one is no hint any more."""
+        """Give a body another model; hints of answers with the old one are void."""
         models = list(self.models)
         models[body] = model
         self.models = tuple(models)
@@ -79,11 +79,12 @@ class Assembly:
         abs_err: ArrayLike = 0.0,
         clearance: ArrayLike | None = None,
         signed: bool = False,
+        depth_err: float = 0.01,
         hints: NDArray[np.int32] | None = None,
         budget_s: float | None = None,
         threads: int = 1,
     ) -> Distances:
-        """Minimum distances of pairs of bodies, in the order given, as far as the budget goes.
+        """Minimum distances of pairs of bodies, in the given order, within a budget.
 
         Args:
             poses: (n, 4, 4) model to world of every body, metres.
@@ -91,20 +92,21 @@ class Assembly:
             rel_err: a number or (k,): as for `engine.distance`.
             abs_err: a number or (k,): as for `engine.distance`; metres.
             clearance: a number or (k,) metres: a pair's search ends as soon as it is certain on
-                which side of it the distance lies (Larsen et al. 1999, section 3, tolerance
-                query): lower > clearance, or upper <= clearance to rounding; `Distances.within`
-                tells them apart. With 0 they are those that collide. None or infinity: it goes on.
+                which side of it the distance lies (Larsen et al. 1999, section 3, tolerance query):
+                lower > clearance, or upper <= clearance to rounding; `Distances.within` tells them
+                apart. With 0 they tell which pairs collide. None or infinity: it goes on.
             signed: whether to give signed distances, as `engine.signed_distance` does. Pairs that
-                are apart cost little more then, those that overlap 0.1 ms and more. Where `upper`
+                are apart then cost little more, overlapping ones about a millisecond. If `upper`
                 has decided about a clearance, `lower` may be -infinity.
+            depth_err: of signed distances, as for `engine.signed_distance`.
             hints: (k, 2) `hints` of an earlier answer about the same pairs, from which the
                 search starts; -1 for none.
-            budget_s: seconds; pairs that are not reached stay without an answer, the one that is
-                cut has certified bounds. Every call makes some progress: asked next, and first,
-                about what is left, it goes on where it was cut. None: no limit.
-            threads: how many share the work; the answers do not depend on it, but for which of
-                them a budget allows, and how close the bounds of a signed distance are where a
-                clearance has ended its search.
+            budget_s: seconds; pairs that are not reached have no answer, and the one that is cut
+                has certified bounds. Every call makes some progress: if the next call begins with
+                the pairs that are left, it goes on where it was cut. None: no limit.
+            threads: how many share the work. They change no answer, only which pairs a budget
+                reaches, and how close the bounds of a signed distance are if a clearance ended its
+                search.
 
         Raises:
             TypeError: a tolerance, clearance or budget that is no real number.
@@ -113,6 +115,7 @@ class Assembly:
         """
         start = perf_counter()
         deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
+        depth_err = check_tolerance("depth_err", depth_err)
         threads = as_count(threads, "threads")
         poses = as_poses(poses, "poses")
         if len(poses) != len(self.models):
@@ -136,8 +139,9 @@ class Assembly:
             raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
         solid = np.array([bool(signed) and model.is_solid for model in self.models])
         asked = poses, chosen, wanted, hints, solid[chosen].any(axis=1)
-        rows = self._signed_rows if signed else self.rows
-        return Distances(rows(*asked, deadline, threads))
+        if signed:
+            return Distances(self._signed_rows(*asked, depth_err, deadline, threads))
+        return Distances(self.rows(*asked, deadline, threads))
 
     def rows(
         self,
@@ -149,11 +153,11 @@ class Assembly:
         deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
-        """As `distances`, of what needs no check; rows (k, ANSWER) as the kernel writes them.
+        """As `distances` without checks; returns rows (k, ANSWER) as the kernel writes them.
 
-        wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,), an answer is one of
-        the signed distance, or has -inf as lower bound, if the bodies may overlap. A pair that is
-        not searched has NaN as status. The deadline is one of perf_counter.
+        wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,) is set, the answer is a
+        signed distance, or has -inf as lower bound if the bodies may overlap. A pair that is not
+        searched has NaN as status. The deadline is one of perf_counter.
         """
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
@@ -184,17 +188,21 @@ class Assembly:
         wanted: NDArray[np.float64],
         hints: NDArray[np.int32],
         signed: NDArray[np.bool_],
+        depth_err: float,
         deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
-        """As `rows`; where bodies may overlap, their signed distances as far as time goes."""
+        """As `rows`, with the signed distances of bodies that may overlap, until the deadline."""
 
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k])
 
+        def depth(k: int) -> Hashable:
+            return depth_err, question(k)
+
         unsettled = np.zeros(len(pairs), np.bool_)
         if self._settling.waiting:
-            unsettled = self._settling.begun([question(k) for k in range(len(pairs))])
+            unsettled = self._settling.begun([depth(k) for k in range(len(pairs))])
         answers, rest = no_answers(signed), ~unsettled
         answers[rest] = self.rows(
             poses, pairs[rest], wanted[rest], hints[rest], signed[rest], deadline, threads
@@ -202,7 +210,7 @@ class Assembly:
         upper, clearance = answers[:, index.UPPER], wanted[:, 2]
         open_ = (answers[:, index.LOWER] == -np.inf) & ~np.isnan(answers[:, index.STATUS])
         open_ &= (upper > clearance) | (clearance == np.inf)
-        if self._cut:  # there the search of the surfaces has to end first
+        if self._cut:  # there the search of the surfaces must end first
             open_ &= [not (each and question(k) in self._cut) for k, each in enumerate(open_)]
         chosen = np.flatnonzero(open_ | unsettled).tolist()
 
@@ -211,9 +219,8 @@ class Assembly:
 
         self._settling.settle(
             [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
-            poses[pairs[chosen]], wanted[chosen], lambda i: question(chosen[i]),
-            math.inf if deadline is None else deadline, threads,
-            take,
+            poses[pairs[chosen]], wanted[chosen], depth_err, lambda i: depth(chosen[i]),
+            math.inf if deadline is None else deadline, threads, take,
         )  # fmt: skip
         return answers
 
@@ -229,11 +236,11 @@ class Assembly:
         return given
 
     def _pose_name(self, body: int) -> str:
-        """What errors call the pose of a body."""
+        """The name of a body's pose in errors."""
         return f"poses[{body}]"
 
     def _tabulate(self, threads: int) -> None:
-        """Have the tables of all bodies as they are now, and a search for each thread."""
+        """Make the tables of all bodies as they are now, and a search for each thread."""
         # Of the very hierarchies that the tables hold addresses of, which so stay in memory.
         now = [model._hierarchy for model in self._shapes]
         if len(now) != len(self._hierarchies) or any(map(is_not, now, self._hierarchies)):
@@ -244,7 +251,7 @@ class Assembly:
             self._searches.append(Search(self._deepest, self._deepest, coherent=False))
 
     def _enclosed(self) -> Insides:
-        """What the bodies enclose as they are now."""
+        """The spaces that the bodies enclose as they are now."""
         if self._insides is None:
             regions = [sides_of(model).region for model in self._shapes]
             starts = np.cumsum([0, *(len(each.samples) for each in regions)])
@@ -261,7 +268,7 @@ class Assembly:
     def _question(
         self, poses: NDArray[np.float64], pair: NDArray[np.int32], wanted: NDArray[np.float64]
     ) -> Hashable:
-        """All that an answer depends on."""
+        """Everything that an answer depends on."""
         shapes = tuple(self.models[body].revision for body in pair)
         return pair.tobytes(), poses[pair].tobytes(), wanted.tobytes(), shapes
 
@@ -269,9 +276,9 @@ class Assembly:
         self, threads: int, poses: NDArray[np.float64], pairs: NDArray[np.int32],
         wanted: NDArray[np.float64],
     ) -> list[tuple[Search, bool]]:  # fmt: skip
-        """A search for each thread, and whether it is to begin.
+        """A search for each thread, and whether it begins anew.
 
-        It goes on instead where it was cut in the very question that comes first to that thread.
+        It goes on where it was cut if the thread's first question is the one that it was cut in.
         """
         free, cut = self._searches[:], self._cut
         self._cut = {}

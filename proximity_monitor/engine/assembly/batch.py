@@ -32,6 +32,7 @@ def distances(
     abs_err: float = 0.0,
     clearance: float | None = None,
     signed: bool = False,
+    depth_err: float = 0.01,
     budget_s: float | None = None,
     order: Order = "depth_first",
     threads: int = 1,
@@ -51,12 +52,14 @@ def distances(
             the distance lies, and `Distances.within` tells. With 0, as `collide`, it ends when it
             is certain whether the models touch or cross. None: it goes on.
         signed: whether to give signed distances, as `signed_distance` does.
-        budget_s: seconds; poses that are not reached stay without an answer, those that are cut
-            have certified bounds, and the next call begins them anew (an `Assembly` goes on with
-            them). None: no limit. Some microseconds' work is done at least.
-        order: as for `distance`. Signed distances are searched depth first alone.
-        threads: how many threads share the work; the answers do not depend on it, but for which of
-            them a budget allows.
+        depth_err: of signed distances, as for `signed_distance`.
+        budget_s: seconds; poses that are not reached have no answer, and those that are cut have
+            certified bounds. The next call begins these anew, where an `Assembly` would go on.
+            None: no limit. Some microseconds' work is always done.
+        order: as for `distance`; for the study of searches. Signed distances are always searched
+            depth first.
+        threads: how many threads share the work. They change no answer, only which poses a budget
+            reaches.
 
     Raises:
         TypeError: a model that is none, a tolerance, clearance or budget that is no real number.
@@ -73,14 +76,14 @@ def distances(
     count = len(many_a)
     if count != len(many_b):
         raise ValueError(f"{count} poses_a but {len(many_b)} poses_b")
-    Search(a, b, order)  # refuses an order that there is not, before any thread starts
+    Search(a, b, order)  # refuses an unknown order before any thread starts
     if signed and order != "depth_first":
         raise ValueError(f"order = {order!r}: signed distances are searched 'depth_first' alone")
     if signed and count:
         return _Poses((a,) * count + (b,) * count).distances(
             np.concatenate((many_a, many_b)), np.arange(2 * count).reshape(2, -1).T,
-            rel_err=rel_err, abs_err=abs_err, clearance=clearance, signed=True, budget_s=budget_s,
-            threads=threads,
+            rel_err=rel_err, abs_err=abs_err, clearance=clearance, signed=True,
+            depth_err=depth_err, budget_s=budget_s, threads=threads,
         )  # fmt: skip
     rows = no_answers(np.zeros(count, np.bool_))
     # As `within` and `collide` ask it.
@@ -102,7 +105,7 @@ def distances(
 
 
 class _Poses(Assembly):
-    """One body at k poses and then another one at as many: 2 k bodies."""
+    """One body at k poses and then another one at k poses: 2 k bodies."""
 
     def _pose_name(self, body: int) -> str:
         half = len(self.models) // 2

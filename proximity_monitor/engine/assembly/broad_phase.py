@@ -1,4 +1,4 @@
-"""Which of many bodies are near each other, tick by tick."""
+"""The broad phase: which of many bodies are near each other, tick by tick."""
 
 from __future__ import annotations
 

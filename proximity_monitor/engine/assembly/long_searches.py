@@ -1,4 +1,4 @@
-"""Searches of single pairs that take long: they are kept, and go on in the next call."""
+"""Searches of single pairs that take long: they are kept and go on in the next call."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ KEPT = 64
 """How many searches are kept; each takes some tens of kilobytes, and more for solids."""
 
 _SLICE_S = 0.2e-3
-"""How long a search goes on between two looks at whether its clearance is decided."""
+"""How long a search goes on between two checks whether its clearance is decided."""
 
 _FAR = 8.0
-"""At so many radii, two bodies are told apart by their first volumes."""
+"""At so many radii, the first volumes prove that two bodies are apart."""
 
 
 class LongSearches:
     """Searches pair by pair over the models (n,) of some bodies.
 
-    A search that was cut goes on where it stopped while its bodies stand still. What is not used
-    for longest is forgotten first.
+    A search that was cut goes on where it stopped while its bodies stand still. Those that were not
+    used for longest are forgotten first.
     """
 
     def __init__(self, models: Sequence[Model]) -> None:
@@ -109,7 +109,7 @@ def _search(
     signed: bool,
     budget_s: float,
 ) -> Distance:
-    """Search until the clearance is decided, or the tolerance is met where that is infinite."""
+    """Search until the clearance is decided or, if it is infinite, the tolerance is met."""
     rel_err, abs_err, clearance = wanted
     ask: Callable[..., Distance] = pair.distance
     how: dict[str, object] = {"rel_err": rel_err, "abs_err": abs_err}

@@ -281,7 +281,8 @@ class Schedule:
         Returns:
             (l,) records: `at` its entry; `bodies` (2,); `lower` and `upper`, metres, NaN where a
             pose is unknown; `points` (2, 3) metres, world: `upper` is their distance where it is
-            not negative; `faces` (2,) and `weights` (2, 3): where the points lie on the models;
+            not negative; `elements` (2,) and `parameters` (2, 3): where the points lie on the
+            models;
             `status`, a position in `tuple(Status)`, where OUT_OF_TIME stands for all bounds that
             are wider than asked for, or OVERLAPPING or UNKNOWN; `age_s` since the numbers were an
             answer to the present poses; `min_upper` and `min_lower` of `records`; `silent` (2,)

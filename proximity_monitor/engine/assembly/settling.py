@@ -51,6 +51,7 @@ class Settling:
         models: Sequence[tuple[Model, Model]],
         poses: NDArray[np.float64],
         wanted: NDArray[np.float64],
+        depth_err: float,
         question: Callable[[int], Hashable],
         deadline: float,
         threads: int,
@@ -64,6 +65,7 @@ class Settling:
             models: k pairs.
             poses: (k, 2, 4, 4) model to world.
             wanted: (k, 3) rel_err, abs_err and clearance, as `Assembly.rows` takes them.
+            depth_err: as for `engine.signed_distance`.
             question: all that the answer about a pair depends on.
             deadline: of `perf_counter`, or infinity.
             threads: how many share the work.
@@ -80,7 +82,7 @@ class Settling:
                 if begun is None and (pair is None or (pair.a, pair.b) != models[k]):
                     pair = Pair(*models[k])
                 chosen = begun or pair
-                found, ended = _ask(chosen, *poses[k], wanted[k], deadline, stopped)
+                found, ended = _ask(chosen, *poses[k], wanted[k], depth_err, deadline, stopped)
                 take(k, found.row)
                 if not ended:
                     self._cut[question(k)] = chosen
@@ -94,6 +96,7 @@ def _ask(
     pose_a: NDArray[np.float64],
     pose_b: NDArray[np.float64],
     wanted: NDArray[np.float64],
+    depth_err: float,
     deadline: float,
     stopped: Event,
 ) -> tuple[Distance, bool]:
@@ -103,8 +106,9 @@ def _ask(
     while True:
         left = max(deadline - perf_counter(), 0.0)
         found = pair.signed_distance(
-            pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=min(left, longest)
-        )
+            pose_a, pose_b,
+            rel_err=rel_err, abs_err=abs_err, depth_err=depth_err, budget_s=min(left, longest),
+        )  # fmt: skip
         decided = found.lower > clearance or found.upper <= clearance < math.inf
         if decided or found.status is not Status.OUT_OF_TIME:
             return found, True

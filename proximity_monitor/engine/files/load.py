@@ -71,6 +71,8 @@ def load(
         raise ModelError(
             f"{file}: not a readable {kind[1:].upper()} file: {type(error).__name__}: {error}"
         ) from error
+    if not isinstance(model, Model):
+        raise ModelError(f"{file}: its reader returned no model but {type(model).__name__}")
     model.name = file.stem
     return model
 

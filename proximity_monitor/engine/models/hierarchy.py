@@ -56,7 +56,9 @@ class Hierarchy:
     depth: int
     """The number of levels."""
     coincident: Coincident
+    """Which vertices and triangles lay on each other when it was built."""
     tree: Tree
+    """All volumes and triangles, as the kernels see them."""
     distinct: Tree
     """The same without the volumes that hold nothing but twins; `tree` itself where none do."""
     table: NDArray[np.int64]
@@ -130,6 +132,11 @@ class Hierarchy:
         self.core_radius = radius + 8.0 * DOUBLE_EPS * (radius + float(np.abs(centre).sum()))
         whole = self.core_radius + self.swept_radius + self.deviation
         self.radius = whole * (1.0 + 4.0 * DOUBLE_EPS)
+
+    @property
+    def some_point(self) -> NDArray[np.float64]:
+        """(3,) metres, model frame: one point of what is swept, the first corner of its faces."""
+        return self.vertices[self.faces[0, 0]]
 
     @property
     def revision(self) -> int:

@@ -41,11 +41,11 @@ class TriangleMesh(Model):
             so that a point is a sphere and a segment a capsule, exactly.
         deviation: metres; how far the surface may be from that of the thing it stands for, as a
             tessellation's is. Every bound is widened by as much.
-        volume: the bounding volumes: "rss", "lss" or "pss" (rectangle, line and point swept
-            spheres), "hybrid" (of each node the one that its dimensions suggest; Larsen et al.
-            1999, section 4.2), or, for comparison, "obb" or "aabb" (boxes along the principal axes
-            of what they hold or along the model frame's, with their distances by GJK; Johnson and
-            Cohen 1997, section 3.1.1).
+        volume: the bounding volumes, for the study of hierarchies; the default suits nearly every
+            use: "rss", "lss" or "pss" (rectangle, line and point swept spheres), "hybrid" (of each
+            node the one that its dimensions suggest; Larsen et al. 1999, section 4.2), or, for
+            comparison, "obb" or "aabb" (boxes along the principal axes of what they hold or along
+            the model frame's, with their distances by GJK; Johnson and Cohen 1997, section 3.1.1).
         solid: whether it has an inside, of which `signed_distance` knows. None: if it encloses
             one, which is found out when first asked, some 15 ms for 100,000 triangles. True: it
             must, which is checked here and at every `deform`. False: it is a surface, whatever it
@@ -222,6 +222,6 @@ def largest_norm(vectors: NDArray[np.float64]) -> float:
     if largest == 0.0:
         return 0.0
     exponent = min(max(math.frexp(largest)[1], -1000), 1000)
-    squares = (np.ldexp(vectors, -exponent) ** 2).sum(axis=1)
+    squares = ((vectors * math.ldexp(1.0, -exponent)) ** 2).sum(axis=1)
     length = math.sqrt(float(squares.max())) * (1.0 + 4.0 * np.finfo(np.float64).eps)
     return math.nextafter(math.ldexp(length, exponent), math.inf)

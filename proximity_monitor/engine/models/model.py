@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .tree import places
+from .tree import weld
 
 if TYPE_CHECKING:
     from .hierarchy import Hierarchy
@@ -51,7 +51,7 @@ class DisplayMesh(NamedTuple):
 
         So a soup of triangles, as STL files hold it, has neighbours too.
         """
-        return places(self.vertices)[self.faces]
+        return weld(self.vertices)[self.faces]
 
 
 class Model(ABC):

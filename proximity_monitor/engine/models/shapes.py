@@ -8,56 +8,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, TypedDict, Unpack
+from typing import Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .checks import ModelError, checked_vertices
-from .hierarchy import Solid
+from .compound import Part, compound
+from .facets import RESERVE, Facets, How, icosphere
 from .mesh import TriangleMesh
 from .model import Model
-from .tessellate import tessellated
 
-_RESERVE = 1.0 + 1e-9
-"""What rounding does to the corners of a tessellation is paid for by a larger deviation."""
-_SUBDIVISIONS = 3
-"""Of the icosahedron that stands for a ball where a mesh has to."""
-
-
-class How(TypedDict, total=False):
-    """What all shapes may be given; see `TriangleMesh`."""
-
-    deviation: float
-    """Metres; beside that of the shape itself."""
-    volume: str
-    solid: Solid
-
-
-class Part(NamedTuple):
-    """A model in a compound."""
-
-    model: Model
-    pose: NDArray[np.float64]
-    """(4, 4) model to compound, metres."""
-    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """Factors along the model's own axes, not 0; a negative one mirrors it."""
-
-
-class _Triangles(NamedTuple):
-    """What a mesh consists of, metres."""
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
-    radius: float = 0.0
-    deviation: float = 0.0
-
-    def model(self, name: str, how: How) -> Model:
-        deviation = self.deviation + how.get("deviation", 0.0)
-        return triangles(
-            self.vertices, self.faces, radius=self.radius, name=name,
-            **how | {"deviation": deviation},
-        )  # fmt: skip
+__all__ = [
+    "How",
+    "Part",
+    "box",
+    "capsule",
+    "compound",
+    "cylinder",
+    "points",
+    "polyline",
+    "sphere",
+    "triangles",
+]
 
 
 def triangles(
@@ -147,8 +120,8 @@ def cylinder(
         (high, beside + segments, np.full(segments, top)),
     )
     faces = np.concatenate([np.stack(each, axis=1) for each in corners])
-    deviation = (larger - radius) * _RESERVE
-    return _Triangles(vertices, faces, deviation=deviation).model(name, how)
+    deviation = (larger - radius) * RESERVE
+    return Facets(vertices, faces, deviation=deviation).model(name, how)
 
 
 def sphere(
@@ -164,127 +137,10 @@ def sphere(
     """
     if subdivisions is None:
         return points(np.zeros((1, 3)), radius=radius, name=name, **how)
-    return _icosphere(radius, subdivisions).model(name, how)
+    return icosphere(radius, subdivisions).model(name, how)
 
 
 def capsule(radius: float, length: float, *, name: str = "capsule", **how: Unpack[How]) -> Model:
     """All points within `radius` of a segment along z, centred on the origin; metres. Exact."""
     ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * length
     return polyline(ends, radius=radius, name=name, **how)
-
-
-def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How]) -> Model:
-    """Several models as one.
-
-    Parts that enclose a solid do so whatever the others are; but where ``solid="robust"``, the
-    inside is that of all parts together. Where balls sweep only some parts, or are unlike, these
-    parts become meshes, with a deviation.
-
-    Raises:
-        ModelError: a part that a ball sweeps is scaled by unlike factors.
-    """
-    placed = [_placed(part, name) for part in parts]
-    if len({each.radius for each in placed}) > 1:
-        placed = [_unswept(each) for each in placed]
-    if how.get("solid") != "robust":
-        # Open parts get each face once more, the other way round: so every edge is passed both
-        # ways, they add nothing to a winding number, and their surface is the same.
-        closed = [triangles(each.vertices, each.faces).is_solid for each in placed]
-        if any(closed):
-            placed = [
-                each if is_closed else each._replace(faces=_both_ways(each.faces))
-                for each, is_closed in zip(placed, closed, strict=True)
-            ]
-    starts = np.cumsum([0] + [len(each.vertices) for each in placed[:-1]])
-    return _Triangles(
-        np.concatenate([each.vertices for each in placed]),
-        np.concatenate([each.faces + i for each, i in zip(placed, starts, strict=True)]),
-        placed[0].radius,
-        max(each.deviation for each in placed),
-    ).model(name, how)
-
-
-def _both_ways(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    return np.concatenate((faces, faces[:, ::-1]))
-
-
-def _placed(part: Part, name: str) -> _Triangles:
-    """The triangles of a part in the frame of its compound."""
-    core, scale = part.model._hierarchy, np.abs(part.scale)
-    if core.swept_radius > 0.0 and np.ptp(scale) > 0.0:
-        raise ModelError(
-            f"{name}: {part.model.name}: scale = {part.scale}: a ball sweeps it, so all factors "
-            "must be alike"
-        )
-    vertices = core.vertices * part.scale @ part.pose[:3, :3].T + part.pose[:3, 3]
-    faces = core.faces
-    if math.prod(part.scale) < 0.0:  # mirrored, which turns the outside in
-        faces = faces[:, ::-1]
-    if _volume(vertices, faces) < 0.0:
-        faces = faces[:, ::-1]  # or where this part overlaps another, both would count for nothing
-    return _Triangles(
-        vertices, faces, core.swept_radius * float(scale[0]), core.deviation * float(scale.max())
-    )
-
-
-def _volume(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
-    """Six times what faces enclose; negative where they point inwards."""
-    a, b, c = (vertices[faces[:, i]] - vertices[faces[0, 0]] for i in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)))
-
-
-def _unswept(given: _Triangles) -> _Triangles:
-    """The same as a mesh that nothing sweeps.
-
-    Its corners lie on the surface and its faces within. So that it deviates half as much, to
-    either side, it is made as much too large.
-    """
-    radius = given.radius
-    if radius == 0.0:
-        return given
-    if len(given.faces) == 1 and not np.ptp(given.vertices, axis=0).any():
-        ball = _icosphere(radius, _SUBDIVISIONS)
-        return ball._replace(
-            vertices=ball.vertices + given.vertices[0], deviation=ball.deviation + given.deviation
-        )
-    inside = tessellated(given.vertices, given.faces, radius, 0.0)[2]
-    larger = 2.0 * radius**2 / (radius + inside)
-    vertices, faces, _ = tessellated(given.vertices, given.faces, larger, 0.0)
-    deviation = (larger - radius) * _RESERVE + given.deviation
-    return _Triangles(vertices, faces, deviation=deviation)
-
-
-def _icosphere(radius: float, subdivisions: int) -> _Triangles:
-    """A subdivided icosahedron, whose corners are as far outside as its faces are inside."""
-    vertices, faces = _icosahedron()
-    for _ in range(subdivisions):
-        ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        edges, middles = np.unique(ends, axis=0, return_inverse=True)
-        ab, bc, ca = (middles.reshape(-1, 3) + len(vertices)).T
-        a, b, c = faces.T
-        corners = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-        faces = np.concatenate([np.stack(each, axis=1) for each in corners])
-        between = vertices[edges].sum(axis=1)
-        between /= np.linalg.norm(between, axis=1, keepdims=True)
-        vertices = np.concatenate((vertices, between))
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
-    # The foot of the centre on a face is its circumcentre: all corners are as far from it.
-    inside = (np.einsum("ij,ij->i", normals, a) / np.linalg.norm(normals, axis=1)).min()
-    larger = 2.0 * radius / (1.0 + float(inside))
-    return _Triangles(vertices * larger, faces, deviation=(larger - radius) * _RESERVE)
-
-
-def _icosahedron() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Its twelve corners, of length 1, and twenty faces."""
-    golden = 0.5 * (1.0 + math.sqrt(5.0))
-    signs = [(x, y) for x in (-1.0, 1.0) for y in (-golden, golden)]
-    corners = np.array([np.roll((0.0, *each), k) for k in range(3) for each in signs])
-    apart = np.linalg.norm(corners[:, None] - corners, axis=2)
-    near = np.isclose(apart, 2.0)  # the length of its edges
-    faces = [
-        (i, j, k) if np.linalg.det(corners[[i, j, k]]) > 0.0 else (i, k, j)
-        for i in range(12) for j in range(i) for k in range(j)
-        if near[i, j] and near[j, k] and near[k, i]
-    ]  # fmt: skip
-    return corners / np.linalg.norm(corners[0]), np.array(faces)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +13,12 @@ from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.inside import solids
 from ..kernels.inside.angles import MOMENTS, moments_of
 from ..kernels.inside.solids import HALF, NOWHERE, WHOLE, Region
-from .tree import places
+from .tree import build, weld
 
 if TYPE_CHECKING:
     from .hierarchy import Hierarchy
     from .model import Model
+    from .tree import Tree
 
 _AS_TOLD = "it is to be taken for a surface (solid=False)"
 _NO_MOMENTS = np.empty((0, MOMENTS))
@@ -60,16 +62,16 @@ def find_sides(mesh: Hierarchy, known: Sides | None) -> Sides:
             vertices came apart or together, so little more than the volume is computed again.
     """
     robust = mesh.solid == "robust"
-    first = places(mesh.vertices)
+    first = weld(mesh.vertices)
     same = known is not None and np.array_equal(first, known.first)
     if same and not (robust and known.opening):  # of open edges the lengths count
         part, proper, opening = known.part, known.proper, known.opening
-        rim, owned, samples = known.rim, known.region.owned, known.region.samples
+        rim, samples = known.rim, known.region.samples
     else:
         faces = first[mesh.faces[mesh.numbers]]
         proper, opening, rim = _edges(mesh, faces)
-        part, owned, samples = solids.parts_and_owners(faces, len(first))
-    inside, reason, moments = NOWHERE, "", _NO_MOMENTS
+        part, samples = solids.connected_parts(faces, len(first))
+    inside, reason, moments, rim_tree = NOWHERE, "", _NO_MOMENTS, _no_rim()
     if mesh.solid is False:
         reason = _AS_TOLD
     elif not proper:
@@ -79,6 +81,7 @@ def find_sides(mesh: Hierarchy, known: Sides | None) -> Sides:
         inside = NOWHERE if reason else WHOLE
     elif robust:
         inside = HALF
+        rim_tree = _rim_tree(mesh.vertices, faces)
         moments = moments_of(mesh.tree.triangles, mesh.tree.children, mesh.ranges())
     else:
         text, i, j = opening
@@ -86,8 +89,8 @@ def find_sides(mesh: Hierarchy, known: Sides | None) -> Sides:
     if mesh.solid is not False and mesh.swept_radius > 0.0:
         reason = ""  # whatever comes into the ball is near its core
     ball = np.array([*mesh.centre, mesh.core_radius])
-    region = Region(inside, owned, samples, ball, rim, moments)
-    for array in (owned, samples, ball, moments):
+    region = Region(inside, samples, ball, rim, rim_tree, moments)
+    for array in (samples, ball, moments):
         array.setflags(write=False)
     return Sides(first, part, proper, opening, rim, region, reason)
 
@@ -105,6 +108,29 @@ def _edges(
             text = f"{text.format(count)}, the first between the vertices"
             return True, (text, int(i), int(j)), rim * (1.0 + 1e-6)
     return proper > 0, None, 0.0
+
+
+def _rim_tree(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> Tree:
+    """The hierarchy of the edges (k, 2) that are not passed as often one way as the other."""
+    ends = np.concatenate((faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]))
+    repeats = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    ends = ends[~np.tile(repeats, 3)]
+    edges, of = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
+    over = np.bincount(of.ravel(), np.where(ends[:, 0] < ends[:, 1], 1.0, -1.0), len(edges))
+    return _tree(vertices, edges[over != 0.0][:, [0, 1, 1]])
+
+
+@cache
+def _no_rim() -> Tree:
+    """A hierarchy in place of one."""
+    return _tree(np.zeros((1, 3)), np.zeros((1, 3)))
+
+
+def _tree(vertices: NDArray[np.float64], triangles: NDArray) -> Tree:
+    faces = np.ascontiguousarray(triangles, np.int32)
+    for array in (vertices, faces):
+        array.setflags(write=False)  # kernels need no second form
+    return build(np.ascontiguousarray(vertices[faces].reshape(-1, 9)), vertices, faces).tree
 
 
 def _no_volume(mesh: Hierarchy, part: NDArray[np.int32], samples: NDArray[np.int32]) -> str:

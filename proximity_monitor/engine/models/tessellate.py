@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .tree import places
+from .tree import weld
 
 _ENOUGH = 60_000
 """Triangles that a picture of many balls may take, about."""
@@ -32,7 +32,7 @@ def tessellated(
         (k, 3) vertices, metres; (l, 3) faces, turned outwards; and how far from what is swept all
         that is outside is at least, metres, to rounding.
     """
-    corners = np.unique(np.sort(places(vertices)[faces], axis=1), axis=0)
+    corners = np.unique(np.sort(weld(vertices)[faces], axis=1), axis=0)
     ends = corners[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
     edges = np.unique(ends[ends[:, 0] != ends[:, 1]], axis=0)
     alone = np.setdiff1d(corners, edges)
@@ -41,7 +41,7 @@ def tessellated(
     fine = (n for n in fits if radius * (1.0 - _inside(n)) <= tolerance)
     meridians = next(fine, fits[-1])
     points, facets = _capsules(spans, radius, meridians)
-    facets = places(points)[facets]  # of a ball both halves end on the same ring
+    facets = weld(points)[facets]  # of a ball both halves end on the same ring
     a, b, c = facets.T
     facets = facets[(a != b) & (b != c) & (c != a)]
     proper = corners[(corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2])]

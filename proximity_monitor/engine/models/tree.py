@@ -15,7 +15,7 @@ from ..kernels.tree.fit_tree import fit_tree
 from ..kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, STRIDE, WIDTH, first_of, last_of
 from ..kernels.tree.measure import measure
 from ..kernels.tree.pairing import pair_up
-from ..kernels.tree.places import first_drawn, first_of_place, without_twins
+from ..kernels.tree.welding import first_drawn, first_equal, without_twins
 
 VOLUMES = {"rss": RSS, "lss": LSS, "pss": PSS, "hybrid": HYBRID, "obb": OBB, "aabb": AABB}
 """The kinds of volume by name, and what the kernels call them."""
@@ -53,10 +53,10 @@ class Built(NamedTuple):
     coincident: Coincident
 
 
-def places(vertices: NDArray[np.float64]) -> NDArray[np.int32]:
+def weld(vertices: NDArray[np.float64]) -> NDArray[np.int32]:
     """For each vertex (n, 3) the first one with equal coordinates, (n,)."""
     given = np.ascontiguousarray(vertices, np.float64)
-    return first_of_place((given + 0.0).view(np.int64))  # -0.0 becomes 0.0
+    return first_equal((given + 0.0).view(np.int64))  # -0.0 becomes 0.0
 
 
 def build(
@@ -80,7 +80,7 @@ def build(
         swept: metres; radius of the ball that sweeps the triangles.
         deviation: metres; how far they may be from what they stand for.
     """
-    first = places(vertices)
+    first = weld(vertices)
     if (first[1:] > first[:-1]).all():
         first = None
     else:

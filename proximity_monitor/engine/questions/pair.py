@@ -118,18 +118,20 @@ class Pair:
         *,
         rel_err: float = 0.0,
         abs_err: float = 0.0,
+        depth_err: float = 0.01,
         budget_s: float | None = None,
     ) -> Distance:
         """Signed distance at two poses; see `engine.signed_distance`."""
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
+        depth_err = check_tolerance("depth_err", depth_err)
         if budget_s is not None:
             budget_s = check_tolerance("budget_s", budget_s)
         pose_a, pose_b = check_pose(pose_a, "pose_a"), check_pose(pose_b, "pose_b")
         if self._signed is None:
             # With searches of its own: questions of either kind leave those of the other alone.
             self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b).distance)
-        return self._signed.ask(pose_a, pose_b, rel_err, abs_err, budget_s)
+        return self._signed.ask(pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
 
     def within(
         self,

@@ -42,12 +42,13 @@ def distance(
         budget_s: seconds; stop with certified bounds when they are over. None: no limit. Some
             microseconds' work is done at least, so a `Pair` that is asked again and again comes to
             an end with any budget.
-        order: "depth_first" takes the nearer child first, with the least bookkeeping; "priority"
-            the nearest of all pairs that are left (section 6.1), which makes fewer tests where no
-            good answer is known beforehand; "breadth_first" bounds all pairs of one level of the
-            hierarchies before the next (Johnson and Cohen 1997, section 3.1.1), so its lower bound
-            rises, and a manifold shrinks, everywhere alike. Its first question about a mesh chooses
-            some vertices beforehand, 5 ms for 100,000 triangles, which no budget cuts.
+        order: for the study of searches; the default suits nearly every use. "depth_first" takes
+            the nearer child first, with the least bookkeeping; "priority" the nearest of all pairs
+            that are left (section 6.1), which makes fewer tests where no good answer is known
+            beforehand; "breadth_first" bounds all pairs of one level of the hierarchies before the
+            next (Johnson and Cohen 1997, section 3.1.1), so its lower bound rises, and a manifold
+            shrinks, everywhere alike. Its first question about a mesh chooses some vertices
+            beforehand, 5 ms for 100,000 triangles, which no budget cuts.
         manifold: give every pair of triangles that may hold the minimum, all ties and, where
             surfaces intersect, all contacts: `Distance.manifold`. Where the search is cut, or a
             tolerance has it leave pairs of volumes alone that cannot improve the answer by more,
@@ -148,39 +149,44 @@ def signed_distance(
     *,
     rel_err: float = 0.0,
     abs_err: float = 0.0,
+    depth_err: float = 0.01,
     budget_s: float | None = None,
 ) -> Distance:
     """Signed distance where a model is solid: positive apart, negative where they overlap.
 
     Where nothing of one lies inside the other it is the minimum distance of their surfaces, as
-    `distance` has it. Where they overlap, also where one lies wholly inside the other, it is minus
-    the **depth of the deepest vertex**: the largest distance to the other model's surface of any
-    vertex of one that lies inside the other. Where surfaces cross although no vertex of either lies
-    inside the other, as with crossed bars, the depth and the signed distance are 0. The depth is
-    not the shortest motion that would separate the models.
+    `distance` has it. Where two solids overlap, also where one lies wholly inside the other, it is
+    minus the **diameter of the largest ball that fits into both**. That is how far faces, or
+    spheres, are pushed into each other; it is the same for every tessellation of a shape; it
+    changes by no more than the solids move; and it is never more than the shortest translation that
+    parts them: a ball inside both and its copy, moved so, have no common interior.
 
-    Which models are solid their `solid` says, by default those that enclose one; `is_solid` tells,
-    and `not_solid` why not. Of a solid and a surface, only vertices of the surface can lie inside;
-    of two surfaces none can, and this is `distance`.
+    Of a solid and a surface it is the least signed distance of a point of the surface to the solid:
+    minus the **depth of the deepest point** where the surface reaches in. Of two surfaces it is
+    `distance`. Which models are solid their `solid` says, by default those that enclose one;
+    `is_solid` tells, and `not_solid` why not.
 
     A point is inside a solid where the surface's winding number around it is not 0 (Jacobson et al.
     2013, section 3, "Robust inside-outside segmentation using generalized winding numbers"). So
     faces may all point outward or all inward, overlapping parts make a union, and a part turned
-    the other way inside another is a cavity. The depth is measured to the surface as it is given:
-    to faces within a union as well.
+    the other way inside another is a cavity. No ball passes the surface as it is given: nor faces
+    within a union.
 
     Of a mesh with holes, `solid="robust"`, a point is inside where the winding number is more than
     one half either way, and within the sphere `centre`, `core_radius`. The surface is still
     the triangles': nothing is there across a hole but that what passes it changes sides, and the
-    signed distance jumps. A triangle that reaches in through a hole is seen by its vertices alone.
+    signed distance jumps.
 
     Args:
         a: first model.
         pose_a: (4, 4) model to world, metres.
         b: second model.
         pose_b: (4, 4) model to world, metres.
-        rel_err: stop when the bounds differ by at most rel_err · true distance or depth.
+        rel_err: of models that are apart: stop when upper <= (1 + rel_err) · true distance.
         abs_err: metres; stop when the bounds differ by at most abs_err, whichever is first.
+        depth_err: of models that overlap: stop when the bounds differ by at most depth_err · depth.
+            Faces pushed into each other are told to rounding whatever it is; where a largest ball
+            touches curved surfaces, a tenth of it takes about twice as long.
         budget_s: seconds; stop with certified bounds when they are over. None: no limit. The first
             question about a mesh finds out besides whether it is a solid, some 15 ms for 100,000
             triangles, which no budget cuts.
@@ -188,14 +194,15 @@ def signed_distance(
     Returns:
         The bounds, in metres: `lower <= signed distance <= upper`, whatever stopped the search.
         Apart is certain where `lower > 0`, overlap where `upper < 0`; then -upper and -lower bound
-        the depth, one witness point is the deepest vertex found and the other its nearest point on
-        the other surface. Else they are those of `distance`, and their distance bounds the signed
-        one from above.
+        the depth, and the witness points are those of either surface that are nearest to the
+        centre of the largest ball found, or the deepest point of a surface and the solid's point
+        nearest to it. Else they are those of `distance`, and their distance bounds the signed one
+        from above.
         `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
         tested counts as one of either.
-        Status INTERSECTING: the surfaces touch, cross without a vertex inside, or are so close that
-        rounding cannot tell, as it cannot where a winding number is one half; a depth that is known
-        to differ from 0 comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
+        Status INTERSECTING: the surfaces touch, or are so close that rounding, or what the models
+        may deviate, cannot tell; a depth that is known to differ from 0 comes as EXACT,
+        WITHIN_TOLERANCE or OUT_OF_TIME.
 
     Raises:
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
@@ -203,5 +210,6 @@ def signed_distance(
     start = perf_counter()
     pair = Pair(a, b)
     return pair.signed_distance(
-        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=_left(budget_s, start)
-    )
+        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, depth_err=depth_err,
+        budget_s=_left(budget_s, start),
+    )  # fmt: skip

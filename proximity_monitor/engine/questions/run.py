@@ -298,7 +298,7 @@ def queries_about(
     """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
     made = np.zeros(len(pairs), index.QUERY)
     made["bodies"] = made["poses"] = pairs
-    made["nearest"] = np.maximum(hints, 0)  # none is the first
+    made["nearest"] = np.where((hints >= 0).all(axis=1, keepdims=True), hints, index.UNKNOWN)
     made["rel_err"], made["abs_err"], clearances = wanted.T
     beyond = clearances == np.inf
     made["stop"] = np.where(beyond, 0.0, clearances)

@@ -11,20 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state
-from ..kernels.inside import depth as kernel
-from ..kernels.inside import probe
-from ..kernels.inside.contain import FEW
 from ..kernels.inside.solids import HALF, NOWHERE
 from ..models.model import Model
 from ..models.solid import sides_of
-from ..models.tree import Tree
-from .overlap import overlap
+from .ball import BallSearch, DeepestSearch
+from .cores import CoreSearch
+from .parts import PartSearch
 from .result import STATUSES, Distance, Status
-from .slices import Slices
+from .seeds import seeds_at, seeds_beside
 
 
 class SignedSearch:
     """The memory of signed distances of two models, as `Pair` is that of their distances.
+
+    What was found last is looked at first: where the centre of the last ball lies inside both
+    models still, their surfaces need not be asked. Else their distance tells whether they meet. If
+    they do not, one model may lie inside the other. Then the search for the depth follows.
 
     Args:
         a: first model.
@@ -33,35 +35,16 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_by_vertices", "_deadline", "_depth",
-        "_earlier_tests", "_limits", "_models", "_poses", "_regions", "_revisions", "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_earlier_tests",
+        "_limits", "_models", "_parts", "_poses", "_regions", "_seeded", "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: Model, b: Model, apart: Callable[..., Distance]) -> None:
         self._models = a, b
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
-        models = self._models
-        # Each lane and each vertex enters the heap at most once.
-        cores = [model._hierarchy for model in models]
-        room = sum(len(core.tree.children) + 3 * len(core.faces) for core in cores)
-        descent = 1 + max(core.depth for core in cores) * 15
-        self._depth = kernel.Depth(
-            np.zeros((2, 12)),
-            np.zeros(kernel.REALS),
-            np.zeros(kernel.COUNTS, np.int64),
-            np.empty(room),
-            np.empty((room, 3), np.int32),
-            probe.Probe(
-                np.zeros(1),
-                np.zeros(probe.COUNTS, np.int64),
-                np.empty(descent, np.int32),
-                np.empty(descent),
-                np.full(probe.MEMOS, probe.NOBODY),
-                np.empty((probe.MEMOS, 6)),
-            ),
-        )
-        self._revisions = -1, -1
+        self._clear: tuple | None = None  # how the models were last known to be apart
+        self._depth: BallSearch | CoreSearch | None = None
 
     def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
         """Of what another is made: its memory is its own."""
@@ -73,6 +56,7 @@ class SignedSearch:
         pose_b: NDArray[np.float64],
         rel_err: float,
         abs_err: float,
+        depth_err: float,
         budget_s: float | None,
     ) -> Distance:
         """The answer at two poses, which are rigid motions; see `engine.signed_distance`."""
@@ -83,17 +67,12 @@ class SignedSearch:
         self._deadline = math.inf if budget_s is None else start + budget_s
         asked = None
         if budget_s is not None:
-            revisions = tuple(model.revision for model in self._models)
-            asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, revisions)
+            asked = pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, depth_err, self._shapes()
         fresh = asked is None or asked != self._asked
         self._asked = None
         if fresh:
-            self._begin(pose_a, pose_b, rel_err, abs_err)
+            self._begin(pose_a, pose_b, rel_err, abs_err, depth_err)
         row = self._answer()
-        cores = [model._hierarchy for model in self._models]
-        offset = any(core.swept_radius + core.deviation > 0.0 for core in cores)
-        if offset and not row[state.LOWER] > 0.0:
-            overlap(cores, self._poses, row, int(self._depth.counts[kernel.MODEL]))
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits
@@ -108,90 +87,107 @@ class SignedSearch:
         pose_b: NDArray[np.float64],
         rel_err: float,
         abs_err: float,
+        depth_err: float,
     ) -> None:
         """Start a search from what the last one found."""
         a, b = self._models
         self._regions = sides_of(a).region, sides_of(b).region
-        revisions = a.revision, b.revision
-        if revisions != self._revisions:
-            self._revisions = revisions
-            self._depth.probe.keys[:] = probe.NOBODY  # found on surfaces that are no more
-            if NOWHERE in self._insides:  # what was deepest may have been inside what is none now
-                self._depth.reals[kernel.DEEPEST] = -math.inf
+        if all(region.inside == NOWHERE for region in self._regions):
+            kind = CoreSearch
+        elif a.is_solid and b.is_solid:
+            kind = BallSearch
+        else:
+            solid = self._regions[0 if a.is_solid else 1]
+            kind = CoreSearch if solid.inside == NOWHERE else DeepestSearch
+        if type(self._depth) is not kind:  # other, after a refit
+            self._depth = kind(a, b)
         self._poses = pose_a.copy(), pose_b.copy()
         self._limits = -math.inf, math.inf
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
-        (a_inside, b_inside), (region_a, region_b) = self._insides, self._regions
-        parts = len(region_a.samples) if b_inside else 0
-        parts += len(region_b.samples) if a_inside else 0
-        # A sample does not tell the side of its part where the other has holes, and of thousands of
-        # parts, as points are, volumes tell more at once: then the sign comes by the vertices.
-        self._by_vertices = HALF in self._insides or parts > FEW
-        if self._by_vertices:
-            abs_err = 0.0  # with it a vertex that decides on the sign might be left out
-        kernel.begin_depth(
-            *self._trees, *self._regions, *self._poses, rel_err, abs_err, self._depth
-        )
-        if parts > FEW:
-            self._depth.counts[kernel.SAMPLED] = parts
-
-    @property
-    def _trees(self) -> tuple[Tree, Tree]:
-        """The hierarchies as they are now."""
-        a, b = self._models
-        return a._hierarchy.tree, b._hierarchy.tree
-
-    @property
-    def _insides(self) -> tuple[int, int]:
-        """Where the models have an inside."""
-        return self._regions[0].inside, self._regions[1].inside
+        self._parts: PartSearch | None = None
+        self._seeded = False
+        self._depth.begin(*self._poses, depth_err, abs_err)
 
     def _answer(self) -> NDArray[np.float64]:
         """The row (ANSWER,) of what is known when the search ends, or time is over."""
-        decided = self._test_samples() and not self._by_vertices
-        if self._overlapping:
-            return self._inside(self._search(samples_alone=False))
+        depth = self._depth
+        depth.seek(self._deadline)
+        if depth.found:
+            return self._inside(depth.search(self._deadline))
         apart = self._distance()
-        if apart.lower > 0.0 and decided and not self._depth.counts[kernel.UNSURE]:
-            # The surfaces do not meet and no part of either lies inside the other.
-            return self._outside(apart, apart.lower, apart.status)
-        certain = apart.lower > 0.0 or apart.status is not Status.OUT_OF_TIME
-        ended = certain and self._search(samples_alone=False)
-        if self._overlapping:
+        decided = apart.lower > 0.0 and self._part_inside(apart)
+        if decided is False and apart.lower > 0.0:
+            self._clear = *self._relative(), apart.lower, self._shapes()
+            return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
+        ended = False
+        if decided or (apart.lower == 0.0 and apart.status is not Status.OUT_OF_TIME):
+            if not self._seeded:
+                self._seeded = True
+                depth.add_seeds(seeds_at(self._models, self._poses, apart.row))
+            depth.seek(self._deadline)
+            ended = depth.search(self._deadline)
+        if depth.found:
             return self._inside(ended)
-        _, depth = self._bounds()
-        if apart.lower > 0.0 and depth == 0.0:
-            return self._outside(apart, apart.lower, apart.status)
+        _, deep = depth.bounds
+        if apart.lower > 0.0 and deep == 0.0:
+            return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
-        return self._outside(apart, 0.0 - depth, status)
+        return self._with_tests(apart.row.copy(), -deep - self._deviation, apart.upper, status)
 
     @property
-    def _overlapping(self) -> bool:
-        """Whether a vertex of one mesh certainly lies inside the other."""
-        return bool(self._depth.reals[kernel.DEEPEST] > self._depth.reals[kernel.SLACK])
+    def _deviation(self) -> float:
+        """Metres that the depth may be wrong by.
 
-    def _test_samples(self) -> bool:
-        """Test one vertex of each connected part of what may lie inside; False where time ran out.
-
-        A part that does not meet a closed surface lies wholly on the side of that vertex.
+        A deviation changes how deep a point lies in either model by as much, and a ball's diameter
+        by twice that.
         """
-        if self._depth.counts[kernel.SIZE] == 0 and self._depth.reals[kernel.DROPPED] == 0.0:
-            return True  # the balls around the models do not meet, or neither has an inside
-        return self._search(samples_alone=True)
+        return 2.0 * max(model.deviation for model in self._models)
 
-    def _search(self, samples_alone: bool) -> bool:
-        """Search for the deepest vertex until the end, or until the deadline: then False."""
-        # At least one slice: whoever asks again and again comes to an end.
-        slices = Slices(None if self._deadline == math.inf else self._deadline)
-        while True:
-            code = kernel.search_depth(
-                *self._trees, *self._regions, self._depth, samples_alone, slices.steps,
-            )  # fmt: skip
-            if code == state.ENDED:
-                return True
-            if slices.over():
-                return False
+    def _part_inside(self, apart: Distance) -> bool | None:
+        """Whether a part of either model may lie inside the other, off whose surface it is.
+
+        None where time ran out before that was known.
+        """
+        if HALF in (self._regions[0].inside, self._regions[1].inside):
+            return True  # no part is known to lie wholly on one side of what has holes
+        if self._still_clear():
+            return False
+        if self._parts is None:
+            self._parts = PartSearch(self._models, self._poses, self._regions)
+        found = self._parts.search(apart.lower, self._deadline)
+        if found and not self._seeded:
+            self._seeded = True
+            self._depth.add_seeds(seeds_beside(self._models, self._poses, *self._parts.found))
+        return found
+
+    def _still_clear(self) -> bool:
+        """Whether no part got inside since it was known that none was.
+
+        Between the poses of then and now, as b is moved along straight lines in a's frame, the
+        surfaces come no nearer by more than it moves: so they never met. The norm of the rotations'
+        difference holds for poses that are not quite rigid, too.
+        """
+        if self._clear is None or self._clear[3] != self._shapes():
+            return False
+        then, there, clear, _ = self._clear
+        turn, place = self._relative()
+        b = self._models[1]
+        moved = math.sqrt(((place - there) ** 2).sum())
+        moved += math.sqrt(((turn - then) ** 2).sum()) * b.radius
+        size = abs(place).sum() + abs(there).sum() + sum(model.radius for model in self._models)
+        return bool(moved + 1e-12 * size < 0.9 * clear)
+
+    def _relative(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The rotation of b in a's frame, and where the centre of its ball is there."""
+        (pose_a, pose_b), b = self._poses, self._models[1]
+        turn = pose_a[:3, :3].T @ pose_b[:3, :3]
+        place = pose_a[:3, :3].T @ (pose_b[:3, 3] - pose_a[:3, 3]) + turn @ b.centre
+        return turn, place
+
+    def _shapes(self) -> tuple[int, ...]:
+        """How often the models were refitted."""
+        return tuple(model.revision for model in self._models)
 
     def _distance(self) -> Distance:
         """The distance of the surfaces, sure to tell whether they meet unless time is over."""
@@ -211,48 +207,25 @@ class SignedSearch:
             self._tolerance = {"rel_err": 1.0}
             self._earlier_tests = bound_tests, primitive_tests
 
-    def _bounds(self, weights: NDArray[np.float64] | None = None) -> tuple[float, float]:
-        """Certified bounds of the depth; writes the weights (3,) of the deepest vertex's foot."""
-        weights = np.zeros(3) if weights is None else weights
-        return kernel.deepest(*self._trees, self._depth, weights)
-
-    def _outside(self, apart: Distance, lower: float, status: Status) -> NDArray[np.float64]:
-        """The answer where overlap is not certain: that of `distance` with another lower bound."""
-        return self._with_tests(apart.row.copy(), lower, apart.upper, status)
-
     def _inside(self, ended: bool) -> NDArray[np.float64]:
-        """The answer where overlap is certain."""
-        weights, corner = np.zeros(3), np.zeros(3)
-        shallow, deep = self._bounds(weights)
-        counts = self._depth.counts
-        deeper, other = int(counts[kernel.MODEL]), 1 - int(counts[kernel.MODEL])
-        triangle, which = divmod(int(counts[kernel.VERTEX]), 3)
-        corner[which] = 1.0
-        bodies = self._models
-        weights_of, triangles = np.empty((2, 3)), np.empty(2, np.int64)
-        weights_of[deeper], weights_of[other] = corner, weights
-        triangles[deeper], triangles[other] = triangle, counts[kernel.TRIANGLE]
+        """The answer where overlap is certain, but for what the models may deviate."""
+        depth = self._depth
+        shallow, deep = depth.bounds
         row = np.full(state.ANSWER, -1.0)  # its triangles are no hints where to search
-        for k, (body, pose) in enumerate(zip(bodies, self._poses, strict=True)):
-            core = body._hierarchy
-            face = core.numbers[triangles[k]]
-            local = weights_of[k] @ core.vertices[core.faces[face]]
-            at = (state.POINT_A, state.POINT_B)[k]
-            row[at : at + 3] = pose[:3, :3] @ local + pose[:3, 3]
-            at = (state.FEATURE_A, state.FEATURE_B)[k]
-            row[at : at + 3], row[at + 3] = weights_of[k], face
-            row[(state.RADIUS_A, state.RADIUS_B)[k]] = core.swept_radius
+        depth.fill(row)
         status = Status.OUT_OF_TIME
         if ended:
-            exact = deep - shallow <= 4.0 * self._depth.reals[kernel.SLACK]
+            exact = deep - shallow <= depth.slack
             status = Status.EXACT if exact else Status.WITHIN_TOLERANCE
-        return self._with_tests(row, -deep, -shallow, status)
+            if self._deviation >= shallow:
+                status = Status.INTERSECTING
+        return self._with_tests(row, -deep - self._deviation, self._deviation - shallow, status)
 
     def _with_tests(
         self, row: NDArray[np.float64], lower: float, upper: float, status: Status
     ) -> NDArray[np.float64]:
         """A row with these bounds, and the tests of the distance; a point's count as either."""
-        points = int(self._depth.probe.counts[probe.TESTS])
+        points = self._depth.points + (self._parts.points if self._parts else 0)
         row[state.LOWER], row[state.UPPER] = lower, upper
         row[state.STATUS] = STATUSES.index(status)
         row[state.TESTS : state.TESTS + 2] = self._apart_tests

@@ -9,16 +9,24 @@ from ..kernels.base import state as index
 
 
 def witness_points(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Nearest points of both models, world, metres; from answers of searches (..., ANSWER)."""
+    """Nearest points of both models, world, metres; from answers of searches (..., ANSWER).
+
+    Where models overlap, each point is as far from the core as its radius says, whatever is there:
+    those of two spheres lie inside the other one.
+    """
     return surface_points(
         rows[..., index.POINT_A : index.POINT_A + 3],
         rows[..., index.POINT_B : index.POINT_B + 3],
         rows[..., index.RADIUS_A : index.RADIUS_B + 1],
+        rows[..., index.UPPER] < 0.0,
     )
 
 
 def surface_points(
-    p: NDArray[np.float64], q: NDArray[np.float64], radii: NDArray[np.float64]
+    p: NDArray[np.float64],
+    q: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    overlapping: NDArray[np.bool_] | bool = False,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Nearest points of swept models, from those of their cores.
 
@@ -26,15 +34,17 @@ def surface_points(
         p: (..., 3) metres; of the first.
         q: (..., 3) metres; of the second.
         radii: (..., 2) metres; by which either is swept.
+        overlapping: (...) whether the models overlap; then the balls around p and q may meet.
 
     Returns:
         (..., 3) points of either: the very arrays given where no model is swept. Where the balls
-        around p and q meet, one point of both.
+        around p and q meet, one point of both, unless the models overlap.
     """
     if not radii.any():
         return p, q
     way = q - p
     length = np.sqrt((way * way).sum(axis=-1, keepdims=True))
     reach = np.maximum(length, radii.sum(axis=-1, keepdims=True))
+    reach = np.where(np.asarray(overlapping)[..., None], length, reach)
     shares = np.divide(radii, reach, out=np.zeros_like(radii), where=reach > 0.0)
     return p + shares[..., :1] * way, q - shares[..., 1:] * way

@@ -21,7 +21,7 @@ def from_settings(
 ) -> Dynamics:
     """Return the effect that the section `motion.dynamics` of a scene describes.
 
-    Its limits of time hold where it is `live`; otherwise each pose is that of the time asked for.
+    Its time limits hold if it is `live`; otherwise each pose belongs exactly to the requested time.
 
     Raises:
         ValueError: a body that has to move encloses no volume, or two touch at the start; the

@@ -31,12 +31,12 @@ class Contacts(NamedTuple):
     keys: NDArray[np.int64]
 
     def __len__(self) -> int:
-        """How many there are."""
+        """How many contacts there are."""
         return len(self.gaps)
 
 
 class Seen(NamedTuple):
-    """What is known of the pairs: a row a pair, but for the contacts and their local points."""
+    """The knowledge about pairs: a row a pair, except for the contacts and their local points."""
 
     lower: NDArray[np.float64]
     moved: NDArray[np.float64]  # metres since the search; infinity where there was none
@@ -55,13 +55,13 @@ _NONE = Contacts(
 
 
 class ContactFinder:
-    """Bodies that may touch, and the lower bounds that say which of them need to be looked at.
+    """Bodies that may touch, and lower bounds that tell which pairs need a search.
 
     Args:
         models: one a body; a model that bodies share is cut once.
         pairs: (k, 2) which bodies may touch.
-        slack: metres; how far a pair may move before its contacts are searched anew.
-        every: each pair of pieces has a contact; else those at which the distance is least.
+        slack: metres; how far a pair may move before its contacts are searched again.
+        every: each pair of pieces has a contact; else only those of least distance.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class ContactFinder:
         self._place_first, self._around = np.append(first, entries), around
 
     def restart(self) -> None:
-        """Forget what was found: the bodies are anywhere."""
+        """Forget everything that was found: the bodies may be anywhere."""
         count = len(self.pairs)
         self._seen = Seen(
             np.zeros(count), np.full(count, np.inf), np.zeros(count), _NONE, _NONE.points
@@ -131,16 +131,16 @@ class ContactFinder:
         return self._seen.lower
 
     def remember(self) -> Seen:
-        """Return what is known now, for `recall`."""
+        """Return the present knowledge, for `recall`."""
         seen = self._seen
         return seen._replace(lower=seen.lower.copy(), moved=seen.moved.copy())
 
     def recall(self, seen: Seen) -> None:
-        """Go back to what was known then, because the bodies go back as well."""
+        """Go back to earlier knowledge, because the bodies go back as well."""
         self._seen = seen
 
     def doubt(self, chosen: NDArray[np.bool_]) -> None:
-        """Search the chosen (k,) pairs anew, even if they do not move."""
+        """Search the chosen (k,) pairs again, even if they do not move."""
         self._seen.moved[chosen] = np.inf
 
     def moved(self, distance: NDArray[np.float64]) -> None:
@@ -153,8 +153,8 @@ class ContactFinder:
     ) -> Contacts:
         """Return the contacts of every pair whose distance may be within its reach.
 
-        A pair that moved by no more than `slack` since it was searched keeps its contacts, which
-        go with the bodies: resting bodies cost no search. It is searched anew if its lower bound
+        A pair that moved by no more than `slack` since it was searched keeps its contacts, which go
+        with the bodies: resting bodies cost no search. It is searched again if its lower bound
         would be below `closest`.
 
         Args:
@@ -178,7 +178,7 @@ class ContactFinder:
         moved, reached = seen.moved, seen.reach.copy()
         moved[anew] = 0.0
         reached[anew] = reach[anew]
-        # A pair out of reach has no contacts; when it comes back it has to be searched.
+        # A pair out of reach has no contacts; it must be searched when it comes back.
         moved[~close] = np.inf
         self._seen = Seen(seen.lower, moved, reached, contacts, local)
         return contacts
@@ -188,7 +188,7 @@ class ContactFinder:
     ) -> tuple[NDArray[np.float64], ...]:
         """Search the pairs whose lower bound is within reach; return their contacts' columns.
 
-        After those of `Contacts` it is the points (k, 2, 3) in the models' frames.
+        They are those of `Contacts`, and then the points (k, 2, 3) in the models' frames.
         """
         spheres = candidates.spheres_at(poses, self._owner, self._spheres)
         lower = self.lower.copy()
@@ -229,9 +229,9 @@ def _placed(
     local: NDArray[np.float64],
     chosen: NDArray[np.bool_],
 ) -> tuple[Contacts, NDArray[np.float64]]:
-    """Those contacts that are chosen, their points where the bodies have taken them.
+    """Return the chosen contacts, with their points moved along with the bodies.
 
-    The planes across the normals stay: a slide along a surface does not change the gap.
+    Their normals stay: a slide along a surface does not change the gap.
     """
     bodies, local, normals = contacts.bodies[chosen], local[chosen], contacts.normals[chosen]
     points = np.einsum("ksij,ksj->ksi", poses[bodies, :3, :3], local) + poses[bodies, :3, 3]

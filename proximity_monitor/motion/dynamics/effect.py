@@ -17,11 +17,11 @@ from proximity_monitor.motion.motion import Motion, counted
 class Dynamics(Motion):
     """Rigid bodies whose motion is simulated as time goes on.
 
-    The simulation goes in steps of `substep_s`, and a pose is that of the step nearest to the time
-    asked for. So the motion is the same however it is asked for, bit by bit; only where a limit
-    (`max_substeps`, `budget_s`) ends a call early, the simulated time falls behind, and stays
-    behind: the motion is slower, but no different. `lag_s` says by how much. Up to the time that
-    `seek` was given there is no limit.
+    The simulation advances in steps of `substep_s`, and a pose belongs to the step nearest to the
+    requested time. So the motion is the same, bit by bit, whichever times are requested. If a limit
+    (`max_substeps`, `budget_s`) ends a call early, the simulated time falls behind by `lag_s` and
+    stays behind: the motion is slower, but no different. Up to the time that was given to `seek`
+    there is no limit.
     """
 
     def __init__(
@@ -34,13 +34,13 @@ class Dynamics(Motion):
         budget_s: float | None = None,
         period_s: float | None = None,
     ) -> None:
-        """Put the bodies at their start, with all compiled that they may need on the way.
+        """Put the bodies at their start, and compile everything that they may need.
 
         Args:
             bodies: those that move and the obstacles.
-            forces: what acts on them; nothing else does.
+            forces: all that acts on them.
             substep_s: seconds; the longest step of the simulation.
-            max_substeps: the most of them in one call of `poses`; None: no limit.
+            max_substeps: the most steps in one call of `poses`; None: no limit.
             budget_s: seconds of computing in one call of `poses`, which is overrun by one step at
                 most; None: no limit.
             period_s: seconds after which all begins again; None: never.

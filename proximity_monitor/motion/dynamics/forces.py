@@ -1,4 +1,4 @@
-"""What contacts do to bodies in one step: collisions, springs, non-penetration, friction."""
+"""The effect of contacts in one step: collisions, springs, non-penetration, friction."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from proximity_monitor.motion.dynamics.settings import Forces
 from proximity_monitor.motion.dynamics.state import RigidBodyState
 
 _SWEEPS = 40
-"""Sweeps over all contacts at most. A resting pile of a dozen bodies, which starts from the last
-step's impulses, takes fewer; where they do not suffice the step is taken back and halved."""
+"""Most sweeps over all contacts. A resting pile of a dozen bodies, which starts from the last
+step's impulses, needs fewer. If they do not suffice, the step is undone and halved."""
 
 _TOUCHING = 1.25
-"""Surfaces nearer than this many kept distances touch: a collision goes on through them. The room
-is for what linear motion in a step leaves between the surfaces."""
+"""Surfaces nearer than this many kept distances touch, so a collision is passed on. The room is for
+the gap that linear motion in a step leaves between surfaces."""
 
 _SUNK, _RAISED = 0.5, 0.2
-"""Surfaces nearer than this share of the kept distance are moved apart to there, by this share of
-what is missing in each whole step, so that it is not seen."""
+"""Surfaces nearer than this share of the kept distance are moved apart up to it, each step by this
+share of the rest, so that it cannot be seen."""
 
 _DEEP = 0.25
 """The same of bodies that have no motion to pay for it: so deep they are raised all the same, by at
 most this share of the kept distance, or else they could not move at all."""
 
 _CLOSEST = 0.125
-"""The share of the kept distance that no step may go below; else it is taken back."""
+"""The share of the kept distance that no step may fall below; else it is undone."""
 
 _SLACK = 0.05
 """The share of the kept distance by which two bodies may move before their contacts are searched
-anew: little beside what is kept, and much beside what resting bodies do."""
+again: little compared with that distance, and much compared with the motion of resting bodies."""
 
 _SPRING_STOP = 0.25
 """Where a penalty's springs begin at the margin, this share of it is the kept distance."""
@@ -51,18 +51,18 @@ class ContactForces:
         self._margin = law.margin
         self._stiffness = law.stiffness if law.method == "penalty" else 0.0
         self.kept = law.margin * (_SPRING_STOP if law.method == "penalty" else 1.0)
-        """Metres: impulses keep surfaces so far apart, as far as a linear step can tell."""
+        """Metres: impulses keep surfaces so far apart, to the accuracy of a linear step."""
         self.closest = _CLOSEST * self.kept
-        """Metres: no state has surfaces nearer than this."""
+        """Metres: in no state are surfaces nearer than this."""
         self.every = law.method == "penalty"
         """Whether all pairs of pieces have contacts: a spring each makes a smooth potential."""
         self.slack = 0.0 if self.every else _SLACK * self.kept
         """Metres: resting contacts are searched anew only after so much motion."""
         self.reach = 2.0 * law.margin
-        """Metres: contacts are wanted this far out, besides what bodies may travel in a step."""
+        """Metres: contacts are found up to this distance, plus what bodies may travel in a step."""
         self._friction = forces.friction or 0.0
         self._restitution = forces.restitution or 0.0
-        # What gravity alone does to a resting body within two steps is no collision.
+        # The speed that gravity alone gives a resting body within two steps is no collision.
         self._slow = 2.0 * step_s * float(np.linalg.norm(gravity, axis=1).max(initial=0.0))
         self._step_s = step_s
         self._inverse_mass = inverse_mass
@@ -151,7 +151,7 @@ class ContactForces:
         return 0.5 * self._stiffness * np.maximum(self._margin - contacts.gaps, 0.0) ** 2
 
     def _collide(self, h, state, contacts, geometry, response) -> None:
-        """Let bounce what comes fast, and with it whatever it is in touch with."""
+        """Let fast bodies bounce, with all that they touch."""
         v, w = state.velocity.copy(), _spins(state, response[1])
         speeds = solver.approach(v, w, *geometry)
         pull = self._gravity[contacts.bodies[:, 0]] - self._gravity[contacts.bodies[:, 1]]
@@ -177,7 +177,7 @@ class ContactForces:
         return np.isin(of, of[chosen])
 
     def _spring(self, h, state, contacts, geometry, response) -> None:
-        """Half a step of the penalty's springs, and of friction under them."""
+        """Apply half a step of the penalty's springs, and of friction under them."""
         pressed = 0.5 * h * self._stiffness * np.maximum(self._margin - contacts.gaps, 0.0)
         if not pressed.any():
             return
@@ -190,7 +190,7 @@ class ContactForces:
             self._apply(state, geometry, np.zeros(len(contacts)), rubbed)
 
     def _prevent(self, state, geometry, response, targets, friction, pressed, rubbed) -> None:
-        """Let no contact approach faster than its target; pressed and rubbed are written."""
+        """Let no contact approach faster than its target; writes pressed and rubbed."""
         v, w = state.velocity.copy(), _spins(state, response[1])
         solver.prevent(v, w, *geometry, targets, friction, pressed, rubbed, *response, _SWEEPS)
         self.rubbings += friction > 0.0
@@ -202,7 +202,7 @@ class ContactForces:
         solver.apply(impulses, bodies, arms, state.velocity, state.momentum, self._inverse_mass)
 
     def _guessed(self, h: float, contacts: Contacts):
-        """The keys of contacts as numbers, and the impulses that the same had in the last step."""
+        """The keys of contacts as numbers, and the last step's impulses of the same contacts."""
         key = (contacts.keys[:, 0] << 40) + (contacts.keys[:, 1] << 20) + contacts.keys[:, 2]
         pressed, rubbed = np.zeros(len(key)), np.zeros((len(key), 3))
         known, pressure, rubbing = self._guess

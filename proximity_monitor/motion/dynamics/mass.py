@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from proximity_monitor.engine.models.model import DisplayMesh
 
 _ROUNDING = 32.0 * np.finfo(np.float64).eps
-"""A volume of less than this share of what its tetrahedra add up to may be rounding alone."""
+"""A volume below this share of the sum over its tetrahedra may be rounding alone."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def mass_properties(mesh: DisplayMesh, density: float) -> MassProperties:
 
 
 def _check_closed(faces: NDArray[np.int64]) -> None:
-    """Each edge must be passed as often one way as the other."""
+    """Check that each edge is passed as often one way as the other."""
     edges = np.concatenate((faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]))
     edges = edges[edges[:, 0] != edges[:, 1]]
     size = faces.max() + 1

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from proximity_monitor import engine
 
 MOST = 16
-"""Pieces of a model. Bodies that touch at several places do so with several pairs of pieces; more
-pieces see places that are closer together, and cost as many more tests of bounding volumes."""
+"""How many pieces a model has at most. Bodies that touch at several places do so with several pairs
+of pieces. More pieces separate places that are closer together, and cost as many more tests of
+bounding volumes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +21,7 @@ class Pieces:
 
     Attributes:
         models: the pieces, each with the vertices that it uses alone.
-        triangles: of each piece the faces of the whole that it consists of.
+        triangles: the faces of the whole that each piece consists of.
         spheres: (p, 4) metres, model frame; centre and radius of a sphere around each piece.
         boxes: (p, 6) metres, model frame; least and greatest corner of each piece.
         corners: (m, 3, 3) metres, model frame; the corners of the whole's triangles.
@@ -40,7 +41,7 @@ class Pieces:
 
 
 def cut(model: engine.Model) -> Pieces:
-    """Cut the triangles that show a model into at most MOST pieces of about as many each."""
+    """Cut the triangles that show a model into at most MOST pieces of about equal size."""
     mesh = model.display_mesh(0.0)
     vertices, faces, _ = mesh
     corners = mesh.corners()

@@ -1,4 +1,4 @@
-"""What a dynamics effect is made of: its bodies, and the forces that were named."""
+"""The settings of a dynamics effect: its bodies and forces."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from proximity_monitor import engine
 
 @dataclass(frozen=True, eq=False)
 class RigidBody:
-    """One body and how it starts.
+    """One body and its start.
 
     Attributes:
-        name: what messages call it.
+        name: its name in messages.
         model: its shape, taken as the triangles that show it; they enclose a volume unless the
             body is an obstacle.
         pose: (4, 4) model to world at the start, metres.
@@ -35,7 +35,7 @@ class RigidBody:
 
 @dataclass(frozen=True)
 class ContactLaw:
-    """How bodies keep each other out.
+    """The law that keeps bodies apart.
 
     Attributes:
         method: by impulses, which stop what would come nearer than the margin; or by a penalty,
@@ -51,7 +51,7 @@ class ContactLaw:
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """What acts on the bodies; what is None does not, and nothing is computed for it.
+    """The forces on the bodies; those that are None are not computed.
 
     Attributes:
         gravity: (3,) metres per second squared.

@@ -17,11 +17,11 @@ import numpy as np
 from proximity_monitor.engine.compiling import cross, dot, entry, helper
 
 ENOUGH = 1e-6
-"""Metres per second: sweeps end when no contact changes its velocity by more; a micrometre in a
-second is not seen."""
+"""Metres per second: sweeps end when no contact changes its velocity by more; nobody sees a
+micrometre in a second."""
 
 _LEAST_TURN = 1e-15
-"""Radians: where an iteration for the midpoint ends; an orientation's last digit tells more."""
+"""Radians: the iteration for the midpoint ends here, below the last digit of an orientation."""
 
 
 @helper
@@ -90,7 +90,7 @@ def turn_freely(turn, momentum, inverse_inertia_body, rotation, h):
         spin = _times(inverse_inertia_body[i], start)
         if spin[0] == 0.0 and spin[1] == 0.0 and spin[2] == 0.0:
             continue
-        # A contraction where h times the spin is small; of one that is not, fifty rounds are used.
+        # A contraction if h times the spin is small; if it is not, fifty rounds are done.
         for _ in range(50):
             half = (0.5 * h * spin[0], 0.5 * h * spin[1], 0.5 * h * spin[2])
             # (M₀ + M₁) / 2 is M₀ turned back halfway: m + half × m = M₀, solved for m.
@@ -177,7 +177,7 @@ def _masses(bodies, arms, normals, inverse_mass, inverse_inertia):
 def _rub(v, w, i, bodies, arms, normals, mass, most, rubbed, inverse_mass, inverse_inertia):
     """Coulomb's friction at one contact: an impulse of at most `most` in the tangent plane.
 
-    Returns by how much the tangential velocity changed.
+    Returns the change of the tangential velocity.
     """
     a, b, n = bodies[i, 0], bodies[i, 1], normals[i]
     u = _relative(v, w, a, b, arms[i, 0], arms[i, 1])
@@ -221,7 +221,7 @@ def prevent(
     masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)
     for i in range(len(bodies)):
         n = normals[i]
-        # The guess is from another moment: friction stays in this one's tangent plane.
+        # The guess is from another moment, so friction is put into this one's tangent plane.
         along = dot(n, rubbed[i])
         for k in range(3):
             rubbed[i, k] -= along * n[k]
@@ -306,7 +306,7 @@ def collide(
 def rub(
     v, w, bodies, arms, normals, friction, pressed, rubbed, inverse_mass, inverse_inertia, sweeps
 ):
-    """Friction alone, under normal impulses (k,) that are given."""
+    """Friction alone, for given normal impulses (k,)."""
     masses = _masses(bodies, arms, normals, inverse_mass, inverse_inertia)
     for _ in range(sweeps):
         change = 0.0
@@ -322,7 +322,7 @@ def rub(
 
 @entry
 def apply(impulses, bodies, arms, velocity, momentum, inverse_mass):
-    """Add impulses (k, 3) to velocities and angular momenta; what cannot move keeps its own."""
+    """Add impulses (k, 3) to velocities and angular momenta of bodies that can move."""
     for i in range(len(bodies)):
         for side in range(2):
             body = bodies[i, side]
@@ -353,7 +353,7 @@ def islands(bodies, joined, inverse_mass):
 
 @entry
 def approach(v, w, bodies, arms, normals):
-    """Normal velocity (k,) of each contact: positive where it parts."""
+    """Normal velocity (k,) of each contact; positive if it parts."""
     speeds = np.empty(len(bodies))
     for i in range(len(bodies)):
         a, b = bodies[i, 0], bodies[i, 1]

@@ -24,8 +24,8 @@ from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
 from proximity_monitor.motion.dynamics.state import RigidBodyState
 
 _HALVINGS = 16
-"""How often parts of one step are halved before its bodies are stopped: what cannot be had within
-so many is not worth the time."""
+"""How often parts of one step are halved before its bodies are stopped: more would not be worth the
+time."""
 
 
 class World:
@@ -33,7 +33,7 @@ class World:
 
     Args:
         bodies: those with a density move.
-        forces: what was named.
+        forces: the named forces.
         step_s: seconds; the longest step.
 
     Raises:
@@ -46,7 +46,7 @@ class World:
         self.forces = forces
         self.step_s = step_s
         self.stops = 0
-        """How often bodies were stopped because even the shortest step brought them too near."""
+        """How often bodies were stopped because even the shortest step was too long."""
         self._mass = [_mass_of(body) for body in bodies]
         self._movable = np.array([body.density is not None for body in bodies])
         self._masses = np.array([m.mass if m else np.inf for m in self._mass])
@@ -61,7 +61,7 @@ class World:
                 for body, offset in zip(bodies, self._offset, strict=True)
             ]
         )
-        # Each point of a body is slower than |v| + this times |L|, in whatever orientation.
+        # Each point of a body is slower than |v| + this times |L|, in any orientation.
         self._reeling = self._radius * np.linalg.norm(
             self._inverse_inertia_body, ord=2, axis=(1, 2)
         )
@@ -88,7 +88,7 @@ class World:
         self.restart()
 
     def restart(self) -> None:
-        """Put everything back to its start; what follows is the same as it was, bit by bit."""
+        """Put everything back to its start; the motion then repeats bit by bit."""
         turns = np.array([_quaternion(body.pose[:3, :3]) for body in self.bodies])
         self.state = RigidBodyState(
             centre=np.array(
@@ -128,7 +128,7 @@ class World:
                 h *= 0.5
                 taken_back += 1
                 if taken_back > _HALVINGS:
-                    self._stop()  # and nothing moves for what is left of this step
+                    self._stop()  # and nothing moves for the rest of this step
                     return
             left = left - h if left > 1.5 * h else 0.0
 
@@ -179,7 +179,7 @@ class World:
         energies, stored = self._energies(), self._law.stored(self._contacts)
         self.state = before.copy()
         moving = self._law.start(h, self.state, self._contacts, self._inverse_inertia, gently)
-        # Impulses may have made a body faster than the step was chosen for.
+        # Impulses may have made a body faster than the step allows.
         self._too_near = h * self._speeds(*moving) > np.maximum(seen.lower, self._thickness)
         if not self._too_near.any():
             self._drift(h, *moving)
@@ -198,7 +198,7 @@ class World:
         return True
 
     def _take_back(self, before: RigidBodyState, seen: Seen) -> bool:
-        """Put everything back, and look again at the pairs that came too near: contacts lacked."""
+        """Undo the step, and search the pairs that came too near again: contacts were missing."""
         self.state = before
         self._place()
         self._finder.recall(seen)
@@ -237,7 +237,7 @@ class World:
         return np.sqrt(((vectors[first] - vectors[second]) ** 2).sum(axis=1))
 
     def _parts(self, left: float) -> int:
-        """Into how many steps so many seconds are cut, so that nothing passes through unseen.
+        """Return into how many steps to cut these seconds, so that nothing passes through unseen.
 
         In a step no pair travels further than it is apart, or than its bodies are thick. What
         passes through another in one step travels further than both are thick together: twice the
@@ -263,7 +263,7 @@ class World:
         changes the quaternion by 2 sin(θ/4), which is half of that or more.
         """
         turned = np.sqrt(((self.state.turn - before.turn) ** 2).sum(axis=1))
-        # The model's own coordinates count as well: it may be drawn far from its origin.
+        # The model's own coordinates count as well, because it may be drawn far from its origin.
         size = np.abs(self.state.centre).sum(axis=1) + np.abs(self._offset).sum(axis=1)
         rounding = ROUNDING * (size + self._radius)
         each = 2.0 * turned * self._radius + rounding
@@ -276,7 +276,7 @@ class World:
             self.state.momentum *= np.exp(-self.forces.angular_damping * h)
 
     def _stop(self) -> None:
-        """Take the motion of those bodies whose surfaces come too near in however short a step."""
+        """Stop those bodies whose surfaces come too near in any step, however short."""
         self.stops += 1
         bodies = self._finder.pairs[self._too_near].reshape(-1)
         self.state.velocity[bodies] = 0.0
@@ -332,7 +332,7 @@ class World:
         return np.bincount(island, amounts, minlength=len(self.bodies))
 
     def _one_of(self, contacts: Contacts) -> NDArray[np.int64]:
-        """Of each contact a body that moves."""
+        """A moving body of each contact."""
         first, second = contacts.bodies.T
         return np.where(self._movable[first], first, second)
 

@@ -1,8 +1,8 @@
 """Certified bounds of pairs of bodies that have moved since they were last searched.
 
-A search answers for the poses that it was given. When the bodies move on, that answer is still
-worth something: no point of B comes nearer to A than it moved relative to A, and the two closest
-points of then, carried along by their bodies, are still two points of the models.
+A search answers for the poses that it was given. When the bodies move on, that answer still bounds
+the distance: it shrinks by at most the motion of B relative to A, and the two closest points,
+carried along by their bodies, are still points of the models.
 
 A point of B at y in B's frame moves relative to A by at most ``|T1 c - T0 c| + 2 sin(angle / 2)
 |y - c|``, where T0 and T1 are the relative poses, c is the centre of B's ball and the angle is that
@@ -11,17 +11,21 @@ which unlike an arc cosine loses no digits for small angles. The same holds with
 the smaller of the two counts: call it m. A body whose vertices were moved by up to e changes every
 distance by at most e more. The balls give a second lower bound that needs no earlier answer.
 
-The *signed* distance of a solid changes by no more than m + e either, in both directions. Let
-s(v) be the distance of a point v from B's surface, negative inside: it is 1-Lipschitz, and B moved
-by g has s(g⁻¹ v). A vertex v of A inside B or g B is moved by g⁻¹ no farther than B's ball allows,
-so its depth changes by at most m, and so does the deepest one's. A vertex that is at depth D after
-the motion was at -D + m at most before it; had the solids been apart by d, it was at d or more, so
-D <= m - d: the bound holds across a jump from outside to inside, and likewise back. A surface that
-is deformed along straight lines passes every point that changes sides, which so lies within the
-share of e before, and the rest of it after, of either surface. Where balls overlap by p, no vertex
-is deeper than p, because it leaves the other's ball by then; and the distance of two points of the
-surfaces is never less than the signed distance. Of a solid with holes this holds for the magnitude
-alone: the sign is unknown once the bodies have moved, unless their balls do not meet.
+The *signed* distance of a solid changes by no more than m either, in both directions. *Two solids*
+that overlap hold a ball of radius d / 2 around some x. B is moved by g, and x lies in B's ball, so
+|g x - x| <= m. The midpoint of x and g x is m / 2 from x, where A's depth is; and its image under
+g⁻¹ is m / 2 from x as well, where B's was: both depths are d / 2 - m / 2 or more, and a ball of
+diameter d - m is left. Solids that were apart by d and overlap by D hold then a ball whose points
+all were moved by d + D or more, as seen from A, so D <= m - d; and likewise back. *A solid and a
+surface*: a point of the surface is moved no farther than m, seen from the solid, and the depth of
+the deepest one changes by no more. A body whose vertices were moved by up to e besides changes
+depths by e, hence a ball's diameter by 2 e.
+
+Where the balls around two bodies overlap by p, no more than p is in both: a point is no deeper than
+it lies below the surface of either ball, which is p together; and the distance of two points of the
+surfaces is never less than the signed distance. Of a solid with holes the signed distance jumps, as
+what passes a hole is at once as deep as it is far from the faces: nothing is kept of it but the
+points, and that their balls do not meet, or that nothing in a ball is deeper than its diameter.
 
 Where balls sweep the models, all of this is about their cores, and every bound of a distance one of
 the cores' less both radii, widened by both deviations: a sphere that spins does not move. What is
@@ -58,7 +62,7 @@ CORE, SWEPT, DEVIATION, BALL = 3, 4, 5, 6
 that sweeps it, and the deviation, metres."""
 
 CENTRE, SIZE, DEFECT, STRETCH, PLACE = 0, 3, 4, 5, 6
-"""Of a body: its ball's centre in the world; its share of s; d; metres by which its vertices have
+"""Of a body: its ball's centre in the world; its share of s; d; metres by which its points have
 been moved so far, each time the largest displacement, added rounding up."""
 
 LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
@@ -66,8 +70,8 @@ ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 
 FEATURES, ANSWER = 30, 38
 """Of an answer: bounds; the cores' nearest points in the world and in their bodies' frames; the
 pose of B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their
-models, which no motion changes: weights of a triangle's three corners and its face, of A, then of
-B."""
+models, which no motion changes: three parameters (of a triangle, the weights of its corners) and
+the element, of A, then of B."""
 
 WITNESS = 14
 """Numbers that say which points are nearest: both points in the world, and their FEATURES."""
@@ -76,8 +80,8 @@ BODY_A, BODY_B, SEEN_A, SEEN_B, SIGNED, LABEL = 0, 1, 2, 3, 4, 5
 """Of an answer, whole numbers: the bodies; their versions then; and one of the following."""
 
 UNSIGNED, CONTINUOUS, JUMPING = 0, 1, 2
-"""Of what kind a distance is: one of two surfaces; the signed one of a solid; or the signed one of
-a solid with holes, which jumps from d to -d where a body passes one, and back."""
+"""Kinds of distances: of two surfaces; signed, of a solid; or signed, of a solid with holes, which
+jumps where a body passes a hole."""
 
 MOVED, STILL, SAME = 0, 1, 2
 """How the bodies of a pair moved relative to each other since its answer: more than rounding, not
@@ -121,7 +125,7 @@ def _norm(v):
 
 @kernel
 def _place(pose, ball, place):
-    """Write where the ball of a body at this pose is."""
+    """Write the place of a body's ball at this pose."""
     centre = (ball[0], ball[1], ball[2])
     place[CENTRE], place[CENTRE + 1], place[CENTRE + 2] = _image(pose, centre)
     reach = ball[CORE] + ball[SWEPT] + ball[DEVIATION]
@@ -170,7 +174,7 @@ def place(bodies, given, anew, balls, poses, versions, places):
 
 @kernel
 def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, points):
-    """Bounds of a pair at its bodies' present poses, from the answer for others; its points."""
+    """Bounds and points of a pair at the present poses, from its answer at earlier ones."""
     slack = (
         ROUNDING + NON_RIGID * max(place_a[DEFECT], place_b[DEFECT], answer[THEN_DEFECT])
     ) * max(place_a[SIZE] + place_b[SIZE], answer[THEN_SIZE])
@@ -207,13 +211,12 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
     apart = _norm(sub(world_b, world_a)) - radius_a - radius_b - outer_a - outer_b
     then_lower, then_upper = answer[LOWER], answer[UPPER]
     if signed == JUMPING:
-        then_upper = max(abs(then_lower), abs(then_upper))
-        then_lower = -then_upper
-        if apart < 0.0:  # no two points of a ball are farther apart
-            apart = -2.0 * max(radius_a, radius_b) - outer_a - outer_b
+        then_lower, then_upper = -math.inf, math.inf
+        if apart < 0.0:  # no two points of a ball are farther apart, and a diameter is two depths
+            apart = -4.0 * max(radius_a, radius_b) - 2.0 * (outer_a + outer_b)
     lower = then_lower - moved
     if signed and not lower > 0.0:
-        lower = then_lower - moved_outer
+        lower = then_lower - moved_outer - stretched
     # Coordinates too large to be squared give inf or NaN: then nothing is known.
     if not lower >= apart:
         lower = apart
@@ -232,7 +235,7 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
         between += 2.0 * max(ball_a[DEVIATION], ball_b[DEVIATION])
     else:
         between = max(between, 0.0) + ball_a[DEVIATION] + ball_b[DEVIATION]
-    upper = then_upper + (moved if then_upper >= 0.0 else moved_outer)
+    upper = then_upper + (moved if then_upper >= 0.0 else moved_outer + stretched)
     if not upper < between:
         upper = between
     upper += slack

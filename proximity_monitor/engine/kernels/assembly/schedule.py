@@ -74,8 +74,8 @@ LISTED = np.dtype(
         ("lower", np.float64),
         ("upper", np.float64),
         ("points", np.float64, (2, 3)),
-        ("weights", np.float64, (2, 3)),
-        ("faces", np.int32, (2,)),
+        ("parameters", np.float64, (2, 3)),
+        ("elements", np.int32, (2,)),
         ("age_s", np.float64),
         ("min_upper", np.float64),
         ("min_lower", np.float64),
@@ -327,8 +327,8 @@ def report(rows, labels, balls, silent, records, views, now_s, listed):
         for side in range(2):
             body = label[BODY_A + side]
             made.bodies[side], made.silent[side] = body, silent[body]
-            made.faces[side] = int(witness[9 + 4 * side])
+            made.elements[side] = int(witness[9 + 4 * side])
             for i in range(3):
                 made.points[side, i] = points[side][i] if view.known else np.nan
-                made.weights[side, i] = witness[6 + 4 * side + i]
+                made.parameters[side, i] = witness[6 + 4 * side + i]
     return count, left

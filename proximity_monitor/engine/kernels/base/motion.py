@@ -91,3 +91,12 @@ def slack_of_bounds(size_a, size_b, apart, error):
     """
     imperfect = POINT_MARGIN + POSE_MARGIN * error
     return imperfect * (size_a + size_b + apart) + POINT_FLOOR
+
+
+@entry
+def relative_motion_pair(pose_a, pose_b, size_a, size_b, motions):
+    """Write the motions (2, 12) b to a and a to b; returns `slack_of_bounds`."""
+    relative_motions(pose_a, pose_b, motions[0], motions[1])
+    t = motions[0]
+    apart = abs(t[9]) + abs(t[10]) + abs(t[11])
+    return slack_of_bounds(size_a, size_b, apart, deviation(pose_a) + deviation(pose_b))

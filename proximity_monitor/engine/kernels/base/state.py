@@ -62,7 +62,7 @@ QUERY = np.dtype(
     [
         ("bodies", np.int32, (2,)),
         ("poses", np.int32, (2,)),
-        ("nearest", np.int32, (2,)),  # elements to begin with, in tree order; KEEP
+        ("nearest", np.int32, (2,)),  # elements to begin with, in tree order; both KEEP or UNKNOWN
         ("rel_err", np.float64),
         ("abs_err", np.float64),
         ("stop", np.float64),  # metres: a distance at which the search may end
@@ -72,8 +72,8 @@ QUERY = np.dtype(
 )
 """What is asked about two bodies: which models and poses, and how well the distance is wanted."""
 
-KEEP = -1
-"""The element that a search begins with is the one that it found last."""
+KEEP, UNKNOWN = -1, -2
+"""Instead of two elements to begin with: those that the state found last; whichever are near."""
 
 PROGRESS = np.dtype(
     [

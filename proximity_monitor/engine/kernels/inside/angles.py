@@ -12,9 +12,9 @@ because no derivative of (x - q) / |x - q|³ is longer than 2 / |x - q|³.
 
 How w changes from point to point depends on the edges alone at which the surface is open: the
 gradient of a solid angle is the integral of (x - q) × dx / |x - q|³ around it (the law of Biot and
-Savart), in which edges between two faces cancel. So within s of a point whose distance from the
-surface is d, w changes by at most s L / (4 pi (d - s)²), L being the rim, how long these edges are.
-Far from a hole w is nearly whole, and it stays so.
+Savart), in which edges between two faces cancel. So on a way of length s that does not pass the
+surface, and comes no nearer to these edges, the rim, than d, w changes by at most s L / (4 pi d²),
+L being how long they are. Far from a hole w is nearly whole, and it stays so.
 """
 
 from __future__ import annotations
@@ -23,11 +23,13 @@ import math
 
 import numpy as np
 
-from ..base.jit import allocating_entry, kernel
+from ..base.jit import allocating_entry, kernel, shared
+from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.vectors import cross, dot, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
+from .nearest import begin_nearest, nearest
 from .solids import HALF
 from .winding import UNKNOWN, winding_number
 
@@ -117,6 +119,38 @@ def _winding(tree, moments, p, share, stack):
 
 
 @kernel
+def _from_rim(region, p):
+    """The distance of a point from the open edges."""
+    stack, bounds = on_stack(512, np.int32(0)), on_stack(512, 0.0)
+    found = on_stack(WIDTH, np.float32(0.0))
+    away, near, top = begin_nearest(region.rim_tree, p, 0, stack, bounds)
+    away, _, _, _ = nearest(
+        region.rim_tree, p, away, near, top, 0.0, 1e-3 * away, stack, bounds, found, 1 << 62
+    )
+    return away * (1.0 - 1e-2)
+
+
+@shared
+def surely_outside(tree, region, p, radius, q, slack, stack):
+    """Whether q lies outside of what has holes, and all that is within `radius` of p, as q is, too.
+
+    But for what is beyond the surface: q is the end of a way inside that ball, of at most four of
+    its radii, that does not pass the surface.
+    """
+    rim = _from_rim(region, p) - radius - 2.0 * slack
+    if not rim > 0.0:
+        return False
+    change = 4.0 * radius * region.rim / (_FOUR_PI * rim * rim)
+    for share in _SHARES:
+        winding, error = _winding(tree, region.moments, q, share, stack)
+        if abs(winding) + error + change < 0.5:
+            return True
+        if abs(winding) - error + change >= 0.5:
+            return False
+    return False
+
+
+@kernel
 def _half(tree, region, p, least, slack, stack):
     """As `side_of` where the inside is HALF."""
     ball = region.ball
@@ -125,14 +159,16 @@ def _half(tree, region, p, least, slack, stack):
     if beyond > 0.0:
         clear = beyond - slack
         return (-1, clear) if clear > 2.0 * slack else (0, 0.0)
+    rim = max(_from_rim(region, p) - slack, least)
     for share in _SHARES:
         winding, error = _winding(tree, region.moments, p, share, stack)
         sure = abs(abs(winding) - 0.5) - error
         if sure <= 0.0:
             continue
-        # The s at which s L / (4 pi (least - s)²) is as much as is sure.
+        # The s at which s L / (4 pi (rim - s)²) is as much as is sure.
         t = region.rim / (2.0 * _FOUR_PI * sure)
-        clear = least * (least / (least + t + np.sqrt(t * (2.0 * least + t)))) * (1.0 - 1e-9)
+        clear = rim * (rim / (rim + t + np.sqrt(t * (2.0 * rim + t)))) * (1.0 - 1e-9)
+        clear = min(clear, least)
         side = 1 if abs(winding) > 0.5 else -1
         if side > 0:
             clear = min(clear, -beyond - slack)

@@ -17,12 +17,11 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.motion import deviation, relative_motions, slack_of_bounds
 from ..base.state import LOWER, OUT_OF_TIME, STATUS, UPPER, MeshTree
 from ..base.tables import tree_at
-from ..base.vectors import moved, scaled, sub
+from ..base.vectors import dot, moved, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
-from .depth import sphere_of
-from .probe import length
 from .solids import HALF, WHOLE
+from .volumes import sphere_of
 from .winding import winding_number
 
 Insides = namedtuple("Insides", "where spans samples tables")
@@ -36,48 +35,92 @@ those that lie on others, which a search for the nearest leaves out.
 FEW = 256
 """Parts of a body, at the most, of which each is looked at."""
 
+_ONE_SIDE = 12
+"""Steps that finding the side of a point takes as long as."""
+
+
+NONE, UNDECIDED = -1, -2
+"""No triangle; and that some are left to look at."""
+
 
 @shared
-def holds(holder, body, samples, motion, slack, apart, stack):
-    """Whether a part of `body` may lie inside `holder`, a closed mesh that its surface is off.
+def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps):
+    """A triangle of a part of `body` that may lie inside `holder`, whose surface it does not meet.
 
     The samples are of the body, `motion` brings them to the frame of the holder, and the surfaces
     are `apart` metres apart or more, which is above 4 `slack`: also where rounding moved a sample.
+    Returns NONE where all are surely outside, or UNDECIDED after so many steps; `progress` (2,),
+    zeros to begin with, and `waiting` are what it goes on with. `scratch` is room for a descent.
     """
     gaps = on_stack(WIDTH, np.float32(0.0))
-    scratch, waiting = stack[:, 0], stack[:, 1]
     if len(samples) <= FEW:
-        for i in range(len(samples)):
-            if _holds_triangle(holder, body, samples[i] // 3, motion, slack, scratch, gaps):
-                return True
-        return False
+        while progress[0] < len(samples):
+            if steps <= 0:
+                return UNDECIDED
+            t = samples[progress[0]] // 3
+            progress[0] += 1
+            steps -= _ONE_SIDE
+            if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
+                return t
+        return NONE
     root = holder.centres[0]
     middle = scaled((root[0], root[1], root[2]), holder.scale[0])
     reach = root[3] * holder.scale[0] * (1.0 + 1e-6) + 2.0 * slack
-    waiting[0] = 0
-    top = 1
-    while top > 0:
-        top -= 1
-        node = waiting[top]
+    if progress[0] == 0:
+        waiting[0] = 0
+        progress[0], progress[1] = 1, 1
+    while progress[1] > 0:
+        if steps <= 0:
+            return UNDECIDED
+        progress[1] -= 1
+        node = waiting[progress[1]]
         for lane in range(node * WIDTH, (node + 1) * WIDTH):
             child = body.children[lane]
             if child == EMPTY:
                 continue
+            steps -= 1
             centre, radius = sphere_of(body, lane)
-            if length(sub(moved(motion, centre), middle)) > reach + radius:
+            if _norm(sub(moved(motion, centre), middle)) > reach + radius:
                 continue
             small = 2.0 * radius + 4.0 * slack < apart
             if child >= 0 and not small:
-                waiting[top] = child
-                top += 1
+                waiting[progress[1]] = child
+                progress[1] += 1
                 continue
             while child >= 0:
                 child = body.children[child * WIDTH]
             last = first_of(child) if small else last_of(child)
             for t in range(first_of(child), last + 1):
+                steps -= _ONE_SIDE
                 if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
-                    return True
-    return False
+                    return t
+    return NONE
+
+
+@entry
+def look_for_part(
+    holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps
+):  # fmt: skip
+    """As `part_inside`."""
+    return part_inside(
+        holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps
+    )
+
+
+@kernel
+def _norm(v):
+    return np.sqrt(dot(v, v))
+
+
+@kernel
+def holds(holder, body, samples, motion, slack, apart, stack):
+    """Whether a part of `body` may lie inside `holder`; see `part_inside`."""
+    progress = on_stack(2, np.int64(0))
+    progress[0] = progress[1] = 0
+    found = part_inside(
+        holder, body, samples, motion, slack, apart, progress, stack[:, 1], stack[:, 0], 1 << 62
+    )
+    return found != NONE
 
 
 @kernel

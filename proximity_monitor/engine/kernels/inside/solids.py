@@ -10,14 +10,13 @@ from ..base.jit import allocating, allocating_entry, kernel
 from ..base.precise import two_sum
 from ..base.vectors import cross, dot
 
-Region = namedtuple("Region", "inside owned samples ball rim moments")
+Region = namedtuple("Region", "inside samples ball rim rim_tree moments")
 """A mesh as the kernels of signed distances see it, beside its Tree.
 
-inside, one of the following; owned (uint8, m) which corners of a triangle, in tree order, are first
-of their vertex: bits 0 to 2; samples (int32, k) one vertex of every connected part, as 3 times the
+inside, one of the following; samples (int32, k) one vertex of every connected part, as 3 times the
 triangle, in tree order, whose first corner it is; ball (4,) centre and radius of a sphere around
-it, metres; rim, metres: how long its open edges are together; moments (k, MOMENTS) of what is under
-each lane (see angles.py), where the inside is HALF.
+it, metres; and where the inside is HALF: rim, metres, how long its open edges are together;
+rim_tree, the hierarchy of these; and moments (k, MOMENTS) of what is under each lane (angles.py).
 """
 
 NOWHERE, WHOLE, HALF = 0, 1, 2
@@ -101,16 +100,16 @@ def _root(parent, i):
 
 
 @allocating_entry
-def parts_and_owners(faces, count):
-    """Connected parts of a mesh, and which triangle owns which vertex.
+def connected_parts(faces, count):
+    """Connected parts of a mesh.
 
     Args:
         faces: (m, 3) int32; corners in tree order, vertices of equal place named alike.
         count: how many vertices there are.
 
     Returns:
-        part (m,) int32 of each triangle, numbered from 0; owned (m,) uint8 as in Solid; samples
-        (k,) int32 as in Solid, one a part.
+        part (m,) int32 of each triangle, numbered from 0; samples (k,) int32 as in Region, one a
+        part.
     """
     m = faces.shape[0]
     parent = np.arange(count)
@@ -118,9 +117,8 @@ def parts_and_owners(faces, count):
         a = _root(parent, faces[t, 0])
         parent[_root(parent, faces[t, 1])] = a
         parent[_root(parent, faces[t, 2])] = a
-    seen = np.zeros(count, np.bool_)
     number = np.full(count, -1, np.int32)
-    part, owned = np.empty(m, np.int32), np.zeros(m, np.uint8)
+    part = np.empty(m, np.int32)
     samples = np.empty(m, np.int32)
     parts = 0
     for t in range(m):
@@ -130,11 +128,7 @@ def parts_and_owners(faces, count):
             samples[parts] = 3 * t
             parts += 1
         part[t] = number[root]
-        for corner in range(3):
-            if not seen[faces[t, corner]]:
-                seen[faces[t, corner]] = True
-                owned[t] |= 1 << corner
-    return part, owned, samples[:parts].copy()
+    return part, samples[:parts].copy()
 
 
 @kernel

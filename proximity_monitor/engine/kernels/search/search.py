@@ -153,7 +153,7 @@ def answer_queries(
         memory: that of a state whose room suffices for any two of them.
         poses_a: (4 n, 4) model to world, one below the other.
         poses_b: the same of the second models; the two may be one array.
-        queries: (k,) QUERY. Elements to begin with that there are not count as 0.
+        queries: (k,) QUERY. Where elements to begin with do not exist, they are UNKNOWN.
         first: where to begin; if not `fresh`, with the search that the state holds.
         last: one after the last query.
         every: how far apart the queries of this call are.
@@ -179,10 +179,10 @@ def answer_queries(
                 return CUT_BETWEEN, k
             left -= _ONE_QUERY
             ta, tb = query.nearest[0], query.nearest[1]
-            if ta != KEEP:
-                progress.element_a = ta if 0 <= ta < len(labels_a) else 0
-            if tb != KEEP:
-                progress.element_b = tb if 0 <= tb < len(labels_b) else 0
+            if ta != KEEP:  # what this state found last was about other models, perhaps
+                known = 0 <= ta < len(labels_a) and 0 <= tb < len(labels_b)
+                progress.element_a, progress.element_b = ta if known else 0, tb if known else 0
+                progress.distance = np.inf if known else 0.0
             code = begin(tree_a, tree_b, state, pose_a, pose_b, query)
             if code != CUT:
                 return code, k

@@ -1,8 +1,8 @@
-"""What lies on what: vertices at one place, and triangles that are drawn again on the same places.
+"""Welding: vertices with equal coordinates, and triangles that are drawn more than once.
 
-An STL file gives each triangle corners of its own. By place, not by index, they are the same mesh
-as any other. And what lies on something else is as near as that: who asks for the nearest has to
-look at one of them.
+An STL file gives each triangle corners of its own. By coordinates, not by index, they are the same
+mesh as any other. And copies of a triangle are all equally near, so a search for the nearest needs
+only one of them.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from .layout import EMPTY, first_of, last_of
 
 
 @allocating_entry
-def first_of_place(bits):
-    """For each vertex the first one at the same place, (n,) int32.
+def first_equal(bits):
+    """For each vertex the first one with the same coordinates, (n,) int32.
 
     Args:
         bits: (n, 3) int64; the coordinates bit by bit, none of them a negative zero.
@@ -54,7 +54,7 @@ def first_drawn(faces):
     """For each triangle the first one that has the same vertices, in any order, (m,) int32.
 
     Args:
-        faces: (m, 3) int32, vertices of equal place named alike.
+        faces: (m, 3) int32; vertices of equal coordinates have one number.
     """
     m = faces.shape[0]
     size = slots_for(m)

@@ -20,7 +20,7 @@ from engine_oracles import pairwise_distances, triangles
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base.hashing import EMPTY_HASH, mixed, slot
 from proximity_monitor.engine.kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, WIDTH
-from proximity_monitor.engine.models.tree import check_tree, places
+from proximity_monitor.engine.models.tree import check_tree, weld
 
 
 def test_vertices_of_one_place_are_found():
@@ -29,7 +29,7 @@ def test_vertices_of_one_place_are_found():
         vertices = rng.integers(-2, 3, (count, 3)) * 0.5
         vertices[::7] *= -0.0
         expected = [int((vertices == vertex).all(axis=1).argmax()) for vertex in vertices]
-        assert places(vertices).tolist() == expected
+        assert weld(vertices).tolist() == expected
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

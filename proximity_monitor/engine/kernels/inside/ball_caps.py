@@ -1,0 +1,206 @@
+"""Planes above which a solid surely has nothing: what bounds depths in a cell of space.
+
+Let o be a point, n a direction, and no point y of the surface within R of o higher along n than
+H = max n · (y - o). The part of that ball above H holds no surface, hence lies on one side of it.
+If that is outside, a point x below the plane, whose foot on it lies in the ball, is no deeper than
+it is below the plane:
+
+    f(x) <= H - n · (x - o) + r,
+
+because on the way along n from x inside to what is above the plane the surface is passed. A point x
+above the plane, if it is in the ball, lies outside: what the plane says of it is less than its
+depth may be, but a search for balls asks for nothing that is not above 0. What a ball of radius r
+sweeps needs more where x is above the plane: x may lie outside the core, as far from it as the
+plane says, if the surface beyond R is no nearer. Without an inside there is no side to ask for. Of
+a solid with holes, sides change without a surface; but far from the holes they do so little that a
+point outside stays so on every way there.
+
+Rounding, with s the slack of a depth (32 u S for a share of 21 u S): o is the image of a point of
+a's frame, wrong by less than s; n is a unit vector but for 4 u, which is 4 u (H - n (x - o)) <= s;
+heights of corners err by 8 u S <= s. Turned into the search's frame n errs by 12 u an entry, the
+product with o and with x by 8 u S each: 2 s. PLANE is above that count; what is made of planes has
+a slack of its own (`ball_rows`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import float32, uint64
+
+from ..base.jit import kernel, loop16, shared
+from ..base.lanes import lowest, not_above
+from ..base.memory import on_stack
+from ..base.rounding import SINGLE_LIMIT, SINGLE_MARGIN
+from ..base.vectors import along, dot, moved, scaled, sub
+from ..elements.primitives import corners
+from ..tree.layout import STRIDE, WIDTH, first_of, last_of
+from .angles import surely_outside
+from .ball_point import turned
+from .nearest import point_bounds, point_triangle
+from .solids import HALF, WHOLE
+from .winding import winding_number
+
+PLANE = 8.0
+"""Slacks by which a plane is raised."""
+
+_VISITS = 96
+"""Nodes that may be looked at for a plane; else there is none."""
+
+_CLEAR = 16.0
+"""Slacks above a plane at which its side is asked for."""
+
+
+@loop16
+def _heights(nodes, base, x, y, z, nx, ny, nz, margin, heights):
+    """Minus the largest height along a unit vector over (x, y, z) that each lane may have."""
+    for k in range(WIDTH):
+        i = base + uint64(k)
+        dx = nodes[i] - x
+        dy = nodes[i + uint64(16)] - y
+        dz = nodes[i + uint64(32)] - z
+        ux, uy, uz = nodes[i + uint64(48)], nodes[i + uint64(64)], nodes[i + uint64(80)]
+        vx, vy, vz = nodes[i + uint64(96)], nodes[i + uint64(112)], nodes[i + uint64(128)]
+        a, b = nodes[i + uint64(160)], nodes[i + uint64(176)]
+        heights[k] = -(
+            dx * nx + dy * ny + dz * nz
+            + a * abs(ux * nx + uy * ny + uz * nz)
+            + b * abs(vx * nx + vy * ny + vz * nz)
+            + nodes[i + uint64(144)] + margin
+        )  # fmt: skip
+
+
+@shared
+def cap_height(tree, o, n, radius, height, top, slack, stack):
+    """How high along n over o the surface reaches within `radius`: a bound, and the steps it took.
+
+    At least `height`; infinity where it is above `top`, or takes too long to tell.
+    """
+    unit = tree.scale[0]
+    near, low = on_stack(WIDTH, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0))
+    stack[0] = 0
+    count, visits = 1, 0
+    while count > 0:
+        count -= 1
+        node = stack[count]
+        visits += 1
+        if visits > _VISITS:
+            return np.inf, visits
+        x = o[0] / unit - tree.centres[node, 0]
+        y = o[1] / unit - tree.centres[node, 1]
+        z = o[2] / unit - tree.centres[node, 2]
+        size = abs(x) + abs(y) + abs(z) + tree.centres[node, 3]
+        if not size + slack / unit < SINGLE_LIMIT:
+            return np.inf, visits
+        margin = float32(SINGLE_MARGIN * size + slack / unit)
+        base = uint64(node * STRIDE)
+        x, y, z = float32(x), float32(y), float32(z)
+        point_bounds(tree.nodes, base, x, y, z, margin, near)
+        _heights(
+            tree.nodes, base, x, y, z, float32(n[0]), float32(n[1]), float32(n[2]), margin, low
+        )
+        hit = not_above(near, 0, float32(min(radius / unit * (1.0 + 1e-6), 1e29)))
+        above = -height / unit
+        hit &= not_above(low, 0, float32(above + 1e-6 * abs(above)))
+        while hit:
+            lane = lowest(hit)
+            hit &= hit - 1
+            child = tree.children[node * WIDTH + lane]
+            if child >= 0:
+                stack[count] = child
+                count += 1
+                continue
+            for t in range(first_of(child), last_of(child) + 1):
+                a, b, c = corners(tree.triangles, t)
+                high = max(dot(n, sub(a, o)), max(dot(n, sub(b, o)), dot(n, sub(c, o))))
+                if high > height and np.sqrt(point_triangle(o, a, b, c)[0]) < radius:
+                    height = min(high, radius)
+                    if height > top:
+                        return np.inf, visits
+    return height, visits
+
+
+@kernel
+def _beside(n, half, square):
+    """How far a cell reaches from its centre perpendicular to n; `square` half its diagonal's."""
+    x, y, z = n[0] * half[0], n[1] * half[1], n[2] * half[2]
+    low = min(min(abs(x + y + z), abs(x + y - z)), min(abs(x - y + z), abs(x - y - z)))
+    return np.sqrt(max(square - low * low, 0.0))
+
+
+@shared
+def plane(tree, region, motion, k, at, point, centre, half, spare, most, row, stack):
+    """Find a plane seen from a point for a cell of the search's frame: (whether, steps).
+
+    Args:
+        tree: of solid k.
+        region: its.
+        motion: from a's frame to its.
+        k: which solid.
+        at: SEARCH.
+        point: POINT; the plane is perpendicular to the way to its nearest point of the surface.
+        centre: (3,) of the cell.
+        half: (3,) its half lengths.
+        spare: metres that the plane may lie above what is there.
+        most: metres above the nearest point of the surface beyond which the plane is of no use.
+        row: (4,) of `CELL.rows`; written where there is a plane.
+        stack: scratch.
+    """
+    way = (point.way[k, 0], point.way[k, 1], point.way[k, 2])
+    if not dot(way, way) > 0.5:
+        return False, 0
+    found, steps = _one_way(
+        tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack
+    )
+    if not found and point.side[k] == 0:  # then it is not known either which way is out
+        way = scaled(way, -1.0)
+        found, more = _one_way(
+            tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack
+        )
+        steps += more
+    return found, steps
+
+
+@shared
+def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most, row, stack):
+    """As `plane`, against the way along which the depth is taken to grow."""
+    slack, side, axes = at.slack, point.side[k], at.axes
+    low = -point.away[k] if side < 0 else point.away[k]
+    # From the nearest point of the surface on, as nearly as it matters.
+    x = along((point.place[0], point.place[1], point.place[2]), way, -low)
+    o, n = moved(motion, x), turned(motion, scaled(way, -1.0))
+    yn = (-_along(axes, 0, way), -_along(axes, 1, way), -_along(axes, 2, way))
+    yo = (_along(axes, 0, x), _along(axes, 1, x), _along(axes, 2, x))
+    offset = sub((centre[0], centre[1], centre[2]), yo)
+    square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
+    height, away = dot(yn, offset), np.sqrt(dot(offset, offset))
+    top = height + abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
+    beside = np.sqrt(max(away * away - height * height, 0.0)) + _beside(yn, half, square)
+    far = (away + np.sqrt(square)) * (1.0 + 1e-12)
+    clear = _CLEAR * slack
+    high = most + 2.0 * clear
+    radius = np.sqrt(beside * beside + high * high)
+    if top + clear > 0.0:  # some of the cell may be above the plane
+        radius = max(radius, far if at.swept[k] == 0.0 else 2.0 * far)
+    radius = radius * (1.0 + 1e-12) + 2.0 * clear
+    height, steps = cap_height(tree, o, n, radius, spare, most, slack, stack)
+    if height == np.inf:
+        return False, steps
+    q = along(o, n, height + clear)
+    if region.inside == WHOLE and not (side < 0 and height + clear < -low < radius - clear):
+        gaps = on_stack(WIDTH, np.float32(0.0))
+        steps += 12
+        if winding_number(tree, q, slack, stack, gaps) != 0:
+            return False, steps
+    elif region.inside == HALF:
+        steps += 12
+        if not surely_outside(tree, region, o, max(radius, far), q, slack, stack):
+            return False, steps
+    row[0], row[1], row[2] = yn
+    row[3] = height + PLANE * slack + at.swept[k] + dot(yn, yo)
+    return True, steps
+
+
+@kernel
+def _along(axes, i, v):
+    """The coordinate of a vector of a's frame along one axis of the search's."""
+    return axes[i, 0] * v[0] + axes[i, 1] * v[1] + axes[i, 2] * v[2]

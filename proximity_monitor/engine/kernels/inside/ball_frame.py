@@ -1,0 +1,84 @@
+"""The frame in which cells of space are cut, and the cuboid around what two models share."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import uint64
+
+from ..base.jit import kernel, shared
+from ..base.rounding import SINGLE_MARGIN
+from ..base.vectors import along, cross, dot, sub, unit
+from ..tree.layout import EMPTY, F1, F2, F3, F4, F5, F6, F7, F8, F9, F10, F11, WIDTH
+from .ball_point import turned
+
+
+@kernel
+def _axis(axes, i):
+    return (axes[i, 0], axes[i, 1], axes[i, 2])
+
+
+@kernel
+def take_axes(axes, way):
+    """Make the first axis that of a vector, and the others perpendicular."""
+    first = unit(way)
+    if not dot(first, first) > 0.5:
+        first = (1.0, 0.0, 0.0)
+    other = (0.0, 1.0, 0.0)
+    if abs(first[1]) > min(abs(first[0]), abs(first[2])):
+        other = (1.0, 0.0, 0.0) if abs(first[0]) < abs(first[2]) else (0.0, 0.0, 1.0)
+    second = unit(along(other, first, -dot(other, first)))
+    second = unit(along(second, first, -dot(second, first)))
+    third = cross(first, second)
+    for j in range(3):
+        axes[0, j], axes[1, j], axes[2, j] = first[j], second[j], third[j]
+
+
+@kernel
+def axis_of(point):
+    """The line through both nearest points, or what is perpendicular to the surface nearer by."""
+    a = (point.way[0, 0], point.way[0, 1], point.way[0, 2])
+    b = (point.way[1, 0], point.way[1, 1], point.way[1, 2])
+    way = sub(a, b)
+    return way if dot(way, way) > 0.1 else a
+
+
+@kernel
+def _extent(tree, motion, axis, swept, slack):
+    """From where to where a model reaches along a unit vector of a's frame, metres: bounds."""
+    n = turned(motion, axis)
+    shift = axis[0] * 0.0
+    lo, hi = np.inf, -np.inf
+    nodes, unit_length = tree.nodes, tree.scale[0]
+    size = tree.centres[0, 3]
+    for i in range(3):
+        size += abs(tree.centres[0, i])
+    middle = n[0] * tree.centres[0, 0] + n[1] * tree.centres[0, 1] + n[2] * tree.centres[0, 2]
+    for lane in range(WIDTH):
+        if tree.children[lane] == EMPTY:
+            continue
+        i = uint64(lane)
+        c = nodes[i] * n[0] + nodes[i + F1] * n[1] + nodes[i + F2] * n[2]
+        u = nodes[i + F3] * n[0] + nodes[i + F4] * n[1] + nodes[i + F5] * n[2]
+        v = nodes[i + F6] * n[0] + nodes[i + F7] * n[1] + nodes[i + F8] * n[2]
+        reach = nodes[i + F10] * abs(u) + nodes[i + F11] * abs(v) + nodes[i + F9]
+        lo, hi = min(lo, c - reach), max(hi, c + reach)
+    margin = SINGLE_MARGIN * size * unit_length + 4.0 * slack + swept
+    shift += motion[9] * n[0] + motion[10] * n[1] + motion[11] * n[2]
+    lo, hi = (lo + middle) * unit_length - shift, (hi + middle) * unit_length - shift
+    return lo - margin, hi + margin
+
+
+@shared
+def common_box(tree_a, tree_b, state, centre, half):
+    """Write the cuboid of the search's frame that holds what two models share; False for none."""
+    at, motions = state.at[0], state.motions
+    for i in range(3):
+        axis = _axis(at.axes, i)
+        lo, hi = _extent(tree_a, motions[0], axis, at.swept[0], at.slack)
+        low, high = _extent(tree_b, motions[1], axis, at.swept[1], at.slack)
+        lo, hi = max(lo, low), min(hi, high)
+        if not lo <= hi:
+            return False
+        centre[i] = 0.5 * (lo + hi)
+        half[i] = 0.5 * (hi - lo) * (1.0 + 1e-12) + 4.0 * at.slack
+    return True

@@ -1,0 +1,112 @@
+"""How deep a point lies in a solid: its signed distance to the surface, positive inside.
+
+The depth of x in a solid is f(x) = g(x) + r: g is the distance of x to the surface of its core, the
+triangles, positive inside and negative outside, and r the radius that sweeps it. Where the core is
+closed, g changes by no more than x moves, as the surface lies between two points of different
+sides. Where the core has no inside, g is minus the distance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import kernel, shared
+from ..base.memory import on_stack
+from ..base.vectors import face_normal, moved, scaled, sub, unit
+from ..elements.primitives import corners, mixed
+from ..tree.layout import WIDTH
+from .angles import side_of
+from .nearest import begin_nearest, nearest, point_triangle
+from .solids import HALF, NOWHERE, WHOLE
+
+_TO_THE_END = 1 << 62
+
+_ONE_SIDE = 12
+"""Steps that finding the side of a point takes as long as, where the surface is closed."""
+
+
+@kernel
+def turned_back(motion, v):
+    """A vector of a solid's frame in a's: the transposed rotation times it."""
+    return (
+        motion[0] * v[0] + motion[3] * v[1] + motion[6] * v[2],
+        motion[1] * v[0] + motion[4] * v[1] + motion[7] * v[2],
+        motion[2] * v[0] + motion[5] * v[1] + motion[8] * v[2],
+    )
+
+
+@kernel
+def turned(motion, v):
+    """A vector of a's frame in a solid's."""
+    return (
+        motion[0] * v[0] + motion[1] * v[1] + motion[2] * v[2],
+        motion[3] * v[0] + motion[4] * v[1] + motion[5] * v[2],
+        motion[6] * v[0] + motion[7] * v[1] + motion[8] * v[2],
+    )
+
+
+@kernel
+def place_of(point):
+    """Where a point is."""
+    return (point.place[0], point.place[1], point.place[2])
+
+
+@shared
+def sound(tree, region, motion, k, slack, swept, point, stack, reached):
+    """Find the depth of a point in solid k; returns how many steps that took.
+
+    `point` holds its place; the side, if it is known, else 0, and how far around the point it is
+    the same; and a triangle that may be near. The rest is written.
+    """
+    found = on_stack(WIDTH, np.float32(0.0))
+    p = moved(motion, place_of(point))
+    away, near, top = begin_nearest(tree, p, point.near[k], stack, reached)
+    away, near, _, left = nearest(
+        tree, p, away, near, top, slack, 0.0, stack, reached, found, _TO_THE_END
+    )
+    steps = _TO_THE_END - left
+    side, clear = point.side[k], point.clear[k]
+    if region.inside == NOWHERE:
+        side, clear = -1, np.inf
+    elif away <= 2.0 * slack:
+        side, clear = 0, 0.0
+    elif side == 0:
+        side, clear = side_of(tree, region, p, away - slack, slack, stack, found)
+        steps += _ONE_SIDE
+        if region.inside == WHOLE:
+            clear = away - 2.0 * slack if side != 0 else 0.0
+    elif region.inside == WHOLE:
+        clear = away - 2.0 * slack
+    else:
+        clear = min(clear, away - 2.0 * slack)
+    point.near[k], point.away[k], point.side[k], point.clear[k] = near, away, side, clear
+    point.depth[k] = (away if side == 0 else side * away) + swept
+    a, b, c = corners(tree.triangles, near)
+    _, v, w = point_triangle(p, a, b, c)
+    foot = mixed((a, b, c), (max(1.0 - v - w, 0.0), v, w))
+    way = scaled(sub(p, foot), 1.0 if side > 0 else -1.0)
+    if not away > 4.0 * slack and region.inside == WHOLE:
+        way = scaled(face_normal((a, b, c)), -1.0)  # what is left of the difference is rounding
+    way = turned_back(motion, unit(way))
+    point.way[k, 0], point.way[k, 1], point.way[k, 2] = way
+    return steps
+
+
+@kernel
+def certain_radius(point, swept, slack):
+    """Radius, metres, of a ball around a point that both solids certainly hold; or below 0."""
+    radius = np.inf
+    for k in range(2):
+        depth = point.depth[k]
+        if point.side[k] == 0:  # it counts as outside
+            depth = swept[k] - point.away[k]
+        radius = min(radius, depth - slack)
+    return radius
+
+
+@kernel
+def possible_depth(point, k, inside, swept, radius, slack):
+    """Bound, metres, of the depth in solid k of all within `radius` of a point."""
+    if point.side[k] < 0 and (inside != HALF or point.clear[k] > radius):
+        return swept - point.away[k] + radius + slack
+    return swept + point.away[k] + radius + slack

@@ -1,0 +1,88 @@
+"""What the search for the largest ball inside two solids consists of, as the kernels see it."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+ROWS = 6
+"""Planes that a cell inherits, at the most; `ball_cells.halve` has room for as many."""
+
+POINT = np.dtype(
+    [
+        ("place", np.float64, (3,)),  # metres, in a's frame
+        ("depth", np.float64, (2,)),  # metres, right to the slack: where the side is unknown, |it|
+        ("away", np.float64, (2,)),  # metres from the surface of the core
+        ("side", np.int64, (2,)),  # of the core: 1 inside, -1 outside, 0 unknown
+        ("clear", np.float64, (2,)),  # metres around the point where all points are on that side
+        ("near", np.int64, (2,)),  # the nearest triangles, in tree order
+        ("way", np.float64, (2, 3)),  # unit vectors, a's frame, along which the depths grow
+    ],
+    align=True,
+)
+"""A point of space, and what is known of its depth in the solids a and b."""
+
+CELL = np.dtype(
+    [
+        ("centre", np.float64, (3,)),  # metres, in the search's frame
+        ("half", np.float64, (3,)),  # half lengths along its axes
+        ("rows", np.float64, (ROWS, 4)),  # n and h: a depth is at most h - n · y, see `ball_rows`
+        ("count", np.int64),  # how many there are
+        ("first", np.int64),  # the solid that the cell it was cut from was less deep in
+        ("side", np.int64, (2,)),  # of the centre, with how far around it all points share it
+        ("clear", np.float64, (2,)),
+        ("near", np.int64, (2,)),  # triangles that are near the centre
+    ],
+    align=True,
+)
+"""A cuboid of space."""
+
+PIECE = np.dtype(
+    [
+        ("corners", np.float64, (3, 3)),  # metres, in the surface's frame: of a piece of a triangle
+        ("triangle", np.int64),  # of which, in tree order
+        ("lane", np.int64),  # or of which volume; then it is not negative
+        ("near", np.int64),  # a triangle of the solid that is near
+    ],
+    align=True,
+)
+"""A part of a surface."""
+
+SEARCH = np.dtype(
+    [
+        ("radius", np.float64),  # metres, certified: of the largest ball found; 0 before one is
+        ("slack", np.float64),  # metres: what rounding may do to a depth
+        ("floor", np.float64),  # metres: what is below it need not be told from 0
+        ("rel_err", np.float64),
+        ("abs_err", np.float64),  # metres, of a radius
+        ("dropped", np.float64),  # the largest bound of a cell that was pruned
+        ("ceiling", np.float64),  # metres: what no radius exceeds
+        ("reach", np.float64),  # metres: how far the next step of the ascent may go
+        ("axes", np.float64, (3, 3)),  # of the search's frame, in a's
+        ("swept", np.float64, (2,)),  # radii that sweep the cores
+        ("size", np.int64),  # cells in the heap
+        ("climbs", np.int64),  # steps that are left to the ascent
+        ("begun", np.bool_),  # the cells hold all that both models share
+        ("framed", np.bool_),  # the frame is along the axis of a ball
+        ("seed", np.int64),  # which seed is next
+        ("seeds", np.int64),  # how many there are
+        ("points", np.int64),  # points whose depth was asked for
+        ("cells", np.int64),  # cells that were looked into
+    ],
+    align=True,
+)
+"""A search."""
+
+Ball = namedtuple("Ball", "at motions seeds best trial probe bounds order cells stack reached")
+"""A search and its memory. at (1,) SEARCH; motions (2, 12): from a's frame to a's and to b's; seeds
+(k, 3) points to begin with, in a's frame; best, trial and probe (1,) POINT: the centre of the
+largest ball found, the point asked about last, and one beside a cell; bounds (n,) metres, a heap
+with the largest first; order (n,) int32: the cells that they are of, and after these the free ones;
+cells (n,) CELL; stack (int32) and reached: scratch of a descent."""
+
+FULL = 2
+"""What a slice returns, beside ENDED and CUT, when there is no room for more cells."""
+
+LOOSEST = 1e3
+"""Relative tolerances above it are taken for it: an infinite one makes no number of a radius 0."""

@@ -1,0 +1,23 @@
+"""Spheres around the volumes of a hierarchy."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import uint64
+
+from ..base.jit import kernel
+from ..base.vectors import add, scaled
+from ..tree.layout import STRIDE, WIDTH, read_vector, row
+
+
+@kernel
+def sphere_of(tree, lane):
+    """Centre and radius, metres, of a sphere around one lane's volume."""
+    node = lane // WIDTH
+    base = uint64(node * STRIDE + lane % WIDTH)
+    centre = scaled(add(read_vector(tree.nodes, base), row(tree.centres, node)), tree.scale[0])
+    a = np.float64(tree.nodes[base + uint64(10 * WIDTH)])
+    b = np.float64(tree.nodes[base + uint64(11 * WIDTH)])
+    # Half the rectangle's diagonal, its axes being perpendicular to float32's rounding.
+    radius = np.sqrt(a * a + b * b) + tree.nodes[base + uint64(9 * WIDTH)]
+    return centre, radius * tree.scale[0] * (1.0 + 1e-4)

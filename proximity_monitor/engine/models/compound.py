@@ -1,0 +1,110 @@
+"""Several models as one: a robot's link."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .checks import ModelError
+from .facets import RESERVE, Facets, How, icosphere
+from .mesh import TriangleMesh
+from .model import Model
+from .tessellate import tessellated
+
+_SUBDIVISIONS = 3
+"""Of the icosahedron that stands for a ball where a mesh has to."""
+
+
+class Part(NamedTuple):
+    """A model in a compound."""
+
+    model: Model
+    pose: NDArray[np.float64]
+    """(4, 4) model to compound, metres."""
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """Factors along the model's own axes, not 0; a negative one mirrors it."""
+
+
+def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How]) -> Model:
+    """Several models as one.
+
+    Parts that enclose a solid do so whatever the others are; but where ``solid="robust"``, the
+    inside is that of all parts together. Where balls sweep only some parts, or are unlike, these
+    parts become meshes, with a deviation.
+
+    Raises:
+        ModelError: a part that a ball sweeps is scaled by unlike factors.
+    """
+    placed = [_placed(part, name) for part in parts]
+    if len({each.radius for each in placed}) > 1:
+        placed = [_unswept(each) for each in placed]
+    if how.get("solid") != "robust":
+        # Open parts get each face once more, the other way round: so every edge is passed both
+        # ways, they add nothing to a winding number, and their surface is the same.
+        closed = [TriangleMesh(each.vertices, each.faces).is_solid for each in placed]
+        if any(closed):
+            placed = [
+                each if is_closed else each._replace(faces=_both_ways(each.faces))
+                for each, is_closed in zip(placed, closed, strict=True)
+            ]
+    starts = np.cumsum([0] + [len(each.vertices) for each in placed[:-1]])
+    return Facets(
+        np.concatenate([each.vertices for each in placed]),
+        np.concatenate([each.faces + i for each, i in zip(placed, starts, strict=True)]),
+        placed[0].radius,
+        max(each.deviation for each in placed),
+    ).model(name, how)
+
+
+def _both_ways(faces: NDArray[np.int32]) -> NDArray[np.int32]:
+    return np.concatenate((faces, faces[:, ::-1]))
+
+
+def _placed(part: Part, name: str) -> Facets:
+    """The triangles of a part in the frame of its compound."""
+    core, scale = part.model._hierarchy, np.abs(part.scale)
+    if core.swept_radius > 0.0 and np.ptp(scale) > 0.0:
+        raise ModelError(
+            f"{name}: {part.model.name}: scale = {part.scale}: a ball sweeps it, so all factors "
+            "must be alike"
+        )
+    vertices = core.vertices * part.scale @ part.pose[:3, :3].T + part.pose[:3, 3]
+    faces = core.faces
+    if math.prod(part.scale) < 0.0:  # mirrored, which turns the outside in
+        faces = faces[:, ::-1]
+    if _volume(vertices, faces) < 0.0:
+        faces = faces[:, ::-1]  # or where this part overlaps another, both would count for nothing
+    return Facets(
+        vertices, faces, core.swept_radius * float(scale[0]), core.deviation * float(scale.max())
+    )
+
+
+def _volume(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
+    """Six times what faces enclose; negative where they point inwards."""
+    a, b, c = (vertices[faces[:, i]] - vertices[faces[0, 0]] for i in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)))
+
+
+def _unswept(given: Facets) -> Facets:
+    """The same as a mesh that nothing sweeps.
+
+    Its corners lie on the surface and its faces within. So that it deviates half as much, to
+    either side, it is made as much too large.
+    """
+    radius = given.radius
+    if radius == 0.0:
+        return given
+    if len(given.faces) == 1 and not np.ptp(given.vertices, axis=0).any():
+        ball = icosphere(radius, _SUBDIVISIONS)
+        return ball._replace(
+            vertices=ball.vertices + given.vertices[0], deviation=ball.deviation + given.deviation
+        )
+    inside = tessellated(given.vertices, given.faces, radius, 0.0)[2]
+    larger = 2.0 * radius**2 / (radius + inside)
+    vertices, faces, _ = tessellated(given.vertices, given.faces, larger, 0.0)
+    deviation = (larger - radius) * RESERVE + given.deviation
+    return Facets(vertices, faces, deviation=deviation)

@@ -1,0 +1,87 @@
+"""Whether a part of one of two models whose surfaces are apart lies inside the other: in slices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base.motion import relative_motion_pair
+from ..kernels.inside import contain
+from ..kernels.inside.solids import WHOLE, Region
+from ..models.model import Model
+from .ball import tree_of
+from .slices import Slices
+
+
+class PartSearch:
+    """The memory of that question at two poses.
+
+    Args:
+        models: two.
+        poses: two (4, 4), model to world.
+        regions: where the models have an inside: everywhere within a closed surface, or nowhere.
+    """
+
+    __slots__ = (
+        "_cores",
+        "_motions",
+        "_progress",
+        "_regions",
+        "_scratch",
+        "_slack",
+        "_trees",
+        "found",
+        "points",
+    )
+
+    found: tuple[int, int]
+    """The model, and its triangle, that may lie inside the other."""
+
+    def __init__(
+        self,
+        models: Sequence[Model],
+        poses: Sequence[NDArray[np.float64]],
+        regions: Sequence[Region],
+    ) -> None:
+        self._cores = [model._hierarchy for model in models]
+        self._trees = [tree_of(core) for core in self._cores]
+        self._regions = regions
+        self._motions = np.empty((2, 12))
+        sizes = [float(tree.scale[2]) for tree in self._trees]
+        self._slack = relative_motion_pair(*poses, *sizes, self._motions)
+        self._progress = np.zeros((2, 2), np.int64)
+        room = 1 + max(core.depth for core in self._cores) * 15
+        self._scratch = np.empty((2, 2, room), np.int32)
+        self.points = 0
+        self.found = (-1, -1)
+
+    def search(self, apart: float, deadline: float) -> bool | None:
+        """Whether a part may lie inside, the surfaces being `apart` metres or more apart.
+
+        None where the deadline came first, after one slice at least.
+        """
+        if not apart > 4.0 * self._slack:
+            return True
+        slices = Slices(deadline)
+        if self.found[0] >= 0:
+            return True
+        for body in range(2):
+            motion = self._motions[1 - body]
+            if self._regions[1 - body].inside != WHOLE:
+                continue
+            while True:
+                t = contain.look_for_part(
+                    self._trees[1 - body], self._trees[body], self._regions[body].samples,
+                    motion, self._slack, apart, self._progress[body], *self._scratch[body],
+                    slices.steps,
+                )  # fmt: skip
+                if t >= 0:
+                    self.found = body, int(t)
+                    return True
+                if t == contain.NONE:
+                    break
+                if slices.over():
+                    return None
+        return False

@@ -1,0 +1,112 @@
+"""The largest ball inside two solids, and a surface's deepest point, by brute force in numpy."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from engine_oracles import triangles
+
+from proximity_monitor import engine
+
+MANY = 20_000
+"""Points that one step may ask about."""
+
+Depths = Callable[[np.ndarray], np.ndarray]
+
+
+def winding_numbers(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Solid angles of all triangles (Van Oosterom and Strackee 1983) over 4 pi, unrounded."""
+    a, b, c = (corners[None, :, i] - points[:, None] for i in range(3))
+    x, y, z = (np.linalg.norm(v, axis=2) for v in (a, b, c))
+    volume = np.einsum("ijk,ijk->ij", a, np.cross(b, c))
+    below = x * y * z
+    for p, q, r in ((a, b, z), (b, c, x), (c, a, y)):
+        below = below + np.einsum("ijk,ijk->ij", p, q) * r
+    return (2.0 * np.arctan2(volume, below)).sum(axis=1) / (4.0 * math.pi)
+
+
+def point_distances(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Distances (k,) of points (k, 3) to the nearest of triangles (m, 3, 3)."""
+    squared = np.full(len(points), np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for a, b, c in corners:
+            n = np.cross(b - a, c - a)
+            inside = np.full(len(points), n @ n > 0.0)
+            for p, q in ((a, b), (b, c), (c, a)):
+                e = q - p
+                s = np.clip(np.nan_to_num((points - p) @ e / (e @ e)), 0.0, 1.0)
+                squared = np.minimum(squared, ((points - p - s[:, None] * e) ** 2).sum(axis=1))
+                inside &= (points - p) @ np.cross(n, e) >= 0.0
+            height = (points - a) @ n / math.sqrt(n @ n) if n @ n > 0.0 else np.inf
+            squared = np.where(inside, np.minimum(squared, height * height), squared)
+    return np.sqrt(squared)
+
+
+def depths_in(model: engine.TriangleMesh, pose: np.ndarray) -> Depths:
+    """How deep points lie inside a model: negative outside."""
+    corners = triangles(model, pose)
+
+    def depths(points: np.ndarray) -> np.ndarray:
+        away = point_distances(points, corners)
+        if model.swept_radius > 0.0 and len(np.unique(corners.reshape(-1, 3), axis=0)) < 3:
+            return model.swept_radius - away
+        inside = np.abs(winding_numbers(points, corners)) > 0.5
+        return model.swept_radius + np.where(inside, away, -away)
+
+    return depths
+
+
+def largest(low: np.ndarray, high: np.ndarray, depths: list[Depths], steps: int = 6):
+    """Bounds of the largest smallest depth of the points of a box: a proof by the Lipschitz bound.
+
+    Depths change by no more than points move. Returns the largest that was found, and the largest
+    that is left.
+    """
+    centres, half = ((low + high) / 2.0)[None], (high - low) / 2.0
+    best, left = 0.0, math.inf
+    offsets = np.array(np.meshgrid(*3 * [[-1.0, 1.0]])).reshape(3, -1).T
+    for _ in range(steps):
+        if len(centres) * 8 > MANY:
+            break
+        half = half / 2.0
+        centres = (centres[:, None] + offsets * half).reshape(-1, 3)
+        values = np.full(len(centres), np.inf)
+        for each in depths:
+            values = np.minimum(values, each(centres))
+        best = max(best, float(values.max()))
+        reach = float(np.linalg.norm(half))
+        centres = centres[values + reach > best]
+        left = max(float(values.max()) + reach, 0.0)
+        if not len(centres):
+            return best, left
+    return best, left
+
+
+def depth_of_solids(a, pose_a, b, pose_b, steps: int = 6) -> tuple[float, float]:
+    """Bounds of the diameter of the largest ball in both."""
+    boxes = []
+    for model, pose in ((a, pose_a), (b, pose_b)):
+        points = triangles(model, pose).reshape(-1, 3)
+        boxes.append((points.min(axis=0) - model.swept_radius, points.max(axis=0)))
+        boxes[-1] = boxes[-1][0], boxes[-1][1] + model.swept_radius
+    low, high = np.maximum(boxes[0][0], boxes[1][0]), np.minimum(boxes[0][1], boxes[1][1])
+    if not (low <= high).all():
+        return 0.0, 0.0
+    shallow, deep = largest(low, high, [depths_in(a, pose_a), depths_in(b, pose_b)], steps)
+    return 2.0 * shallow, 2.0 * deep
+
+
+def deepest_of_surface(solid, pose_solid, surface, pose_surface, cuts: int = 12):
+    """Bounds of the depth of a surface's deepest point, from points of its triangles."""
+    depths = depths_in(solid, pose_solid)
+    s, t = np.meshgrid(*2 * [np.arange(cuts + 1) / cuts])
+    s, t = s[s + t <= 1.0 + 1e-9], t[s + t <= 1.0 + 1e-9]
+    best, left = -math.inf, 0.0
+    for a, b, c in triangles(surface, pose_surface):
+        points = a + s[:, None] * (b - a) + t[:, None] * (c - a)
+        reach = max(np.linalg.norm(v) for v in (b - a, c - b, a - c)) / cuts
+        found = float(depths(points).max())
+        best, left = max(best, found), max(left, found + reach)
+    return max(best, 0.0), left
