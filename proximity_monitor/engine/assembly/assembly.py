@@ -192,7 +192,7 @@ class Assembly:
         deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
-        """As `rows`, with the signed distances of bodies that may overlap, until the deadline."""
+        """As `rows`, with the signed distances of bodies that may overlap, as far as time goes."""
 
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k])

@@ -38,22 +38,24 @@ class Met:
     blocks: tuple[NDArray[np.float64], ...]
     """Rows of `State.collected`."""
     motions: NDArray[np.float64]
-    progress: np.record
+    progress: np.void
     """`State.motions`, and how far the search was, as PROGRESS."""
 
     @property
     def touching(self) -> bool:
         """Whether the nearest triangles that were found touch or cross, or rounding hides it."""
         progress = self.progress
-        certain = progress.distance - progress.slack
-        return bool(lower_of.py_func(certain, progress.radii, progress.deviations) <= 0.0)
+        certain = progress["distance"] - progress["slack"]
+        return bool(lower_of.py_func(certain, progress["radii"], progress["deviations"]) <= 0.0)
 
     def contacts(self) -> Touching:
         """All contacts in the rows."""
         a, b = self.hierarchies
         progress = self.progress
-        reach = reach_of.py_func(0.0, progress.radii, progress.deviations)
-        rows = np.concatenate([each[least(each, progress.slack) <= reach] for each in self.blocks])
+        reach = reach_of.py_func(0.0, progress["radii"], progress["deviations"])
+        rows = np.concatenate(
+            [each[least(each, progress["slack"]) <= reach] for each in self.blocks]
+        )
         pairs = rows[:, :2].astype(np.int32)
         points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
         # The search itself may go on meanwhile.

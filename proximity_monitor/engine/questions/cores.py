@@ -123,7 +123,9 @@ class CoreSearch:
     @property
     def slack(self) -> float:
         """Metres that rounding may widen the bounds by."""
-        return 4.0 * float(self._search.progress.slack) + 2.0 * self._rounding(sum(self._radii()))
+        return 4.0 * float(self._search.progress["slack"]) + 2.0 * self._rounding(
+            sum(self._radii())
+        )
 
     @property
     def points(self) -> int:

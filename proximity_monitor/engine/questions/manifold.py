@@ -30,7 +30,7 @@ class Candidates:
     """Pairs of volumes that the search did not look into: lanes (k, 2), bounds (k,) in metres."""
     motion: NDArray[np.float64]
     """(12,) from b to a."""
-    progress: np.record
+    progress: np.void
     """How far the search was, as PROGRESS."""
 
     def manifold(self) -> Manifold:
@@ -40,8 +40,8 @@ class Candidates:
         and where the search was cut those not yet looked into.
         """
         progress = self.progress
-        slack, offsets = progress.slack, (progress.radii, progress.deviations)
-        reach = reach_of.py_func(progress.distance + progress.upper_slack, *offsets)
+        slack, offsets = progress["slack"], (progress["radii"], progress["deviations"])
+        reach = reach_of.py_func(progress["distance"] + progress["upper_slack"], *offsets)
         rows = np.concatenate([each[least(each, slack) <= reach] for each in self.blocks])
         tested = rows[:, 0] >= 0.0
         triangles = rows[tested, :2].astype(np.int32)

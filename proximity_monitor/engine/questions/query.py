@@ -210,6 +210,6 @@ def signed_distance(
     start = perf_counter()
     pair = Pair(a, b)
     return pair.signed_distance(
-        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, depth_err=depth_err,
-        budget_s=_left(budget_s, start),
+        pose_a, pose_b,
+        rel_err=rel_err, abs_err=abs_err, depth_err=depth_err, budget_s=_left(budget_s, start),
     )  # fmt: skip

@@ -123,9 +123,11 @@ class Search:
         if order == "breadth_first":
             capacity = _LIST
         record = np.zeros(1, index.PROGRESS)
-        self.progress = record.view(np.recarray)[0]
-        self.progress.element_a, self.progress.element_b = nearest
-        self.progress.full = capacity - 15 * levels - 16
+        self.progress = record[0]
+        self.progress["element_a"], self.progress["element_b"] = nearest
+        if nearest != (0, 0):  # how near they were is not known, but it is no guess
+            self.progress["distance"] = math.inf
+        self.progress["full"] = capacity - 15 * levels - 16
         pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
         open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
@@ -156,7 +158,7 @@ class Search:
     @property
     def nearest(self) -> tuple[int, int]:
         """The nearest triangles of the last answer, in tree order."""
-        return int(self.progress.element_a), int(self.progress.element_b)
+        return int(self.progress["element_a"]), int(self.progress["element_b"])
 
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
         """Of what another is made."""
@@ -255,30 +257,30 @@ class Search:
     def _make_room(self) -> None:
         """Set the full block aside, less what matters no longer, and begin another."""
         progress = self.progress
-        rows = self.state.collected[: progress.collected]
-        rows = rows[least(rows, progress.slack) <= progress.limit]
+        rows = self.state.collected[: progress["collected"]]
+        rows = rows[least(rows, progress["slack"]) <= progress["limit"]]
         room = np.empty((_BLOCK, 3))
         # The number last: Ctrl-C may come at any moment, and no row may be missing.
         self._blocks.append(rows)
         self._keep(self.state._replace(collected=room))
-        progress.collected = 0
+        progress["collected"] = 0
 
-    def progress_now(self) -> np.record:
+    def progress_now(self) -> np.void:
         """How far the search is at this moment; a later search leaves it alone."""
-        return self.state.progress.copy().view(np.recarray)[0]
+        return self.state.progress.copy()[0]
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
-        return *self._blocks, self.state.collected[: self.progress.collected]
+        return *self._blocks, self.state.collected[: self.progress["collected"]]
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
         ring = self.order == "breadth_first"
-        first = self.progress["base"] if ring else 0  # `.base` is an array's own
+        first = self.progress["base"] if ring else 0
         pairs, bounds, *_ = self.state.open
-        where = np.arange(first, self.progress.open) % len(bounds)
+        where = np.arange(first, self.progress["open"]) % len(bounds)
         lanes, lower = self.state.waiting
-        waiting = slice(self.progress.waiting)
+        waiting = slice(self.progress["waiting"])
         return (
             np.concatenate((pairs[where], lanes[waiting])),
             np.concatenate((bounds[where], lower[waiting])),
