@@ -7,8 +7,6 @@ of their cores says it.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -99,7 +97,7 @@ class BallSearch:
         return self._search(deadline, False)
 
     def _search(self, deadline: float, seeds_alone: bool) -> bool:
-        slices = Slices(None if deadline == math.inf else deadline)
+        slices = Slices(deadline)
         while True:
             code = self._slice(seeds_alone, slices.steps)
             if code == FULL:
