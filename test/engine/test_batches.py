@@ -66,7 +66,7 @@ def test_a_clearance_decides_as_within_and_collide_do(clearance):
 
 
 def assert_alike(lower, upper, one):
-    """The distance is the same, or a depth is, to 1 %: a search for it begins where the last did."""
+    """Distances are the same; depths are to 1 %, as a search for one begins where the last did."""
     if one.upper >= 0.0:
         assert (lower, upper) == pytest.approx((one.lower, one.upper), abs=2e-12)
     else:
