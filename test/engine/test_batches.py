@@ -71,7 +71,8 @@ def assert_alike(lower, upper, one):
         assert (lower, upper) == pytest.approx((one.lower, one.upper), abs=2e-12)
     else:
         assert max(lower, one.lower) <= min(upper, one.upper) + 1e-13
-        assert 1.01 * upper - 1e-12 <= lower <= upper < 0.0
+        assert upper < 0.0
+        assert upper - lower <= 0.01 * -lower + 1.01 * (one.upper - one.lower) + 1e-12
 
 
 @pytest.mark.parametrize("name", SOLIDS)
