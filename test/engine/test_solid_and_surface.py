@@ -165,7 +165,7 @@ def test_one_face_turned():
     assert engine.signed_distance(model, IDENTITY, sphere(1, 0.2), translation(1.5)).lower > 0.2
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     st.integers(0, 2**32 - 1).map(np.random.default_rng),
     st.floats(0.0, 1.0),
