@@ -44,8 +44,8 @@ the distance, for the same error.
 
 SOURCES = ("PQP.cpp", "BV.cpp", "Build.cpp", "TriDist.cpp")
 SETTINGS = tuple((queue, cached) for queue in (2, 100) for cached in (1, 0))
-BATCH, FEW = 256, 12
-"""Poses of a block; and where one takes PQP a second."""
+BATCH, FEW, SLOW_S = 256, 12, 0.005
+"""Poses of a block; and where one takes PQP so many seconds."""
 ROUNDS, BLOCKS, QUICK, IDEAL = 3, 12, 3, 48
 """How often a block is asked; how many blocks; and how many poses are asked of the ideal search."""
 HOPELESS, LONG_S = 1.25, 0.1
@@ -132,9 +132,8 @@ class Block(NamedTuple):
     poses_b: NDArray[np.float64]
 
 
-def blocks_of(scene: StudyScene, count: int) -> list[Block]:
-    """About so many blocks, spread evenly over the tracks and their steps."""
-    length = BATCH if scene.block > 16 else FEW
+def blocks_of(scene: StudyScene, count: int, length: int) -> list[Block]:
+    """About so many blocks of a length, spread evenly over the tracks and their steps."""
     every = [
         Block(track, track.poses_a[k : k + length], track.poses_b[k : k + length])
         for k in range(0, len(scene.tracks[0].poses_a), length)
@@ -152,12 +151,19 @@ def measure(scene: StudyScene, pqp: Pqp, quick: bool) -> list[dict[str, float]]:
     """
     ours = {name: engine.TriangleMesh(*mesh) for name, mesh in scene.meshes.items()}
     theirs = {name: pqp.model(mesh) for name, mesh in scene.meshes.items()}
-    blocks = blocks_of(scene, QUICK if quick else BLOCKS)
-    exact = [_ours(ours, block, QUESTIONS[0], 0.0)[1].upper for block in blocks]
-    median = float(np.median(np.concatenate(exact)))
     rows = []
+    median = 0.0
     for question in QUESTIONS:
         clearance = median * (question.share or 0.0)
+        (first,) = blocks_of(scene, 1, 1)[:1]
+        seconds = pqp.ask(
+            theirs[first.track.a], theirs[first.track.b], first.poses_a, first.poses_b,
+            question, clearance, SETTINGS[0],
+        )[0]  # fmt: skip
+        blocks = blocks_of(scene, QUICK if quick else BLOCKS, BATCH if seconds < SLOW_S else FEW)
+        exact = [_ours(ours, block, QUESTIONS[0], 0.0)[1].upper for block in blocks]
+        if question is QUESTIONS[0]:
+            median = float(np.median(np.concatenate(exact)))
         our_s, their_s = np.zeros(len(blocks)), np.zeros((len(SETTINGS), len(blocks)))
         our_tests, their_tests = 0, np.zeros(len(SETTINGS))
         queries = sum(len(block.poses_a) for block in blocks)

@@ -39,6 +39,7 @@ KNOWS = {
     "engine/arguments": set(),
     "engine/poses": _FLOOR,
     "engine/compiling": _FLOOR,
+    "engine/ahead": _FLOOR,
     "engine/models": _MODELS,
     _PROTOCOL: _MODELS,
     "engine/files": {"engine/files", "engine/models", _PROTOCOL},

@@ -2,7 +2,7 @@
 
 Lengths are metres, poses 4×4 float64 matrices from model to world. Every answer holds certified
 bounds: `lower <= true distance <= upper`. What `within`, `collide` and `closest_points` return is
-described in `proximity_monitor.engine.questions.result`.
+described in `questions.decision` and `questions.result`.
 """
 
 from .assembly.assembly import Assembly

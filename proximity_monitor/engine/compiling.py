@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection
 from numba.core import event
 from numba.core.caching import NullCache
 
+from .kernels.base import ahead, claims
 from .kernels.base.cache import DIRECTORIES, kernel_name
 from .kernels.base.jit import allocating as helper
 from .kernels.base.jit import allocating_entry as entry
@@ -27,10 +28,16 @@ WATCHING = frozenset(
         "assembly.carry.place", "assembly.schedule.commit", "assembly.schedule.pending",
         "assembly.schedule.query", "assembly.schedule.report", "assembly.schedule.update",
         "assembly.sweep.sweep", "base.motion.pose_deviation",
-        "elements.primitives.test_triangles", "inside.ball.begin_ball", "inside.ball.foot",
-        "inside.ball.search_ball", "inside.contain.settle_signs", "inside.solids.part_volumes",
-        "inside.solids.connected_parts", "inside.solids.unpaired_edges",
-        "pairs.mesh_mesh.search", "search.descent.advance",
+        "base.motion.relative_motion_pair", "elements.primitives.test_triangles",
+        "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._look_into",
+        "inside.ball._plane", "inside.ball._sound_both", "inside.ball_begin.begin_ball",
+        "inside.ball_begin.foot", "inside.ball.search_ball", "inside.ball_caps._one_way",
+        "inside.ball_caps.cap_height", "inside.ball_caps.plane", "inside.ball_frame.common_box",
+        "inside.ball_point.sound", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
+        "inside.contain.look_for_part",
+        "inside.contain.part_inside", "inside.contain.settle_signs",
+        "inside.solids.connected_parts", "inside.solids.part_volumes",
+        "inside.solids.unpaired_edges", "pairs.mesh_mesh.answer_queries", "search.descent.advance",
         "tree.build.build_tree", "tree.fit_tree.fit_tree", "tree.measure.measure",
         "tree.pairing.pair_up", "tree.welding.first_drawn", "tree.welding.first_equal",
         "tree.ranges.node_ranges",
@@ -44,38 +51,48 @@ _KERNELS = __package__ + ".kernels."
 class Progress(event.Listener):
     """Counts the kernels that are compiled while it is entered: "7 of 19".
 
-    Numba reports what its cache did not have, so where that has everything nothing is counted.
+    Those count as well that another process has compiled and kept meanwhile. Numba reports what its
+    cache did not have, so where that has everything nothing is counted.
 
     Args:
         needed: names of kernels; others that are compiled as well are added to them.
-        tell: called as `tell(progress)` when a kernel begins and when it is done, in the thread
-            that compiles.
+        tell: called as `tell(progress)` when a kernel begins and when it is done, and now and then
+            while another process compiles one that is needed, in the thread that waits for it.
 
     Attributes:
-        started: whether anything was compiled.
+        started: whether anything was compiled, here or elsewhere.
     """
 
     def __init__(
         self, needed: Collection[str], tell: Callable[[Progress], None] = lambda progress: None
     ) -> None:
-        kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
         self._needed = set(needed)
-        self._done = self._needed & kept
+        self._done: set[str] = set()
         self._tell = tell
         self.started = False
 
     def __str__(self) -> str:
         """Say how far it is."""
-        return f"compiling kernels: {len(self._done)} of {len(self._needed)}"
+        kept = {path.name.partition("-")[0] for each in DIRECTORIES for path in each.glob("*.nbc")}
+        done = self._done | self._needed & kept
+        return f"compiling kernels: {len(done)} of {len(self._needed)}"
 
     def __enter__(self) -> Progress:
         """Begin to count."""
+        ahead.watching |= self._needed >= WATCHING
         event.register("numba:compile", self)
+        claims.waiting.append(self._on_wait)
         return self
 
     def __exit__(self, *_: object) -> None:
         """Count no more."""
+        claims.waiting.remove(self._on_wait)
         event.unregister("numba:compile", self)
+
+    def _on_wait(self) -> None:
+        """Hear that a kernel is waited for, which another process compiles."""
+        self.started = True
+        self._tell(self)
 
     def on_start(self, start: event.Event) -> None:
         """Note that a kernel is being compiled."""

@@ -98,7 +98,7 @@ def depth_of_solids(a, pose_a, b, pose_b, steps: int = 6) -> tuple[float, float]
     return 2.0 * shallow, 2.0 * deep
 
 
-def deepest_of_surface(solid, pose_solid, surface, pose_surface, cuts: int = 12):
+def deepest_of_surface(solid, pose_solid, surface, pose_surface, cuts: int = 5):
     """Bounds of the depth of a surface's deepest point, from points of its triangles."""
     depths = depths_in(solid, pose_solid)
     s, t = np.meshgrid(*2 * [np.arange(cuts + 1) / cuts])

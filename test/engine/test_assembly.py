@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -13,7 +13,11 @@ from proximity_monitor import engine
 from proximity_monitor.engine.questions.result import Distances
 
 STATUS = tuple(engine.Status)
-FIELDS = [field.name for field in dataclasses.fields(Distances)]
+FIELDS = [
+    name
+    for name, value in vars(Distances).items()
+    if isinstance(value, property | cached_property) and not name.startswith("_")
+]
 
 
 def crowd(seed=0, count=24, spread=2.0):

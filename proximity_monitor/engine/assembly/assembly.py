@@ -20,16 +20,9 @@ from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.rows import distances_of
-from ..questions.run import (
-    LONG_SLICE,
-    SLICE,
-    Search,
-    check_models,
-    entry_for,
-    queries_about,
-)
+from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
+from ..questions.slices import Slices
 from .settling import Settling
 
 
@@ -120,8 +113,8 @@ class Assembly:
             ValueError: other shapes, a pair that names no body, a pose of a pair that is no rigid
                 motion, a tolerance, clearance or budget that is negative or NaN.
         """
-        if budget_s is not None:
-            budget_s = check_tolerance("budget_s", budget_s)
+        start = perf_counter()
+        deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
         depth_err = check_tolerance("depth_err", depth_err)
         threads = as_count(threads, "threads")
         poses = as_poses(poses, "poses")
@@ -147,8 +140,8 @@ class Assembly:
         solid = np.array([bool(signed) and model.is_solid for model in self.models])
         asked = poses, chosen, wanted, hints, solid[chosen].any(axis=1)
         if signed:
-            return distances_of(self._signed_rows(*asked, depth_err, budget_s, threads))
-        return distances_of(self.rows(*asked, budget_s, threads))
+            return Distances(self._signed_rows(*asked, depth_err, deadline, threads))
+        return Distances(self.rows(*asked, deadline, threads))
 
     def rows(
         self,
@@ -157,20 +150,19 @@ class Assembly:
         wanted: NDArray[np.float64],
         hints: NDArray[np.int32],
         signed: NDArray[np.bool_],
-        budget_s: float | None,
+        deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
         """As `distances` without checks; returns rows (k, ANSWER) as the kernel writes them.
 
         wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,) is set, the answer is a
         signed distance, or has -inf as lower bound if the bodies may overlap. A pair that is not
-        searched has NaN as status.
+        searched has NaN as status. The deadline is one of perf_counter.
         """
-        deadline = None if budget_s is None else perf_counter() + budget_s
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
-        queries = queries_about(pairs, wanted, hints)
+        queries = _queries(pairs, wanted, hints)
         searches = self._allot(threads, poses, pairs, wanted)
         settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
@@ -197,11 +189,10 @@ class Assembly:
         hints: NDArray[np.int32],
         signed: NDArray[np.bool_],
         depth_err: float,
-        budget_s: float | None,
+        deadline: float | None,
         threads: int,
     ) -> NDArray[np.float64]:
-        """As `rows`, with the signed distances of bodies that may overlap, within the budget."""
-        deadline = math.inf if budget_s is None else perf_counter() + budget_s
+        """As `rows`, with the signed distances of bodies that may overlap, as far as time goes."""
 
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k])
@@ -214,7 +205,7 @@ class Assembly:
             unsettled = self._settling.begun([depth(k) for k in range(len(pairs))])
         answers, rest = no_answers(signed), ~unsettled
         answers[rest] = self.rows(
-            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], budget_s, threads
+            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], deadline, threads
         )
         upper, clearance = answers[:, index.UPPER], wanted[:, 2]
         open_ = (answers[:, index.LOWER] == -np.inf) & ~np.isnan(answers[:, index.STATUS])
@@ -228,8 +219,8 @@ class Assembly:
 
         self._settling.settle(
             [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
-            poses[pairs[chosen]], wanted[chosen], depth_err, lambda i: depth(chosen[i]), deadline,
-            threads, take,
+            poses[pairs[chosen]], wanted[chosen], depth_err, lambda i: depth(chosen[i]),
+            math.inf if deadline is None else deadline, threads, take,
         )  # fmt: skip
         return answers
 
@@ -256,6 +247,9 @@ class Assembly:
             self._tables = np.stack([model._hierarchy.table for model in self.models])
             self._hierarchies = now
             self._insides = None
+            self._trees = [type(model._hierarchy.tree) for model in self.models]
+            kinds = dict(zip(self._trees, self.models, strict=True))
+            self._entries = {(a, b): entry_for(kinds[a], kinds[b]) for a in kinds for b in kinds}
         while len(self._searches) < threads:
             self._searches.append(Search(self._deepest, self._deepest, coherent=False))
 
@@ -307,12 +301,11 @@ class Assembly:
 
         The compiled entry of each, where it begins, and one after where it ends.
         """
-        models = self.models
-        if len({type(model._hierarchy.tree) for model in self._shapes}) == 1:
-            return [(entry_for(models[0], models[0]), first, len(pairs))]
+        if len(self._entries) == 1:
+            return [(*self._entries.values(), first, len(pairs))]
         found: list[tuple[Callable, int, int]] = []
         for k in range(first, len(pairs), every):
-            entry = entry_for(models[pairs[k, 0]], models[pairs[k, 1]])
+            entry = self._entries[tuple(self._trees[body] for body in pairs[k])]
             if found and found[-1][0] is entry:
                 found[-1] = entry, found[-1][1], k + 1
             else:
@@ -334,23 +327,21 @@ class Assembly:
     ) -> tuple[int, int]:
         """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
         stacked = poses.reshape(-1, 4)
-        steps = LONG_SLICE if deadline is None else SLICE
+        slices = Slices(deadline)
         code, at = index.ENDED, 0
         for entry, at, last in runs:
             while True:
                 before = at
                 code, at = entry(
-                    self._tables, search.memory, stacked, stacked, queries, at, last, every, steps,
-                    fresh, answers,
+                    self._tables, search.memory, stacked, stacked, queries, at, last, every,
+                    slices.steps, fresh, answers,
                 )  # fmt: skip
                 settle(before, at + (code == index.CUT))
                 fresh = code != index.CUT
                 if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                     body = int(queries["poses"][at, code - index.BAD_POSE_A])
                     check_pose(poses[body], self._pose_name(body))
-                if (stopped is not None and stopped.is_set()) or (
-                    deadline is not None and perf_counter() >= deadline
-                ):
+                if (stopped is not None and stopped.is_set()) or slices.over():
                     return code, at
                 if code == index.ENDED:
                     break
@@ -385,3 +376,17 @@ def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
     rows = np.full((len(signed), index.ANSWER), np.nan)
     rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
     return rows
+
+
+def _queries(
+    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32]
+) -> NDArray:
+    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
+    made = np.zeros(len(pairs), index.QUERY)
+    made["bodies"] = made["poses"] = pairs
+    made["nearest"] = np.where((hints >= 0).all(axis=1, keepdims=True), hints, index.UNKNOWN)
+    made["rel_err"], made["abs_err"], clearances = wanted.T
+    beyond = clearances == np.inf
+    made["stop"] = np.where(beyond, 0.0, clearances)
+    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
+    return made

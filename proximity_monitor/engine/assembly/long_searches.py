@@ -54,7 +54,12 @@ class LongSearches:
         pair.distance(near, far, rel_err=0.5, budget_s=1.0, order="priority")
         if pair.a.is_solid:
             pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
-            pair.signed_distance(near, near, budget_s=0.0)  # has kernels of its own
+            # Depths have kernels of their own, a surface's others than a solid's.
+            pair.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
+            surface = next((each for each in self._models if not each.is_solid), None)
+            if surface is not None:
+                part = Pair(pair.a, surface)
+                part.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
 
     def replace(self, body: int, model: Model) -> None:
         """Give a body another model; the searches of its pairs are forgotten."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
+from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -248,7 +249,7 @@ class Schedule:
         """Search entries in one call, in this order; return those that the budget reached."""
         found = self._assembly.rows(
             self._answers.poses, queries.bodies, queries.wanted, queries.hints, queries.signed,
-            float(budget_s), threads,
+            perf_counter() + float(budget_s), threads,
         )  # fmt: skip
         return self._commit(queries, found, clock())
 

@@ -7,20 +7,17 @@ of their cores says it.
 
 from __future__ import annotations
 
-import math
-from time import perf_counter
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.state import CUT, MeshTree
 from ..kernels.inside import ball as kernel
-from ..kernels.inside import deepest
+from ..kernels.inside import ball_begin, deepest
 from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from .run import LONG_SLICE, SLICE
+from .slices import Slices
 
 _CELLS = 64
 """Cells that there is room for at first."""
@@ -81,7 +78,7 @@ class BallSearch:
     ) -> None:
         """Start a search, at the centre of the ball that the last one found."""
         self._poses = pose_a, pose_b
-        kernel.begin_ball(*self._solids, pose_a, pose_b, depth_err, 0.5 * abs_err, self._ball)
+        ball_begin.begin_ball(*self._solids, pose_a, pose_b, depth_err, 0.5 * abs_err, self._ball)
 
     def add_seeds(self, points: NDArray[np.float64]) -> None:
         """Have the search begin at points (k, 3) of the world, too."""
@@ -100,14 +97,14 @@ class BallSearch:
         return self._search(deadline, False)
 
     def _search(self, deadline: float, seeds_alone: bool) -> bool:
-        steps = LONG_SLICE if deadline == math.inf else SLICE
+        slices = Slices(deadline)
         while True:
-            code = self._slice(seeds_alone, steps)
+            code = self._slice(seeds_alone, slices.steps)
             if code == FULL:
                 self._make_room()
             elif code != CUT:
                 return True
-            if perf_counter() >= deadline:
+            if slices.over():
                 return False
 
     def _slice(self, seeds_alone: bool, steps: int) -> int:
@@ -168,7 +165,7 @@ class BallSearch:
         """Write the point of triangle t of a model that is nearest to the best point."""
         model, pose = self._models[which], self._poses[which]
         weights = np.empty(3)
-        kernel.foot(tree_of(model._hierarchy), motion, self._ball.best[0]["place"], t, weights)
+        ball_begin.foot(tree_of(model._hierarchy), motion, self._ball.best[0]["place"], t, weights)
         _point(row, k, model, pose, weights, t)
 
 

@@ -16,8 +16,9 @@ from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import check_pose
 from .result import ClosestPoints
-from .run import LONG_SLICE, SLICE, check_model
+from .run import check_model
 from .sharing import share
+from .slices import Slices
 
 _POINTS = 4096
 """Points that one thread answers in a row; the answers do not depend on the number of threads."""
@@ -66,7 +67,7 @@ def closest_points(
     given = as_reals(points, "points")
     max_distance = check_tolerance("max_distance", max_distance)
     threads = as_count(threads, "threads")
-    deadline = math.inf if budget_s is None else start + check_tolerance("budget_s", budget_s)
+    deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
     if not np.isfinite(given).all():
@@ -82,28 +83,32 @@ def closest_points(
     capacity = 1 + hierarchy.depth * 15
     # Of whatever volumes: boxes may be taken for swept spheres.
     tree, distinct = MeshTree(*hierarchy.tree), MeshTree(*hierarchy.distinct)
-    steps = LONG_SLICE if budget_s is None else SLICE  # in slices, so that Ctrl-C is heard, too
 
     def answer(first: int, stopped: Event) -> None:
         part = slice(first, first + _POINTS)
         stack, stacked = np.empty(capacity, np.int32), np.empty(capacity)
+        around = np.empty(capacity, np.int32)  # of the nodes that `sides` looks at
+        going = np.zeros(3)  # of the point whose search a slice has cut: see the kernel
         count = len(given[part])
         found = at = 0  # the surface was searched for the first ones, the sides were found of fewer
-        while at < count and not stopped.is_set():
-            if perf_counter() >= deadline and (first or at):
-                break
+        slices = Slices(deadline)
+        over = first > 0 and deadline is not None and perf_counter() >= deadline
+        while at < count and not (over or stopped.is_set()):
             if at == found:
                 found = closest_kernel.closest_points(
-                    distinct, pose, given[part], max_distance, region is not None, at, steps,
-                    stack, stacked, bounds[part], nearest[part], triangles[part], directions[part],
+                    distinct, pose, given[part], max_distance, region is not None, at,
+                    slices.steps, stack, stacked, going, bounds[part], nearest[part],
+                    triangles[part], directions[part],
                 )  # fmt: skip
             if region is None:
                 at = found
-            else:
+            elif at < found:
                 at = closest_kernel.sides(
-                    tree, region, pose, given[part], at, found, steps, stack,
+                    tree, region, pose, given[part], at, found, slices.steps, around,
                     bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
+            # One point at least, so that whoever asks again and again comes to an end.
+            over = slices.over() and (first > 0 or at > 0)
         done[first : first + at] = True
         half_done = slice(first + at, first + found)
         bounds[half_done], triangles[half_done] = nothing, closest_kernel.NONE

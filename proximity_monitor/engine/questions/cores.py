@@ -8,7 +8,7 @@ largest ball in both has the diameter
 
     min(r + s - d, 2 r, 2 s).
 
-Of a surface, which is swept by s (0 for most), the deepest point counts: r - d, or up to r - d + s.
+Of a surface, which is swept by s (0 for most), the deepest point counts: min(r + s - d, r).
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class CoreSearch:
             self._search = Search(*map(core_of, self._models))
         self._poses = pose_a, pose_b
         self._fresh = True
-        self._bounds = 0.0, self._deepest(0.0)
+        self._bounds = 0.0, self._depth(0.0) + self._rounding(0.0)
 
     def add_seeds(self, points: NDArray[np.float64]) -> None:
         """Nothing."""
@@ -86,31 +86,25 @@ class CoreSearch:
         self._fresh = False
         row = self._search.answers[0]
         lower, upper = float(row[index.LOWER]), float(row[index.UPPER])
-        self._bounds = self._shallowest(upper), self._deepest(lower)
+        self._bounds = (
+            max(self._depth(upper) - self._rounding(upper), 0.0),
+            max(self._depth(lower) + self._rounding(lower), 0.0),
+        )
         return code == index.ENDED
 
     def _radii(self) -> tuple[float, float]:
         a, b = (model._hierarchy.swept_radius for model in self._models)
         return a, b
 
-    def _shallowest(self, apart: float) -> float:
-        """The least that models overlap by whose cores are at most so far apart, metres."""
-        a, b = self._radii()
-        if all(model.is_solid for model in self._models):
-            depth = min(a + b - apart, 2.0 * min(a, b))
-        else:
-            depth = (a if self._models[0].is_solid else b) - apart
-        return max(depth - self._rounding(apart), 0.0)
+    def _depth(self, apart: float) -> float:
+        """How deep models overlap whose cores are so far apart, metres; negative where they do not.
 
-    def _deepest(self, apart: float) -> float:
-        """The most that models overlap by whose cores are at least so far apart, metres."""
+        A swept surface is all that is near its core, so it reaches a solid's core, if it can.
+        """
         a, b = self._radii()
-        depth = a + b - apart
-        if all(model.is_solid for model in self._models):
-            depth = min(depth, 2.0 * min(a, b))
-        else:
-            depth = min(depth, a if self._models[0].is_solid else b)
-        return max(depth + self._rounding(apart), 0.0)
+        solids = [model.is_solid for model in self._models]
+        most = 2.0 * min(a, b) if all(solids) else (a if solids[0] else b)
+        return min(a + b - apart, most)
 
     def _rounding(self, apart: float) -> float:
         return 8.0 * DOUBLE_EPS * (sum(self._radii()) + apart)
@@ -123,7 +117,9 @@ class CoreSearch:
     @property
     def slack(self) -> float:
         """Metres that rounding may widen the bounds by."""
-        return 4.0 * float(self._search.progress.slack) + 2.0 * self._rounding(sum(self._radii()))
+        return 4.0 * float(self._search.progress["slack"]) + 2.0 * self._rounding(
+            sum(self._radii())
+        )
 
     @property
     def points(self) -> int:

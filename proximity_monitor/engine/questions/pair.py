@@ -12,16 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import check_tolerance
 from ..kernels.base import state as index
-from ..kernels.elements.contacts import contacts as contacts_of
-from ..kernels.elements.swept import reach_of
 from ..models.model import Model
 from ..poses import as_pose, check_pose
-from .manifold import manifold_of
-from .result import Clearance, Collision, Distance
+from .contacts import met
+from .decision import Clearance, Collision
+from .manifold import candidates
+from .result import Distance
 from .rows import distance_of
 from .run import Order, Search
 from .signed import SignedSearch
-from .witness import witness_points
 
 
 class Pair:
@@ -29,8 +28,8 @@ class Pair:
 
     The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section
     6.2), so are the deepest vertex and what was found of other points' sides and depths, and a
-    search that ran out of time is continued where the same question is asked again. Volumes that
-    were too far are not opened again before the models may have moved by as much.
+    search that ran out of time goes on where the same question, whichever, is asked again. Volumes
+    that were too far are not opened again before the models may have moved by as much.
     A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, and one that
     comes out of a pickle, starts from the nearest triangles that this one found, and has a memory
     of its own.
@@ -77,23 +76,12 @@ class Pair:
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        fresh, asked, deadline = True, None, None
-        if budget_s is not None:
-            budget_s = check_tolerance("budget_s", budget_s)
-            shapes = self.a._hierarchy, self.b._hierarchy
-            asked = (pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, order, manifold, shapes)
-            fresh = asked != self._asked
-            deadline = start + budget_s
         if order != self._search.order:
             self._change_order(order)
+        self._run(start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
         search = self._search
-        self._asked = None
-        search.run(
-            pose_a, pose_b,
-            rel_err=rel_err, abs_err=abs_err, deadline=deadline, fresh=fresh, collect=manifold,
-        )  # fmt: skip
-        self._asked = asked
-        return self._distance(search, start, manifold)
+        held = candidates(search) if manifold else None
+        return distance_of(search.answers[0], start, held, search.kinds)
 
     def ideal(
         self,
@@ -121,7 +109,7 @@ class Pair:
         # The next begins with the distance of the triangles that this one found.
         start = perf_counter()
         search.run(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err)
-        return self._distance(search, start)
+        return distance_of(search.answers[0], start, None, search.kinds)
 
     def signed_distance(
         self,
@@ -146,19 +134,20 @@ class Pair:
         return self._signed.ask(pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
 
     def within(
-        self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], clearance: float
+        self,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        clearance: float,
+        *,
+        budget_s: float | None = None,
     ) -> Clearance:
         """Whether the surfaces may be as near as `clearance`; see `engine.within`."""
+        start = perf_counter()
         clearance = check_tolerance("clearance", clearance)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        self._asked = None
         beyond = math.nextafter(clearance, math.inf)
-        self._search.run(pose_a, pose_b, stop=clearance, limit=beyond)
-        answer = self._search.answers[0]
-        lower, tests = float(answer[index.LOWER]), _tests(answer)
-        return Clearance(
-            lower <= clearance, lower, float(answer[index.UPPER]), *witness_points(answer), *tests
-        )
+        code = self._run(start, budget_s, pose_a, pose_b, stop=clearance, limit=beyond)
+        return Clearance(self._search.answers[0], clearance, code == index.ENDED)
 
     def collide(
         self,
@@ -166,37 +155,52 @@ class Pair:
         pose_b: NDArray[np.float64],
         *,
         all_contacts: bool = False,
+        budget_s: float | None = None,
     ) -> Collision:
         """Whether the surfaces touch or cross; see `engine.collide`."""
+        start = perf_counter()
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        self._asked = None
+        limit = math.ulp(0.0)
+        code = self._run(start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
         search = self._search
-        search.run(pose_a, pose_b, limit=math.ulp(0.0))
-        answer = search.answers[0]
-        colliding = bool(answer[index.LOWER] == 0.0)
-        tests = _tests(answer)
-        pairs = answer[None, index.TREE_A : index.TREE_B + 1][: int(colliding)]
-        if colliding and all_contacts:
-            search.run(pose_a, pose_b, limit=math.ulp(0.0), collect=True)
-            pairs = search.collected(reach_of.py_func(0.0, *search.offsets))[:, :2]
-            tests = tests + _tests(search.answers[0])
-        pairs = np.ascontiguousarray(pairs, np.int32)
-        a, b = self.a._hierarchy, self.b._hierarchy
-        contacts = np.stack((a.numbers[pairs[:, 0]], b.numbers[pairs[:, 1]]), axis=1)
-        points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
-        if colliding:
-            contacts_of(a.table, b.table, search.memory, pose_a, pairs, points, normals)
-        return Collision(colliding, contacts, points, normals, *tests.tolist())
+        return Collision(search.answers[0], met(search, pose_a), code == index.ENDED)
+
+    def _run(
+        self,
+        start: float,
+        budget_s: float | None,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        rel_err: float = 0.0,
+        abs_err: float = 0.0,
+        stop: float = 0.0,
+        limit: float = math.inf,
+        collect: bool = False,
+    ) -> int:
+        """Search as `Search.run` does, within a budget that began at `start` of perf_counter.
+
+        Where the last search was cut in the very same question, this one goes on.
+        """
+        fresh, asked, deadline = True, None, None
+        search = self._search
+        if budget_s is not None:
+            deadline = start + check_tolerance("budget_s", budget_s)
+            shapes = self.a._hierarchy, self.b._hierarchy
+            wanted = rel_err, abs_err, stop, limit, collect, search.order
+            asked = (pose_a.tobytes(), pose_b.tobytes(), wanted, shapes)
+            fresh = asked != self._asked
+        self._asked = None
+        code = search.run(
+            pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, stop=stop, limit=limit,
+            deadline=deadline, fresh=fresh, collect=collect,
+        )  # fmt: skip
+        self._asked = asked
+        return code
 
     def _change_order(self, order: Order) -> None:
         """Search in another order from now on; the remembered triangles stay."""
         search = self._search
         self._search = Search(self.a, self.b, order, search.coherent, search.nearest)
-
-    def _distance(self, search: Search, start: float, collected: bool = False) -> Distance:
-        """The answer of a search that was asked at `start` of perf_counter."""
-        manifold = manifold_of(self.a, self.b, search) if collected else None
-        return distance_of(search.answers[0], start, manifold, search.kinds)
 
 
 def _pair_of(kind: type[Pair], make: type[Search], arguments: tuple[Any, ...]) -> Pair:
@@ -204,8 +208,3 @@ def _pair_of(kind: type[Pair], make: type[Search], arguments: tuple[Any, ...]) -
     pair = kind.__new__(kind)
     pair._begin(make(*arguments))
     return pair
-
-
-def _tests(answer: NDArray[np.float64]) -> NDArray[np.int64]:
-    """The bound tests and primitive tests of an answer."""
-    return answer[index.TESTS : index.TESTS + 2].astype(np.int64)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +12,7 @@ from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
 from ..models.model import Model
 from .ball import tree_of
-from .run import LONG_SLICE, SLICE
+from .slices import Slices
 
 
 class PartSearch:
@@ -35,7 +33,6 @@ class PartSearch:
         "_slack",
         "_trees",
         "found",
-        "points",
     )
 
     found: tuple[int, int]
@@ -56,8 +53,12 @@ class PartSearch:
         self._progress = np.zeros((2, 2), np.int64)
         room = 1 + max(core.depth for core in self._cores) * 15
         self._scratch = np.empty((2, 2, room), np.int32)
-        self.points = 0
         self.found = (-1, -1)
+
+    @property
+    def points(self) -> int:
+        """How many points' sides were asked for, where each part has one."""
+        return int(self._progress[:, 0].sum())
 
     def search(self, apart: float, deadline: float) -> bool | None:
         """Whether a part may lie inside, the surfaces being `apart` metres or more apart.
@@ -66,7 +67,7 @@ class PartSearch:
         """
         if not apart > 4.0 * self._slack:
             return True
-        steps = LONG_SLICE if deadline == math.inf else SLICE
+        slices = Slices(deadline)
         if self.found[0] >= 0:
             return True
         for body in range(2):
@@ -76,13 +77,14 @@ class PartSearch:
             while True:
                 t = contain.look_for_part(
                     self._trees[1 - body], self._trees[body], self._regions[body].samples,
-                    motion, self._slack, apart, self._progress[body], *self._scratch[body], steps,
+                    motion, self._slack, apart, self._progress[body], *self._scratch[body],
+                    slices.steps,
                 )  # fmt: skip
                 if t >= 0:
                     self.found = body, int(t)
                     return True
                 if t == contain.NONE:
                     break
-                if perf_counter() >= deadline:
+                if slices.over():
                     return None
         return False

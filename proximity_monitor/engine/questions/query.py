@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from time import perf_counter
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import check_tolerance
 from ..models.model import Model
+from .decision import Clearance, Collision
 from .pair import Pair
-from .result import Clearance, Collision, Distance
+from .result import Distance
 from .run import Order
 
 
@@ -57,9 +61,11 @@ def distance(
         TypeError: a model that is none, a tolerance or budget that is no real number.
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
-    return Pair(a, b).distance(
-        pose_a, pose_b,
-        rel_err=rel_err, abs_err=abs_err, budget_s=budget_s, order=order, manifold=manifold,
+    start = perf_counter()
+    pair = Pair(a, b)
+    return pair.distance(
+        pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=_left(budget_s, start),
+        order=order, manifold=manifold,
     )  # fmt: skip
 
 
@@ -69,16 +75,30 @@ def within(
     b: Model,
     pose_b: NDArray[np.float64],
     clearance: float,
+    *,
+    budget_s: float | None = None,
 ) -> Clearance:
     """Whether two surfaces may be as near as `clearance` metres (a tolerance query).
 
     Cheaper than `distance`: the first witness ends the search. False is certain; True where a
     witness is as near, or rounding cannot exclude it.
 
+    Args:
+        a: first model.
+        pose_a: (4, 4) model to world, metres.
+        b: second model.
+        pose_b: (4, 4) model to world, metres.
+        clearance: metres.
+        budget_s: as for `distance`. Where it ends first, `Clearance.decided` is False and `within`
+            True, because nothing excludes it.
+
     Raises:
-        ValueError: a pose that is no rigid motion, a clearance that is negative or NaN.
+        TypeError: a model that is none, a clearance or budget that is no real number.
+        ValueError: a pose that is no rigid motion, a clearance or budget that is negative or NaN.
     """
-    return Pair(a, b).within(pose_a, pose_b, clearance)
+    start = perf_counter()
+    pair = Pair(a, b)
+    return pair.within(pose_a, pose_b, clearance, budget_s=_left(budget_s, start))
 
 
 def collide(
@@ -88,15 +108,37 @@ def collide(
     pose_b: NDArray[np.float64],
     *,
     all_contacts: bool = False,
+    budget_s: float | None = None,
 ) -> Collision:
     """Whether two surfaces touch or cross, and which triangles do.
 
-    False is certain. With `all_contacts` every pair of touching triangles is returned, else one.
+    False is certain.
+
+    Args:
+        a: first model.
+        pose_a: (4, 4) model to world, metres.
+        b: second model.
+        pose_b: (4, 4) model to world, metres.
+        all_contacts: find every pair of touching triangles, else one.
+        budget_s: as for `distance`. Where it ends before anything is known, `Collision.decided` is
+            False and `colliding` True; where it ends before all contacts are found, `complete` is
+            False.
 
     Raises:
-        ValueError: a pose that is no rigid motion.
+        TypeError: a model that is none, a budget that is no real number.
+        ValueError: a pose that is no rigid motion, a budget that is negative or NaN.
     """
-    return Pair(a, b).collide(pose_a, pose_b, all_contacts=all_contacts)
+    start = perf_counter()
+    pair = Pair(a, b)
+    budget_s = _left(budget_s, start)
+    return pair.collide(pose_a, pose_b, all_contacts=all_contacts, budget_s=budget_s)
+
+
+def _left(budget_s: float | None, start: float) -> float | None:
+    """What is left of a budget that began at `start` of perf_counter."""
+    if budget_s is None:
+        return None
+    return max(check_tolerance("budget_s", budget_s) - (perf_counter() - start), 0.0)
 
 
 def signed_distance(
@@ -165,7 +207,9 @@ def signed_distance(
     Raises:
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
-    return Pair(a, b).signed_distance(
+    start = perf_counter()
+    pair = Pair(a, b)
+    return pair.signed_distance(
         pose_a, pose_b,
-        rel_err=rel_err, abs_err=abs_err, depth_err=depth_err, budget_s=budget_s,
+        rel_err=rel_err, abs_err=abs_err, depth_err=depth_err, budget_s=_left(budget_s, start),
     )  # fmt: skip

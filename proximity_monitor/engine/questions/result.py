@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..kernels.base import state as index
 from ..models.model import Feature, Model
 from .witness import witness_points
+
+if TYPE_CHECKING:
+    from .manifold import Candidates
 
 
 class Status(Enum):
@@ -72,15 +77,23 @@ class Distance:
     Attributes:
         row: (ANSWER,) what follows as numbers in a row, as a search writes them.
         elapsed_s: seconds the search took.
-        manifold: every pair that may hold the minimum, where they were asked for.
+        candidates: what makes the `manifold`, where it was asked for.
         kinds: those of the two models, which know what features there are.
     """
 
     # A call takes a few microseconds, of which six numbers that nobody may want would be one.
     row: NDArray[np.float64]
     elapsed_s: float
-    manifold: Manifold | None
+    candidates: Candidates | None
     kinds: tuple[type[Model], type[Model]]
+
+    @cached_property
+    def manifold(self) -> Manifold | None:
+        """Every pair that may hold the minimum, where they were asked for.
+
+        It is made when it is first read, and no budget counts that: a millisecond for 20,000 pairs.
+        """
+        return None if self.candidates is None else self.candidates.manifold()
 
     @property
     def lower(self) -> float:
@@ -142,57 +155,6 @@ class Distance:
 
 
 @dataclass(frozen=True, slots=True)
-class Clearance:
-    """The answer to "is anything nearer than this?".
-
-    Attributes:
-        within: False only where it is certain that the surfaces are farther apart than asked.
-        lower: metres; certified lower bound of the distance, greater than the clearance asked for
-            where `within` is False.
-        upper: metres; certified upper bound, attained by the witness points.
-        point_a: (3,) metres, world; witness on a, nearer than asked where `within` is True.
-        point_b: (3,) metres, world; witness on b.
-        bound_tests: bounding volume pairs tested.
-        primitive_tests: triangle pairs tested.
-    """
-
-    within: bool
-    lower: float
-    upper: float
-    point_a: NDArray[np.float64]
-    point_b: NDArray[np.float64]
-    bound_tests: int
-    primitive_tests: int
-
-
-@dataclass(frozen=True, slots=True)
-class Collision:
-    """Whether two surfaces touch or cross.
-
-    Attributes:
-        colliding: False only where it is certain that they do neither.
-        contacts: (k, 2) int32; elements of a and of b, such as triangles, that touch or cross.
-            One pair, or every pair where all of them were asked for.
-        points: (k, 3) metres, world; a point of each contact, on both surfaces to rounding (on a,
-            where only what the models may deviate lets them touch).
-        normals: (k, 3) unit vectors, world; the way from a to b of each contact, along which b is
-            pushed away. Where balls touch it is the line of their centres. Else it is the outward
-            normal of a's triangle or the inward one of b's (outward as the order of their corners
-            says): that one along which the two triangles are parted sooner. Of segments that cross
-            it is perpendicular to both, of points that coincide it is zero.
-        bound_tests: bounding volume pairs tested.
-        primitive_tests: triangle pairs tested.
-    """
-
-    colliding: bool
-    contacts: NDArray[np.int32]
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    bound_tests: int
-    primitive_tests: int
-
-
-@dataclass(frozen=True, slots=True)
 class ClosestPoints:
     """The point of a surface nearest to each of many points.
 
@@ -221,41 +183,95 @@ class ClosestPoints:
     normals: NDArray[np.float64] | None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Distances:
     """Minimum or signed distances, one row a pose or a pair of bodies; see `Distance`.
 
     Attributes:
-        lower: (k,) metres; 0 where nothing was searched. Of a signed distance it is -infinity
-            there, and may be where `upper` decided about a clearance.
-        upper: (k,) metres; infinity where nothing was searched.
-        points_a: (k, 3) metres, world; NaN where nothing was searched.
-        points_b: (k, 3) metres, world.
-        elements: (k, 2) int32; the elements of the models that the witness points lie on, such as
-            triangles; -1 where nothing was searched.
-        parameters: (k, 2, 3) where on them; `Model.feature` tells.
-        hints: (k, 2) int32; where the next question to an `Assembly` may start; -1 for nowhere.
-        status: (k,) int32; positions in `tuple(Status)`.
-        bound_tests: (k,) bounding volume pairs tested.
-        primitive_tests: (k,) triangle pairs tested.
-        searched: (k,) whether the budget allowed to look at the pair at all.
+        rows: (k, ANSWER) what follows as numbers in rows, as searches write them; NaN stands for
+            the status where nothing was searched.
     """
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    points_a: NDArray[np.float64]
-    points_b: NDArray[np.float64]
-    elements: NDArray[np.int32]
-    parameters: NDArray[np.float64]
-    hints: NDArray[np.int32]
-    status: NDArray[np.int32]
-    bound_tests: NDArray[np.int64]
-    primitive_tests: NDArray[np.int64]
-    searched: NDArray[np.bool_]
+    # As in `Distance`, nothing is made that nobody may want: of thousands it would take longer than
+    # a short budget lasts.
+    rows: NDArray[np.float64]
 
     def __len__(self) -> int:
         """How many there are."""
-        return len(self.lower)
+        return len(self.rows)
+
+    @property
+    def lower(self) -> NDArray[np.float64]:
+        """(k,) metres; 0 where nothing was searched.
+
+        Of a signed distance it is -infinity there, and may be where `upper` decided about a
+        clearance.
+        """
+        return self.rows[:, index.LOWER]
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """(k,) metres; infinity where nothing was searched."""
+        return self.rows[:, index.UPPER]
+
+    @property
+    def points_a(self) -> NDArray[np.float64]:
+        """(k, 3) metres, world; NaN where nothing was searched."""
+        return self._points[0]
+
+    @property
+    def points_b(self) -> NDArray[np.float64]:
+        """(k, 3) metres, world; NaN where nothing was searched."""
+        return self._points[1]
+
+    @cached_property
+    def elements(self) -> NDArray[np.int32]:
+        """(k, 2); the models' elements on which the witness points lie, such as triangles.
+
+        -1 where nothing was searched.
+        """
+        return self._integers((index.FEATURE_A + 3, index.FEATURE_B + 3), -1).astype(np.int32)
+
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """(k, 2, 3) where on them; `Model.feature` tells."""
+        a, b = index.FEATURE_A, index.FEATURE_B
+        return self.rows[:, [*range(a, a + 3), *range(b, b + 3)]].reshape(-1, 2, 3)
+
+    @cached_property
+    def hints(self) -> NDArray[np.int32]:
+        """(k, 2); where the next question to an `Assembly` may start; -1 for nowhere."""
+        return self._integers((index.TREE_A, index.TREE_B), -1).astype(np.int32)
+
+    @cached_property
+    def status(self) -> NDArray[np.int32]:
+        """(k,) positions in `tuple(Status)`."""
+        return self._integers(index.STATUS, index.OUT_OF_TIME).astype(np.int32)
+
+    @cached_property
+    def bound_tests(self) -> NDArray[np.int64]:
+        """(k,) bounding volume pairs tested."""
+        return self._integers(index.TESTS, 0)
+
+    @cached_property
+    def primitive_tests(self) -> NDArray[np.int64]:
+        """(k,) triangle pairs tested."""
+        return self._integers(index.TESTS + 1, 0)
+
+    @cached_property
+    def searched(self) -> NDArray[np.bool_]:
+        """(k,) whether the budget allowed to look at the pair at all."""
+        return ~np.isnan(self.rows[:, index.STATUS])
+
+    @cached_property
+    def _points(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return witness_points(self.rows)
+
+    def _integers(self, columns: int | tuple[int, ...], otherwise: int) -> NDArray[np.int64]:
+        """Columns of whole numbers; `otherwise` where nothing was searched."""
+        chosen = self.rows[:, columns].copy()
+        chosen[~self.searched] = otherwise
+        return chosen.astype(np.int64)
 
     def within(self, clearance: ArrayLike) -> NDArray[np.bool_]:
         """Whether the models may be as near as `clearance` metres, a number or (k,); (k,) bool.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from threading import Event
-from time import perf_counter
 from typing import Any, Literal
 
 import numpy as np
@@ -19,6 +18,7 @@ from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
 from ..models.model import Model
 from ..poses import check_pose
+from .slices import Slices
 
 Order = Literal["depth_first", "priority", "breadth_first"]
 """In which order a search visits pairs of volumes; the answer is the same."""
@@ -29,13 +29,6 @@ _ORDERS = {
     "breadth_first": index.BreadthFirst,
 }
 
-SLICE = 256
-"""Steps between two looks at the clock, some 30 µs: what a budget may be overrun by. With 64 a
-search under a budget takes half as long again."""
-
-LONG_SLICE = 1 << 18
-"""Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
-
 _LIST = 1 << 20
 """Pairs that a search level by level has room for, a power of two: 16 MB, of which the system gives
 only what is used."""
@@ -43,8 +36,9 @@ only what is used."""
 _COHERENT = 1024
 """Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
 
-_COLLECTED = 4096
-"""Pairs that there is room for when collecting begins."""
+_BLOCK = 4096
+"""Rows of a block of collected pairs. A full block is set aside and never copied again, so that no
+slice takes the longer the more was collected before."""
 
 
 def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
@@ -75,6 +69,11 @@ def check_models(models: Iterable[Model]) -> tuple[Model, ...]:
     return tuple(check_model(model, f"models[{i}]") for i, model in enumerate(models))
 
 
+def least(rows: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
+    """Lower bounds (k,) of the distances of cores, metres, of rows (k, 3) of `State.collected`."""
+    return rows[:, 2] - np.where(rows[:, 0] >= 0.0, slack, 0.0)
+
+
 class Search:
     """The memory of a search over two models, and its last answers.
 
@@ -95,7 +94,7 @@ class Search:
     """
 
     __slots__ = (
-        "_entry", "_known", "_models", "_queries", "_wanted", "answers", "kinds",
+        "_blocks", "_entry", "_known", "_models", "_queries", "_wanted", "answers", "kinds",
         "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
@@ -126,6 +125,8 @@ class Search:
         record = np.zeros(1, index.PROGRESS)
         self.progress = record[0]
         self.progress["element_a"], self.progress["element_b"] = nearest
+        if nearest != (0, 0):  # how near they were is not known, but it is no guess
+            self.progress["distance"] = math.inf
         self.progress["full"] = capacity - 15 * levels - 16
         pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
@@ -147,6 +148,7 @@ class Search:
             )
         )
         self.answers = np.empty(0)
+        self._blocks: list[NDArray[np.float64]] = []
 
     @property
     def coherent(self) -> bool:
@@ -197,8 +199,6 @@ class Search:
         """
         a, b = self.models
         a, b = a._hierarchy, b._hierarchy
-        # At least one slice: whoever asks again and again comes to an end.
-        steps = LONG_SLICE if deadline is None else SLICE
         if collect:
             stop = -math.inf
         tables = (a.table_of_all, b.table_of_all) if collect else (a.table, b.table)
@@ -206,11 +206,13 @@ class Search:
         if tables[0] is not known[0] or tables[1] is not known[1]:  # a model was deformed
             self._models = np.empty((2, *tables[0].shape), np.int64)
             self._models[0], self._models[1] = self._known = tables
-        if collect != bool(len(self.state.collected)):
-            if not (a.distinct is a.tree and b.distinct is b.tree):
-                self.state.keys.fill(-1)  # too far were those pairs that it looked at
-            room = np.empty((_COLLECTED if collect else 0, 3))
-            self._keep(self.state._replace(collected=room))
+        collected = bool(len(self.state.collected))
+        if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
+            self.state.keys.fill(-1)  # too far were those pairs that it looked at
+        if collect != collected or (collect and fresh):
+            # An answer may still hold the rows of the last search.
+            self._blocks = []
+            self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
         if fresh and self.order == "breadth_first":
             pairs, bounds, *_ = self.state.open
             corners = a.spread_corners(), b.spread_corners()
@@ -229,17 +231,19 @@ class Search:
         else:
             wanted[0], wanted[1], wanted[2], wanted[3] = rel_err, abs_err, stop, limit
         row = 0
+        # At least one slice: whoever asks again and again comes to an end.
+        slices = Slices(deadline)
         while True:
             code, row = self._entry(
-                self._models, self.memory, poses_a, poses_b, asked, row, count, 1, steps, fresh,
-                answers,
+                self._models, self.memory, poses_a, poses_b, asked, row, count, 1, slices.steps,
+                fresh, answers,
             )  # fmt: skip
             if code == index.COLLECTED_FULL:
                 self._make_room()
                 code = index.CUT
             if code not in (index.CUT, index.CUT_BETWEEN):
                 break
-            if deadline is not None and perf_counter() >= deadline:
+            if slices.over():
                 break
             if stopped is not None and stopped.is_set():
                 break
@@ -251,23 +255,23 @@ class Search:
         return code
 
     def _make_room(self) -> None:
-        """Drop what was collected and matters no longer, and have room for more."""
-        rows = self.collected(self.progress["limit"])
-        room = np.empty((max(len(self.state.collected), 4 * len(rows)), 3))
-        room[: len(rows)] = rows
-        self.progress["collected"] = len(rows)
+        """Set the full block aside, less what matters no longer, and begin another."""
+        progress = self.progress
+        rows = self.state.collected[: progress["collected"]]
+        rows = rows[least(rows, progress["slack"]) <= progress["limit"]]
+        room = np.empty((_BLOCK, 3))
+        # The number last: Ctrl-C may come at any moment, and no row may be missing.
+        self._blocks.append(rows)
         self._keep(self.state._replace(collected=room))
+        progress["collected"] = 0
 
-    @property
-    def offsets(self) -> tuple[float, float]:
-        """Both models' swept radii together and both deviations, metres."""
-        return float(self.progress["radii"]), float(self.progress["deviations"])
+    def progress_now(self) -> np.void:
+        """How far the search is at this moment; a later search leaves it alone."""
+        return self.state.progress.copy()[0]
 
-    def collected(self, reach: float) -> NDArray[np.float64]:
-        """The rows of `State.collected` whose cores may be as near as `reach` metres."""
-        rows = self.state.collected[: self.progress["collected"]]
-        lower = rows[:, 2] - np.where(rows[:, 0] >= 0.0, self.progress["slack"], 0.0)
-        return rows[lower <= reach]
+    def collected(self) -> tuple[NDArray[np.float64], ...]:
+        """The rows of `State.collected` so far, in blocks that no search writes to any more."""
+        return *self._blocks, self.state.collected[: self.progress["collected"]]
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
@@ -287,18 +291,4 @@ def queries(count: int) -> NDArray:
     """Queries (count,) about the bodies 0 and 1, from the elements that were nearest last."""
     made = np.zeros(count, index.QUERY)
     made["bodies"], made["nearest"] = (0, 1), index.KEEP
-    return made
-
-
-def queries_about(
-    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32]
-) -> NDArray:
-    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
-    made = np.zeros(len(pairs), index.QUERY)
-    made["bodies"] = made["poses"] = pairs
-    made["nearest"] = np.where((hints >= 0).all(axis=1, keepdims=True), hints, index.UNKNOWN)
-    made["rel_err"], made["abs_err"], clearances = wanted.T
-    beyond = clearances == np.inf
-    made["stop"] = np.where(beyond, 0.0, clearances)
-    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
     return made

@@ -18,9 +18,17 @@ from .timing import Asker, Query, Timed, blocks, summary, take_turns
 from .words import number, percent, table
 
 ORDERS = ("depth_first", "priority", "breadth_first")
-BUDGETS_US = (10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+BUDGETS_US = (10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+
+_KEPT = 1.25
+"""A budget pays where searches that it cuts take so many times as long at most, in the median."""
 
 _BLOCKS, _QUICK, _LENGTH = 10, 1, 2
+_ORDER_WORDS = {
+    "depth_first": "depth first",
+    "priority": "by priority",
+    "breadth_first": "level by level",
+}
 _FLOOR = 1e-4
 """Gaps below are drawn here: they are those of searches that have ended."""
 
@@ -186,7 +194,37 @@ def _why(rows: Rows) -> str:
             f"longest {number(worst['used_max_us'] - worst['budget_us'], 2)} µs more "
             f"({worst['order']}, {worst['scene']}, budget {number(worst['budget_us'], 1)} µs)."
         )
-    return text + "\n"
+    return f"{text}\n\n{_smallest(rows)}\n"
+
+
+def _smallest(rows: Rows) -> str:
+    """From which budget on one is kept: what a user can act on."""
+    said = []
+    for order in values(rows, "order"):
+        cut = [r for r in only(rows, order=order) if r["ended"] == 0.0]
+        kept = [b for b in values(cut, "budget_us") if _is_kept(only(cut, budget_us=b))]
+        if kept:
+            (least,) = only(cut, budget_us=min(values(cut, "budget_us")))[:1]
+            said.append(
+                f"{number(min(kept), 1)} µs {_ORDER_WORDS[order]} (with a budget of "
+                f"{number(least['budget_us'], 1)} µs a search takes "
+                f"{number(least['used_median_us'], 2)} µs)"
+            )
+    if not said:
+        return "No search was cut, so this says nothing about the smallest budget that pays."
+    return (
+        f"**The smallest budget that pays is {', '.join(said)}.** A call takes some microseconds "
+        "to begin and does one slice of work whatever its budget, so with less it takes as long "
+        "all the same and knows little more than the distance of the triangles that it began with. "
+        "Where there is less time a pair than that, ask about many pairs in one call of an "
+        "`Assembly`, with one budget for all, or ask `within` for a yes or no; or give a search "
+        "one budget after the other: the same `Pair` goes on where it stopped."
+    )
+
+
+def _is_kept(rows: Rows) -> bool:
+    """Whether searches take a budget, and not much longer, in every scene."""
+    return all(row["used_median_us"] <= _KEPT * row["budget_us"] for row in rows)
 
 
 PART = Part(

@@ -25,6 +25,8 @@ import numba
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
+from . import ahead, claims
+
 _KERNELS = Path(__file__).parents[1]
 _CHECK = 4
 """Bytes of the checksum at the beginning of a file."""
@@ -126,9 +128,28 @@ class KernelCache:
         return f"{self._label}-{hashlib.sha256(about.encode()).hexdigest()[:32]}.nbc"
 
     def load_overload(self, signature, target):
-        """What was compiled for a signature; None where it is not kept."""
+        """What was compiled for a signature; None where that is to be done here."""
         target.refresh()
         name = self._name(signature, target.codegen())
+        kept = self._load(name, target)
+        if kept is None and CACHE_DIRECTORY is not None:
+            if not self._label.startswith("base."):  # where small ones are that stand alone
+                ahead.begin(CACHE_DIRECTORY)
+            if claims.claim(CACHE_DIRECTORY / name):
+                kept = self._load(name, target)
+            if kept is not None:
+                claims.release(CACHE_DIRECTORY / name)
+        return kept
+
+    def is_wanting(self, signature, target) -> bool:
+        """Whether a kernel is neither kept nor being compiled by any process."""
+        name = self._name(signature, target.codegen())
+        kept = any((directory / name).exists() for directory in DIRECTORIES)
+        return not kept and not claims.is_claimed(CACHE_DIRECTORY / name)
+
+    @staticmethod
+    def _load(name, target):
+        """What a file of that name holds."""
         for directory in DIRECTORIES:
             try:
                 with (directory / name).open("rb") as file:
@@ -141,12 +162,18 @@ class KernelCache:
 
     def save_overload(self, signature, compiled) -> None:
         """Keep what was compiled, if that is possible."""
-        if CACHE_DIRECTORY is None or compiled.library.has_dynamic_globals:
+        if CACHE_DIRECTORY is None:
             return
         name = self._name(signature, compiled.codegen)
-        data = dumps(compiled._reduce())
+        if not compiled.library.has_dynamic_globals:
+            self._write(name, dumps(compiled._reduce()))
+        claims.release(CACHE_DIRECTORY / name)
+
+    @staticmethod
+    def _write(name, data: bytes) -> None:
+        """Keep the data of a kernel in a file of that name."""
         # Kernels that could not be kept are there all the same: a full disk is no error.
-        with suppress(OSError):
+        with claims.writing, suppress(OSError):
             CACHE_DIRECTORY.mkdir(mode=0o755, parents=True, exist_ok=True)
             number, temporary = tempfile.mkstemp(dir=CACHE_DIRECTORY)
             try:

@@ -18,19 +18,14 @@ import numpy as np
 
 from ..base.jit import entry, kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.motion import deviation, relative_motions
-from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
-from ..base.state import CUT, ENDED, SWEPT
-from ..base.vectors import dot, moved, sub
-from ..elements.primitives import corners
+from ..base.state import CUT, ENDED
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, take_axes
 from .ball_point import certain_radius, possible_depth, sound
 from .ball_rows import bound_of
-from .ball_state import FULL, LOOSEST
-from .nearest import point_triangle
-from .solids import HALF, NOWHERE
+from .ball_state import FULL
+from .ball_tangents import tangent
 
 _CLIMBS = 12
 """Steps of an ascent, at the most."""
@@ -42,53 +37,8 @@ _MOST = 0.5
 """Share of the largest ball's radius up to which a plane that lies above the nearest point of the
 surface is of use."""
 
-_TELLING = 1e-6
-"""Share of both models' size that a bound may be above 0 where there is no ball, and one of them
-has holes: there no plane bounds a depth, and the winding number's side is never told to the end."""
-
 _CELL_STEPS = 8
 """What a cell costs beside its descents, in steps of these."""
-
-
-@entry
-def begin_ball(tree_a, tree_b, region_a, region_b, pose_a, pose_b, rel_err, abs_err, state):
-    """Start a search; the centre of the ball that the last one found is its first seed."""
-    at, motions, best = state.at[0], state.motions, state.best[0]
-    last = at.radius > 0.0
-    b_to_a = on_stack(12, 0.0)
-    relative_motions(pose_a, pose_b, b_to_a, motions[1])
-    for i in range(12):
-        motions[0, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
-    size = abs(b_to_a[9]) + abs(b_to_a[10]) + abs(b_to_a[11])
-    for tree in (tree_a, tree_b):
-        size += tree.scale[2] + 2.0 * tree.scale[SWEPT]
-    error = deviation(pose_a) + deviation(pose_b)
-    at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
-    holes = region_a.inside == HALF or region_b.inside == HALF
-    at.floor = _TELLING * size if holes else 0.0
-    at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)
-    at.swept[0], at.swept[1] = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
-    at.radius = 0.0
-    centre = (region_b.ball[0], region_b.ball[1], region_b.ball[2])
-    way = sub(moved(b_to_a, centre), (region_a.ball[0], region_a.ball[1], region_a.ball[2]))
-    apart = np.sqrt(dot(way, way)) * (1.0 - 1e-12) - 4.0 * at.slack
-    at.dropped = at.ceiling = _largest(region_a, region_b, at, apart)
-    at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
-    at.framed = at.begun = False
-    if last:
-        add_seed(state, best.place)
-    take_axes(at.axes, (1.0, 0.0, 0.0))
-    for k in range(2):
-        best.near[k] = max(best.near[k], 0)
-
-
-@kernel
-def add_seed(state, place):
-    """Put a point (3,) of a's frame on the list of those to begin with."""
-    at = state.at[0]
-    for i in range(3):
-        state.seeds[at.seeds, i] = place[i]
-    at.seeds += 1
 
 
 @shared
@@ -276,30 +226,6 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
     return steps
 
 
-@kernel
-def _largest(region_a, region_b, at, apart):
-    """The radius that no ball in both models exceeds, whose balls' centres are `apart` metres.
-
-    A point is no deeper than below the surface of the ball around the model; without an inside, no
-    deeper than the sweep; and a solid with holes may be open to all that its ball holds.
-    """
-    a, b = region_a.ball[3] + at.swept[0], region_b.ball[3] + at.swept[1]
-    if apart > a + b:
-        return 0.0
-    both = 0.5 * (a + b - apart)
-    if region_a.inside == HALF or region_b.inside == HALF:
-        both = np.inf
-    if region_a.inside == NOWHERE:
-        a = at.swept[0]
-    elif region_a.inside == HALF:
-        a += region_a.ball[3]
-    if region_b.inside == NOWHERE:
-        b = at.swept[1]
-    elif region_b.inside == HALF:
-        b += region_b.ball[3]
-    return min(min(a, b), both) * (1.0 + 1e-12) + at.slack
-
-
 @shared
 def _look_into(tree_a, tree_b, region_a, region_b, state):
     """Look into the cell with the largest bound; returns how many steps that took."""
@@ -344,20 +270,25 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
     if bound <= limit:
         at.dropped = max(at.dropped, bound)
         return steps
-    rows = table_on_stack(10, 4, 0.0)
+    rows = table_on_stack(12, 4, 0.0)
     used, mean = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     used[0] = used[1] = 0
     count, spare = cell.count, _SPARE * (limit - at.radius)
     for i in range(count):
         for j in range(4):
             rows[i, j] = cell.rows[i, j]
-    for attempt in range(3):
-        k = 1 - shallow if attempt == 1 else shallow
-        found, cost = _plane(
-            tree_a, tree_b, region_a, region_b, k, attempt == 2, trial, centre, half, spare, state,
-            rows[count],
-        )  # fmt: skip
-        steps += cost
+    for attempt in range(5):
+        k = 1 - shallow if attempt & 1 else shallow
+        if attempt == 2 or attempt == 3:
+            tree = tree_a if k == 0 else tree_b
+            found = tangent(tree, state.motions[k], k, at, trial, centre, half, rows[count])
+            steps += 1
+        else:
+            found, cost = _plane(
+                tree_a, tree_b, region_a, region_b, k, attempt == 4, trial, centre, half, spare,
+                state, rows[count],
+            )  # fmt: skip
+            steps += cost
         if found:
             count += 1
             by_rows = bound_of(rows, count, centre, half, limit, at.slack, mean, used)
@@ -421,15 +352,3 @@ def search_ball(tree_a, tree_b, region_a, region_b, state, seeds_alone, steps):
             return FULL
         else:
             steps -= _look_into(tree_a, tree_b, region_a, region_b, state)
-
-
-@entry
-def foot(tree, motion, place, triangle, weights):
-    """Write where on a triangle the point nearest to a place lies: the weights (3,) of its corners.
-
-    `motion` (12,) brings the place (3,) to the frame of the triangle's model.
-    """
-    p = moved(motion, (place[0], place[1], place[2]))
-    a, b, c = corners(tree.triangles, triangle)
-    _, v, w = point_triangle(p, a, b, c)
-    weights[0], weights[1], weights[2] = max(1.0 - v - w, 0.0), v, w

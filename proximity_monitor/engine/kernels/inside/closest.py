@@ -16,8 +16,6 @@ from .angles import side_of
 from .nearest import begin_nearest, nearest, point_triangle
 from .solids import HALF, NOWHERE
 
-_TO_THE_END = 1 << 62
-
 NONE = -1
 """The triangle of a point that is beyond the largest distance asked for, or not done."""
 
@@ -34,34 +32,41 @@ asked for: nearer to a surface, rounding hides on which side of it the point lie
 
 @entry
 def closest_points(
-    tree, pose, points, max_distance, signed, first, steps, stack, stacked,
+    tree, pose, points, max_distance, signed, first, steps, stack, stacked, going,
     bounds, feet, triangles, normals,
 ):  # fmt: skip
     """Nearest points on a model at `pose` to points (k, 3) in the world, from the first one on.
 
-    Returns how many are done: all, or as many as about `steps` steps suffice for, at least one more
-    than before. Writes bounds (k, 2), certified, and triangles (k,) in tree order, and of those
-    nearer than `max_distance` metres feet (k, 3) in the world and their normals (k, 3), which may
-    be (0, 3); of the others the triangle is NONE and the upper bound infinite. `stack` and
-    `stacked` are scratch. Where `signed`, the bounds are of the distance to the triangles, no feet
-    or normals are written, and `sides` makes answers of that.
+    Returns how many are done: all, or as many as about `steps` steps suffice for. Then the search
+    for the next one may have begun: `going` (3,) is its distance so far, its triangle, and how many
+    entries it has in `stack` and `stacked`; all are 0 where none has.
+
+    Writes bounds (k, 2), certified, and triangles (k,) in tree order, and of those nearer than
+    `max_distance` metres feet (k, 3) in the world and their normals (k, 3), which may be (0, 3); of
+    the others the triangle is NONE and the upper bound infinite. Where `signed`, the bounds are of
+    the distance to the triangles, no feet or normals are written; `sides` makes answers of that.
     """
     found = on_stack(WIDTH, np.float32(0.0))
     radius, deviation = tree.scale[SWEPT], tree.scale[DEVIATION]
     farthest = core_of(max_distance, radius, deviation)
     least = _TELLING * tree.scale[2] if signed else 0.0
-    nearby = max(np.int64(triangles[first - 1]), 0) if first > 0 else 0
     for k in range(first, points.shape[0]):
         if steps <= 0:
             return k
         p, slack = _image(tree, pose, points, k)
-        distance, nearby, top = begin_nearest(tree, p, nearby, stack, stacked)
         beyond = farthest + 2.0 * slack  # less one slack it is beyond, whatever rounding does
-        distance = min(distance, max(beyond, least))
-        distance, nearby, _, left = nearest(
-            tree, p, distance, nearby, top, slack, 0.0, stack, stacked, found, _TO_THE_END
+        distance, nearby, top = going[0], np.int64(going[1]), np.int64(going[2])
+        if top == 0:
+            steps -= _ONE_POINT
+            nearby = max(np.int64(triangles[k - 1]), 0) if k > 0 else 0
+            distance, nearby, top = begin_nearest(tree, p, nearby, stack, stacked)
+            distance = min(distance, max(beyond, least))
+        distance, nearby, top, steps = nearest(
+            tree, p, distance, nearby, top, slack, 0.0, stack, stacked, found, max(steps, 1)
         )
-        steps -= _ONE_POINT + _TO_THE_END - left
+        going[0], going[1], going[2] = distance, nearby, top
+        if top > 0:
+            return k
         near = distance < beyond
         triangles[k] = nearby if near else NONE
         if signed:

@@ -1,0 +1,202 @@
+"""By how much questions overrun their time budget, on the bench scenes.
+
+    python benchmark/budget.py [--scene NAME ...] [--quick] [--busy]
+
+Asked is what takes longer than its budget. Timed are processor time of the thread, which other
+programs do not lengthen, and time by the clock, which a budget is read from: a program that takes
+the processor away in between lengthens that alone. With --busy as many processes as there are
+processors compute beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import multiprocessing
+import os
+import sys
+from collections.abc import Callable, Iterator
+from time import perf_counter, thread_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proximity_monitor import engine
+from proximity_monitor.study.scenes import SCENES, StudyScene
+
+BUDGETS_US = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
+CHOSEN = ("concentric/0.5", "engine/crankshaft-block", "cave/random", "tori", "balls")
+ORDERS = ("depth_first", "priority", "breadth_first")
+ALLOWED_US = 50.0
+_CALLS, _QUICK = 40, 6
+_BATCH, _POINTS = 64, 4096
+
+Ask = Callable[[int, float], Any]
+"""Asks the question of a step's poses within seconds."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--scene", nargs="+", default=[], help="scenes or families; default: some")
+    parser.add_argument("--question", nargs="+", default=[], help="how their names begin")
+    parser.add_argument("--quick", action="store_true", help="few calls")
+    parser.add_argument("--busy", action="store_true", help="while other processes compute")
+    options = parser.parse_args(arguments)
+    wanted = options.scene or [name for name in SCENES if name in CHOSEN]
+    scenes = [name for name in SCENES if any(name.startswith(each) for each in wanted)]
+    others = [
+        multiprocessing.Process(target=_compute, daemon=True)
+        for _ in range((os.cpu_count() or 1) if options.busy else 0)
+    ]
+    for each in others:
+        each.start()
+    late: dict[str, list[tuple[str, int, NDArray[np.float64]]]] = {}
+    for name in scenes:
+        scene = SCENES[name]()
+        for question, ask in _questions(scene):
+            if options.question and not question.startswith(tuple(options.question)):
+                continue
+            for budget in BUDGETS_US:
+                found = _measure(scene, ask, 1e-6 * budget, _QUICK if options.quick else _CALLS)
+                late.setdefault(question, []).append((name, budget, found))
+        print(f"{name} is done", file=sys.stderr)
+    for each in others:
+        each.terminate()
+    _print(late)
+    return 0
+
+
+def _compute() -> None:
+    """Take a processor until somebody ends it."""
+    while True:
+        np.linalg.inv(np.eye(64) + 1.0)
+
+
+def _questions(scene: StudyScene) -> Iterator[tuple[str, Ask]]:
+    """Every question that takes a budget, by name."""
+    models = {name: engine.TriangleMesh(*mesh) for name, mesh in scene.meshes.items()}
+    track = scene.tracks[0]
+    a, b = models[track.a], models[track.b]
+    pa, pb = track.poses_a, track.poses_b
+    reach = [engine.distance(a, pa[k], b, pb[k]).upper for k in _steps(scene, _CALLS)]
+    # What a mesh finds out once, when it is first asked for it, is not of a question.
+    assert all(model.not_solid is not None for model in models.values())
+    pair = engine.Pair(a, b)
+    for order in ORDERS:
+        yield (
+            f"distance, {order}",
+            lambda k, s, order=order: pair.distance(pa[k], pb[k], budget_s=s, order=order),
+        )
+    yield "manifold", lambda k, s: pair.distance(pa[k], pb[k], budget_s=s, manifold=True)
+    yield "new pair", lambda k, s: engine.distance(a, pa[k], b, pb[k], budget_s=s)
+    close = 0.999 * float(np.median(reach))
+    yield "within", lambda k, s: pair.within(pa[k], pb[k], close, budget_s=s)
+    yield "collide", lambda k, s: pair.collide(pa[k], pb[k], budget_s=s)
+    # Pushed into each other, for contacts.
+    inner = [_pushed(a, pa[k], b, pb[k]) for k in _steps(scene, _CALLS)]
+    inside = dict(zip(_steps(scene, _CALLS), inner, strict=True))
+    yield (
+        "all contacts",
+        lambda k, s: pair.collide(inside[k], pb[k], all_contacts=True, budget_s=s),
+    )
+    yield "signed", lambda k, s: pair.signed_distance(pa[k], pb[k], budget_s=s)
+    yield "signed, inside", lambda k, s: pair.signed_distance(inside[k], pb[k], budget_s=s)
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (_POINTS, 3)) * a.radius
+    yield (
+        "closest points",
+        lambda k, s: engine.closest_points(a, pa[k], points + pa[k, :3, 3], budget_s=s),
+    )
+    yield (
+        "points, signed",
+        lambda k, s: engine.closest_points(
+            a, pa[k], points + pa[k, :3, 3], signed=True, budget_s=s
+        ),
+    )
+
+    def part(k: int) -> slice:
+        first = min(k, max(len(pa) - _BATCH, 0))
+        return slice(first, first + _BATCH)
+
+    yield (
+        "distances",
+        lambda k, s: engine.distances(a, pa[part(k)], b, pb[part(k)], budget_s=s),
+    )
+    names = list(models)
+    assembly = engine.Assembly([models[name] for name in names])
+    pairs = np.array([[names.index(t.a), names.index(t.b)] for t in scene.tracks])
+    pairs = np.tile(pairs, (-(-_BATCH // len(pairs)), 1))[:_BATCH]
+
+    def poses(k: int) -> NDArray[np.float64]:
+        where = {t.a: t.poses_a[k] for t in scene.tracks}
+        where |= {t.b: t.poses_b[k] for t in scene.tracks}
+        return np.array([where[name] for name in names])
+
+    if len(names) > 1:
+        yield "Assembly", lambda k, s: assembly.distances(poses(k), pairs, budget_s=s)
+        yield (
+            "Assembly, signed",
+            lambda k, s: assembly.distances(poses(k), pairs, signed=True, budget_s=s),
+        )
+
+
+def _pushed(
+    a: engine.TriangleMesh, pose_a: NDArray[np.float64], b: engine.TriangleMesh,
+    pose_b: NDArray[np.float64],
+) -> NDArray[np.float64]:  # fmt: skip
+    """The pose of a, moved so that its surface crosses that of b."""
+    found = engine.distance(a, pose_a, b, pose_b)
+    moved = pose_a.copy()
+    way = found.point_b - found.point_a
+    moved[:3, 3] += way + 0.01 * a.radius * (way / max(float(np.linalg.norm(way)), 1e-12))
+    return moved
+
+
+def _steps(scene: StudyScene, calls: int) -> list[int]:
+    """As many steps, spread over all."""
+    return np.linspace(0, len(scene.tracks[0].poses_a) - 1, calls).astype(int).tolist()
+
+
+def _measure(scene: StudyScene, ask: Ask, budget_s: float, calls: int) -> NDArray[np.float64]:
+    """(k, 2) seconds by which calls overran: of processor time, and by the clock.
+
+    Each question is asked three times in a row, so that a search that was cut goes on.
+    """
+    steps = _steps(scene, _CALLS)[:: _CALLS // calls]
+    ask(steps[-1], 10.0)  # compiles
+    found = []
+    gc.disable()
+    for step in steps:
+        for _ in range(3):
+            began, start = thread_time(), perf_counter()
+            ask(step, budget_s)
+            took = thread_time() - began, perf_counter() - start
+            found.append(took)
+        gc.collect(0)
+    gc.enable()
+    return np.array(found) - budget_s
+
+
+def _print(late: dict[str, list[tuple[str, int, NDArray[np.float64]]]]) -> None:
+    """Print a table, microseconds; of the calls that took their budget."""
+    print("| overrun, µs | calls | median | 99 % | most | clock: 99 % | most | worst 99 % |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for question, found in late.items():
+        rows = 1e6 * np.concatenate([each for _, _, each in found])
+        over = rows[rows[:, 1] > 0.0]
+        if not len(over):
+            print(f"| {question} | 0 | | | | | | |")
+            continue
+        worst = max(found, key=lambda each: np.percentile(each[2][:, 0], 99))
+        middle, most, all_ = np.percentile(over[:, 0], (50, 99, 100))
+        clock, longest = np.percentile(over[:, 1], (99, 100))
+        print(
+            f"| {question} | {len(over)} | {middle:.0f} | {most:.0f} | {all_:.0f} | {clock:.0f} | "
+            f"{longest:.0f} | {worst[0]}, {worst[1]} µs: "
+            f"{1e6 * np.percentile(worst[2][:, 0], 99):.0f} |"
+        )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,84 @@
+"""The contacts of two models, from what a search found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base import state as index
+from ..kernels.elements import contacts as kernel
+from ..kernels.elements.swept import lower_of, reach_of
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
+from .run import Search, least
+
+Touching = tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]
+"""Contacts, points and normals, as in `Collision`."""
+
+
+def no_contacts() -> Touching:
+    """Of models that do not meet."""
+    return np.empty((0, 2), np.int32), np.empty((0, 3)), np.empty((0, 3))
+
+
+@dataclass(frozen=True, slots=True)
+class Met:
+    """What a search holds of triangles that touch or cross; `contacts` makes the answer of it.
+
+    A point and a normal take a microsecond, and there may be thousands of contacts: so nothing of
+    that is done within the budget of the search.
+    """
+
+    models: tuple[Model, Model]
+    hierarchies: tuple[Hierarchy, Hierarchy]
+    """As the search saw them: a model may be refitted later."""
+    pose_a: NDArray[np.float64]
+    blocks: tuple[NDArray[np.float64], ...]
+    """Rows of `State.collected`."""
+    motions: NDArray[np.float64]
+    progress: np.void
+    """`State.motions`, and how far the search was, as PROGRESS."""
+
+    @property
+    def touching(self) -> bool:
+        """Whether the nearest triangles that were found touch or cross, or rounding hides it."""
+        progress = self.progress
+        certain = progress["distance"] - progress["slack"]
+        return bool(lower_of.py_func(certain, progress["radii"], progress["deviations"]) <= 0.0)
+
+    def contacts(self) -> Touching:
+        """All contacts in the rows."""
+        a, b = self.hierarchies
+        progress = self.progress
+        reach = reach_of.py_func(0.0, progress["radii"], progress["deviations"])
+        rows = np.concatenate(
+            [each[least(each, progress["slack"]) <= reach] for each in self.blocks]
+        )
+        pairs = rows[:, :2].astype(np.int32)
+        points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
+        # The search itself may go on meanwhile.
+        own = Search(*self.models, coherent=False)
+        own.state.motions[:], own.state.progress[0] = self.motions, progress
+        tables = a.table_of_all, b.table_of_all
+        kernel.contacts(*tables, own.memory, self.pose_a, pairs, points, normals)
+        contacts = np.stack((a.numbers[pairs[:, 0]], b.numbers[pairs[:, 1]]), axis=1)
+        return contacts, points, normals
+
+
+def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
+    """What a search that collects found at this pose of a; or the one contact of any other."""
+    a, b = search.models
+    blocks = search.collected()
+    if not len(search.state.collected):
+        answer = search.answers[0]
+        blocks = (np.array([[answer[index.TREE_A], answer[index.TREE_B], 0.0]]),)
+    return Met(
+        search.models,
+        (a._hierarchy, b._hierarchy),
+        pose_a.copy(),
+        blocks,
+        search.state.motions.copy(),
+        search.progress_now(),
+    )

@@ -1,0 +1,159 @@
+"""Yes-or-no answers: no is certain; where a budget ended first, the answer is an undecided yes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base import state as index
+from .contacts import Met, Touching, no_contacts
+from .witness import witness_points
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """The answer to "is anything nearer than this?": no, yes, or not known in time.
+
+    Attributes:
+        row: (ANSWER,) the answer as numbers in a row, as a search writes them.
+        clearance: metres; what was asked for.
+        ended: whether the search came to an end before its budget did.
+    """
+
+    row: NDArray[np.float64]
+    clearance: float
+    ended: bool
+
+    @property
+    def within(self) -> bool:
+        """False only where it is certain that the surfaces are farther apart than asked.
+
+        True where they are as near, or where rounding or the end of the budget leaves that open:
+        see `decided`.
+        """
+        return self.lower <= self.clearance
+
+    @property
+    def decided(self) -> bool:
+        """False where the budget ended before it was known: then nothing excludes that it is so."""
+        return self.ended or not self.within or self.upper <= self.clearance
+
+    @property
+    def lower(self) -> float:
+        """Metres; certified lower bound of the distance, above `clearance` if `within` is False."""
+        return float(self.row[index.LOWER])
+
+    @property
+    def upper(self) -> float:
+        """Metres; certified upper bound, attained by the witness points."""
+        return float(self.row[index.UPPER])
+
+    @property
+    def point_a(self) -> NDArray[np.float64]:
+        """(3,) metres, world; witness on a, as near as asked where `within` is decided."""
+        return witness_points(self.row)[0]
+
+    @property
+    def point_b(self) -> NDArray[np.float64]:
+        """(3,) metres, world; witness on b."""
+        return witness_points(self.row)[1]
+
+    @property
+    def bound_tests(self) -> int:
+        """Bounding volume pairs tested."""
+        return int(self.row[index.TESTS])
+
+    @property
+    def primitive_tests(self) -> int:
+        """Triangle pairs tested."""
+        return int(self.row[index.TESTS + 1])
+
+    def __repr__(self) -> str:
+        """The answer and the bounds."""
+        return (
+            f"Clearance(within={self.within}, decided={self.decided}, lower={self.lower!r}, "
+            f"upper={self.upper!r})"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Collision:
+    """Whether two surfaces touch or cross: no, yes, or not known in time.
+
+    Attributes:
+        row: (ANSWER,) the answer as numbers in a row, as a search writes them.
+        met: what makes the contacts.
+        complete: whether the search came to an end before its budget did: what was asked for is
+            decided, and where all contacts were asked for none is missing.
+    """
+
+    row: NDArray[np.float64]
+    met: Met
+    complete: bool
+
+    @property
+    def colliding(self) -> bool:
+        """False only where it is certain that they do neither.
+
+        True where they do, or where rounding or the end of the budget leaves that open: see
+        `decided`.
+        """
+        return bool(self.row[index.LOWER] == 0.0)
+
+    @property
+    def decided(self) -> bool:
+        """False where the budget ended before it was known: then nothing excludes that they do."""
+        return self.complete or not self.colliding or self.met.touching
+
+    @property
+    def contacts(self) -> NDArray[np.int32]:
+        """(k, 2) int32; elements of a and of b, such as triangles, that touch or cross.
+
+        One pair, or every pair where all of them were asked for and the answer is `complete`.
+        """
+        return self._found[0]
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """(k, 3) metres, world; a point of each contact, on both surfaces to rounding.
+
+        On a, where only what the models may deviate lets them touch.
+        """
+        return self._found[1]
+
+    @property
+    def normals(self) -> NDArray[np.float64]:
+        """(k, 3) unit vectors, world; the way from a to b of each contact.
+
+        Along it b is pushed away. Where balls touch it is the line of their centres. Else it is the
+        outward normal of a's triangle or the inward one of b's (outward as the order of their
+        corners says): that one along which the two triangles are parted sooner. Of segments that
+        cross it is perpendicular to both, of points that coincide it is zero.
+        """
+        return self._found[2]
+
+    @cached_property
+    def _found(self) -> Touching:
+        """Contacts, points and normals; made when they are first read, which no budget counts."""
+        touching = self.colliding and self.decided
+        return self.met.contacts() if touching else no_contacts()
+
+    @property
+    def bound_tests(self) -> int:
+        """Bounding volume pairs tested."""
+        return int(self.row[index.TESTS])
+
+    @property
+    def primitive_tests(self) -> int:
+        """Triangle pairs tested."""
+        return int(self.row[index.TESTS + 1])
+
+    def __repr__(self) -> str:
+        """The answer and how many contacts were found."""
+        return (
+            f"Collision(colliding={self.colliding}, decided={self.decided}, "
+            f"complete={self.complete}, {len(self.contacts)} contacts)"
+        )

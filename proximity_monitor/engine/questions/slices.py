@@ -1,0 +1,45 @@
+"""How much of a search a kernel may do before somebody looks at the clock."""
+
+from __future__ import annotations
+
+import math
+from time import perf_counter
+
+LONG = 1 << 18
+"""Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
+
+_FIRST = 64
+"""Steps of the first slice, some 10 µs: how long a step takes is not known yet."""
+_LEAST, _MOST = 32, 1 << 14
+_SHARE = 3.0
+"""A slice takes the third part of the time that is left, if its steps take as long as the last
+did. So a search looks at the clock some ten times in a budget, and late only where a step suddenly
+takes three times as long."""
+
+
+class Slices:
+    """The slices of a search until a deadline: `steps` is what the next one may take.
+
+    Args:
+        deadline: of perf_counter; None or infinity for none.
+    """
+
+    __slots__ = ("_begun", "_deadline", "steps")
+
+    def __init__(self, deadline: float | None) -> None:
+        self._deadline = None if deadline == math.inf else deadline
+        self._begun = perf_counter()
+        self.steps = LONG if self._deadline is None else _FIRST
+
+    def over(self) -> bool:
+        """Look at the clock: whether no time is left for another slice."""
+        if self._deadline is None:
+            return False
+        now = perf_counter()
+        pace = (now - self._begun) / self.steps
+        left = self._deadline - now
+        if left <= _LEAST * pace:
+            return True
+        self._begun = now
+        self.steps = max(_LEAST, min(int(left / (_SHARE * pace)), _MOST))
+        return False
