@@ -50,7 +50,8 @@ for _ in range(20):
     batches.append((thread_time() - began) / 256)
 print(json.dumps({
     "import": imported - start, "build": built - imported, "query": asked - built,
-    "assembly": gathered - asked, "all": gathered - start, "single": sorted(singles)[1000], "batch": sorted(batches)[10],
+    "assembly": gathered - asked, "all": gathered - start,
+    "single": sorted(singles)[1000], "batch": sorted(batches)[10],
 }))
 """
 
