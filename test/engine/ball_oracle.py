@@ -103,10 +103,8 @@ def deepest_of_surface(solid, pose_solid, surface, pose_surface, cuts: int = 5):
     depths = depths_in(solid, pose_solid)
     s, t = np.meshgrid(*2 * [np.arange(cuts + 1) / cuts])
     s, t = s[s + t <= 1.0 + 1e-9], t[s + t <= 1.0 + 1e-9]
-    best, left = -math.inf, 0.0
-    for a, b, c in triangles(surface, pose_surface):
-        points = a + s[:, None] * (b - a) + t[:, None] * (c - a)
-        reach = max(np.linalg.norm(v) for v in (b - a, c - b, a - c)) / cuts
-        found = float(depths(points).max())
-        best, left = max(best, found), max(left, found + reach)
-    return max(best, 0.0), left
+    corners = triangles(surface, pose_surface)
+    a, e, f = corners[:, :1], corners[:, 1:2] - corners[:, :1], corners[:, 2:] - corners[:, :1]
+    found = depths((a + s[:, None] * e + t[:, None] * f).reshape(-1, 3)).reshape(len(corners), -1)
+    reach = np.linalg.norm([e[:, 0], f[:, 0], f[:, 0] - e[:, 0]], axis=2).max(axis=0) / cuts
+    return max(float(found.max()), 0.0), max(float((found.max(axis=1) + reach).max()), 0.0)

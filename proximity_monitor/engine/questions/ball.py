@@ -224,7 +224,7 @@ class DeepestSearch(BallSearch):
     def bounds(self) -> tuple[float, float]:
         """Certified bounds of the depth, metres; a swept surface reaches deeper by its radius."""
         shallow, deep = self._radii()
-        return shallow, deep + self._pair[1].swept_radius if deep > 0.0 else 0.0
+        return shallow, deep + self._pair[1].swept_radius
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write into an answer (ANSWER,) the deepest point, and the solid's nearest to it."""

@@ -63,8 +63,8 @@ def seeds_beside(
 def _beside(
     point: NDArray[np.float64], ways: Sequence[NDArray[np.float64]], size: float
 ) -> NDArray[np.float64]:
-    shares = np.repeat(_SHARES, len(ways))[:, None]
-    return point + size * shares * np.tile(np.array(ways), (len(_SHARES), 1))
+    steps = np.multiply.outer(_SHARES, np.array(ways)).reshape(-1, 3)
+    return point + size * steps
 
 
 def _normal(
@@ -72,8 +72,9 @@ def _normal(
 ) -> tuple[NDArray[np.float64], float]:
     """The unit normal of a face in the world, or zero; and how large the face is, metres."""
     core = model._hierarchy
-    a, b, c = core.vertices[core.faces[face]]
-    n = np.cross(b - a, c - a)
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = core.vertices[core.faces[face]].tolist()
+    ex, ey, ez, fx, fy, fz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+    n = np.array((ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx))
     length = math.sqrt(n @ n)
     if not length > 0.0:
         return np.zeros(3), 0.0

@@ -31,8 +31,9 @@ Where balls sweep the models, all of this is about their cores, and every bound 
 the cores' less both radii, widened by both deviations: a sphere that spins does not move. What is
 below zero is about the swept models, whose points lie farther out: it uses the motion of those. At
 two core points p and q the models hold balls of both radii, so the signed distance is at most |q -
-p| less the radii, but for a ball that lies wholly inside: then minus the smaller diameter. As depth
-is twice what points have, a deviation counts twice there.
+p| less the radii, but for a ball that lies wholly inside: two solids hold its diameter then, and of
+a surface a point is as deep as the solid's radius, so that minus the smaller radius holds for both.
+As depth is twice what points have, a deviation counts twice there.
 """
 
 from __future__ import annotations
@@ -231,7 +232,7 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
         points[i], points[3 + i] = point_a[i], point_b[i]
     between = _norm(sub(point_b, point_a)) + stretched - ball_a[SWEPT] - ball_b[SWEPT]
     if signed:
-        between = max(between, -2.0 * min(ball_a[SWEPT], ball_b[SWEPT]))
+        between = max(between, -min(ball_a[SWEPT], ball_b[SWEPT]))
         between += 2.0 * max(ball_a[DEVIATION], ball_b[DEVIATION])
     else:
         between = max(between, 0.0) + ball_a[DEVIATION] + ball_b[DEVIATION]
