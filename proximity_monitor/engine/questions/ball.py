@@ -15,12 +15,17 @@ from ..kernels.base.state import CUT, MeshTree
 from ..kernels.inside import ball as kernel
 from ..kernels.inside import ball_begin, deepest
 from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball
+from ..kernels.inside.solids import HALF
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from .slices import Slices
 
 _CELLS = 64
 """Cells that there is room for at first."""
+
+_MOST_CELLS = 4096
+"""Cells that are looked into where a solid has holes. Next to a hole a point is at once as deep as
+it is far from the faces: no cell there is bounded better, however small it is."""
 
 _SEEDS = 32
 """Points that a search may begin with."""
@@ -56,13 +61,17 @@ class BallSearch:
         b: second solid.
     """
 
-    __slots__ = ("_ball", "_models", "_poses")
+    __slots__ = ("_ball", "_models", "_most", "_poses", "given_up")
+
+    given_up: bool
+    """Whether the search ended without bounds as close as was asked for, at a hole."""
 
     _CELL = CELL
 
     def __init__(self, a: Model, b: Model) -> None:
         self._models = a, b
         self._ball = _memory(self._models, self._CELL)
+        self._most, self.given_up = math.inf, False
 
     @property
     def _solids(self) -> tuple[tuple, ...]:
@@ -78,7 +87,12 @@ class BallSearch:
     ) -> None:
         """Start a search, at the centre of the ball that the last one found."""
         self._poses = pose_a, pose_b
+        self._count_cells()
         ball_begin.begin_ball(*self._solids, pose_a, pose_b, depth_err, 0.5 * abs_err, self._ball)
+
+    def _count_cells(self) -> None:
+        insides = [model._hierarchy.sides().region.inside for model in self._models]
+        self._most, self.given_up = _MOST_CELLS if HALF in insides else math.inf, False
 
     def add_seeds(self, points: NDArray[np.float64]) -> None:
         """Have the search begin at points (k, 3) of the world, too."""
@@ -103,6 +117,9 @@ class BallSearch:
             if code == FULL:
                 self._make_room()
             elif code != CUT:
+                return True
+            if self._ball.at[0]["cells"] > self._most:
+                self.given_up = True
                 return True
             if slices.over():
                 return False
@@ -200,6 +217,7 @@ class DeepestSearch(BallSearch):
     ) -> None:
         """Start a search."""
         self._poses = pose_a, pose_b
+        self._count_cells()
         solid, surface = self._pair
         self._ball.motions[1] = np.eye(4, 3).ravel()
         deepest.begin_deepest(

@@ -48,6 +48,8 @@ class CoreSearch:
         b: second model.
     """
 
+    given_up = False
+
     __slots__ = ("_bounds", "_fresh", "_models", "_poses", "_search", "_shapes")
 
     def __init__(self, a: Model, b: Model) -> None:

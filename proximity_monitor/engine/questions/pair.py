@@ -27,7 +27,7 @@ class Pair:
     """Two models that are asked about again and again.
 
     The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section
-    6.2), so are the deepest vertex and what was found of other points' sides and depths, and a
+    6.2), so is the centre of the largest ball inside both, and a
     search that ran out of time goes on where the same question, whichever, is asked again. Volumes
     that were too far are not opened again before the models may have moved by as much.
     A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, and one that

@@ -201,8 +201,9 @@ def signed_distance(
         `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
         tested counts as one of either.
         Status INTERSECTING: the surfaces touch, or are so close that rounding, or what the models
-        may deviate, cannot tell; a depth that is known to differ from 0 comes as EXACT,
-        WITHIN_TOLERANCE or OUT_OF_TIME.
+        may deviate, cannot tell; or models overlap most next to a hole of a robust solid, where the
+        bounds stay wider than asked for. Any other depth comes as EXACT, WITHIN_TOLERANCE or
+        OUT_OF_TIME.
 
     Raises:
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
