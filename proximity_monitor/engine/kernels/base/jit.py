@@ -116,7 +116,6 @@ def specialised(function, name, **constants):
     copy = FunctionType(function.__code__, {**function.__globals__, **constants}, name)
     copy.__qualname__ = name  # by which its code is kept
     copy.__module__, copy.__doc__ = constants.get("__name__", function.__module__), function.__doc__
-    copy.__qualname__ = name  # by which it is kept
     return copy
 
 
