@@ -26,7 +26,6 @@ from proximity_monitor.engine.kernels.base.state import (
     State,
     Waiting,
 )
-from proximity_monitor.engine.kernels.pairs.entries import ENTRIES
 
 KNOWN = "0.68"
 BASE = Path(engine.__file__).parent / "kernels" / "base"
@@ -151,17 +150,6 @@ def _constant():
 def test_globals_are_constants():
     found = [run(jit.specialised(_constant, f"constant_{i}", CONSTANT=i))() for i in (2, 3)]
     assert found == [2, 3], broken("takes globals for constants (jit.specialised)")
-
-
-def test_each_entry_is_kept_under_a_name_of_its_own():
-    """They have the same arguments: under one name, one would be taken for another."""
-    names = [
-        cache.kernel_name(entry.py_func)
-        for of_order in ENTRIES.values()
-        for entry in of_order.values()
-    ]
-    entries = {id(each) for of_order in ENTRIES.values() for each in of_order.values()}
-    assert len(set(names)) == len(entries) == 6
 
 
 def test_a_kernel_is_kept_and_found_again(tmp_path, monkeypatch):

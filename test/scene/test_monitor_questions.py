@@ -106,7 +106,7 @@ def test_solids_have_certified_signed_distances(load, budget_s):
         for pair in tick.pairs:
             at = true[pair.a, pair.b]
             if budget_s == 1.0:
-                assert pair.upper == pytest.approx(at.upper, abs=1e-9, rel=0.011), "a depth is to 1 %"
+                assert pair.upper == pytest.approx(at.upper, abs=1e-9, rel=0.011), "to 1 %"
                 assert (pair.status is PairStatus.OVERLAPPING) == (at.upper < 0.0)
             overlapping += at.upper < 0.0
         assert tick.clearance() <= min(at.upper for at in true.values())

@@ -7,6 +7,8 @@ of their cores says it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 

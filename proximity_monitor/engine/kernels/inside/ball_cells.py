@@ -13,17 +13,12 @@ _OVERLAP = 2.0**-51
 """Share of the coordinates by which halves overlap, so that rounding leaves no gap."""
 
 
-_PATIENCE = 20_000
-"""Cells among which it is tried to prove that a solid with holes and another one share nothing. It
-cannot be proven where they touch, and takes the more cells the nearer they are."""
-
-
 @kernel
 def limit_of(at):
     """Bound, metres, up to which a radius is none that matters beside the one that was found."""
     radius = at.radius
-    if radius == 0.0 and at.floor > 0.0 and at.cells < _PATIENCE:
-        return 0.0  # the surfaces may be apart, and then nothing is in both
+    if radius == 0.0 and at.floor > 0.0:
+        return 0.0  # a solid has holes, and only this search can tell that nothing is in both
     limit = max(radius + 32.0 * at.slack, at.floor)
     if radius > 0.0:  # before, it is not known whether there is any
         limit = max(limit, max(radius * (1.0 + at.rel_err), radius + at.abs_err))
