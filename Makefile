@@ -48,7 +48,7 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
 	@echo 'make test [ARGS="-k scene"]       run the tests (ARGS go to pytest)'
-	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal'
+	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal (--pqp DIR: PQP too)'
 	@echo 'make robots [ARGS="--quick"]       all links of real robots against pinocchio and coal'
 	@echo 'make latency [ARGS="--quick"]      from a pose to its closest points, across processes'
 	@echo 'make accuracy [ARGS="--quick"]     what accuracy costs in time: data, figures and a page'

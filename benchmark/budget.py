@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proximity_monitor import engine
-from proximity_monitor.study.scenes import SCENES, Scene
+from proximity_monitor.study.scenes import SCENES, StudyScene
 
 BUDGETS_US = (20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 CHOSEN = ("concentric/0.5", "engine/crankshaft-block", "cave/random", "tori", "balls")
@@ -74,7 +74,7 @@ def _compute() -> None:
         np.linalg.inv(np.eye(64) + 1.0)
 
 
-def _questions(scene: Scene) -> Iterator[tuple[str, Ask]]:
+def _questions(scene: StudyScene) -> Iterator[tuple[str, Ask]]:
     """Every question that takes a budget, by name."""
     models = {name: engine.TriangleMesh(*mesh) for name, mesh in scene.meshes.items()}
     track = scene.tracks[0]
@@ -153,12 +153,12 @@ def _pushed(
     return moved
 
 
-def _steps(scene: Scene, calls: int) -> list[int]:
+def _steps(scene: StudyScene, calls: int) -> list[int]:
     """As many steps, spread over all."""
     return np.linspace(0, len(scene.tracks[0].poses_a) - 1, calls).astype(int).tolist()
 
 
-def _measure(scene: Scene, ask: Ask, budget_s: float, calls: int) -> NDArray[np.float64]:
+def _measure(scene: StudyScene, ask: Ask, budget_s: float, calls: int) -> NDArray[np.float64]:
     """(k, 2) seconds by which calls overran: of processor time, and by the clock.
 
     Each question is asked three times in a row, so that a search that was cut goes on.

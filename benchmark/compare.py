@@ -1,9 +1,10 @@
 """Time this engine, python-fcl and coal side by side in one process, on one thread.
 
-    python benchmark/compare.py [--scene NAME ...] [--quick] [--out DIR] [--data DIR]
+    python benchmark/compare.py [--scene NAME ...] [--quick] [--out DIR] [--data DIR] [--pqp DIR]
 
-Writes compare.csv and compare.md and prints the latter. Ends with status 1 where two engines
-disagree by more than a millionth of a scene's scale.
+Writes compare.csv and compare.md and prints the latter; with PQP's sources a comparison with it as
+well (see pqp.py). Ends with status 1 where two engines disagree by more than a millionth of a
+scene's scale.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import peers
+import pqp
 from measure import measure
 from recorded import available
 from rich.console import Console
@@ -50,6 +52,10 @@ def main(arguments: list[str] | None = None) -> int:
     for asked in options.scene:
         if not any(_wanted(name, [asked]) for name in scenes):
             sys.exit(f"--scene {asked}: not among {', '.join(scenes)}")
+    try:
+        program = pqp.Pqp(options.pqp) if options.pqp else None
+    except FileNotFoundError as error:
+        sys.exit(f"--pqp: {error}")
     options.out.mkdir(parents=True, exist_ok=True)
     rows = []
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()
@@ -64,6 +70,9 @@ def main(arguments: list[str] | None = None) -> int:
             rows.append({"scene": name, **_ratios(row, libraries), **row})
             _write_csv(options.out / "compare.csv", rows)
     tables = _times(rows, libraries), _summary(rows, libraries), _work(rows, libraries)
+    if program:
+        chosen_scenes = {name: scenes[name] for name in chosen}
+        tables += (pqp.table(chosen_scenes, program, options.quick, options.out),)
     page = "\n".join((_machine(libraries) + "\n", NOTES, *tables))
     (options.out / "compare.md").write_text(page)
     print(page, end="")
@@ -79,6 +88,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--quick", action="store_true", help="a few blocks of each scene")
     parser.add_argument("--out", type=Path, default=OUT, help="folder to write to (%(default)s)")
     parser.add_argument("--data", type=Path, help="folder that holds the folder falling_tori")
+    parser.add_argument(
+        "--pqp", type=Path, metavar="DIR", help="PQP's sources: compare with it too"
+    )
     return parser
 
 

@@ -58,3 +58,11 @@ def test_unknown_scene_is_refused_with_the_known_ones(tmp_path):
     assert done.returncode == 1
     assert "nosuch" in done.stderr
     assert "cave/random" in done.stderr
+
+
+@pytest.mark.skipif(not PEERS, reason="neither python-fcl nor coal is installed")
+def test_a_folder_without_pqp_is_refused(tmp_path):
+    done = compare("--pqp", str(tmp_path), "--out", str(tmp_path))
+    assert done.returncode == 1
+    assert done.stderr.startswith("--pqp: no source of PQP: ")
+    assert str(tmp_path / "PQP.cpp") in done.stderr

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from .kernels.base import ahead, cache, claims
 from .kernels.base.state import QUERY, MeshTree
-from .kernels.inside import depth, probe, solids
+from .kernels.inside import ball, solids
+from .kernels.inside.ball_state import CELL, POINT, SEARCH, Ball
 from .kernels.inside.contain import Insides, settle_signs
 from .kernels.pairs import mesh_mesh
 from .kernels.tree import build, fit_tree, pairing
@@ -30,7 +31,7 @@ def kernels(watching: bool) -> Iterator[Kernel]:
     """
     real, reals, rows = 0.0, np.empty(0), np.empty((0, 4))
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
-    table, counts = np.empty((2, 0), np.int64), np.empty(0, np.int64)
+    table = np.empty((2, 0), np.int64)
     tables, queries = np.empty((0, 2, 0), np.int64), np.empty(0, QUERY)
     asked = tables, table, rows, rows, queries, 0, 0, 1, 0, True, rows
     yield mesh_mesh.search, asked
@@ -38,22 +39,18 @@ def kernels(watching: bool) -> Iterator[Kernel]:
     if watching:
         nodes, frozen = _frozen(np.empty(0, np.float32)), _frozen(reals)
         tree = MeshTree(nodes, frozen_rows, frozen_lanes, nodes, frozen_rows, frozen)
-        region = solids.Region(
-            0, _frozen(np.empty(0, np.uint8)), frozen_lanes, frozen, real, frozen_rows
-        )
-        memory = depth.Depth(
-            rows, reals, counts, reals, integers,
-            probe.Probe(reals, counts, lanes, reals, counts, rows),
+        region = solids.Region(0, frozen_lanes, frozen, real, tree, frozen_rows)
+        point = np.empty(0, POINT)
+        memory = Ball(
+            np.empty(0, SEARCH), rows, rows, point, point, point, reals, lanes,
+            np.empty(0, CELL), lanes, reals,
         )  # fmt: skip
         yield mesh_mesh.search_nearest_first, asked
-        yield depth.search_depth, (tree, tree, region, region, memory, True, 0)
+        yield ball.search_ball, (tree, tree, region, region, memory, True, 0)
+        signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
         insides = Insides(np.empty(0, np.int8), table, lanes, tables)
-        signs = np.empty(0, np.bool_)
-        poses = np.empty((0, 4, 4))
-        yield (
-            settle_signs,
-            (insides, poses, integers, reals, signs, 0, 0, 1, integers, rows),
-        )
+        settled = insides, poses, integers, reals, signs, 0, 0, 1, integers, rows
+        yield settle_signs, settled
         yield solids.part_volumes, (frozen_rows, real, lanes, lanes)
     yield fit_tree.fit_tree, (rows, integers, lanes, real, None)
     yield build.build_tree, (rows, integers, 0)

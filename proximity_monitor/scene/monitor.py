@@ -17,9 +17,9 @@ import numpy as np
 from proximity_monitor import engine
 from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.assembly.schedule import Schedule
-from proximity_monitor.scene.near_pairs import NearPairs
 from proximity_monitor.scene.placing import Placing
 from proximity_monitor.scene.state import PairStates, PoseSample, Tick
+from proximity_monitor.scene.watch import NearPairs
 
 if TYPE_CHECKING:
     from proximity_monitor.scene import Scene, Thresholds

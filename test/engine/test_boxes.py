@@ -197,26 +197,18 @@ def test_boxes_of_any_size(factor, other, kind):
             assert bound >= distance * (1.0 - 2e-6) - 64.0 * 2.0**-24 * frame
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_box_and_a_swept_sphere(kind):
-    """The one is bounded as it is, the other with its own radius, whichever is placed."""
+@pytest.mark.parametrize("threads", [1, 3])
+def test_bodies_of_both_kinds_are_asked_about_together(threads):
+    """Each kind of pair has a search of its own; the answers come in the order of the questions."""
     rng = np.random.default_rng(6)
-    boxes, spheres = around(corners_of((1.0, 0.8, 0.6)), kind), of(sphere(3), "pss")
-    c, edges = stored(boxes)
-    centre, _ = stored(spheres)
-    radius = float(spheres._hierarchy.tree.nodes[9 * WIDTH]) * spheres._hierarchy.tree.scale[0]
-    for direction in rng.normal(size=(30, 3)):
-        where = translation(*(2.0 * direction))
-        away = 2.0 * direction + c - centre
-        distance = np.linalg.norm(
-            away - np.clip(away @ edges.T / (edges**2).sum(axis=1), -1, 1) @ edges
-        )
-        for bound in (
-            bounds(boxes, where, spheres, np.eye(4))[0][0],
-            bounds(spheres, np.eye(4), boxes, where)[0][0],
-        ):
-            assert bound <= max(distance - radius, 0.0)
-            assert bound >= min(distance - radius, 0.0) + (distance - radius) * (1 - 1e-5) - 1e-4
+    kinds = ("rss", "obb", "aabb", "rss", "pss")
+    bodies = [of(mesh, kind) for mesh, kind in zip((torus(), box()) * 3, kinds, strict=False)]
+    poses = np.array([pose(rng, 2.0) for _ in bodies])
+    pairs = rng.permutation(list(itertools.combinations(range(len(bodies)), 2)))
+    found = engine.Assembly(bodies).distances(poses, pairs, threads=threads)
+    for k, (i, j) in enumerate(pairs):
+        one = engine.distance(bodies[i], poses[i], bodies[j], poses[j])
+        assert (found.lower[k], found.upper[k]) == pytest.approx((one.lower, one.upper), abs=1e-13)
 
 
 def turned_by(rng, digits):

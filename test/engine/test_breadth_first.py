@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from engine_bodies import (
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
 from proximity_monitor.engine.kernels.tree.layout import EMPTY, WIDTH
-from proximity_monitor.engine.questions import run
+from proximity_monitor.engine.questions import run, slices
 
 A, B = sphere(3), torus(24)
 NESTED = sphere(4, 1.0), sphere(4, 1.3)
@@ -89,7 +90,8 @@ def test_a_refit_renews_the_vertices(volume):
 
 
 def test_the_vertices_kept_of_the_whole_models_are_its_first_upper_bound(monkeypatch):
-    monkeypatch.setattr(run, "SLICE", 1)
+    for name in ("_FIRST", "_LEAST", "_MOST"):
+        monkeypatch.setattr(slices, name, 1)
     rng = np.random.default_rng(2)
     p, q = (
         m._hierarchy.tree.triangles.reshape(-1, 3)[m._hierarchy.spread_corners()[1]] for m in (A, B)
@@ -115,7 +117,7 @@ def test_a_full_list_is_searched_from_its_end(length, monkeypatch):
     search = run.Search(*NESTED, "breadth_first")
     lower, code, longest = 0.0, None, 0
     while code != run.index.ENDED:
-        deadline = run.perf_counter() + 2e-5
+        deadline = perf_counter() + 2e-5
         code = search.run(IDENTITY, IDENTITY, deadline=deadline, fresh=code is None)
         lanes, bounds = search.pending()
         longest = max(longest, len(lanes))

@@ -10,10 +10,14 @@ import stat
 import subprocess
 import sys
 import tempfile
+from collections import defaultdict
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
 import pytest
 
+from proximity_monitor.engine import kernels
 from proximity_monitor.engine.kernels.base import cache
 
 ASK = (
@@ -251,3 +255,15 @@ def test_what_the_machine_code_depends_on_is_in_the_name():
     assert one != kernel._name("(float64,)", Code("znver3")), "other types"
     other = cache.KernelCache(cache._trusted)
     assert one != other._name("(int64,)", Code("znver3")), "another function"
+
+
+def test_each_kernel_is_kept_under_a_name_of_its_own():
+    """Entries that are made of one function take the same arguments: only the name tells them."""
+    names = defaultdict(set)
+    for module in walk_packages(kernels.__path__, f"{kernels.__name__}."):
+        for function in vars(import_module(module.name)).values():
+            kept = getattr(function, "_cache", None)
+            if isinstance(kept, cache.KernelCache):
+                names[kept._about].add(function)
+    assert len(names) > 30
+    assert [about for about, functions in names.items() if len(functions) > 1] == []

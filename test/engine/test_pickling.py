@@ -53,7 +53,11 @@ def memory_of(thing, models=(), seen=None):
     seen = {} if seen is None else seen
     if id(thing) in seen or any(thing is model for model in models):
         return []
+    if hasattr(thing, "py_func"):  # a kernel, which all share
+        return []
     seen[id(thing)] = thing
+    if hasattr(thing, "py_func"):  # compiled code has no memory of a search
+        return []
     if isinstance(thing, np.ndarray):
         return [thing] if thing.size else []
     if isinstance(thing, dict):

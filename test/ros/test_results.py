@@ -110,15 +110,15 @@ def test_clearance_is_the_smallest_lower_bound(peer, own_answers):
     peer.wait(lambda: peer.next("clearance").data == near, "the clearance of these poses")
 
 
-def test_bodies_that_intersect_are_at_stop(peer):
-    """Also where how deep is open: the ball's diameter bounds it."""
-    for height, status, shallow in ((0.05, "intersecting", 0.0), (-0.02, "overlapping", 0.04)):
+def test_bodies_that_overlap_are_at_stop_and_say_how_deep(peer):
+    """The ball's centre is above the table, and within: then the table's thickness is the depth."""
+    for height, depth in ((0.05, 0.05), (-0.02, 0.1)):
         pair = peer.settle(ball=(0.0, 0.0, height))["table - ball"]
-        assert (pair["status"], pair["state"]) == (status, "stop")
-        depth = -float(pair["lower_m"])
-        assert 0.1 - height <= depth <= 0.2 + 1e-12
-        assert -float(pair["upper_m"]) == pytest.approx(shallow, abs=1e-9)
-        peer.wait(lambda deep=depth: peer.next("clearance").data == -deep, "no clearance")
+        assert (pair["status"], pair["state"]) == ("overlapping", "stop")
+        shallow, deep = -float(pair["upper_m"]), -float(pair["lower_m"])
+        assert shallow - 1e-12 <= depth <= deep + 1e-12
+        assert deep <= 1.011 * shallow
+        peer.wait(lambda least=-deep: peer.next("clearance").data == least, "no clearance")
 
 
 def test_lines_and_points_join_the_closest_points_in_the_colour_of_the_state(peer, own_answers):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from crowds import assert_certified, exact, samples, text, walk
 
-from proximity_monitor.scene import Thresholds, near_pairs
+from proximity_monitor.scene import Thresholds
+from proximity_monitor.scene import watch as watched_pairs
 from proximity_monitor.scene.alerts import Alerts
 from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
@@ -122,7 +123,7 @@ def test_a_silent_body_is_never_far(load):
 
 
 def test_of_very_many_silent_bodies_not_every_pair_is_listed(load, monkeypatch):
-    monkeypatch.setattr(near_pairs, "LISTED_SILENT", 20)
+    monkeypatch.setattr(watched_pairs, "LISTED_SILENT", 20)
     _, _, monitor = watch(load, head="range: 0.01")
     tick = monitor.tick({}, 0.1)
     assert len(tick.pairs) == 20
@@ -132,7 +133,7 @@ def test_of_very_many_silent_bodies_not_every_pair_is_listed(load, monkeypatch):
 
 
 def test_pairs_that_are_ignored_are_not_counted_among_the_unsure(load, monkeypatch):
-    monkeypatch.setattr(near_pairs, "LISTED_SILENT", 20)
+    monkeypatch.setattr(watched_pairs, "LISTED_SILENT", 20)
     _, _, monitor = watch(load, head="range: 0.01")
     monitor.ignore([0, PAIRS - 2, PAIRS - 1])  # one that would be listed, and two that would not
     tick = monitor.tick({}, 0.1)

@@ -20,7 +20,7 @@ from ..models.model import Model
 from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.run import Search, check_models, entry_for, queries_about
+from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import Slices
 from .settling import Settling
@@ -162,7 +162,7 @@ class Assembly:
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
-        queries = queries_about(pairs, wanted, hints)
+        queries = _queries(pairs, wanted, hints)
         searches = self._allot(threads, poses, pairs, wanted)
         settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
@@ -247,6 +247,9 @@ class Assembly:
             self._tables = np.stack([model._hierarchy.table for model in self.models])
             self._hierarchies = now
             self._insides = None
+            self._trees = [type(model._hierarchy.tree) for model in self.models]
+            kinds = dict(zip(self._trees, self.models, strict=True))
+            self._entries = {(a, b): entry_for(kinds[a], kinds[b]) for a in kinds for b in kinds}
         while len(self._searches) < threads:
             self._searches.append(Search(self._deepest, self._deepest, coherent=False))
 
@@ -298,12 +301,11 @@ class Assembly:
 
         The compiled entry of each, where it begins, and one after where it ends.
         """
-        models = self.models
-        if len({type(model._hierarchy.tree) for model in self._shapes}) == 1:
-            return [(entry_for(models[0], models[0]), first, len(pairs))]
+        if len(self._entries) == 1:
+            return [(*self._entries.values(), first, len(pairs))]
         found: list[tuple[Callable, int, int]] = []
         for k in range(first, len(pairs), every):
-            entry = entry_for(models[pairs[k, 0]], models[pairs[k, 1]])
+            entry = self._entries[tuple(self._trees[body] for body in pairs[k])]
             if found and found[-1][0] is entry:
                 found[-1] = entry, found[-1][1], k + 1
             else:
@@ -374,3 +376,17 @@ def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
     rows = np.full((len(signed), index.ANSWER), np.nan)
     rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
     return rows
+
+
+def _queries(
+    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32]
+) -> NDArray:
+    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
+    made = np.zeros(len(pairs), index.QUERY)
+    made["bodies"] = made["poses"] = pairs
+    made["nearest"] = np.where((hints >= 0).all(axis=1, keepdims=True), hints, index.UNKNOWN)
+    made["rel_err"], made["abs_err"], clearances = wanted.T
+    beyond = clearances == np.inf
+    made["stop"] = np.where(beyond, 0.0, clearances)
+    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
+    return made

@@ -76,7 +76,7 @@ def distances(
     count = len(many_a)
     if count != len(many_b):
         raise ValueError(f"{count} poses_a but {len(many_b)} poses_b")
-    Search(a, b, order)  # refuses an unknown order before any thread starts
+    earliest = Search(a, b, order)  # refuses an unknown order before any thread starts
     if signed and order != "depth_first":
         raise ValueError(f"order = {order!r}: signed distances are searched 'depth_first' alone")
     if signed and count:
@@ -94,7 +94,8 @@ def distances(
         if first and deadline is not None and perf_counter() >= deadline:
             return
         part = slice(first, first + _CHUNK)
-        Search(a, b, order).run(
+        search = Search(a, b, order) if first else earliest
+        search.run(
             many_a[part].reshape(-1, 4), many_b[part].reshape(-1, 4),
             rel_err=rel_err, abs_err=abs_err, stop=stop, limit=limit, deadline=deadline,
             first=first, stopped=stopped, answers=rows[part],

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.state import REVISION
-from ..kernels.base.tables import table
+from ..kernels.base.tables import mesh_table
 from ..kernels.search.spread import spread_corners
 from ..kernels.tree.measure import measure
 from ..kernels.tree.ranges import node_ranges
@@ -115,9 +115,9 @@ class Hierarchy:
         """Take what is kept, and make the tables by which kernels find it."""
         for name, value in kept.items():
             setattr(self, name, value)
-        self.table_of_all = self.table = table((*self.tree, self.numbers))
+        self.table_of_all = self.table = mesh_table(self.tree, self.numbers)
         if self.distinct is not self.tree:
-            self.table = table((*self.distinct, self.numbers))
+            self.table = mesh_table(self.distinct, self.numbers)
         self._ranges: NDArray[np.int32] | None = None
         self._spread: NDArray[np.int32] | None = None
         self._sides: Sides | None = None

@@ -113,7 +113,7 @@ class BallSearch:
         return self._search(deadline, False)
 
     def _search(self, deadline: float, seeds_alone: bool) -> bool:
-        slices = Slices(None if deadline == math.inf else deadline)
+        slices = Slices(deadline)
         while True:
             code = self._slice(seeds_alone, slices.steps)
             if code == FULL:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -68,7 +67,7 @@ class PartSearch:
         """
         if not apart > 4.0 * self._slack:
             return True
-        slices = Slices(None if deadline == math.inf else deadline)
+        slices = Slices(deadline)
         if self.found[0] >= 0:
             return True
         for body in range(2):

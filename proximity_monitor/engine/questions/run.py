@@ -292,17 +292,3 @@ def queries(count: int) -> NDArray:
     made = np.zeros(count, index.QUERY)
     made["bodies"], made["nearest"] = (0, 1), index.KEEP
     return made
-
-
-def queries_about(
-    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32]
-) -> NDArray:
-    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
-    made = np.zeros(len(pairs), index.QUERY)
-    made["bodies"] = made["poses"] = pairs
-    made["nearest"] = np.where((hints >= 0).all(axis=1, keepdims=True), hints, index.UNKNOWN)
-    made["rel_err"], made["abs_err"], clearances = wanted.T
-    beyond = clearances == np.inf
-    made["stop"] = np.where(beyond, 0.0, clearances)
-    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
-    return made

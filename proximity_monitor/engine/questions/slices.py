@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from time import perf_counter
 
 LONG = 1 << 18
@@ -20,15 +21,15 @@ class Slices:
     """The slices of a search until a deadline: `steps` is what the next one may take.
 
     Args:
-        deadline: of perf_counter, None for none.
+        deadline: of perf_counter; None or infinity for none.
     """
 
     __slots__ = ("_begun", "_deadline", "steps")
 
     def __init__(self, deadline: float | None) -> None:
-        self._deadline = deadline
-        self._begun = 0.0 if deadline is None else perf_counter()
-        self.steps = LONG if deadline is None else _FIRST
+        self._deadline = None if deadline == math.inf else deadline
+        self._begun = perf_counter()
+        self.steps = LONG if self._deadline is None else _FIRST
 
     def over(self) -> bool:
         """Look at the clock: whether no time is left for another slice."""

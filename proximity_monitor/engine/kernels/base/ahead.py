@@ -38,8 +38,10 @@ def begin(directory: Path) -> None:
     if _begun:
         return
     _begun = True
-    count = min(_processors() - 1, _MOST)
-    if count < 1 or not POSSIBLE or not _is_python():
+    processors = _processors()
+    # This process often waits for a kernel that another compiles, which leaves a processor free.
+    count = min(processors if watching else processors - 1, _MOST)
+    if processors < 2 or not POSSIBLE or not _is_python():
         return
     # Of the same place, whichever it was chosen by.
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(directory.parents[1])}

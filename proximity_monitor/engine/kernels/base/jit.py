@@ -114,6 +114,7 @@ def specialised(function, name, **constants):
     function that calls it, so each function in between takes as long to compile as all below.
     """
     copy = FunctionType(function.__code__, {**function.__globals__, **constants}, name)
+    copy.__qualname__ = name  # by which its code is kept
     copy.__module__, copy.__doc__ = constants.get("__name__", function.__module__), function.__doc__
     return copy
 

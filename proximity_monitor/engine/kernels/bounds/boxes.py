@@ -21,19 +21,13 @@ from numba import uint64
 from ..base.jit import kernel
 from ..base.rounding import SINGLE_EPS, SINGLE_TINY
 from ..base.vectors import add, along, cross, dot, moved, rotated, scaled, sub
-from ..tree.layout import STRIDE, WIDTH, read_vector, row
+from ..tree.layout import HALF_U, HALF_V, RADIUS, STRIDE, U_X, V_X, WIDTH, read_vector, row
 
 _STEPS = 24
 """Most corners that a walk visits; four are usual. One that is cut short gives a weaker bound."""
 
 _SETTLED = 2.0**-20
 """Share of a distance that a walk leaves to be gained: sixteen roundings of a float32 bound."""
-
-_F3 = uint64(3 * WIDTH)
-_F6 = uint64(6 * WIDTH)
-_F9 = uint64(9 * WIDTH)
-_F10 = uint64(10 * WIDTH)
-_F11 = uint64(11 * WIDTH)
 
 
 @kernel
@@ -72,11 +66,11 @@ def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first):
 @kernel
 def _half_edges(nodes, base):
     """Half edges of a lane's box."""
-    u, v = read_vector(nodes, base + _F3), read_vector(nodes, base + _F6)
+    u, v = read_vector(nodes, base + U_X), read_vector(nodes, base + V_X)
     return (
-        scaled(u, np.float64(nodes[base + _F10])),
-        scaled(v, np.float64(nodes[base + _F11])),
-        scaled(cross(u, v), np.float64(nodes[base + _F9])),
+        scaled(u, np.float64(nodes[base + HALF_U])),
+        scaled(v, np.float64(nodes[base + HALF_V])),
+        scaled(cross(u, v), np.float64(nodes[base + RADIUS])),
     )
 
 

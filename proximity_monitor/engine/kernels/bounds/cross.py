@@ -18,7 +18,25 @@ from ..base.lanes import has_three, lowest, not_above, smallest
 from ..base.memory import read_only
 from ..base.rounding import ALONG_MARGIN, CROSS_MARGIN, SINGLE_EPS, SINGLE_LIMIT, SINGLE_TINY
 from ..base.vectors import add, moved, scaled, sub
-from ..tree.layout import EMPTY, STRIDE, WIDTH, read_vector, row
+from ..tree.layout import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    EMPTY,
+    HALF_U,
+    HALF_V,
+    RADIUS,
+    STRIDE,
+    U_X,
+    U_Y,
+    U_Z,
+    V_X,
+    V_Y,
+    V_Z,
+    WIDTH,
+    read_vector,
+    row,
+)
 from .volumes import lower_bounds, lows_along, tighten
 
 Scratch = namedtuple("Scratch", "single found frame placed owns lows other_lows")
@@ -43,33 +61,33 @@ def move_lanes(nodes, base, frame, placed):
     for k in range(WIDTH):
         i = base + uint64(k)
         j = uint64(k)
-        x, y, z = nodes[i], nodes[i + uint64(16)], nodes[i + uint64(32)]
+        x, y, z = nodes[i + CENTRE_X], nodes[i + CENTRE_Y], nodes[i + CENTRE_Z]
         placed[j] = (ax * x + ay * y + az * z) * scale + ox
-        placed[j + uint64(16)] = (bx * x + by * y + bz * z) * scale + oy
-        placed[j + uint64(32)] = (cx * x + cy * y + cz * z) * scale + oz
-        x, y, z = nodes[i + uint64(48)], nodes[i + uint64(64)], nodes[i + uint64(80)]
-        placed[j + uint64(48)] = ax * x + ay * y + az * z
-        placed[j + uint64(64)] = bx * x + by * y + bz * z
-        placed[j + uint64(80)] = cx * x + cy * y + cz * z
-        x, y, z = nodes[i + uint64(96)], nodes[i + uint64(112)], nodes[i + uint64(128)]
-        placed[j + uint64(96)] = ax * x + ay * y + az * z
-        placed[j + uint64(112)] = bx * x + by * y + bz * z
-        placed[j + uint64(128)] = cx * x + cy * y + cz * z
-        placed[j + uint64(144)] = nodes[i + uint64(144)] * scale
-        placed[j + uint64(160)] = nodes[i + uint64(160)] * scale
-        placed[j + uint64(176)] = nodes[i + uint64(176)] * scale
+        placed[j + CENTRE_Y] = (bx * x + by * y + bz * z) * scale + oy
+        placed[j + CENTRE_Z] = (cx * x + cy * y + cz * z) * scale + oz
+        x, y, z = nodes[i + U_X], nodes[i + U_Y], nodes[i + U_Z]
+        placed[j + U_X] = ax * x + ay * y + az * z
+        placed[j + U_Y] = bx * x + by * y + bz * z
+        placed[j + U_Z] = cx * x + cy * y + cz * z
+        x, y, z = nodes[i + V_X], nodes[i + V_Y], nodes[i + V_Z]
+        placed[j + V_X] = ax * x + ay * y + az * z
+        placed[j + V_Y] = bx * x + by * y + bz * z
+        placed[j + V_Z] = cx * x + cy * y + cz * z
+        placed[j + RADIUS] = nodes[i + RADIUS] * scale
+        placed[j + HALF_U] = nodes[i + HALF_U] * scale
+        placed[j + HALF_V] = nodes[i + HALF_V] * scale
 
 
 @inlined
 def _pick(lanes, base, margin, single):
     """One lane's volume, which stands in the frame of what it is compared with, as `single`."""
     for field in range(9):
-        single[field] = lanes[base + uint64(16 * field)]
-    single[9], single[10] = lanes[base + uint64(160)], lanes[base + uint64(176)]
+        single[field] = lanes[base + uint64(WIDTH * field)]
+    single[9], single[10] = lanes[base + HALF_U], lanes[base + HALF_V]
     single[11] = single[4] * single[8] - single[5] * single[7]
     single[12] = single[5] * single[6] - single[3] * single[8]
     single[13] = single[3] * single[7] - single[4] * single[6]
-    single[14] = lanes[base + uint64(144)] + margin
+    single[14] = lanes[base + RADIUS] + margin
 
 
 @inlined

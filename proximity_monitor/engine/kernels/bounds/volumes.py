@@ -25,18 +25,19 @@ from ..base.rounding import (
 )
 from ..base.vectors import add, cross, dot, moved, rotated, scaled, sub
 from ..tree.layout import (
-    F1,
-    F2,
-    F3,
-    F4,
-    F5,
-    F6,
-    F7,
-    F8,
-    F9,
-    F10,
-    F11,
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    HALF_U,
+    HALF_V,
+    RADIUS,
     STRIDE,
+    U_X,
+    U_Y,
+    U_Z,
+    V_X,
+    V_Y,
+    V_Z,
     WIDTH,
     read_vector,
     row,
@@ -61,12 +62,12 @@ def lower_bounds(nodes, base, single, bounds, first):
     radius = single[14]
     for k in range(WIDTH):
         i = base + uint64(k)
-        dx = ax - nodes[i]
-        dy = ay - nodes[i + F1]
-        dz = az - nodes[i + F2]
-        ux, uy, uz = nodes[i + F3], nodes[i + F4], nodes[i + F5]
-        vx, vy, vz = nodes[i + F6], nodes[i + F7], nodes[i + F8]
-        a, b = nodes[i + F10], nodes[i + F11]
+        dx = ax - nodes[i + CENTRE_X]
+        dy = ay - nodes[i + CENTRE_Y]
+        dz = az - nodes[i + CENTRE_Z]
+        ux, uy, uz = nodes[i + U_X], nodes[i + U_Y], nodes[i + U_Z]
+        vx, vy, vz = nodes[i + V_X], nodes[i + V_Y], nodes[i + V_Z]
+        a, b = nodes[i + HALF_U], nodes[i + HALF_V]
         # All in the single volume's axes: there some of what follows needs no product.
         X = dx * Ux + dy * Uy + dz * Uz
         Y = dx * Vx + dy * Vy + dz * Vz
@@ -108,7 +109,7 @@ def lower_bounds(nodes, base, single, bounds, first):
         gap_lane = abs(wx * X + wy * Y + wz * Z) - A * abs(wx) - B * abs(wy)
         # ... and along the single volume's.
         gap_single = abs(Z) - a * abs(uZ) - b * abs(vZ)
-        bounds[first + uint64(k)] = max(max(gap, gap_lane), gap_single) - nodes[i + F9] - radius
+        bounds[first + uint64(k)] = max(max(gap, gap_lane), gap_single) - nodes[i + RADIUS] - radius
 
 
 @loop16
@@ -119,10 +120,10 @@ def lows_along(nodes, base, x, y, z, lows):
     """
     for k in range(WIDTH):
         i = base + uint64(k)
-        centre = nodes[i] * x + nodes[i + F1] * y + nodes[i + F2] * z
-        u = nodes[i + F3] * x + nodes[i + F4] * y + nodes[i + F5] * z
-        v = nodes[i + F6] * x + nodes[i + F7] * y + nodes[i + F8] * z
-        reach = nodes[i + F10] * abs(u) + nodes[i + F11] * abs(v) + nodes[i + F9]
+        centre = nodes[i + CENTRE_X] * x + nodes[i + CENTRE_Y] * y + nodes[i + CENTRE_Z] * z
+        u = nodes[i + U_X] * x + nodes[i + U_Y] * y + nodes[i + U_Z] * z
+        v = nodes[i + V_X] * x + nodes[i + V_Y] * y + nodes[i + V_Z] * z
+        reach = nodes[i + HALF_U] * abs(u) + nodes[i + HALF_V] * abs(v) + nodes[i + RADIUS]
         lows[k] = centre - reach
 
 
@@ -149,17 +150,17 @@ def place(fixed, lane, motion, tree, node, slack, out):
     reach = abs(x) + abs(y) + abs(z) + 1.5 * size
     if not reach + slack * tree.scale[1] < SINGLE_LIMIT:
         return False
-    u = rotated(motion, read_vector(nodes, base + F3))
-    v = rotated(motion, read_vector(nodes, base + F6))
+    u = rotated(motion, read_vector(nodes, base + U_X))
+    v = rotated(motion, read_vector(nodes, base + V_X))
     w = cross(u, v)
     out[0], out[1], out[2] = np.float32(x), np.float32(y), np.float32(z)
     out[3], out[4], out[5] = np.float32(u[0]), np.float32(u[1]), np.float32(u[2])
     out[6], out[7], out[8] = np.float32(v[0]), np.float32(v[1]), np.float32(v[2])
-    out[9] = np.float32(nodes[base + F10] * ratio)
-    out[10] = np.float32(nodes[base + F11] * ratio)
+    out[9] = np.float32(nodes[base + HALF_U] * ratio)
+    out[10] = np.float32(nodes[base + HALF_V] * ratio)
     out[11], out[12], out[13] = np.float32(w[0]), np.float32(w[1]), np.float32(w[2])
     margin = SINGLE_MARGIN * (reach + tree.centres[node, 3]) + slack * tree.scale[1]
-    out[14] = np.float32((nodes[base + F9] * ratio + margin) * (1.0 + 2.0 * SINGLE_EPS))
+    out[14] = np.float32((nodes[base + RADIUS] * ratio + margin) * (1.0 + 2.0 * SINGLE_EPS))
     return True
 
 

@@ -273,7 +273,7 @@ def _look_into(tree_a, tree_b, region_a, region_b, state):
     rows = table_on_stack(12, 4, 0.0)
     used, mean = on_stack(2, np.int64(0)), on_stack(4, 0.0)
     used[0] = used[1] = 0
-    count, spare = cell.count, _SPARE * (limit - at.radius)
+    count, spare = cell.count, _SPARE * (max(limit, at.floor) - at.radius)
     for i in range(count):
         for j in range(4):
             rows[i, j] = cell.rows[i, j]

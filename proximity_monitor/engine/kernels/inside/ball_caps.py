@@ -33,7 +33,24 @@ from ..base.memory import on_stack
 from ..base.rounding import SINGLE_LIMIT, SINGLE_MARGIN
 from ..base.vectors import along, dot, moved, scaled, sub
 from ..elements.primitives import corners
-from ..tree.layout import STRIDE, WIDTH, first_of, last_of
+from ..tree.layout import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    HALF_U,
+    HALF_V,
+    RADIUS,
+    STRIDE,
+    U_X,
+    U_Y,
+    U_Z,
+    V_X,
+    V_Y,
+    V_Z,
+    WIDTH,
+    first_of,
+    last_of,
+)
 from .angles import surely_outside
 from .ball_point import turned
 from .nearest import point_bounds, point_triangle
@@ -55,17 +72,17 @@ def _heights(nodes, base, x, y, z, nx, ny, nz, margin, heights):
     """Minus the largest height along a unit vector over (x, y, z) that each lane may have."""
     for k in range(WIDTH):
         i = base + uint64(k)
-        dx = nodes[i] - x
-        dy = nodes[i + uint64(16)] - y
-        dz = nodes[i + uint64(32)] - z
-        ux, uy, uz = nodes[i + uint64(48)], nodes[i + uint64(64)], nodes[i + uint64(80)]
-        vx, vy, vz = nodes[i + uint64(96)], nodes[i + uint64(112)], nodes[i + uint64(128)]
-        a, b = nodes[i + uint64(160)], nodes[i + uint64(176)]
+        dx = nodes[i + CENTRE_X] - x
+        dy = nodes[i + CENTRE_Y] - y
+        dz = nodes[i + CENTRE_Z] - z
+        ux, uy, uz = nodes[i + U_X], nodes[i + U_Y], nodes[i + U_Z]
+        vx, vy, vz = nodes[i + V_X], nodes[i + V_Y], nodes[i + V_Z]
+        a, b = nodes[i + HALF_U], nodes[i + HALF_V]
         heights[k] = -(
             dx * nx + dy * ny + dz * nz
             + a * abs(ux * nx + uy * ny + uz * nz)
             + b * abs(vx * nx + vy * ny + vz * nz)
-            + nodes[i + uint64(144)] + margin
+            + nodes[i + RADIUS] + margin
         )  # fmt: skip
 
 

@@ -17,6 +17,8 @@ _OVERLAP = 2.0**-51
 def limit_of(at):
     """Bound, metres, up to which a radius is none that matters beside the one that was found."""
     radius = at.radius
+    if radius == 0.0 and at.floor > 0.0:
+        return 0.0  # a solid has holes, and only this search can tell that nothing is in both
     limit = max(radius + 32.0 * at.slack, at.floor)
     if radius > 0.0:  # before, it is not known whether there is any
         limit = max(limit, max(radius * (1.0 + at.rel_err), radius + at.abs_err))

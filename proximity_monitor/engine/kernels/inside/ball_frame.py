@@ -8,7 +8,22 @@ from numba import uint64
 from ..base.jit import kernel, shared
 from ..base.rounding import SINGLE_MARGIN
 from ..base.vectors import along, cross, dot, sub, unit
-from ..tree.layout import EMPTY, F1, F2, F3, F4, F5, F6, F7, F8, F9, F10, F11, WIDTH
+from ..tree.layout import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    EMPTY,
+    HALF_U,
+    HALF_V,
+    RADIUS,
+    U_X,
+    U_Y,
+    U_Z,
+    V_X,
+    V_Y,
+    V_Z,
+    WIDTH,
+)
 from .ball_point import turned
 
 
@@ -57,10 +72,10 @@ def _extent(tree, motion, axis, swept, slack):
         if tree.children[lane] == EMPTY:
             continue
         i = uint64(lane)
-        c = nodes[i] * n[0] + nodes[i + F1] * n[1] + nodes[i + F2] * n[2]
-        u = nodes[i + F3] * n[0] + nodes[i + F4] * n[1] + nodes[i + F5] * n[2]
-        v = nodes[i + F6] * n[0] + nodes[i + F7] * n[1] + nodes[i + F8] * n[2]
-        reach = nodes[i + F10] * abs(u) + nodes[i + F11] * abs(v) + nodes[i + F9]
+        c = nodes[i + CENTRE_X] * n[0] + nodes[i + CENTRE_Y] * n[1] + nodes[i + CENTRE_Z] * n[2]
+        u = nodes[i + U_X] * n[0] + nodes[i + U_Y] * n[1] + nodes[i + U_Z] * n[2]
+        v = nodes[i + V_X] * n[0] + nodes[i + V_Y] * n[1] + nodes[i + V_Z] * n[2]
+        reach = nodes[i + HALF_U] * abs(u) + nodes[i + HALF_V] * abs(v) + nodes[i + RADIUS]
         lo, hi = min(lo, c - reach), max(hi, c + reach)
     margin = SINGLE_MARGIN * size * unit_length + 4.0 * slack + swept
     shift += motion[9] * n[0] + motion[10] * n[1] + motion[11] * n[2]

@@ -19,7 +19,19 @@ from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from ..base.state import CUT, ENDED, SWEPT
 from ..base.vectors import add, along, cross, dot, scaled, sub, unit
 from ..elements.primitives import corners
-from ..tree.layout import EMPTY, F3, F6, STRIDE, WIDTH, first_of, last_of, read_vector
+from ..tree.layout import (
+    EMPTY,
+    HALF_U,
+    HALF_V,
+    RADIUS,
+    STRIDE,
+    U_X,
+    V_X,
+    WIDTH,
+    first_of,
+    last_of,
+    read_vector,
+)
 from .ball_caps import plane
 from .ball_cells import limit_of, pop, push
 from .ball_frame import take_axes
@@ -175,14 +187,14 @@ def _look_into_lane(tree, region, surface, state, lane, near, bound):
     if bound > limit_of(at):
         base = uint64(lane // WIDTH * STRIDE + lane % WIDTH)
         axes, scale = at.axes, surface.scale[0]
-        u, v = read_vector(surface.nodes, base + F3), read_vector(surface.nodes, base + F6)
+        u, v = read_vector(surface.nodes, base + U_X), read_vector(surface.nodes, base + V_X)
         _axes_in(axes, u, v)
         around, half, row = on_stack(3, 0.0), on_stack(3, 0.0), on_stack(4, 0.0)
         _into_axes(axes, centre, around)
-        thick = np.float64(surface.nodes[base + uint64(9 * WIDTH)])
+        thick = np.float64(surface.nodes[base + RADIUS])
         extra = (1e-4 * radius / scale) + thick
-        half[0] = (np.float64(surface.nodes[base + uint64(10 * WIDTH)]) + extra) * scale
-        half[1] = (np.float64(surface.nodes[base + uint64(11 * WIDTH)]) + extra) * scale
+        half[0] = (np.float64(surface.nodes[base + HALF_U]) + extra) * scale
+        half[1] = (np.float64(surface.nodes[base + HALF_V]) + extra) * scale
         half[2] = extra * scale
         found, cost = _bound(tree, region, state, around, half, row)
         steps += cost

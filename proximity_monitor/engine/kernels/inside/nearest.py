@@ -12,7 +12,24 @@ from ..base.rounding import ILL_CONDITIONED, SINGLE_LIMIT, SINGLE_MARGIN
 from ..base.vectors import along, cross, dot, sub
 from ..elements.primitives import corners
 from ..elements.triangles import point_face
-from ..tree.layout import STRIDE, WIDTH, first_of, last_of
+from ..tree.layout import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    HALF_U,
+    HALF_V,
+    RADIUS,
+    STRIDE,
+    U_X,
+    U_Y,
+    U_Z,
+    V_X,
+    V_Y,
+    V_Z,
+    WIDTH,
+    first_of,
+    last_of,
+)
 
 
 @loop16
@@ -24,18 +41,18 @@ def point_bounds(nodes, base, x, y, z, margin, bounds):
     """
     for k in range(WIDTH):
         i = base + uint64(k)
-        dx = x - nodes[i]
-        dy = y - nodes[i + uint64(16)]
-        dz = z - nodes[i + uint64(32)]
-        ux, uy, uz = nodes[i + uint64(48)], nodes[i + uint64(64)], nodes[i + uint64(80)]
-        vx, vy, vz = nodes[i + uint64(96)], nodes[i + uint64(112)], nodes[i + uint64(128)]
-        a, b = nodes[i + uint64(160)], nodes[i + uint64(176)]
+        dx = x - nodes[i + CENTRE_X]
+        dy = y - nodes[i + CENTRE_Y]
+        dz = z - nodes[i + CENTRE_Z]
+        ux, uy, uz = nodes[i + U_X], nodes[i + U_Y], nodes[i + U_Z]
+        vx, vy, vz = nodes[i + V_X], nodes[i + V_Y], nodes[i + V_Z]
+        a, b = nodes[i + HALF_U], nodes[i + HALF_V]
         s = min(max(dx * ux + dy * uy + dz * uz, -a), a)
         t = min(max(dx * vx + dy * vy + dz * vz, -b), b)
         dx = dx - s * ux - t * vx
         dy = dy - s * uy - t * vy
         dz = dz - s * uz - t * vz
-        bounds[k] = np.sqrt(dx * dx + dy * dy + dz * dz) - nodes[i + uint64(144)] - margin
+        bounds[k] = np.sqrt(dx * dx + dy * dy + dz * dz) - nodes[i + RADIUS] - margin
 
 
 @kernel
@@ -118,7 +135,7 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
         else:
             # Too far away for float32, or too small: then every lane is as good as the next.
             for k in range(WIDTH):
-                empty = tree.nodes[uint64(child * STRIDE + 9 * WIDTH + k)] < 0.0
+                empty = tree.nodes[uint64(child * STRIDE + k) + RADIUS] < 0.0
                 found[k] = float32(1e30) if empty else float32(-1.0)
         reach = np.float32(min(best / unit * (1.0 + 1e-6), 1e29))
         first = top

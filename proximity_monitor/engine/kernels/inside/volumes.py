@@ -7,7 +7,7 @@ from numba import uint64
 
 from ..base.jit import kernel
 from ..base.vectors import add, scaled
-from ..tree.layout import STRIDE, WIDTH, read_vector, row
+from ..tree.layout import HALF_U, HALF_V, RADIUS, STRIDE, WIDTH, read_vector, row
 
 
 @kernel
@@ -16,8 +16,8 @@ def sphere_of(tree, lane):
     node = lane // WIDTH
     base = uint64(node * STRIDE + lane % WIDTH)
     centre = scaled(add(read_vector(tree.nodes, base), row(tree.centres, node)), tree.scale[0])
-    a = np.float64(tree.nodes[base + uint64(10 * WIDTH)])
-    b = np.float64(tree.nodes[base + uint64(11 * WIDTH)])
+    a = np.float64(tree.nodes[base + HALF_U])
+    b = np.float64(tree.nodes[base + HALF_V])
     # Half the rectangle's diagonal, its axes being perpendicular to float32's rounding.
-    radius = np.sqrt(a * a + b * b) + tree.nodes[base + uint64(9 * WIDTH)]
+    radius = np.sqrt(a * a + b * b) + tree.nodes[base + RADIUS]
     return centre, radius * tree.scale[0] * (1.0 + 1e-4)

@@ -20,7 +20,24 @@ from ..base.jit import kernel, loop16
 from ..base.lanes import lowest, not_above
 from ..base.precise import orientation
 from ..base.rounding import DOUBLE_EPS, SINGLE_LIMIT, SINGLE_MARGIN
-from ..tree.layout import STRIDE, WIDTH, first_of, last_of
+from ..tree.layout import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    HALF_U,
+    HALF_V,
+    RADIUS,
+    STRIDE,
+    U_X,
+    U_Y,
+    U_Z,
+    V_X,
+    V_Y,
+    V_Z,
+    WIDTH,
+    first_of,
+    last_of,
+)
 
 UNKNOWN = -(2**31)
 """Winding number of a point whose every ray grazes an edge. Its vertices widen the bounds."""
@@ -62,14 +79,14 @@ def ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
     """
     for k in range(WIDTH):
         i = base + uint64(k)
-        dx = nodes[i] - x
-        ux, vx = nodes[i + uint64(48)], nodes[i + uint64(96)]
-        cy = nodes[i + uint64(16)] - y - alpha * dx
-        cz = nodes[i + uint64(32)] - z - beta * dx
-        uy, uz = nodes[i + uint64(64)] - alpha * ux, nodes[i + uint64(80)] - beta * ux
-        vy, vz = nodes[i + uint64(112)] - alpha * vx, nodes[i + uint64(128)] - beta * vx
-        a, b = nodes[i + uint64(160)], nodes[i + uint64(176)]
-        wide = _STRETCH * nodes[i + uint64(144)] + margin
+        dx = nodes[i + CENTRE_X] - x
+        ux, vx = nodes[i + U_X], nodes[i + V_X]
+        cy = nodes[i + CENTRE_Y] - y - alpha * dx
+        cz = nodes[i + CENTRE_Z] - z - beta * dx
+        uy, uz = nodes[i + U_Y] - alpha * ux, nodes[i + U_Z] - beta * ux
+        vy, vz = nodes[i + V_Y] - alpha * vx, nodes[i + V_Z] - beta * vx
+        a, b = nodes[i + HALF_U], nodes[i + HALF_V]
+        wide = _STRETCH * nodes[i + RADIUS] + margin
         centre = (
             cy * cy + cz * cz
             - a * abs(cy * uy + cz * uz)
@@ -86,7 +103,7 @@ def ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
             - a * abs(vy * uz - vz * uy)
             - wide * np.sqrt(vy * vy + vz * vz + _TINY)
         )
-        behind = -forth * dx - a * abs(ux) - b * abs(vx) - nodes[i + uint64(144)] - margin
+        behind = -forth * dx - a * abs(ux) - b * abs(vx) - nodes[i + RADIUS] - margin
         gaps[k] = max(max(centre, across_u), max(across_v, behind))
 
 

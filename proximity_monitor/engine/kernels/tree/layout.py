@@ -17,7 +17,7 @@ WIDTH = 16
 """Lanes of a node: one AVX-512 register of float32. LLVM does not vectorise a loop over 8."""
 
 FIELDS = 12
-"""Numbers of a lane: centre 3, û 3, v̂ 3, radius, half lengths a and b along û and v̂."""
+"""Numbers of a lane: centre 3, û 3, v̂ 3, radius, half lengths along û and v̂; node units."""
 
 STRIDE = WIDTH * FIELDS
 """Numbers of a node: field f of lane k stands at `node * STRIDE + f * WIDTH + k`."""
@@ -25,18 +25,12 @@ STRIDE = WIDTH * FIELDS
 EMPTY_RADIUS = -1e30
 """Radius of an unused lane: its bound is beyond every distance, so it never survives."""
 
-F1 = uint64(1 * WIDTH)
-F2 = uint64(2 * WIDTH)
-F3 = uint64(3 * WIDTH)
-F4 = uint64(4 * WIDTH)
-F5 = uint64(5 * WIDTH)
-F6 = uint64(6 * WIDTH)
-F7 = uint64(7 * WIDTH)
-F8 = uint64(8 * WIDTH)
-F9 = uint64(9 * WIDTH)
-F10 = uint64(10 * WIDTH)
-F11 = uint64(11 * WIDTH)
-"""Where field 1, 2 ... of a lane stands, as `uint64`: see `lower_bounds`."""
+CENTRE_X, CENTRE_Y, CENTRE_Z = uint64(0), uint64(WIDTH), uint64(2 * WIDTH)
+U_X, U_Y, U_Z = uint64(3 * WIDTH), uint64(4 * WIDTH), uint64(5 * WIDTH)
+V_X, V_Y, V_Z = uint64(6 * WIDTH), uint64(7 * WIDTH), uint64(8 * WIDTH)
+RADIUS, HALF_U, HALF_V = uint64(9 * WIDTH), uint64(10 * WIDTH), uint64(11 * WIDTH)
+"""Where the fields of a lane stand, from that of its centre's x on. They are `uint64`: see
+`lower_bounds`. Of a box RADIUS is the half thickness."""
 
 EMPTY = -(2**31)
 """Child of an unused lane."""
@@ -71,9 +65,9 @@ def row(array, i):
 
 @kernel
 def read_vector(nodes, base):
-    """Three consecutive fields of a lane, as float64."""
+    """Three consecutive fields of a lane, as float64: the centre, or from U_X or V_X on an axis."""
     return (
-        np.float64(nodes[base]),
-        np.float64(nodes[base + F1]),
-        np.float64(nodes[base + F2]),
+        np.float64(nodes[base + CENTRE_X]),
+        np.float64(nodes[base + CENTRE_Y]),
+        np.float64(nodes[base + CENTRE_Z]),
     )

@@ -6,7 +6,20 @@ import numpy as np
 from numba import uint64
 
 from ..base.jit import kernel
-from ..tree.layout import EMPTY_RADIUS, STRIDE, WIDTH, read_vector
+from ..tree.layout import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    EMPTY_RADIUS,
+    HALF_U,
+    HALF_V,
+    RADIUS,
+    STRIDE,
+    U_X,
+    V_X,
+    WIDTH,
+    read_vector,
+)
 from .boxfit import box_extents
 from .fit import OBB, core, enclosing_radius
 
@@ -17,10 +30,10 @@ def fit_lane(points, n, axes, volume, local, nodes, centre, node, lane, sizes):
     c, u, v, a, b = core(points, n, axes, volume, local)
     base = uint64(node * STRIDE + lane)
     put(nodes, base, (c[0] - centre[0], c[1] - centre[1], c[2] - centre[2]))
-    put(nodes, base + uint64(3 * WIDTH), u)
-    put(nodes, base + uint64(6 * WIDTH), v)
-    nodes[base + uint64(10 * WIDTH)] = np.float32(a)
-    nodes[base + uint64(11 * WIDTH)] = np.float32(b)
+    put(nodes, base + U_X, u)
+    put(nodes, base + V_X, v)
+    nodes[base + HALF_U] = np.float32(a)
+    nodes[base + HALF_V] = np.float32(b)
     write_radius(points, n, volume, nodes, centre, node, lane, sizes)
 
 
@@ -37,9 +50,9 @@ def put_centre(points, centre):
 @kernel
 def put(nodes, base, vector):
     """Write three consecutive fields of a lane."""
-    nodes[base] = np.float32(vector[0])
-    nodes[base + uint64(WIDTH)] = np.float32(vector[1])
-    nodes[base + uint64(2 * WIDTH)] = np.float32(vector[2])
+    nodes[base + CENTRE_X] = np.float32(vector[0])
+    nodes[base + CENTRE_Y] = np.float32(vector[1])
+    nodes[base + CENTRE_Z] = np.float32(vector[2])
 
 
 @kernel
@@ -47,20 +60,20 @@ def write_radius(points, n, volume, nodes, centre, node, lane, sizes):
     """Complete a lane whose core stands: its radius and its size; or a box's three extents."""
     base = uint64(node * STRIDE + lane)
     c = (
-        centre[0] + nodes[base],
-        centre[1] + nodes[base + uint64(WIDTH)],
-        centre[2] + nodes[base + uint64(2 * WIDTH)],
+        centre[0] + nodes[base + CENTRE_X],
+        centre[1] + nodes[base + CENTRE_Y],
+        centre[2] + nodes[base + CENTRE_Z],
     )
-    u = read_vector(nodes, base + uint64(3 * WIDTH))
-    v = read_vector(nodes, base + uint64(6 * WIDTH))
-    a = np.float64(nodes[base + uint64(10 * WIDTH)])
-    b = np.float64(nodes[base + uint64(11 * WIDTH)])
+    u = read_vector(nodes, base + U_X)
+    v = read_vector(nodes, base + V_X)
+    a = np.float64(nodes[base + HALF_U])
+    b = np.float64(nodes[base + HALF_V])
     radius = enclosing_radius(points, n, c, u, v, a, b)
     if volume is not None and volume >= OBB:
         long_u, long_v, radius = box_extents(points, n, c, u, v)
-        nodes[base + uint64(10 * WIDTH)], nodes[base + uint64(11 * WIDTH)] = long_u, long_v
+        nodes[base + HALF_U], nodes[base + HALF_V] = long_u, long_v
         a, b = np.float64(long_u), np.float64(long_v)
-    nodes[base + uint64(9 * WIDTH)] = radius
+    nodes[base + RADIUS] = radius
     sizes[node * WIDTH + lane] = np.float32(np.sqrt(a * a + b * b) + radius)
 
 
@@ -71,11 +84,11 @@ def close_node(nodes, node, used, centres):
     for lane in range(used):
         base = uint64(node * STRIDE + lane)
         reach = 0.0
-        for field in (0, 1, 2, 9, 10, 11):
-            reach += abs(np.float64(nodes[base + uint64(field * WIDTH)]))
+        for field in (CENTRE_X, CENTRE_Y, CENTRE_Z, RADIUS, HALF_U, HALF_V):
+            reach += abs(np.float64(nodes[base + field]))
         extent = max(extent, reach)
     for lane in range(used, WIDTH):
-        nodes[uint64(node * STRIDE + lane + 9 * WIDTH)] = np.float32(EMPTY_RADIUS)
+        nodes[uint64(node * STRIDE + lane) + RADIUS] = np.float32(EMPTY_RADIUS)
     # The sum of a centre's absolute coordinates is at least its length; the factor pays for the
     # rounding of the sum and of the axes' lengths.
     centres[node, 3] = extent * (1.0 + 1e-6)

@@ -8,10 +8,11 @@ only one of them.
 from __future__ import annotations
 
 import numpy as np
+from numba import uint64
 
 from ..base.hashing import EMPTY_HASH, mixed, slot, slots_for
 from ..base.jit import allocating_entry, kernel
-from ..tree.layout import EMPTY_RADIUS, STRIDE, WIDTH
+from ..tree.layout import EMPTY_RADIUS, RADIUS, STRIDE, WIDTH
 from .layout import EMPTY, first_of, last_of
 
 
@@ -97,7 +98,7 @@ def without_twins(nodes, children, faces, twins):
                 continue
             unseen = gone[child] if child >= 0 else twin[first_of(child)] and twin[last_of(child)]
             if unseen:
-                nodes[node * STRIDE + 9 * WIDTH + lane] = np.float32(EMPTY_RADIUS)
+                nodes[uint64(node * STRIDE + lane) + RADIUS] = np.float32(EMPTY_RADIUS)
             else:
                 gone[node] = False
     return nodes

@@ -1,0 +1,223 @@
+"""What the engine takes for granted of numba beyond its documentation, one thing at a time.
+
+All of it stands in kernels/base. When a new numba breaks the engine, the tests that fail here say
+which assumption it broke; the newest numba that the engine is known to work with stands below.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import namedtuple
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from engine_bodies import torus
+from numba.core import event
+from numba.core.caching import NullCache
+
+from proximity_monitor import engine
+from proximity_monitor.engine.kernels.base import cache, jit, lanes, memory, tables
+from proximity_monitor.engine.kernels.base.state import (
+    PROGRESS,
+    MeshTree,
+    Priority,
+    State,
+    Waiting,
+)
+
+KNOWN = "0.68"
+BASE = Path(engine.__file__).parent / "kernels" / "base"
+
+Own = namedtuple("Own", "x")
+Other = namedtuple("Other", "x")
+RECORD = np.dtype([("count", np.int64), ("vector", np.float64, (3,))], align=True)
+
+
+def run(kernel):
+    """A kernel that is called from Python: compiled as an entry is, but kept nowhere."""
+    compiled = jit.entry(kernel)
+    compiled._cache = NullCache()
+    return compiled
+
+
+def broken(what: str) -> str:
+    return f"numba {numba.__version__} (known to work: {KNOWN}) no longer {what}"
+
+
+def address(array: np.ndarray) -> int:
+    return array.__array_interface__["data"][0]
+
+
+def test_arrays_stand_at_addresses():
+    @run
+    def total(at, rows):
+        table = memory.read_only(memory.rows_at(at, rows, 3, 0.0))
+        return table[rows - 1, 2] + table.shape[0]
+
+    table = np.arange(6.0).reshape(2, 3)
+    assert total(address(table), 2) == 7.0, broken("makes arrays of addresses (memory.rows_at)")
+
+
+def test_records_stand_at_addresses():
+    @run
+    def count(at):
+        record = memory.records_at(at, 1, RECORD)[0]
+        record.count += 2
+        record.vector[1] = 5.0
+        return record.count
+
+    made = np.zeros(1, RECORD)
+    made["count"] = 40
+    what = broken("makes records of addresses, or lays them out as numpy (memory.records_at)")
+    assert count(address(made)) == 42, what
+    assert made["count"][0] == 42, what
+    assert made["vector"][0].tolist() == [0.0, 5.0, 0.0], what
+
+
+def test_arrays_lie_on_the_stack():
+    @run
+    def sums():
+        row, table = memory.on_stack(4, np.float32(0.0)), memory.table_on_stack(2, 3, 0)
+        for i in range(4):
+            row[i] = i
+        table[1, 2] = 7
+        return row[3] + table[1, 2], table.shape[0] * table.shape[1]
+
+    assert sums() == (10.0, 6), broken("has arrays on the stack (memory.on_stack)")
+
+
+def test_kernels_do_without_reference_counts():
+    @run
+    def first(rows):
+        return rows[0]
+
+    first(np.zeros(1))
+    (code,) = first.inspect_llvm().values()
+    assert "NRT_incref" not in code, broken("compiles without reference counts (_nrt=False)")
+
+
+def test_lanes_become_masks():
+    @run
+    def masks(values):
+        below = lanes.not_above(values, 0, np.float32(3.0))
+        return (
+            below,
+            lanes.lowest(below),
+            lanes.smallest(values, 0, below),
+            lanes.fma(2.0, 3.0, 4.0),
+        )
+
+    values = np.full(16, 9.0, np.float32)
+    values[[3, 5]] = 2.0, 1.0
+    found = masks(values)
+    assert found == ((1 << 3) | (1 << 5), 3, 1.0, 10.0), broken("takes our LLVM code (lanes.py)")
+
+
+def kind_of(thing):
+    """A stub."""
+
+
+@jit.implements(kind_of, Own)
+@jit.kernel
+def _own(thing):
+    return 1
+
+
+@jit.implements(kind_of, (Other,))
+@jit.kernel
+def _other(thing):
+    return 2
+
+
+def test_a_type_chooses_the_kernel():
+    @run
+    def chosen():
+        return kind_of(Own(1.0)), kind_of(Other(1.0)), kind_of(Own), kind_of(Other)
+
+    what = "lets a kernel stand in for a stub by the type of a NamedTuple (jit.implements)"
+    assert chosen() == (1, 2, 1, 2), broken(what)
+
+
+CONSTANT = 1
+
+
+def _constant():
+    return CONSTANT
+
+
+def test_globals_are_constants():
+    found = [run(jit.specialised(_constant, f"constant_{i}", CONSTANT=i))() for i in (2, 3)]
+    assert found == [2, 3], broken("takes globals for constants (jit.specialised)")
+
+
+def test_a_kernel_is_kept_and_found_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(cache, "DIRECTORIES", [tmp_path])
+    monkeypatch.setattr(cache, "CACHE_DIRECTORY", tmp_path)
+    compiled = []
+
+    class Listener(event.Listener):
+        def on_start(self, start):
+            compiled.append(start.data["dispatcher"].py_func.__name__)
+
+        def on_end(self, end):
+            pass
+
+    with event.install_listener("numba:compile", Listener()):
+        for _ in range(2):
+            assert jit.entry(_constant)() == 1
+    assert len(list(tmp_path.glob("*.nbc"))) == 1, broken("gives compiled code to keep (cache.py)")
+    assert compiled == ["_constant"], broken("takes kept code, or reports compiling (cache.py)")
+
+
+def test_tables_lead_to_the_arrays_that_they_were_made_of():
+    """The kernels fix positions and types by hand: what they read is what was put there."""
+
+    @run
+    def read(model, memory_of_search):
+        tree, faces = tables.tree_at(MeshTree, model)
+        search = tables.state_at(Priority, memory_of_search)
+        progress = search.progress[0]
+        progress.distance, progress.nearest_b = 1.0, 2
+        search.motions[1, 11], search.collected[2, 2] = 3.0, 4.0
+        search.waiting.lanes[1, 1], search.waiting.bounds[1] = 5, 6.0
+        search.open.pairs[3, 1], search.open.bounds[3], search.open.frames[1] = 7, 8.0, 9
+        search.keys[3], search.reaches[3] = 10, 11.0
+        return (tree.nodes[-1], tree.centres[-1, 3], tree.children[-1], tree.sizes[-1],
+                tree.triangles[-1, 8], tree.scale[-1], faces[-1])  # fmt: skip
+
+    hierarchy = torus(16)._hierarchy
+    arrays = *hierarchy.tree, hierarchy.numbers
+    state = State(
+        np.zeros((2, 12)), np.zeros(1, PROGRESS),
+        Priority(np.zeros((4, 2), np.int32), np.zeros(4), np.zeros(2, np.int64)),
+        Waiting(np.zeros((2, 2), np.int32), np.zeros(2)), np.zeros((3, 3)),
+        np.zeros(4, np.int64), np.zeros(4),
+    )  # fmt: skip
+    found = read(tables.mesh_table(hierarchy.tree, hierarchy.numbers), tables.state_table(state))
+    assert found == tuple(each.flat[-1] for each in arrays)
+    assert (state.progress["distance"][0], state.progress["nearest_b"][0]) == (1.0, 2)
+    assert (state.motions[1, 11], state.collected[2, 2]) == (3.0, 4.0)
+    assert (state.waiting.lanes[1, 1], state.waiting.bounds[1]) == (5, 6.0)
+    assert [each.flat[-1] for each in state.open] == [7, 8.0, 9]
+    assert (state.keys[3], state.reaches[3]) == (10, 11.0)
+    for k, name in enumerate(hierarchy.tree._fields):
+        other = hierarchy.tree._replace(**{name: np.zeros(arrays[k].shape, np.int8)})
+        with pytest.raises(TypeError, match=f"{name}: int8"):
+            tables.mesh_table(other, hierarchy.numbers)
+
+
+def test_only_the_base_is_clever():
+    """What numba does not document, and LLVM, are used in one room alone."""
+    found = []
+    for file in sorted(BASE.parents[1].rglob("*.py")):
+        if file.parent == BASE or file.name == "compiling.py":
+            continue
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in getattr(node, "names", [])]
+            module = getattr(node, "module", None) or ""
+            used = [module, *names] if isinstance(node, ast.Import | ast.ImportFrom) else []
+            if any(each.startswith(("numba.", "llvmlite")) for each in used):
+                found.append(f"{file.name}:{node.lineno}")
+    assert found == []
