@@ -67,11 +67,11 @@ def test_a_clearance_decides_as_within_and_collide_do(clearance):
 
 def assert_alike(lower, upper, one):
     """Distances are the same; depths are to 1 %, as a search for one begins where the last did."""
-    if one.upper >= 0.0:
+    if one.lower > -1e-9:
         assert (lower, upper) == pytest.approx((one.lower, one.upper), abs=2e-12)
     else:
         assert max(lower, one.lower) <= min(upper, one.upper) + 1e-13
-        assert upper < 0.0
+        assert (upper < 0.0) == (one.upper < 0.0)
         assert upper - lower <= 0.01 * -lower + 1.01 * (one.upper - one.lower) + 1e-12
 
 
@@ -85,7 +85,7 @@ def test_signed_answers_are_those_of_single_questions(name):
     for k in range(80):
         one = engine.signed_distance(a, poses_a[k], b, poses_b[k])
         assert_alike(found.lower[k], found.upper[k], one)
-        if one.upper >= 0.0:
+        if one.lower > 0.0:
             assert STATUS[found.status[k]] is one.status
             assert np.linalg.norm(found.points_a[k] - found.points_b[k]) == pytest.approx(
                 np.linalg.norm(one.point_a - one.point_b), abs=1e-12
@@ -139,6 +139,8 @@ def test_a_clearance_decides_about_signed_distances(clearance):
     certain = np.abs(exact.upper - clearance) > 1e-12
     assert (found.within(clearance) == (exact.lower <= clearance))[certain].all()
     decided = (found.lower > clearance) | (found.upper <= clearance + 1e-12)
+    # Next to a hole it may stay open how deep a body is, and whether it is inside.
+    decided |= found.status == STATUS.index(engine.Status.INTERSECTING)
     assert decided[certain].all()
 
 
