@@ -100,15 +100,20 @@ def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
         rclpy.try_shutdown()
         if stop.asked and name:
             print(f"{name}: ended by {stop.by}", file=sys.stderr, flush=True)
-        sys.unraisablehook = complain
+        if not stop.asked:
+            sys.unraisablehook = complain
         gc.freeze()  # else Python searches all objects once more at the end, for half a second
         for kind, handler in zip(kinds, before, strict=True):
             signal.signal(kind, handler)
 
 
 def _unraisable(complain: Callable[[Any], None], told: Any) -> None:
-    """Do not report the interrupt where Python cannot raise it, as in a callback from C."""
-    if not (_current.asked and issubclass(told.exc_type, KeyboardInterrupt)):
+    """Do not report what an interrupt leaves behind.
+
+    That is the interrupt itself where Python cannot raise it, as in a callback from C; and objects
+    whose constructors it cut, such as llvmlite's, of which the destructors fail as late as at exit.
+    """
+    if not _current.asked:
         complain(told)
 
 
