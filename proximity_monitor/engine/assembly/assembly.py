@@ -22,7 +22,7 @@ from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
-from ..questions.slices import Slices
+from ..questions.slices import slices_until
 from .settling import Settling
 
 
@@ -327,7 +327,7 @@ class Assembly:
     ) -> tuple[int, int]:
         """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
         stacked = poses.reshape(-1, 4)
-        slices = Slices(deadline)
+        slices = slices_until(deadline)
         code, at = index.ENDED, 0
         for entry, at, last in runs:
             while True:

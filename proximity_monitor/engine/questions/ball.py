@@ -20,7 +20,7 @@ from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball
 from ..kernels.inside.solids import HALF
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from .slices import Slices
+from .slices import slices_until
 
 _CELLS = 64
 """Cells that there is room for at first."""
@@ -113,7 +113,7 @@ class BallSearch:
         return self._search(deadline, False)
 
     def _search(self, deadline: float, seeds_alone: bool) -> bool:
-        slices = Slices(deadline)
+        slices = slices_until(deadline)
         while True:
             code = self._slice(seeds_alone, slices.steps)
             if code == FULL:

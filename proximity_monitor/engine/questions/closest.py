@@ -18,7 +18,7 @@ from ..poses import check_pose
 from .result import ClosestPoints
 from .run import check_model
 from .sharing import share
-from .slices import Slices
+from .slices import slices_until
 
 _POINTS = 4096
 """Points that one thread answers in a row; the answers do not depend on the number of threads."""
@@ -91,7 +91,7 @@ def closest_points(
         going = np.zeros(3)  # of the point whose search a slice has cut: see the kernel
         count = len(given[part])
         found = at = 0  # the surface was searched for the first ones, the sides were found of fewer
-        slices = Slices(deadline)
+        slices = slices_until(deadline)
         over = first > 0 and deadline is not None and perf_counter() >= deadline
         while at < count and not (over or stopped.is_set()):
             if at == found:

@@ -12,7 +12,7 @@ from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
 from ..models.model import Model
 from .ball import tree_of
-from .slices import Slices
+from .slices import slices_until
 
 
 class PartSearch:
@@ -67,7 +67,7 @@ class PartSearch:
         """
         if not apart > 4.0 * self._slack:
             return True
-        slices = Slices(deadline)
+        slices = slices_until(deadline)
         if self.found[0] >= 0:
             return True
         for body in range(2):

@@ -18,7 +18,7 @@ from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
 from ..models.model import Model
 from ..poses import check_pose
-from .slices import Slices
+from .slices import slices_until
 
 Order = Literal["depth_first", "priority", "breadth_first"]
 """In which order a search visits pairs of volumes; the answer is the same."""
@@ -94,8 +94,8 @@ class Search:
     """
 
     __slots__ = (
-        "_blocks", "_entry", "_known", "_models", "_queries", "_wanted", "answers", "kinds",
-        "memory", "models", "order", "progress", "state",
+        "_blocks", "_collecting", "_entry", "_known", "_models", "_queries", "_wanted", "answers",
+        "kinds", "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -149,6 +149,7 @@ class Search:
         )
         self.answers = np.empty(0)
         self._blocks: list[NDArray[np.float64]] = []
+        self._collecting = False
 
     @property
     def coherent(self) -> bool:
@@ -206,12 +207,12 @@ class Search:
         if tables[0] is not known[0] or tables[1] is not known[1]:  # a model was deformed
             self._models = np.empty((2, *tables[0].shape), np.int64)
             self._models[0], self._models[1] = self._known = tables
-        collected = bool(len(self.state.collected))
+        collected = self._collecting
         if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
             self.state.keys.fill(-1)  # too far were those pairs that it looked at
         if collect != collected or (collect and fresh):
             # An answer may still hold the rows of the last search.
-            self._blocks = []
+            self._blocks, self._collecting = [], collect
             self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
         if fresh and self.order == "breadth_first":
             pairs, bounds, *_ = self.state.open
@@ -232,7 +233,7 @@ class Search:
             wanted[0], wanted[1], wanted[2], wanted[3] = rel_err, abs_err, stop, limit
         row = 0
         # At least one slice: whoever asks again and again comes to an end.
-        slices = Slices(deadline)
+        slices = slices_until(deadline)
         while True:
             code, row = self._entry(
                 self._models, self.memory, poses_a, poses_b, asked, row, count, 1, slices.steps,

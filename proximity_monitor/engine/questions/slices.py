@@ -43,3 +43,12 @@ class Slices:
         self._begun = now
         self.steps = max(_LEAST, min(int(left / (_SHARE * pace)), _MOST))
         return False
+
+
+ENDLESS = Slices(None)
+"""Those without a deadline, which remember nothing: all searches may share them."""
+
+
+def slices_until(deadline: float | None) -> Slices:
+    """Slices that begin now."""
+    return ENDLESS if deadline is None else Slices(deadline)
