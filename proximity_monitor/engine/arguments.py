@@ -93,15 +93,6 @@ def as_reals(
     return np.require(array, np.float64, "CAWE")
 
 
-def as_indices(values: ArrayLike, name: str) -> NDArray[np.int64]:
-    """Whole numbers as an int64 array (k,) that is C-contiguous and writable.
-
-    Raises:
-        ValueError: not whole numbers of this shape.
-    """
-    return np.require(_whole(values, name, ()), np.int64, "CAWE")
-
-
 def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]:
     """Whole numbers as an int32 array (k, columns) that is C-contiguous and writable.
 

@@ -1,0 +1,115 @@
+"""What a hand and an eye do on the page, in Chromium."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import imageio.v3 as iio
+import numpy as np
+
+SAVE_MS = 180_000.0
+# The world position of a node's local point on the screen, in CSS pixels.
+ON_SCREEN = """([name, local]) => {
+  const m = window.__viserMutable, node = m.nodeRefFromName[name];
+  node.updateWorldMatrix(true, false);
+  m.camera.updateMatrixWorld();
+  const p = node.position.clone().set(...local).applyMatrix4(node.matrixWorld).project(m.camera);
+  const r = m.canvas.getBoundingClientRect();
+  return [r.left + (p.x + 1) * r.width / 2, r.top + (1 - p.y) * r.height / 2];
+}"""
+CANVAS = "() => window.__viserMutable.canvas.getBoundingClientRect().toJSON()"
+CAMERA = "() => window.__viserMutable.camera.position.toArray()"
+# Comes when what is known now is drawn.
+DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+# The texts of the labels that are shown under a node.
+TEXTS = """under => Object.entries(window.__viserSceneTree.getState())
+  .filter(([name, node]) => name.startsWith(under) && node.effectiveVisibility)
+  .map(([, node]) => node.message.props.text).filter(text => text)"""
+OPACITY = "i => window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props.opacity"
+# How far the corners of a part's mesh are from its origin at most.
+REACH = """i => {
+  const props = window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props;
+  const bytes = props.vertices, at = bytes.byteOffset ?? 0;
+  const all = new Float32Array(bytes.buffer.slice(at, at + bytes.byteLength));
+  let reach = 0;
+  for (let k = 0; k < all.length; k += 3)
+    reach = Math.max(reach, Math.hypot(all[k], all[k + 1], all[k + 2]));
+  return reach;
+}"""
+ROWS = "all => all.map(r => [r.dataset.pair, [+r.dataset.lower, +r.dataset.upper, r.innerText]])"
+CHOSEN = ".pm-row.pm-chosen"
+HIDDEN = "#pm-pairs ~ .pm-small .pm-press"
+
+
+def decoded(png):
+    """The pixels (height, width, 3) of a PNG."""
+    return np.asarray(iio.imread(png, extension=".png"))[..., :3]
+
+
+def ball_is_blue(page, pixels):
+    """Whether a picture of the canvas shows the ball's colour in its middle."""
+    x, y = page.evaluate(ON_SCREEN, ["/parts/1", [0, 0, 0]])
+    canvas = page.evaluate(CANVAS)
+    assert pixels.shape[:2] == (canvas["height"], canvas["width"])
+    red, green, blue = pixels[round(y - canvas["top"]), round(x - canvas["left"])].astype(int)
+    return blue > green > red
+
+
+def lines_of(file):
+    return list(csv.DictReader(io.StringIO(file.path().read_text(encoding="utf-8"))))
+
+
+def listed(page):
+    """Of each pair in the list, in its order, the bounds in metres and the text."""
+    return dict(page.eval_on_selector_all("#pm-pairs .pm-row", ROWS))
+
+
+def row(page, pair):
+    """The bounds of a pair and its text, as the list shows them now."""
+    return listed(page).get(pair, (np.nan, np.nan, "not listed"))
+
+
+def word(page):
+    return page.get_attribute("#pm-banner", "data-word")
+
+
+def press(page, selector):
+    page.locator(selector).first.dispatch_event("pointerdown")
+
+
+def tab(page, name):
+    page.get_by_role("tab", name=name).click()
+
+
+def field(page, label, i=0):
+    """The input with a label, or the i-th of several in a row."""
+    return page.locator(f"xpath=//label[.='{label}']/ancestor::*[.//input][1]//input").nth(i)
+
+
+def button(page, name):
+    return page.get_by_role("button", name=name)
+
+
+def choose(page, part):
+    tab(page, "Move")
+    page.locator("input[role=combobox]:visible").click()
+    page.get_by_role("option", name=part).click()
+    page.wait_for_function(
+        "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"
+        " && window.__viserMutable.nodeRefFromName['/gizmo']"
+    )
+
+
+def drag(page, along, start=0.12):
+    """Drag the gizmo by `along`, a vector in metres along one of its axes."""
+    along = np.array(along, float)
+    handle = start * np.abs(np.sign(along))
+    page.evaluate(DRAWN)
+    x, y = page.evaluate(ON_SCREEN, ["/gizmo", handle.tolist()])
+    to_x, to_y = page.evaluate(ON_SCREEN, ["/gizmo", (handle + along).tolist()])
+    page.mouse.move(x, y)
+    page.evaluate(DRAWN)
+    page.mouse.down()
+    page.mouse.move(to_x, to_y, steps=6)
+    page.mouse.up()
