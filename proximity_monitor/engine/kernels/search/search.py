@@ -41,7 +41,7 @@ from ..base.state import (
 from ..base.tables import state_at, tree_at
 from ..elements.aim import no_aim
 from ..elements.swept import core_of, lower_of, upper_of
-from . import levels, queue, stack  # noqa: F401
+from . import levels, queue, stack  # noqa: F401 - each implements the stubs for its order
 from .coherence import travel
 from .descent import advance
 from .stubs import guess, least_open, measure, slacks, witness
