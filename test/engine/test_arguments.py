@@ -16,6 +16,7 @@ from proximity_monitor.engine import kernels
 from proximity_monitor.engine.assembly.answers import Answers
 from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.assembly.schedule import Schedule
+from proximity_monitor.engine.kernels.base.state import ANSWER
 from proximity_monitor.engine.poses import check_pose
 
 A, B = sphere(2), box()
@@ -242,7 +243,8 @@ def test_a_schedule_takes_any_numbers_and_compiles_nothing():
         schedule.update(index(rows), truth([1, 1]), truth([0, 0]), whole(1))
         queries = schedule.queries(index(schedule.order()))
         schedule.search_together(queries, real(1), whole(1), lambda: real(2))
-        schedule.commit(queries, [engine.distance(A, HERE, B, THERE)] * len(queries.at), real(2))
+        found = [engine.distance(A, HERE, B, THERE).row for _ in queries.at]
+        schedule.commit(queries, np.reshape(found, (-1, ANSWER)), real(2))
         answers.intervals(index(rows))
         balls = answers.centres.tolist(), [real(5), real(5)]
         BroadPhase().near(*balls, truth([1, 1]), index([0, 1]))

@@ -183,9 +183,7 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
     row = np.array(
         [0.0, upper, *far[0], *far[1], 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 1, OUT_OF_TIME, 0, 0]
     )
-    cut = engine.Distance(row, 0.0, None, (engine.TriangleMesh, engine.TriangleMesh))
-    assert cut.status is engine.Status.OUT_OF_TIME
-    schedule.commit(queries, [cut], perf_counter())
+    schedule.commit(queries, row[None], perf_counter())
     poses[1, 1, 3] += 1e-9
     answers.move(np.arange(2), poses)
     look()
@@ -215,16 +213,12 @@ def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cu
         return engine.distance(ball, poses[0], other, poses[1])
 
     exact = look(0.0)
-    schedule.commit(schedule.queries(np.zeros(1, np.int64)), [exact], perf_counter())
+    schedule.commit(schedule.queries(np.zeros(1, np.int64)), exact.row[None], perf_counter())
     far = exact.row.copy()
     far[[index.LOWER, index.UPPER, index.STATUS]] = 0.0, 50.0, OUT_OF_TIME
     for k in range(300):
         true = look(1e-9 * (k + 1)).upper
-        schedule.commit(
-            schedule.queries(np.zeros(1, np.int64)),
-            [engine.Distance(far, 0.0, None, (engine.TriangleMesh, engine.TriangleMesh))],
-            perf_counter(),
-        )
+        schedule.commit(schedule.queries(np.zeros(1, np.int64)), far[None], perf_counter())
         state = schedule.report(perf_counter())[0][0]
         assert state["lower"] <= true <= state["upper"]
 
@@ -233,7 +227,9 @@ def test_as_many_answers_as_queries_and_bodies_as_bodies_are_asked_for(watched):
     watched.update()
     with pytest.raises(ValueError, match="0 answers to 66 queries"):
         watched.schedule.commit(
-            watched.schedule.queries(watched.schedule.order()), [], perf_counter()
+            watched.schedule.queries(watched.schedule.order()),
+            np.empty((0, index.ANSWER)),
+            perf_counter(),
         )
     few = engine.Assembly([SMALL["torus"]])
     with pytest.raises(ValueError, match="of 1 bodies, the answers of 12"):
@@ -279,5 +275,5 @@ def test_of_models_that_met_the_surfaces_tell_first_and_how_deep_comes_last():
         overlapping = dict(zip(states["at"].tolist(), states["upper"].tolist(), strict=True))
         assert overlapping[0] < 1e-12 < overlapping[1] and left == 1
         found = engine.signed_distance(ball, poses[0], ball, poses[1])
-        schedule.commit(then, [found], perf_counter())
+        schedule.commit(then, found.row[None], perf_counter())
         assert len(schedule.order()) == 0

@@ -23,7 +23,7 @@ from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import slices_until
-from .settling import Settling
+from .long_searches import LongSearches, Single
 
 
 class Assembly:
@@ -51,7 +51,7 @@ class Assembly:
         self._searches: list[Search] = []
         self._insides: Insides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question that they were asked
-        self._settling = Settling()
+        self._depths = LongSearches(coherent=False)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
         """Make another one: kernels find the memory of this one by its addresses."""
@@ -200,10 +200,14 @@ class Assembly:
         def depth(k: int) -> Hashable:
             return depth_err, question(k)
 
-        unsettled = np.zeros(len(pairs), np.bool_)
-        if self._settling.waiting:
-            unsettled = self._settling.begun([depth(k) for k in range(len(pairs))])
-        answers, rest = no_answers(signed), ~unsettled
+        def single(i: int) -> Single:
+            k = chosen[i]
+            a, b = pairs[k].tolist()
+            models = self.models[a], self.models[b]
+            return Single(depth(k), models, poses[pairs[k]], wanted[k], True)
+
+        cut = self._depths.cut(depth, len(pairs))
+        answers, rest = no_answers(signed), ~cut
         answers[rest] = self.rows(
             poses, pairs[rest], wanted[rest], hints[rest], signed[rest], deadline, threads
         )
@@ -212,16 +216,12 @@ class Assembly:
         open_ &= (upper > clearance) | (clearance == np.inf)
         if self._cut:  # there the search of the surfaces must end first
             open_ &= [not (each and question(k) in self._cut) for k, each in enumerate(open_)]
-        chosen = np.flatnonzero(open_ | unsettled).tolist()
-
-        def take(i: int, row: NDArray[np.float64]) -> None:
-            answers[chosen[i]] = row
-
-        self._settling.settle(
-            [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
-            poses[pairs[chosen]], wanted[chosen], depth_err, lambda i: depth(chosen[i]),
-            math.inf if deadline is None else deadline, threads, take,
-        )  # fmt: skip
+        chosen = np.flatnonzero(open_ | cut)
+        found = self._depths.search(
+            single, len(chosen), depth_err, math.inf if deadline is None else deadline, threads
+        )
+        reached = ~np.isnan(found[:, index.STATUS])
+        answers[chosen[reached]] = found[reached]
         return answers
 
     def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:

@@ -17,6 +17,7 @@ from . import carry
 from .carry import (
     BODY_A,
     BODY_B,
+    CONTINUOUS,
     JUMPING,
     SIGNED,
     UNSIGNED,
@@ -53,6 +54,7 @@ VIEW = np.dtype(
         ("lower", np.float64),  # metres, certified at the present poses
         ("upper", np.float64),
         ("witness", np.float64, (carry.WITNESS,)),
+        ("blur", np.float64),  # metres by which the motion since the last answer widened `lower`
         ("asked", np.float64),  # the level of the last search of this moment; NaN: there was none
         ("known", np.bool_),  # both poses are known
         ("stale", np.bool_),  # a pose is not known, or too old
@@ -95,6 +97,16 @@ TOGETHER, ALONE, INSIDE = 0, 1, 2
 solid may overlap the other, and the search has to find how deep."""
 
 
+DEPTH_ERR = 0.01
+"""Share of its depth to which an overlap is told, as `engine.signed_distance` does by default."""
+
+
+@kernel
+def _is_close(view):
+    """Whether the bounds of a depth are as close as DEPTH_ERR says."""
+    return view.upper < 0.0 and -view.lower <= -view.upper * (1.0 + DEPTH_ERR)
+
+
 @kernel
 def _judge(record, view):
     """What a view's bounds say about its record.
@@ -115,6 +127,7 @@ def _judge(record, view):
     tolerated = abs_err > 0.0 and upper - lower <= abs_err
     if rel_err > 0.0 and (lower > 0.0 or upper < 0.0):
         tolerated |= large <= (1.0 + rel_err) * small
+    tolerated |= _is_close(view) or (upper < 0.0 and upper - lower <= view.blur)
     view.urgent, view.tolerated = urgent, tolerated
     view.wanting = (
         (urgent if view.deciding else not tolerated)
@@ -143,6 +156,9 @@ def update(
         )
         for i in range(carry.ANSWER - carry.FEATURES):
             view.witness[6 + i] = answer[carry.FEATURES + i]
+        moved = answer[carry.LOWER] - view.lower
+        blurred = motion == carry.MOVED and label[SIGNED] == CONTINUOUS and 0.0 < moved < np.inf
+        view.blur = moved if blurred else 0.0
         view.known = known[a] and known[b]
         view.stale = silent[a] or silent[b]
         view.deciding = record.deciding or not distances
@@ -167,21 +183,23 @@ def pending(rows, records, views, at, kind, keys):
         if view.wanting:
             at[count] = k
             kind[count] = 2 * view.stale + (not view.urgent)
-            # Of models that surely meet only the depth is open, and that takes long to find.
-            keys[0, count] = view.lower if view.upper > 0.0 else np.inf
+            # Of models that surely overlap only the depth is open, and that takes long to find.
+            keys[0, count] = view.lower if view.upper >= 0.0 else np.inf
             keys[1, count] = records[rows[k]].searched_s
             count += 1
     return count
 
 
 @kernel
-def _level(record, view):
+def _level(record, view, inside):
     """The clearance at which a search may end, metres; infinity where only the tolerance ends it.
 
     If a pair is only to be decided, ask for the largest open level: most pairs are beyond all
     levels, and that one query settles them. If a distance is wanted, first check whether the pair
     is within range: that costs an eighth of a full query and settles most pairs. If a search for
-    this very level ended and left it open, only rounding keeps it so: then ask for everything.
+    this very level ended and left it open, only rounding keeps it so: then ask for everything. If a
+    solid may overlap the other, `inside`, ask for the sign first, which is far cheaper than the
+    depth.
     """
     level = np.inf
     if view.deciding:
@@ -191,7 +209,10 @@ def _level(record, view):
                 level = max(level, record.levels[i])
     elif view.upper > record.range:
         level = record.range
-    return np.inf if level == view.asked else level
+    level = np.inf if level == view.asked else level
+    if inside and level == np.inf and view.upper >= 0.0 and view.asked != 0.0:
+        level = 0.0
+    return level
 
 
 @entry
@@ -201,15 +222,14 @@ def query(rows, labels, records, views, at, bodies, wanted, hints, signed, how):
     bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `Assembly.rows`; `how`
     (m,) is one of TOGETHER, ALONE and INSIDE. A pair that is only to be decided has no tolerance:
     the level ends its search. Where two solids are certainly apart, their distance is that of
-    their surfaces; elsewhere the sign is asked for, and nearly all pairs turn out to be apart.
+    their surfaces; elsewhere the sign is asked for, and nearly all pairs turn out to be apart. A
+    depth is asked for as closely as DEPTH_ERR says, but no closer than the bodies moved since the
+    last answer: in the next moment it will be blurred by as much.
     """
     for i in range(len(at)):
         row, view = rows[at[i]], views[at[i]]
         label, record = labels[row], records[row]
         bodies[i, 0], bodies[i, 1] = label[BODY_A], label[BODY_B]
-        wanted[i, 0] = 0.0 if view.deciding else record.rel_err
-        wanted[i, 1] = 0.0 if view.deciding else record.abs_err
-        wanted[i, 2] = _level(record, view)
         hints[i, 0], hints[i, 1] = record.hint[0], record.hint[1]
         signed[i] = label[SIGNED] != UNSIGNED and view.lower <= 0.0
         how[i] = ALONE if record.hard else TOGETHER
@@ -218,6 +238,11 @@ def query(rows, labels, records, views, at, bodies, wanted, hints, signed, how):
             again = record.met and not view.searched and view.upper > 0.0
             inside = label[SIGNED] == JUMPING or record.hard or record.met
             how[i] = INSIDE if inside and not again else TOGETHER
+        wanted[i, 0] = 0.0 if view.deciding else record.rel_err
+        wanted[i, 1] = 0.0 if view.deciding else record.abs_err
+        wanted[i, 2] = _level(record, view, how[i] == INSIDE)
+        if view.upper < 0.0:
+            wanted[i, 1] = max(wanted[i, 1], view.blur)
 
 
 @entry
@@ -252,7 +277,8 @@ def commit(
         row, view, level = rows[at[i]], views[at[i]], wanted[i, 2]
         record, status = records[row], int(answer[state.STATUS])
         ended, unsure = status != state.OUT_OF_TIME, answer[state.LOWER] == -np.inf
-        final = ended and level == np.inf
+        signed = labels[row][SIGNED] != UNSIGNED
+        final = ended and (level == np.inf or status == state.EXACT) and not unsure
         # Points that were carried through a deformation no longer lie on the models.
         nearer = final or was_deformed(places, labels[row], answers[row])
         nearer |= answer[state.UPPER] <= view.upper
@@ -264,12 +290,15 @@ def commit(
             view.lower = answer[state.LOWER]
         view.asked = level if ended else np.nan
         intersecting = status == state.INTERSECTING
-        view.answered = final or (intersecting and not unsure)
+        view.answered = final or (intersecting and not signed)
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
         record.hard = not ended and not decided
         record.met = not ended if unsure else view.lower <= 0.0
-        record.done, record.status, record.searched_s = view.answered, status, now_s
+        # A depth that motion blurred is refined once the bodies stand still.
+        blurred = view.upper < 0.0 < view.blur and not _is_close(view)
+        record.done = view.answered and not blurred
+        record.status, record.searched_s = status, now_s
         if answer[state.TREE_A] >= 0.0:
             record.hint[0] = int(answer[state.TREE_A])
             record.hint[1] = int(answer[state.TREE_B])
