@@ -37,6 +37,7 @@ RECORD = np.dtype(
         ("searched_s", np.float64),  # when it was last searched
         ("min_upper", np.float64),  # the smallest bounds of all moments
         ("min_lower", np.float64),
+        ("widened", np.float64),  # metres by which motion had widened the bounds, the last moment
         ("hint", np.int32, (2,)),  # nearest triangles, as a search knows them
         ("status", np.int8),  # of the last search: why it stopped
         ("deciding", np.bool_),  # only the side of the levels is asked for
@@ -54,7 +55,7 @@ VIEW = np.dtype(
         ("lower", np.float64),  # metres, certified at the present poses
         ("upper", np.float64),
         ("witness", np.float64, (carry.WITNESS,)),
-        ("blur", np.float64),  # metres by which the motion since the last answer widened `lower`
+        ("blur", np.float64),  # metres: what the bounds of a depth may differ by, as it moves so fast
         ("asked", np.float64),  # the level of the last search of this moment; NaN: there was none
         ("known", np.bool_),  # both poses are known
         ("stale", np.bool_),  # a pose is not known, or too old
@@ -138,6 +139,16 @@ def _judge(record, view):
     )
 
 
+@kernel
+def _blur(record, label, widened, motion):
+    """How far the bodies moved since the last moment, if the answer is `widened` by now, metres."""
+    if not (label[SIGNED] == CONTINUOUS and 0.0 < widened < np.inf):
+        widened = 0.0
+    more = widened - record.widened
+    record.widened = widened
+    return max(more, 0.0) if motion == carry.MOVED else 0.0
+
+
 @entry
 def update(
     poses, versions, balls, places, labels, answers, known, silent, rows, records, distances, views
@@ -156,9 +167,7 @@ def update(
         )
         for i in range(carry.ANSWER - carry.FEATURES):
             view.witness[6 + i] = answer[carry.FEATURES + i]
-        moved = answer[carry.LOWER] - view.lower
-        blurred = motion == carry.MOVED and label[SIGNED] == CONTINUOUS and 0.0 < moved < np.inf
-        view.blur = moved if blurred else 0.0
+        view.blur = _blur(record, label, answer[carry.LOWER] - view.lower, motion)
         view.known = known[a] and known[b]
         view.stale = silent[a] or silent[b]
         view.deciding = record.deciding or not distances
@@ -207,10 +216,11 @@ def _level(record, view, inside):
         for i in range(LEVELS):
             if view.lower <= record.levels[i] < view.upper:
                 level = max(level, record.levels[i])
-    elif view.upper > record.range:
+        if level == view.asked:
+            level = np.inf
+    elif view.upper > record.range and np.isnan(view.asked):
         level = record.range
-    level = np.inf if level == view.asked else level
-    if inside and level == np.inf and view.upper >= 0.0 and view.asked != 0.0:
+    elif inside and view.upper >= 0.0 and view.asked != 0.0:
         level = 0.0
     return level
 
@@ -298,7 +308,7 @@ def commit(
         # A depth that motion blurred is refined once the bodies stand still.
         blurred = view.upper < 0.0 < view.blur and not _is_close(view)
         record.done = view.answered and not blurred
-        record.status, record.searched_s = status, now_s
+        record.status, record.searched_s, record.widened = status, now_s, 0.0
         if answer[state.TREE_A] >= 0.0:
             record.hint[0] = int(answer[state.TREE_A])
             record.hint[1] = int(answer[state.TREE_B])
