@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from ..kernels.base import state as index
 from ..models.model import Model
 from ..questions.pair import Pair
-from ..questions.result import Status
 from ..questions.sharing import share
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ _SLICE_S = 0.02
 """Between two looks whether Ctrl-C was pressed."""
 
 _DECIDING_S = 0.2e-3
-"""The same where it is looked at, besides, whether a clearance is decided."""
+"""The same where it is looked at, besides, whether a signed distance decides a clearance."""
 
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
@@ -123,23 +122,31 @@ def _search(
 ) -> tuple[NDArray[np.float64], bool]:
     """The row of an answer, and whether its search came to an end or decided the clearance."""
     rel_err, abs_err, clearance = asked.wanted.tolist()
-    longest = _SLICE_S if clearance == math.inf else _DECIDING_S
-    ask, how = pair.distance, {"rel_err": rel_err, "abs_err": abs_err}
-    if asked.signed:
-        # Models that overlap are nearer than any clearance, however deep.
-        ask = pair.signed_distance
-        how["depth_err"] = depth_err if clearance == math.inf else math.inf
+    deciding = clearance < math.inf
+    # Models that overlap are nearer than any clearance, however deep.
+    tolerated = math.inf if deciding else depth_err
+    longest = _DECIDING_S if deciding and asked.signed else _SLICE_S
     while True:
-        left = max(deadline - perf_counter(), 0.0)
-        found = ask(*asked.poses, budget_s=min(left, longest), **how)
-        if found.lower > clearance or found.upper <= clearance < math.inf:
-            return found.row, True
-        if found.status is not Status.OUT_OF_TIME:
-            if how.get("depth_err") != math.inf:
-                return found.row, True
-            how["depth_err"] = depth_err  # only a larger ball is more than models deviate by
+        budget_s = min(max(deadline - perf_counter(), 0.0), longest)
+        if asked.signed:
+            row = pair.signed_distance(
+                *asked.poses, rel_err=rel_err, abs_err=abs_err, depth_err=tolerated,
+                budget_s=budget_s,
+            ).row  # fmt: skip
+        elif deciding:
+            row = pair.within(*asked.poses, clearance, budget_s=budget_s).row
+        else:
+            row = pair.distance(
+                *asked.poses, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
+            ).row
+        if row[index.LOWER] > clearance or (deciding and row[index.UPPER] <= clearance):
+            return row, True
+        if row[index.STATUS] != index.OUT_OF_TIME:
+            if not asked.signed or tolerated == depth_err:
+                return row, True
+            tolerated = depth_err  # only a larger ball is more than models deviate by
         if stopped.is_set() or perf_counter() >= deadline:
-            return found.row, False
+            return row, False
 
 
 def prepare(assembly: Assembly) -> None:

@@ -55,7 +55,10 @@ VIEW = np.dtype(
         ("lower", np.float64),  # metres, certified at the present poses
         ("upper", np.float64),
         ("witness", np.float64, (carry.WITNESS,)),
-        ("blur", np.float64),  # metres: what the bounds of a depth may differ by, as it moves so fast
+        (
+            "blur",
+            np.float64,
+        ),  # metres that the bodies moved: how wide bounds of a depth may be
         ("asked", np.float64),  # the level of the last search of this moment; NaN: there was none
         ("known", np.bool_),  # both poses are known
         ("stale", np.bool_),  # a pose is not known, or too old
@@ -204,14 +207,14 @@ def _level(record, view, inside):
     """The clearance at which a search may end, metres; infinity where only the tolerance ends it.
 
     If a pair is only to be decided, ask for the largest open level: most pairs are beyond all
-    levels, and that one query settles them. If a distance is wanted, first check whether the pair
-    is within range: that costs an eighth of a full query and settles most pairs. If a search for
-    this very level ended and left it open, only rounding keeps it so: then ask for everything. If a
-    solid may overlap the other, `inside`, ask for the sign first, which is far cheaper than the
-    depth.
+    levels, and that one query settles them. So does a pair whose distance takes long begin. If a
+    distance is wanted, first check whether the pair is within range: that costs an eighth of a full
+    query and settles most pairs. If a search for this very level ended and left it open, only
+    rounding keeps it so: then ask for everything. If a solid may overlap the other, `inside`, ask
+    for the sign first, which is far cheaper than the depth.
     """
     level = np.inf
-    if view.deciding:
+    if view.deciding or (record.hard and view.urgent):
         level = -np.inf
         for i in range(LEVELS):
             if view.lower <= record.levels[i] < view.upper:
@@ -303,7 +306,9 @@ def commit(
         view.answered = final or (intersecting and not signed)
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
-        record.hard = not ended and not decided
+        cut = not (ended or decided or unsure)
+        # A level that is decided says nothing of how long the distance takes.
+        record.hard = cut or (record.hard and not (final or unsure or view.deciding))
         record.met = not ended if unsure else view.lower <= 0.0
         # A depth that motion blurred is refined once the bodies stand still.
         blurred = view.upper < 0.0 < view.blur and not _is_close(view)
