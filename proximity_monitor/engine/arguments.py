@@ -93,6 +93,24 @@ def as_reals(
     return np.require(array, np.float64, "CAWE")
 
 
+def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64] | float:
+    """A number, or (count,), none of them negative.
+
+    Raises:
+        TypeError: no real number.
+        ValueError: another shape, or one that is negative or NaN.
+    """
+    if not np.ndim(value):
+        return check_tolerance(f"{name}[0]", as_real(value, name)) if count else 0.0
+    given = as_reals(value, name)
+    if given.shape != (count,):
+        raise ValueError(f"{name}: shape {given.shape}, expected a number or ({count},)")
+    if not (given >= 0.0).all():
+        first = int(np.flatnonzero(~(given >= 0.0))[0])
+        check_tolerance(f"{name}[{first}]", float(given[first]))
+    return given
+
+
 def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]:
     """Whole numbers as an int32 array (k, columns) that is C-contiguous and writable.
 

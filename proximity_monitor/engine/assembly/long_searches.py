@@ -63,11 +63,16 @@ class LongSearches:
         self._coherent = coherent
         self._kept: OrderedDict[Hashable, Pair] = OrderedDict()
 
-    def cut(self, keys: Callable[[int], Hashable], count: int) -> NDArray[np.bool_]:
-        """Of which (count,) questions a search is kept."""
-        if not self._kept:
-            return np.zeros(count, np.bool_)
-        return np.array([keys(k) in self._kept for k in range(count)], np.bool_)
+    def resumed(self, keys: Callable[[int], Hashable], count: int) -> list[int]:
+        """The questions of which a search is kept; those that no question resumes are forgotten."""
+        found: dict[Hashable, int] = {}
+        for k in range(count):
+            if len(found) == len(self._kept):
+                break
+            if (key := keys(k)) in self._kept:
+                found.setdefault(key, k)
+        self._kept = OrderedDict((key, self._kept[key]) for key in found)
+        return list(found.values())
 
     def search(
         self,
