@@ -100,7 +100,7 @@ def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64
         TypeError: no real number.
         ValueError: another shape, or one that is negative or NaN.
     """
-    if not np.ndim(value):
+    if type(value) is float or not np.ndim(value):
         return check_tolerance(f"{name}[0]", as_real(value, name)) if count else 0.0
     given = as_reals(value, name)
     if given.shape != (count,):
@@ -118,12 +118,11 @@ def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]
         ValueError: not whole numbers of this shape, or beyond int32.
     """
     given = _whole(values, name, (columns,))
-    limits = np.iinfo(np.int32)
-    bad = ((given < limits.min) | (given > limits.max)).any(axis=1)
-    if bad.any():
-        first = int(np.flatnonzero(bad)[0])
+    array = np.require(given, np.int32, "CAWE")
+    if array is not given and (array != given).any():
+        first = int(np.flatnonzero((array != given).any(axis=1))[0])
         raise ValueError(f"{name}[{first}] = {given[first].tolist()}: beyond what an index can be")
-    return np.require(given, np.int32, "CAWE")
+    return array
 
 
 def _whole(values: ArrayLike, name: str, row: tuple[int, ...]) -> NDArray[np.integer]:

@@ -228,8 +228,9 @@ class Assembly:
 
     def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
         given = as_integers(pairs, "pairs", 2)
-        bad = (given < 0) | (given >= len(self.models))
-        if bad.any():
+        # A number below 0 is a large one without its sign.
+        if given.view(np.uint32).max(initial=0) >= len(self.models):
+            bad = (given < 0) | (given >= len(self.models))
             first = int(np.flatnonzero(bad.any(axis=1))[0])
             raise ValueError(
                 f"pairs[{first}] = {given[first].tolist()}: there are {len(self.models)} bodies, "
@@ -376,7 +377,8 @@ class Assembly:
 def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
     rows = np.full((len(signed), index.ANSWER), np.nan)
-    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
+    rows[:, index.LOWER], rows[:, index.UPPER] = 0.0, np.inf
+    rows[signed, index.LOWER] = -np.inf
     return rows
 
 
@@ -391,7 +393,6 @@ def _queries(
         known = (hints >= 0).all(axis=1)
         made["nearest"][known] = hints[known]
     made["rel_err"], made["abs_err"], clearances = wanted.T
-    beyond = clearances == np.inf
-    made["stop"] = np.where(beyond, 0.0, clearances)
-    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
+    made["stop"] = np.where(clearances < np.inf, clearances, 0.0)
+    made["limit"] = np.nextafter(clearances, np.inf)
     return made
