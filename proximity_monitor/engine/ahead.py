@@ -33,8 +33,7 @@ def kernels(watching: bool) -> Iterator[Kernel]:
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
     table = np.empty((2, 0), np.int64)
     tables, queries = np.empty((0, 2, 0), np.int64), np.empty(0, QUERY)
-    asked = tables, table, rows, rows, queries, 0, 0, 1, 0, True, rows
-    yield mesh_mesh.search, asked
+    yield mesh_mesh.search, (tables, table, rows, rows, queries, 0, 0, 1, 0, True, rows)
     frozen_rows, frozen_lanes = _frozen(rows), _frozen(lanes)
     if watching:
         nodes, frozen = _frozen(np.empty(0, np.float32)), _frozen(reals)
@@ -45,7 +44,6 @@ def kernels(watching: bool) -> Iterator[Kernel]:
             np.empty(0, SEARCH), rows, rows, point, point, point, reals, lanes,
             np.empty(0, CELL), lanes, reals,
         )  # fmt: skip
-        yield mesh_mesh.search_nearest_first, asked
         yield ball.search_ball, (tree, tree, region, region, memory, True, 0)
         signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
         insides = Insides(np.empty(0, np.int8), table, lanes, tables)

@@ -28,7 +28,8 @@ _CHUNK = 64
 are the same however many threads there are."""
 
 _SLICE_S = 0.02
-"""Between two looks whether Ctrl-C was pressed."""
+"""Between two looks of one of several threads whether Ctrl-C was pressed: a single one hears it
+whenever a kernel returns. Then what the search finds depends on no clock, but for deadlines."""
 
 _DECIDING_S = 0.2e-3
 """The same where it is looked at, besides, whether a signed distance decides a clearance."""
@@ -99,6 +100,8 @@ class LongSearches:
         """
         rows = np.full((count, index.ANSWER), np.nan)
         kept, step = self._kept, 1 if self._coherent else _CHUNK
+        threads = max(1, min(threads, count))
+        longest = math.inf if threads == 1 else _SLICE_S
 
         def answer(first: int, stopped: Event) -> None:
             fresh = None
@@ -111,28 +114,35 @@ class LongSearches:
                     if fresh is None or (fresh.a, fresh.b) != each.models:
                         fresh = Pair(*each.models)
                     pair = fresh
-                rows[k], ended = _search(pair, each, depth_err, deadline, stopped)
+                rows[k], ended = _search(pair, each, depth_err, deadline, longest, stopped)
                 if self._coherent or not ended:
                     kept[each.key] = pair
                     fresh = None
 
-        share(answer, range(0, count, step), max(1, min(threads, count)))
+        share(answer, range(0, count, step), threads)
         while len(kept) > max(KEPT, threads):
             kept.popitem(last=False)
         return rows
 
 
 def _search(
-    pair: Pair, asked: Single, depth_err: float, deadline: float, stopped: Event
+    pair: Pair,
+    asked: Single,
+    depth_err: float,
+    deadline: float,
+    longest: float,
+    stopped: Event,
 ) -> tuple[NDArray[np.float64], bool]:
     """The row of an answer, and whether its search came to an end or decided the clearance."""
     rel_err, abs_err, clearance = asked.wanted.tolist()
     deciding = clearance < math.inf
     # Models that overlap are nearer than any clearance, however deep.
     tolerated = math.inf if deciding else depth_err
-    longest = _DECIDING_S if deciding and asked.signed else _SLICE_S
+    if deciding and asked.signed:
+        longest = _DECIDING_S
     while True:
-        budget_s = min(max(deadline - perf_counter(), 0.0), longest)
+        left = min(max(deadline - perf_counter(), 0.0), longest)
+        budget_s = None if left == math.inf else left
         if asked.signed:
             row = pair.signed_distance(
                 *asked.poses, rel_err=rel_err, abs_err=abs_err, depth_err=tolerated,
