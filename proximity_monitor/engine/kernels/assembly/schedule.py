@@ -182,12 +182,17 @@ def update(
         _judge(record, view)
 
 
+_LAST = 1e300
+"""A sort key behind all lower bounds, metres, and before infinity."""
+
+
 @entry
 def pending(rows, records, views, at, kind, keys):
     """Write the views that want a search into `at`, and their sort keys; return how many.
 
     `kind` is 0 where the side of a level is open, 1 elsewhere, and 2 more for stale pairs. keys
-    (2, k) are the lower bounds, infinite for models that overlap, and the times of the last search.
+    (2, k) are the lower bounds, or what is larger where models meet or overlap, and the times of
+    the last search.
     """
     count = 0
     for k in range(len(rows)):
@@ -195,8 +200,11 @@ def pending(rows, records, views, at, kind, keys):
         if view.wanting:
             at[count] = k
             kind[count] = 2 * view.stale + (not view.urgent)
-            # Of models that surely overlap only the depth is open, and that takes long to find.
-            keys[0, count] = view.lower if view.upper >= 0.0 else np.inf
+            # Where models meet, no distance is open, but whether they overlap, and then how deep.
+            # That takes longer than many distances.
+            keys[0, count] = view.lower
+            if view.upper <= 0.0:
+                keys[0, count] = np.inf if view.upper < 0.0 else _LAST
             keys[1, count] = records[rows[k]].searched_s
             count += 1
     return count
