@@ -101,7 +101,7 @@ def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64
         ValueError: another shape, or one that is negative or NaN.
     """
     if type(value) is float or not np.ndim(value):
-        return check_tolerance(f"{name}[0]", as_real(value, name)) if count else 0.0
+        return check_tolerance(f"{name}[0]", as_real(value, name))
     given = as_reals(value, name)
     if given.shape != (count,):
         raise ValueError(f"{name}: shape {given.shape}, expected a number or ({count},)")

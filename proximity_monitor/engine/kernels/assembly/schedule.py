@@ -55,10 +55,7 @@ VIEW = np.dtype(
         ("lower", np.float64),  # metres, certified at the present poses
         ("upper", np.float64),
         ("witness", np.float64, (carry.WITNESS,)),
-        (
-            "blur",
-            np.float64,
-        ),  # metres that the bodies moved: how wide bounds of a depth may be
+        ("blur", np.float64),  # metres: how far the bodies moved since the last moment
         ("asked", np.float64),  # the level of the last search of this moment; NaN: there was none
         ("known", np.bool_),  # both poses are known
         ("stale", np.bool_),  # a pose is not known, or too old
@@ -144,7 +141,7 @@ def _judge(record, view):
 
 @kernel
 def _blur(record, label, widened, motion):
-    """How far the bodies moved since the last moment, if the answer is `widened` by now, metres."""
+    """How far bodies moved since the last moment, metres, where by now an answer is `widened`."""
     if not (label[SIGNED] == CONTINUOUS and 0.0 < widened < np.inf):
         widened = 0.0
     more = widened - record.widened
@@ -245,7 +242,7 @@ def query(rows, labels, records, views, at, bodies, wanted, hints, signed, how):
     the level ends its search. Where two solids are certainly apart, their distance is that of
     their surfaces; elsewhere the sign is asked for, and nearly all pairs turn out to be apart. A
     depth is asked for as closely as DEPTH_ERR says, but no closer than the bodies moved since the
-    last answer: in the next moment it will be blurred by as much.
+    last moment: in the next one it will be blurred by as much.
     """
     for i in range(len(at)):
         row, view = rows[at[i]], views[at[i]]
