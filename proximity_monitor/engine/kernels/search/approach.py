@@ -30,7 +30,7 @@ _QUERY, _ROUGH = 32, 6
 is asked for: down to the first leaf."""
 _STACK = 512
 """A step replaces one entry of the stack by at most sixteen."""
-_ROUNDS, _WORTH = 4, 0.98
+_ROUNDS, _WORTH = 4, 0.9
 """Most rounds; and the share of the distance to which one has to shorten it to have a successor."""
 _FAR = 0.97
 """Of the distance that the search began with, or had after the last rounds: what it has to have

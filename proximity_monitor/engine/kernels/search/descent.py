@@ -113,9 +113,10 @@ def advance(tree_a, tree_b, state):
     n = progress.waiting
     coherent = is_coherent(state)
     code = ENDED
+    many = 1 if progress.rel_err + progress.abs_err > 0.0 else BATCH
     while True:
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
-        while n >= BATCH or (
+        while n >= many or (
             n > 0
             and (progress.open == 0 or full or progress.distance - progress.slack <= progress.stop)
         ):
