@@ -37,7 +37,7 @@ _FAR = 0.97
 """Of the distance that the search began with, or had after the last rounds: what it has to have
 found before more of them pay. Along a path it never has, and none are made."""
 
-_PATIENCE, _LONG, _LONGER = 24 * WIDTH, 384 * WIDTH, 8
+_PATIENCE, _LONG, _LONGER = 24 * WIDTH, 96 * WIDTH, 8
 """Bound tests that a search with a tolerance makes first; the same where it began with points that
 were the nearest of the search before; and how many times as many it makes before it tries again."""
 _WITHIN_REACH = 1.5
