@@ -59,7 +59,8 @@ def travel(tree_a, tree_b, state, before, slack):
     """Take note of how far the models moved relative to each other since the motions `before`.
 
     It is as much seen from either model; the smaller one turns less far out, so its bound is better
-    as a rule. `slack` is what the motions before erred by. Of a model that was refitted nothing is known.
+    as a rule. `slack` is what the motions before erred by. Of a model that was refitted nothing is
+    known.
     """
     progress, motions = state.progress[0], state.motions
     if progress.shape_a != tree_a.scale[REVISION] or progress.shape_b != tree_b.scale[REVISION]:
