@@ -59,7 +59,7 @@ from .winding import winding_number
 PLANE = 8.0
 """Slacks by which a plane is raised."""
 
-_STEPS = 192
+_STEPS = 96
 """Steps of a descent that a plane may take; else there is none."""
 
 _CLEAR = 16.0
