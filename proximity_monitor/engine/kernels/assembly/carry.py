@@ -45,7 +45,7 @@ import numpy as np
 from ..base.jit import entry, kernel
 from ..base.motion import deviation, is_rigid
 from ..base.rounding import DOUBLE_EPS
-from ..base.vectors import add, dot, sub
+from ..base.vectors import add, dot, norm, sub
 
 ROUNDING = 128.0 * 2.0 * DOUBLE_EPS
 NON_RIGID = 16.0
@@ -149,17 +149,12 @@ def vector(v):
 
 
 @kernel
-def _norm(v):
-    return math.sqrt(dot(v, v))
-
-
-@kernel
 def _place(pose, ball, place):
     """Write the place of a body's ball at this pose."""
     centre = vector(ball.centre)
     place.centre[0], place.centre[1], place.centre[2] = _image(pose, centre)
     reach = ball.core + ball.swept + ball.deviation
-    place.size = _norm(_column(pose, 3)) + _norm(centre) + reach
+    place.size = norm(_column(pose, 3)) + norm(centre) + reach
     defect = 0.0
     for i in range(3):
         for j in range(3):
@@ -229,14 +224,14 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, answer, points):
         origin_a = _with(origin_a, j, dot(new, back))
         old_a = _with(old_a, j, dot(old, old_back))
     turn = math.sqrt(turn / 2.0)
-    move_b = _norm(sub(image_b, old_b)) + turn * radius_b
-    move_a = _norm(sub(origin_a, old_a)) + turn * radius_a
+    move_b = norm(sub(image_b, old_b)) + turn * radius_b
+    move_a = norm(sub(origin_a, old_a)) + turn * radius_a
     stretched = place_a.stretch - answer.stretch[0] + (place_b.stretch - answer.stretch[1])
     stretched *= 1.0 + 8.0 * DOUBLE_EPS
     moved = min(move_a, move_b) + stretched
     moved_outer = min(move_a + turn * outer_a, move_b + turn * outer_b) + stretched
 
-    between = _norm(sub(vector(place_b.centre), vector(place_a.centre)))
+    between = norm(sub(vector(place_b.centre), vector(place_a.centre)))
     apart = between - radius_a - radius_b - outer_a - outer_b
     then_lower, then_upper = answer.lower, answer.upper
     if signed == JUMPING:
@@ -258,7 +253,7 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, answer, points):
     point_b = _image(pose_b, _row(answer.witness, 1))
     for i in range(3):
         points[0, i], points[1, i] = point_a[i], point_b[i]
-    between = _norm(sub(point_b, point_a)) + stretched - ball_a.swept - ball_b.swept
+    between = norm(sub(point_b, point_a)) + stretched - ball_a.swept - ball_b.swept
     if signed:
         between = max(between, -min(ball_a.swept, ball_b.swept))
         between += 2.0 * max(ball_a.deviation, ball_b.deviation)

@@ -31,7 +31,7 @@ from numba import float32, uint64
 
 from ..base.jit import implements, inlined, kernel, loop16, shared
 from ..base.memory import on_stack
-from ..base.vectors import along, dot, moved, scaled, sub
+from ..base.vectors import along, dot, moved, norm, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import (
     CENTRE_X,
@@ -195,7 +195,7 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     yo = (_along(axes, 0, x), _along(axes, 1, x), _along(axes, 2, x))
     offset = sub((centre[0], centre[1], centre[2]), yo)
     square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
-    height, away = dot(yn, offset), np.sqrt(dot(offset, offset))
+    height, away = dot(yn, offset), norm(offset)
     top = height + abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
     beside = np.sqrt(max(away * away - height * height, 0.0)) + _beside(yn, half, square)
     far = (away + np.sqrt(square)) * (1.0 + 1e-12)

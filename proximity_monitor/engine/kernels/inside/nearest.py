@@ -8,9 +8,8 @@ import numpy as np
 from numba import uint64
 
 from ..base.jit import implements, inlined, kernel, loop16
-from ..base.precise import cross_precise
-from ..base.rounding import ILL_CONDITIONED
-from ..base.vectors import along, cross, dot, sub
+from ..base.precise import accurate_cross
+from ..base.vectors import along, clamped, dot, sub
 from ..elements.primitives import corners
 from ..elements.triangles import point_face
 from ..tree.layout import (
@@ -63,7 +62,7 @@ def point_bounds(nodes, base, x, y, z, margin, bounds):
 def _on_segment(p, a, e):
     """Nearest point a + s e of a segment, which may be a point: (s, squared distance)."""
     r, ee = sub(p, a), dot(e, e)
-    s = min(max(dot(r, e) / ee, 0.0), 1.0) if ee > 0.0 else 0.0
+    s = clamped(dot(r, e) / ee) if ee > 0.0 else 0.0
     g = along(r, e, -s)
     return s, dot(g, g)
 
@@ -83,9 +82,7 @@ def point_triangle(p, a, b, c):
     s, d = _on_segment(p, b, sub(c, b))
     if d < best:
         best, v, w = d, 1.0 - s, s
-    n = cross(e, f)
-    if dot(n, n) < ILL_CONDITIONED * (dot(e, e) * dot(f, f)):
-        n = cross_precise(e, f)
+    n = accurate_cross(e, f)
     nn = dot(n, n)
     if nn > 0.0:
         inside, x, y, d = point_face(p, a, e, f, n, nn)

@@ -5,6 +5,11 @@ A query is of a type of its own: for the nearest point (nearest.py), the crossin
 which implementation of the stubs below is meant, as for kinds of pairs (see search/stubs.py). Every
 query has a `place`, metres in the tree's frame, and a `slack`, metres that rounding may have moved
 it by.
+
+Three searches go down a hierarchy in ways of their own. The sum of solid angles (angles.py) asks for
+the moments of what is under a lane, not for its volume. The search for parts (contain.py) asks
+whether a volume is so small that one of its points tells for all. That for the deepest point
+(deepest.py) takes the best lane of all, and bounds each by queries of its own.
 """
 
 from __future__ import annotations

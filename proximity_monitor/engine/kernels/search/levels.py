@@ -24,6 +24,7 @@ from ..base.state import (
 )
 from ..base.vectors import dot, moved, sub
 from ..elements.primitives import keep
+from ..elements.triangles import corner_weights
 from ..tree.layout import first_of, last_of
 from .stubs import least_open, push, take
 
@@ -103,7 +104,7 @@ def _test_vertices(tree_a, tree_b, state, a, b):
                 best, way, first, second = squared, d, of_a, of_b
     distance = np.sqrt(best)
     if distance < known:
-        wa, wb = _corner(first % 3), _corner(second % 3)
+        wa, wb = corner_weights(first % 3), corner_weights(second % 3)
         keep(state, distance, first // 3, second // 3, wa, wb, way)
 
 
@@ -123,9 +124,3 @@ def _vertex(tree, spread, lane, i):
         tree.triangles[t, at + 1],
         tree.triangles[t, at + 2],
     )
-
-
-@kernel
-def _corner(i):
-    """Weights of a triangle's corner."""
-    return (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
