@@ -6,8 +6,8 @@ which implementation of the stubs below is meant, as for kinds of pairs (see sea
 query has a `place`, metres in the tree's frame, and a `slack`, metres that rounding may have moved
 it by.
 
-Three searches go down a hierarchy in ways of their own. The sum of solid angles (angles.py) asks for
-the moments of what is under a lane, not for its volume. The search for parts (contain.py) asks
+Three searches go down a hierarchy in ways of their own. The sum of solid angles (angles.py) asks
+for the moments of what is under a lane, not for its volume. That for parts (contain.py) asks
 whether a volume is so small that one of its points tells for all. That for the deepest point
 (deepest.py) takes the best lane of all, and bounds each by queries of its own.
 """
