@@ -81,11 +81,11 @@ def _begin_level(tree_a, tree_b, state):
     progress = state.progress[0]
     progress.level_lower, progress.next_lower = progress.next_lower, np.inf
     progress.level_end = progress.open
-    _test_vertices(tree_a, tree_b, state, progress.nearest_a, progress.nearest_b)
+    _measure_vertices(tree_a, tree_b, state, progress.nearest_a, progress.nearest_b)
 
 
 @kernel
-def _test_vertices(tree_a, tree_b, state, a, b):
+def _measure_vertices(tree_a, tree_b, state, a, b):
     """Keep the nearest two of the vertices kept of two volumes, where nothing nearer is known.
 
     Their distance errs by less than that of triangles does, which SLACK covers.
