@@ -1,5 +1,7 @@
 """Asks every question of the engine, under numba's check of indices (see test_bounds_check)."""
 
+import gc
+
 import numpy as np
 from engine_bodies import IDENTITY, ORDERS, box, pose, soup, sphere, torus
 from triangle_cases import KINDS
@@ -9,6 +11,7 @@ from proximity_monitor.engine.assembly.answers import Answers
 from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.kernels.base.tables import table
 
+gc.disable()  # a tenth of the time that compiling takes
 rng = np.random.default_rng(1)
 models = [
     box(),

@@ -87,7 +87,7 @@ def mixed(triangle, weights):
 
 
 @shared
-def test_triangles(tree_a, tree_b, state, ta, tb, bound):
+def measure_triangles(tree_a, tree_b, state, ta, tb, bound):
     """Exact distance of two triangles; keeps it where it is the smallest. Returns it.
 
     `bound` is a lower bound of it: where it is positive, they certainly do not cross. Where they

@@ -26,7 +26,7 @@ from ..bounds.cross import cross_nodes
 from ..bounds.gaps import BATCH, CORNERS, gaps, gather, shift
 from ..bounds.volumes import far_bound, lower_bounds, place, tighten
 from ..elements.aim import begin_along, end_along, gap_along, gap_between
-from ..elements.primitives import collect, corners, mixed, nearest_lane, test_triangles
+from ..elements.primitives import collect, corners, measure_triangles, mixed, nearest_lane
 from ..search import stubs
 from ..search.approach import approach, guess
 from ..search.search import answer_queries
@@ -73,7 +73,7 @@ def _tighter(fixed, tree, lane, motion, node, slack, reach, bounds, first):
 
 
 implements(stubs.cross_leaves, MESHES, MESHES)(cross_nodes)
-implements(stubs.measure, MESHES, MESHES)(test_triangles)
+implements(stubs.measure, MESHES, MESHES)(measure_triangles)
 implements(stubs.guess, MESHES, MESHES)(guess)
 implements(stubs.approach, MESHES, MESHES)(approach)
 
@@ -111,7 +111,7 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
             gap = gap_along(progress, tree_a.triangles, ta, tree_b.triangles, tb)
             if gap >= progress.limit:
                 continue
-        distance = test_triangles(tree_a, tree_b, state, ta, tb, np.float64(found[k]))
+        distance = measure_triangles(tree_a, tree_b, state, ta, tb, np.float64(found[k]))
         tested += 1
         nearest = progress.limit
         if state.collected.shape[0] > 0 and distance - progress.slack < progress.limit:

@@ -17,7 +17,7 @@ from ..base.jit import inlined, kernel
 from ..base.lanes import lowest, not_above, smallest
 from ..base.memory import on_stack
 from ..base.vectors import along, moved, scaled, sub
-from ..elements.primitives import corners, enough, mixed, test_triangles
+from ..elements.primitives import corners, enough, measure_triangles, mixed
 from ..inside.nearest import begin_nearest, nearest, point_bounds, point_triangle
 from ..tree.layout import STRIDE, WIDTH, first_of, row
 from .stubs import least_open
@@ -123,7 +123,7 @@ def guess(tree_a, tree_b, state, last):
     p = moved(motions[1], _point_near(tree_a, ta, middle))
     tb = _walk(tree_b, p, found)
     progress.primitive_tests += 1
-    test_triangles(tree_a, tree_b, state, ta, tb, 0.0)
+    measure_triangles(tree_a, tree_b, state, ta, tb, 0.0)
     return np.inf
 
 
@@ -145,13 +145,13 @@ def approach(tree_a, tree_b, state, found):
         other = _near(tree_b, moved(motions[1], p), tb, state, steps, stack, bounds, found)
         if other != tb:
             progress.primitive_tests += 1
-            test_triangles(tree_a, tree_b, state, ta, other, 0.0)
+            measure_triangles(tree_a, tree_b, state, ta, other, 0.0)
         ta, tb = progress.element_a, progress.element_b
         q = mixed(corners(tree_b.triangles, tb), progress.weights_b)
         other = _near(tree_a, moved(motions[0], q), ta, state, steps, stack, bounds, found)
         if other != ta:
             progress.primitive_tests += 1
-            test_triangles(tree_a, tree_b, state, other, tb, 0.0)
+            measure_triangles(tree_a, tree_b, state, other, tb, 0.0)
         if not progress.distance < _WORTH * before:
             break
     progress.approached = progress.distance

@@ -24,6 +24,7 @@ from ..base.state import (
 )
 from ..base.vectors import dot, moved, sub
 from ..elements.primitives import keep
+from ..elements.triangles import corner_weights
 from ..tree.layout import first_of, last_of
 from .stubs import least_open, push, take
 
@@ -80,11 +81,11 @@ def _begin_level(tree_a, tree_b, state):
     progress = state.progress[0]
     progress.level_lower, progress.next_lower = progress.next_lower, np.inf
     progress.level_end = progress.open
-    _test_vertices(tree_a, tree_b, state, progress.nearest_a, progress.nearest_b)
+    _measure_vertices(tree_a, tree_b, state, progress.nearest_a, progress.nearest_b)
 
 
 @kernel
-def _test_vertices(tree_a, tree_b, state, a, b):
+def _measure_vertices(tree_a, tree_b, state, a, b):
     """Keep the nearest two of the vertices kept of two volumes, where nothing nearer is known.
 
     Their distance errs by less than that of triangles does, which SLACK covers.
@@ -103,7 +104,7 @@ def _test_vertices(tree_a, tree_b, state, a, b):
                 best, way, first, second = squared, d, of_a, of_b
     distance = np.sqrt(best)
     if distance < known:
-        wa, wb = _corner(first % 3), _corner(second % 3)
+        wa, wb = corner_weights(first % 3), corner_weights(second % 3)
         keep(state, distance, first // 3, second // 3, wa, wb, way)
 
 
@@ -123,9 +124,3 @@ def _vertex(tree, spread, lane, i):
         tree.triangles[t, at + 1],
         tree.triangles[t, at + 2],
     )
-
-
-@kernel
-def _corner(i):
-    """Weights of a triangle's corner."""
-    return (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
