@@ -90,7 +90,7 @@ PROGRESS = np.dtype(
         ("radii", np.float64),  # both models' swept radii together
         ("deviations", np.float64),  # both deviations
         ("normal_a", np.float64, (3,)),  # unit vector from the nearest point of a to that of b,
-        ("normal_b", np.float64, (3,)),  # in a's frame and in b's (see aim.py)
+        ("normal_b", np.float64, (3,)),  # in a's frame and in b's (see direction.py)
         ("offset", np.float64),  # its product with the translation from b to a
         ("weights_a", np.float64, (3,)),  # where the nearest points lie on their elements
         ("weights_b", np.float64, (3,)),
