@@ -28,7 +28,7 @@ WATCHING = frozenset(
         "assembly.carry.place", "assembly.schedule.commit", "assembly.schedule.pending",
         "assembly.schedule.query", "assembly.schedule.report", "assembly.schedule.update",
         "assembly.sweep.sweep", "base.motion.pose_deviation",
-        "base.motion.relative_motion_pair", "elements.primitives.test_triangles",
+        "base.motion.relative_motion_pair", "elements.primitives.measure_triangles",
         "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._look_into",
         "inside.ball._plane", "inside.ball._sound_both", "inside.ball_begin.begin_ball",
         "inside.ball_begin.foot", "inside.ball.search_ball", "inside.ball_caps._one_way",

@@ -176,7 +176,7 @@ class Schedule:
         self._rows = np.require(rows, np.int64, "CAWE")
         known, self._silent = (np.require(each, np.bool_, "CAWE") for each in (known, silent))
         kernel.update(
-            *self._answers.bodies, *self._answers.table, known, self._silent, self._rows,
+            *self._answers.bodies, self._answers.table, known, self._silent, self._rows,
             self.records, bool(distances), self._views,
         )  # fmt: skip
 
@@ -203,7 +203,7 @@ class Schedule:
         wanted, how = np.empty((count, 3)), np.empty(count, np.int8)
         signed = np.empty(count, np.bool_)
         kernel.query(
-            self._rows, self._answers.table[0], self.records, self._views, at, bodies, wanted,
+            self._rows, self._answers.table, self.records, self._views, at, bodies, wanted,
             hints, signed, how,
         )  # fmt: skip
         return Queries(at, bodies, wanted, hints, signed, how)
@@ -279,7 +279,7 @@ class Schedule:
         reached = np.empty(len(at), np.bool_)
         poses, versions, _, places = self._answers.bodies
         count = kernel.commit(
-            poses, versions, places, *self._answers.table, self._rows, self.records, self._views,
+            poses, versions, places, self._answers.table, self._rows, self.records, self._views,
             at, queries.wanted, found, float(now_s), reached,
         )  # fmt: skip
         return at if count == len(at) else at[reached]
@@ -299,7 +299,7 @@ class Schedule:
         """
         listed = np.empty(len(self._rows), kernel.LISTED)
         count, left = kernel.report(
-            self._rows, self._answers.table[0], self._answers.bodies[2], self._silent, self.records,
+            self._rows, self._answers.table, self._answers.bodies[2], self._silent, self.records,
             self._views, float(now_s), listed,
         )  # fmt: skip
         return listed[:count], left

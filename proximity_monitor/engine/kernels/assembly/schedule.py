@@ -13,18 +13,7 @@ import numpy as np
 from ..base import state
 from ..base.jit import entry, kernel
 from ..elements.swept import surface_points
-from . import carry
-from .carry import (
-    BODY_A,
-    BODY_B,
-    CONTINUOUS,
-    JUMPING,
-    SIGNED,
-    UNSIGNED,
-    carry_one,
-    keep_one,
-    was_deformed,
-)
+from .carry import CONTINUOUS, JUMPING, MOVED, UNSIGNED, carry_one, keep_one, vector, was_deformed
 
 LEVELS = 4
 
@@ -54,7 +43,8 @@ VIEW = np.dtype(
     [
         ("lower", np.float64),  # metres, certified at the present poses
         ("upper", np.float64),
-        ("witness", np.float64, (carry.WITNESS,)),
+        ("points", np.float64, (2, 3)),  # as in an ANSWER
+        ("features", np.float64, (2, 4)),
         ("blur", np.float64),  # metres: how far the bodies moved since the last moment
         ("asked", np.float64),  # the level of the last search of this moment; NaN: there was none
         ("known", np.bool_),  # both poses are known
@@ -140,40 +130,39 @@ def _judge(record, view):
 
 
 @kernel
-def _blur(record, label, widened, motion):
+def _blur(record, answer, widened, motion):
     """How far bodies moved since the last moment, metres, where by now an answer is `widened`."""
-    if not (label[SIGNED] == CONTINUOUS and 0.0 < widened < np.inf):
+    if not (answer.kind == CONTINUOUS and 0.0 < widened < np.inf):
         widened = 0.0
     more = widened - record.widened
     record.widened = widened
-    return max(more, 0.0) if motion == carry.MOVED else 0.0
+    return max(more, 0.0) if motion == MOVED else 0.0
 
 
 @entry
-def update(
-    poses, versions, balls, places, labels, answers, known, silent, rows, records, distances, views
-):
+def update(poses, versions, balls, places, answers, known, silent, rows, records, distances, views):
     """Write the views of the rows (k,), as they are before any search.
 
-    The first six are those of `carry`; known (n,) and silent (n,) are of the bodies, records (m,)
+    The first five are those of `carry`; known (n,) and silent (n,) are of the bodies, records (m,)
     RECORD is of all rows. If not `distances`, pairs beyond their levels are only decided.
     """
     for k in range(len(rows)):
         row = rows[k]
-        label, answer, record, view = labels[row], answers[row], records[row], views[k]
-        a, b = label[BODY_A], label[BODY_B]
+        answer, record, view = answers[row], records[row], views[k]
+        a, b = answer.bodies[0], answer.bodies[1]
         view.lower, view.upper, motion = carry_one(
-            poses, versions, balls, places, label, answer, view.witness
+            poses, versions, balls, places, answer, view.points
         )
-        for i in range(carry.ANSWER - carry.FEATURES):
-            view.witness[6 + i] = answer[carry.FEATURES + i]
-        view.blur = _blur(record, label, answer[carry.LOWER] - view.lower, motion)
+        for i in range(2):
+            for j in range(4):
+                view.features[i, j] = answer.features[i, j]
+        view.blur = _blur(record, answer, answer.lower - view.lower, motion)
         view.known = known[a] and known[b]
         view.stale = silent[a] or silent[b]
         view.deciding = record.deciding or not distances
         # A level may lie between the bounds that a tolerance left.
         open_yet = view.deciding and record.status == state.WITHIN_TOLERANCE
-        view.answered = record.done and motion != carry.MOVED and not open_yet
+        view.answered = record.done and motion != MOVED and not open_yet
         view.asked = np.nan
         view.searched = False
         _judge(record, view)
@@ -234,7 +223,7 @@ def _level(record, view, inside):
 
 
 @entry
-def query(rows, labels, records, views, at, bodies, wanted, hints, signed, how):
+def query(rows, answers, records, views, at, bodies, wanted, hints, signed, how):
     """Write the queries about the views `at` (m,).
 
     bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `Assembly.rows`; `how`
@@ -246,15 +235,15 @@ def query(rows, labels, records, views, at, bodies, wanted, hints, signed, how):
     """
     for i in range(len(at)):
         row, view = rows[at[i]], views[at[i]]
-        label, record = labels[row], records[row]
-        bodies[i, 0], bodies[i, 1] = label[BODY_A], label[BODY_B]
+        answer, record = answers[row], records[row]
+        bodies[i, 0], bodies[i, 1] = answer.bodies[0], answer.bodies[1]
         hints[i, 0], hints[i, 1] = record.hint[0], record.hint[1]
-        signed[i] = label[SIGNED] != UNSIGNED and view.lower <= 0.0
+        signed[i] = answer.kind != UNSIGNED and view.lower <= 0.0
         how[i] = ALONE if record.hard else TOGETHER
         if signed[i]:
             # The surfaces tell first whether models that met still do: that costs far less.
             again = record.met and not view.searched and view.upper > 0.0
-            inside = label[SIGNED] == JUMPING or record.hard or record.met
+            inside = answer.kind == JUMPING or record.hard or record.met
             how[i] = INSIDE if inside and not again else TOGETHER
         wanted[i, 0] = 0.0 if view.deciding else record.rel_err
         wanted[i, 1] = 0.0 if view.deciding else record.abs_err
@@ -268,7 +257,6 @@ def commit(
     poses,
     versions,
     places,
-    labels,
     answers,
     rows,
     records,
@@ -295,15 +283,18 @@ def commit(
         row, view, level = rows[at[i]], views[at[i]], wanted[i, 2]
         record, status = records[row], int(answer[state.STATUS])
         ended, unsure = status != state.OUT_OF_TIME, answer[state.LOWER] == -np.inf
-        signed = labels[row][SIGNED] != UNSIGNED
+        signed = answers[row].kind != UNSIGNED
         final = ended and (level == np.inf or status == state.EXACT) and not unsure
         # Points that were carried through a deformation no longer lie on the models.
-        nearer = final or was_deformed(places, labels[row], answers[row])
+        nearer = final or was_deformed(places, answers[row])
         nearer |= answer[state.UPPER] <= view.upper
         if nearer:
             view.upper = answer[state.UPPER]
-            for j in range(carry.WITNESS):
-                view.witness[j] = answer[state.POINT_A + j]
+            for side in range(2):
+                for j in range(3):
+                    view.points[side, j] = answer[state.POINT_A + 3 * side + j]
+                for j in range(4):
+                    view.features[side, j] = answer[state.FEATURE_A + 4 * side + j]
         if final or answer[state.LOWER] > view.lower:
             view.lower = answer[state.LOWER]
         view.asked = level if ended else np.nan
@@ -323,8 +314,8 @@ def commit(
             record.hint[0] = int(answer[state.TREE_A])
             record.hint[1] = int(answer[state.TREE_B])
         keep_one(
-            poses, versions, places, labels[row], answers[row],
-            view.lower, view.upper, view.witness, nearer,
+            poses, versions, places, answers[row], view.lower, view.upper, view.points,
+            view.features, nearer,
         )  # fmt: skip
         _judge(record, view)
     return count
@@ -344,7 +335,7 @@ def _status(record, view):
 
 
 @entry
-def report(rows, labels, balls, silent, records, views, now_s, listed):
+def report(rows, answers, balls, silent, records, views, now_s, listed):
     """Write what is known of the listed views; return how many, and how many still want a search.
 
     Views that may be within their range are listed. The smallest bounds of all moments count only
@@ -353,7 +344,7 @@ def report(rows, labels, balls, silent, records, views, now_s, listed):
     count = left = 0
     for k in range(len(rows)):
         row, view = rows[k], views[k]
-        record, label = records[row], labels[row]
+        record, answer = records[row], answers[row]
         if view.known and not view.stale:
             record.min_upper = min(record.min_upper, view.upper)
             record.min_lower = min(record.min_lower, view.lower)
@@ -368,16 +359,15 @@ def report(rows, labels, balls, silent, records, views, now_s, listed):
         made.status = _status(record, view)
         made.age_s = 0.0 if view.answered or view.searched else now_s - record.searched_s
         made.min_upper, made.min_lower = record.min_upper, record.min_lower
-        witness = view.witness
         points = surface_points(
-            (witness[0], witness[1], witness[2]), (witness[3], witness[4], witness[5]),
-            balls[label[BODY_A], carry.SWEPT], balls[label[BODY_B], carry.SWEPT],
+            vector(view.points[0]), vector(view.points[1]),
+            balls[answer.bodies[0]].swept, balls[answer.bodies[1]].swept,
         )  # fmt: skip
         for side in range(2):
-            body = label[BODY_A + side]
+            body = answer.bodies[side]
             made.bodies[side], made.silent[side] = body, silent[body]
-            made.elements[side] = int(witness[9 + 4 * side])
+            made.elements[side] = int(view.features[side, 3])
             for i in range(3):
                 made.points[side, i] = points[side][i] if view.known else np.nan
-                made.parameters[side, i] = witness[6 + 4 * side + i]
+                made.parameters[side, i] = view.features[side, i]
     return count, left
