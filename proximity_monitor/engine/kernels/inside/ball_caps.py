@@ -92,7 +92,7 @@ def _cap_gaps(nodes, base, x, y, z, nx, ny, nz, radius, margin, gaps):
             + b * abs(vx * nx + vy * ny + vz * nz)
             + wide
         )  # fmt: skip
-        # As in `point_bounds`.
+        # As in `_point_gaps` (nearest.py).
         s = min(max(dx * ux + dy * uy + dz * uz, -a), a)
         t = min(max(dx * vx + dy * vy + dz * vz, -b), b)
         dx = dx - s * ux - t * vx

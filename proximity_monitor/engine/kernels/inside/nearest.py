@@ -36,7 +36,7 @@ looked into that is less than `spare` metres nearer."""
 
 
 @loop16
-def point_bounds(nodes, base, x, y, z, margin, bounds):
+def _point_gaps(nodes, base, x, y, z, margin, gaps):
     """Lower bounds of a point's distance to each lane of the node at `base`, node units.
 
     The distance to a rectangle is that to the projection with both parameters clamped; what is
@@ -55,7 +55,7 @@ def point_bounds(nodes, base, x, y, z, margin, bounds):
         dx = dx - s * ux - t * vx
         dy = dy - s * uy - t * vy
         dz = dz - s * uz - t * vz
-        bounds[k] = np.sqrt(dx * dx + dy * dy + dz * dz) - nodes[i + RADIUS] - margin
+        gaps[k] = np.sqrt(dx * dx + dy * dy + dz * dz) - nodes[i + RADIUS] - margin
 
 
 @kernel
@@ -94,7 +94,7 @@ def point_triangle(p, a, b, c):
 @implements(visit.lane_gaps, Point)
 @inlined
 def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
-    point_bounds(nodes, base, x, y, z, margin, gaps)
+    _point_gaps(nodes, base, x, y, z, margin, gaps)
 
 
 @implements(visit.limit, Point)

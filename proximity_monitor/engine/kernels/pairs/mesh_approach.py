@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import uint64
 
 from ..base.jit import implements, kernel
 from ..base.lanes import lowest, not_above, smallest
@@ -11,10 +10,10 @@ from ..base.memory import on_stack
 from ..base.state import MESHES
 from ..base.vectors import along, moved, scaled, sub
 from ..elements.primitives import corners, measure_triangles, mixed
-from ..inside.nearest import begin_nearest, nearest, point_bounds, point_triangle
-from ..inside.visit import ROOM
+from ..inside.nearest import Point, begin_nearest, nearest, point_triangle
+from ..inside.visit import ROOM, visit
 from ..search import stubs
-from ..tree.layout import STRIDE, WIDTH, first_of, row
+from ..tree.layout import WIDTH, first_of, row
 
 _ALL = (1 << WIDTH) - 1
 _TINY = np.float32(1e-30)
@@ -35,16 +34,13 @@ def _near(tree, p, nearby, state, steps, stack, bounds, found):
 @kernel
 def _walk(tree, p, found):
     """The first triangle of the leaf where the nearest volume to p, level by level, leads to."""
-    child = tree.children[0]
+    query, child = Point(p, 0.0, 0.0), tree.children[0]
     while child >= 0:
-        x = np.float32(p[0] * tree.scale[1] - tree.centres[child, 0])
-        y = np.float32(p[1] * tree.scale[1] - tree.centres[child, 1])
-        z = np.float32(p[2] * tree.scale[1] - tree.centres[child, 2])
-        point_bounds(tree.nodes, uint64(child * STRIDE), x, y, z, np.float32(0.0), found)
+        visit(query, tree, child, np.inf, found)
         least = smallest(found, 0, _ALL)
-        nearest_lanes = not_above(found, 0, least + np.float32(1e-6) * (abs(least) + _TINY))
         # Where float32 does not serve, the first lane, which is always used, is as good as any.
-        child = tree.children[child * WIDTH + (lowest(nearest_lanes) if least < 1e29 else 0)]
+        k = lowest(not_above(found, 0, least + np.float32(1e-6) * (abs(least) + _TINY)))
+        child = tree.children[child * WIDTH + k]
     return first_of(child)
 
 
