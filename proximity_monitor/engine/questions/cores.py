@@ -73,11 +73,14 @@ class CoreSearch:
         self._fresh = True
         self._bounds = 0.0, self._depth(0.0) + self._rounding(0.0)
 
-    def add_seeds(self, points: NDArray[np.float64]) -> None:
-        """Nothing."""
+    def seed_contact(self, row: NDArray[np.float64]) -> None:
+        """Do nothing: the cores' nearest points say it all."""
+
+    def seed_part(self, body: int, triangle: int) -> None:
+        """Do nothing, either."""
 
     def seek(self, deadline: float) -> bool:
-        """Nothing."""
+        """Do nothing."""
         return True
 
     def search(self, deadline: float) -> bool:

@@ -19,7 +19,7 @@ from .decision import Clearance, Collision
 from .manifold import candidates
 from .result import Distance
 from .rows import distance_of
-from .run import Order, Search
+from .run import Order, Search, check_model
 from .signed import SignedSearch
 
 
@@ -44,21 +44,25 @@ class Pair:
         TypeError: a model that is none.
     """
 
-    __slots__ = ("_asked", "_search", "_signed", "a", "b")
+    __slots__ = ("_asked", "_begin_with", "_search", "_signed", "a", "b")
 
     def __init__(self, a: Model, b: Model, *, coherent: bool = True) -> None:
-        self._begin(Search(a, b, coherent=coherent))
+        self._remember("depth_first", coherent)
+        self.a, self.b = check_model(a, "a"), check_model(b, "b")
 
-    def _begin(self, search: Search) -> None:
-        """Take a search that nobody else has, and know nothing else."""
-        self.a, self.b = search.models
-        self._search = search
+    def _remember(self, order: Order, coherent: bool, nearest: tuple[int, int] = (0, 0)) -> None:
+        """Know nothing but how the first search is to begin: it is made when it is needed."""
+        self._begin_with = order, coherent, nearest
+        self._search: Search | None = None
         self._asked: tuple[object, ...] | None = None
         self._signed: SignedSearch | None = None
 
     def __reduce__(self) -> tuple[Callable[..., Pair], tuple[Any, ...]]:
-        """Of what another is made."""
-        return _pair_of, (type(self), *self._search.__reduce__())
+        """Make another pair that begins with what this one found."""
+        known = self._begin_with
+        if self._search is not None:
+            known = self._search.order, self._search.coherent, self._search.nearest
+        return _pair_of, (type(self), self.a, self.b, known)
 
     def distance(
         self,
@@ -76,10 +80,10 @@ class Pair:
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        if order != self._search.order:
-            self._change_order(order)
-        self._run(start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
         search = self._search
+        if search is None or search.order != order:
+            search = self._begin_search(order)
+        self._run(search, start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
         held = candidates(search) if manifold else None
         return distance_of(search.answers[0], start, held, search.kinds)
 
@@ -122,6 +126,7 @@ class Pair:
         budget_s: float | None = None,
     ) -> Distance:
         """Signed distance at two poses; see `engine.signed_distance`."""
+        start = perf_counter()
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         depth_err = check_tolerance("depth_err", depth_err)
@@ -131,7 +136,7 @@ class Pair:
         if self._signed is None:
             # With searches of its own: questions of either kind leave those of the other alone.
             self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b).distance)
-        return self._signed.ask(pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
+        return self._signed.ask(start, pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
 
     def within(
         self,
@@ -146,8 +151,9 @@ class Pair:
         clearance = check_tolerance("clearance", clearance)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         beyond = math.nextafter(clearance, math.inf)
-        code = self._run(start, budget_s, pose_a, pose_b, stop=clearance, limit=beyond)
-        return Clearance(self._search.answers[0], clearance, code == index.ENDED)
+        search = self._search or self._begin_search()
+        code = self._run(search, start, budget_s, pose_a, pose_b, stop=clearance, limit=beyond)
+        return Clearance(search.answers[0], clearance, code == index.ENDED)
 
     def collide(
         self,
@@ -161,12 +167,13 @@ class Pair:
         start = perf_counter()
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         limit = math.ulp(0.0)
-        code = self._run(start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
-        search = self._search
+        search = self._search or self._begin_search()
+        code = self._run(search, start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
         return Collision(search.answers[0], met(search, pose_a), code == index.ENDED)
 
     def _run(
         self,
+        search: Search,
         start: float,
         budget_s: float | None,
         pose_a: NDArray[np.float64],
@@ -179,10 +186,9 @@ class Pair:
     ) -> int:
         """Search as `Search.run` does, within a budget that began at `start` of perf_counter.
 
-        Where the last search was cut in the very same question, this one goes on.
+        If the last search was cut and had the very same question, this one goes on.
         """
         fresh, asked, deadline = True, None, None
-        search = self._search
         if budget_s is not None:
             deadline = start + check_tolerance("budget_s", budget_s)
             shapes = self.a._hierarchy, self.b._hierarchy
@@ -197,14 +203,20 @@ class Pair:
         self._asked = asked
         return code
 
-    def _change_order(self, order: Order) -> None:
-        """Search in another order from now on; the remembered triangles stay."""
-        search = self._search
-        self._search = Search(self.a, self.b, order, search.coherent, search.nearest)
+    def _begin_search(self, order: Order | None = None) -> Search:
+        """Search in this order from now on; the remembered triangles stay."""
+        last, coherent, nearest = self._begin_with
+        if self._search is not None:
+            coherent, nearest = self._search.coherent, self._search.nearest
+        self._search = Search(self.a, self.b, order or last, coherent, nearest)
+        return self._search
 
 
-def _pair_of(kind: type[Pair], make: type[Search], arguments: tuple[Any, ...]) -> Pair:
-    """A pair with a search of its own."""
+def _pair_of(
+    kind: type[Pair], a: Model, b: Model, known: tuple[Order, bool, tuple[int, int]]
+) -> Pair:
+    """A pair with a memory of its own."""
     pair = kind.__new__(kind)
-    pair._begin(make(*arguments))
+    pair.a, pair.b = a, b
+    pair._remember(*known)
     return pair

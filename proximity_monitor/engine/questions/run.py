@@ -89,7 +89,6 @@ class Search:
         nearest: the triangles, in tree order, to begin with.
 
     Raises:
-        TypeError: a model that is none.
         ValueError: there is no such order.
     """
 
@@ -108,7 +107,7 @@ class Search:
     ) -> None:
         if order not in _ORDERS:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
-        self.models = check_model(a, "a"), check_model(b, "b")
+        self.models = a, b
         self.kinds = type(a), type(b)
         self.order = order
         self._entry = entry_for(a, b, order)
@@ -136,6 +135,8 @@ class Search:
         elif order == "breadth_first":
             open_pairs = index.BreadthFirst(pairs, bounds, no_corners, no_corners)
         waiting = np.empty((WAITING_ROOM, 2), np.int32), np.empty(WAITING_ROOM)
+        keys = np.empty(_COHERENT if coherent else 0, np.int64)
+        keys.fill(-1)
         self._keep(
             index.State(
                 np.zeros((2, 12)),
@@ -143,8 +144,8 @@ class Search:
                 open_pairs,
                 index.Waiting(*waiting),
                 np.empty((0, 3)),
-                np.full(_COHERENT if coherent else 0, -1),
-                np.zeros(_COHERENT if coherent else 0),
+                keys,
+                np.empty(len(keys)),
             )
         )
         self.answers = np.empty(0)

@@ -18,7 +18,7 @@ from .ball import BallSearch, DeepestSearch
 from .cores import CoreSearch
 from .parts import PartSearch
 from .result import STATUSES, Distance, Status
-from .seeds import seeds_at, seeds_beside
+from .rows import distance_of
 
 
 class SignedSearch:
@@ -35,8 +35,9 @@ class SignedSearch:
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_earlier_tests",
-        "_limits", "_models", "_parts", "_poses", "_regions", "_seeded", "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_deviation",
+        "_earlier_tests", "_limits", "_models", "_parts", "_poses", "_regions", "_seeded",
+        "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: Model, b: Model, apart: Callable[..., Distance]) -> None:
@@ -52,6 +53,7 @@ class SignedSearch:
 
     def ask(
         self,
+        start: float,
         pose_a: NDArray[np.float64],
         pose_b: NDArray[np.float64],
         rel_err: float,
@@ -59,11 +61,13 @@ class SignedSearch:
         depth_err: float,
         budget_s: float | None,
     ) -> Distance:
-        """The answer at two poses, which are rigid motions; see `engine.signed_distance`."""
+        """Answer at two poses, which are rigid motions; see `engine.signed_distance`.
+
+        A budget began at `start` of perf_counter.
+        """
         if not any(model.is_solid for model in self._models):
             self._asked = None
             return self._apart(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s)
-        start = perf_counter()
         self._deadline = math.inf if budget_s is None else start + budget_s
         asked = None
         if budget_s is not None:
@@ -79,7 +83,7 @@ class SignedSearch:
         self._limits = max(lower, row[state.LOWER]), min(upper, row[state.UPPER])
         row[state.LOWER], row[state.UPPER] = self._limits
         a, b = self._models
-        return Distance(row, perf_counter() - start, None, (type(a), type(b)))
+        return distance_of(row, start, None, (type(a), type(b)))
 
     def _begin(
         self,
@@ -92,15 +96,20 @@ class SignedSearch:
         """Start a search from what the last one found."""
         a, b = self._models
         self._regions = sides_of(a).region, sides_of(b).region
-        if all(region.inside == NOWHERE for region in self._regions):
+        solids = a.is_solid, b.is_solid
+        if all(
+            region.inside == NOWHERE
+            for region, solid in zip(self._regions, solids, strict=True)
+            if solid
+        ):
             kind = CoreSearch
-        elif a.is_solid and b.is_solid:
-            kind = BallSearch
         else:
-            solid = self._regions[0 if a.is_solid else 1]
-            kind = CoreSearch if solid.inside == NOWHERE else DeepestSearch
+            kind = BallSearch if all(solids) else DeepestSearch
         if type(self._depth) is not kind:  # other, after a refit
             self._depth = kind(a, b)
+        # A deviation changes how deep a point lies in either model by as much, and a ball's
+        # diameter by twice that.
+        self._deviation = 2.0 * max(a.deviation, b.deviation)
         self._poses = pose_a.copy(), pose_b.copy()
         self._limits = -math.inf, math.inf
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
@@ -124,8 +133,7 @@ class SignedSearch:
         if decided or (apart.lower == 0.0 and apart.status is not Status.OUT_OF_TIME):
             if not self._seeded:
                 self._seeded = True
-                depth.add_seeds(seeds_at(self._models, self._poses, apart.row))
-            depth.seek(self._deadline)
+                depth.seed_contact(apart.row)
             ended = depth.search(self._deadline)
         if depth.found:
             return self._inside(ended)
@@ -134,15 +142,6 @@ class SignedSearch:
             return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
         return self._with_tests(apart.row.copy(), -deep - self._deviation, apart.upper, status)
-
-    @property
-    def _deviation(self) -> float:
-        """Metres that the depth may be wrong by.
-
-        A deviation changes how deep a point lies in either model by as much, and a ball's diameter
-        by twice that.
-        """
-        return 2.0 * max(model.deviation for model in self._models)
 
     def _part_inside(self, apart: Distance) -> bool | None:
         """Whether a part of either model may lie inside the other, off whose surface it is.
@@ -158,7 +157,7 @@ class SignedSearch:
         found = self._parts.search(apart.lower, self._deadline)
         if found and not self._seeded:
             self._seeded = True
-            self._depth.add_seeds(seeds_beside(self._models, self._poses, *self._parts.found))
+            self._depth.seed_part(*self._parts.found)
         return found
 
     def _still_clear(self) -> bool:

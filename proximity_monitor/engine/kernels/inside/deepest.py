@@ -36,7 +36,8 @@ from .ball_caps import plane
 from .ball_cells import limit_of, pop, push
 from .ball_frame import take_axes
 from .ball_point import certain_radius, possible_depth, sound
-from .ball_state import FULL, LOOSEST
+from .ball_state import FULL, LOOSEST, PIECE, ball_at
+from .solid_table import solid_at
 from .solids import HALF
 from .volumes import sphere_of
 
@@ -51,14 +52,15 @@ _STEPS = 8
 
 
 @entry
-def begin_deepest(
-    tree, region, surface, around, pose, pose_surface, rel_err, abs_err, state
-):  # fmt: skip
+def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     """Start a search for the deepest point of a surface in a solid.
 
-    `around` is the surface's region, of which the ball counts. A `state` is a Ball whose cells are
-    PIECE; its motion is from the surface's frame to the solid's.
+    `models` (2, 2, n) are tables of the solid and of the surface (see solid_table.py), and `memory`
+    that of a Ball whose cells are PIECE; its motion is from the surface's frame to the solid's.
     """
+    tree, _, region = solid_at(models[0])
+    surface, _, around = solid_at(models[1])
+    state = ball_at(PIECE, memory)
     at, best = state.at[0], state.best[0]
     back = on_stack(12, 0.0)
     relative_motions(pose, pose_surface, state.motions[0], back)
@@ -72,6 +74,9 @@ def begin_deepest(
     at.swept[0], at.swept[1] = tree.scale[SWEPT], np.inf
     at.radius, at.dropped = 0.0, 0.0
     at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
+    for i in range(12):  # the best point is one of the surface's own frame
+        state.motions[1, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
+    at.height = 0
     best.near[0] = 0
     best.depth[1], best.side[1] = np.inf, 1
     state.trial[0].depth[1], state.trial[0].side[1] = np.inf, 1
@@ -125,10 +130,7 @@ def _sound(tree, region, state, place, near):
     at.points += 1
     trial.place[0], trial.place[1], trial.place[2] = place
     trial.near[0], trial.side[0] = near, 0
-    steps = sound(
-        tree, region, state.motions[0], 0, at.slack, at.swept[0], trial, state.stack,
-        state.reached,
-    )  # fmt: skip
+    steps = sound(tree, region, state.motions[0], 0, at, trial, state.stack, state.reached)
     depth = certain_radius(trial, at.swept, at.slack)
     if depth > at.radius:
         best = state.best[0]
@@ -179,10 +181,7 @@ def _look_into_lane(tree, region, surface, state, lane, near, bound):
     at.points += 1
     trial.place[0], trial.place[1], trial.place[2] = centre
     trial.near[0], trial.side[0] = near, 0
-    steps = sound(
-        tree, region, state.motions[0], 0, at.slack, at.swept[0], trial, state.stack,
-        state.reached,
-    )  # fmt: skip
+    steps = sound(tree, region, state.motions[0], 0, at, trial, state.stack, state.reached)
     bound = min(bound, possible_depth(trial, 0, region.inside, at.swept[0], radius, at.slack))
     if bound > limit_of(at):
         base = uint64(lane // WIDTH * STRIDE + lane % WIDTH)
@@ -282,8 +281,11 @@ def _look_into_piece(tree, region, state, piece, bound):
 
 
 @entry
-def search_deepest(tree, region, surface, state, steps):
+def search_deepest(models, memory, steps):
     """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL."""
+    tree, _, region = solid_at(models[0])
+    surface, _, _ = solid_at(models[1])
+    state = ball_at(PIECE, memory)
     at = state.at[0]
     while True:
         if steps <= 0:
