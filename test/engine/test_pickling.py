@@ -95,7 +95,9 @@ def test_nothing_that_is_written_to_is_shared(kind, route):
         given = NESTED
     if kind == "Schedule" and route == "copy":
         given = [*MODELS, thing._answers, thing._assembly]
-    given = [*given, *(each._hierarchy for each in given if hasattr(each, "_hierarchy"))]
+    hierarchies = [each._hierarchy for each in given if hasattr(each, "_hierarchy")]
+    tables = [table for each in hierarchies for table in (each.table, each.table_of_all)]
+    given = [*given, *hierarchies, *tables]
     mine = memory_of(thing, given)
     another = ROUTES[route](thing)
     if kind == "Pair":

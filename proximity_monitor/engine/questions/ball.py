@@ -30,6 +30,8 @@ it is far from the faces: no cell there is bounded better, however small it is."
 _SEEDS = 32
 """Points that a search may begin with."""
 
+_NO_ROW = np.empty(0)
+
 
 def _memory(hierarchies: tuple[Hierarchy, ...], cell: np.dtype) -> Ball:
     descent = 1 + max(each.depth for each in hierarchies) * 15
@@ -105,11 +107,11 @@ class BallSearch:
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
         """Begin at points about the nearest points of an answer (ANSWER,), too."""
-        ball_seeds.seed_contact(self._tables, self._table, row)
+        ball_seeds.add_seeds(self._tables, self._table, row, 0, ball_seeds.NONE)
 
     def seed_part(self, body: int, triangle: int) -> None:
         """Begin at points about a triangle of one of the models that lies in the other, too."""
-        ball_seeds.seed_part(self._tables, self._table, body, triangle)
+        ball_seeds.add_seeds(self._tables, self._table, _NO_ROW, body, triangle)
 
     def seek(self, deadline: float) -> bool:
         """Try the seeds until one is the centre of a ball, or until the deadline: then False."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from threading import Event
 from time import perf_counter
 
@@ -22,6 +23,55 @@ from .slices import slices_until
 
 _POINTS = 4096
 """Points that one thread answers in a row; the answers do not depend on the number of threads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """What kernels wrote about k points; the answer is made of it field by field.
+
+    To finish thousands of rows takes longer than a short budget lasts.
+    """
+
+    numbers: NDArray[np.int32]
+    """(m,) which face stands where in tree order."""
+    bounds: NDArray[np.float64]
+    """(k, 2); what is not done stands for nothing, here and in what follows."""
+    feet: NDArray[np.float64]
+    """(k, 3) where there is a triangle."""
+    triangles: NDArray[np.int32]
+    """(k,) in tree order, or NONE."""
+    directions: NDArray[np.float64] | None
+    """(k, 3) where there is a triangle, if they were asked for."""
+    ends: NDArray[np.int64]
+    """The points that are done of every _POINTS: those before this one."""
+    nothing: float
+    """The lower bound of what is not done."""
+
+    def done(self) -> NDArray[np.bool_]:
+        """Which points are done (k,)."""
+        number = np.arange(len(self.bounds))
+        return number < self.ends[number // _POINTS]
+
+    def near(self) -> NDArray[np.bool_]:
+        """Which points have a triangle (k,)."""
+        return self.done() & (self.triangles != closest_kernel.NONE)
+
+    def lower(self) -> NDArray[np.float64]:
+        """Lower bounds (k,)."""
+        return np.where(self.done(), self.bounds[:, 0], self.nothing)
+
+    def upper(self) -> NDArray[np.float64]:
+        """Upper bounds (k,)."""
+        return np.where(self.done(), self.bounds[:, 1], math.inf)
+
+    def elements(self) -> NDArray[np.int32]:
+        """The faces of the triangles (k,), or -1."""
+        near = self.near()
+        return np.where(near, self.numbers[np.where(near, self.triangles, 0)], -1)
+
+    def vectors(self, found: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Those of the feet or directions (k, 3) that were found, and NaN."""
+        return np.where(self.near()[:, None], found, np.nan)
 
 
 def closest_points(
@@ -76,10 +126,9 @@ def closest_points(
     k = len(given)
     hierarchy = model._hierarchy
     region = sides_of(model).region if signed and model.is_solid else None
-    nothing = [0.0 if region is None else -math.inf, math.inf]
-    bounds, done = np.tile(nothing, (k, 1)), np.zeros(k, np.bool_)
-    nearest, triangles = np.full((k, 3), np.nan), np.full(k, closest_kernel.NONE, np.int32)
-    directions = np.full((k if normals else 0, 3), np.nan)
+    bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
+    directions = np.empty((k if normals else 0, 3))
+    ends = np.zeros(-(-k // _POINTS), np.int64)
     capacity = 1 + hierarchy.depth * 15
     # Of whatever volumes: boxes may be taken for swept spheres.
     tree, distinct = MeshTree(*hierarchy.tree), MeshTree(*hierarchy.distinct)
@@ -109,12 +158,10 @@ def closest_points(
                 )  # fmt: skip
             # One point at least, so that whoever asks again and again comes to an end.
             over = slices.over() and (first > 0 or at > 0)
-        done[first : first + at] = True
-        half_done = slice(first + at, first + found)
-        bounds[half_done], triangles[half_done] = nothing, closest_kernel.NONE
+        ends[first // _POINTS] = first + at
 
     share(answer, range(0, k, _POINTS), threads)
-    faces = np.where(triangles >= 0, hierarchy.numbers[triangles], np.int32(-1))
-    return ClosestPoints(
-        bounds[:, 0], bounds[:, 1], nearest, faces, done, directions if normals else None
-    )
+    nothing = 0.0 if region is None else -math.inf
+    chosen = directions if normals else None
+    found = Nearest(hierarchy.numbers, bounds, nearest, triangles, chosen, ends, nothing)
+    return ClosestPoints(found)

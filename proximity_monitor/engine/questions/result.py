@@ -15,6 +15,7 @@ from ..models.model import Feature, Model
 from .witness import witness_points
 
 if TYPE_CHECKING:
+    from .closest import Nearest
     from .manifold import Candidates
 
 
@@ -154,33 +155,60 @@ class Distance:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ClosestPoints:
     """The point of a surface nearest to each of many points.
 
     A point beyond the `max_distance` that was asked for has that or more as its lower bound, and
-    one that the budget did not suffice for has 0; the upper bound of both is infinite. Where signs
-    were asked for, a point that lies so deep inside has -`max_distance` or less as its upper bound,
-    and lower bounds of which nothing is known are -infinity. The points and normals of all these
-    are NaN and their elements -1.
+    one that the budget did not suffice for has 0; the upper bound of both is infinite. If signs
+    were asked for, a point so deep inside has -`max_distance` or less as its upper bound, and
+    unknown lower bounds are -infinity. The points and normals of all these are NaN and their
+    elements -1.
 
     Attributes:
-        lower: (k,) metres; certified lower bounds of the distances, or of the signed distances.
-        upper: (k,) metres; certified upper bounds. Inside is certain where they are below 0.
-        points: (k, 3) metres, world; the nearest points of the surface.
-        elements: (k,) int32; the elements of the model that they lie on, such as triangles.
-        done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
-        normals: (k, 3) unit vectors, world, where they were asked for: that of the triangle, which
-            points outward as the order of its corners says, or zero where it has no area; of a
-            model swept by a ball that of its surface.
+        found: what the search wrote; a field is made of it when it is first read.
     """
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    points: NDArray[np.float64]
-    elements: NDArray[np.int32]
-    done: NDArray[np.bool_]
-    normals: NDArray[np.float64] | None
+    found: Nearest
+
+    def __len__(self) -> int:
+        """How many points there are."""
+        return len(self.found.bounds)
+
+    @cached_property
+    def lower(self) -> NDArray[np.float64]:
+        """(k,) metres; certified lower bounds of the distances, or of the signed distances."""
+        return self.found.lower()
+
+    @cached_property
+    def upper(self) -> NDArray[np.float64]:
+        """(k,) metres; certified upper bounds. Inside is certain where they are below 0."""
+        return self.found.upper()
+
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """(k, 3) metres, world; the nearest points of the surface."""
+        return self.found.vectors(self.found.feet)
+
+    @cached_property
+    def elements(self) -> NDArray[np.int32]:
+        """(k,) int32; the elements of the model that they lie on, such as triangles."""
+        return self.found.elements()
+
+    @cached_property
+    def done(self) -> NDArray[np.bool_]:
+        """(k,) bool; False where the budget ended first: ask again about `points[~done]`."""
+        return self.found.done()
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64] | None:
+        """(k, 3) unit vectors, world; the surface's normals there, if they were asked for.
+
+        That of the triangle points outward as the order of its corners says, and is zero where it
+        has no area. Of a model swept by a ball it is that of its surface.
+        """
+        directions = self.found.directions
+        return None if directions is None else self.found.vectors(directions)
 
 
 @dataclass(frozen=True, eq=False)

@@ -93,8 +93,8 @@ class Search:
     """
 
     __slots__ = (
-        "_blocks", "_collecting", "_entry", "_known", "_models", "_queries", "_wanted", "answers",
-        "kinds", "memory", "models", "order", "progress", "state",
+        "_blocks", "_collecting", "_entry", "_known", "_models", "_numbers", "_queries", "_wanted",
+        "answers", "kinds", "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -112,7 +112,8 @@ class Search:
         self.order = order
         self._entry = entry_for(a, b, order)
         self._queries = queries(1)
-        self._wanted = memoryview(self._queries.view(np.float64))[-4:]
+        self._numbers = memoryview(self._queries.view(np.float64))[-4:]
+        self._wanted: tuple[float, ...] = ()  # what these numbers are
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model; a priority queue that is full besides leaves all its pairs below. A list of levels
@@ -224,14 +225,15 @@ class Search:
         if answers is None:
             answers = np.empty((count, index.ANSWER))
         self.answers = answers
-        asked, wanted = self._queries, self._wanted
+        asked, wanted = self._queries, (rel_err, abs_err, stop, limit)
         if count > 1:
             asked = queries(count)
             asked["poses"] = np.arange(count)[:, None]
             asked["rel_err"], asked["abs_err"] = rel_err, abs_err
             asked["stop"], asked["limit"] = stop, limit
-        else:
-            wanted[0], wanted[1], wanted[2], wanted[3] = rel_err, abs_err, stop, limit
+        elif wanted != self._wanted:
+            self._numbers[0], self._numbers[1], self._numbers[2], self._numbers[3] = wanted
+            self._wanted = wanted
         row = 0
         # At least one slice: whoever asks again and again comes to an end.
         slices = slices_until(deadline)
@@ -240,6 +242,8 @@ class Search:
                 self._models, self.memory, poses_a, poses_b, asked, row, count, 1, slices.steps,
                 fresh, answers,
             )  # fmt: skip
+            if code == index.ENDED:
+                return code
             if code == index.COLLECTED_FULL:
                 self._make_room()
                 code = index.CUT

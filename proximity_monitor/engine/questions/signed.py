@@ -20,24 +20,28 @@ from .parts import PartSearch
 from .result import STATUSES, Distance, Status
 from .rows import distance_of
 
+Stage = Callable[["SignedSearch"], "Stage | None"]
+"""Does at least one slice of work; returns the next stage, itself if time ran out, None to end."""
+
 
 class SignedSearch:
     """The memory of signed distances of two models, as `Pair` is that of their distances.
 
-    What was found last is looked at first: where the centre of the last ball lies inside both
-    models still, their surfaces need not be asked. Else their distance tells whether they meet. If
-    they do not, one model may lie inside the other. Then the search for the depth follows.
+    A search has three stages. First it tries the centre of the last ball: if that lies inside both
+    models still, their surfaces need not be compared. Else it finds the distance of the surfaces;
+    where they do not meet, a part of one model may still lie inside the other. Where the models
+    overlap, the search for the depth follows. A search that was cut goes on in the same stage.
 
     Args:
         a: first model.
         b: second model.
-        apart: asks for the distance of their surfaces, as `Pair.distance` of a pair of its own.
+        apart: finds the distance of their surfaces, as `Pair.distance` of a pair of its own.
     """
 
     __slots__ = (
         "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_deviation",
-        "_earlier_tests", "_limits", "_models", "_parts", "_poses", "_regions", "_seeded",
-        "_tolerance",
+        "_earlier_tests", "_found", "_inside_other", "_limits", "_models", "_parts", "_poses",
+        "_regions", "_stage", "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: Model, b: Model, apart: Callable[..., Distance]) -> None:
@@ -48,7 +52,7 @@ class SignedSearch:
         self._depth: BallSearch | CoreSearch | None = None
 
     def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
-        """Of what another is made: its memory is its own."""
+        """Make another one with an empty memory."""
         return SignedSearch, (*self._models, self._apart)
 
     def ask(
@@ -76,7 +80,7 @@ class SignedSearch:
         self._asked = None
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err, depth_err)
-        row = self._answer()
+        row = self._answer(self._search())
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits
@@ -93,7 +97,7 @@ class SignedSearch:
         abs_err: float,
         depth_err: float,
     ) -> None:
-        """Start a search from what the last one found."""
+        """Start a search with what the last one found."""
         a, b = self._models
         self._regions = sides_of(a).region, sides_of(b).region
         solids = a.is_solid, b.is_solid
@@ -105,7 +109,7 @@ class SignedSearch:
             kind = CoreSearch
         else:
             kind = BallSearch if all(solids) else DeepestSearch
-        if type(self._depth) is not kind:  # other, after a refit
+        if type(self._depth) is not kind:  # a refit may change it
             self._depth = kind(a, b)
         # A deviation changes how deep a point lies in either model by as much, and a ball's
         # diameter by twice that.
@@ -114,57 +118,87 @@ class SignedSearch:
         self._limits = -math.inf, math.inf
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
+        self._found: Distance | None = None
+        self._inside_other: bool | None = None
         self._parts: PartSearch | None = None
-        self._seeded = False
         self._depth.begin(*self._poses, depth_err, abs_err)
+        self._stage: Stage | None = SignedSearch._try_last_ball
 
-    def _answer(self) -> NDArray[np.float64]:
-        """The row (ANSWER,) of what is known when the search ends, or time is over."""
-        depth = self._depth
-        depth.seek(self._deadline)
-        if depth.found:
-            return self._inside(depth.search(self._deadline))
+    def _search(self) -> bool:
+        """Search until the end or until time is over; returns whether it has ended."""
+        while self._stage is not None:
+            stage = self._stage
+            self._stage = stage(self)
+            if self._stage is stage or (self._stage and perf_counter() >= self._deadline):
+                return False
+        return True
+
+    def _try_last_ball(self) -> Stage:
+        if not self._depth.seek(self._deadline):
+            return SignedSearch._try_last_ball
+        return SignedSearch._find_depth if self._depth.found else SignedSearch._compare_surfaces
+
+    def _compare_surfaces(self) -> Stage | None:
+        """Find out how far the surfaces are apart, and whether a part of one model is inside."""
         apart = self._distance()
-        decided = apart.lower > 0.0 and self._part_inside(apart)
-        if decided is False and apart.lower > 0.0:
-            self._clear = *self._relative(), apart.lower, self._shapes()
-            return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
-        ended = False
-        if decided or (apart.lower == 0.0 and apart.status is not Status.OUT_OF_TIME):
-            if not self._seeded:
-                self._seeded = True
-                depth.seed_contact(apart.row)
-            ended = depth.search(self._deadline)
+        cut = apart.status is Status.OUT_OF_TIME
+        if apart.lower > 0.0:
+            if self._inside_other is None:
+                self._inside_other = self._part_inside(apart)
+            if not self._inside_other:
+                return SignedSearch._compare_surfaces if cut or self._inside_other is None else None
+            if self._parts is not None:
+                self._depth.seed_part(*self._parts.found)
+        elif cut:
+            return SignedSearch._compare_surfaces
+        else:
+            self._depth.seed_contact(apart.row)
+        return SignedSearch._find_depth
+
+    def _find_depth(self) -> Stage | None:
+        if not self._depth.search(self._deadline):
+            return SignedSearch._find_depth
+        return None if self._depth.found else SignedSearch._finish_distance
+
+    def _finish_distance(self) -> Stage | None:
+        """Find the distance to the end: no overlap was found, so it is the answer."""
+        if self._found is None or self._found.status is Status.OUT_OF_TIME:
+            found = self._distance()
+            return SignedSearch._finish_distance if found.status is Status.OUT_OF_TIME else None
+        return None
+
+    def _answer(self, ended: bool) -> NDArray[np.float64]:
+        """Make the row (ANSWER,) of what is known now."""
+        depth = self._depth
         if depth.found:
             return self._inside(ended)
+        apart = self._found or self._distance()
         _, deep = depth.bounds
-        if apart.lower > 0.0 and deep == 0.0:
+        if apart.lower > 0.0 and (self._inside_other is False or deep == 0.0):
+            if self._inside_other is False:
+                self._clear = *self._relative(), apart.lower, self._shapes()
             return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
         return self._with_tests(apart.row.copy(), -deep - self._deviation, apart.upper, status)
 
     def _part_inside(self, apart: Distance) -> bool | None:
-        """Whether a part of either model may lie inside the other, off whose surface it is.
+        """Whether a part of either model may lie inside the other, whose surface is elsewhere.
 
-        None where time ran out before that was known.
+        None if time ran out before that was known.
         """
         if HALF in (self._regions[0].inside, self._regions[1].inside):
-            return True  # no part is known to lie wholly on one side of what has holes
+            return True  # no part is known to lie wholly on one side of a surface with holes
         if self._still_clear():
             return False
         if self._parts is None:
             self._parts = PartSearch(self._models, self._poses, self._regions)
-        found = self._parts.search(apart.lower, self._deadline)
-        if found and not self._seeded:
-            self._seeded = True
-            self._depth.seed_part(*self._parts.found)
-        return found
+        return self._parts.search(apart.lower, self._deadline)
 
     def _still_clear(self) -> bool:
-        """Whether no part got inside since it was known that none was.
+        """Whether no part can have got inside since it was known that none was.
 
-        Between the poses of then and now, as b is moved along straight lines in a's frame, the
-        surfaces come no nearer by more than it moves: so they never met. The norm of the rotations'
+        Let b move along straight lines in a's frame from its pose then to its pose now. The
+        surfaces come nearer by no more than it moves, so they never met. The norm of the rotations'
         difference holds for poses that are not quite rigid, too.
         """
         if self._clear is None or self._clear[3] != self._shapes():
@@ -178,7 +212,7 @@ class SignedSearch:
         return bool(moved + 1e-12 * size < 0.9 * clear)
 
     def _relative(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The rotation of b in a's frame, and where the centre of its ball is there."""
+        """The rotation of b in a's frame, and the centre of its ball there."""
         (pose_a, pose_b), b = self._poses, self._models[1]
         turn = pose_a[:3, :3].T @ pose_b[:3, :3]
         place = pose_a[:3, :3].T @ (pose_b[:3, 3] - pose_a[:3, 3]) + turn @ b.centre
@@ -189,7 +223,7 @@ class SignedSearch:
         return tuple(model.revision for model in self._models)
 
     def _distance(self) -> Distance:
-        """The distance of the surfaces, sure to tell whether they meet unless time is over."""
+        """The distance of the surfaces, close enough to tell whether they meet, if time allows."""
         while True:
             left = None
             if self._deadline < math.inf:
@@ -200,6 +234,7 @@ class SignedSearch:
             primitive_tests += found.primitive_tests
             if found.lower > 0.0 or found.status is not Status.WITHIN_TOLERANCE:
                 self._apart_tests = bound_tests, primitive_tests
+                self._found = found
                 return found
             # A tolerance so wide that the surfaces might still meet does not tell the sign. It
             # allows all between 0 and `upper`, hence whatever is found next.
@@ -207,7 +242,7 @@ class SignedSearch:
             self._earlier_tests = bound_tests, primitive_tests
 
     def _inside(self, ended: bool) -> NDArray[np.float64]:
-        """The answer where overlap is certain, but for what the models may deviate."""
+        """The answer if the models overlap for certain, apart from what they may deviate."""
         depth = self._depth
         shallow, deep = depth.bounds
         row = np.full(state.ANSWER, -1.0)  # its triangles are no hints where to search
@@ -223,7 +258,7 @@ class SignedSearch:
     def _with_tests(
         self, row: NDArray[np.float64], lower: float, upper: float, status: Status
     ) -> NDArray[np.float64]:
-        """A row with these bounds, and the tests of the distance; a point's count as either."""
+        """The row with these bounds and the number of tests; a tested point counts as either."""
         points = self._depth.points + (self._parts.points if self._parts else 0)
         row[state.LOWER], row[state.UPPER] = lower, upper
         row[state.STATUS] = STATUSES.index(status)

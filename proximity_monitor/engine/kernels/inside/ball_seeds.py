@@ -13,20 +13,38 @@ from .ball_point import turned_back
 from .ball_state import CELL, ball_at
 from .solid_table import solid_at
 
+NONE = -1
+
 _SHARES = (0.1, 1e-3, 1e-5)
 """How far beside a contact is tried, as shares of the triangles' size."""
 
 
 @entry
-def seed_contact(solids, memory, row):
-    """Begin a search at points about the nearest points of two cores, too.
+def add_seeds(solids, memory, row, body, triangle):
+    """Begin a search at points about a contact, or about a triangle of one solid, too.
 
-    The solids and the memory are those of `begin_ball`; row (ANSWER,) is the answer about the
-    distance of the cores.
+    Args:
+        solids: (2, 2, n), as for `begin_ball`.
+        memory: as for it.
+        row: (ANSWER,) the answer about the distance of the cores, whose nearest points are the
+            contact; not read where there is a triangle.
+        body: of which solid the triangle is, 0 or 1.
+        triangle: in tree order, or NONE. Its first corner lies inside the other solid; beside it
+            are points inside both.
     """
     tree_a, _, _ = solid_at(solids[0])
     tree_b, _, _ = solid_at(solids[1])
     state = ball_at(CELL, memory)
+    if triangle == NONE:
+        _add_at_contact(tree_a, tree_b, state, row)
+    elif body == 0:
+        _add_at_triangle(tree_a, state.motions[0], triangle, state)
+    else:
+        _add_at_triangle(tree_b, state.motions[1], triangle, state)
+
+
+@kernel
+def _add_at_contact(tree_a, tree_b, state, row):
     ta, tb = np.int64(row[TREE_A]), np.int64(row[TREE_B])
     p = _point(tree_a, state.motions[0], ta, row, FEATURE_A)
     q = _point(tree_b, state.motions[1], tb, row, FEATURE_B)
@@ -37,8 +55,8 @@ def seed_contact(solids, memory, row):
         # Along the way from core to core, where both depths are the same, or one core's end.
         way = scaled(way, 1.0 / apart)
         over = a + b - apart
-        for at in (a - 0.5 * over, a + 0.5 * over, -0.5 * over, 0.0, apart, apart + 0.5 * over,
-                   0.5 * apart):  # fmt: skip
+        middle = a - 0.5 * over
+        for at in (middle, middle + over, -0.5 * over, 0.0, apart, apart + 0.5 * over, 0.5 * apart):
             add_seed(state, along(p, way, at))
         return
     n, size = _normal(tree_a, state.motions[0], ta)
@@ -53,26 +71,16 @@ def seed_contact(solids, memory, row):
         add_seed(state, along(middle, add(n, m), step))
 
 
-@entry
-def seed_part(solids, memory, body, triangle):
-    """Begin a search at points about a corner of a triangle of one of the two solids, too.
-
-    The corner lies inside the other solid; beside it are points inside both.
-    """
-    tree_a, _, _ = solid_at(solids[0])
-    tree_b, _, _ = solid_at(solids[1])
-    state = ball_at(CELL, memory)
-    tree = tree_a if body == 0 else tree_b
-    motion = state.motions[body]
-    first, second, third = corners(tree.triangles, triangle)
-    corner = _in_a(motion, first)
+@kernel
+def _add_at_triangle(tree, motion, triangle, state):
+    a, b, c = corners(tree.triangles, triangle)
     n, size = _normal(tree, motion, triangle)
     if size > 0.0:
-        middle = _in_a(motion, scaled(add(add(first, second), third), 1.0 / 3.0))
+        middle = _in_a(motion, scaled(add(add(a, b), c), 1.0 / 3.0))
         for share in _SHARES:
             add_seed(state, along(middle, n, -share * size))
             add_seed(state, along(middle, n, share * size))
-    add_seed(state, corner)
+    add_seed(state, _in_a(motion, a))
 
 
 @kernel
