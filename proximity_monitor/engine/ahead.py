@@ -13,7 +13,6 @@ from numba import typeof
 from numpy.typing import NDArray
 
 from .kernels.base import ahead, cache, claims
-from .kernels.base.state import QUERY
 from .kernels.inside import ball, solids
 from .kernels.inside.contain import Insides, settle_signs
 from .kernels.pairs import mesh_mesh
@@ -31,8 +30,8 @@ def kernels(watching: bool) -> Iterator[Kernel]:
     real, reals, rows = 0.0, np.empty(0), np.empty((0, 4))
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
     table = np.empty((2, 0), np.int64)
-    tables, queries = np.empty((0, 2, 0), np.int64), np.empty(0, QUERY)
-    asked = tables, table, rows, rows, queries, 0, 0, 1, 0, True, rows
+    tables = np.empty((0, 2, 0), np.int64)
+    asked = tables, table, rows, rows, table, 0, 0, 1, 0, True, rows
     yield mesh_mesh.search, asked
     frozen_rows = _frozen(rows)
     if watching:

@@ -197,9 +197,8 @@ class Pair:
             fresh = asked != self._asked
         self._asked = None
         code = search.run(
-            pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, stop=stop, limit=limit,
-            deadline=deadline, fresh=fresh, collect=collect,
-        )  # fmt: skip
+            pose_a, pose_b, rel_err, abs_err, stop, limit, deadline, fresh, collect
+        )  # by name it would take a tenth of a microsecond more
         self._asked = asked
         return code
 

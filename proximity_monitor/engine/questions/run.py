@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.state import KEPT
-from ..kernels.base.tables import state_table
+from ..kernels.base.tables import state_table, table
 from ..kernels.pairs.entries import ENTRIES
 from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
@@ -93,8 +93,8 @@ class Search:
     """
 
     __slots__ = (
-        "_blocks", "_collecting", "_entry", "_known", "_models", "_numbers", "_queries", "_wanted",
-        "answers", "kinds", "memory", "models", "order", "progress", "state",
+        "_asked", "_blocks", "_collecting", "_entry", "_known", "_models", "_numbers", "_query",
+        "_wanted", "answers", "kinds", "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -111,8 +111,9 @@ class Search:
         self.kinds = type(a), type(b)
         self.order = order
         self._entry = entry_for(a, b, order)
-        self._queries = queries(1)
-        self._numbers = memoryview(self._queries.view(np.float64))[-4:]
+        self._query = queries(1)
+        self._asked = table((self._query,))
+        self._numbers = memoryview(self._query.view(np.float64))[-4:]
         self._wanted: tuple[float, ...] = ()  # what these numbers are
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
@@ -177,7 +178,6 @@ class Search:
         self,
         poses_a: NDArray[np.float64],
         poses_b: NDArray[np.float64],
-        *,
         rel_err: float = 0.0,
         abs_err: float = 0.0,
         stop: float = 0.0,
@@ -185,6 +185,7 @@ class Search:
         deadline: float | None = None,
         fresh: bool = True,
         collect: bool = False,
+        *,
         first: int | None = None,
         stopped: Event | None = None,
         answers: NDArray[np.float64] | None = None,
@@ -225,12 +226,12 @@ class Search:
         if answers is None:
             answers = np.empty((count, index.ANSWER))
         self.answers = answers
-        asked, wanted = self._queries, (rel_err, abs_err, stop, limit)
+        asked, wanted = self._asked, (rel_err, abs_err, stop, limit)
         if count > 1:
-            asked = queries(count)
-            asked["poses"] = np.arange(count)[:, None]
-            asked["rel_err"], asked["abs_err"] = rel_err, abs_err
-            asked["stop"], asked["limit"] = stop, limit
+            many = queries(count)
+            many["poses"] = np.arange(count)[:, None]
+            many["rel_err"], many["abs_err"], many["stop"], many["limit"] = wanted
+            asked = table((many,))
         elif wanted != self._wanted:
             self._numbers[0], self._numbers[1], self._numbers[2], self._numbers[3] = wanted
             self._wanted = wanted

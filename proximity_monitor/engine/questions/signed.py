@@ -147,10 +147,13 @@ class SignedSearch:
                 self._inside_other = self._part_inside(apart)
             if not self._inside_other:
                 return SignedSearch._compare_surfaces if cut or self._inside_other is None else None
-            if self._parts is not None:
-                self._depth.seed_part(*self._parts.found)
+            if self._parts is None:  # a surface with holes: nothing tells where its inside may be
+                return SignedSearch._find_depth
         elif cut:
             return SignedSearch._compare_surfaces
+        part = self._parts.part if self._parts else None
+        if part is not None:
+            self._depth.seed_part(*part)
         else:
             self._depth.seed_contact(apart.row)
         return SignedSearch._find_depth

@@ -13,6 +13,7 @@ from .memory import addresses, read_only, records_at, rows_at
 from .state import (
     KEPT,
     PROGRESS,
+    QUERY,
     BoxTree,
     BreadthFirst,
     DepthFirst,
@@ -144,6 +145,13 @@ def state_at(order, memory):
         rows_at(at[5], rows[5], 0, np.int64(0)),
         rows_at(at[6], rows[6], 0, 0.0),
     )
+
+
+@inlined
+def queries_at(asked):
+    """The queries of a table: records themselves take Python as long to hand over as six arrays."""
+    queries = records_at(asked[0, 0], asked[1, 0], QUERY)
+    return (queries,)
 
 
 def state_table(state):

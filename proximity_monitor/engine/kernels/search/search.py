@@ -38,7 +38,7 @@ from ..base.state import (
     UPPER,
     WITHIN_TOLERANCE,
 )
-from ..base.tables import state_at, tree_at
+from ..base.tables import queries_at, state_at, tree_at
 from ..elements.aim import no_aim
 from ..elements.swept import core_of, lower_of, upper_of
 from . import levels, queue, stack  # noqa: F401 - each implements the stubs for its order
@@ -141,7 +141,7 @@ def _put_in_world(pose, x, answer, at):
 
 
 def answer_queries(
-    models, memory, poses_a, poses_b, queries, first, last, every, steps, fresh, answers,
+    models, memory, poses_a, poses_b, asked, first, last, every, steps, fresh, answers,
 ):  # fmt: skip
     """Answer the queries first, first + every, ... below last, with `steps` steps for all.
 
@@ -153,7 +153,8 @@ def answer_queries(
         memory: that of a state whose room suffices for any two of them.
         poses_a: (4 n, 4) model to world, one below the other.
         poses_b: the same of the second models; the two may be one array.
-        queries: (k,) QUERY. Where elements to begin with do not exist, they are UNKNOWN.
+        asked: the table of one array (k,) QUERY. Where elements to begin with do not exist, they
+            are UNKNOWN.
         first: where to begin; if not `fresh`, with the search that the state holds.
         last: one after the last query.
         every: how far apart the queries of this call are.
@@ -166,6 +167,7 @@ def answer_queries(
         ENDED and `last`; or another code and the query that it is about.
     """
     state = state_at(ORDER, memory)
+    (queries,) = queries_at(asked)
     progress = state.progress[0]
     left = steps
     for k in range(first, last, every):
