@@ -1,4 +1,4 @@
-"""Many points at once: the nearest points of a model's surface, and the side."""
+"""The nearest points of a model's surface to many points, and on which side of it these lie."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .sharing import share
 from .slices import slices_until
 
 _POINTS = 4096
-"""Points that one thread answers in a row; the answers do not depend on the number of threads."""
+"""Points that one thread answers in a row; the number of threads does not change the answers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,20 +91,20 @@ def closest_points(
         model: the surface.
         pose: (4, 4) model to world, metres.
         points: (k, 3) metres, world.
-        max_distance: metres; of points farther away only that is found out, and on which side they
-            lie where `signed`, which is cheaper.
-        budget_s: seconds; when they are over the points that are left stay undone. None: no limit.
-            Some microseconds' work is done at least.
+        max_distance: metres; for points farther away only that is found out, which is cheaper, and
+            with `signed` on which side they lie.
+        budget_s: seconds; when they are over, the remaining points stay undone. None: no limit.
+            At least some microseconds' work is done.
         threads: how many threads share the work; the answers do not depend on it.
         normals: whether to return the surface's normals at the nearest points.
-        signed: whether distances count as negative inside a solid (`model.is_solid`; what is inside
-            says `signed_distance`), which takes a third longer, or with `solid="robust"` some 25
-            times as long. Where rounding hides the side, as upon the surface, the bounds have
-            either sign. Of a model swept by a ball the signed distance is that of its core less the
-            radius, so a point is as deep as it is in the deepest of the swept triangles. The first
-            question about a mesh finds out besides
-            whether it is a solid, some 15 ms for 100,000 triangles, which no budget cuts. For a
-            surface this changes nothing.
+        signed: whether distances are negative inside a solid (see `model.is_solid`, and
+            `signed_distance` for what is inside). It takes a third longer, or with
+            `solid="robust"` some 25 times as long. Where rounding hides the side, as upon the
+            surface, the bounds have either sign. For a model swept by a ball the signed distance is
+            that of its core less the radius, so a point is as deep as it is in the deepest of the
+            swept triangles. The first question about a mesh also finds out whether it is a solid,
+            which takes some 15 ms for 100,000 triangles and which no budget cuts. For a surface
+            this changes nothing.
 
     Raises:
         TypeError: a model that is none, a distance or budget that is no real number.
@@ -156,7 +156,7 @@ def closest_points(
                     tree, region, pose, given[part], at, found, slices.steps, around,
                     bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
-            # One point at least, so that whoever asks again and again comes to an end.
+            # At least one point, so that asking again and again comes to an end.
             over = slices.over() and (first > 0 or at > 0)
         ends[first // _POINTS] = first + at
 

@@ -26,19 +26,19 @@ from .signed import SignedSearch
 class Pair:
     """Two models that are asked about again and again.
 
-    The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section
-    6.2), so is the centre of the largest ball inside both, and a
-    search that ran out of time goes on where the same question, whichever, is asked again. Volumes
-    that were too far are not opened again before the models may have moved by as much.
-    A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, and one that
-    comes out of a pickle, starts from the nearest triangles that this one found, and has a memory
-    of its own.
+    The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section 6.2),
+    and so is the centre of the largest ball inside both. A search that ran out of time goes on when
+    the same question is asked again. Volumes that were too far apart are not opened again until the
+    models may have moved far enough to matter.
+
+    A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, pickled or
+    not, starts from the nearest triangles that this one found, and has a memory of its own.
 
     Args:
         a: the first model.
         b: the second model.
-        coherent: whether to remember volumes, too: of use where successive poses are near each
-            other, as along a path.
+        coherent: whether to remember volumes as well, which helps if successive poses are near
+            each other, as along a path.
 
     Raises:
         TypeError: a model that is none.

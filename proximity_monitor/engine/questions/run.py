@@ -21,7 +21,7 @@ from ..poses import check_pose
 from .slices import slices_until
 
 Order = Literal["depth_first", "priority", "breadth_first"]
-"""In which order a search visits pairs of volumes; the answer is the same."""
+"""The order in which a search visits pairs of volumes; the answer is the same."""
 
 _ORDERS = {
     "depth_first": index.DepthFirst,
@@ -30,15 +30,15 @@ _ORDERS = {
 }
 
 _LIST = 1 << 20
-"""Pairs that a search level by level has room for, a power of two: 16 MB, of which the system gives
-only what is used."""
+"""Pairs that a search level by level has room for, a power of two: 16 MB, of which the system
+provides only the part that is used."""
 
 _COHERENT = 1024
 """Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
 
 _BLOCK = 4096
-"""Rows of a block of collected pairs. A full block is set aside and never copied again, so that no
-slice takes the longer the more was collected before."""
+"""Rows of a block of collected pairs. A full block is set aside and never copied again, so a slice
+takes no longer when much has been collected."""
 
 
 def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
@@ -77,15 +77,15 @@ def least(rows: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
 class Search:
     """The memory of a search over two models, and its last answers.
 
-    Kernels find that memory by its addresses. So a copy, and what pickle makes of it, is another
-    search of the models, which begins with the nearest triangles of this one.
+    Kernels find that memory by its addresses. So a copy, pickled or not, is another search over the
+    models; it begins with the nearest triangles of this one.
 
     Args:
         a: first model.
         b: second model.
-        order: in which order pairs of volumes are visited.
-        coherent: whether successive poses are near each other, of these two models alone: what is
-            known from the last serves the next.
+        order: the order in which pairs of volumes are visited.
+        coherent: whether successive poses of these two models are near each other, so that what
+            one search finds out serves the next.
         nearest: the triangles, in tree order, to begin with.
 
     Raises:
@@ -165,7 +165,7 @@ class Search:
         return int(self.progress["element_a"]), int(self.progress["element_b"])
 
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
-        """Of what another is made."""
+        """Make another search that begins with the nearest triangles of this one."""
         return Search, (*self.models, self.order, self.coherent, self.nearest)
 
     def _keep(self, state: index.State) -> None:
@@ -190,13 +190,13 @@ class Search:
         stopped: Event | None = None,
         answers: NDArray[np.float64] | None = None,
     ) -> int:
-        """Answer at k poses, one below the other (4 k, 4), into `answers` (k, ANSWER), or new ones.
+        """Answer at k poses, stacked (4 k, 4), and write into `answers` (k, ANSWER) or a new array.
 
-        Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
-        alone, it collects every pair that may be as near as the upper bound, and ends only when it
-        has them all. `first` is the number of the first pose among many, for messages about one of
-        them. Returns ENDED, or CUT where the deadline (of perf_counter) came first, though after
-        one slice at least; or another code where `stopped` was set meanwhile.
+        Unless `fresh`, the search of the last run goes on. With `collect`, for one pose alone, it
+        collects every pair that may be as near as the upper bound, and ends only when it has them
+        all. `first` is the number of the first pose among many, for error messages. At least one
+        slice is searched. Returns ENDED; CUT if the deadline (of perf_counter) came first; or
+        another code if `stopped` was set meanwhile.
 
         Raises:
             ValueError: a pose that is no rigid motion.
@@ -236,7 +236,7 @@ class Search:
             self._numbers[0], self._numbers[1], self._numbers[2], self._numbers[3] = wanted
             self._wanted = wanted
         row = 0
-        # At least one slice: whoever asks again and again comes to an end.
+        # At least one slice, so that asking again and again comes to an end.
         slices = slices_until(deadline)
         while True:
             code, row = self._entry(
@@ -262,7 +262,7 @@ class Search:
         return code
 
     def _make_room(self) -> None:
-        """Set the full block aside, less what matters no longer, and begin another."""
+        """Set aside the rows of the full block that still matter, and begin another."""
         progress = self.progress
         rows = self.state.collected[: progress["collected"]]
         rows = rows[least(rows, progress["slack"]) <= progress["limit"]]
@@ -273,7 +273,7 @@ class Search:
         progress["collected"] = 0
 
     def progress_now(self) -> np.void:
-        """How far the search is at this moment; a later search leaves it alone."""
+        """How far the search is at this moment: a copy that no later search writes to."""
         return self.state.progress.copy()[0]
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
@@ -295,7 +295,7 @@ class Search:
 
 
 def queries(count: int) -> NDArray:
-    """Queries (count,) about the bodies 0 and 1, from the elements that were nearest last."""
+    """Queries (count,) about the bodies 0 and 1 that begin at the elements nearest last."""
     made = np.zeros(count, index.QUERY)
     made["bodies"], made["nearest"] = (0, 1), index.KEEP
     return made
