@@ -31,7 +31,7 @@ def kernels(watching: bool) -> Iterator[Kernel]:
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
     table = np.empty((2, 0), np.int64)
     tables = np.empty((0, 2, 0), np.int64)
-    asked = tables, table, rows, rows, table, 0, 0, 1, 0, True, rows
+    asked = tables, table, rows, rows, table, 0, 0, 1, 0, True, reals
     yield mesh_mesh.search, asked
     frozen_rows = _frozen(rows)
     if watching:

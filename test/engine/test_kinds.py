@@ -263,7 +263,7 @@ class Asker:
         while code == index.CUT:
             answers = np.empty((1, index.ANSWER))
             code, _ = self.entry(
-                self.models, self.memory, pose_a, pose_b, asked, 0, 1, 1, steps, fresh, answers
+                self.models, self.memory, pose_a, pose_b, asked, 0, 1, 1, steps, fresh, answers[0]
             )
             fresh = False
             yield answers[0]

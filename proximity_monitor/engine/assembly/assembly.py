@@ -327,7 +327,7 @@ class Assembly:
         settle: Callable[[int, int], None],
     ) -> tuple[int, int]:
         """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
-        stacked, asked = poses.reshape(-1, 4), table((queries,))
+        stacked, asked, flat = poses.reshape(-1, 4), table((queries,)), answers.ravel()
         slices = slices_until(deadline)
         code, at = index.ENDED, 0
         for entry, at, last in runs:
@@ -335,7 +335,7 @@ class Assembly:
                 before = at
                 code, at = entry(
                     self._tables, search.memory, stacked, stacked, asked, at, last, every,
-                    slices.steps, fresh, answers,
+                    slices.steps, fresh, flat,
                 )  # fmt: skip
                 settle(before, at + (code == index.CUT))
                 fresh = code != index.CUT

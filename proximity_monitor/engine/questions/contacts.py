@@ -72,7 +72,7 @@ def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
     a, b = search.models
     blocks = search.collected()
     if not len(search.state.collected):
-        answer = search.answers[0]
+        answer = search.answer
         blocks = (np.array([[answer[index.TREE_A], answer[index.TREE_B], 0.0]]),)
     return Met(
         search.models,

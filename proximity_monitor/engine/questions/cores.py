@@ -82,7 +82,7 @@ class CoreSearch:
             *self._poses, fresh=self._fresh, deadline=None if deadline == math.inf else deadline
         )
         self._fresh = False
-        row = self._search.answers[0]
+        row = self._search.answer
         lower, upper = float(row[index.LOWER]), float(row[index.UPPER])
         self._bounds = (
             max(self._depth(upper) - self._rounding(upper), 0.0),
@@ -131,6 +131,6 @@ class CoreSearch:
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write the cores' nearest points into an answer (ANSWER,)."""
-        found = self._search.answers[0]
+        found = self._search.answer
         row[index.POINT_A : index.TREE_A] = found[index.POINT_A : index.TREE_A]
         row[index.RADIUS_A], row[index.RADIUS_B] = self._radii()

@@ -85,7 +85,7 @@ class Pair:
             search = self._begin_search(order)
         self._run(search, start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
         held = candidates(search) if manifold else None
-        return distance_of(search.answers[0], start, held, search.kinds)
+        return distance_of(search.answer, start, held, search.kinds)
 
     def ideal(
         self,
@@ -113,7 +113,7 @@ class Pair:
         # The next begins with the distance of the triangles that this one found.
         start = perf_counter()
         search.run(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err)
-        return distance_of(search.answers[0], start, None, search.kinds)
+        return distance_of(search.answer, start, None, search.kinds)
 
     def signed_distance(
         self,
@@ -153,7 +153,7 @@ class Pair:
         beyond = math.nextafter(clearance, math.inf)
         search = self._search or self._begin_search()
         code = self._run(search, start, budget_s, pose_a, pose_b, stop=clearance, limit=beyond)
-        return Clearance(search.answers[0], clearance, code == index.ENDED)
+        return Clearance(search.answer, clearance, code == index.ENDED)
 
     def collide(
         self,
@@ -169,7 +169,7 @@ class Pair:
         limit = math.ulp(0.0)
         search = self._search or self._begin_search()
         code = self._run(search, start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
-        return Collision(search.answers[0], met(search, pose_a), code == index.ENDED)
+        return Collision(search.answer, met(search, pose_a), code == index.ENDED)
 
     def _run(
         self,

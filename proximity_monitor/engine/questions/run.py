@@ -94,7 +94,7 @@ class Search:
 
     __slots__ = (
         "_asked", "_blocks", "_collecting", "_entry", "_known", "_models", "_numbers", "_query",
-        "_wanted", "answers", "kinds", "memory", "models", "order", "progress", "state",
+        "_wanted", "answer", "kinds", "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -150,7 +150,7 @@ class Search:
                 np.empty(len(keys)),
             )
         )
-        self.answers = np.empty(0)
+        self.answer = np.empty(0)  # (ANSWER,) the last one about a single pose
         self._blocks: list[NDArray[np.float64]] = []
         self._collecting = False
 
@@ -190,7 +190,9 @@ class Search:
         stopped: Event | None = None,
         answers: NDArray[np.float64] | None = None,
     ) -> int:
-        """Answer at k poses, stacked (4 k, 4), and write into `answers` (k, ANSWER) or a new array.
+        """Answer at k poses, stacked (4 k, 4), and write into `answers` (k, ANSWER).
+
+        The answer about a single pose is `answer` if there is no such array.
 
         Unless `fresh`, the search of the last run goes on. With `collect`, for one pose alone, it
         collects every pair that may be as near as the upper bound, and ends only when it has them
@@ -223,9 +225,8 @@ class Search:
             open_pairs = index.BreadthFirst(pairs, bounds, *corners)
             self._keep(self.state._replace(open=open_pairs))
         count = len(poses_a) // 4
-        if answers is None:
-            answers = np.empty((count, index.ANSWER))
-        self.answers = answers
+        # Of one row no view is made: each takes a tenth of a microsecond.
+        self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
         asked, wanted = self._asked, (rel_err, abs_err, stop, limit)
         if count > 1:
             many = queries(count)
@@ -241,7 +242,7 @@ class Search:
         while True:
             code, row = self._entry(
                 self._models, self.memory, poses_a, poses_b, asked, row, count, 1, slices.steps,
-                fresh, answers,
+                fresh, flat,
             )  # fmt: skip
             if code == index.ENDED:
                 return code

@@ -13,6 +13,7 @@ from ..base.jit import kernel
 from ..base.memory import table_on_stack
 from ..base.motion import deviation, is_rigid, relative_motions
 from ..base.state import (
+    ANSWER,
     BAD_POSE_A,
     BAD_POSE_B,
     CUT,
@@ -161,7 +162,7 @@ def answer_queries(
         steps: what a query may take in one go, and about how many all of them: so where a search
             is interrupted, and which of several nearest pairs it finds, depends on it alone.
         fresh: whether the first query's search has not begun.
-        answers: (k, ANSWER) written.
+        answers: (k ANSWER,) written, one after the other.
 
     Returns:
         ENDED and `last`; or another code and the query that it is about.
@@ -191,7 +192,8 @@ def answer_queries(
         progress.steps = steps
         code = advance(tree_a, tree_b, state)
         left -= steps - progress.steps
-        finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answers[k])
+        answer = answers[ANSWER * k : ANSWER * (k + 1)]
+        finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answer)
         if code != ENDED:
             return code, k
     return ENDED, last
