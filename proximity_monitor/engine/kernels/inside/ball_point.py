@@ -21,9 +21,6 @@ from .solids import HALF, NOWHERE, WHOLE
 
 _TO_THE_END = 1 << 62
 
-_ONE_SIDE = 12
-"""Steps that finding the side of a point takes as long as, where the surface is closed."""
-
 
 @kernel
 def turned_back(motion, v):
@@ -77,8 +74,8 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
     elif away <= 2.0 * slack:
         side, clear = 0, 0.0
     elif side == 0:
-        side, clear = side_of(tree, region, p, away - slack, slack, stack, found)
-        steps -= _ONE_SIDE
+        side, clear, cost = side_of(tree, region, p, away - slack, slack, stack, found)
+        steps -= cost
         if region.inside == WHOLE:
             clear = away - 2.0 * slack if side != 0 else 0.0
     elif region.inside == WHOLE:
