@@ -21,14 +21,14 @@ from ..models.model import Model
 from .slices import slices_until
 
 _CELLS = 64
-"""Cells that there is room for at first."""
+"""The number of cells that there is room for at first."""
 
 _MOST_CELLS = 4096
-"""Cells that are looked into where a solid has holes. Next to a hole a point is at once as deep as
-it is far from the faces: no cell there is bounded better, however small it is."""
+"""The most cells that are looked into if a solid has holes. Right behind a hole a point counts as
+deep as it is far from the faces, so no cell there gets a better bound, however small it is."""
 
 _SEEDS = 32
-"""Points that a search may begin with."""
+"""The most points that a search may begin with."""
 
 _NO_ROW = np.empty(0)
 
@@ -89,7 +89,7 @@ class BallSearch:
         depth_err: float,
         abs_err: float,
     ) -> None:
-        """Start a search, at the centre of the ball that the last one found."""
+        """Start a search; the first seed is the centre of the ball that the last one found."""
         self._take(pose_a, pose_b)
         ball_begin.begin_ball(self._tables, self._table, *self._poses, depth_err, 0.5 * abs_err)
 
@@ -106,19 +106,19 @@ class BallSearch:
         self._most, self.given_up = _MOST_CELLS if holes else math.inf, False
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
-        """Begin at points about the nearest points of an answer (ANSWER,), too."""
+        """Add seeds about the nearest points of an answer (ANSWER,)."""
         ball_seeds.add_seeds(self._tables, self._table, row, 0, ball_seeds.NONE)
 
     def seed_part(self, body: int, triangle: int) -> None:
-        """Begin at points about a triangle of one of the models that lies in the other, too."""
+        """Add seeds about a triangle of one of the models that lies in the other."""
         ball_seeds.add_seeds(self._tables, self._table, _NO_ROW, body, triangle)
 
     def seek(self, deadline: float) -> bool:
-        """Try the seeds until one is the centre of a ball, or until the deadline: then False."""
+        """Try the seeds until one is the centre of a ball, or to the deadline and return False."""
         return not self._ball.at[0]["seeds"] or self._search(deadline, True)
 
     def search(self, deadline: float) -> bool:
-        """Search until the end, or until the deadline, after one slice at least: then False."""
+        """Search to the end, or to the deadline and return False; one slice at least."""
         return self._search(deadline, False)
 
     def _search(self, deadline: float, seeds_alone: bool) -> bool:
@@ -156,12 +156,12 @@ class BallSearch:
 
     @property
     def slack(self) -> float:
-        """Metres that rounding may widen the bounds by."""
+        """Metres by which rounding may widen the bounds."""
         return 64.0 * float(self._ball.at[0]["slack"])
 
     @property
     def points(self) -> int:
-        """How many points' depths were asked for."""
+        """How many points were tested for their depth."""
         return int(self._ball.at[0]["points"])
 
     @property

@@ -114,7 +114,7 @@ class CoreSearch:
 
     @property
     def slack(self) -> float:
-        """Metres that rounding may widen the bounds by."""
+        """Metres by which rounding may widen the bounds."""
         return 4.0 * float(self._search.progress["slack"]) + 2.0 * self._rounding(
             sum(self._radii())
         )

@@ -283,10 +283,10 @@ class Search:
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
-        ring = self.order == "breadth_first"
-        first = self.progress["base"] if ring else 0
         pairs, bounds, *_ = self.state.open
-        where = np.arange(first, self.progress["open"]) % len(bounds)
+        where: slice | NDArray[np.int64] = slice(self.progress["open"])
+        if self.order == "breadth_first":  # a ring
+            where = np.arange(self.progress["base"], self.progress["open"]) % len(bounds)
         lanes, lower = self.state.waiting
         waiting = slice(self.progress["waiting"])
         return (

@@ -1,4 +1,4 @@
-"""How much of a search a kernel may do before somebody looks at the clock."""
+"""How much work a kernel may do before Python looks at the clock again."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import math
 from time import perf_counter
 
 LONG = 1 << 18
-"""Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
+"""Steps between two returns to Python if there is no budget, so that Ctrl-C is heard."""
 
 _FIRST = 64
-"""Steps of the first slice, some 10 µs: how long a step takes is not known yet."""
+"""Steps of the first slice, some 10 µs, as the time that a step takes is not known yet."""
 _LEAST, _MOST = 32, 1 << 14
 _SHARE = 3.0
 """A slice takes a third of the time that is left, provided its steps take as long as the last ones
@@ -51,7 +51,7 @@ class Slices:
 
 
 ENDLESS = Slices(None)
-"""Those without a deadline, which remember nothing: all searches may share them."""
+"""Slices without a deadline. They remember nothing, so all searches may share them."""
 
 
 def slices_until(deadline: float | None) -> Slices:
