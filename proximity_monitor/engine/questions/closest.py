@@ -130,7 +130,7 @@ def closest_points(
     directions = np.empty((k if normals else 0, 3))
     ends = np.zeros(-(-k // _POINTS), np.int64)
     capacity = 1 + hierarchy.depth * 15
-    # Of whatever volumes: boxes may be taken for swept spheres.
+    # Whatever the volumes are: boxes may be taken for swept spheres.
     tree, distinct = MeshTree(*hierarchy.tree), MeshTree(*hierarchy.distinct)
 
     def answer(first: int, stopped: Event) -> None:

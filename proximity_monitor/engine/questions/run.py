@@ -275,7 +275,8 @@ class Search:
 
     def progress_now(self) -> np.void:
         """How far the search is at this moment: a copy that no later search writes to."""
-        return self.state.progress.copy()[0]
+        # As bytes: numpy copies records field by field, which takes ten times as long.
+        return np.frombuffer(self.state.progress.tobytes(), index.PROGRESS)[0]
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
