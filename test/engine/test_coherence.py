@@ -164,3 +164,18 @@ def test_the_ideal_search_knows_nothing_of_before():
     assert again.bound_tests == ideal
     assert forgetful.distance(IDENTITY, at, order="priority").bound_tests == ideal
     assert pair.ideal(IDENTITY, at).bound_tests == ideal
+
+
+def test_a_search_begins_with_the_points_that_were_nearest():
+    """A large tolerance needs no more than them: no two triangles are compared."""
+    a, b = sphere(4), torus(48)
+    pair = engine.Pair(a, b)
+    path = list(wander(np.random.default_rng(23), 1e-4, 20, nearest=2.6))
+    for at in path[:5]:
+        pair.distance(IDENTITY, at)
+    for at in path[5:]:
+        found, alone = pair.distance(IDENTITY, at, rel_err=1.0), engine.distance(a, IDENTITY, b, at)
+        assert found.primitive_tests == 0
+        assert found.lower <= alone.upper <= found.upper <= (1.0 + 1e-3) * alone.upper
+        apart = np.linalg.norm(found.point_b - found.point_a)
+        assert found.upper == pytest.approx(apart, rel=1e-12)

@@ -8,6 +8,7 @@ from engine_bodies import IDENTITY, ORDERS, pose, sphere, torus, translation
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
+from proximity_monitor.study.scenes import SCENES
 
 A, B = sphere(3), torus(24)
 
@@ -44,6 +45,33 @@ def test_a_search_from_far_away_comes_near_the_ideal():
         pose_b[:3, 3] = 3.0, 0.0, 0.0
         tests += pair.distance(pose_a, pose_b).bound_tests, pair.ideal(pose_a, pose_b).bound_tests
     assert tests[0] < 1.6 * tests[1]
+
+
+def _to_ideal(scene, poses):
+    """The openings of a batch along the first track of a scene, over those of ideal searches."""
+    scene = SCENES[scene]()
+    track = scene.tracks[0]
+    a, b = (engine.TriangleMesh(*scene.meshes[name]) for name in (track.a, track.b))
+    places = track.poses_a[poses], track.poses_b[poses]
+    found = engine.distances(a, places[0], b, places[1], rel_err=0.1)
+    pair = engine.Pair(a, b, coherent=False)
+    ideal = [pair.ideal(*at, rel_err=0.1).bound_tests for at in zip(*places, strict=True)]
+    return found.bound_tests, np.array(ideal)
+
+
+def test_along_a_path_a_tolerance_comes_near_the_ideal():
+    """The nearest triangles of a batch lower the limit, although they are beyond it.
+
+    Without that it is 1.6 times the tests of the ideal, and with the fuller node first 2.2 times.
+    """
+    found, ideal = _to_ideal("cave/path", slice(0, 200))
+    assert found[1:].sum() < 1.3 * ideal[1:].sum()
+
+
+def test_no_single_search_with_a_tolerance_is_far_from_the_ideal():
+    """Points at 1.09 times the distance cost 1,700 times the ideal: nearer ones are looked for."""
+    found, ideal = _to_ideal("concentric/0.9", slice(0, 16))
+    assert (found < 50 * ideal).all()
 
 
 @pytest.mark.parametrize("tolerance", [{"rel_err": 0.1}, {"abs_err": 0.05}, {"rel_err": 10.0}])

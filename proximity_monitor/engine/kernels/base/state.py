@@ -95,6 +95,7 @@ PROGRESS = np.dtype(
         ("weights_a", np.float64, (3,)),  # where the nearest points lie on their elements
         ("weights_b", np.float64, (3,)),
         ("approached", np.float64),  # the distance from which they were last improved
+        ("patience", np.int64),  # bound tests after which that is tried again
         ("travelled", np.float64),  # how far the models have moved in all
         ("step", np.float64),  # ... and since the last search
         ("shape_a", np.float64),  # how often the models had been refitted

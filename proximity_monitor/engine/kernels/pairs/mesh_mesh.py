@@ -96,8 +96,11 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     shift(gathered, state.motions[0], scale, local)
     gaps(local, float32(progress.slack * scale * (1.0 + 1e-6)), found)
     remaining = (1 << taken) - 1
+    nearest = progress.limit
+    if progress.rel_err + progress.abs_err > 0.0:
+        nearest = max(nearest, progress.distance)
     while True:
-        reach = np.float32(min(progress.limit * scale * (1.0 + 1e-6), 3e38))
+        reach = np.float32(min(nearest * scale * (1.0 + 1e-6), 3e38))
         remaining &= not_above(found, 0, reach)
         if not remaining:
             break
@@ -110,6 +113,7 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
                 continue
         distance = test_triangles(tree_a, tree_b, state, ta, tb, np.float64(found[k]))
         tested += 1
+        nearest = progress.limit
         if state.collected.shape[0] > 0 and distance - progress.slack < progress.limit:
             collect(state, ta, tb, distance)
     return n, steps - min(steps, _FILTER_STEPS + _EXACT_STEPS * tested)

@@ -25,19 +25,21 @@ from .stubs import least_open
 APPROACH_STEPS = 64
 """Steps that a search takes as long for as this does, about: so a slice of steps is one of time."""
 
-_QUERY, _ROUGH = 32, 6
+_QUERY, _ROUGH, _SHARE = 32, 6, 16 * WIDTH
 """Steps of a point query: what it has found by then will do; and where less than the exact distance
-is asked for: down to the first leaf."""
+is asked for: down to the first leaf, and more in a long search: one step for so many bound tests.
+"""
 _STACK = 512
 """A step replaces one entry of the stack by at most sixteen."""
-_ROUNDS, _WORTH = 4, 0.98
+_ROUNDS, _WORTH = 4, 0.9
 """Most rounds; and the share of the distance to which one has to shorten it to have a successor."""
 _FAR = 0.97
 """Of the distance that the search began with, or had after the last rounds: what it has to have
 found before more of them pay. Along a path it never has, and none are made."""
 
-_PATIENCE = 24 * WIDTH
-"""Bound tests that a search with a tolerance makes first."""
+_PATIENCE, _LONG, _LONGER = 24 * WIDTH, 96 * WIDTH, 8
+"""Bound tests that a search with a tolerance makes first; the same where it began with points that
+were the nearest of the search before; and how many times as many it makes before it tries again."""
 _WITHIN_REACH = 1.5
 """How many times as far as a clearance the nearest points may be and may soon be within it."""
 _POOR = 0.1
@@ -63,14 +65,13 @@ def far_from_nearest(progress):
     """Whether the descent has found so much nearer points that `approach` is worth its time.
 
     Where less than the exact distance is asked for, a few openings often answer: they come first.
+    But points a little nearer may save most of a long search, so it is tried again and again.
     Whether something is within a clearance, which the limit is then, is approached from near it.
     """
     distance, limit = progress.distance, progress.limit
-    if not distance < _FAR * progress.approached:
-        return False
     if limit >= _FAR * distance:
-        return True
-    return progress.bound_tests >= _PATIENCE and (
+        return distance < _FAR * progress.approached
+    return progress.bound_tests >= progress.patience and (
         distance < _WITHIN_REACH * limit or limit >= enough(progress)
     )
 
@@ -109,9 +110,11 @@ def guess(tree_a, tree_b, state, last):
     """
     progress, motions = state.progress[0], state.motions
     near = (1.0 + max(progress.rel_err, _POOR)) * last
+    progress.patience = _PATIENCE
     if progress.limit < enough(progress):
         return np.inf
     if progress.distance <= near:
+        progress.patience = _LONG
         return progress.distance
     found = on_stack(WIDTH, np.float32(0.0))
     middle = scaled(row(tree_b.centres, 0), tree_b.scale[0])
@@ -130,7 +133,9 @@ def approach(tree_a, tree_b, state, found):
     progress, motions = state.progress[0], state.motions
     stack, bounds = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
     least = least_open(state.open, state)
-    steps = _QUERY if progress.limit >= _FAR * progress.distance else _ROUGH
+    steps = _QUERY
+    if progress.limit < _FAR * progress.distance:
+        steps = min(max(_ROUGH, progress.bound_tests // _SHARE), _QUERY)
     for _ in range(_ROUNDS):
         before = progress.distance
         if before - progress.slack <= progress.stop or progress.limit <= least:
@@ -150,3 +155,4 @@ def approach(tree_a, tree_b, state, found):
         if not progress.distance < _WORTH * before:
             break
     progress.approached = progress.distance
+    progress.patience = _LONGER * progress.bound_tests

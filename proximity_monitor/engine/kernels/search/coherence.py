@@ -58,17 +58,19 @@ def _displacement(tree, before, after):
 def travel(tree_a, tree_b, state, before, slack):
     """Take note of how far the models moved relative to each other since the motions `before`.
 
-    Seen from either model it is as much, and the bound is better from the one that turns less far
-    out. `slack` is what the motions before erred by. Of a model that was refitted nothing is known.
+    It is as much seen from either model; the smaller one turns less far out, so its bound is better
+    as a rule. `slack` is what the motions before erred by. Of a model that was refitted nothing is
+    known.
     """
     progress, motions = state.progress[0], state.motions
     if progress.shape_a != tree_a.scale[REVISION] or progress.shape_b != tree_b.scale[REVISION]:
         progress.shape_a, progress.shape_b = tree_a.scale[REVISION], tree_b.scale[REVISION]
         for i in range(state.keys.shape[0]):
             state.keys[i] = _NONE
-    distance = min(
-        _displacement(tree_b, before[0], motions[0]), _displacement(tree_a, before[1], motions[1])
-    )
+    if tree_a.centres[0, 3] * tree_a.scale[0] < tree_b.centres[0, 3] * tree_b.scale[0]:
+        distance = _displacement(tree_a, before[1], motions[1])
+    else:
+        distance = _displacement(tree_b, before[0], motions[0])
     distance += slack + progress.bound_slack
     progress.step = distance
     # Rounded up, so that no sum of many becomes too small.

@@ -113,9 +113,10 @@ def advance(tree_a, tree_b, state):
     n = progress.waiting
     coherent = is_coherent(state)
     code = ENDED
+    many = 1 if progress.rel_err + progress.abs_err > 0.0 else BATCH
     while True:
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
-        while n >= BATCH or (
+        while n >= many or (
             n > 0
             and (progress.open == 0 or full or progress.distance - progress.slack <= progress.stop)
         ):
@@ -178,7 +179,7 @@ def advance(tree_a, tree_b, state):
             n = before
         # Two lowest nodes together are the better bargain, unless one is far larger.
         if lowest_a != lowest_b:
-            size_a, size_b = (size_a, 4.0 * size_b) if lowest_a else (4.0 * size_a, size_b)
+            size_a, size_b = (size_a, 2.0 * size_b) if lowest_a else (2.0 * size_a, size_b)
         flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
         before, depth = n, progress.open
         if flip:

@@ -40,7 +40,9 @@ from ..base.state import (
     WITHIN_TOLERANCE,
 )
 from ..base.tables import queries_at, state_at, tree_at
+from ..base.vectors import dot, moved, sub
 from ..elements.aim import no_aim
+from ..elements.primitives import keep
 from ..elements.swept import core_of, lower_of, upper_of
 from . import levels, queue, stack  # noqa: F401 - each implements the stubs for its order
 from .coherence import travel
@@ -87,14 +89,25 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.stop = query.stop + progress.radii
     limit = core_of(query.limit, progress.radii, progress.deviations)
     progress.limit, progress.enough = limit, limit
-    progress.bound_tests, progress.primitive_tests, progress.collected = 0, 1, 0
+    progress.bound_tests, progress.primitive_tests, progress.collected = 0, 0, 0
     progress.waiting = 0
     pairs, bounds = state.open.pairs, state.open.bounds
     pairs[0, 0], pairs[0, 1], bounds[0] = 0, 0, -np.inf
     progress.open, progress.base, progress.frames = 1, 0, 0
     progress.level_end, progress.nearest_a, progress.nearest_b = 0, 0, 0
     progress.level_lower, progress.next_lower = 0.0, 0.0
-    measure(tree_a, tree_b, state, progress.element_a, progress.element_b, 0.0)
+    ta, tb = progress.element_a, progress.element_b
+    if 0.0 < last < np.inf:
+        # The points that were nearest are near each other still: a tenth of the time. Their
+        # distance errs by 8.5 u |a| + 14.9 u |b| + 5.5 u |t|, which SLACK covers.
+        p, q = witness(tree_a, ta, progress.weights_a), witness(tree_b, tb, progress.weights_b)
+        way = sub(moved(motions[0], q), p)
+        wa, wb = progress.weights_a, progress.weights_b
+        wa, wb = (wa[0], wa[1], wa[2]), (wb[0], wb[1], wb[2])
+        keep(state, np.sqrt(dot(way, way)), ta, tb, wa, wb, way)
+    else:
+        progress.primitive_tests = 1
+        measure(tree_a, tree_b, state, ta, tb, 0.0)
     progress.approached = guess(tree_a, tree_b, state, last)
     return CUT
 
