@@ -11,6 +11,10 @@ Item = TypeVar("Item")
 Found = TypeVar("Found")
 
 
+_NEVER = Event()
+"""It is never set: a thread that works alone has nobody who could stop it."""
+
+
 def share(
     answer: Callable[[Item, Event], Found], items: Iterable[Item], threads: int
 ) -> list[Found]:
@@ -19,9 +23,9 @@ def share(
     Only the main thread hears Ctrl-C, so it waits and does not work. When it is interrupted, or an
     answer raises an error, it sets the event, which all the others check between two slices.
     """
-    stopped = Event()
     if threads == 1:
-        return [answer(item, stopped) for item in items]
+        return [answer(item, _NEVER) for item in items]
+    stopped = Event()
     with ThreadPoolExecutor(threads) as pool:
         try:
             waiting = [pool.submit(answer, item, stopped) for item in items]
