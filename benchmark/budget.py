@@ -128,16 +128,16 @@ def _questions(scene: StudyScene) -> Iterator[tuple[str, Ask]]:
     pairs = np.array([[names.index(t.a), names.index(t.b)] for t in scene.tracks])
     pairs = np.tile(pairs, (-(-_BATCH // len(pairs)), 1))[:_BATCH]
 
-    def poses(k: int) -> NDArray[np.float64]:
+    poses = {}  # made beforehand: that is none of the question's time
+    for k in _steps(scene, _CALLS):
         where = {t.a: t.poses_a[k] for t in scene.tracks}
         where |= {t.b: t.poses_b[k] for t in scene.tracks}
-        return np.array([where[name] for name in names])
-
+        poses[k] = np.array([where[name] for name in names])
     if len(names) > 1:
-        yield "Assembly", lambda k, s: assembly.distances(poses(k), pairs, budget_s=s)
+        yield "Assembly", lambda k, s: assembly.distances(poses[k], pairs, budget_s=s)
         yield (
             "Assembly, signed",
-            lambda k, s: assembly.distances(poses(k), pairs, signed=True, budget_s=s),
+            lambda k, s: assembly.distances(poses[k], pairs, signed=True, budget_s=s),
         )
 
 

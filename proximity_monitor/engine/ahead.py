@@ -35,7 +35,6 @@ def kernels(watching: bool) -> Iterator[Kernel]:
     yield mesh_mesh.search, asked
     frozen_rows = _frozen(rows)
     if watching:
-        yield mesh_mesh.search_nearest_first, asked
         yield ball.search_ball, (tables, table, True, 0)
         signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
         insides = Insides(np.empty(0, np.int8), table, lanes, tables)

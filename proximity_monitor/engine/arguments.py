@@ -93,6 +93,24 @@ def as_reals(
     return np.require(array, np.float64, "CAWE")
 
 
+def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64] | float:
+    """A number, or (count,), none of them negative.
+
+    Raises:
+        TypeError: no real number.
+        ValueError: another shape, or one that is negative or NaN.
+    """
+    if type(value) is float or not np.ndim(value):
+        return check_tolerance(f"{name}[0]", as_real(value, name))
+    given = as_reals(value, name)
+    if given.shape != (count,):
+        raise ValueError(f"{name}: shape {given.shape}, expected a number or ({count},)")
+    if not (given >= 0.0).all():
+        first = int(np.flatnonzero(~(given >= 0.0))[0])
+        check_tolerance(f"{name}[{first}]", float(given[first]))
+    return given
+
+
 def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]:
     """Whole numbers as an int32 array (k, columns) that is C-contiguous and writable.
 
@@ -100,12 +118,11 @@ def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]
         ValueError: not whole numbers of this shape, or beyond int32.
     """
     given = _whole(values, name, (columns,))
-    limits = np.iinfo(np.int32)
-    bad = ((given < limits.min) | (given > limits.max)).any(axis=1)
-    if bad.any():
-        first = int(np.flatnonzero(bad)[0])
+    array = np.require(given, np.int32, "CAWE")
+    if array is not given and (array != given).any():
+        first = int(np.flatnonzero((array != given).any(axis=1))[0])
         raise ValueError(f"{name}[{first}] = {given[first].tolist()}: beyond what an index can be")
-    return np.require(given, np.int32, "CAWE")
+    return array
 
 
 def _whole(values: ArrayLike, name: str, row: tuple[int, ...]) -> NDArray[np.integer]:

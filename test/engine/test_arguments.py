@@ -16,6 +16,7 @@ from proximity_monitor.engine import kernels
 from proximity_monitor.engine.assembly.answers import Answers
 from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.assembly.schedule import Schedule
+from proximity_monitor.engine.kernels.base.state import ANSWER
 from proximity_monitor.engine.poses import check_pose
 
 A, B = sphere(2), box()
@@ -102,12 +103,13 @@ def forms():
 
 @pytest.mark.parametrize(("name", "k"), EVERY)
 def test_every_real_number_is_one_and_compiles_nothing(name, k):
-    ask = QUESTIONS[name][k]
-    ask(1.0)
-    before = forms()
+    ask, before = QUESTIONS[name][k], 0
+    while forms() > before:  # a budget may end while the first kernels are compiled
+        before = forms()
+        ask(1.0)
     for number in NUMBERS.values():
         ask(number)
-    assert forms() == before > 0
+    assert forms() == before
 
 
 @pytest.mark.parametrize(("name", "k"), EVERY)
@@ -184,7 +186,7 @@ def test_every_layout_of_numbers_is_taken_and_compiles_nothing(kind):
     expected, before = ask(given.copy()), forms()
     for name, same in layouts(given).items():
         assert ask(same) == pytest.approx(expected, rel=1e-6), name
-    assert forms() == before > 0
+    assert forms() == before
 
 
 @pytest.mark.parametrize("kind", INTEGERS)
@@ -196,7 +198,7 @@ def test_every_layout_of_indices_is_taken_and_compiles_nothing(kind):
         same.setflags(write=False)
         assert ask(same) == pytest.approx(expected)
     assert ask(given.tolist()) == pytest.approx(expected)
-    assert forms() == before > 0
+    assert forms() == before
     for other in (given.astype(float), given.astype(complex), given > 0, given.astype(str)):
         with pytest.raises(ValueError, match=f"^{kind}: "):
             ask(other)
@@ -242,7 +244,8 @@ def test_a_schedule_takes_any_numbers_and_compiles_nothing():
         schedule.update(index(rows), truth([1, 1]), truth([0, 0]), whole(1))
         queries = schedule.queries(index(schedule.order()))
         schedule.search_together(queries, real(1), whole(1), lambda: real(2))
-        schedule.commit(queries, [engine.distance(A, HERE, B, THERE)] * len(queries.at), real(2))
+        found = [engine.distance(A, HERE, B, THERE).row for _ in queries.at]
+        schedule.commit(queries, np.reshape(found, (-1, ANSWER)), real(2))
         answers.intervals(index(rows))
         balls = answers.centres.tolist(), [real(5), real(5)]
         BroadPhase().near(*balls, truth([1, 1]), index([0, 1]))
@@ -252,4 +255,4 @@ def test_a_schedule_takes_any_numbers_and_compiles_nothing():
     before = forms()
     assert moment(list, list, int, np.int16) == 0
     assert moment(lambda x: np.array(x, np.uint8), tuple, np.float32, int) == 0
-    assert forms() == before > 0
+    assert forms() == before

@@ -10,6 +10,7 @@ from engine_bodies import IDENTITY, SMALL, box, pose, soup, sphere, torus, trans
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
+from proximity_monitor.engine.assembly import long_searches
 
 STATUS = tuple(Status)
 OPEN = STATUS.index(Status.OUT_OF_TIME)
@@ -156,6 +157,14 @@ def finish(assembly, poses, pairs, **options):
         left, asked = left[~done], asked + 1
         assert asked < 20_000
     yield bounds, asked
+
+
+def test_without_a_budget_no_answer_depends_on_the_clock(monkeypatch):
+    assembly, poses, pairs = crowd(1)
+    found = assembly.distances(poses, pairs, signed=True)
+    monkeypatch.setattr(long_searches, "_SLICE_S", 0.0)
+    again = engine.Assembly(assembly.models).distances(poses, pairs, signed=True)
+    assert np.array_equal(again.rows, found.rows, equal_nan=True)
 
 
 @pytest.mark.parametrize("threads", [1, 2])

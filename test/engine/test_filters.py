@@ -14,11 +14,11 @@ from proximity_monitor import engine
 from proximity_monitor.engine.kernels.bounds import cross
 from proximity_monitor.engine.kernels.bounds import gaps as filters
 from proximity_monitor.engine.kernels.bounds.gaps import BATCH, CORNERS
-from proximity_monitor.engine.kernels.elements import aim
+from proximity_monitor.engine.kernels.elements import direction
 from proximity_monitor.engine.kernels.tree.layout import EMPTY
 
 gather, shift = from_python(filters.gather), from_python(filters.shift)
-gaps, gap_along = from_python(filters.gaps), from_python(aim.gap_along)
+gaps, gap_along = from_python(filters.gaps), from_python(direction.gap_along)
 node_apart = from_python(cross._apart)
 
 EACH = 4
@@ -72,7 +72,7 @@ def test_no_filter_exceeds_the_exact_distance(kind):
 
 @pytest.mark.parametrize("kind", ["apart", "close", "far_from_origin"])
 def test_the_filters_are_tight_where_it_counts(kind):
-    """Along the aim the nearest pair's gap is its distance: so ties are dismissed."""
+    """Along the search direction the nearest pair's gap is its distance: so ties are dismissed."""
     for a, b, pose_a, pose_b in crowds(kind):
         pair = engine.Pair(a, b)
         answer = pair.distance(pose_a, pose_b)
@@ -101,7 +101,7 @@ def lowest_node(mesh):
     return node, lanes
 
 
-def check_along_the_aim(a, b, pose_a, pose_b):
+def check_along_the_direction(a, b, pose_a, pose_b):
     """How many pairs of triangles their volumes dismiss; none is nearer than these say."""
     lows = np.empty((2, 16), np.float32)
     pair = engine.Pair(a, b)
@@ -126,16 +126,16 @@ def check_along_the_aim(a, b, pose_a, pose_b):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_volumes_of_two_nodes_are_no_farther_along_the_aim_than_their_triangles(kind):
+def test_volumes_of_two_nodes_are_no_farther_along_the_direction_than_their_triangles(kind):
     for crowd in crowds(kind):
-        check_along_the_aim(*crowd)
+        check_along_the_direction(*crowd)
 
 
-def test_the_aim_dismisses_most_triangles_of_bodies_that_are_apart():
+def test_the_direction_dismisses_most_triangles_of_bodies_that_are_apart():
     rng = np.random.default_rng(8)
     cube, dismissed = box((1.0, 0.8, 0.6)), 0
     for _ in range(ROUNDS):
         pose_a, pose_b = pose(rng, 0.0), pose(rng, 0.0)
         pose_b[0, 3] = 2.0
-        dismissed += check_along_the_aim(cube, cube, pose_a, pose_b)
+        dismissed += check_along_the_direction(cube, cube, pose_a, pose_b)
     assert dismissed > 0.5 * ROUNDS * len(cube.faces) ** 2

@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 import pytest
-from engine_bodies import SMALL, pose, sphere
+from engine_bodies import SMALL, pose, sphere, torus
 
 from proximity_monitor import engine
 from proximity_monitor.engine.assembly.answers import Answers
@@ -183,9 +183,7 @@ def test_a_search_that_was_cut_leaves_no_points_of_a_body_before_its_deformation
     row = np.array(
         [0.0, upper, *far[0], *far[1], 1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 1, OUT_OF_TIME, 0, 0]
     )
-    cut = engine.Distance(row, 0.0, None, (engine.TriangleMesh, engine.TriangleMesh))
-    assert cut.status is engine.Status.OUT_OF_TIME
-    schedule.commit(queries, [cut], perf_counter())
+    schedule.commit(queries, row[None], perf_counter())
     poses[1, 1, 3] += 1e-9
     answers.move(np.arange(2), poses)
     look()
@@ -215,16 +213,12 @@ def test_points_that_stay_the_nearest_do_not_drift_however_often_searches_are_cu
         return engine.distance(ball, poses[0], other, poses[1])
 
     exact = look(0.0)
-    schedule.commit(schedule.queries(np.zeros(1, np.int64)), [exact], perf_counter())
+    schedule.commit(schedule.queries(np.zeros(1, np.int64)), exact.row[None], perf_counter())
     far = exact.row.copy()
     far[[index.LOWER, index.UPPER, index.STATUS]] = 0.0, 50.0, OUT_OF_TIME
     for k in range(300):
         true = look(1e-9 * (k + 1)).upper
-        schedule.commit(
-            schedule.queries(np.zeros(1, np.int64)),
-            [engine.Distance(far, 0.0, None, (engine.TriangleMesh, engine.TriangleMesh))],
-            perf_counter(),
-        )
+        schedule.commit(schedule.queries(np.zeros(1, np.int64)), far[None], perf_counter())
         state = schedule.report(perf_counter())[0][0]
         assert state["lower"] <= true <= state["upper"]
 
@@ -233,7 +227,9 @@ def test_as_many_answers_as_queries_and_bodies_as_bodies_are_asked_for(watched):
     watched.update()
     with pytest.raises(ValueError, match="0 answers to 66 queries"):
         watched.schedule.commit(
-            watched.schedule.queries(watched.schedule.order()), [], perf_counter()
+            watched.schedule.queries(watched.schedule.order()),
+            np.empty((0, index.ANSWER)),
+            perf_counter(),
         )
     few = engine.Assembly([SMALL["torus"]])
     with pytest.raises(ValueError, match="of 1 bodies, the answers of 12"):
@@ -279,5 +275,91 @@ def test_of_models_that_met_the_surfaces_tell_first_and_how_deep_comes_last():
         overlapping = dict(zip(states["at"].tolist(), states["upper"].tolist(), strict=True))
         assert overlapping[0] < 1e-12 < overlapping[1] and left == 1
         found = engine.signed_distance(ball, poses[0], ball, poses[1])
-        schedule.commit(then, [found], perf_counter())
+        schedule.commit(then, found.row[None], perf_counter())
         assert len(schedule.order()) == 0
+
+
+def overlapping(count):
+    """A schedule of rings that cross a first one, the poses, and what begins a moment."""
+    models = [torus(24)] * (count + 1)
+    answers = Answers(models, [str(i) for i in range(count + 1)])
+    schedule = Schedule(answers, engine.Assembly(models))
+    pairs = np.array([[0, i + 1] for i in range(count)])
+    rows = answers.add(pairs, np.ones(count, bool))
+    schedule.begin(rows)
+    poses = np.tile(np.eye(4), (count + 1, 1, 1))
+    rng = np.random.default_rng(5)
+    poses[1:] = [pose(rng, 0.2) for _ in range(count)]
+    bodies = np.arange(count + 1)
+
+    def update():
+        answers.move(bodies, poses)
+        schedule.update(rows, np.ones(count + 1, bool), np.zeros(count + 1, bool), True)
+
+    return schedule, poses, update
+
+
+def noted(schedule, monkeypatch):
+    """The clearances of single searches to come: 0 where only the sign is asked for."""
+    asked = []
+    search = schedule._long.search
+
+    def note(single, count, *others):
+        asked.extend(float(single(k).wanted[2]) for k in range(count))
+        return search(single, count, *others)
+
+    monkeypatch.setattr(schedule._long, "search", note)
+    return asked
+
+
+def widths(schedule):
+    states, left = schedule.report(0.0)
+    assert (states["upper"] < 0.0).all() and left == 0
+    return states["upper"] - states["lower"], -states["upper"]
+
+
+def test_no_depth_is_searched_before_all_signs_are_certain(monkeypatch):
+    schedule, _, update = overlapping(6)
+    update()
+    asked = noted(schedule, monkeypatch)
+    schedule.search(perf_counter() + 60.0, perf_counter)
+    assert asked == [0.0] * 6 + [np.inf] * 6
+    wide, depth = widths(schedule)
+    assert (wide <= 0.011 * depth).all()
+    update()
+    assert not len(schedule.order()), "the bodies stand still"
+
+
+def test_a_depth_is_searched_no_closer_than_motion_blurs_it(monkeypatch):
+    schedule, poses, update = overlapping(4)
+    update()
+    schedule.search(perf_counter() + 60.0, perf_counter)
+    asked = noted(schedule, monkeypatch)
+    poses[1:, 1, 3] += 1e-6
+    update()
+    assert not len(schedule.order()), "the carried bounds are close enough"
+    poses[1:, 1, 3] += 0.02
+    update()
+    schedule.search(perf_counter() + 60.0, perf_counter)
+    wide, depth = widths(schedule)
+    assert (wide <= 0.021).all() and (wide > 0.011 * depth).all()
+    assert len(asked) < 5, "signs were certain"
+    update()
+    schedule.search(perf_counter() + 60.0, perf_counter)
+    wide, depth = widths(schedule)
+    assert (wide <= 0.011 * depth).all(), "the bodies stand still"
+
+
+def test_a_pair_whose_distance_takes_long_is_decided_against_its_levels_first(watched):
+    watched.schedule.records["levels"][watched.rows] = 1.0
+    watched.update()
+    open_ = [k for k in watched.schedule.order() if watched.schedule._views[k]["urgent"]]
+    watched.schedule.records["hard"][watched.rows] = True
+    queries = watched.schedule.queries(np.array(open_))
+    assert (queries.how == Schedule.ALONE).all() and (queries.wanted[:, 2] == 1.0).all()
+    watched.schedule.search(perf_counter() + 60.0, perf_counter)
+    states, left = watched.report()
+    assert left == 0 and {STATUS[code] for code in states["status"]} <= {
+        engine.Status.EXACT,
+        engine.Status.INTERSECTING,
+    }

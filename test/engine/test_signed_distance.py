@@ -223,12 +223,12 @@ def test_no_translation_that_parts_solids_is_shorter(seed):
     for way in [*np.eye(3), *-np.eye(3), *rng.normal(size=(10, 3))]:
         way = way / np.linalg.norm(way)
         inside, outside = 0.0, 20.0  # of convex solids one interval of translations overlaps
-        for _ in range(40):
+        for _ in range(36):
             step = 0.5 * (inside + outside)
             shifted = there.copy()
             shifted[:3, 3] += step * way
             apart = not peer.collide(here, shifted)
-            apart &= engine.signed_distance(a, here, b, shifted).lower > -1e-9
+            apart = apart and engine.signed_distance(a, here, b, shifted).lower > -1e-9
             inside, outside = (inside, step) if apart else (step, outside)
         assert outside >= depth - 1e-9
 

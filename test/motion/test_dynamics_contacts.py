@@ -115,7 +115,7 @@ def test_a_tumbling_box_never_gains_energy_nor_sinks():
     )
     for forces in ({}, {"friction": 0.3}, {"friction": 0.3, "restitution": 0.8}):
         world = on_floor([body], **forces)
-        energies, least = run(world, 4.0)
+        energies, least = run(world, 2.5)
         assert gained(energies) <= rounding(energies)
         assert least >= LEAST
         assert world.stops == 0
@@ -152,12 +152,12 @@ def test_the_same_world_moves_the_same_bit_by_bit():
         return on_floor(bodies, friction=0.4, restitution=0.3)
 
     one, other = make(), make()
-    run(one, 1.0)
-    run(other, 1.0)
+    run(one, 0.6)
+    run(other, 0.6)
     assert one.searches > 0
     assert np.array_equal(one.poses(), other.poses())
     other.restart()
-    run(other, 1.0)
+    run(other, 0.6)
     assert np.array_equal(one.poses(), other.poses())
 
 
@@ -171,7 +171,7 @@ def test_a_penalty_holds_a_box_on_springs():
     assert energies.max() <= energies[0] * (1.0 + 1e-9)
     assert least >= law.margin / 32.0
     world = on_floor([body], contacts=law, linear_damping=8.0, angular_damping=8.0)
-    run(world, 3.0)
+    run(world, 2.0)
     place = world.poses()[0, 2, 3]
     run(world, 0.5)
     assert world.poses()[0, 2, 3] == pytest.approx(place, abs=1e-5)

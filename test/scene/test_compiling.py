@@ -49,7 +49,7 @@ bodies:
 pairs: all
 """
 SHARED = {
-    "search.descent.advance", "elements.primitives.test_triangles", "tree.ranges.node_ranges",
+    "search.descent.advance", "elements.primitives.measure_triangles", "tree.ranges.node_ranges",
     "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._end_cell",
     "inside.ball._plane", "inside.ball._go_on", "inside.ball_caps._one_way",
     "inside.ball_caps.cap_height", "inside.ball_caps.plane", "inside.ball_frame.common_box",

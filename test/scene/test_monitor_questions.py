@@ -106,10 +106,14 @@ def test_solids_have_certified_signed_distances(load, budget_s):
         for pair in tick.pairs:
             at = true[pair.a, pair.b]
             if budget_s == 1.0:
-                assert pair.upper == pytest.approx(at.upper, abs=1e-9, rel=0.011), "to 1 %"
                 assert (pair.status is PairStatus.OVERLAPPING) == (at.upper < 0.0)
             overlapping += at.upper < 0.0
         assert tick.clearance() <= min(at.upper for at in true.values())
+        if budget_s == 1.0:
+            assert tick.left == 0
+            for pair in monitor.tick(samples(poses), budget_s).pairs:
+                upper = true[pair.a, pair.b].upper
+                assert pair.upper == pytest.approx(upper, abs=1e-9, rel=0.011), "to 1 %"
     assert overlapping > 50
 
 
@@ -146,10 +150,8 @@ def test_a_part_that_jumps_wholly_inside_another_is_never_clear(load, solid, dep
         assert pair.lower <= -depth
         if budget_s == 1.0:
             assert pair.status is PairStatus.OVERLAPPING
-            assert pair.upper <= -depth
-        else:
-            (later,) = monitor.tick(inside, 1.0).pairs
-            assert later.upper <= -depth
+        (later,) = monitor.tick(inside, 1.0).pairs
+        assert later.upper <= -depth
 
 
 @pytest.mark.parametrize("body", ["", ", solid: false"])
@@ -181,7 +183,7 @@ def test_signed_searches_are_for_solids_that_may_overlap_alone(load, monkeypatch
         tick = solids.tick(samples(poses), 1.0)
         overlapping = sum(pair.lower <= 0.0 for pair in tick.pairs)
         # One that was so may have come apart.
-        assert len(asked) - before <= overlapping + was
+        assert len(set(asked[before:])) <= overlapping + was
         apart += len(tick.pairs) - overlapping
         was = overlapping
     assert apart > 300

@@ -17,8 +17,12 @@ from proximity_monitor import engine
 from proximity_monitor.study import __main__ as command_line
 from proximity_monitor.study.accuracy import paper, run, tolerance
 from proximity_monitor.study.accuracy.certificate import BrokenCertificateError, check
+from proximity_monitor.study.accuracy.data import read_rows
+from proximity_monitor.study.accuracy.findings import findings
+from proximity_monitor.study.accuracy.run import PARTS
 from proximity_monitor.study.accuracy.timing import Timed, blocks
 
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 COMMAND = [sys.executable, "-m", "proximity_monitor.study", "accuracy"]
 SMALL = ["--quick", "--part", "tolerance", "volumes", "--scene", "cave/path", "chain"]
 
@@ -77,6 +81,20 @@ def test_the_page_shows_every_figure_and_its_data(measured):
     assert f"python -m proximity_monitor.study accuracy {' '.join(SMALL)} --out out" in page
     assert page.count("Not measured.") == len(run.PARTS) - 2
     assert not re.search(r"\b(nan|inf)\b|[{}]", page)
+
+
+def test_the_page_leads_with_findings(measured):
+    text = (measured / "accuracy.md").read_text(encoding="utf-8")
+    lead = text.partition("## What to choose\n")[2].partition("\n## ")[0]
+    assert [line[:5] for line in lead.splitlines() if line] == ["1. **", "2. **"]
+    assert text.index("## What to choose") < text.index("## Time and error made")
+
+
+def test_a_whole_study_comes_to_five_findings():
+    data = {part.name: read_rows(DOCS / "accuracy" / f"{part.name}.csv") for part in PARTS}
+    said = findings(data)
+    assert said.count("**") == 10
+    assert said in (DOCS / "accuracy.md").read_text(encoding="utf-8")
 
 
 def test_the_page_is_made_of_the_data_alone(measured, tmp_path):

@@ -18,9 +18,9 @@ from ..poses import check_pose
 from ..questions.run import check_models
 from ..questions.witness import surface_points
 
-_UNKNOWN = np.array(2 * (math.nan, math.nan, math.nan, -1.0))
+_UNKNOWN = (math.nan, math.nan, math.nan, -1.0)
 _FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
-"""The feature of `Hierarchy.some_point`: parameters and element."""
+"""The features of an unknown point and of `Hierarchy.some_point`: parameters and element."""
 
 
 class CertifiedIntervals(NamedTuple):
@@ -56,12 +56,15 @@ class Answers:
     """
 
     __slots__ = (
-        "_answers", "_balls", "_first", "_free", "_hierarchies", "_labels", "_models", "_names",
-        "_places", "_versions", "poses",
+        "_balls", "_first", "_free", "_hierarchies", "_models", "_names", "_places", "_versions",
+        "poses", "table",
     )  # fmt: skip
 
     poses: NDArray[np.float64]
     """(n, 4, 4) model to world; all at the origin at first. Only `move` writes them."""
+
+    table: NDArray
+    """(m,) the rows, as kernels take them: see `kernels/assembly/carry.py`."""
 
     def __init__(self, models: Sequence[Model], names: Sequence[str]) -> None:
         self._models = check_models(models)
@@ -70,11 +73,10 @@ class Answers:
         self._names = tuple(names)
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
-        self._balls = np.zeros((count, kernel.BALL))
+        self._balls = np.zeros(count, kernel.BALL)
         self._first = np.zeros((count, 3))  # the first corner of each
-        self._places = np.zeros((count, kernel.PLACE))
-        self._labels = np.zeros((0, kernel.LABEL), np.int64)
-        self._answers = np.zeros((0, kernel.ANSWER))
+        self._places = np.zeros(count, kernel.PLACE)
+        self.table = np.zeros(0, kernel.ANSWER)
         self._free = np.empty(0, np.int64)
         everything = np.arange(count)
         for body in everything:
@@ -89,26 +91,22 @@ class Answers:
     @property
     def centres(self) -> NDArray[np.float64]:
         """(n, 3) metres, world: the centres of the bodies' balls."""
-        return self._places[:, kernel.CENTRE : kernel.CENTRE + 3]
+        return self._places["centre"]
 
     def radii(self) -> NDArray[np.float64]:
         """(n,) metres: the radii of balls that hold the bodies whatever rounding did.
 
         If two such balls are farther apart than a range, so are the bodies.
         """
-        defect = self._places[:, kernel.DEFECT].max(initial=0.0)
-        slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * self._places[:, kernel.SIZE]
-        return self._balls[:, kernel.CORE :].sum(axis=1) + slack
+        balls, places = self._balls, self._places
+        defect = places["defect"].max(initial=0.0)
+        slack = (kernel.ROUNDING + kernel.NON_RIGID * defect) * places["size"]
+        return balls["core"] + balls["swept"] + balls["deviation"] + slack
 
     @property
     def bodies(self) -> tuple[NDArray, ...]:
         """The bodies as kernels take them: poses, versions, balls and places."""
         return self.poses, self._versions, self._balls, self._places
-
-    @property
-    def table(self) -> tuple[NDArray, ...]:
-        """The rows as kernels take them: labels and answers."""
-        return self._labels, self._answers
 
     def move(self, bodies: NDArray[np.int64], poses: ArrayLike) -> int:
         """Put bodies (m,) at poses (m, 4, 4); return how many of them were elsewhere before.
@@ -136,11 +134,11 @@ class Answers:
             displacement: metres; no point moved farther than that (`Model.deform`). inf: unknown.
         """
         self._measure(body)
-        stretch = self._places[body, kernel.STRETCH] + displacement
+        stretch = self._places["stretch"][body] + displacement
         if math.isinf(stretch):
             self._forget(self._rows_of(body))
         else:
-            self._places[body, kernel.STRETCH] = math.nextafter(stretch, math.inf)
+            self._places["stretch"][body] = math.nextafter(stretch, math.inf)
         self._place(np.array([body]), self.poses[[body]], True)
 
     def deformed(self) -> list[int]:
@@ -164,18 +162,18 @@ class Answers:
         if len(pairs) > len(self._free):
             self._grow(len(pairs) - len(self._free))
         rows, self._free = np.split(self._free, [len(pairs)])
-        self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = pairs
+        self.table["bodies"][rows] = pairs
         self.sign(rows, signed)
         self._forget(rows)
         return rows
 
     def pairs(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """The bodies (k, 2) of rows (k,)."""
-        return self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
+        return self.table["bodies"][rows]
 
     def sign(self, rows: NDArray[np.int64], signed: NDArray[np.bool_]) -> None:
         """Set whether one body of each pair is a solid, for rows (k,) that have no answer yet."""
-        self._labels[rows, kernel.SIGNED] = signed * self._kinds(self.pairs(rows))
+        self.table["kind"][rows] = signed * self._kinds(self.pairs(rows))
 
     def _kinds(self, pairs: NDArray[np.int64]) -> NDArray[np.int64]:
         """The kinds of the signed distances of pairs (k, 2)."""
@@ -188,24 +186,23 @@ class Answers:
 
     def drop(self, rows: NDArray[np.int64]) -> None:
         """Take rows back; they must not be used any more."""
-        self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1] = -1
+        self.table["bodies"][rows] = -1
         self._free = np.concatenate((rows, self._free))
 
     def intervals(self, rows: NDArray[np.int64]) -> CertifiedIntervals:
         """The certified intervals of rows (k,) at the present poses."""
         rows = np.require(rows, np.int64, "CAWE")
-        bounds, points = np.empty((len(rows), 2)), np.empty((len(rows), 6))
+        bounds, points = np.empty((len(rows), 2)), np.empty((len(rows), 2, 3))
         motions = np.empty(len(rows), np.int8)
         kernel.carry(
-            self.poses, self._versions, self._balls, self._places, rows,
-            self._labels, self._answers, bounds, points, motions,
+            self.poses, self._versions, self._balls, self._places, rows, self.table, bounds,
+            points, motions,
         )  # fmt: skip
-        bodies = self._labels[rows, kernel.BODY_A : kernel.BODY_B + 1]
-        radii = self._balls[bodies, kernel.SWEPT]
+        radii = self._balls["swept"][self.pairs(rows)]
         return CertifiedIntervals(
             bounds[:, 0],
             bounds[:, 1],
-            np.stack(surface_points(points[:, :3], points[:, 3:], radii), axis=1),
+            np.stack(surface_points(points[:, 0], points[:, 1], radii), axis=1),
             motions != kernel.MOVED,
             motions == kernel.SAME,
         )
@@ -229,42 +226,40 @@ class Answers:
         """
         rows = np.require(rows, np.int64, "CAWE")
         bounds = np.require(bounds, np.float64, "CAWE")
-        witness = np.empty((len(rows), kernel.WITNESS))
-        witness[:, :6] = np.reshape(points, (-1, 6))
-        witness[:, 6:] = _UNKNOWN if features is None else np.reshape(features, (-1, 8))
+        points = np.require(points, np.float64, "CAWE")
+        if features is None:
+            features = np.tile(_UNKNOWN, (len(rows), 2, 1))
+        features = np.require(features, np.float64, "CAWE")
         kernel.keep(
-            self.poses, self._versions, self._places, rows, bounds, witness,
-            self._labels, self._answers,
-        )  # fmt: skip
+            self.poses, self._versions, self._places, rows, bounds, points, features, self.table
+        )
 
     def _measure(self, body: int) -> None:
         core = self._hierarchies[body] = self._models[body]._hierarchy
-        self._balls[body] = *core.centre, core.core_radius, core.swept_radius, core.deviation
+        self._balls[body] = core.centre, core.core_radius, core.swept_radius, core.deviation
         self._first[body] = core.some_point
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:
-        pairs = self._labels[:, kernel.BODY_A : kernel.BODY_B + 1]
+        pairs = self.table["bodies"]
         return np.flatnonzero((pairs == body).any(axis=1))
 
     def _forget(self, rows: NDArray[np.int64]) -> None:
         """Forget the answers of rows, so that only one point of either body is known."""
-        a, b = self._labels[rows, kernel.BODY_A], self._labels[rows, kernel.BODY_B]
-        self._labels[rows, kernel.SEEN_A : kernel.SEEN_B + 1] = -1
-        answers = np.zeros((len(rows), kernel.ANSWER))
-        answers[:, kernel.LOWER], answers[:, kernel.UPPER] = -np.inf, np.inf
-        answers[:, kernel.WITNESS_A : kernel.WITNESS_A + 3] = self._first[a]
-        answers[:, kernel.WITNESS_B : kernel.WITNESS_B + 3] = self._first[b]
-        answers[:, kernel.FEATURES : kernel.ANSWER] = 2 * _FIRST_CORNER
+        fresh = np.zeros(len(rows), kernel.ANSWER)
+        fresh["bodies"] = bodies = self.table["bodies"][rows]
+        fresh["kind"] = self.table["kind"][rows]
+        fresh["seen"] = -1
+        fresh["lower"], fresh["upper"] = -np.inf, np.inf
+        fresh["witness"], fresh["features"] = self._first[bodies], _FIRST_CORNER
         # An answer to no poses, so that no pair counts as still.
-        answers[:, kernel.ROTATION : kernel.TRANSLATION + 3] = np.nan
-        answers[:, kernel.THEN_A] = self._places[a, kernel.STRETCH]
-        answers[:, kernel.THEN_B] = self._places[b, kernel.STRETCH]
-        self._answers[rows] = answers
+        fresh["rotation"] = fresh["translation"] = np.nan
+        fresh["stretch"] = self._places["stretch"][bodies]
+        self.table[rows] = fresh
 
     def _grow(self, least: int) -> None:
-        old = len(self._labels)
+        old = len(self.table)
         new = old + max(least, old, 64)
-        labels, answers = np.full((new, kernel.LABEL), -1), np.zeros((new, kernel.ANSWER))
-        labels[:old], answers[:old] = self._labels, self._answers
-        self._labels, self._answers = labels, answers
+        more = np.zeros(new - old, kernel.ANSWER)
+        more["bodies"] = -1
+        self.table = np.concatenate((self.table, more))
         self._free = np.concatenate((self._free, np.arange(old, new)))

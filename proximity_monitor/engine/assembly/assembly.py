@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import as_count, as_integers, as_real, as_reals, check_tolerance
+from ..arguments import as_count, as_integers, as_tolerances, check_tolerance
 from ..kernels.base import state as index
 from ..kernels.base.tables import table
 from ..kernels.inside.contain import Insides, settle_signs
@@ -24,7 +24,7 @@ from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import slices_until
-from .settling import Settling
+from .long_searches import LongSearches, Single
 
 
 class Assembly:
@@ -52,7 +52,7 @@ class Assembly:
         self._searches: list[Search] = []
         self._insides: Insides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question that they were asked
-        self._settling = Settling()
+        self._depths = LongSearches(coherent=False)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
         """Make another one: kernels find the memory of this one by its addresses."""
@@ -128,28 +128,25 @@ class Assembly:
         for column, (name, value) in enumerate(
             zip(("rel_err", "abs_err", "clearance"), tolerances, strict=True)
         ):
-            given = as_reals(value, name) if np.ndim(value) else as_real(value, name)
-            if np.shape(given) not in ((), (k,)):
-                raise ValueError(f"{name}: shape {np.shape(given)}, expected a number or ({k},)")
-            wanted[:, column] = given
-            if not (wanted[:, column] >= 0.0).all():
-                first = int(np.flatnonzero(~(wanted[:, column] >= 0.0))[0])
-                check_tolerance(f"{name}[{first}]", float(wanted[first, column]))
-        hints = np.full((k, 2), -1, np.int32) if hints is None else as_integers(hints, "hints", 2)
-        if len(hints) != k:
-            raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
-        solid = np.array([bool(signed) and model.is_solid for model in self.models])
-        asked = poses, chosen, wanted, hints, solid[chosen].any(axis=1)
-        if signed:
-            return Distances(self._signed_rows(*asked, depth_err, deadline, threads))
-        return Distances(self.rows(*asked, deadline, threads))
+            wanted[:, column] = as_tolerances(value, name, k)
+        if hints is not None:
+            hints = as_integers(hints, "hints", 2)
+            if len(hints) != k:
+                raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
+        asked = poses, chosen, wanted, hints
+        if not signed:
+            return Distances(self.rows(*asked, np.zeros(k, np.bool_), deadline, threads))
+        solid = np.array([model.is_solid for model in self.models])[chosen]
+        return Distances(
+            self._signed_rows(*asked, solid[:, 0] | solid[:, 1], depth_err, deadline, threads)
+        )
 
     def rows(
         self,
         poses: NDArray[np.float64],
         pairs: NDArray[np.int32],
         wanted: NDArray[np.float64],
-        hints: NDArray[np.int32],
+        hints: NDArray[np.int32] | None,
         signed: NDArray[np.bool_],
         deadline: float | None,
         threads: int,
@@ -187,7 +184,7 @@ class Assembly:
         poses: NDArray[np.float64],
         pairs: NDArray[np.int32],
         wanted: NDArray[np.float64],
-        hints: NDArray[np.int32],
+        hints: NDArray[np.int32] | None,
         signed: NDArray[np.bool_],
         depth_err: float,
         deadline: float | None,
@@ -196,40 +193,46 @@ class Assembly:
         """As `rows`, with the signed distances of bodies that may overlap, as far as time goes."""
 
         def question(k: int) -> Hashable:
-            return self._question(poses, pairs[k], wanted[k])
+            return self._question(poses, pairs[k], wanted[k]), depth_err
 
-        def depth(k: int) -> Hashable:
-            return depth_err, question(k)
+        def single(i: int) -> Single:
+            k = chosen[i]
+            models = tuple(self.models[body] for body in pairs[k].tolist())
+            return Single(question(k), models, poses[pairs[k]], wanted[k], True)
 
-        unsettled = np.zeros(len(pairs), np.bool_)
-        if self._settling.waiting:
-            unsettled = self._settling.begun([depth(k) for k in range(len(pairs))])
-        answers, rest = no_answers(signed), ~unsettled
-        answers[rest] = self.rows(
-            poses, pairs[rest], wanted[rest], hints[rest], signed[rest], deadline, threads
-        )
-        upper, clearance = answers[:, index.UPPER], wanted[:, 2]
-        open_ = (answers[:, index.LOWER] == -np.inf) & ~np.isnan(answers[:, index.STATUS])
+        begun = self._depths.resumed(question, len(pairs))
+        if begun:
+            answers, rest = no_answers(signed), np.ones(len(pairs), np.bool_)
+            rest[begun] = False
+            answers[rest] = self.rows(
+                poses, pairs[rest], wanted[rest], None if hints is None else hints[rest],
+                signed[rest], deadline, threads,
+            )  # fmt: skip
+        else:
+            answers = self.rows(poses, pairs, wanted, hints, signed, deadline, threads)
+        deadline = math.inf if deadline is None else deadline
+        # When time is over, something is done about the first pair, so that all come to an end.
+        first = answers if perf_counter() < deadline else answers[:1]
+        upper, clearance = first[:, index.UPPER], wanted[: len(first), 2]
+        open_ = (first[:, index.LOWER] == -np.inf) & ~np.isnan(first[:, index.STATUS])
         open_ &= (upper > clearance) | (clearance == np.inf)
         if self._cut:  # there the search of the surfaces must end first
-            open_ &= [not (each and question(k) in self._cut) for k, each in enumerate(open_)]
-        chosen = np.flatnonzero(open_ | unsettled).tolist()
-
-        def take(i: int, row: NDArray[np.float64]) -> None:
-            answers[chosen[i]] = row
-
-        self._settling.settle(
-            [(self.models[i], self.models[j]) for i, j in pairs[chosen].tolist()],
-            poses[pairs[chosen]], wanted[chosen], depth_err, lambda i: depth(chosen[i]),
-            math.inf if deadline is None else deadline, threads, take,
-        )  # fmt: skip
+            open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
+        if begun:
+            open_[[k for k in begun if k < len(first)]] = True
+        chosen = np.flatnonzero(open_)
+        if len(chosen):
+            found = self._depths.search(single, len(chosen), depth_err, deadline, threads)
+            reached = ~np.isnan(found[:, index.STATUS])
+            answers[chosen[reached]] = found[reached]
         return answers
 
     def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
         given = as_integers(pairs, "pairs", 2)
-        bad = ((given < 0) | (given >= len(self.models))).any(axis=1)
-        if bad.any():
-            first = int(np.flatnonzero(bad)[0])
+        # A number below 0 is a large one without its sign.
+        if given.view(np.uint32).max(initial=0) >= len(self.models):
+            bad = (given < 0) | (given >= len(self.models))
+            first = int(np.flatnonzero(bad.any(axis=1))[0])
             raise ValueError(
                 f"pairs[{first}] = {given[first].tolist()}: there are {len(self.models)} bodies, "
                 "numbered from 0"
@@ -375,19 +378,22 @@ class Assembly:
 def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
     rows = np.full((len(signed), index.ANSWER), np.nan)
-    rows[:, index.LOWER], rows[:, index.UPPER] = np.where(signed, -np.inf, 0.0), np.inf
+    rows[:, index.LOWER], rows[:, index.UPPER] = 0.0, np.inf
+    rows[signed, index.LOWER] = -np.inf
     return rows
 
 
 def _queries(
-    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32]
+    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32] | None
 ) -> NDArray:
     """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
     made = np.zeros(len(pairs), index.QUERY)
     made["bodies"] = made["poses"] = pairs
-    made["nearest"] = np.where((hints >= 0).all(axis=1, keepdims=True), hints, index.UNKNOWN)
+    made["nearest"] = index.UNKNOWN
+    if hints is not None:
+        known = (hints >= 0).all(axis=1)
+        made["nearest"][known] = hints[known]
     made["rel_err"], made["abs_err"], clearances = wanted.T
-    beyond = clearances == np.inf
-    made["stop"] = np.where(beyond, 0.0, clearances)
-    made["limit"] = np.where(beyond, np.inf, np.nextafter(clearances, np.inf))
+    made["stop"] = np.where(clearances < np.inf, clearances, 0.0)
+    made["limit"] = np.nextafter(clearances, np.inf)
     return made

@@ -1,20 +1,20 @@
-"""Searches of single pairs that take long: they are kept and go on in the next call."""
+"""Pairs that are searched one by one, because that takes long, with what outlives a call of it."""
 
 from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable
 from threading import Event
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.base import state as index
 from ..models.model import Model
 from ..questions.pair import Pair
-from ..questions.result import Distance, Status
 from ..questions.sharing import share
 
 if TYPE_CHECKING:
@@ -23,111 +23,164 @@ if TYPE_CHECKING:
 KEPT = 64
 """How many searches are kept; each takes some tens of kilobytes, and more for solids."""
 
-_SLICE_S = 0.2e-3
-"""How long a search goes on between two checks whether its clearance is decided."""
+_CHUNK = 64
+"""Pairs that one thread answers in a row. Each chunk starts with nothing remembered, so the answers
+are the same however many threads there are."""
+
+_SLICE_S = 0.02
+"""Between two looks of one of several threads whether Ctrl-C was pressed: a single one hears it
+whenever a kernel returns. Then what the search finds depends on no clock, but for deadlines."""
+
+_DECIDING_S = 0.2e-3
+"""The same where it is looked at, besides, whether a signed distance decides a clearance."""
 
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
 
 
-class LongSearches:
-    """Searches pair by pair over the models (n,) of some bodies.
+class Single(NamedTuple):
+    """A question about one pair."""
 
-    A search that was cut goes on where it stopped while its bodies stand still. Those that were not
-    used for longest are forgotten first.
+    key: Hashable
+    """By which its search is kept: all that the answer depends on, or which bodies they are."""
+    models: tuple[Model, Model]
+    poses: NDArray[np.float64]
+    """(2, 4, 4) model to world."""
+    wanted: NDArray[np.float64]
+    """(3,) rel_err, abs_err and clearance, as `Assembly.rows` takes them."""
+    signed: bool
+    """Whether the signed distance is asked for."""
+
+
+class LongSearches:
+    """Searches of single pairs. Those that were not used for longest are forgotten first.
+
+    Args:
+        coherent: whether every search is kept, so that an answer helps the next about the same key;
+            else those alone that a deadline cut, so that an answer depends on its question alone.
     """
 
-    def __init__(self, models: Sequence[Model]) -> None:
-        self._models = tuple(models)
-        self._kept: OrderedDict[int, Pair] = OrderedDict()  # by a * n + b
+    def __init__(self, coherent: bool) -> None:
+        self._coherent = coherent
+        self._kept: OrderedDict[Hashable, Pair] = OrderedDict()
 
-    def prepare(self, assembly: Assembly) -> None:
-        """Run every kind of search once, those of the bodies' assembly too, to compile them."""
-        near, far = np.eye(4), np.eye(4)
-        far[0, 3] = _FAR * max(float(np.linalg.norm(m.centre)) + m.radius for m in self._models)
-        chosen = next((i for i, model in enumerate(self._models) if model.is_solid), 0)
-        poses = np.tile(far, (len(self._models), 1, 1))
-        poses[chosen] = near
-        other = (chosen + 1) % len(poses)
-        assembly.distances(poses, [[chosen, other]], clearance=0.0, signed=True, budget_s=1.0)
-        pair = Pair(self._models[chosen], self._models[chosen])
-        pair.distance(near, far, rel_err=0.5, budget_s=1.0, order="priority")
-        if pair.a.is_solid:
-            pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
-            # Depths have kernels of their own, a surface's others than a solid's.
-            pair.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
-            surface = next((each for each in self._models if not each.is_solid), None)
-            if surface is not None:
-                part = Pair(pair.a, surface)
-                part.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
-
-    def replace(self, body: int, model: Model) -> None:
-        """Give a body another model; the searches of its pairs are forgotten."""
-        self._models = (*self._models[:body], model, *self._models[body + 1 :])
-        for key in [key for key in self._kept if body in divmod(key, len(self._models))]:
-            del self._kept[key]
+    def resumed(self, keys: Callable[[int], Hashable], count: int) -> list[int]:
+        """The questions of which a search is kept; those that no question resumes are forgotten."""
+        found: dict[Hashable, int] = {}
+        for k in range(count):
+            if len(found) == len(self._kept):
+                break
+            if (key := keys(k)) in self._kept:
+                found.setdefault(key, k)
+        self._kept = OrderedDict((key, self._kept[key]) for key in found)
+        return list(found.values())
 
     def search(
         self,
-        poses: NDArray[np.float64],
-        bodies: Sequence[tuple[int, int]],
-        wanted: Sequence[tuple[float, float, float]],
-        signed: Sequence[bool],
-        budget_s: float,
+        asked: Callable[[int], Single],
+        count: int,
+        depth_err: float,
+        deadline: float,
         threads: int,
-    ) -> list[Distance]:
-        """Search k pairs, `threads` of them side by side, each within the budget.
+    ) -> NDArray[np.float64]:
+        """Search pair by pair, in this order, as far as the deadline allows.
+
+        A search that was cut goes on where it stopped. Some work is done on the first pair whatever
+        the deadline.
 
         Args:
-            poses: (n, 4, 4) model to world.
-            bodies: k pairs.
-            wanted: (k, 3) rel_err, abs_err and clearance, as `Assembly.rows` takes them.
-            signed: k of them; whether the signed distance is asked for.
-            budget_s: seconds for each.
+            asked: the questions, by number.
+            count: how many there are.
+            depth_err: as for `engine.signed_distance`; with a clearance only the side of it counts.
+            deadline: of `perf_counter`, or infinity.
             threads: how many share the work.
+
+        Returns:
+            Rows (count, ANSWER), with NaN as status where the deadline came first.
         """
-        pairs = [self._pair(a, b, threads) for a, b in bodies]
+        rows = np.full((count, index.ANSWER), np.nan)
+        kept, step = self._kept, 1 if self._coherent else _CHUNK
+        threads = max(1, min(threads, count))
+        longest = math.inf if threads == 1 else _SLICE_S
 
-        def answer(k: int, stopped: Event) -> Distance:
-            a, b = bodies[k]
-            return _search(pairs[k], poses[a], poses[b], wanted[k], signed[k], budget_s)
+        def answer(first: int, stopped: Event) -> None:
+            fresh = None
+            for k in range(first, min(first + step, count)):
+                if stopped.is_set() or (k and perf_counter() >= deadline):
+                    return
+                each = asked(k)
+                pair = kept.pop(each.key, None)
+                if pair is None or (pair.a, pair.b) != each.models:
+                    if fresh is None or (fresh.a, fresh.b) != each.models:
+                        fresh = Pair(*each.models)
+                    pair = fresh
+                rows[k], ended = _search(pair, each, depth_err, deadline, longest, stopped)
+                if self._coherent or not ended:
+                    kept[each.key] = pair
+                    fresh = None
 
-        return share(answer, range(len(pairs)), min(threads, len(pairs)))
-
-    def _pair(self, a: int, b: int, threads: int) -> Pair:
-        key = a * len(self._models) + b
-        pair = self._kept.get(key)
-        if pair is None:
-            pair = Pair(self._models[a], self._models[b])
-        self._kept[key] = pair
-        self._kept.move_to_end(key)
-        if len(self._kept) > max(KEPT, threads):
-            self._kept.popitem(last=False)
-        return pair
+        share(answer, range(0, count, step), threads)
+        while len(kept) > max(KEPT, threads):
+            kept.popitem(last=False)
+        return rows
 
 
 def _search(
     pair: Pair,
-    pose_a: NDArray[np.float64],
-    pose_b: NDArray[np.float64],
-    wanted: tuple[float, float, float],
-    signed: bool,
-    budget_s: float,
-) -> Distance:
-    """Search until the clearance is decided or, if it is infinite, the tolerance is met."""
-    rel_err, abs_err, clearance = wanted
-    ask: Callable[..., Distance] = pair.distance
-    how: dict[str, object] = {"rel_err": rel_err, "abs_err": abs_err}
-    if signed:
-        ask = pair.signed_distance
-    else:
-        how["order"] = "priority"
-    if clearance == math.inf:
-        return ask(pose_a, pose_b, budget_s=budget_s, **how)
-    deadline = perf_counter() + budget_s
+    asked: Single,
+    depth_err: float,
+    deadline: float,
+    longest: float,
+    stopped: Event,
+) -> tuple[NDArray[np.float64], bool]:
+    """The row of an answer, and whether its search came to an end or decided the clearance."""
+    rel_err, abs_err, clearance = asked.wanted.tolist()
+    deciding = clearance < math.inf
+    # Models that overlap are nearer than any clearance, however deep.
+    tolerated = math.inf if deciding else depth_err
+    if deciding and asked.signed:
+        longest = _DECIDING_S
     while True:
-        left = max(deadline - perf_counter(), 0.0)
-        found = ask(pose_a, pose_b, budget_s=min(left, _SLICE_S), **how)
-        decided = found.lower > clearance or found.upper <= clearance
-        if decided or found.status is not Status.OUT_OF_TIME or left <= _SLICE_S:
-            return found
+        left = min(max(deadline - perf_counter(), 0.0), longest)
+        budget_s = None if left == math.inf else left
+        if asked.signed:
+            row = pair.signed_distance(
+                *asked.poses, rel_err=rel_err, abs_err=abs_err, depth_err=tolerated,
+                budget_s=budget_s,
+            ).row  # fmt: skip
+        elif deciding:
+            row = pair.within(*asked.poses, clearance, budget_s=budget_s).row
+        else:
+            row = pair.distance(
+                *asked.poses, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
+            ).row
+        if row[index.LOWER] > clearance or (deciding and row[index.UPPER] <= clearance):
+            return row, True
+        if row[index.STATUS] != index.OUT_OF_TIME:
+            if not asked.signed or tolerated == depth_err:
+                return row, True
+            tolerated = depth_err  # only a larger ball is more than models deviate by
+        if stopped.is_set() or perf_counter() >= deadline:
+            return row, False
+
+
+def prepare(assembly: Assembly) -> None:
+    """Run every kind of search once, those of an assembly's bodies too, to compile them."""
+    models = assembly.models
+    near, far = np.eye(4), np.eye(4)
+    far[0, 3] = _FAR * max(float(np.linalg.norm(m.centre)) + m.radius for m in models)
+    chosen = next((i for i, model in enumerate(models) if model.is_solid), 0)
+    poses = np.tile(far, (len(models), 1, 1))
+    poses[chosen] = near
+    other = (chosen + 1) % len(poses)
+    assembly.distances(poses, [[chosen, other]], clearance=0.0, signed=True, budget_s=1.0)
+    pair = Pair(models[chosen], models[chosen])
+    pair.distance(near, far, rel_err=0.5, budget_s=1.0)
+    if pair.a.is_solid:
+        pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
+        # Depths have kernels of their own, a surface's others than a solid's.
+        pair.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
+        surface = next((each for each in models if not each.is_solid), None)
+        if surface is not None:
+            part = Pair(pair.a, surface)
+            part.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)

@@ -1,14 +1,15 @@
 """What is asked about many pairs of bodies, moment by moment, and which pair is searched next.
 
 Time goes first to pairs whose bounds straddle a level, then to those with the nearest lower bound,
-then to those that were not searched for longest. A pair whose bodies did not move relative to each
-other since its search ended costs nothing.
+then to those that were not searched for longest. Of models that overlap the sign comes first, with
+what bounds of the depth come with it; the depth is refined when all else is answered. A pair whose
+bodies did not move relative to each other since its search ended costs nothing.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from time import perf_counter
 from typing import NamedTuple
@@ -19,10 +20,9 @@ from numpy.typing import NDArray
 from ..kernels.assembly import schedule as kernel
 from ..kernels.base import state as index
 from ..models.model import Model
-from ..questions.result import Distance
 from .answers import Answers
 from .assembly import Assembly
-from .long_searches import LongSearches
+from .long_searches import LongSearches, Single, prepare
 
 REMEMBERED = 100_000
 """How many pairs that have no row keep their smallest bounds. The oldest are forgotten first."""
@@ -88,7 +88,7 @@ class Schedule:
             )
         self._answers = answers
         self._assembly = assembly
-        self._long = LongSearches(assembly.models)
+        self._long = LongSearches(coherent=True)
         self._minima: dict[int, tuple[float, float]] = {}  # of pairs without a row, by key
         self.records = np.zeros(0, kernel.RECORD)
         self._rows = np.empty(0, np.int64)
@@ -111,9 +111,9 @@ class Schedule:
         nothing, nobody = np.empty(0, np.int64), np.zeros(len(self._answers.poses), np.bool_)
         self.update(nothing, nobody, nobody, True)
         self.order()
-        self.commit(self.queries(nothing), [], 0.0)
+        self.commit(self.queries(nothing), np.empty((0, index.ANSWER)), 0.0)
         self.report(0.0)
-        self._long.prepare(self._assembly)
+        prepare(self._assembly)
 
     def begin(self, rows: NDArray[np.int64]) -> None:
         """Begin the records of rows (k,). A pair that had a row before keeps its minima."""
@@ -152,7 +152,6 @@ class Schedule:
     def replace(self, body: int, model: Model, rows: NDArray[np.int64]) -> None:
         """Give a body another model; what searches of its pairs' rows (k,) found is forgotten."""
         self._assembly.replace(body, model)
-        self._long.replace(body, model)
         self.records["done"][rows] = self.records["hard"][rows] = False
         self.records["hint"][rows] = _FIRST["hint"]
 
@@ -177,7 +176,7 @@ class Schedule:
         self._rows = np.require(rows, np.int64, "CAWE")
         known, self._silent = (np.require(each, np.bool_, "CAWE") for each in (known, silent))
         kernel.update(
-            *self._answers.bodies, *self._answers.table, known, self._silent, self._rows,
+            *self._answers.bodies, self._answers.table, known, self._silent, self._rows,
             self.records, bool(distances), self._views,
         )  # fmt: skip
 
@@ -185,8 +184,8 @@ class Schedule:
         """The entries that want a search, the most urgent first.
 
         First come those whose side of a level is open. Then those with the nearest lower bound,
-        and last models that overlap; equals in the order of their last searches. Stale ones come
-        after all others.
+        and last models that surely overlap, whose depth alone is open; equals in the order of their
+        last searches. Stale ones come after all others.
         """
         count = kernel.pending(
             self._rows, self.records, self._views, self._at, self._kind, self._keys
@@ -204,7 +203,7 @@ class Schedule:
         wanted, how = np.empty((count, 3)), np.empty(count, np.int8)
         signed = np.empty(count, np.bool_)
         kernel.query(
-            self._rows, self._answers.table[0], self.records, self._views, at, bodies, wanted,
+            self._rows, self._answers.table, self.records, self._views, at, bodies, wanted,
             hints, signed, how,
         )  # fmt: skip
         return Queries(at, bodies, wanted, hints, signed, how)
@@ -231,16 +230,15 @@ class Schedule:
                 if left <= 0.0:
                     return list(searched)
                 part = queries.part(start, end)
-                if part.how[0] == self.TOGETHER:
+                together = part.how[0] == self.TOGETHER
+                if together:
                     reached = self.search_together(part, left, threads, clock)
                 else:
                     share = left if len(part.at) == len(todo) else left / 2.0
-                    found = self._long.search(
-                        self._answers.poses, part.bodies.tolist(), part.wanted.tolist(),
-                        (part.how == self.INSIDE).tolist(), share, threads,
-                    )  # fmt: skip
-                    reached = self.commit(part, found, clock())
+                    reached = self._search_singly(part, share, threads, clock)
                 searched.update(dict.fromkeys(reached.tolist()))
+                if together:
+                    break  # what surfaces left open goes before the depths that are only refined
         return list(searched)
 
     def search_together(
@@ -251,26 +249,37 @@ class Schedule:
             self._answers.poses, queries.bodies, queries.wanted, queries.hints, queries.signed,
             perf_counter() + float(budget_s), threads,
         )  # fmt: skip
-        return self._commit(queries, found, clock())
+        return self.commit(queries, found, clock())
 
-    def commit(self, queries: Queries, found: Sequence[Distance], now_s: float) -> NDArray:
-        """Take what searches of single entries (m,) found at `now_s`; return the entries.
+    def _search_singly(
+        self, queries: Queries, budget_s: float, threads: int, clock: Callable[[], float]
+    ) -> NDArray[np.int64]:
+        """As `search_together`, each entry by itself."""
+        models, poses = self._assembly.models, self._answers.poses
 
-        It was found with `Pair`, a signed distance for INSIDE.
-        """
-        if len(found) != len(queries.at):
-            raise ValueError(f"found: {len(found)} answers to {len(queries.at)} queries")
-        rows = np.array([each.row for each in found]).reshape(-1, index.ANSWER)
-        return self._commit(queries, rows, now_s)
+        def single(k: int) -> Single:
+            a, b = bodies = tuple(queries.bodies[k].tolist())
+            signed = queries.how[k] == self.INSIDE
+            return Single(bodies, (models[a], models[b]), poses[[a, b]], queries.wanted[k], signed)
 
-    def _commit(
+        deadline = perf_counter() + float(budget_s)
+        found = self._long.search(single, len(queries.at), kernel.DEPTH_ERR, deadline, threads)
+        return self.commit(queries, found, clock())
+
+    def commit(
         self, queries: Queries, found: NDArray[np.float64], now_s: float
     ) -> NDArray[np.int64]:
+        """Take rows (m, ANSWER) that searches found at `now_s`; return the entries they reached.
+
+        They are of `Assembly.rows`, or of `Pair`: a signed distance for INSIDE.
+        """
         at = queries.at
+        if len(found) != len(at):
+            raise ValueError(f"found: {len(found)} answers to {len(at)} queries")
         reached = np.empty(len(at), np.bool_)
         poses, versions, _, places = self._answers.bodies
         count = kernel.commit(
-            poses, versions, places, *self._answers.table, self._rows, self.records, self._views,
+            poses, versions, places, self._answers.table, self._rows, self.records, self._views,
             at, queries.wanted, found, float(now_s), reached,
         )  # fmt: skip
         return at if count == len(at) else at[reached]
@@ -290,7 +299,7 @@ class Schedule:
         """
         listed = np.empty(len(self._rows), kernel.LISTED)
         count, left = kernel.report(
-            self._rows, self._answers.table[0], self._answers.bodies[2], self._silent, self.records,
+            self._rows, self._answers.table, self._answers.bodies[2], self._silent, self.records,
             self._views, float(now_s), listed,
         )  # fmt: skip
         return listed[:count], left

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.state import DEVIATION, REVISION, SWEPT
 from ..kernels.base.tables import mesh_table
-from ..kernels.search.spread import spread_corners
 from ..kernels.tree.measure import measure
 from ..kernels.tree.ranges import node_ranges
+from ..kernels.tree.spread import spread_corners
 from .solid import Sides, find_sides
 from .tree import build, refit
 

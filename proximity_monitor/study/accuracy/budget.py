@@ -12,7 +12,7 @@ from proximity_monitor import engine
 
 from ..scenes import Track
 from .certificate import check
-from .part import Job, Part, Rows, only, values
+from .part import Job, Part, Row, Rows, only, values
 from .style import figure, log_axis, looks, name_axes
 from .timing import Asker, Query, Timed, blocks, summary, take_turns
 from .words import number, percent, table
@@ -20,11 +20,11 @@ from .words import number, percent, table
 ORDERS = ("depth_first", "priority", "breadth_first")
 BUDGETS_US = (10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
 
-_KEPT = 1.25
+KEPT = 1.25
 """A budget pays where searches that it cuts take so many times as long at most, in the median."""
 
 _BLOCKS, _QUICK, _LENGTH = 10, 1, 2
-_ORDER_WORDS = {
+ORDER_WORDS = {
     "depth_first": "depth first",
     "priority": "by priority",
     "breadth_first": "level by level",
@@ -197,19 +197,26 @@ def _why(rows: Rows) -> str:
     return f"{text}\n\n{_smallest(rows)}\n"
 
 
-def _smallest(rows: Rows) -> str:
-    """From which budget on one is kept: what a user can act on."""
-    said = []
+def smallest_budgets(rows: Rows) -> list[tuple[str, float, Row]]:
+    """By order the smallest budget, µs, that searches keep; and the row of the smallest of all."""
+    found = []
     for order in values(rows, "order"):
         cut = [r for r in only(rows, order=order) if r["ended"] == 0.0]
         kept = [b for b in values(cut, "budget_us") if _is_kept(only(cut, budget_us=b))]
         if kept:
-            (least,) = only(cut, budget_us=min(values(cut, "budget_us")))[:1]
-            said.append(
-                f"{number(min(kept), 1)} µs {_ORDER_WORDS[order]} (with a budget of "
-                f"{number(least['budget_us'], 1)} µs a search takes "
-                f"{number(least['used_median_us'], 2)} µs)"
-            )
+            least = only(cut, budget_us=min(values(cut, "budget_us")))[0]
+            found.append((order, min(kept), least))
+    return found
+
+
+def _smallest(rows: Rows) -> str:
+    """From which budget on one is kept: what a user can act on."""
+    said = [
+        f"{number(kept, 1)} µs {ORDER_WORDS[order]} (with a budget of "
+        f"{number(least['budget_us'], 1)} µs a search takes "
+        f"{number(least['used_median_us'], 2)} µs)"
+        for order, kept, least in smallest_budgets(rows)
+    ]
     if not said:
         return "No search was cut, so this says nothing about the smallest budget that pays."
     return (
@@ -224,7 +231,7 @@ def _smallest(rows: Rows) -> str:
 
 def _is_kept(rows: Rows) -> bool:
     """Whether searches take a budget, and not much longer, in every scene."""
-    return all(row["used_median_us"] <= _KEPT * row["budget_us"] for row in rows)
+    return all(row["used_median_us"] <= KEPT * row["budget_us"] for row in rows)
 
 
 PART = Part(

@@ -7,6 +7,7 @@ from pathlib import Path
 from proximity_monitor.engine.models.tree import WIDTH
 
 from .data import RUNS, read_rows
+from .findings import findings
 from .part import Part, Rows
 from .style import DPI
 
@@ -39,6 +40,7 @@ def render(out: Path, parts: tuple[Part, ...]) -> Path:
     text = [
         _HEAD.format(width=WIDTH),
         _conditions([run for run in runs if data.get(str(run["part"]))]),
+        findings(data),
     ]
     for part in parts:
         rows = data[part.name]

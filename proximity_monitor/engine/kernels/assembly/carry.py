@@ -40,10 +40,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from ..base.jit import entry, kernel
 from ..base.motion import deviation, is_rigid
 from ..base.rounding import DOUBLE_EPS
-from ..base.vectors import add, dot, sub
+from ..base.vectors import add, dot, norm, sub
 
 ROUNDING = 128.0 * 2.0 * DOUBLE_EPS
 NON_RIGID = 16.0
@@ -58,27 +60,48 @@ bound's chain (a witness point to its body's frame and back to the world) is sho
 could certify a bound that is wrong by rounding; larger ones only blur it.
 """
 
-CORE, SWEPT, DEVIATION, BALL = 3, 4, 5, 6
-"""Of a body's ball, after its centre in the model's frame: the radius that holds the core, the one
-that sweeps it, and the deviation, metres."""
+BALL = np.dtype(
+    [
+        ("centre", np.float64, (3,)),  # in the model's frame
+        ("core", np.float64),  # the radius that holds the core
+        ("swept", np.float64),  # the one that sweeps it
+        ("deviation", np.float64),
+    ],
+    align=True,
+)
+"""A ball around a body, metres."""
 
-CENTRE, SIZE, DEFECT, STRETCH, PLACE = 0, 3, 4, 5, 6
-"""Of a body: its ball's centre in the world; its share of s; d; metres by which its points have
-been moved so far, each time the largest displacement, added rounding up."""
+PLACE = np.dtype(
+    [
+        ("centre", np.float64, (3,)),  # of its ball, in the world
+        ("size", np.float64),  # its share of s
+        ("defect", np.float64),  # d
+        ("stretch", np.float64),  # metres by which its points have been moved so far, each time the
+        # largest displacement, added rounding up
+    ],
+    align=True,
+)
+"""Where a body is."""
 
-LOWER, UPPER, POINT_A, POINT_B, WITNESS_A, WITNESS_B = 0, 1, 2, 5, 8, 11
-ROTATION, TRANSLATION, THEN_SIZE, THEN_DEFECT, THEN_A, THEN_B = 14, 23, 26, 27, 28, 29
-FEATURES, ANSWER = 30, 38
-"""Of an answer: bounds; the cores' nearest points in the world and in their bodies' frames; the
-pose of B in A's frame, s and d then; STRETCH of both bodies then; and where the points lie on their
-models, which no motion changes: three parameters (of a triangle, the weights of its corners) and
-the element, of A, then of B."""
-
-WITNESS = 14
-"""Numbers that say which points are nearest: both points in the world, and their FEATURES."""
-
-BODY_A, BODY_B, SEEN_A, SEEN_B, SIGNED, LABEL = 0, 1, 2, 3, 4, 5
-"""Of an answer, whole numbers: the bodies; their versions then; and one of the following."""
+ANSWER = np.dtype(
+    [
+        ("bodies", np.int64, (2,)),
+        ("seen", np.int64, (2,)),  # their versions then
+        ("kind", np.int64),  # one of the following
+        ("lower", np.float64),  # metres
+        ("upper", np.float64),
+        ("points", np.float64, (2, 3)),  # the cores' nearest points in the world
+        ("features", np.float64, (2, 4)),  # where they lie on their models: see `Model.feature`
+        ("witness", np.float64, (2, 3)),  # the points in their bodies' frames
+        ("rotation", np.float64, (3, 3)),  # of B in A's frame, then
+        ("translation", np.float64, (3,)),
+        ("size", np.float64),  # s then
+        ("defect", np.float64),  # d then
+        ("stretch", np.float64, (2,)),  # of both bodies then
+    ],
+    align=True,
+)
+"""What was known of a pair when it was last searched."""
 
 UNSIGNED, CONTINUOUS, JUMPING = 0, 1, 2
 """Kinds of distances: of two surfaces; signed, of a solid; or signed, of a solid with holes, which
@@ -120,23 +143,24 @@ def _into(pose, vector):
 
 
 @kernel
-def _norm(v):
-    return math.sqrt(dot(v, v))
+def vector(v):
+    """Three numbers of an array (3,)."""
+    return (v[0], v[1], v[2])
 
 
 @kernel
 def _place(pose, ball, place):
     """Write the place of a body's ball at this pose."""
-    centre = (ball[0], ball[1], ball[2])
-    place[CENTRE], place[CENTRE + 1], place[CENTRE + 2] = _image(pose, centre)
-    reach = ball[CORE] + ball[SWEPT] + ball[DEVIATION]
-    place[SIZE] = _norm(_column(pose, 3)) + _norm(centre) + reach
+    centre = vector(ball.centre)
+    place.centre[0], place.centre[1], place.centre[2] = _image(pose, centre)
+    reach = ball.core + ball.swept + ball.deviation
+    place.size = norm(_column(pose, 3)) + norm(centre) + reach
     defect = 0.0
     for i in range(3):
         for j in range(3):
             gram = dot(_column(pose, i), _column(pose, j)) - (1.0 if i == j else 0.0)
             defect += gram * gram
-    place[DEFECT] = math.sqrt(defect)
+    place.defect = math.sqrt(defect)
 
 
 @kernel
@@ -154,8 +178,8 @@ def place(bodies, given, anew, balls, poses, versions, places):
     """Put bodies (m,) at poses `given` (m, 4, 4) and return how many so got another place.
 
     Or return -1 - i where given[i] is no rigid motion, with nothing written. Where `anew`, all of
-    them count as moved, because their balls (n, BALL) are others. Writes poses (n, 4, 4), versions
-    (n,) and places (n, PLACE).
+    them count as moved, because their balls (n,), BALL, are others. Writes poses (n, 4, 4),
+    versions (n,) and places (n,), PLACE.
     """
     for i in range(len(bodies)):
         if not is_rigid(deviation(given[i])):
@@ -174,25 +198,25 @@ def place(bodies, given, anew, balls, poses, versions, places):
 
 
 @kernel
-def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, points):
+def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, answer, points):
     """Bounds and points of a pair at the present poses, from its answer at earlier ones."""
-    slack = (
-        ROUNDING + NON_RIGID * max(place_a[DEFECT], place_b[DEFECT], answer[THEN_DEFECT])
-    ) * max(place_a[SIZE] + place_b[SIZE], answer[THEN_SIZE])
-    radius_a, radius_b = ball_a[CORE], ball_b[CORE]
-    outer_a = ball_a[SWEPT] + ball_a[DEVIATION]
-    outer_b = ball_b[SWEPT] + ball_b[DEVIATION]
-    centre_a = (ball_a[0], ball_a[1], ball_a[2])
-    centre_b = (ball_b[0], ball_b[1], ball_b[2])
+    slack = (ROUNDING + NON_RIGID * max(place_a.defect, place_b.defect, answer.defect)) * max(
+        place_a.size + place_b.size, answer.size
+    )
+    signed = answer.kind
+    radius_a, radius_b = ball_a.core, ball_b.core
+    outer_a = ball_a.swept + ball_a.deviation
+    outer_b = ball_b.swept + ball_b.deviation
+    centre_a, centre_b = vector(ball_a.centre), vector(ball_b.centre)
     shift = _into(pose_a, sub(_column(pose_b, 3), _column(pose_a, 3)))
-    before = (answer[TRANSLATION], answer[TRANSLATION + 1], answer[TRANSLATION + 2])
+    before = vector(answer.translation)
     turn = 0.0
     image_b, old_b = shift, before  # of B's centre in A's frame
     origin_a, old_a = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # A's centre in B's frame
     back, old_back = sub(centre_a, shift), sub(centre_a, before)
     for j in range(3):
         new = _into(pose_a, _column(pose_b, j))
-        old = (answer[ROTATION + j], answer[ROTATION + 3 + j], answer[ROTATION + 6 + j])
+        old = _column(answer.rotation, j)
         change = sub(new, old)
         turn += dot(change, change)
         image_b = add(image_b, (new[0] * centre_b[j], new[1] * centre_b[j], new[2] * centre_b[j]))
@@ -200,17 +224,16 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
         origin_a = _with(origin_a, j, dot(new, back))
         old_a = _with(old_a, j, dot(old, old_back))
     turn = math.sqrt(turn / 2.0)
-    move_b = _norm(sub(image_b, old_b)) + turn * radius_b
-    move_a = _norm(sub(origin_a, old_a)) + turn * radius_a
-    stretched = place_a[STRETCH] - answer[THEN_A] + (place_b[STRETCH] - answer[THEN_B])
+    move_b = norm(sub(image_b, old_b)) + turn * radius_b
+    move_a = norm(sub(origin_a, old_a)) + turn * radius_a
+    stretched = place_a.stretch - answer.stretch[0] + (place_b.stretch - answer.stretch[1])
     stretched *= 1.0 + 8.0 * DOUBLE_EPS
     moved = min(move_a, move_b) + stretched
     moved_outer = min(move_a + turn * outer_a, move_b + turn * outer_b) + stretched
 
-    world_a = (place_a[CENTRE], place_a[CENTRE + 1], place_a[CENTRE + 2])
-    world_b = (place_b[CENTRE], place_b[CENTRE + 1], place_b[CENTRE + 2])
-    apart = _norm(sub(world_b, world_a)) - radius_a - radius_b - outer_a - outer_b
-    then_lower, then_upper = answer[LOWER], answer[UPPER]
+    between = norm(sub(vector(place_b.centre), vector(place_a.centre)))
+    apart = between - radius_a - radius_b - outer_a - outer_b
+    then_lower, then_upper = answer.lower, answer.upper
     if signed == JUMPING:
         then_lower, then_upper = -math.inf, math.inf
         if apart < 0.0:  # no two points of a ball are farther apart, and a diameter is two depths
@@ -226,16 +249,16 @@ def _carried(pose_a, pose_b, ball_a, ball_b, place_a, place_b, signed, answer, p
         lower = -math.inf
     if not signed:
         lower = max(lower, 0.0)
-    point_a = _image(pose_a, (answer[WITNESS_A], answer[WITNESS_A + 1], answer[WITNESS_A + 2]))
-    point_b = _image(pose_b, (answer[WITNESS_B], answer[WITNESS_B + 1], answer[WITNESS_B + 2]))
+    point_a = _image(pose_a, _row(answer.witness, 0))
+    point_b = _image(pose_b, _row(answer.witness, 1))
     for i in range(3):
-        points[i], points[3 + i] = point_a[i], point_b[i]
-    between = _norm(sub(point_b, point_a)) + stretched - ball_a[SWEPT] - ball_b[SWEPT]
+        points[0, i], points[1, i] = point_a[i], point_b[i]
+    between = norm(sub(point_b, point_a)) + stretched - ball_a.swept - ball_b.swept
     if signed:
-        between = max(between, -min(ball_a[SWEPT], ball_b[SWEPT]))
-        between += 2.0 * max(ball_a[DEVIATION], ball_b[DEVIATION])
+        between = max(between, -min(ball_a.swept, ball_b.swept))
+        between += 2.0 * max(ball_a.deviation, ball_b.deviation)
     else:
-        between = max(between, 0.0) + ball_a[DEVIATION] + ball_b[DEVIATION]
+        between = max(between, 0.0) + ball_a.deviation + ball_b.deviation
     upper = then_upper + (moved if then_upper >= 0.0 else moved_outer + stretched)
     if not upper < between:
         upper = between
@@ -253,81 +276,79 @@ def _with(vector, j, value):
 
 
 @kernel
-def carry_one(poses, versions, balls, places, label, answer, points):
-    """Bounds of one answer at the present poses, and how its bodies moved; writes points (6,).
+def carry_one(poses, versions, balls, places, answer, points):
+    """Bounds of one answer at the present poses, and how its bodies moved; writes points (2, 3).
 
     A pair whose bodies stand still bit by bit keeps the very numbers of its answer.
     """
-    a, b = label[BODY_A], label[BODY_B]
-    if versions[a] == label[SEEN_A] and versions[b] == label[SEEN_B]:
-        for i in range(6):
-            points[i] = answer[POINT_A + i]
-        return answer[LOWER], answer[UPPER], SAME
-    return _carried(
-        poses[a], poses[b], balls[a], balls[b], places[a], places[b],
-        label[SIGNED], answer, points,
-    )  # fmt: skip
+    a, b = answer.bodies[0], answer.bodies[1]
+    if versions[a] == answer.seen[0] and versions[b] == answer.seen[1]:
+        for i in range(2):
+            for j in range(3):
+                points[i, j] = answer.points[i, j]
+        return answer.lower, answer.upper, SAME
+    return _carried(poses[a], poses[b], balls[a], balls[b], places[a], places[b], answer, points)
 
 
 @entry
-def carry(poses, versions, balls, places, rows, labels, answers, bounds, points, motions):
-    """Bounds (k, 2), the cores' points (k, 6) in the world and motions (k,) of answers `rows` (k,).
+def carry(poses, versions, balls, places, rows, answers, bounds, points, motions):
+    """Bounds (k, 2), the cores' points (k, 2, 3) in the world and motions (k,) of answers `rows`.
 
-    poses (n, 4, 4), versions (n,), balls (n, BALL) and places (n, PLACE) are of the bodies, labels
-    (m, LABEL) and answers (m, ANSWER) the table.
+    poses (n, 4, 4), versions (n,), balls (n,), BALL, and places (n,), PLACE, are of the bodies;
+    answers (m,), ANSWER, are the table.
     """
     for k in range(len(rows)):
         bounds[k, 0], bounds[k, 1], motions[k] = carry_one(
-            poses, versions, balls, places, labels[rows[k]], answers[rows[k]], points[k]
+            poses, versions, balls, places, answers[rows[k]], points[k]
         )
 
 
 @kernel
-def was_deformed(places, label, answer):
+def was_deformed(places, answer):
     """Whether a body of a pair has been deformed since its answer."""
-    stretch_a, stretch_b = places[label[BODY_A], STRETCH], places[label[BODY_B], STRETCH]
-    return stretch_a != answer[THEN_A] or stretch_b != answer[THEN_B]
+    stretch_a, stretch_b = places[answer.bodies[0]].stretch, places[answer.bodies[1]].stretch
+    return stretch_a != answer.stretch[0] or stretch_b != answer.stretch[1]
 
 
 @kernel
-def keep_one(poses, versions, places, label, answer, lower, upper, witness, others):
+def keep_one(poses, versions, places, answer, lower, upper, points, features, others):
     """Write an answer: what is known at the bodies' present poses.
 
-    The witness points must be of the models as they are now: `carry_one` counts on it. Where they
+    The points (2, 3) must be of the models as they are now: `carry_one` counts on it. Where they
     are no `others` than those of the answer, these stay what they are in their bodies' frames, with
     what rounding did to them then: turned there and back each time, they would drift.
     """
-    a, b = label[BODY_A], label[BODY_B]
-    label[SEEN_A], label[SEEN_B] = versions[a], versions[b]
-    answer[LOWER], answer[UPPER] = lower, upper
-    size, defect = places[a, SIZE] + places[b, SIZE], max(places[a, DEFECT], places[b, DEFECT])
-    answer[THEN_SIZE] = size if others else max(size, answer[THEN_SIZE])
-    answer[THEN_DEFECT] = defect if others else max(defect, answer[THEN_DEFECT])
-    answer[THEN_A], answer[THEN_B] = places[a, STRETCH], places[b, STRETCH]
+    a, b = answer.bodies[0], answer.bodies[1]
+    place_a, place_b = places[a], places[b]
+    answer.seen[0], answer.seen[1] = versions[a], versions[b]
+    answer.lower, answer.upper = lower, upper
+    size, defect = place_a.size + place_b.size, max(place_a.defect, place_b.defect)
+    answer.size = size if others else max(size, answer.size)
+    answer.defect = defect if others else max(defect, answer.defect)
+    answer.stretch[0], answer.stretch[1] = place_a.stretch, place_b.stretch
     pose_a, pose_b = poses[a], poses[b]
     origin_a, origin_b = _column(pose_a, 3), _column(pose_b, 3)
-    point_a = (witness[0], witness[1], witness[2])
-    point_b = (witness[3], witness[4], witness[5])
-    witness_a = _into(pose_a, sub(point_a, origin_a))
-    witness_b = _into(pose_b, sub(point_b, origin_b))
+    witness_a = _into(pose_a, sub(_row(points, 0), origin_a))
+    witness_b = _into(pose_b, sub(_row(points, 1), origin_b))
     shift = _into(pose_a, sub(origin_b, origin_a))
     for i in range(3):
-        answer[POINT_A + i], answer[POINT_B + i] = point_a[i], point_b[i]
+        answer.points[0, i], answer.points[1, i] = points[0, i], points[1, i]
         if others:
-            answer[WITNESS_A + i], answer[WITNESS_B + i] = witness_a[i], witness_b[i]
-        answer[TRANSLATION + i] = shift[i]
+            answer.witness[0, i], answer.witness[1, i] = witness_a[i], witness_b[i]
+        answer.translation[i] = shift[i]
         column = _into(pose_a, _column(pose_b, i))
         for j in range(3):
-            answer[ROTATION + 3 * j + i] = column[j]
-    for i in range(ANSWER - FEATURES):
-        answer[FEATURES + i] = witness[6 + i]
+            answer.rotation[j, i] = column[j]
+    for i in range(2):
+        for j in range(4):
+            answer.features[i, j] = features[i, j]
 
 
 @entry
-def keep(poses, versions, places, rows, bounds, witness, labels, answers):
-    """Write the answers `rows` (k,): their bounds (k, 2) and witness (k, WITNESS)."""
+def keep(poses, versions, places, rows, bounds, points, features, answers):
+    """Write the answers `rows` (k,): bounds (k, 2), points (k, 2, 3) and features (k, 2, 4)."""
     for k in range(len(rows)):
         keep_one(
-            poses, versions, places, labels[rows[k]], answers[rows[k]],
-            bounds[k, 0], bounds[k, 1], witness[k], True,
+            poses, versions, places, answers[rows[k]], bounds[k, 0], bounds[k, 1], points[k],
+            features[k], True,
         )  # fmt: skip

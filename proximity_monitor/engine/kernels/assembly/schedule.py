@@ -13,17 +13,7 @@ import numpy as np
 from ..base import state
 from ..base.jit import entry, kernel
 from ..elements.swept import surface_points
-from . import carry
-from .carry import (
-    BODY_A,
-    BODY_B,
-    JUMPING,
-    SIGNED,
-    UNSIGNED,
-    carry_one,
-    keep_one,
-    was_deformed,
-)
+from .carry import CONTINUOUS, JUMPING, MOVED, UNSIGNED, carry_one, keep_one, vector, was_deformed
 
 LEVELS = 4
 
@@ -36,6 +26,7 @@ RECORD = np.dtype(
         ("searched_s", np.float64),  # when it was last searched
         ("min_upper", np.float64),  # the smallest bounds of all moments
         ("min_lower", np.float64),
+        ("widened", np.float64),  # metres by which motion had widened the bounds, the last moment
         ("hint", np.int32, (2,)),  # nearest triangles, as a search knows them
         ("status", np.int8),  # of the last search: why it stopped
         ("deciding", np.bool_),  # only the side of the levels is asked for
@@ -52,7 +43,9 @@ VIEW = np.dtype(
     [
         ("lower", np.float64),  # metres, certified at the present poses
         ("upper", np.float64),
-        ("witness", np.float64, (carry.WITNESS,)),
+        ("points", np.float64, (2, 3)),  # as in an ANSWER
+        ("features", np.float64, (2, 4)),
+        ("blur", np.float64),  # metres: how far the bodies moved since the last moment
         ("asked", np.float64),  # the level of the last search of this moment; NaN: there was none
         ("known", np.bool_),  # both poses are known
         ("stale", np.bool_),  # a pose is not known, or too old
@@ -95,6 +88,16 @@ TOGETHER, ALONE, INSIDE = 0, 1, 2
 solid may overlap the other, and the search has to find how deep."""
 
 
+DEPTH_ERR = 0.01
+"""Share of its depth to which an overlap is told, as `engine.signed_distance` does by default."""
+
+
+@kernel
+def _is_close(view):
+    """Whether the bounds of a depth are as close as DEPTH_ERR says."""
+    return view.upper < 0.0 and -view.lower <= -view.upper * (1.0 + DEPTH_ERR)
+
+
 @kernel
 def _judge(record, view):
     """What a view's bounds say about its record.
@@ -115,6 +118,7 @@ def _judge(record, view):
     tolerated = abs_err > 0.0 and upper - lower <= abs_err
     if rel_err > 0.0 and (lower > 0.0 or upper < 0.0):
         tolerated |= large <= (1.0 + rel_err) * small
+    tolerated |= _is_close(view) or (upper < 0.0 and upper - lower <= view.blur)
     view.urgent, view.tolerated = urgent, tolerated
     view.wanting = (
         (urgent if view.deciding else not tolerated)
@@ -125,33 +129,47 @@ def _judge(record, view):
     )
 
 
+@kernel
+def _blur(record, answer, widened, motion):
+    """How far bodies moved since the last moment, metres, where by now an answer is `widened`."""
+    if not (answer.kind == CONTINUOUS and 0.0 < widened < np.inf):
+        widened = 0.0
+    more = widened - record.widened
+    record.widened = widened
+    return max(more, 0.0) if motion == MOVED else 0.0
+
+
 @entry
-def update(
-    poses, versions, balls, places, labels, answers, known, silent, rows, records, distances, views
-):
+def update(poses, versions, balls, places, answers, known, silent, rows, records, distances, views):
     """Write the views of the rows (k,), as they are before any search.
 
-    The first six are those of `carry`; known (n,) and silent (n,) are of the bodies, records (m,)
+    The first five are those of `carry`; known (n,) and silent (n,) are of the bodies, records (m,)
     RECORD is of all rows. If not `distances`, pairs beyond their levels are only decided.
     """
     for k in range(len(rows)):
         row = rows[k]
-        label, answer, record, view = labels[row], answers[row], records[row], views[k]
-        a, b = label[BODY_A], label[BODY_B]
+        answer, record, view = answers[row], records[row], views[k]
+        a, b = answer.bodies[0], answer.bodies[1]
         view.lower, view.upper, motion = carry_one(
-            poses, versions, balls, places, label, answer, view.witness
+            poses, versions, balls, places, answer, view.points
         )
-        for i in range(carry.ANSWER - carry.FEATURES):
-            view.witness[6 + i] = answer[carry.FEATURES + i]
+        for i in range(2):
+            for j in range(4):
+                view.features[i, j] = answer.features[i, j]
+        view.blur = _blur(record, answer, answer.lower - view.lower, motion)
         view.known = known[a] and known[b]
         view.stale = silent[a] or silent[b]
         view.deciding = record.deciding or not distances
         # A level may lie between the bounds that a tolerance left.
         open_yet = view.deciding and record.status == state.WITHIN_TOLERANCE
-        view.answered = record.done and motion != carry.MOVED and not open_yet
+        view.answered = record.done and motion != MOVED and not open_yet
         view.asked = np.nan
         view.searched = False
         _judge(record, view)
+
+
+_LAST = 1e300
+"""A sort key behind all lower bounds, metres, and before infinity."""
 
 
 @entry
@@ -159,7 +177,8 @@ def pending(rows, records, views, at, kind, keys):
     """Write the views that want a search into `at`, and their sort keys; return how many.
 
     `kind` is 0 where the side of a level is open, 1 elsewhere, and 2 more for stale pairs. keys
-    (2, k) are the lower bounds, infinite for models that overlap, and the times of the last search.
+    (2, k) are the lower bounds, or what is larger where models meet or overlap, and the times of
+    the last search.
     """
     count = 0
     for k in range(len(rows)):
@@ -167,57 +186,70 @@ def pending(rows, records, views, at, kind, keys):
         if view.wanting:
             at[count] = k
             kind[count] = 2 * view.stale + (not view.urgent)
-            # Of models that surely meet only the depth is open, and that takes long to find.
-            keys[0, count] = view.lower if view.upper > 0.0 else np.inf
+            # Where models meet, no distance is open, but whether they overlap, and then how deep.
+            # That takes longer than many distances.
+            keys[0, count] = view.lower
+            if view.upper <= 0.0:
+                keys[0, count] = np.inf if view.upper < 0.0 else _LAST
             keys[1, count] = records[rows[k]].searched_s
             count += 1
     return count
 
 
 @kernel
-def _level(record, view):
+def _level(record, view, inside):
     """The clearance at which a search may end, metres; infinity where only the tolerance ends it.
 
     If a pair is only to be decided, ask for the largest open level: most pairs are beyond all
-    levels, and that one query settles them. If a distance is wanted, first check whether the pair
-    is within range: that costs an eighth of a full query and settles most pairs. If a search for
-    this very level ended and left it open, only rounding keeps it so: then ask for everything.
+    levels, and that one query settles them. So does a pair whose distance takes long begin. If a
+    distance is wanted, first check whether the pair is within range: that costs an eighth of a full
+    query and settles most pairs. If a search for this very level ended and left it open, only
+    rounding keeps it so: then ask for everything. If a solid may overlap the other, `inside`, ask
+    for the sign first, which is far cheaper than the depth.
     """
     level = np.inf
-    if view.deciding:
+    if view.deciding or (record.hard and view.urgent):
         level = -np.inf
         for i in range(LEVELS):
             if view.lower <= record.levels[i] < view.upper:
                 level = max(level, record.levels[i])
-    elif view.upper > record.range:
+        if level == view.asked:
+            level = np.inf
+    elif view.upper > record.range and np.isnan(view.asked):
         level = record.range
-    return np.inf if level == view.asked else level
+    elif inside and view.upper >= 0.0 and view.asked != 0.0:
+        level = 0.0
+    return level
 
 
 @entry
-def query(rows, labels, records, views, at, bodies, wanted, hints, signed, how):
+def query(rows, answers, records, views, at, bodies, wanted, hints, signed, how):
     """Write the queries about the views `at` (m,).
 
     bodies (m, 2), wanted (m, 3), hints (m, 2) and signed (m,) are those of `Assembly.rows`; `how`
     (m,) is one of TOGETHER, ALONE and INSIDE. A pair that is only to be decided has no tolerance:
     the level ends its search. Where two solids are certainly apart, their distance is that of
-    their surfaces; elsewhere the sign is asked for, and nearly all pairs turn out to be apart.
+    their surfaces; elsewhere the sign is asked for, and nearly all pairs turn out to be apart. A
+    depth is asked for as closely as DEPTH_ERR says, but no closer than the bodies moved since the
+    last moment: in the next one it will be blurred by as much.
     """
     for i in range(len(at)):
         row, view = rows[at[i]], views[at[i]]
-        label, record = labels[row], records[row]
-        bodies[i, 0], bodies[i, 1] = label[BODY_A], label[BODY_B]
-        wanted[i, 0] = 0.0 if view.deciding else record.rel_err
-        wanted[i, 1] = 0.0 if view.deciding else record.abs_err
-        wanted[i, 2] = _level(record, view)
+        answer, record = answers[row], records[row]
+        bodies[i, 0], bodies[i, 1] = answer.bodies[0], answer.bodies[1]
         hints[i, 0], hints[i, 1] = record.hint[0], record.hint[1]
-        signed[i] = label[SIGNED] != UNSIGNED and view.lower <= 0.0
+        signed[i] = answer.kind != UNSIGNED and view.lower <= 0.0
         how[i] = ALONE if record.hard else TOGETHER
         if signed[i]:
             # The surfaces tell first whether models that met still do: that costs far less.
             again = record.met and not view.searched and view.upper > 0.0
-            inside = label[SIGNED] == JUMPING or record.hard or record.met
+            inside = answer.kind == JUMPING or record.hard or record.met
             how[i] = INSIDE if inside and not again else TOGETHER
+        wanted[i, 0] = 0.0 if view.deciding else record.rel_err
+        wanted[i, 1] = 0.0 if view.deciding else record.abs_err
+        wanted[i, 2] = _level(record, view, how[i] == INSIDE)
+        if view.upper < 0.0:
+            wanted[i, 1] = max(wanted[i, 1], view.blur)
 
 
 @entry
@@ -225,7 +257,6 @@ def commit(
     poses,
     versions,
     places,
-    labels,
     answers,
     rows,
     records,
@@ -252,30 +283,39 @@ def commit(
         row, view, level = rows[at[i]], views[at[i]], wanted[i, 2]
         record, status = records[row], int(answer[state.STATUS])
         ended, unsure = status != state.OUT_OF_TIME, answer[state.LOWER] == -np.inf
-        final = ended and level == np.inf
+        signed = answers[row].kind != UNSIGNED
+        final = ended and (level == np.inf or status == state.EXACT) and not unsure
         # Points that were carried through a deformation no longer lie on the models.
-        nearer = final or was_deformed(places, labels[row], answers[row])
+        nearer = final or was_deformed(places, answers[row])
         nearer |= answer[state.UPPER] <= view.upper
         if nearer:
             view.upper = answer[state.UPPER]
-            for j in range(carry.WITNESS):
-                view.witness[j] = answer[state.POINT_A + j]
+            for side in range(2):
+                for j in range(3):
+                    view.points[side, j] = answer[state.POINT_A + 3 * side + j]
+                for j in range(4):
+                    view.features[side, j] = answer[state.FEATURE_A + 4 * side + j]
         if final or answer[state.LOWER] > view.lower:
             view.lower = answer[state.LOWER]
         view.asked = level if ended else np.nan
         intersecting = status == state.INTERSECTING
-        view.answered = final or (intersecting and not unsure)
+        view.answered = final or (intersecting and not signed)
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
-        record.hard = not ended and not decided
+        cut = not (ended or decided or unsure)
+        # A level that is decided says nothing of how long the distance takes.
+        record.hard = cut or (record.hard and not (final or unsure or view.deciding))
         record.met = not ended if unsure else view.lower <= 0.0
-        record.done, record.status, record.searched_s = view.answered, status, now_s
+        # A depth that motion blurred is refined once the bodies stand still.
+        blurred = view.upper < 0.0 < view.blur and not _is_close(view)
+        record.done = view.answered and not blurred
+        record.status, record.searched_s, record.widened = status, now_s, 0.0
         if answer[state.TREE_A] >= 0.0:
             record.hint[0] = int(answer[state.TREE_A])
             record.hint[1] = int(answer[state.TREE_B])
         keep_one(
-            poses, versions, places, labels[row], answers[row],
-            view.lower, view.upper, view.witness, nearer,
+            poses, versions, places, answers[row], view.lower, view.upper, view.points,
+            view.features, nearer,
         )  # fmt: skip
         _judge(record, view)
     return count
@@ -295,7 +335,7 @@ def _status(record, view):
 
 
 @entry
-def report(rows, labels, balls, silent, records, views, now_s, listed):
+def report(rows, answers, balls, silent, records, views, now_s, listed):
     """Write what is known of the listed views; return how many, and how many still want a search.
 
     Views that may be within their range are listed. The smallest bounds of all moments count only
@@ -304,7 +344,7 @@ def report(rows, labels, balls, silent, records, views, now_s, listed):
     count = left = 0
     for k in range(len(rows)):
         row, view = rows[k], views[k]
-        record, label = records[row], labels[row]
+        record, answer = records[row], answers[row]
         if view.known and not view.stale:
             record.min_upper = min(record.min_upper, view.upper)
             record.min_lower = min(record.min_lower, view.lower)
@@ -319,16 +359,15 @@ def report(rows, labels, balls, silent, records, views, now_s, listed):
         made.status = _status(record, view)
         made.age_s = 0.0 if view.answered or view.searched else now_s - record.searched_s
         made.min_upper, made.min_lower = record.min_upper, record.min_lower
-        witness = view.witness
         points = surface_points(
-            (witness[0], witness[1], witness[2]), (witness[3], witness[4], witness[5]),
-            balls[label[BODY_A], carry.SWEPT], balls[label[BODY_B], carry.SWEPT],
+            vector(view.points[0]), vector(view.points[1]),
+            balls[answer.bodies[0]].swept, balls[answer.bodies[1]].swept,
         )  # fmt: skip
         for side in range(2):
-            body = label[BODY_A + side]
+            body = answer.bodies[side]
             made.bodies[side], made.silent[side] = body, silent[body]
-            made.elements[side] = int(witness[9 + 4 * side])
+            made.elements[side] = int(view.features[side, 3])
             for i in range(3):
                 made.points[side, i] = points[side][i] if view.known else np.nan
-                made.parameters[side, i] = witness[6 + 4 * side + i]
+                made.parameters[side, i] = view.features[side, i]
     return count, left

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from .jit import kernel
 from .lanes import fma
-from .rounding import DOUBLE_EPS
-from .vectors import sub
+from .rounding import DOUBLE_EPS, ILL_CONDITIONED
+from .vectors import cross, dot, sub
 
 
 @kernel
@@ -45,6 +45,19 @@ def cross_precise(a, b):
         difference_of_products(a[2], b[0], a[0], b[2]),
         difference_of_products(a[0], b[1], a[1], b[0]),
     )
+
+
+@kernel
+def accurate_cross(a, b):
+    """Vector product a × b, accurate relative to its own length.
+
+    The plain formula errs by u |a| |b|: relative to the product that is u / sin(angle). Where the
+    angle is small the components are computed with twice the precision instead.
+    """
+    n = cross(a, b)
+    if dot(n, n) < ILL_CONDITIONED * (dot(a, a) * dot(b, b)):
+        n = cross_precise(a, b)
+    return n
 
 
 @kernel

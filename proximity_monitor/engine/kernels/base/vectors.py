@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .jit import kernel
+from .jit import inlined, kernel
 
 _NEEDLE = 1e-24
 """Squared sine of two edges' angle below which a triangle's normal is only noise."""
@@ -40,6 +40,18 @@ def along(a, b, s):
 def dot(a, b):
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def norm(v):
+    """Length of a vector; infinity where its square is."""
+    return np.sqrt(dot(v, v))
+
+
+@inlined
+def clamped(x):
+    """The number of 0 to 1 that is nearest to x."""
+    return min(max(x, 0.0), 1.0)
 
 
 @kernel
@@ -79,7 +91,7 @@ def unit(v):
     if size < 1e-300:
         return _NOWHERE
     v = scaled(v, 1.0 / size)
-    return scaled(v, 1.0 / np.sqrt(dot(v, v)))
+    return scaled(v, 1.0 / norm(v))
 
 
 @kernel

@@ -17,7 +17,7 @@ from ..base.state import (
 )
 from ..base.tables import state_at, tree_at
 from ..base.vectors import across, dot, face_normal, moved, scaled, sub, unit
-from .primitives import corners, mixed, test_triangles
+from .primitives import corners, measure_triangles, mixed
 from .swept import surface_points
 
 _NOISE = 8.0
@@ -71,7 +71,7 @@ def contacts(model_a, model_b, memory, pose, pairs, points, normals):
     for k in range(pairs.shape[0]):
         ta, tb = np.int64(pairs[k, 0]), np.int64(pairs[k, 1])
         progress.distance = np.inf
-        test_triangles(tree_a, tree_b, state, ta, tb, 0.0)
+        measure_triangles(tree_a, tree_b, state, ta, tb, 0.0)
         a, b = corners(tree_a.triangles, ta), corners(tree_b.triangles, tb)
         b = (moved(motion, b[0]), moved(motion, b[1]), moved(motion, b[2]))
         p = mixed(a, progress.weights_a)

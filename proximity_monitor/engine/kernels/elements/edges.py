@@ -8,21 +8,17 @@ from __future__ import annotations
 
 from numba import uint64
 
-from ..base.jit import inlined, kernel
+from ..base.jit import kernel
 from ..base.memory import on_stack
 from ..base.precise import difference_of_products
 from ..base.rounding import TOUCHING
+from ..base.vectors import clamped
 
 LANES = 16
 """Room for the nine pairs: edge i of the first triangle with edge j of the second at 3 i + j."""
 
 _TABLE = 9 * LANES
 _L = uint64(LANES)
-
-
-@inlined
-def _clamped(x):
-    return min(max(x, 0.0), 1.0)
 
 
 @kernel
@@ -53,13 +49,13 @@ def edge_pairs(a, ea, b, eb, s, t, squared, touching):
         nz = difference_of_products(dx, ey, dy, ex)
         nn = nx * nx + ny * ny + nz * nz
         cx, cy, cz = ry * ez - rz * ey, rz * ex - rx * ez, rx * ey - ry * ex
-        x = _clamped((cx * nx + cy * ny + cz * nz) / nn)
+        x = clamped((cx * nx + cy * ny + cz * nz) / nn)
         x = x if nn > 0.0 else 0.0
         gx, gy, gz = rx - x * dx, ry - x * dy, rz - x * dz
-        y = _clamped(-(gx * ex + gy * ey + gz * ez) / ee)
+        y = clamped(-(gx * ex + gy * ey + gz * ez) / ee)
         y = y if ee > 0.0 else 0.0
         gx, gy, gz = gx + y * ex, gy + y * ey, gz + y * ez
-        z = _clamped(x + (gx * dx + gy * dy + gz * dz) / dd)
+        z = clamped(x + (gx * dx + gy * dy + gz * dz) / dd)
         x = z if dd > 0.0 else x
         gx = (rx + y * ex) - x * dx
         gy = (ry + y * ey) - x * dy

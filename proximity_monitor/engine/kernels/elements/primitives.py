@@ -8,7 +8,7 @@ from ..base.jit import inlined, kernel, shared
 from ..base.lanes import lowest
 from ..base.rounding import OFFSET_MARGIN
 from ..base.vectors import along, moved, scaled, sub
-from .aim import take_aim
+from .direction import take_direction
 from .swept import reach_of
 from .triangles import certainly_cross, distance_apart, triangle_distance
 
@@ -49,7 +49,7 @@ def keep(state, distance, ta, tb, wa, wb, way):
     else:
         progress.enough = min(progress.enough, least)
         progress.limit = progress.enough
-    take_aim(progress, state.motions[0], way)
+    take_direction(progress, state.motions[0], way)
 
 
 @kernel
@@ -87,7 +87,7 @@ def mixed(triangle, weights):
 
 
 @shared
-def test_triangles(tree_a, tree_b, state, ta, tb, bound):
+def measure_triangles(tree_a, tree_b, state, ta, tb, bound):
     """Exact distance of two triangles; keeps it where it is the smallest. Returns it.
 
     `bound` is a lower bound of it: where it is positive, they certainly do not cross. Where they
@@ -111,7 +111,7 @@ def test_triangles(tree_a, tree_b, state, ta, tb, bound):
                 progress.upper_slack = 0.0
             keep(state, distance, ta, tb, wa, wb, way)
         else:
-            take_aim(progress, state.motions[0], way)
+            take_direction(progress, state.motions[0], way)
     return distance
 
 

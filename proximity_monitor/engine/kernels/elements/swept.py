@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.rounding import OFFSET_MARGIN, OFFSET_RESERVE
-from ..base.vectors import along, dot, sub
+from ..base.vectors import along, norm, sub
 
 
 @inlined
@@ -62,5 +62,5 @@ def surface_points(p, q, radius_a, radius_b):
     if radii == 0.0:
         return p, q
     way = sub(q, p)
-    reach = max(np.sqrt(dot(way, way)), radii)
+    reach = max(norm(way), radii)
     return along(p, way, radius_a / reach), along(q, way, -radius_b / reach)

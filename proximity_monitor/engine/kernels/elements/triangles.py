@@ -4,8 +4,8 @@ The nearest points of two triangles that do not cross lie on two edges, or on a 
 fifteen candidates, of which the smallest is the answer. Every candidate is the distance between
 two points *of the triangles*, so no rounding can make the answer too small by more than the
 rounding of those points; each is computed so that nearly parallel edges and slivers lose nothing
-(see `_normal`, and MARGIN_A for the whole count). Triangles that cross have an edge of one through
-the other.
+(see `accurate_cross`, and MARGIN_A for the whole count). Triangles that cross have an edge of one
+through the other.
 
 Degenerate triangles are segments and points: their edges are candidates like any others, and
 their faces, of no area, are left out.
@@ -15,28 +15,10 @@ from __future__ import annotations
 
 from ..base.jit import kernel
 from ..base.memory import on_stack
-from ..base.precise import cross_precise, orientation, volume
-from ..base.rounding import DOUBLE_EPS, ILL_CONDITIONED, PARALLEL, TOUCHING
-from ..base.vectors import along, cross, dot, sub
+from ..base.precise import accurate_cross, orientation, volume
+from ..base.rounding import DOUBLE_EPS, PARALLEL, TOUCHING
+from ..base.vectors import along, clamped, cross, dot, sub
 from .edges import LANES, edge_pairs
-
-
-@kernel
-def _normal(a, b):
-    """Cross product a × b, accurate relative to its own length.
-
-    The plain formula errs by u |a| |b|: relative to the product that is u / sin(angle). Where the
-    angle is small the components are computed with twice the precision instead.
-    """
-    n = cross(a, b)
-    if dot(n, n) < ILL_CONDITIONED * (dot(a, a) * dot(b, b)):
-        n = cross_precise(a, b)
-    return n
-
-
-@kernel
-def _clamped(x):
-    return min(max(x, 0.0), 1.0)
 
 
 @kernel
@@ -47,11 +29,11 @@ def _approach(s, t, g, d, e, n, nn, dd, ee):
     it, then t given s, then s given t, yields the optimum over the square (Ericson 2005, section
     5.1.9). A vanishing edge or normal leaves its parameter, which the others then make optimal.
     """
-    x = _clamped(s + dot(cross(g, e), n) / nn) if nn > 0.0 else s
+    x = clamped(s + dot(cross(g, e), n) / nn) if nn > 0.0 else s
     g = along(g, d, s - x)
-    y = _clamped(t - dot(g, e) / ee) if ee > 0.0 else t
+    y = clamped(t - dot(g, e) / ee) if ee > 0.0 else t
     g = along(g, e, y - t)
-    return (_clamped(x + dot(g, d) / dd) if dd > 0.0 else x), y
+    return (clamped(x + dot(g, d) / dd) if dd > 0.0 else x), y
 
 
 @kernel
@@ -63,7 +45,7 @@ def segments(p, d, q, e):
     to nothing (but no normal that would lead far away: along parallels any point is as near).
     """
     r, dd, ee = sub(q, p), dot(d, d), dot(e, e)
-    n = _normal(d, e)
+    n = accurate_cross(d, e)
     nn = dot(n, n)
     s, t = _approach(0.0, 0.0, r, d, e, n, nn, dd, ee)
     g = along(along(r, e, t), d, -s)
@@ -164,7 +146,7 @@ def _meeting_point(p, q, t):
     the triangle at points that are a millionth of its length apart.
     """
     vp, vq = volume(t[0], t[1], t[2], p), volume(t[0], t[1], t[2], q)
-    s = _clamped(vp / (vp - vq)) if vp != vq else 0.0
+    s = clamped(vp / (vp - vq)) if vp != vq else 0.0
     w0 = abs(volume(p, q, t[1], t[2]))
     w1 = abs(volume(p, q, t[2], t[0]))
     w2 = abs(volume(p, q, t[0], t[1]))
@@ -209,12 +191,13 @@ def certainly_cross(a, b, slack):
 def _face_weights(p, a, e, f, n, nn):
     """Barycentric weights of the foot of p on a triangle, none negative, their sum one."""
     _, v, w, _ = point_face(p, a, e, f, n, nn)
-    v, w = _clamped(v), _clamped(w)
+    v, w = clamped(v), clamped(w)
     return max(1.0 - v - w, 0.0), v, w
 
 
 @kernel
-def _corner(i):
+def corner_weights(i):
+    """Barycentric weights of a triangle's corner."""
     return (1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0)
 
 
@@ -257,7 +240,7 @@ def distance_apart(a, b, limit):
             if d < best:
                 best, kind, first, second, bs, bt = d, 0, i, j, x, y
     fa = sub(a[2], a[0])
-    na = _normal(ea[0], fa)
+    na = accurate_cross(ea[0], fa)
     nna = dot(na, na)
     if nna > 0.0:
         for j in range(3):
@@ -267,7 +250,7 @@ def distance_apart(a, b, limit):
             if inside and d < best:
                 best, kind, second = d, 1, j
     fb = sub(b[2], b[0])
-    nb = _normal(eb[0], fb)
+    nb = accurate_cross(eb[0], fb)
     nnb = dot(nb, nb)
     if nnb > 0.0:
         for i in range(3):
@@ -281,8 +264,8 @@ def distance_apart(a, b, limit):
     if kind == 0:
         return best, _on_edge(first, bs), _on_edge(second, bt)
     if kind == 1:
-        return best, _face_weights(b[second], a[0], ea[0], fa, na, nna), _corner(second)
-    return best, _corner(first), _face_weights(a[first], b[0], eb[0], fb, nb, nnb)
+        return best, _face_weights(b[second], a[0], ea[0], fa, na, nna), corner_weights(second)
+    return best, corner_weights(first), _face_weights(a[first], b[0], eb[0], fb, nb, nnb)
 
 
 @kernel

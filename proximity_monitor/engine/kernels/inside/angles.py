@@ -26,11 +26,12 @@ import numpy as np
 from ..base.jit import allocating_entry, kernel, shared
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.vectors import cross, dot, sub
+from ..base.vectors import cross, dot, norm, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
 from .nearest import begin_nearest, nearest
 from .solids import HALF
+from .visit import ROOM, TO_THE_END
 from .winding import RAY_STEPS, UNKNOWN, winding_number
 
 AREA, RADIUS, LOST, MOMENTS = 6, 7, 8, 9
@@ -65,7 +66,7 @@ def _solid_angle(p, a, b, c):
     Van Oosterom and Strackee 1983, "The solid angle of a plane triangle", equation 8.
     """
     a, b, c = sub(a, p), sub(b, p), sub(c, p)
-    la, lb, lc = np.sqrt(dot(a, a)), np.sqrt(dot(b, b)), np.sqrt(dot(c, c))
+    la, lb, lc = norm(a), norm(b), norm(c)
     product = la * lb * lc
     above = dot(a, cross(b, c))
     below = product + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb
@@ -98,7 +99,7 @@ def _winding(tree, moments, p, share, stack):
                 continue
             m = moments[lane]
             away = (m[0] - p[0], m[1] - p[1], m[2] - p[2])
-            far = np.sqrt(dot(away, away))
+            far = norm(away)
             gap = far * (1.0 - 1e-14) - m[RADIUS]
             if gap > 0.0:
                 cubed = far * far * far
@@ -126,13 +127,13 @@ def _winding(tree, moments, p, share, stack):
 @kernel
 def _from_rim(region, p):
     """The distance of a point from the open edges, and the steps it took."""
-    stack, bounds = on_stack(512, np.int32(0)), on_stack(512, 0.0)
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
     away, near, top = begin_nearest(region.rim_tree, p, 0, stack, bounds)
     away, _, _, left = nearest(
-        region.rim_tree, p, away, near, top, 0.0, 1e-3 * away, stack, bounds, found, 1 << 62
+        region.rim_tree, p, away, near, top, 0.0, 1e-3 * away, stack, bounds, found, TO_THE_END
     )
-    return away * (1.0 - 1e-2), (1 << 62) - left
+    return away * (1.0 - 1e-2), TO_THE_END - left
 
 
 @shared
@@ -162,7 +163,7 @@ def _half(tree, region, p, least, slack, stack):
     """As `side_of` where the inside is HALF."""
     ball = region.ball
     from_centre = (p[0] - ball[0], p[1] - ball[1], p[2] - ball[2])
-    beyond = np.sqrt(dot(from_centre, from_centre)) - ball[3]
+    beyond = norm(from_centre) - ball[3]
     if beyond > 0.0:
         clear = beyond - slack
         return (-1, clear, 1) if clear > 2.0 * slack else (0, 0.0, 1)
@@ -242,7 +243,7 @@ def moments_of(triangles, children, ranges):
             n = cross(e, f)
             for i in range(3):
                 m[3 + i] += 0.5 * n[i]
-            m[AREA] += 0.5 * np.sqrt(dot(n, n))
+            m[AREA] += 0.5 * norm(n)
             sizes += np.sqrt(dot(e, e) * dot(f, f))
             for corner in (a, b, c):
                 d = sub(corner, centre)

@@ -24,14 +24,14 @@ a slack of its own (`ball_rows`).
 
 from __future__ import annotations
 
+from collections import namedtuple
+
 import numpy as np
 from numba import float32, uint64
 
-from ..base.jit import kernel, loop16, shared
-from ..base.lanes import lowest, not_above
+from ..base.jit import implements, inlined, kernel, loop16, shared
 from ..base.memory import on_stack
-from ..base.rounding import SINGLE_LIMIT, SINGLE_MARGIN
-from ..base.vectors import along, dot, moved, scaled, sub
+from ..base.vectors import along, dot, moved, norm, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import (
     CENTRE_X,
@@ -40,7 +40,6 @@ from ..tree.layout import (
     HALF_U,
     HALF_V,
     RADIUS,
-    STRIDE,
     U_X,
     U_Y,
     U_Z,
@@ -48,28 +47,36 @@ from ..tree.layout import (
     V_Y,
     V_Z,
     WIDTH,
-    first_of,
-    last_of,
 )
+from . import visit
 from .angles import surely_outside
 from .ball_point import turned
-from .nearest import point_bounds, point_triangle
+from .nearest import point_triangle
 from .solids import HALF, WHOLE
+from .visit import BEYOND, ROOM, at_root, descend
 from .winding import RAY_STEPS, winding_number
 
 PLANE = 8.0
 """Slacks by which a plane is raised."""
 
-_VISITS = 96
-"""Nodes that may be looked at for a plane; else there is none."""
+_STEPS = 96
+"""Steps of a descent that a plane may take; else there is none."""
 
 _CLEAR = 16.0
 """Slacks above a plane at which its side is asked for."""
 
 
+Cap = namedtuple("Cap", "place slack normal radius near top")
+"""The query how high along a unit vector over its place the surface reaches within a radius, metres
+and, float32, node units; the answer is the height, metres. Above `top` it does not matter."""
+
+
 @loop16
-def _heights(nodes, base, x, y, z, nx, ny, nz, margin, heights):
-    """Minus the largest height along a unit vector over (x, y, z) that each lane may have."""
+def _cap_gaps(nodes, base, x, y, z, nx, ny, nz, radius, margin, gaps):
+    """Minus the largest height along a unit vector over (x, y, z) that each lane may have.
+
+    BEYOND where no point of the lane is within `radius`.
+    """
     for k in range(WIDTH):
         i = base + uint64(k)
         dx = nodes[i + CENTRE_X] - x
@@ -78,12 +85,46 @@ def _heights(nodes, base, x, y, z, nx, ny, nz, margin, heights):
         ux, uy, uz = nodes[i + U_X], nodes[i + U_Y], nodes[i + U_Z]
         vx, vy, vz = nodes[i + V_X], nodes[i + V_Y], nodes[i + V_Z]
         a, b = nodes[i + HALF_U], nodes[i + HALF_V]
-        heights[k] = -(
+        wide = nodes[i + RADIUS] + margin
+        high = (
             dx * nx + dy * ny + dz * nz
             + a * abs(ux * nx + uy * ny + uz * nz)
             + b * abs(vx * nx + vy * ny + vz * nz)
-            + nodes[i + RADIUS] + margin
+            + wide
         )  # fmt: skip
+        # As in `point_bounds`.
+        s = min(max(dx * ux + dy * uy + dz * uz, -a), a)
+        t = min(max(dx * vx + dy * vy + dz * vz, -b), b)
+        dx = dx - s * ux - t * vx
+        dy = dy - s * uy - t * vy
+        dz = dz - s * uz - t * vz
+        away = np.sqrt(dx * dx + dy * dy + dz * dz) - wide
+        gaps[k] = BEYOND if away >= radius else -high
+
+
+@implements(visit.lane_gaps, Cap)
+@inlined
+def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
+    n = query.normal
+    nx, ny, nz = float32(n[0]), float32(n[1]), float32(n[2])
+    _cap_gaps(nodes, base, x, y, z, nx, ny, nz, query.near, margin, gaps)
+
+
+@implements(visit.limit, Cap)
+@inlined
+def _limit(query, answer):
+    return -np.inf if answer > query.top else -answer
+
+
+@implements(visit.meet, Cap)
+@inlined
+def _meet(query, tree, t, answer):
+    o, n = query.place, query.normal
+    a, b, c = corners(tree.triangles, t)
+    high = max(dot(n, sub(a, o)), max(dot(n, sub(b, o)), dot(n, sub(c, o))))
+    if high > answer and np.sqrt(point_triangle(o, a, b, c)[0]) < query.radius:
+        answer = min(high, query.radius)
+    return answer
 
 
 @shared
@@ -92,48 +133,13 @@ def cap_height(tree, o, n, radius, height, top, slack, stack):
 
     At least `height`; infinity where it is above `top`, or takes too long to tell.
     """
-    unit = tree.scale[0]
-    near, low = on_stack(WIDTH, np.float32(0.0)), on_stack(WIDTH, np.float32(0.0))
-    stack[0] = 0
-    count, visits = 1, 0
-    while count > 0:
-        count -= 1
-        node = stack[count]
-        visits += 1
-        if visits > _VISITS:
-            return np.inf, visits
-        x = o[0] / unit - tree.centres[node, 0]
-        y = o[1] / unit - tree.centres[node, 1]
-        z = o[2] / unit - tree.centres[node, 2]
-        size = abs(x) + abs(y) + abs(z) + tree.centres[node, 3]
-        if not size + slack / unit < SINGLE_LIMIT:
-            return np.inf, visits
-        margin = float32(SINGLE_MARGIN * size + slack / unit)
-        base = uint64(node * STRIDE)
-        x, y, z = float32(x), float32(y), float32(z)
-        point_bounds(tree.nodes, base, x, y, z, margin, near)
-        _heights(
-            tree.nodes, base, x, y, z, float32(n[0]), float32(n[1]), float32(n[2]), margin, low
-        )
-        hit = not_above(near, 0, float32(min(radius / unit * (1.0 + 1e-6), 1e29)))
-        above = -height / unit
-        hit &= not_above(low, 0, float32(above + 1e-6 * abs(above)))
-        while hit:
-            lane = lowest(hit)
-            hit &= hit - 1
-            child = tree.children[node * WIDTH + lane]
-            if child >= 0:
-                stack[count] = child
-                count += 1
-                continue
-            for t in range(first_of(child), last_of(child) + 1):
-                a, b, c = corners(tree.triangles, t)
-                high = max(dot(n, sub(a, o)), max(dot(n, sub(b, o)), dot(n, sub(c, o))))
-                if high > height and np.sqrt(point_triangle(o, a, b, c)[0]) < radius:
-                    height = min(high, radius)
-                    if height > top:
-                        return np.inf, visits
-    return height, visits
+    bounds, gaps = on_stack(ROOM, 0.0), on_stack(WIDTH, np.float32(0.0))
+    near = float32(min(radius / tree.scale[0] * (1.0 + 1e-6), 1e29))
+    query = Cap(o, slack, n, radius, near, top)
+    height, left, steps = descend(
+        query, tree, height, at_root(stack, bounds), stack, bounds, gaps, _STEPS
+    )
+    return np.inf if left > 0 or height > top else height, _STEPS - steps
 
 
 @kernel
@@ -189,7 +195,7 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     yo = (_along(axes, 0, x), _along(axes, 1, x), _along(axes, 2, x))
     offset = sub((centre[0], centre[1], centre[2]), yo)
     square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
-    height, away = dot(yn, offset), np.sqrt(dot(offset, offset))
+    height, away = dot(yn, offset), norm(offset)
     top = height + abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
     beside = np.sqrt(max(away * away - height * height, 0.0)) + _beside(yn, half, square)
     far = (away + np.sqrt(square)) * (1.0 + 1e-12)

@@ -18,8 +18,7 @@ from ..tree.layout import WIDTH
 from .angles import side_of
 from .nearest import begin_nearest, nearest, point_triangle
 from .solids import HALF, NOWHERE, WHOLE
-
-_TO_THE_END = 1 << 62
+from .visit import TO_THE_END
 
 
 @kernel
@@ -98,8 +97,8 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
 @kernel
 def sound(tree, region, motion, k, at, point, stack, reached):
     """As `sound_some`, to the end; returns how many steps that took."""
-    left = sound_some(tree, region, motion, k, at, point, stack, reached, _TO_THE_END)
-    return _TO_THE_END - left
+    left = sound_some(tree, region, motion, k, at, point, stack, reached, TO_THE_END)
+    return TO_THE_END - left
 
 
 @kernel

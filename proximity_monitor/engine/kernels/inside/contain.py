@@ -17,10 +17,11 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.motion import deviation, relative_motions, slack_of_bounds
 from ..base.state import LOWER, OUT_OF_TIME, STATUS, UPPER, MeshTree
 from ..base.tables import tree_at
-from ..base.vectors import dot, moved, scaled, sub
+from ..base.vectors import moved, norm, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
 from .solids import HALF, WHOLE
+from .visit import TO_THE_END
 from .volumes import sphere_of
 from .winding import RAY_STEPS, winding_number
 
@@ -76,7 +77,7 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
                 continue
             steps -= 1
             centre, radius = sphere_of(body, lane)
-            if _norm(sub(moved(motion, centre), middle)) > reach + radius:
+            if norm(sub(moved(motion, centre), middle)) > reach + radius:
                 continue
             small = 2.0 * radius + 4.0 * slack < apart
             if child >= 0 and not small:
@@ -104,18 +105,14 @@ def look_for_part(
 
 
 @kernel
-def _norm(v):
-    return np.sqrt(dot(v, v))
-
-
-@kernel
 def holds(holder, body, samples, motion, slack, apart, stack):
     """Whether a part of `body` may lie inside `holder`; see `part_inside`."""
     progress = on_stack(2, np.int64(0))
     progress[0] = progress[1] = 0
     found = part_inside(
-        holder, body, samples, motion, slack, apart, progress, stack[:, 1], stack[:, 0], 1 << 62
-    )
+        holder, body, samples, motion, slack, apart, progress, stack[:, 1], stack[:, 0],
+        TO_THE_END,
+    )  # fmt: skip
     return found != NONE
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numba import float32, uint64
+from collections import namedtuple
 
-from ..base.jit import kernel, loop16
-from ..base.lanes import lowest, not_above
-from ..base.precise import cross_precise
-from ..base.rounding import ILL_CONDITIONED, SINGLE_LIMIT, SINGLE_MARGIN
-from ..base.vectors import along, cross, dot, sub
+import numpy as np
+from numba import uint64
+
+from ..base.jit import implements, inlined, kernel, loop16
+from ..base.precise import accurate_cross
+from ..base.vectors import along, clamped, dot, sub
 from ..elements.primitives import corners
 from ..elements.triangles import point_face
 from ..tree.layout import (
@@ -19,7 +19,6 @@ from ..tree.layout import (
     HALF_U,
     HALF_V,
     RADIUS,
-    STRIDE,
     U_X,
     U_Y,
     U_Z,
@@ -27,9 +26,13 @@ from ..tree.layout import (
     V_Y,
     V_Z,
     WIDTH,
-    first_of,
-    last_of,
 )
+from . import visit
+from .visit import at_root, descend
+
+Point = namedtuple("Point", "place slack spare")
+"""The query for the triangle nearest to a point; the answer is (distance, triangle). Nothing is
+looked into that is less than `spare` metres nearer."""
 
 
 @loop16
@@ -59,7 +62,7 @@ def point_bounds(nodes, base, x, y, z, margin, bounds):
 def _on_segment(p, a, e):
     """Nearest point a + s e of a segment, which may be a point: (s, squared distance)."""
     r, ee = sub(p, a), dot(e, e)
-    s = min(max(dot(r, e) / ee, 0.0), 1.0) if ee > 0.0 else 0.0
+    s = clamped(dot(r, e) / ee) if ee > 0.0 else 0.0
     g = along(r, e, -s)
     return s, dot(g, g)
 
@@ -79,15 +82,33 @@ def point_triangle(p, a, b, c):
     s, d = _on_segment(p, b, sub(c, b))
     if d < best:
         best, v, w = d, 1.0 - s, s
-    n = cross(e, f)
-    if dot(n, n) < ILL_CONDITIONED * (dot(e, e) * dot(f, f)):
-        n = cross_precise(e, f)
+    n = accurate_cross(e, f)
     nn = dot(n, n)
     if nn > 0.0:
         inside, x, y, d = point_face(p, a, e, f, n, nn)
         if inside and d < best:
             best, v, w = d, x, y
     return best, v, w
+
+
+@implements(visit.lane_gaps, Point)
+@inlined
+def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
+    point_bounds(nodes, base, x, y, z, margin, gaps)
+
+
+@implements(visit.limit, Point)
+@inlined
+def _limit(query, answer):
+    return answer[0] - query.spare
+
+
+@implements(visit.meet, Point)
+@inlined
+def _meet(query, tree, t, answer):
+    a, b, c = corners(tree.triangles, t)
+    distance = np.sqrt(point_triangle(query.place, a, b, c)[0])
+    return (distance, t) if distance < answer[0] else answer
 
 
 @kernel
@@ -97,8 +118,7 @@ def begin_nearest(tree, p, nearby, stack, bounds):
     Returns what `nearest` goes on with: the distance so far, the triangle, the stack's height.
     """
     a, b, c = corners(tree.triangles, nearby)
-    stack[0], bounds[0] = 0, -1.0
-    return np.sqrt(point_triangle(p, a, b, c)[0]), nearby, 1
+    return np.sqrt(point_triangle(p, a, b, c)[0]), nearby, at_root(stack, bounds)
 
 
 @kernel
@@ -108,46 +128,6 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
     Metres, triangles in tree order. Where the stack is empty then, the distance is that to the
     triangle and the true one at most `spare` smaller, right to `slack`.
     """
-    unit = tree.scale[0]
-    while top > 0 and steps > 0:
-        top -= 1
-        if bounds[top] >= best - max(slack, spare):
-            continue
-        steps -= 1
-        child = stack[top]
-        if child < 0:
-            for t in range(first_of(child), last_of(child) + 1):
-                a, b, c = corners(tree.triangles, t)
-                distance = np.sqrt(point_triangle(p, a, b, c)[0])
-                if distance < best:
-                    best, nearby = distance, t
-            continue
-        x = p[0] / unit - tree.centres[child, 0]
-        y = p[1] / unit - tree.centres[child, 1]
-        z = p[2] / unit - tree.centres[child, 2]
-        size = abs(x) + abs(y) + abs(z) + tree.centres[child, 3]
-        if size + slack / unit < SINGLE_LIMIT:
-            margin = float32(SINGLE_MARGIN * size + slack / unit)
-            point_bounds(
-                tree.nodes, uint64(child * STRIDE), float32(x), float32(y), float32(z), margin,
-                found,
-            )  # fmt: skip
-        else:
-            # Too far away for float32, or too small: then every lane is as good as the next.
-            for k in range(WIDTH):
-                empty = tree.nodes[uint64(child * STRIDE + k) + RADIUS] < 0.0
-                found[k] = float32(1e30) if empty else float32(-1.0)
-        reach = np.float32(min(best / unit * (1.0 + 1e-6), 1e29))
-        first = top
-        survivors = not_above(found, 0, reach)
-        while survivors:
-            k = lowest(survivors)
-            survivors &= survivors - 1
-            bound = found[k] * unit
-            at = top
-            while at > first and bounds[at - 1] < bound:
-                bounds[at], stack[at] = bounds[at - 1], stack[at - 1]
-                at -= 1
-            bounds[at], stack[at] = bound, tree.children[child * WIDTH + k]
-            top += 1
-    return best, nearby, top, steps
+    query, answer = Point(p, slack, max(slack, spare)), (best, np.int64(nearby))
+    answer, top, steps = descend(query, tree, answer, top, stack, bounds, found, steps)
+    return answer[0], answer[1], top, steps

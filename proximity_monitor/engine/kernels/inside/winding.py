@@ -13,13 +13,15 @@ that is farther than that from the surface has the same winding number before an
 
 from __future__ import annotations
 
+from collections import namedtuple
+
 import numpy as np
 from numba import float32, uint64
 
-from ..base.jit import kernel, loop16
-from ..base.lanes import lowest, not_above
+from ..base.jit import implements, inlined, kernel, loop16
+from ..base.memory import on_stack
 from ..base.precise import orientation
-from ..base.rounding import DOUBLE_EPS, SINGLE_LIMIT, SINGLE_MARGIN
+from ..base.rounding import DOUBLE_EPS, SINGLE_LIMIT
 from ..tree.layout import (
     CENTRE_X,
     CENTRE_Y,
@@ -27,7 +29,6 @@ from ..tree.layout import (
     HALF_U,
     HALF_V,
     RADIUS,
-    STRIDE,
     U_X,
     U_Y,
     U_Z,
@@ -35,9 +36,12 @@ from ..tree.layout import (
     V_Y,
     V_Z,
     WIDTH,
-    first_of,
-    last_of,
 )
+from . import visit
+from .visit import BEYOND, ROOM, TO_THE_END, at_root, descend
+
+Ray = namedtuple("Ray", "place slack alpha beta forth")
+"""The query for the crossings of a ray; the answer is how many there are, or UNKNOWN."""
 
 UNKNOWN = -(2**31)
 """Winding number of a point whose every ray grazes an edge. Its vertices widen the bounds."""
@@ -60,8 +64,9 @@ _SLOPES = (
 _STRETCH = float32(1.25)
 """What the shear may lengthen across the ray: less than sqrt(1 + 1/2)."""
 
-_MARGIN = 2.0 * SINGLE_MARGIN
-"""As for volumes, SINGLE_MARGIN, stretched; the shear's own three roundings are in the reserve."""
+_MARGIN = float32(2.0)
+"""Of the margin of volumes, which the shear stretches; its own three roundings are in the reserve.
+"""
 
 _FLOOR = 1e-200
 """Square metres below which a sheared triangle's area is taken for noise: the volume made of it
@@ -72,8 +77,8 @@ _ZERO = float32(0.0)
 
 
 @loop16
-def ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
-    """Positive where a ray certainly misses a lane of the node at `base`; (x, y, z) its start.
+def _ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
+    """0, or BEYOND where a ray certainly misses a lane of the node at `base`; (x, y, z) its start.
 
     The rectangle's shadow along the ray is a parallelogram, swept by the radius. It lies to one
     side of the start's shadow along some direction, or wholly behind the start. Any direction
@@ -107,7 +112,8 @@ def ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
             - wide * np.sqrt(vy * vy + vz * vz + _TINY)
         )
         behind = -forth * dx - a * abs(ux) - b * abs(vx) - nodes[i + RADIUS] - margin
-        gaps[k] = max(max(centre, across_u), max(across_v, behind))
+        missed = max(max(centre, across_u), max(across_v, behind)) > _ZERO
+        gaps[k] = BEYOND if missed else _ZERO
 
 
 @kernel
@@ -160,41 +166,26 @@ def _crossing(triangles, t, p, alpha, beta, forth):
     return ab * forth if side > 0 else 0
 
 
-@kernel
-def _along_ray(tree, p, slack, alpha, beta, forth, stack, gaps):
-    """Crossings of one ray, or UNKNOWN."""
-    unit = tree.scale[0]
+@implements(visit.lane_gaps, Ray)
+@inlined
+def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
+    alpha, beta, forth = float32(query.alpha), float32(query.beta), float32(query.forth)
+    _ray_gaps(nodes, base, x, y, z, alpha, beta, forth, _MARGIN * margin, gaps)
+
+
+@implements(visit.limit, Ray)
+@inlined
+def _limit(query, answer):
+    return -np.inf if answer == UNKNOWN else np.inf
+
+
+@implements(visit.meet, Ray)
+@inlined
+def _meet(query, tree, t, answer):
+    p, alpha, beta = query.place, query.alpha, query.beta
     start = (p[0], p[1] - alpha * p[0], p[2] - beta * p[0])
-    winding = 0
-    stack[0] = 0
-    top = 1
-    while top > 0:
-        top -= 1
-        node = stack[top]
-        x = p[0] / unit - tree.centres[node, 0]
-        y = p[1] / unit - tree.centres[node, 1]
-        z = p[2] / unit - tree.centres[node, 2]
-        size = abs(x) + abs(y) + abs(z) + tree.centres[node, 3]
-        base = uint64(node * STRIDE)
-        ray_gaps(
-            tree.nodes, base, float32(x), float32(y), float32(z), float32(alpha), float32(beta),
-            float32(forth), float32(_MARGIN * size + 2.0 * slack / unit), gaps,
-        )  # fmt: skip
-        hit = not_above(gaps, 0, _TINY)
-        while hit:
-            k = lowest(hit)
-            hit &= hit - 1
-            child = tree.children[node * WIDTH + k]
-            if child >= 0:
-                stack[top] = child
-                top += 1
-            else:
-                for t in range(first_of(child), last_of(child) + 1):
-                    crossing = _crossing(tree.triangles, t, start, alpha, beta, forth)
-                    if crossing == UNKNOWN:
-                        return UNKNOWN
-                    winding += crossing
-    return winding
+    crossing = _crossing(tree.triangles, t, start, alpha, beta, query.forth)
+    return UNKNOWN if answer == UNKNOWN or crossing == UNKNOWN else answer + crossing
 
 
 @kernel
@@ -213,8 +204,10 @@ def winding_number(tree, p, slack, stack, gaps):
     if max(abs(x), max(abs(y), abs(z))) > 1.001 * reach or not size < SINGLE_LIMIT:
         return 0
     forth = 1 if x >= 0.0 else -1
+    bounds = on_stack(ROOM, 0.0)
     for alpha, beta in _SLOPES:
-        winding = _along_ray(tree, p, slack, alpha, beta, forth, stack, gaps)
+        ray, top = Ray(p, slack, alpha, beta, forth), at_root(stack, bounds)
+        winding, _, _ = descend(ray, tree, 0, top, stack, bounds, gaps, TO_THE_END)
         if winding != UNKNOWN:
             return winding
     return UNKNOWN

@@ -25,12 +25,12 @@ from ..bounds.boxes import box_bounds
 from ..bounds.cross import cross_nodes
 from ..bounds.gaps import BATCH, CORNERS, gaps, gather, shift
 from ..bounds.volumes import far_bound, lower_bounds, place, tighten
-from ..elements.aim import begin_along, end_along, gap_along, gap_between
-from ..elements.primitives import collect, corners, mixed, nearest_lane, test_triangles
+from ..elements.direction import begin_along, end_along, gap_along, gap_between
+from ..elements.primitives import collect, corners, measure_triangles, mixed, nearest_lane
 from ..search import stubs
-from ..search.approach import approach, guess
 from ..search.search import answer_queries
 from ..tree.layout import EMPTY, LARGEST, STRIDE, WIDTH, first_of, last_of
+from . import mesh_approach, mesh_sample  # noqa: F401 - each implements stubs for two meshes
 
 _LOCAL = CORNERS - 3 * BATCH
 _FILTER_STEPS, _EXACT_STEPS = 5, 4
@@ -73,9 +73,7 @@ def _tighter(fixed, tree, lane, motion, node, slack, reach, bounds, first):
 
 
 implements(stubs.cross_leaves, MESHES, MESHES)(cross_nodes)
-implements(stubs.measure, MESHES, MESHES)(test_triangles)
-implements(stubs.guess, MESHES, MESHES)(guess)
-implements(stubs.approach, MESHES, MESHES)(approach)
+implements(stubs.measure, MESHES, MESHES)(measure_triangles)
 
 
 @implements(stubs.resolve, MESHES, MESHES)
@@ -96,6 +94,8 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     shift(gathered, state.motions[0], scale, local)
     gaps(local, float32(progress.slack * scale * (1.0 + 1e-6)), found)
     remaining = (1 << taken) - 1
+    # With a tolerance the limit is below the distance. The first to be measured may lie between the
+    # two: where it is nearer than what was found so far, it lowers the limit for all others.
     nearest = progress.limit
     if progress.rel_err + progress.abs_err > 0.0:
         nearest = max(nearest, progress.distance)
@@ -111,7 +111,7 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
             gap = gap_along(progress, tree_a.triangles, ta, tree_b.triangles, tb)
             if gap >= progress.limit:
                 continue
-        distance = test_triangles(tree_a, tree_b, state, ta, tb, np.float64(found[k]))
+        distance = measure_triangles(tree_a, tree_b, state, ta, tb, np.float64(found[k]))
         tested += 1
         nearest = progress.limit
         if state.collected.shape[0] > 0 and distance - progress.slack < progress.limit:
@@ -141,7 +141,7 @@ def take_batch(tree_a, tree_b, state, n, pairs, gathered):
             continue
         leaf_a = np.int64(tree_a.children[waiting.lanes[n, 0]])
         leaf_b = np.int64(tree_b.children[waiting.lanes[n, 1]])
-        # The gaps along the aim of all their triangles, each of which is measured once.
+        # The gaps of all their triangles along the search direction: each is measured once.
         first_a, last_a = first_of(leaf_a), last_of(leaf_a)
         first_b, last_b = first_of(leaf_b), last_of(leaf_b)
         progress.primitive_tests += (last_a - first_a + 1) * (last_b - first_b + 1)

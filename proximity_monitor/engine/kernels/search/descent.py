@@ -22,9 +22,9 @@ from ..bounds.cross import Scratch
 from ..bounds.gaps import BATCH
 from ..elements.primitives import collect
 from ..tree.layout import LARGEST, STRIDE, WIDTH
-from .approach import APPROACH_STEPS, far_from_nearest
+from .approach import APPROACH_STEPS, come_nearer, far_from_nearest
 from .coherence import is_coherent, remember_far, still_far
-from .stubs import approach, cross_leaves, lane_bounds, push, resolve, take
+from .stubs import cross_leaves, lane_bounds, push, resolve, take
 
 _ALL = (1 << WIDTH) - 1
 _CROSSED = WIDTH * WIDTH
@@ -113,6 +113,7 @@ def advance(tree_a, tree_b, state):
     n = progress.waiting
     coherent = is_coherent(state)
     code = ENDED
+    # With a tolerance something nearer is worth more than a full batch: it lowers the limit.
     many = 1 if progress.rel_err + progress.abs_err > 0.0 else BATCH
     while True:
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
@@ -124,7 +125,7 @@ def advance(tree_a, tree_b, state):
                 break
             n, steps = resolve(tree_a, tree_b, state, n, steps, scratch)
         if far_from_nearest(progress):
-            approach(tree_a, tree_b, state, scratch.found)
+            come_nearer(tree_a, tree_b, state, scratch.found)
             steps -= min(steps, APPROACH_STEPS)
         if n == 0 and (progress.open == 0 or progress.distance - progress.slack <= progress.stop):
             break
@@ -177,7 +178,7 @@ def advance(tree_a, tree_b, state):
                     remember_far(state, a, b, progress.proven)
                 continue
             n = before
-        # Two lowest nodes together are the better bargain, unless one is far larger.
+        # Two lowest nodes together are the better bargain, unless one is twice as large.
         if lowest_a != lowest_b:
             size_a, size_b = (size_a, 2.0 * size_b) if lowest_a else (2.0 * size_a, size_b)
         flip = child_b < 0 or (child_a >= 0 and size_a > size_b)

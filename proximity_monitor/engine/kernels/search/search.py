@@ -41,13 +41,14 @@ from ..base.state import (
 )
 from ..base.tables import queries_at, state_at, tree_at
 from ..base.vectors import dot, moved, sub
-from ..elements.aim import no_aim
+from ..elements.direction import forget_direction
 from ..elements.primitives import keep
 from ..elements.swept import core_of, lower_of, upper_of
 from . import levels, queue, stack  # noqa: F401 - each implements the stubs for its order
+from .approach import begin_near
 from .coherence import travel
 from .descent import advance
-from .stubs import guess, least_open, measure, slacks, witness
+from .stubs import least_open, measure, slacks, witness
 
 KIND_A = KIND_B = ORDER = None
 """Other ones in each entry: see `answer_queries`."""
@@ -82,7 +83,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.upper_slack = progress.slack
     last = progress.distance
     progress.distance = np.inf
-    no_aim(progress)
+    forget_direction(progress)
     progress.radii = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
     progress.deviations = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
     progress.rel_err, progress.abs_err = query.rel_err, query.abs_err
@@ -108,7 +109,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     else:
         progress.primitive_tests = 1
         measure(tree_a, tree_b, state, ta, tb, 0.0)
-    progress.approached = guess(tree_a, tree_b, state, last)
+    begin_near(tree_a, tree_b, state, last)
     return CUT
 
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 
 
 def slacks(tree_a, tree_b, apart, error):
-    """What rounding may do to a distance of two elements, and to a volume that was moved, metres.
+    """What rounding may do to a distance, and to a volume that was moved, metres.
+
+    The distance is that of two elements, or of two points of theirs as `witness` returns them.
 
     The models' origins are `apart` metres apart, and `error` is how far the poses are from rigid.
     """
@@ -51,16 +53,25 @@ def resolve(tree_a, tree_b, state, n, steps, scratch):
     """
 
 
-def guess(tree_a, tree_b, state, last):
-    """Begin elsewhere where the remembered elements are far apart now, and that is cheap.
+def guess(tree_a, tree_b, state):
+    """Measure two elements that may well be near each other, where none are known and it is cheap.
 
-    `last` is the distance that the search before ended with. Returns the distance from which they
-    are to be approached, metres; infinity where that is worth a try.
+    They are kept where they are nearer than those found so far.
     """
 
 
-def approach(tree_a, tree_b, state, found):
-    """Improve the nearest points found so far, by whatever means, and note so in APPROACHED."""
+def approach(tree_a, tree_b, state, steps, found):
+    """Measure the element of b nearest to the nearest point of a, then one of a in the same way.
+
+    Each is looked for in so many steps at most; `found` is room for sixteen float32.
+    """
+
+
+def sample(tree_a, tree_b, state, a, b):
+    """Keep the nearest two of a few points of two volumes, where nothing nearer is known.
+
+    Their distance errs by no more than what `slacks` says. Only a search by levels asks for this.
+    """
 
 
 def witness(tree, element, weights):

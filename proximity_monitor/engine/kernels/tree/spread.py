@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.jit import allocating_entry, kernel
 from ..base.state import KEPT
-from ..tree.layout import EMPTY, LARGEST, WIDTH, first_of, last_of
+from .layout import EMPTY, LARGEST, WIDTH, first_of, last_of
 
 
 @allocating_entry

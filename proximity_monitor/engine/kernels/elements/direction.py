@@ -1,4 +1,4 @@
-"""The direction between the nearest points found so far, along which other triangles are measured.
+"""The search direction: that between the nearest points found so far, to measure others along it.
 
 Triangles that share the nearest corner or edge are exactly as near as each other, and where the
 models are far apart many are nearly so: no bound in single precision tells them from nearer ones.
@@ -16,7 +16,7 @@ from ..base.vectors import dot
 
 
 @kernel
-def no_aim(progress):
+def forget_direction(progress):
     """Forget the direction: `gap_along` is then of no use, and dismisses nothing."""
     for i in range(3):
         progress.normal_a[i] = progress.normal_b[i] = 0.0
@@ -24,8 +24,8 @@ def no_aim(progress):
 
 
 @kernel
-def take_aim(progress, motion, g):
-    """Measure along g, the way from the nearest point of a to that of b in a's frame.
+def take_direction(progress, motion, g):
+    """Measure along g from now on, the way from the nearest point of a to that of b in a's frame.
 
     Half a dozen roundings may lengthen a unit vector by less than 4 u, so it is made that much
     shorter; a vanishing g gives none.
@@ -52,14 +52,14 @@ def _along(normal, triangles, t):
 
 @inlined
 def end_along(progress, triangles_a, ta):
-    """Where a triangle of a ends along the aim."""
+    """Where a triangle of a ends along the direction."""
     a0, a1, a2 = _along(progress.normal_a, triangles_a, ta)
     return max(max(a0, a1), a2)
 
 
 @inlined
 def begin_along(progress, triangles_b, tb):
-    """Where a triangle of b begins along the aim, in b's frame."""
+    """Where a triangle of b begins along the direction, in b's frame."""
     b0, b1, b2 = _along(progress.normal_b, triangles_b, tb)
     return min(min(b0, b1), b2)
 
@@ -72,6 +72,6 @@ def gap_between(progress, end, begin):
 
 @inlined
 def gap_along(progress, triangles_a, ta, triangles_b, tb):
-    """Certified lower bound of the distance of two triangles, metres: their gap along the aim."""
+    """Certified lower bound of the distance of two triangles, metres: their gap along it."""
     end = end_along(progress, triangles_a, ta)
     return gap_between(progress, end, begin_along(progress, triangles_b, tb))

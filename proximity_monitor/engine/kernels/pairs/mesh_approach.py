@@ -1,0 +1,93 @@
+"""How the nearest points of two meshes are improved: by what is nearest to a point."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import uint64
+
+from ..base.jit import implements, kernel
+from ..base.lanes import lowest, not_above, smallest
+from ..base.memory import on_stack
+from ..base.state import MESHES
+from ..base.vectors import along, moved, scaled, sub
+from ..elements.primitives import corners, measure_triangles, mixed
+from ..inside.nearest import begin_nearest, nearest, point_bounds, point_triangle
+from ..inside.visit import ROOM
+from ..search import stubs
+from ..tree.layout import STRIDE, WIDTH, first_of, row
+
+_ALL = (1 << WIDTH) - 1
+_TINY = np.float32(1e-30)
+
+
+@kernel
+def _near(tree, p, nearby, state, steps, stack, bounds, found):
+    """A triangle near p, a point in the tree's frame."""
+    distance, nearby, top = begin_nearest(tree, p, nearby, stack, bounds)
+    slack = state.progress[0].bound_slack
+    _, nearby, _, left = nearest(
+        tree, p, distance, nearby, top, slack, 0.0, stack, bounds, found, steps
+    )
+    state.progress[0].bound_tests += WIDTH * (steps - left)
+    return nearby
+
+
+@kernel
+def _walk(tree, p, found):
+    """The first triangle of the leaf where the nearest volume to p, level by level, leads to."""
+    child = tree.children[0]
+    while child >= 0:
+        x = np.float32(p[0] * tree.scale[1] - tree.centres[child, 0])
+        y = np.float32(p[1] * tree.scale[1] - tree.centres[child, 1])
+        z = np.float32(p[2] * tree.scale[1] - tree.centres[child, 2])
+        point_bounds(tree.nodes, uint64(child * STRIDE), x, y, z, np.float32(0.0), found)
+        least = smallest(found, 0, _ALL)
+        nearest_lanes = not_above(found, 0, least + np.float32(1e-6) * (abs(least) + _TINY))
+        # Where float32 does not serve, the first lane, which is always used, is as good as any.
+        child = tree.children[child * WIDTH + (lowest(nearest_lanes) if least < 1e29 else 0)]
+    return first_of(child)
+
+
+@kernel
+def _point_near(tree, t, p):
+    """The point of a triangle that is nearest to p."""
+    a, b, c = corners(tree.triangles, t)
+    _, v, w = point_triangle(p, a, b, c)
+    return along(along(a, sub(b, a), v), sub(c, a), w)
+
+
+@implements(stubs.guess, MESHES, MESHES)
+@kernel
+def _guess(tree_a, tree_b, state):
+    """Measure the triangle of a nearest to the middle of b, and that of b nearest to it.
+
+    They are so as far as one walk down each hierarchy tells.
+    """
+    progress, motions = state.progress[0], state.motions
+    found = on_stack(WIDTH, np.float32(0.0))
+    middle = moved(motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
+    ta = _walk(tree_a, middle, found)
+    p = moved(motions[1], _point_near(tree_a, ta, middle))
+    tb = _walk(tree_b, p, found)
+    progress.primitive_tests += 1
+    measure_triangles(tree_a, tree_b, state, ta, tb, 0.0)
+
+
+@implements(stubs.approach, MESHES, MESHES)
+@kernel
+def _approach(tree_a, tree_b, state, steps, found):
+    """The triangle of b nearest to the nearest point of a, and that of a nearest to its point."""
+    progress, motions = state.progress[0], state.motions
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
+    ta, tb = progress.element_a, progress.element_b
+    p = mixed(corners(tree_a.triangles, ta), progress.weights_a)
+    other = _near(tree_b, moved(motions[1], p), tb, state, steps, stack, bounds, found)
+    if other != tb:
+        progress.primitive_tests += 1
+        measure_triangles(tree_a, tree_b, state, ta, other, 0.0)
+    ta, tb = progress.element_a, progress.element_b
+    q = mixed(corners(tree_b.triangles, tb), progress.weights_b)
+    other = _near(tree_a, moved(motions[0], q), ta, state, steps, stack, bounds, found)
+    if other != ta:
+        progress.primitive_tests += 1
+        measure_triangles(tree_a, tree_b, state, other, tb, 0.0)

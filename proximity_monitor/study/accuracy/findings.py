@@ -1,0 +1,127 @@
+"""What the study comes to: five findings to choose a tolerance, an order and a budget by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from .budget import KEPT, ORDER_WORDS, smallest_budgets
+from .part import Rows, only, values
+from .words import asked, listed, number, percent
+
+_WORTH = 0.1
+"""Share of an exact query's mean time that a tolerance has to save to be worth its error."""
+_LOOK_US = 1000
+"""A budget, µs, at which the orders are compared: a tick of a kilohertz."""
+_MOST = 0.5
+"""Share of searches that such a budget may leave time to end."""
+
+
+def findings(data: Mapping[str, Rows]) -> str:
+    """A list in Markdown, one finding for each part that has data.
+
+    Args:
+        data: rows by the names of parts.
+    """
+    said = [
+        find(rows)
+        for name, find in (
+            ("tolerance", _first_tolerance),
+            ("tolerance", _tenth),
+            ("orders", _memory),
+            ("budget", _budget),
+            ("growth", _size),
+        )
+        if (rows := data.get(name))
+    ]
+    if not said:
+        return ""
+    lines = [f"{k}. {finding}\n" for k, finding in enumerate(said, 1)]
+    return "## What to choose\n\n" + "".join(lines)
+
+
+def _first_tolerance(rows: Rows) -> str:
+    """The smallest error that is worth asking for, in each scene."""
+    said = []
+    for scene in values(rows, "scene"):
+        mine = only(rows, scene=scene)
+        (exact,) = only(mine, rel_err=0.0)
+        worth = [
+            float(r["rel_err"])
+            for r in mine
+            if r["rel_err"] and r["mean_us"] < (1.0 - _WORTH) * exact["mean_us"]
+        ]
+        least = asked(min(worth)) if worth else "none"
+        said.append(f"{least} in {scene}")
+    return (
+        "**Ask for the exact distance, or allow a real error.** The smallest relative error that "
+        f"saves {percent(_WORTH)} of the exact query's time is {listed(said)}; a smaller one costs "
+        "as much as the exact distance, because rounding is all that it forgives."
+    )
+
+
+def _tenth(rows: Rows) -> str:
+    """What 10 % saves, and what it costs."""
+    said = []
+    for scene in values(rows, "scene"):
+        mine = only(rows, scene=scene)
+        exact, tenth = (only(mine, rel_err=e)[0] for e in (0.0, 0.1))
+        share = tenth["mean_us"] / exact["mean_us"]
+        said.append(
+            f"{number(share, 2)} of the exact query's time in {scene} (median error "
+            f"{percent(tenth['error_median'])})"
+        )
+    return (
+        f"**`rel_err=0.1` is the tolerance to try first.** It takes {listed(said)}. No answer errs "
+        "by more than was asked for, and each says by its bounds how much it may err."
+    )
+
+
+def _memory(rows: Rows) -> str:
+    """What a pair that is kept saves along a path."""
+    mine = only(rows, order="depth_first")
+    new, kept = (only(mine, memory=memory)[-1] for memory in ("none", "cached"))
+    return (
+        "**Keep one `Pair` for each two bodies.** What it remembers of the last query makes the "
+        f"next one along a path take {number(kept['mean_us'] / new['mean_us'], 2)} of the time "
+        f"({kept['scene']}, exact), and changes no answer."
+    )
+
+
+def _budget(rows: Rows) -> str:
+    """The smallest budgets that pay, and which order tells most when it is cut."""
+    least = [f"{number(us, 1)} µs {ORDER_WORDS[order]}" for order, us, _ in smallest_budgets(rows)]
+    cut = only(rows, budget_us=_LOOK_US)
+    gaps = []
+    for scene in values(cut, "scene"):
+        mine = [
+            f"{percent(row['gap_median'])} {ORDER_WORDS[row['order']]}"
+            for row in only(cut, scene=scene)
+            if row["ended"] < _MOST
+        ]
+        if mine:
+            gaps.append(f"{listed(mine)} in {scene}")
+    text = "**With a budget that cuts most searches, ask level by level.** "
+    if gaps:
+        text += (
+            f"After {number(_LOOK_US, 1)} µs of a search that needs far longer, the bounds are "
+            f"apart by this share of the distance: {'; '.join(gaps)}. "
+        )
+    if least:
+        text += (
+            f"The smallest budget that pays is {', '.join(least)}: with less, a search takes more "
+            f"than {number(KEPT, 3)} times its budget."
+        )
+    return text.rstrip()
+
+
+def _size(rows: Rows) -> str:
+    """How time grows with the models."""
+    known = [row for row in rows if row["memory"] == "cached"] or rows
+    sizes = values(known, "triangles")
+    first, last = (only(known, triangles=size)[0] for size in (min(sizes), max(sizes)))
+    more = last["triangles"] / first["triangles"]
+    return (
+        "**Do not thin out a mesh to save time.** "
+        f"{number(more)} times the triangles take {number(last['mean_us'] / first['mean_us'], 2)} "
+        "times as long, and what was thinned out is an error that no bound knows of."
+    )
