@@ -164,8 +164,8 @@ def _measure(scene: StudyScene, ask: Ask, budget_s: float, calls: int) -> NDArra
     Each question is asked three times in a row, so that a search that was cut goes on.
     """
     steps = _steps(scene, _CALLS)[:: _CALLS // calls]
-    ask(steps[0], 10.0)  # compiles, or loads, what is needed
-    ask(steps[-1], 10.0)
+    for step in steps:
+        ask(step, 10.0)  # compiles: another pose may need another kernel
     found = []
     gc.disable()
     for step in steps:

@@ -13,9 +13,7 @@ from numba import typeof
 from numpy.typing import NDArray
 
 from .kernels.base import ahead, cache, claims
-from .kernels.base.state import QUERY, MeshTree
 from .kernels.inside import ball, solids
-from .kernels.inside.ball_state import CELL, POINT, SEARCH, Ball
 from .kernels.inside.contain import Insides, settle_signs
 from .kernels.pairs import mesh_mesh
 from .kernels.tree import build, fit_tree, pairing
@@ -32,19 +30,12 @@ def kernels(watching: bool) -> Iterator[Kernel]:
     real, reals, rows = 0.0, np.empty(0), np.empty((0, 4))
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
     table = np.empty((2, 0), np.int64)
-    tables, queries = np.empty((0, 2, 0), np.int64), np.empty(0, QUERY)
-    yield mesh_mesh.search, (tables, table, rows, rows, queries, 0, 0, 1, 0, True, rows)
-    frozen_rows, frozen_lanes = _frozen(rows), _frozen(lanes)
+    tables = np.empty((0, 2, 0), np.int64)
+    asked = tables, table, rows, rows, table, 0, 0, 1, 0, True, reals
+    yield mesh_mesh.search, asked
+    frozen_rows = _frozen(rows)
     if watching:
-        nodes, frozen = _frozen(np.empty(0, np.float32)), _frozen(reals)
-        tree = MeshTree(nodes, frozen_rows, frozen_lanes, nodes, frozen_rows, frozen)
-        region = solids.Region(0, frozen_lanes, frozen, real, tree, frozen_rows)
-        point = np.empty(0, POINT)
-        memory = Ball(
-            np.empty(0, SEARCH), rows, rows, point, point, point, reals, lanes,
-            np.empty(0, CELL), lanes, reals,
-        )  # fmt: skip
-        yield ball.search_ball, (tree, tree, region, region, memory, True, 0)
+        yield ball.search_ball, (tables, table, True, 0)
         signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
         insides = Insides(np.empty(0, np.int8), table, lanes, tables)
         settled = insides, poses, integers, reals, signs, 0, 0, 1, integers, rows

@@ -69,7 +69,10 @@ def as_poses(poses: ArrayLike, name: str) -> NDArray[np.float64]:
     Raises:
         ValueError: not real numbers, or another shape.
     """
-    array = as_reals(poses, name)
+    if type(poses) is np.ndarray and poses.dtype is _FLOAT64 and poses.flags.carray:
+        array = poses
+    else:
+        array = as_reals(poses, name)
     if array.ndim != 3 or array.shape[1:] != (4, 4):
         raise ValueError(f"{name}: shape {array.shape}, expected (k, 4, 4)")
     return array

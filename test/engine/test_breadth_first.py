@@ -124,13 +124,13 @@ def test_a_full_list_is_searched_from_its_end(length, monkeypatch):
         assert len(lanes) <= length
         # What a volume holds is in the list once: no place was written twice.
         assert len(np.unique(lanes, axis=0)) == len(lanes)
-        assert lower <= search.answers[0, 0] <= exact.upper
-        lower = search.answers[0, 0]
+        assert lower <= search.answer[0] <= exact.upper
+        lower = search.answer[0]
         if code != run.index.ENDED:
             assert lower <= max(bounds.min(), 0.0)
     assert longest > length - 600
     bounds = exact.lower, exact.upper
-    assert search.answers[0, :2].tolist() == pytest.approx(bounds, abs=1e-14)
+    assert search.answer[:2].tolist() == pytest.approx(bounds, abs=1e-14)
     assert (whole.lower, whole.upper) == pytest.approx(bounds, abs=1e-14)
 
 

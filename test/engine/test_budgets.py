@@ -154,3 +154,19 @@ def test_slices_end_with_the_budget(budget_s, slower, monkeypatch):
             break
     assert 0.6 * budget_s - 1e-5 <= clock.now <= budget_s + 1e-6
     assert looks < 40
+
+
+@pytest.mark.parametrize("instant", [0.0, 1e-9])
+def test_a_slice_that_was_over_at_once_makes_no_long_one(instant, monkeypatch):
+    clock = Clock((0.0, 1e-7))
+    monkeypatch.setattr(slices, "perf_counter", lambda: clock.now)
+    work = slices.Slices(1e-3)
+    for _ in range(3):
+        clock.work(work.steps)
+        assert not work.over()
+    before = work.steps
+    clock.now += instant  # its steps met nothing
+    assert not work.over()
+    clock.work(work.steps)
+    assert work.steps <= 2 * before
+    assert clock.now < 1e-3, "the next slice overruns, though its steps take as long as all others"

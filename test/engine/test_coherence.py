@@ -111,7 +111,7 @@ def _tests(search, path):
     made = []
     for at in path:
         search.run(IDENTITY, at)
-        made.append(search.answers[0, index.TESTS])
+        made.append(search.answer[index.TESTS])
     return sum(made[3:])
 
 

@@ -258,11 +258,12 @@ class Asker:
         """The answer after each slice of so many steps."""
         query = np.zeros(1, index.QUERY)
         query["bodies"], query["limit"] = (0, 1), np.inf
+        asked = tables.table((query,))
         fresh, code = True, index.CUT
         while code == index.CUT:
             answers = np.empty((1, index.ANSWER))
             code, _ = self.entry(
-                self.models, self.memory, pose_a, pose_b, query, 0, 1, 1, steps, fresh, answers
+                self.models, self.memory, pose_a, pose_b, asked, 0, 1, 1, steps, fresh, answers[0]
             )
             fresh = False
             yield answers[0]

@@ -26,6 +26,16 @@ from proximity_monitor.engine.kernels.base.state import (
     State,
     Waiting,
 )
+from proximity_monitor.engine.kernels.inside.ball_state import (
+    CELL,
+    POINT,
+    SEARCH,
+    Ball,
+    ball_at,
+    ball_table,
+)
+from proximity_monitor.engine.kernels.inside.solid_table import solid_at
+from proximity_monitor.engine.kernels.inside.solids import HALF
 
 KNOWN = "0.68"
 BASE = Path(engine.__file__).parent / "kernels" / "base"
@@ -206,6 +216,42 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
         other = hierarchy.tree._replace(**{name: np.zeros(arrays[k].shape, np.int8)})
         with pytest.raises(TypeError, match=f"{name}: int8"):
             tables.mesh_table(other, hierarchy.numbers)
+
+
+def test_tables_of_solids_and_of_balls_lead_to_their_arrays():
+    @run
+    def read(solid, memory):
+        tree, faces, region = solid_at(solid)
+        ball = ball_at(CELL, memory)
+        ball.at[0].height, ball.motions[1, 11], ball.seeds[2, 2] = 1, 2.0, 3.0
+        ball.best[0].near[1], ball.trial[0].near[1], ball.probe[0].near[1] = 4, 5, 6
+        ball.bounds[1], ball.order[1], ball.cells[1].near[1] = 7.0, 8, 9
+        ball.stack[1], ball.reached[1] = 10, 11.0
+        return (tree.triangles[-1, 8], faces[-1], region.inside, region.samples[-1],
+                region.ball[3], region.rim, region.rim_tree.triangles[-1, 8],
+                region.moments[-1, -1])  # fmt: skip
+
+    points = np.zeros(3, POINT)
+    ball = Ball(
+        np.zeros(1, SEARCH), np.zeros((2, 12)), np.zeros((3, 3)), points[:1], points[1:2],
+        points[2:], np.zeros(2), np.zeros(2, np.int32), np.zeros(2, CELL), np.zeros(2, np.int32),
+        np.zeros(2),
+    )  # fmt: skip
+    mesh = torus(16)
+    open_mesh = engine.TriangleMesh(mesh.vertices, mesh.faces[:-1], solid="robust")
+    sides, hierarchy = open_mesh._hierarchy.sides(), open_mesh._hierarchy
+    region = sides.region
+    found = read(sides.table, ball_table(ball))
+    assert found == (
+        hierarchy.tree.triangles[-1, 8], hierarchy.numbers[-1], region.inside, region.samples[-1],
+        region.ball[3], region.rim, region.rim_tree.triangles[-1, 8], region.moments[-1, -1],
+    )  # fmt: skip
+    assert region.inside == HALF
+    assert region.rim > 0.0
+    assert (ball.at["height"][0], ball.motions[1, 11], ball.seeds[2, 2]) == (1, 2.0, 3.0)
+    assert points["near"][:, 1].tolist() == [4, 5, 6]
+    assert (ball.bounds[1], ball.order[1], ball.cells["near"][1, 1]) == (7.0, 8, 9)
+    assert (ball.stack[1], ball.reached[1]) == (10, 11.0)
 
 
 def test_only_the_base_is_clever():

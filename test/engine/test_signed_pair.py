@@ -12,6 +12,10 @@ from engine_bodies import IDENTITY, box, from_trimesh, pose, sphere, torus, tran
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
+from proximity_monitor.engine.kernels.base.state import CUT
+from proximity_monitor.engine.questions import ball, parts, run
+from proximity_monitor.engine.questions.ball import BallSearch
+from proximity_monitor.engine.questions.slices import Slices
 
 BALL, SMALL, RING = sphere(4), sphere(4, 0.5), torus(48)
 BARS = (
@@ -265,3 +269,55 @@ def test_a_refit_forgets_what_was_found_on_the_old_surface():
 def test_tolerances_and_budgets_that_make_no_sense(name, value):
     with pytest.raises(ValueError, match=name):
         engine.Pair(BALL, SMALL).signed_distance(IDENTITY, IDENTITY, **{name: value})
+
+
+def test_a_point_equally_far_from_everything_does_not_hold_up_a_search():
+    """The nearest of many triangles takes thousands of steps to tell, which many slices share."""
+    whole, sliced = BallSearch(BALL, SMALL), BallSearch(BALL, SMALL)
+    count = 0
+    for _ in range(2):  # the second time from the centre of the ball that was found
+        for each in (whole, sliced):
+            each.begin(IDENTITY, IDENTITY, 0.01, 0.0)
+        assert whole.search(math.inf)
+        while sliced._slice(False, 64) == CUT:
+            count += 1
+        assert sliced.bounds == whole.bounds
+        assert sliced.points == whole.points
+    assert count > 64, "a slice of 64 steps took far more"
+
+
+def test_a_question_whose_time_is_over_does_one_thing_more(monkeypatch):
+    begun = []
+    for module in (ball, parts, run):
+        monkeypatch.setattr(module, "slices_until", lambda end: begun.append(end) or Slices(end))
+    for a, b, there in QUESTIONS.values():
+        pair = engine.Pair(a, b)
+        for _ in range(2):  # the second time the last ball's centre comes first
+            status = Status.OUT_OF_TIME
+            while status is Status.OUT_OF_TIME:
+                begun.clear()
+                status = pair.signed_distance(IDENTITY, there, budget_s=0.0).status
+                assert len(begun) <= 2, "of the surfaces and, where they are apart, of parts inside"
+
+
+def test_the_surfaces_are_not_compared_again_while_the_depth_is_searched():
+    a, b, there = QUESTIONS["overlapping"]
+    pair, asked = engine.Pair(a, b), []
+    pair.signed_distance(IDENTITY, there, depth_err=1e-4, budget_s=0.0)
+    compare = pair._signed._apart
+    pair._signed._apart = lambda *given, **how: asked.append(how) or compare(*given, **how)
+    answers = finished(pair, IDENTITY, there, budget_s=0.0, depth_err=1e-4)
+    in_depth = sum(each.upper < 0.0 for each in answers)
+    assert in_depth > 3
+    assert len(asked) <= len(answers) - in_depth
+
+
+@pytest.mark.parametrize("name", ["overlapping", "as good as touching", "bars"])
+def test_overlap_is_certain_before_any_space_is_searched(name):
+    a, b, there = QUESTIONS[name]
+    pair = engine.Pair(a, b)
+    found = pair.signed_distance(IDENTITY, there, depth_err=1e9)
+    assert found.upper < 0.0
+    surfaces = engine.distance(a, IDENTITY, b, there)
+    assert found.bound_tests - surfaces.bound_tests <= 12, "one for each point beside the contact"
+    assert not pair._signed._depth._ball.at[0]["begun"]

@@ -50,10 +50,10 @@ pairs: all
 """
 SHARED = {
     "search.descent.advance", "elements.primitives.measure_triangles", "tree.ranges.node_ranges",
-    "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._look_into",
-    "inside.ball._plane", "inside.ball._sound_both", "inside.ball_caps._one_way",
+    "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._end_cell",
+    "inside.ball._plane", "inside.ball._go_on", "inside.ball_caps._one_way",
     "inside.ball_caps.cap_height", "inside.ball_caps.plane", "inside.ball_frame.common_box",
-    "inside.ball_point.sound", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
+    "inside.ball_point.sound_some", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
     "inside.contain.part_inside",
 }  # fmt: skip
 """They are compiled into others' code, and loaded only where they were compiled just now."""

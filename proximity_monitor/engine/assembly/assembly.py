@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, as_tolerances, check_tolerance
 from ..kernels.base import state as index
+from ..kernels.base.tables import table
 from ..kernels.inside.contain import Insides, settle_signs
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
@@ -329,15 +330,15 @@ class Assembly:
         settle: Callable[[int, int], None],
     ) -> tuple[int, int]:
         """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
-        stacked = poses.reshape(-1, 4)
+        stacked, asked, flat = poses.reshape(-1, 4), table((queries,)), answers.ravel()
         slices = slices_until(deadline)
         code, at = index.ENDED, 0
         for entry, at, last in runs:
             while True:
                 before = at
                 code, at = entry(
-                    self._tables, search.memory, stacked, stacked, queries, at, last, every,
-                    slices.steps, fresh, answers,
+                    self._tables, search.memory, stacked, stacked, asked, at, last, every,
+                    slices.steps, fresh, flat,
                 )  # fmt: skip
                 settle(before, at + (code == index.CUT))
                 fresh = code != index.CUT

@@ -13,7 +13,7 @@ from ..arguments import as_count, check_tolerance
 from ..models.model import Model
 from ..poses import as_poses
 from ..questions.result import Distances
-from ..questions.run import Order, Search
+from ..questions.run import Order, Search, check_model
 from ..questions.sharing import share
 from .assembly import Assembly, no_answers
 
@@ -76,6 +76,8 @@ def distances(
     count = len(many_a)
     if count != len(many_b):
         raise ValueError(f"{count} poses_a but {len(many_b)} poses_b")
+    check_model(a, "a")
+    check_model(b, "b")
     earliest = Search(a, b, order)  # refuses an unknown order before any thread starts
     if signed and order != "depth_first":
         raise ValueError(f"order = {order!r}: signed distances are searched 'depth_first' alone")

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import REVISION
+from ..kernels.base.state import DEVIATION, REVISION, SWEPT
 from ..kernels.base.tables import mesh_table
 from ..kernels.tree.measure import measure
 from ..kernels.tree.ranges import node_ranges
@@ -109,6 +109,23 @@ class Hierarchy:
         made._take(kept | {"vertices": vertices, "tree": tree, "distinct": distinct})
         made._measure(corners)
         made._ranges, made._before = self._ranges, self._sides or self._before
+        return made
+
+    def core(self) -> Self:
+        """The hierarchy of what the ball sweeps: the same volumes, swept by nothing.
+
+        It does not deviate from anything, either.
+        """
+        scale = self.tree.scale.copy()
+        scale[[SWEPT, DEVIATION]] = 0.0
+        scale.setflags(write=False)
+        tree = self.tree._replace(scale=scale)
+        distinct = tree if self.distinct is self.tree else self.distinct._replace(scale=scale)
+        made = type(self).__new__(type(self))
+        kept = {name: getattr(self, name) for name in _KEPT}
+        changed = {"tree": tree, "distinct": distinct, "swept_radius": 0.0, "deviation": 0.0}
+        made._take(kept | changed)
+        made._measure(tree.triangles)
         return made
 
     def _take(self, kept: dict[str, Any]) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.inside import solids
 from ..kernels.inside.angles import MOMENTS, moments_of
+from ..kernels.inside.solid_table import solid_table
 from ..kernels.inside.solids import HALF, NOWHERE, WHOLE, Region
 from .tree import build, weld
 
@@ -39,6 +40,10 @@ class Sides:
     rim: float
     """Metres: how long its open edges are together."""
     region: Region
+    extent: NDArray[np.float64]
+    """(2,) two numbers of the region, as the table has them."""
+    table: NDArray[np.int64]
+    """The addresses of the hierarchy of all triangles and of the region; see solid_table.py."""
     reason: str
     """Why it is no solid; empty where it is one."""
 
@@ -92,7 +97,9 @@ def find_sides(mesh: Hierarchy, known: Sides | None) -> Sides:
     region = Region(inside, samples, ball, rim, rim_tree, moments)
     for array in (samples, ball, moments):
         array.setflags(write=False)
-    return Sides(first, part, proper, opening, rim, region, reason)
+    extent = np.array([inside, rim], np.float64)
+    table = solid_table(mesh.table_of_all, region, extent)
+    return Sides(first, part, proper, opening, rim, region, extent, table, reason)
 
 
 def _edges(

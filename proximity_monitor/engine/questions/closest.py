@@ -1,8 +1,9 @@
-"""Many points at once: the nearest points of a model's surface, and the side."""
+"""The nearest points of a model's surface to many points, and on which side of it these lie."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from threading import Event
 from time import perf_counter
 
@@ -21,7 +22,56 @@ from .sharing import share
 from .slices import slices_until
 
 _POINTS = 4096
-"""Points that one thread answers in a row; the answers do not depend on the number of threads."""
+"""Points that one thread answers in a row; the number of threads does not change the answers."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nearest:
+    """What kernels wrote about k points; the answer is made of it field by field.
+
+    To finish thousands of rows takes longer than a short budget lasts.
+    """
+
+    numbers: NDArray[np.int32]
+    """(m,) which face stands where in tree order."""
+    bounds: NDArray[np.float64]
+    """(k, 2); what is not done stands for nothing, here and in what follows."""
+    feet: NDArray[np.float64]
+    """(k, 3) where there is a triangle."""
+    triangles: NDArray[np.int32]
+    """(k,) in tree order, or NONE."""
+    directions: NDArray[np.float64] | None
+    """(k, 3) where there is a triangle, if they were asked for."""
+    ends: NDArray[np.int64]
+    """The points that are done of every _POINTS: those before this one."""
+    nothing: float
+    """The lower bound of what is not done."""
+
+    def done(self) -> NDArray[np.bool_]:
+        """Which points are done (k,)."""
+        number = np.arange(len(self.bounds))
+        return number < self.ends[number // _POINTS]
+
+    def near(self) -> NDArray[np.bool_]:
+        """Which points have a triangle (k,)."""
+        return self.done() & (self.triangles != closest_kernel.NONE)
+
+    def lower(self) -> NDArray[np.float64]:
+        """Lower bounds (k,)."""
+        return np.where(self.done(), self.bounds[:, 0], self.nothing)
+
+    def upper(self) -> NDArray[np.float64]:
+        """Upper bounds (k,)."""
+        return np.where(self.done(), self.bounds[:, 1], math.inf)
+
+    def elements(self) -> NDArray[np.int32]:
+        """The faces of the triangles (k,), or -1."""
+        near = self.near()
+        return np.where(near, self.numbers[np.where(near, self.triangles, 0)], -1)
+
+    def vectors(self, found: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Those of the feet or directions (k, 3) that were found, and NaN."""
+        return np.where(self.near()[:, None], found, np.nan)
 
 
 def closest_points(
@@ -41,20 +91,20 @@ def closest_points(
         model: the surface.
         pose: (4, 4) model to world, metres.
         points: (k, 3) metres, world.
-        max_distance: metres; of points farther away only that is found out, and on which side they
-            lie where `signed`, which is cheaper.
-        budget_s: seconds; when they are over the points that are left stay undone. None: no limit.
-            Some microseconds' work is done at least.
+        max_distance: metres; for points farther away only that is found out, which is cheaper, and
+            with `signed` on which side they lie.
+        budget_s: seconds; when they are over, the remaining points stay undone. None: no limit.
+            At least some microseconds' work is done.
         threads: how many threads share the work; the answers do not depend on it.
         normals: whether to return the surface's normals at the nearest points.
-        signed: whether distances count as negative inside a solid (`model.is_solid`; what is inside
-            says `signed_distance`), which takes a third longer, or with `solid="robust"` some 25
-            times as long. Where rounding hides the side, as upon the surface, the bounds have
-            either sign. Of a model swept by a ball the signed distance is that of its core less the
-            radius, so a point is as deep as it is in the deepest of the swept triangles. The first
-            question about a mesh finds out besides
-            whether it is a solid, some 15 ms for 100,000 triangles, which no budget cuts. For a
-            surface this changes nothing.
+        signed: whether distances are negative inside a solid (see `model.is_solid`, and
+            `signed_distance` for what is inside). It takes a third longer, or with
+            `solid="robust"` some 25 times as long. Where rounding hides the side, as upon the
+            surface, the bounds have either sign. For a model swept by a ball the signed distance is
+            that of its core less the radius, so a point is as deep as it is in the deepest of the
+            swept triangles. The first question about a mesh also finds out whether it is a solid,
+            which takes some 15 ms for 100,000 triangles and which no budget cuts. For a surface
+            this changes nothing.
 
     Raises:
         TypeError: a model that is none, a distance or budget that is no real number.
@@ -76,12 +126,11 @@ def closest_points(
     k = len(given)
     hierarchy = model._hierarchy
     region = sides_of(model).region if signed and model.is_solid else None
-    nothing = [0.0 if region is None else -math.inf, math.inf]
-    bounds, done = np.tile(nothing, (k, 1)), np.zeros(k, np.bool_)
-    nearest, triangles = np.full((k, 3), np.nan), np.full(k, closest_kernel.NONE, np.int32)
-    directions = np.full((k if normals else 0, 3), np.nan)
+    bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
+    directions = np.empty((k if normals else 0, 3))
+    ends = np.zeros(-(-k // _POINTS), np.int64)
     capacity = 1 + hierarchy.depth * 15
-    # Of whatever volumes: boxes may be taken for swept spheres.
+    # Whatever the volumes are: boxes may be taken for swept spheres.
     tree, distinct = MeshTree(*hierarchy.tree), MeshTree(*hierarchy.distinct)
 
     def answer(first: int, stopped: Event) -> None:
@@ -107,14 +156,12 @@ def closest_points(
                     tree, region, pose, given[part], at, found, slices.steps, around,
                     bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
-            # One point at least, so that whoever asks again and again comes to an end.
+            # At least one point, so that asking again and again comes to an end.
             over = slices.over() and (first > 0 or at > 0)
-        done[first : first + at] = True
-        half_done = slice(first + at, first + found)
-        bounds[half_done], triangles[half_done] = nothing, closest_kernel.NONE
+        ends[first // _POINTS] = first + at
 
     share(answer, range(0, k, _POINTS), threads)
-    faces = np.where(triangles >= 0, hierarchy.numbers[triangles], np.int32(-1))
-    return ClosestPoints(
-        bounds[:, 0], bounds[:, 1], nearest, faces, done, directions if normals else None
-    )
+    nothing = 0.0 if region is None else -math.inf
+    chosen = directions if normals else None
+    found = Nearest(hierarchy.numbers, bounds, nearest, triangles, chosen, ends, nothing)
+    return ClosestPoints(found)

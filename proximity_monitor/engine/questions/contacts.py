@@ -1,4 +1,4 @@
-"""The contacts of two models, from what a search found."""
+"""The contacts of two models, made of the triangles that a search found."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Touching = tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]
 
 
 def no_contacts() -> Touching:
-    """Of models that do not meet."""
+    """The answer for models that do not meet."""
     return np.empty((0, 2), np.int32), np.empty((0, 3)), np.empty((0, 3))
 
 
 @dataclass(frozen=True, slots=True)
 class Met:
-    """What a search holds of triangles that touch or cross; `contacts` makes the answer of it.
+    """The triangles that touch or cross, as a search keeps them; `contacts` makes the answer.
 
-    A point and a normal take a microsecond, and there may be thousands of contacts: so nothing of
-    that is done within the budget of the search.
+    A point and a normal take a microsecond, and there may be thousands of contacts. So they are
+    made when they are read, outside the budget of the search.
     """
 
     models: tuple[Model, Model]
@@ -68,11 +68,11 @@ class Met:
 
 
 def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
-    """What a search that collects found at this pose of a; or the one contact of any other."""
+    """Take the contacts from a search at this pose of a: all, if it collects them, or else one."""
     a, b = search.models
     blocks = search.collected()
     if not len(search.state.collected):
-        answer = search.answers[0]
+        answer = search.answer
         blocks = (np.array([[answer[index.TREE_A], answer[index.TREE_B], 0.0]]),)
     return Met(
         search.models,

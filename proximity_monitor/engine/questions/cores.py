@@ -1,19 +1,20 @@
-"""How deep models overlap that are nothing but swept: spheres, capsules, swept sheets.
+"""How deep models overlap whose only volume is swept: spheres, capsules, swept sheets.
 
-Let d be the distance of the cores, and r and s the radii. A point x that is a from one core and b
-from the other has the depths r - a and s - b, and a + b is never less than d: so the smaller of
-both is at most (r + s - d) / 2, and at most r and s, as no distance is negative. On the segment
-between the cores' nearest points there is an x that attains the least of these three. So the
+Let d be the distance of the cores, and r and s the radii. Let a point x be at the distance a from
+one core and b from the other. Its depths are r - a and s - b, and a + b is never less than d. So
+the smaller depth is at most (r + s - d) / 2, and at most r and s, since no distance is negative.
+Some x on the segment between the cores' nearest points attains the least of these three. So the
 largest ball in both has the diameter
 
     min(r + s - d, 2 r, 2 s).
 
-Of a surface, which is swept by s (0 for most), the deepest point counts: min(r + s - d, r).
+For a surface, swept by s (0 for most), the deepest point counts: min(r + s - d, r).
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,27 +22,19 @@ from numpy.typing import NDArray
 from ..kernels.base import state as index
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..models.hierarchy import Hierarchy
-from ..models.mesh import TriangleMesh
 from ..models.model import Model
 from .run import Search
 
 
-def core_of(model: Model) -> TriangleMesh:
-    """What a model's balls sweep, as a model whose hierarchy shares the volumes."""
-    swept = model._hierarchy
-    scale = swept.tree.scale.copy()
-    scale[[index.SWEPT, index.DEVIATION]] = 0.0
-    tree = swept.tree._replace(scale=scale)
-    distinct = tree if swept.distinct is swept.tree else swept.distinct._replace(scale=scale)
-    kept = {"tree": tree, "distinct": distinct, "swept_radius": 0.0, "deviation": 0.0}
-    core = TriangleMesh.__new__(TriangleMesh)
-    core.name, core._hierarchy = model.name, Hierarchy.__new__(Hierarchy)
-    core._hierarchy.__setstate__(swept.__getstate__() | kept)
-    return core
+@dataclass(frozen=True, slots=True)
+class Core:
+    """What a model's ball sweeps; a search needs no more of a model than this."""
+
+    _hierarchy: Hierarchy
 
 
 class CoreSearch:
-    """A search for the depth of models that are nothing but swept; else as `BallSearch`.
+    """A search for the depth of models whose only volume is swept; otherwise as `BallSearch`.
 
     Args:
         a: first model.
@@ -64,29 +57,32 @@ class CoreSearch:
         depth_err: float,
         abs_err: float,
     ) -> None:
-        """Start a search; the distance of the cores is found to the end."""
+        """Start a search. Tolerances are not used: the distance of the cores is found exactly."""
         shapes = tuple(model.revision for model in self._models)
         if shapes != self._shapes:
             self._shapes = shapes
-            self._search = Search(*map(core_of, self._models))
+            self._search = Search(*(Core(model._hierarchy.core()) for model in self._models))
         self._poses = pose_a, pose_b
         self._fresh = True
         self._bounds = 0.0, self._depth(0.0) + self._rounding(0.0)
 
-    def add_seeds(self, points: NDArray[np.float64]) -> None:
-        """Nothing."""
+    def seed_contact(self, row: NDArray[np.float64]) -> None:
+        """Do nothing: the cores' nearest points say it all."""
+
+    def seed_part(self, body: int, triangle: int) -> None:
+        """Do nothing, either."""
 
     def seek(self, deadline: float) -> bool:
-        """Nothing."""
+        """Do nothing."""
         return True
 
     def search(self, deadline: float) -> bool:
-        """Search until the end, or until the deadline, after one slice at least: then False."""
+        """Search to the end, or to the deadline and return False; one slice at least."""
         code = self._search.run(
             *self._poses, fresh=self._fresh, deadline=None if deadline == math.inf else deadline
         )
         self._fresh = False
-        row = self._search.answers[0]
+        row = self._search.answer
         lower, upper = float(row[index.LOWER]), float(row[index.UPPER])
         self._bounds = (
             max(self._depth(upper) - self._rounding(upper), 0.0),
@@ -99,9 +95,9 @@ class CoreSearch:
         return a, b
 
     def _depth(self, apart: float) -> float:
-        """How deep models overlap whose cores are so far apart, metres; negative where they do not.
+        """The depth, if the cores are `apart` metres apart; negative if the models do not overlap.
 
-        A swept surface is all that is near its core, so it reaches a solid's core, if it can.
+        A swept surface is everything near its core, so it may reach the core of the solid.
         """
         a, b = self._radii()
         solids = [model.is_solid for model in self._models]
@@ -118,14 +114,14 @@ class CoreSearch:
 
     @property
     def slack(self) -> float:
-        """Metres that rounding may widen the bounds by."""
+        """Metres by which rounding may widen the bounds."""
         return 4.0 * float(self._search.progress["slack"]) + 2.0 * self._rounding(
             sum(self._radii())
         )
 
     @property
     def points(self) -> int:
-        """No points' depths were asked for."""
+        """How many points were tested: none."""
         return 0
 
     @property
@@ -135,6 +131,6 @@ class CoreSearch:
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write the cores' nearest points into an answer (ANSWER,)."""
-        found = self._search.answers[0]
+        found = self._search.answer
         row[index.POINT_A : index.TREE_A] = found[index.POINT_A : index.TREE_A]
         row[index.RADIUS_A], row[index.RADIUS_B] = self._radii()

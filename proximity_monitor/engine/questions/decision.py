@@ -1,4 +1,4 @@
-"""Yes-or-no answers: no is certain; where a budget ended first, the answer is an undecided yes."""
+"""Yes-or-no answers: no is certain; if a budget ends first, the answer is an undecided yes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Clearance:
 
     Attributes:
         row: (ANSWER,) the answer as numbers in a row, as a search writes them.
-        clearance: metres; what was asked for.
+        clearance: metres; the clearance in question.
         ended: whether the search came to an end before its budget did.
     """
 
@@ -31,14 +31,14 @@ class Clearance:
     def within(self) -> bool:
         """False only where it is certain that the surfaces are farther apart than asked.
 
-        True where they are as near, or where rounding or the end of the budget leaves that open:
-        see `decided`.
+        True if they are as near, or if rounding or the end of the budget leaves that open; see
+        `decided`.
         """
         return self.lower <= self.clearance
 
     @property
     def decided(self) -> bool:
-        """False where the budget ended before it was known: then nothing excludes that it is so."""
+        """False if the budget ended before the answer was known; then `within` may be wrong."""
         return self.ended or not self.within or self.upper <= self.clearance
 
     @property
@@ -85,9 +85,9 @@ class Collision:
 
     Attributes:
         row: (ANSWER,) the answer as numbers in a row, as a search writes them.
-        met: what makes the contacts.
-        complete: whether the search came to an end before its budget did: what was asked for is
-            decided, and where all contacts were asked for none is missing.
+        met: the triangles that touch or cross; contacts are made of them when they are read.
+        complete: whether the search came to an end before its budget did. Then the answer is
+            decided and, if all contacts were wanted, none is missing.
     """
 
     row: NDArray[np.float64]
@@ -98,14 +98,13 @@ class Collision:
     def colliding(self) -> bool:
         """False only where it is certain that they do neither.
 
-        True where they do, or where rounding or the end of the budget leaves that open: see
-        `decided`.
+        True if they do, or if rounding or the end of the budget leaves that open; see `decided`.
         """
         return bool(self.row[index.LOWER] == 0.0)
 
     @property
     def decided(self) -> bool:
-        """False where the budget ended before it was known: then nothing excludes that they do."""
+        """False if the budget ended before the answer was known; then `colliding` may be wrong."""
         return self.complete or not self.colliding or self.met.touching
 
     @property
@@ -120,7 +119,7 @@ class Collision:
     def points(self) -> NDArray[np.float64]:
         """(k, 3) metres, world; a point of each contact, on both surfaces to rounding.
 
-        On a, where only what the models may deviate lets them touch.
+        It lies on a, if the surfaces touch only because the models may deviate.
         """
         return self._found[1]
 
@@ -128,10 +127,10 @@ class Collision:
     def normals(self) -> NDArray[np.float64]:
         """(k, 3) unit vectors, world; the way from a to b of each contact.
 
-        Along it b is pushed away. Where balls touch it is the line of their centres. Else it is the
-        outward normal of a's triangle or the inward one of b's (outward as the order of their
-        corners says): that one along which the two triangles are parted sooner. Of segments that
-        cross it is perpendicular to both, of points that coincide it is zero.
+        Pushing b along it separates the two. Where balls touch, it is the line of their centres.
+        Else it is the outward normal of a's triangle or the inward normal of b's, whichever parts
+        the two triangles sooner; the order of their corners says which way is outward. For segments
+        that cross it is perpendicular to both, and for points that coincide it is zero.
         """
         return self._found[2]
 

@@ -1,4 +1,4 @@
-"""The solution manifold of a search: what may hold the minimum, as ranges of triangles."""
+"""The solution manifold of a search: all pairs that may hold the minimum, as triangle ranges."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from .run import Search, least
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """What a search holds of pairs that may hold the minimum; `manifold` makes the answer of it.
+    """The pairs that may hold the minimum, as a search keeps them; `manifold` makes the answer.
 
-    To make a manifold of many pairs takes longer than a short budget lasts. So a search hands over
+    Making a manifold of many pairs takes longer than a short budget lasts. So a search hands over
     its rows as they are, and nothing writes to them any more.
     """
 
@@ -36,8 +36,8 @@ class Candidates:
     def manifold(self) -> Manifold:
         """Every pair whose lower bound is not above the upper bound of the search.
 
-        Those are the pairs of triangles whose distance was found, the pairs of volumes left alone,
-        and where the search was cut those not yet looked into.
+        Those are the pairs of triangles whose distance was found, the pairs of volumes that were
+        left alone, and, if the search was cut, those that it did not reach.
         """
         progress = self.progress
         slack, offsets = progress["slack"], (progress["radii"], progress["deviations"])
@@ -65,8 +65,8 @@ class Candidates:
     def _apart(self, ranges: list[NDArray[np.int32]], first: int) -> NDArray[np.float64]:
         """Distances of the first vertices of the pairs from `first` on, metres.
 
-        No two points of a pair need be as near, but the nearest are. They err by no more than the
-        distances of triangles (MARGIN_A).
+        The nearest points of a pair are no farther apart, so this bounds their distance from above.
+        It errs by no more than the distances of triangles (MARGIN_A).
         """
         p, q = (
             mesh.tree.triangles[each[first:, 0], :3]
@@ -77,7 +77,7 @@ class Candidates:
 
 
 def candidates(search: Search) -> Candidates:
-    """What a search that collects holds at this moment."""
+    """Take from a collecting search all that it knows at this moment."""
     a, b = search.models
     return Candidates(
         (a._hierarchy, b._hierarchy),

@@ -19,46 +19,50 @@ from .decision import Clearance, Collision
 from .manifold import candidates
 from .result import Distance
 from .rows import distance_of
-from .run import Order, Search
+from .run import Order, Search, check_model
 from .signed import SignedSearch
 
 
 class Pair:
     """Two models that are asked about again and again.
 
-    The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section
-    6.2), so is the centre of the largest ball inside both, and a
-    search that ran out of time goes on where the same question, whichever, is asked again. Volumes
-    that were too far are not opened again before the models may have moved by as much.
-    A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, and one that
-    comes out of a pickle, starts from the nearest triangles that this one found, and has a memory
-    of its own.
+    The nearest triangles of one call are tried first in the next (Larsen et al. 1999, section 6.2),
+    and so is the centre of the largest ball inside both. A search that ran out of time goes on when
+    the same question is asked again. Volumes that were too far apart are not opened again until the
+    models may have moved far enough to matter.
+
+    A Pair belongs to one thread at a time; the models may be shared. A copy of a Pair, pickled or
+    not, starts from the nearest triangles that this one found, and has a memory of its own.
 
     Args:
         a: the first model.
         b: the second model.
-        coherent: whether to remember volumes, too: of use where successive poses are near each
-            other, as along a path.
+        coherent: whether to remember volumes as well, which helps if successive poses are near
+            each other, as along a path.
 
     Raises:
         TypeError: a model that is none.
     """
 
-    __slots__ = ("_asked", "_search", "_signed", "a", "b")
+    __slots__ = ("_asked", "_begin_with", "_search", "_signed", "a", "b")
 
     def __init__(self, a: Model, b: Model, *, coherent: bool = True) -> None:
-        self._begin(Search(a, b, coherent=coherent))
+        self._remember("depth_first", coherent)
+        self.a, self.b = check_model(a, "a"), check_model(b, "b")
 
-    def _begin(self, search: Search) -> None:
-        """Take a search that nobody else has, and know nothing else."""
-        self.a, self.b = search.models
-        self._search = search
+    def _remember(self, order: Order, coherent: bool, nearest: tuple[int, int] = (0, 0)) -> None:
+        """Know nothing but how the first search is to begin: it is made when it is needed."""
+        self._begin_with = order, coherent, nearest
+        self._search: Search | None = None
         self._asked: tuple[object, ...] | None = None
         self._signed: SignedSearch | None = None
 
     def __reduce__(self) -> tuple[Callable[..., Pair], tuple[Any, ...]]:
-        """Of what another is made."""
-        return _pair_of, (type(self), *self._search.__reduce__())
+        """Make another pair that begins with what this one found."""
+        known = self._begin_with
+        if self._search is not None:
+            known = self._search.order, self._search.coherent, self._search.nearest
+        return _pair_of, (type(self), self.a, self.b, known)
 
     def distance(
         self,
@@ -76,12 +80,12 @@ class Pair:
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        if order != self._search.order:
-            self._change_order(order)
-        self._run(start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
         search = self._search
+        if search is None or search.order != order:
+            search = self._begin_search(order)
+        self._run(search, start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
         held = candidates(search) if manifold else None
-        return distance_of(search.answers[0], start, held, search.kinds)
+        return distance_of(search.answer, start, held, search.kinds)
 
     def ideal(
         self,
@@ -109,7 +113,7 @@ class Pair:
         # The next begins with the distance of the triangles that this one found.
         start = perf_counter()
         search.run(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err)
-        return distance_of(search.answers[0], start, None, search.kinds)
+        return distance_of(search.answer, start, None, search.kinds)
 
     def signed_distance(
         self,
@@ -122,6 +126,7 @@ class Pair:
         budget_s: float | None = None,
     ) -> Distance:
         """Signed distance at two poses; see `engine.signed_distance`."""
+        start = perf_counter()
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         depth_err = check_tolerance("depth_err", depth_err)
@@ -131,7 +136,7 @@ class Pair:
         if self._signed is None:
             # With searches of its own: questions of either kind leave those of the other alone.
             self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b).distance)
-        return self._signed.ask(pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
+        return self._signed.ask(start, pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
 
     def within(
         self,
@@ -146,8 +151,9 @@ class Pair:
         clearance = check_tolerance("clearance", clearance)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         beyond = math.nextafter(clearance, math.inf)
-        code = self._run(start, budget_s, pose_a, pose_b, stop=clearance, limit=beyond)
-        return Clearance(self._search.answers[0], clearance, code == index.ENDED)
+        search = self._search or self._begin_search()
+        code = self._run(search, start, budget_s, pose_a, pose_b, stop=clearance, limit=beyond)
+        return Clearance(search.answer, clearance, code == index.ENDED)
 
     def collide(
         self,
@@ -161,12 +167,13 @@ class Pair:
         start = perf_counter()
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
         limit = math.ulp(0.0)
-        code = self._run(start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
-        search = self._search
-        return Collision(search.answers[0], met(search, pose_a), code == index.ENDED)
+        search = self._search or self._begin_search()
+        code = self._run(search, start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
+        return Collision(search.answer, met(search, pose_a), code == index.ENDED)
 
     def _run(
         self,
+        search: Search,
         start: float,
         budget_s: float | None,
         pose_a: NDArray[np.float64],
@@ -179,10 +186,9 @@ class Pair:
     ) -> int:
         """Search as `Search.run` does, within a budget that began at `start` of perf_counter.
 
-        Where the last search was cut in the very same question, this one goes on.
+        If the last search was cut and had the very same question, this one goes on.
         """
         fresh, asked, deadline = True, None, None
-        search = self._search
         if budget_s is not None:
             deadline = start + check_tolerance("budget_s", budget_s)
             shapes = self.a._hierarchy, self.b._hierarchy
@@ -191,20 +197,25 @@ class Pair:
             fresh = asked != self._asked
         self._asked = None
         code = search.run(
-            pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, stop=stop, limit=limit,
-            deadline=deadline, fresh=fresh, collect=collect,
-        )  # fmt: skip
+            pose_a, pose_b, rel_err, abs_err, stop, limit, deadline, fresh, collect
+        )  # by name it would take a tenth of a microsecond more
         self._asked = asked
         return code
 
-    def _change_order(self, order: Order) -> None:
-        """Search in another order from now on; the remembered triangles stay."""
-        search = self._search
-        self._search = Search(self.a, self.b, order, search.coherent, search.nearest)
+    def _begin_search(self, order: Order | None = None) -> Search:
+        """Search in this order from now on; the remembered triangles stay."""
+        last, coherent, nearest = self._begin_with
+        if self._search is not None:
+            coherent, nearest = self._search.coherent, self._search.nearest
+        self._search = Search(self.a, self.b, order or last, coherent, nearest)
+        return self._search
 
 
-def _pair_of(kind: type[Pair], make: type[Search], arguments: tuple[Any, ...]) -> Pair:
-    """A pair with a search of its own."""
+def _pair_of(
+    kind: type[Pair], a: Model, b: Model, known: tuple[Order, bool, tuple[int, int]]
+) -> Pair:
+    """A pair with a memory of its own."""
     pair = kind.__new__(kind)
-    pair._begin(make(*arguments))
+    pair.a, pair.b = a, b
+    pair._remember(*known)
     return pair

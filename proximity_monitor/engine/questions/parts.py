@@ -1,4 +1,4 @@
-"""Whether a part of one of two models whose surfaces are apart lies inside the other: in slices."""
+"""Whether a part of one model lies inside another whose surface it does not meet: in slices."""
 
 from __future__ import annotations
 
@@ -8,35 +8,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.motion import relative_motion_pair
+from ..kernels.base.state import MeshTree
 from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
 from ..models.model import Model
-from .ball import tree_of
 from .slices import slices_until
 
 
 class PartSearch:
-    """The memory of that question at two poses.
+    """The memory of a search for such a part at two poses.
 
     Args:
         models: two.
         poses: two (4, 4), model to world.
-        regions: where the models have an inside: everywhere within a closed surface, or nowhere.
+        regions: where the models have an inside; none has holes.
     """
 
     __slots__ = (
-        "_cores",
-        "_motions",
-        "_progress",
-        "_regions",
-        "_scratch",
-        "_slack",
-        "_trees",
-        "found",
-    )
+        "_cores", "_motions", "_progress", "_regions", "_scratch", "_slack", "_trees", "part",
+    )  # fmt: skip
 
-    found: tuple[int, int]
-    """The model, and its triangle, that may lie inside the other."""
+    part: tuple[int, int] | None
+    """The model whose part may lie inside the other, and a triangle of that part, if any does."""
 
     def __init__(
         self,
@@ -45,7 +38,7 @@ class PartSearch:
         regions: Sequence[Region],
     ) -> None:
         self._cores = [model._hierarchy for model in models]
-        self._trees = [tree_of(core) for core in self._cores]
+        self._trees = [MeshTree(*core.tree) for core in self._cores]
         self._regions = regions
         self._motions = np.empty((2, 12))
         sizes = [float(tree.scale[2]) for tree in self._trees]
@@ -53,22 +46,23 @@ class PartSearch:
         self._progress = np.zeros((2, 2), np.int64)
         room = 1 + max(core.depth for core in self._cores) * 15
         self._scratch = np.empty((2, 2, room), np.int32)
-        self.found = (-1, -1)
+        self.part = None
 
     @property
     def points(self) -> int:
-        """How many points' sides were asked for, where each part has one."""
+        """How many points were tested for their side: one of each part."""
         return int(self._progress[:, 0].sum())
 
     def search(self, apart: float, deadline: float) -> bool | None:
-        """Whether a part may lie inside, the surfaces being `apart` metres or more apart.
+        """Whether a part may lie inside, if the surfaces are `apart` metres or more apart.
 
-        None where the deadline came first, after one slice at least.
+        None if the deadline came first; one slice at least is searched. Surfaces so close that
+        rounding hides their gap may touch: then the answer is yes, but no part is known.
         """
         if not apart > 4.0 * self._slack:
             return True
         slices = slices_until(deadline)
-        if self.found[0] >= 0:
+        if self.part is not None:
             return True
         for body in range(2):
             motion = self._motions[1 - body]
@@ -81,7 +75,7 @@ class PartSearch:
                     slices.steps,
                 )  # fmt: skip
                 if t >= 0:
-                    self.found = body, int(t)
+                    self.part = body, int(t)
                     return True
                 if t == contain.NONE:
                     break

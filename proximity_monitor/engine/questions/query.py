@@ -29,7 +29,7 @@ def distance(
 ) -> Distance:
     """Minimum distance between two surfaces, with certified bounds and witness points.
 
-    Zero where the surfaces touch or cross. A search goes on until the bounds meet to rounding, or
+    Zero where the surfaces touch or cross. A search goes on until the bounds agree to rounding, or
     a tolerance or the budget allows it to stop (Larsen et al. 1999, sections 3 and 5.3, eq. 4).
 
     Args:
@@ -39,20 +39,19 @@ def distance(
         pose_b: (4, 4) model to world, metres.
         rel_err: stop when upper <= (1 + rel_err) · true distance.
         abs_err: metres; stop when upper <= true distance + abs_err, whichever is reached first.
-        budget_s: seconds; stop with certified bounds when they are over. None: no limit. Some
-            microseconds' work is done at least, so a `Pair` that is asked again and again comes to
-            an end with any budget.
+        budget_s: seconds; stop with certified bounds when they are over. None: no limit. At least
+            some microseconds' work is done, so asking a `Pair` again and again comes to an end with
+            any budget.
         order: for the study of searches; the default suits nearly every use. "depth_first" takes
-            the nearer child first, with the least bookkeeping; "priority" the nearest of all pairs
-            that are left (section 6.1), which makes fewer tests where no good answer is known
-            beforehand; "breadth_first" bounds all pairs of one level of the hierarchies before the
+            the nearer child first, with the least bookkeeping. "priority" takes the nearest of all
+            pairs that are left (section 6.1), which needs fewer tests if no good answer is known
+            beforehand. "breadth_first" bounds all pairs of one level of the hierarchies before the
             next (Johnson and Cohen 1997, section 3.1.1), so its lower bound rises, and a manifold
             shrinks, everywhere alike. Its first question about a mesh chooses some vertices
-            beforehand, 5 ms for 100,000 triangles, which no budget cuts.
-        manifold: give every pair of triangles that may hold the minimum, all ties and, where
-            surfaces intersect, all contacts: `Distance.manifold`. Where the search is cut, or a
-            tolerance has it leave pairs of volumes alone that cannot improve the answer by more,
-            those stand in it as well.
+            beforehand, which takes 5 ms for 100,000 triangles and which no budget cuts.
+        manifold: give every pair of triangles that may hold the minimum, with all ties and, where
+            surfaces intersect, all contacts: `Distance.manifold`. If the search is cut, or leaves
+            pairs of volumes alone because of a tolerance, these pairs are in it as well.
 
     Returns:
         The bounds, in metres, witness points and why the search stopped.
@@ -80,8 +79,8 @@ def within(
 ) -> Clearance:
     """Whether two surfaces may be as near as `clearance` metres (a tolerance query).
 
-    Cheaper than `distance`: the first witness ends the search. False is certain; True where a
-    witness is as near, or rounding cannot exclude it.
+    Cheaper than `distance`: the first witness ends the search. False is certain. True means that a
+    witness is as near, or that rounding cannot exclude it.
 
     Args:
         a: first model.
@@ -89,7 +88,7 @@ def within(
         b: second model.
         pose_b: (4, 4) model to world, metres.
         clearance: metres.
-        budget_s: as for `distance`. Where it ends first, `Clearance.decided` is False and `within`
+        budget_s: as for `distance`. If it ends first, `Clearance.decided` is False and `within` is
             True, because nothing excludes it.
 
     Raises:
@@ -120,8 +119,8 @@ def collide(
         b: second model.
         pose_b: (4, 4) model to world, metres.
         all_contacts: find every pair of touching triangles, else one.
-        budget_s: as for `distance`. Where it ends before anything is known, `Collision.decided` is
-            False and `colliding` True; where it ends before all contacts are found, `complete` is
+        budget_s: as for `distance`. If it ends before anything is known, `Collision.decided` is
+            False and `colliding` is True; if it ends before all contacts are found, `complete` is
             False.
 
     Raises:
@@ -135,7 +134,7 @@ def collide(
 
 
 def _left(budget_s: float | None, start: float) -> float | None:
-    """What is left of a budget that began at `start` of perf_counter."""
+    """The rest of a budget that began at `start` of perf_counter."""
     if budget_s is None:
         return None
     return max(check_tolerance("budget_s", budget_s) - (perf_counter() - start), 0.0)
@@ -154,56 +153,56 @@ def signed_distance(
 ) -> Distance:
     """Signed distance where a model is solid: positive apart, negative where they overlap.
 
-    Where nothing of one lies inside the other it is the minimum distance of their surfaces, as
-    `distance` has it. Where two solids overlap, also where one lies wholly inside the other, it is
-    minus the **diameter of the largest ball that fits into both**. That is how far faces, or
-    spheres, are pushed into each other; it is the same for every tessellation of a shape; it
-    changes by no more than the solids move; and it is never more than the shortest translation that
-    parts them: a ball inside both and its copy, moved so, have no common interior.
+    If nothing of one model lies inside the other, it is the minimum distance of their surfaces, as
+    from `distance`. If two solids overlap, even one wholly inside the other, it is minus the
+    **diameter of the largest ball that fits into both**. That is how far faces, or spheres, are
+    pushed into each other. It is the same for every tessellation of a shape. It changes by no more
+    than the solids move. It is never more than the shortest translation that parts the solids: a
+    ball inside both and its copy, moved by that, have no common interior.
 
-    Of a solid and a surface it is the least signed distance of a point of the surface to the solid:
-    minus the **depth of the deepest point** where the surface reaches in. Of two surfaces it is
-    `distance`. Which models are solid their `solid` says, by default those that enclose one;
-    `is_solid` tells, and `not_solid` why not.
+    For a solid and a surface it is the least signed distance of the surface's points to the solid:
+    minus the **depth of the deepest point** if the surface reaches in. For two surfaces it is
+    `distance`. The argument `solid` of a model says whether it is a solid; by default it is if it
+    encloses a volume. `is_solid` tells, and `not_solid` says why not.
 
     A point is inside a solid where the surface's winding number around it is not 0 (Jacobson et al.
     2013, section 3, "Robust inside-outside segmentation using generalized winding numbers"). So
     faces may all point outward or all inward, overlapping parts make a union, and a part turned
-    the other way inside another is a cavity. No ball passes the surface as it is given: nor faces
-    within a union.
+    the other way inside another is a cavity. No ball crosses the surface as it is given, not even
+    faces inside a union.
 
-    Of a mesh with holes, `solid="robust"`, a point is inside where the winding number is more than
-    one half either way, and within the sphere `centre`, `core_radius`. The surface is still
-    the triangles': nothing is there across a hole but that what passes it changes sides, and the
-    signed distance jumps.
+    For a mesh with holes, `solid="robust"`, a point is inside if it lies within the sphere
+    `centre`, `core_radius` and its winding number is more than one half either way. The surface is
+    still that of the triangles: there is none across a hole, but whatever passes through a hole
+    changes sides, and its signed distance jumps.
 
     Args:
         a: first model.
         pose_a: (4, 4) model to world, metres.
         b: second model.
         pose_b: (4, 4) model to world, metres.
-        rel_err: of models that are apart: stop when upper <= (1 + rel_err) · true distance.
+        rel_err: for models that are apart: stop when upper <= (1 + rel_err) · true distance.
         abs_err: metres; stop when the bounds differ by at most abs_err, whichever is first.
-        depth_err: of models that overlap: stop when the bounds differ by at most depth_err · depth.
-            Faces pushed into each other are told to rounding whatever it is; where a largest ball
-            touches curved surfaces, a tenth of it takes about twice as long.
+        depth_err: for models that overlap: stop when the bounds differ by at most depth_err ·
+            depth. The depth of faces pushed into each other is found to rounding in any case. If
+            the largest ball touches curved surfaces, a tenth of the error takes about twice as
+            long. A large one, as 1e3, asks for no more than whether they overlap.
         budget_s: seconds; stop with certified bounds when they are over. None: no limit. The first
-            question about a mesh finds out besides whether it is a solid, some 15 ms for 100,000
-            triangles, which no budget cuts.
+            question about a mesh also finds out whether it is a solid, which takes some 15 ms for
+            100,000 triangles and which no budget cuts.
 
     Returns:
         The bounds, in metres: `lower <= signed distance <= upper`, whatever stopped the search.
-        Apart is certain where `lower > 0`, overlap where `upper < 0`; then -upper and -lower bound
-        the depth, and the witness points are those of either surface that are nearest to the
-        centre of the largest ball found, or the deepest point of a surface and the solid's point
-        nearest to it. Else they are those of `distance`, and their distance bounds the signed one
-        from above.
+        The models are certainly apart if `lower > 0`, and certainly overlap if `upper < 0`. Then
+        -upper and -lower bound the depth, and the witness points are the points of both surfaces
+        nearest to the centre of the largest ball found; or the deepest point of a surface, and the
+        solid's point nearest to it. Else they are those of `distance`, and their distance bounds
+        the signed one from above.
         `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
         tested counts as one of either.
-        Status INTERSECTING: the surfaces touch, or are so close that rounding, or what the models
-        may deviate, cannot tell; or models overlap most next to a hole of a robust solid, where the
-        bounds stay wider than asked for. Any other depth comes as EXACT, WITHIN_TOLERANCE or
-        OUT_OF_TIME.
+        Status INTERSECTING: the surfaces touch, or are so close that rounding or deviations cannot
+        tell; or the models overlap most next to a hole of a robust solid, where the bounds stay
+        wider than asked for. Any other depth comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
 
     Raises:
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.

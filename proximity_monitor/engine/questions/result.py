@@ -15,6 +15,7 @@ from ..models.model import Feature, Model
 from .witness import witness_points
 
 if TYPE_CHECKING:
+    from .closest import Nearest
     from .manifold import Candidates
 
 
@@ -22,11 +23,11 @@ class Status(Enum):
     """Why a distance search stopped."""
 
     EXACT = "exact"
-    """The bounds differ by rounding alone, and by what the models may deviate."""
+    """The bounds differ only by rounding and by the models' deviations."""
     WITHIN_TOLERANCE = "within tolerance"
     """upper <= (1 + rel_err) · true, or upper <= true + abs_err, deviations left out."""
     OUT_OF_TIME = "out of time"
-    """The budget ended first; the bounds hold, and the same Pair can go on."""
+    """The budget ended first. The bounds hold, and the same Pair can go on."""
     INTERSECTING = "intersecting"
     """The models cross or touch, or are so close that rounding or deviations cannot tell: lower is
     0, or the least value that `signed_distance` can have."""
@@ -75,13 +76,13 @@ class Distance:
     """Minimum distance of two surfaces: lower <= true distance <= upper.
 
     Attributes:
-        row: (ANSWER,) what follows as numbers in a row, as a search writes them.
+        row: (ANSWER,) all that follows, in numbers, as a search writes them.
         elapsed_s: seconds the search took.
-        candidates: what makes the `manifold`, where it was asked for.
-        kinds: those of the two models, which know what features there are.
+        candidates: the pairs that the `manifold` is made of, if it was asked for.
+        kinds: the kinds of the two models, which know their features.
     """
 
-    # A call takes a few microseconds, of which six numbers that nobody may want would be one.
+    # A call takes a few microseconds, and making all these numbers would take another one.
     row: NDArray[np.float64]
     elapsed_s: float
     candidates: Candidates | None
@@ -89,9 +90,9 @@ class Distance:
 
     @cached_property
     def manifold(self) -> Manifold | None:
-        """Every pair that may hold the minimum, where they were asked for.
+        """Every pair that may hold the minimum, if they were asked for.
 
-        It is made when it is first read, and no budget counts that: a millisecond for 20,000 pairs.
+        It is made when it is first read, outside any budget: a millisecond for 20,000 pairs.
         """
         return None if self.candidates is None else self.candidates.manifold()
 
@@ -154,33 +155,60 @@ class Distance:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class ClosestPoints:
     """The point of a surface nearest to each of many points.
 
     A point beyond the `max_distance` that was asked for has that or more as its lower bound, and
-    one that the budget did not suffice for has 0; the upper bound of both is infinite. Where signs
-    were asked for, a point that lies so deep inside has -`max_distance` or less as its upper bound,
-    and lower bounds of which nothing is known are -infinity. The points and normals of all these
-    are NaN and their elements -1.
+    one that the budget did not suffice for has 0; the upper bound of both is infinite. If signs
+    were asked for, a point so deep inside has -`max_distance` or less as its upper bound, and
+    unknown lower bounds are -infinity. The points and normals of all these are NaN and their
+    elements -1.
 
     Attributes:
-        lower: (k,) metres; certified lower bounds of the distances, or of the signed distances.
-        upper: (k,) metres; certified upper bounds. Inside is certain where they are below 0.
-        points: (k, 3) metres, world; the nearest points of the surface.
-        elements: (k,) int32; the elements of the model that they lie on, such as triangles.
-        done: (k,) bool; False where the budget ended first: ask again about `points[~done]`.
-        normals: (k, 3) unit vectors, world, where they were asked for: that of the triangle, which
-            points outward as the order of its corners says, or zero where it has no area; of a
-            model swept by a ball that of its surface.
+        found: what the search wrote; a field is made of it when it is first read.
     """
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    points: NDArray[np.float64]
-    elements: NDArray[np.int32]
-    done: NDArray[np.bool_]
-    normals: NDArray[np.float64] | None
+    found: Nearest
+
+    def __len__(self) -> int:
+        """How many points there are."""
+        return len(self.found.bounds)
+
+    @cached_property
+    def lower(self) -> NDArray[np.float64]:
+        """(k,) metres; certified lower bounds of the distances, or of the signed distances."""
+        return self.found.lower()
+
+    @cached_property
+    def upper(self) -> NDArray[np.float64]:
+        """(k,) metres; certified upper bounds. Inside is certain where they are below 0."""
+        return self.found.upper()
+
+    @cached_property
+    def points(self) -> NDArray[np.float64]:
+        """(k, 3) metres, world; the nearest points of the surface."""
+        return self.found.vectors(self.found.feet)
+
+    @cached_property
+    def elements(self) -> NDArray[np.int32]:
+        """(k,) int32; the elements of the model that they lie on, such as triangles."""
+        return self.found.elements()
+
+    @cached_property
+    def done(self) -> NDArray[np.bool_]:
+        """(k,) bool; False where the budget ended first: ask again about `points[~done]`."""
+        return self.found.done()
+
+    @cached_property
+    def normals(self) -> NDArray[np.float64] | None:
+        """(k, 3) unit vectors, world; the surface's normals there, if they were asked for.
+
+        That of the triangle points outward as the order of its corners says, and is zero where it
+        has no area. Of a model swept by a ball it is that of its surface.
+        """
+        directions = self.found.directions
+        return None if directions is None else self.found.vectors(directions)
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,12 +216,12 @@ class Distances:
     """Minimum or signed distances, one row a pose or a pair of bodies; see `Distance`.
 
     Attributes:
-        rows: (k, ANSWER) what follows as numbers in rows, as searches write them; NaN stands for
-            the status where nothing was searched.
+        rows: (k, ANSWER) all that follows, in numbers, as searches write them. The status is NaN
+            where nothing was searched.
     """
 
-    # As in `Distance`, nothing is made that nobody may want: of thousands it would take longer than
-    # a short budget lasts.
+    # As in `Distance`, fields are made when they are read: for thousands of rows that takes longer
+    # than a short budget lasts.
     rows: NDArray[np.float64]
 
     def __len__(self) -> int:
@@ -204,8 +232,7 @@ class Distances:
     def lower(self) -> NDArray[np.float64]:
         """(k,) metres; 0 where nothing was searched.
 
-        Of a signed distance it is -infinity there, and may be where `upper` decided about a
-        clearance.
+        A signed distance is -infinity there, and may be so if `upper` decided about a clearance.
         """
         return self.rows[:, index.LOWER]
 
@@ -276,7 +303,7 @@ class Distances:
     def within(self, clearance: ArrayLike) -> NDArray[np.bool_]:
         """Whether the models may be as near as `clearance` metres, a number or (k,); (k,) bool.
 
-        False is certain. What was asked for with this clearance is decided, unless the budget ended
-        first; so with clearance 0 it is whether the models touch or cross.
+        False is certain. If the question had this clearance, the answer is decided unless the
+        budget ended first; so with clearance 0 it says whether the models touch or cross.
         """
         return self.lower <= np.asarray(clearance)

@@ -1,4 +1,4 @@
-"""From rows that the search kernel wrote (see kernels/state.py) to answers."""
+"""Answers made of the rows that a search kernel wrote (see kernels/base/state.py)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ _new = object.__new__
 def distance_of(
     row: NDArray[np.float64], start: float, candidates: Candidates | None, kinds: Kinds
 ) -> Distance:
-    """The answer of a row (ANSWER,), which is kept, to what was asked at `start`.
+    """Make the answer of a row (ANSWER,), which it keeps; the question was asked at `start`.
 
     `kinds` are those of the two models.
     """
-    # Its own __init__, which sets field by field past what freezes it, takes three times as long.
+    # Its own __init__ has to get around the freeze for each field, and takes three times as long.
     answer = _new(Distance)
     fields = answer.__dict__
     fields["row"], fields["candidates"], fields["kinds"] = row, candidates, kinds

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.state import KEPT
-from ..kernels.base.tables import state_table
+from ..kernels.base.tables import state_table, table
 from ..kernels.pairs.entries import ENTRIES
 from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
@@ -21,7 +21,7 @@ from ..poses import check_pose
 from .slices import slices_until
 
 Order = Literal["depth_first", "priority", "breadth_first"]
-"""In which order a search visits pairs of volumes; the answer is the same."""
+"""The order in which a search visits pairs of volumes; the answer is the same."""
 
 _ORDERS = {
     "depth_first": index.DepthFirst,
@@ -30,15 +30,15 @@ _ORDERS = {
 }
 
 _LIST = 1 << 20
-"""Pairs that a search level by level has room for, a power of two: 16 MB, of which the system gives
-only what is used."""
+"""Pairs that a search level by level has room for, a power of two: 16 MB, of which the system
+provides only the part that is used."""
 
 _COHERENT = 1024
 """Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
 
 _BLOCK = 4096
-"""Rows of a block of collected pairs. A full block is set aside and never copied again, so that no
-slice takes the longer the more was collected before."""
+"""Rows of a block of collected pairs. A full block is set aside and never copied again, so a slice
+takes no longer when much has been collected."""
 
 
 def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
@@ -77,25 +77,24 @@ def least(rows: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
 class Search:
     """The memory of a search over two models, and its last answers.
 
-    Kernels find that memory by its addresses. So a copy, and what pickle makes of it, is another
-    search of the models, which begins with the nearest triangles of this one.
+    Kernels find that memory by its addresses. So a copy, pickled or not, is another search over the
+    models; it begins with the nearest triangles of this one.
 
     Args:
         a: first model.
         b: second model.
-        order: in which order pairs of volumes are visited.
-        coherent: whether successive poses are near each other, of these two models alone: what is
-            known from the last serves the next.
+        order: the order in which pairs of volumes are visited.
+        coherent: whether successive poses of these two models are near each other, so that what
+            one search finds out serves the next.
         nearest: the triangles, in tree order, to begin with.
 
     Raises:
-        TypeError: a model that is none.
         ValueError: there is no such order.
     """
 
     __slots__ = (
-        "_blocks", "_collecting", "_entry", "_known", "_models", "_queries", "_wanted", "answers",
-        "kinds", "memory", "models", "order", "progress", "state",
+        "_asked", "_blocks", "_collecting", "_entry", "_known", "_models", "_numbers", "_query",
+        "_wanted", "answer", "kinds", "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -108,12 +107,14 @@ class Search:
     ) -> None:
         if order not in _ORDERS:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
-        self.models = check_model(a, "a"), check_model(b, "b")
+        self.models = a, b
         self.kinds = type(a), type(b)
         self.order = order
         self._entry = entry_for(a, b, order)
-        self._queries = queries(1)
-        self._wanted = memoryview(self._queries.view(np.float64))[-4:]
+        self._query = queries(1)
+        self._asked = table((self._query,))
+        self._numbers = memoryview(self._query.view(np.float64))[-4:]
+        self._wanted: tuple[float, ...] = ()  # what these numbers are
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model; a priority queue that is full besides leaves all its pairs below. A list of levels
@@ -136,6 +137,8 @@ class Search:
         elif order == "breadth_first":
             open_pairs = index.BreadthFirst(pairs, bounds, no_corners, no_corners)
         waiting = np.empty((WAITING_ROOM, 2), np.int32), np.empty(WAITING_ROOM)
+        keys = np.empty(_COHERENT if coherent else 0, np.int64)
+        keys.fill(-1)
         self._keep(
             index.State(
                 np.zeros((2, 12)),
@@ -143,11 +146,11 @@ class Search:
                 open_pairs,
                 index.Waiting(*waiting),
                 np.empty((0, 3)),
-                np.full(_COHERENT if coherent else 0, -1),
-                np.zeros(_COHERENT if coherent else 0),
+                keys,
+                np.empty(len(keys)),
             )
         )
-        self.answers = np.empty(0)
+        self.answer = np.empty(0)  # (ANSWER,) the last one about a single pose
         self._blocks: list[NDArray[np.float64]] = []
         self._collecting = False
 
@@ -162,7 +165,7 @@ class Search:
         return int(self.progress["element_a"]), int(self.progress["element_b"])
 
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
-        """Of what another is made."""
+        """Make another search that begins with the nearest triangles of this one."""
         return Search, (*self.models, self.order, self.coherent, self.nearest)
 
     def _keep(self, state: index.State) -> None:
@@ -175,7 +178,6 @@ class Search:
         self,
         poses_a: NDArray[np.float64],
         poses_b: NDArray[np.float64],
-        *,
         rel_err: float = 0.0,
         abs_err: float = 0.0,
         stop: float = 0.0,
@@ -183,17 +185,20 @@ class Search:
         deadline: float | None = None,
         fresh: bool = True,
         collect: bool = False,
+        *,
         first: int | None = None,
         stopped: Event | None = None,
         answers: NDArray[np.float64] | None = None,
     ) -> int:
-        """Answer at k poses, one below the other (4 k, 4), into `answers` (k, ANSWER), or new ones.
+        """Answer at k poses, stacked (4 k, 4), and write into `answers` (k, ANSWER).
 
-        Goes on with the search of the last run where not `fresh`. With `collect`, for one pose
-        alone, it collects every pair that may be as near as the upper bound, and ends only when it
-        has them all. `first` is the number of the first pose among many, for messages about one of
-        them. Returns ENDED, or CUT where the deadline (of perf_counter) came first, though after
-        one slice at least; or another code where `stopped` was set meanwhile.
+        The answer about a single pose is `answer` if there is no such array.
+
+        Unless `fresh`, the search of the last run goes on. With `collect`, for one pose alone, it
+        collects every pair that may be as near as the upper bound, and ends only when it has them
+        all. `first` is the number of the first pose among many, for error messages. At least one
+        slice is searched. Returns ENDED; CUT if the deadline (of perf_counter) came first; or
+        another code if `stopped` was set meanwhile.
 
         Raises:
             ValueError: a pose that is no rigid motion.
@@ -220,25 +225,27 @@ class Search:
             open_pairs = index.BreadthFirst(pairs, bounds, *corners)
             self._keep(self.state._replace(open=open_pairs))
         count = len(poses_a) // 4
-        if answers is None:
-            answers = np.empty((count, index.ANSWER))
-        self.answers = answers
-        asked, wanted = self._queries, self._wanted
+        # Of one row no view is made: each takes a tenth of a microsecond.
+        self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
+        asked, wanted = self._asked, (rel_err, abs_err, stop, limit)
         if count > 1:
-            asked = queries(count)
-            asked["poses"] = np.arange(count)[:, None]
-            asked["rel_err"], asked["abs_err"] = rel_err, abs_err
-            asked["stop"], asked["limit"] = stop, limit
-        else:
-            wanted[0], wanted[1], wanted[2], wanted[3] = rel_err, abs_err, stop, limit
+            many = queries(count)
+            many["poses"] = np.arange(count)[:, None]
+            many["rel_err"], many["abs_err"], many["stop"], many["limit"] = wanted
+            asked = table((many,))
+        elif wanted != self._wanted:
+            self._numbers[0], self._numbers[1], self._numbers[2], self._numbers[3] = wanted
+            self._wanted = wanted
         row = 0
-        # At least one slice: whoever asks again and again comes to an end.
+        # At least one slice, so that asking again and again comes to an end.
         slices = slices_until(deadline)
         while True:
             code, row = self._entry(
                 self._models, self.memory, poses_a, poses_b, asked, row, count, 1, slices.steps,
-                fresh, answers,
+                fresh, flat,
             )  # fmt: skip
+            if code == index.ENDED:
+                return code
             if code == index.COLLECTED_FULL:
                 self._make_room()
                 code = index.CUT
@@ -256,7 +263,7 @@ class Search:
         return code
 
     def _make_room(self) -> None:
-        """Set the full block aside, less what matters no longer, and begin another."""
+        """Set aside the rows of the full block that still matter, and begin another."""
         progress = self.progress
         rows = self.state.collected[: progress["collected"]]
         rows = rows[least(rows, progress["slack"]) <= progress["limit"]]
@@ -267,8 +274,9 @@ class Search:
         progress["collected"] = 0
 
     def progress_now(self) -> np.void:
-        """How far the search is at this moment; a later search leaves it alone."""
-        return self.state.progress.copy()[0]
+        """How far the search is at this moment: a copy that no later search writes to."""
+        # As bytes: numpy copies records field by field, which takes ten times as long.
+        return np.frombuffer(self.state.progress.tobytes(), index.PROGRESS)[0]
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
@@ -276,10 +284,10 @@ class Search:
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
-        ring = self.order == "breadth_first"
-        first = self.progress["base"] if ring else 0
         pairs, bounds, *_ = self.state.open
-        where = np.arange(first, self.progress["open"]) % len(bounds)
+        where: slice | NDArray[np.int64] = slice(self.progress["open"])
+        if self.order == "breadth_first":  # a ring
+            where = np.arange(self.progress["base"], self.progress["open"]) % len(bounds)
         lanes, lower = self.state.waiting
         waiting = slice(self.progress["waiting"])
         return (
@@ -289,7 +297,7 @@ class Search:
 
 
 def queries(count: int) -> NDArray:
-    """Queries (count,) about the bodies 0 and 1, from the elements that were nearest last."""
+    """Queries (count,) about the bodies 0 and 1 that begin at the elements nearest last."""
     made = np.zeros(count, index.QUERY)
     made["bodies"], made["nearest"] = (0, 1), index.KEEP
     return made

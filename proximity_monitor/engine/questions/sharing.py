@@ -1,4 +1,4 @@
-"""Work that threads share, and that Ctrl-C ends."""
+"""Work shared among threads, which Ctrl-C ends."""
 
 from __future__ import annotations
 
@@ -11,17 +11,21 @@ Item = TypeVar("Item")
 Found = TypeVar("Found")
 
 
+_NEVER = Event()
+"""It is never set: a thread that works alone has nobody who could stop it."""
+
+
 def share(
     answer: Callable[[Item, Event], Found], items: Iterable[Item], threads: int
 ) -> list[Found]:
-    """What `answer` gives for each item, in their order, from so many threads.
+    """Return `answer` of each item, in their order, computed by so many threads.
 
-    Only the main thread hears Ctrl-C, so it waits and does not work. When it is interrupted, or one
-    of the answers is an error, the event is set that all the others look at between two slices.
+    Only the main thread hears Ctrl-C, so it waits and does not work. When it is interrupted, or an
+    answer raises an error, it sets the event, which all the others check between two slices.
     """
-    stopped = Event()
     if threads == 1:
-        return [answer(item, stopped) for item in items]
+        return [answer(item, _NEVER) for item in items]
+    stopped = Event()
     with ThreadPoolExecutor(threads) as pool:
         try:
             waiting = [pool.submit(answer, item, stopped) for item in items]

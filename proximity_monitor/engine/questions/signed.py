@@ -18,25 +18,30 @@ from .ball import BallSearch, DeepestSearch
 from .cores import CoreSearch
 from .parts import PartSearch
 from .result import STATUSES, Distance, Status
-from .seeds import seeds_at, seeds_beside
+from .rows import distance_of
+
+Stage = Callable[["SignedSearch"], "Stage | None"]
+"""Does at least one slice of work; returns the next stage, itself if time ran out, None to end."""
 
 
 class SignedSearch:
     """The memory of signed distances of two models, as `Pair` is that of their distances.
 
-    What was found last is looked at first: where the centre of the last ball lies inside both
-    models still, their surfaces need not be asked. Else their distance tells whether they meet. If
-    they do not, one model may lie inside the other. Then the search for the depth follows.
+    A search has three stages. First it tries the centre of the last ball: if that lies inside both
+    models still, their surfaces need not be compared. Else it finds the distance of the surfaces;
+    where they do not meet, a part of one model may still lie inside the other. Where the models
+    overlap, the search for the depth follows. A search that was cut goes on in the same stage.
 
     Args:
         a: first model.
         b: second model.
-        apart: asks for the distance of their surfaces, as `Pair.distance` of a pair of its own.
+        apart: finds the distance of their surfaces, as `Pair.distance` of a pair of its own.
     """
 
     __slots__ = (
-        "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_earlier_tests",
-        "_limits", "_models", "_parts", "_poses", "_regions", "_seeded", "_tolerance",
+        "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_deviation",
+        "_earlier_tests", "_found", "_inside_other", "_limits", "_models", "_parts", "_poses",
+        "_regions", "_stage", "_tolerance",
     )  # fmt: skip
 
     def __init__(self, a: Model, b: Model, apart: Callable[..., Distance]) -> None:
@@ -47,11 +52,12 @@ class SignedSearch:
         self._depth: BallSearch | CoreSearch | None = None
 
     def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
-        """Of what another is made: its memory is its own."""
+        """Make another one with an empty memory."""
         return SignedSearch, (*self._models, self._apart)
 
     def ask(
         self,
+        start: float,
         pose_a: NDArray[np.float64],
         pose_b: NDArray[np.float64],
         rel_err: float,
@@ -59,11 +65,13 @@ class SignedSearch:
         depth_err: float,
         budget_s: float | None,
     ) -> Distance:
-        """The answer at two poses, which are rigid motions; see `engine.signed_distance`."""
+        """Answer at two poses, which are rigid motions; see `engine.signed_distance`.
+
+        A budget began at `start` of perf_counter.
+        """
         if not any(model.is_solid for model in self._models):
             self._asked = None
             return self._apart(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s)
-        start = perf_counter()
         self._deadline = math.inf if budget_s is None else start + budget_s
         asked = None
         if budget_s is not None:
@@ -72,14 +80,14 @@ class SignedSearch:
         self._asked = None
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err, depth_err)
-        row = self._answer()
+        row = self._answer(self._search())
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         lower, upper = self._limits
         self._limits = max(lower, row[state.LOWER]), min(upper, row[state.UPPER])
         row[state.LOWER], row[state.UPPER] = self._limits
         a, b = self._models
-        return Distance(row, perf_counter() - start, None, (type(a), type(b)))
+        return distance_of(row, start, None, (type(a), type(b)))
 
     def _begin(
         self,
@@ -89,83 +97,111 @@ class SignedSearch:
         abs_err: float,
         depth_err: float,
     ) -> None:
-        """Start a search from what the last one found."""
+        """Start a search with what the last one found."""
         a, b = self._models
         self._regions = sides_of(a).region, sides_of(b).region
-        if all(region.inside == NOWHERE for region in self._regions):
+        solids = a.is_solid, b.is_solid
+        if all(
+            region.inside == NOWHERE
+            for region, solid in zip(self._regions, solids, strict=True)
+            if solid
+        ):
             kind = CoreSearch
-        elif a.is_solid and b.is_solid:
-            kind = BallSearch
         else:
-            solid = self._regions[0 if a.is_solid else 1]
-            kind = CoreSearch if solid.inside == NOWHERE else DeepestSearch
-        if type(self._depth) is not kind:  # other, after a refit
+            kind = BallSearch if all(solids) else DeepestSearch
+        if type(self._depth) is not kind:  # a refit may change it
             self._depth = kind(a, b)
+        # A deviation changes how deep a point lies in either model by as much, and a ball's
+        # diameter by twice that.
+        self._deviation = 2.0 * max(a.deviation, b.deviation)
         self._poses = pose_a.copy(), pose_b.copy()
         self._limits = -math.inf, math.inf
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
+        self._found: Distance | None = None
+        self._inside_other: bool | None = None
         self._parts: PartSearch | None = None
-        self._seeded = False
         self._depth.begin(*self._poses, depth_err, abs_err)
+        self._stage: Stage | None = SignedSearch._try_last_ball
 
-    def _answer(self) -> NDArray[np.float64]:
-        """The row (ANSWER,) of what is known when the search ends, or time is over."""
-        depth = self._depth
-        depth.seek(self._deadline)
-        if depth.found:
-            return self._inside(depth.search(self._deadline))
+    def _search(self) -> bool:
+        """Search until the end or until time is over; returns whether it has ended."""
+        while self._stage is not None:
+            stage = self._stage
+            self._stage = stage(self)
+            if self._stage is stage or (self._stage and perf_counter() >= self._deadline):
+                return False
+        return True
+
+    def _try_last_ball(self) -> Stage:
+        if not self._depth.seek(self._deadline):
+            return SignedSearch._try_last_ball
+        return SignedSearch._find_depth if self._depth.found else SignedSearch._compare_surfaces
+
+    def _compare_surfaces(self) -> Stage | None:
+        """Find out how far the surfaces are apart, and whether a part of one model is inside."""
         apart = self._distance()
-        decided = apart.lower > 0.0 and self._part_inside(apart)
-        if decided is False and apart.lower > 0.0:
-            self._clear = *self._relative(), apart.lower, self._shapes()
-            return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
-        ended = False
-        if decided or (apart.lower == 0.0 and apart.status is not Status.OUT_OF_TIME):
-            if not self._seeded:
-                self._seeded = True
-                depth.add_seeds(seeds_at(self._models, self._poses, apart.row))
-            depth.seek(self._deadline)
-            ended = depth.search(self._deadline)
+        cut = apart.status is Status.OUT_OF_TIME
+        if apart.lower > 0.0:
+            if self._inside_other is None:
+                self._inside_other = self._part_inside(apart)
+            if not self._inside_other:
+                return SignedSearch._compare_surfaces if cut or self._inside_other is None else None
+            if self._parts is None:  # a surface with holes: nothing tells where its inside may be
+                return SignedSearch._find_depth
+        elif cut:
+            return SignedSearch._compare_surfaces
+        part = self._parts.part if self._parts else None
+        if part is not None:
+            self._depth.seed_part(*part)
+        else:
+            self._depth.seed_contact(apart.row)
+        return SignedSearch._find_depth
+
+    def _find_depth(self) -> Stage | None:
+        if not self._depth.search(self._deadline):
+            return SignedSearch._find_depth
+        return None if self._depth.found else SignedSearch._finish_distance
+
+    def _finish_distance(self) -> Stage | None:
+        """Find the distance to the end: no overlap was found, so it is the answer."""
+        if self._found is None or self._found.status is Status.OUT_OF_TIME:
+            found = self._distance()
+            return SignedSearch._finish_distance if found.status is Status.OUT_OF_TIME else None
+        return None
+
+    def _answer(self, ended: bool) -> NDArray[np.float64]:
+        """Make the row (ANSWER,) of what is known now."""
+        depth = self._depth
         if depth.found:
             return self._inside(ended)
+        apart = self._found or self._distance()
         _, deep = depth.bounds
-        if apart.lower > 0.0 and deep == 0.0:
+        if apart.lower > 0.0 and (self._inside_other is False or deep == 0.0):
+            if self._inside_other is False:
+                self._clear = *self._relative(), apart.lower, self._shapes()
             return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
         return self._with_tests(apart.row.copy(), -deep - self._deviation, apart.upper, status)
 
-    @property
-    def _deviation(self) -> float:
-        """Metres that the depth may be wrong by.
-
-        A deviation changes how deep a point lies in either model by as much, and a ball's diameter
-        by twice that.
-        """
-        return 2.0 * max(model.deviation for model in self._models)
-
     def _part_inside(self, apart: Distance) -> bool | None:
-        """Whether a part of either model may lie inside the other, off whose surface it is.
+        """Whether a part of either model may lie inside the other, whose surface is elsewhere.
 
-        None where time ran out before that was known.
+        None if time ran out before that was known.
         """
         if HALF in (self._regions[0].inside, self._regions[1].inside):
-            return True  # no part is known to lie wholly on one side of what has holes
+            return True  # no part is known to lie wholly on one side of a surface with holes
         if self._still_clear():
             return False
         if self._parts is None:
             self._parts = PartSearch(self._models, self._poses, self._regions)
-        found = self._parts.search(apart.lower, self._deadline)
-        if found and not self._seeded:
-            self._seeded = True
-            self._depth.add_seeds(seeds_beside(self._models, self._poses, *self._parts.found))
-        return found
+        return self._parts.search(apart.lower, self._deadline)
 
     def _still_clear(self) -> bool:
-        """Whether no part got inside since it was known that none was.
+        """Whether no part can have got inside since it was known that none was.
 
-        Between the poses of then and now, as b is moved along straight lines in a's frame, the
-        surfaces come no nearer by more than it moves: so they never met. The norm of the rotations'
+        Let b move along straight lines in a's frame from its pose then to its pose now. The
+        surfaces come nearer by no more than it moves, so they never met. The norm of the rotations'
         difference holds for poses that are not quite rigid, too.
         """
         if self._clear is None or self._clear[3] != self._shapes():
@@ -179,7 +215,7 @@ class SignedSearch:
         return bool(moved + 1e-12 * size < 0.9 * clear)
 
     def _relative(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The rotation of b in a's frame, and where the centre of its ball is there."""
+        """The rotation of b in a's frame, and the centre of its ball there."""
         (pose_a, pose_b), b = self._poses, self._models[1]
         turn = pose_a[:3, :3].T @ pose_b[:3, :3]
         place = pose_a[:3, :3].T @ (pose_b[:3, 3] - pose_a[:3, 3]) + turn @ b.centre
@@ -190,7 +226,7 @@ class SignedSearch:
         return tuple(model.revision for model in self._models)
 
     def _distance(self) -> Distance:
-        """The distance of the surfaces, sure to tell whether they meet unless time is over."""
+        """The distance of the surfaces, close enough to tell whether they meet, if time allows."""
         while True:
             left = None
             if self._deadline < math.inf:
@@ -201,6 +237,7 @@ class SignedSearch:
             primitive_tests += found.primitive_tests
             if found.lower > 0.0 or found.status is not Status.WITHIN_TOLERANCE:
                 self._apart_tests = bound_tests, primitive_tests
+                self._found = found
                 return found
             # A tolerance so wide that the surfaces might still meet does not tell the sign. It
             # allows all between 0 and `upper`, hence whatever is found next.
@@ -208,7 +245,7 @@ class SignedSearch:
             self._earlier_tests = bound_tests, primitive_tests
 
     def _inside(self, ended: bool) -> NDArray[np.float64]:
-        """The answer where overlap is certain, but for what the models may deviate."""
+        """The answer if the models overlap for certain, apart from what they may deviate."""
         depth = self._depth
         shallow, deep = depth.bounds
         row = np.full(state.ANSWER, -1.0)  # its triangles are no hints where to search
@@ -224,7 +261,7 @@ class SignedSearch:
     def _with_tests(
         self, row: NDArray[np.float64], lower: float, upper: float, status: Status
     ) -> NDArray[np.float64]:
-        """A row with these bounds, and the tests of the distance; a point's count as either."""
+        """The row with these bounds and the number of tests; a tested point counts as either."""
         points = self._depth.points + (self._parts.points if self._parts else 0)
         row[state.LOWER], row[state.UPPER] = lower, upper
         row[state.STATUS] = STATUSES.index(status)

@@ -1,4 +1,4 @@
-"""How much of a search a kernel may do before somebody looks at the clock."""
+"""How much work a kernel may do before Python looks at the clock again."""
 
 from __future__ import annotations
 
@@ -6,29 +6,34 @@ import math
 from time import perf_counter
 
 LONG = 1 << 18
-"""Steps between two returns to Python where there is no budget, so that Ctrl-C is heard."""
+"""Steps between two returns to Python if there is no budget, so that Ctrl-C is heard."""
 
 _FIRST = 64
-"""Steps of the first slice, some 10 µs: how long a step takes is not known yet."""
+"""Steps of the first slice, some 10 µs, as the time that a step takes is not known yet."""
 _LEAST, _MOST = 32, 1 << 14
 _SHARE = 3.0
-"""A slice takes the third part of the time that is left, if its steps take as long as the last
-did. So a search looks at the clock some ten times in a budget, and late only where a step suddenly
-takes three times as long."""
+"""A slice takes a third of the time that is left, provided its steps take as long as the last ones
+did. So a search looks at the clock some ten times in a budget, and is late only where steps
+suddenly take three times as long."""
+_FASTER = 0.5
+"""Steps are never expected to take less than this share of the time that the last ones took. Some
+slices are over at once, or meet nothing but the cheapest of their work: that tells little about the
+next slice, which may not become long because of it."""
 
 
 class Slices:
-    """The slices of a search until a deadline: `steps` is what the next one may take.
+    """The slices of a search until a deadline: `steps` is the number that the next one may take.
 
     Args:
         deadline: of perf_counter; None or infinity for none.
     """
 
-    __slots__ = ("_begun", "_deadline", "steps")
+    __slots__ = ("_begun", "_deadline", "_pace", "steps")
 
     def __init__(self, deadline: float | None) -> None:
         self._deadline = None if deadline == math.inf else deadline
         self._begun = perf_counter()
+        self._pace = 0.0  # seconds that a step took
         self.steps = LONG if self._deadline is None else _FIRST
 
     def over(self) -> bool:
@@ -36,17 +41,17 @@ class Slices:
         if self._deadline is None:
             return False
         now = perf_counter()
-        pace = (now - self._begun) / self.steps
+        pace = max((now - self._begun) / self.steps, _FASTER * self._pace)
         left = self._deadline - now
         if left <= _LEAST * pace:
             return True
-        self._begun = now
+        self._begun, self._pace = now, pace
         self.steps = max(_LEAST, min(int(left / (_SHARE * pace)), _MOST))
         return False
 
 
 ENDLESS = Slices(None)
-"""Those without a deadline, which remember nothing: all searches may share them."""
+"""Slices without a deadline. They remember nothing, so all searches may share them."""
 
 
 def slices_until(deadline: float | None) -> Slices:

@@ -1,4 +1,4 @@
-"""The nearest points of models, from the nearest points of the triangles that balls sweep."""
+"""The nearest points of swept models, from the nearest points of their cores."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..kernels.base import state as index
 def witness_points(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Nearest points of both models, world, metres; from answers of searches (..., ANSWER).
 
-    Where models overlap, each point is as far from the core as its radius says, whatever is there:
-    those of two spheres lie inside the other one.
+    If the models overlap, each point is as far from its core as the radius says, even if that is
+    inside the other model, as with two spheres.
     """
     return surface_points(
         rows[..., index.POINT_A : index.POINT_A + 3],
@@ -33,7 +33,7 @@ def surface_points(
     Args:
         p: (..., 3) metres; of the first.
         q: (..., 3) metres; of the second.
-        radii: (..., 2) metres; by which either is swept.
+        radii: (..., 2) metres; the radii that sweep them.
         overlapping: (...) whether the models overlap; then the balls around p and q may meet.
 
     Returns:

@@ -117,3 +117,20 @@ def records_at(typingctx, address, rows, record):
         return _array(context, builder, array_type, data, [args[1]], [size])
 
     return array_type(types.int64, types.int64, record), codegen
+
+
+@intrinsic
+def addresses(typingctx, arrays):
+    """Where the arrays of a tuple begin, and then how many rows each has."""
+    if not (isinstance(arrays, types.BaseTuple) and len(arrays)):
+        return None
+
+    def codegen(context, builder, signature, args):
+        begin, rows = [], []
+        for i, kind in enumerate(arrays.types):
+            array = context.make_array(kind)(context, builder, builder.extract_value(args[0], i))
+            begin.append(builder.ptrtoint(array.data, context.get_value_type(types.int64)))
+            rows.append(builder.extract_value(array.shape, 0))
+        return context.make_tuple(builder, signature.return_type, begin + rows)
+
+    return types.UniTuple(types.int64, 2 * len(arrays))(arrays), codegen

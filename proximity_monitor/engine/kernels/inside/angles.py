@@ -32,7 +32,7 @@ from ..tree.layout import EMPTY, WIDTH, first_of, last_of
 from .nearest import begin_nearest, nearest
 from .solids import HALF
 from .visit import ROOM, TO_THE_END
-from .winding import UNKNOWN, winding_number
+from .winding import RAY_STEPS, UNKNOWN, winding_number
 
 AREA, RADIUS, LOST, MOMENTS = 6, 7, 8, 9
 """Moments of what is under a lane: centre and area vector, three each; its area; the radius of a
@@ -41,6 +41,9 @@ ball around the centre; and how far the area vector may be wrong. All in metres.
 _SHARES = (0.2, 0.02, 0.0)
 """What the dipoles together may be wrong by, in windings, until a point's side is certain. With 0
 there are none."""
+
+_NODE_STEPS = 4
+"""Steps that a node's moments take as long as; one triangle's solid angle takes one."""
 
 _FOUR_PI = 4.0 * math.pi
 
@@ -76,11 +79,11 @@ def _solid_angle(p, a, b, c):
 
 @kernel
 def _winding(tree, moments, p, share, stack):
-    """The winding number of a surface around p, and how far it may be wrong.
+    """The winding number of a surface around p, how far it may be wrong, and the steps it took.
 
-    At most `share` of that is due to dipoles.
+    At most `share` of the error is due to dipoles.
     """
-    total, lost = 0.0, 0.0
+    total, lost, steps = 0.0, 0.0, 0
     whole = 0.0
     for lane in range(WIDTH):
         whole += moments[lane, AREA]
@@ -89,6 +92,7 @@ def _winding(tree, moments, p, share, stack):
     while top > 0:
         top -= 1
         node = stack[top]
+        steps += _NODE_STEPS
         for lane in range(node * WIDTH, (node + 1) * WIDTH):
             child = tree.children[lane]
             if child == EMPTY:
@@ -111,44 +115,47 @@ def _winding(tree, moments, p, share, stack):
                 stack[top] = child
                 top += 1
                 continue
+            steps += last_of(child) - first_of(child) + 1
             for t in range(first_of(child), last_of(child) + 1):
                 a, b, c = corners(tree.triangles, t)
                 angle, error = _solid_angle(p, a, b, c)
                 total += 2.0 * angle
                 lost += 2.0 * error + 4.0 * DOUBLE_EPS * (abs(angle) + abs(total))
-    return total / _FOUR_PI, lost / _FOUR_PI * (1.0 + 1e-6)
+    return total / _FOUR_PI, lost / _FOUR_PI * (1.0 + 1e-6), steps
 
 
 @kernel
 def _from_rim(region, p):
-    """The distance of a point from the open edges."""
+    """The distance of a point from the open edges, and the steps it took."""
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
     away, near, top = begin_nearest(region.rim_tree, p, 0, stack, bounds)
-    away, _, _, _ = nearest(
+    away, _, _, left = nearest(
         region.rim_tree, p, away, near, top, 0.0, 1e-3 * away, stack, bounds, found, TO_THE_END
     )
-    return away * (1.0 - 1e-2)
+    return away * (1.0 - 1e-2), TO_THE_END - left
 
 
 @shared
 def surely_outside(tree, region, p, radius, q, slack, stack):
-    """Whether q lies outside of what has holes, and all that is within `radius` of p, as q is, too.
+    """Whether q lies outside a solid with holes, as does all near p on q's side; and the steps.
 
-    But for what is beyond the surface: q is the end of a way inside that ball, of at most four of
+    Near p is what is within `radius`. q is the end of a way inside that ball, of at most four of
     its radii, that does not pass the surface.
     """
-    rim = _from_rim(region, p) - radius - 2.0 * slack
+    rim, steps = _from_rim(region, p)
+    rim -= radius + 2.0 * slack
     if not rim > 0.0:
-        return False
+        return False, steps
     change = 4.0 * radius * region.rim / (_FOUR_PI * rim * rim)
     for share in _SHARES:
-        winding, error = _winding(tree, region.moments, q, share, stack)
+        winding, error, more = _winding(tree, region.moments, q, share, stack)
+        steps += more
         if abs(winding) + error + change < 0.5:
-            return True
+            return True, steps
         if abs(winding) - error + change >= 0.5:
-            return False
-    return False
+            break
+    return False, steps
 
 
 @kernel
@@ -159,10 +166,12 @@ def _half(tree, region, p, least, slack, stack):
     beyond = norm(from_centre) - ball[3]
     if beyond > 0.0:
         clear = beyond - slack
-        return (-1, clear) if clear > 2.0 * slack else (0, 0.0)
-    rim = max(_from_rim(region, p) - slack, least)
+        return (-1, clear, 1) if clear > 2.0 * slack else (0, 0.0, 1)
+    rim, steps = _from_rim(region, p)
+    rim = max(rim - slack, least)
     for share in _SHARES:
-        winding, error = _winding(tree, region.moments, p, share, stack)
+        winding, error, more = _winding(tree, region.moments, p, share, stack)
+        steps += more
         sure = abs(abs(winding) - 0.5) - error
         if sure <= 0.0:
             continue
@@ -174,8 +183,8 @@ def _half(tree, region, p, least, slack, stack):
         if side > 0:
             clear = min(clear, -beyond - slack)
         if clear > 2.0 * slack:
-            return side, clear
-    return 0, 0.0
+            return side, clear, steps
+    return 0, 0.0, steps
 
 
 @kernel
@@ -192,14 +201,15 @@ def side_of(tree, region, p, least, slack, stack, gaps):
         gaps: room for a node's lanes.
 
     Returns:
-        1 inside, -1 outside, or 0 where neither is certain; and metres, 0 then.
+        1 inside, -1 outside, or 0 where neither is certain; metres, 0 then; and how many steps it
+        took.
     """
     if region.inside == HALF:
         return _half(tree, region, p, least, slack, stack)
     winding = winding_number(tree, p, slack, stack, gaps)
     if winding == UNKNOWN:
-        return 0, 0.0
-    return (-1 if winding == 0 else 1), least
+        return 0, 0.0, RAY_STEPS
+    return (-1 if winding == 0 else 1), least, RAY_STEPS
 
 
 @allocating_entry

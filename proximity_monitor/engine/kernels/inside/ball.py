@@ -22,13 +22,12 @@ from ..base.state import CUT, ENDED
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, take_axes
-from .ball_point import certain_radius, possible_depth, sound
+from .ball_point import possible_depth, sound, sound_some
 from .ball_rows import bound_of
-from .ball_state import FULL
+from .ball_state import CELL, CELL_CENTRE, CLIMB, FULL, IDLE, SEED, ball_at
 from .ball_tangents import tangent
-
-_CLIMBS = 12
-"""Steps of an ascent, at the most."""
+from .ball_trial import ascend, begin_climb, end_climb, keep, try_point
+from .solid_table import solid_at
 
 _SPARE = 0.1
 """Share of what is tolerated that a plane may give away, to be found sooner."""
@@ -39,119 +38,6 @@ surface is of use."""
 
 _CELL_STEPS = 8
 """What a cell costs beside its descents, in steps of these."""
-
-
-@shared
-def _sound_both(tree_a, tree_b, region_a, region_b, state):
-    """Find both depths of the trial point; returns how many steps that took."""
-    at, point = state.at[0], state.trial[0]
-    at.points += 1
-    steps = 0
-    for k in range(2):
-        if k == 0:
-            tree, region = tree_a, region_a
-        else:
-            tree, region = tree_b, region_b
-        steps += sound(
-            tree, region, state.motions[k], k, at.slack, at.swept[k], point, state.stack,
-            state.reached,
-        )  # fmt: skip
-    return steps
-
-
-@kernel
-def _copy(point, other):
-    for k in range(2):
-        other.depth[k], other.away[k], other.side[k] = point.depth[k], point.away[k], point.side[k]
-        other.clear[k], other.near[k] = point.clear[k], point.near[k]
-        for i in range(3):
-            other.way[k, i] = point.way[k, i]
-    for i in range(3):
-        other.place[i] = point.place[i]
-
-
-@kernel
-def _keep(state):
-    """Keep the trial point where it is the centre of the largest ball so far; returns whether."""
-    at, trial = state.at[0], state.trial[0]
-    radius = certain_radius(trial, at.swept, at.slack)
-    if not radius > at.radius:
-        return False
-    at.radius = radius
-    _copy(trial, state.best[0])
-    return True
-
-
-@kernel
-def _try(state, x, y, z, near, inherited, moved):
-    """Make a point the trial point; where `inherited`, sides are those of a point so far away."""
-    at, trial = state.at[0], state.trial[0]
-    trial.place[0], trial.place[1], trial.place[2] = x, y, z
-    for k in range(2):
-        trial.near[k] = near.near[k]
-        trial.clear[k] = near.clear[k] - moved - 4.0 * at.slack
-        trial.side[k] = near.side[k] if inherited and trial.clear[k] > 0.0 else 0
-
-
-@kernel
-def _climb(tree_a, tree_b, region_a, region_b, state):
-    """One step of the ascent from the best point; returns how many steps of a descent it took.
-
-    To first order the depths grow along their ways u and v. Of all steps no longer than `reach` the
-    one is taken after which the smaller of both is largest.
-    """
-    at, best = state.at[0], state.best[0]
-    at.climbs -= 1
-    reach = at.reach
-    c = e = 0.0
-    for i in range(3):
-        c += best.way[0, i] * best.way[1, i]
-    first, second = best.depth[0], best.depth[1]
-    e = second - first
-    if first + reach <= second + reach * c:
-        p, q, gain = reach, 0.0, reach
-    elif second + reach <= first + reach * c:
-        p, q, gain = 0.0, reach, reach
-    else:
-        # p u + q v, such that both depths are the same after it.
-        part = e / (2.0 * max(1.0 - c, 1e-12))
-        whole = 0.0
-        if 1.0 + c > 1e-9:
-            left = reach * reach - part * part * 2.0 * (1.0 - c)
-            whole = np.sqrt(max(left, 0.0) / (2.0 * (1.0 + c)))
-        p, q = part + whole, whole - part
-        gain = first + p + q * c - min(first, second)
-    tolerated = limit_of(at) - at.radius
-    if not gain > 0.02 * tolerated:
-        at.climbs = 0
-        return 0
-    move = 0.0
-    step = on_stack(3, 0.0)
-    for i in range(3):
-        step[i] = p * best.way[0, i] + q * best.way[1, i]
-        move += step[i] * step[i]
-    move = np.sqrt(move) * (1.0 + 1e-12)
-    _try(
-        state, best.place[0] + step[0], best.place[1] + step[1], best.place[2] + step[2],
-        best, True, move,
-    )  # fmt: skip
-    steps = _sound_both(tree_a, tree_b, region_a, region_b, state)
-    before = at.radius
-    if _keep(state):
-        at.reach = min(2.0 * reach, 0.95 * at.radius)
-        if at.radius - before < 0.01 * tolerated:
-            at.climbs = 0
-    else:
-        at.reach = 0.4 * reach
-    return steps
-
-
-@kernel
-def _ascend(state):
-    """Begin an ascent from the best point."""
-    at = state.at[0]
-    at.climbs = _CLIMBS
-    at.reach = 0.95 * at.radius
 
 
 @shared
@@ -185,9 +71,7 @@ def _plane(
             return False, steps
         _go_behind(point, k, back, state)
         point = state.probe[0]
-        steps += sound(
-            tree, region, motion, k, at.slack, at.swept[k], point, state.stack, state.reached
-        )
+        steps += sound(tree, region, motion, k, at, point, state.stack, state.reached)
     found, cost = plane(
         tree, region, motion, k, at, point, centre, half, spare, most, row, state.stack
     )
@@ -226,45 +110,43 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
     return steps
 
 
-@shared
-def _look_into(tree_a, tree_b, region_a, region_b, state):
-    """Look into the cell with the largest bound; returns how many steps that took."""
-    at, trial = state.at[0], state.trial[0]
-    bound = state.bounds[0]
-    number = pop(state)
-    cell = state.cells[number]
-    at.cells += 1
-    axes, centre, half = at.axes, cell.centre, cell.half
-    _try(
-        state,
+@kernel
+def _begin_cell(state):
+    """Begin to look into the cell with the largest bound, which stays in the heap meanwhile."""
+    axes, cell = state.at[0].axes, state.cells[state.order[0]]
+    centre = cell.centre
+    try_point(
+        state, CELL_CENTRE,
         axes[0, 0] * centre[0] + axes[1, 0] * centre[1] + axes[2, 0] * centre[2],
         axes[0, 1] * centre[0] + axes[1, 1] * centre[1] + axes[2, 1] * centre[2],
         axes[0, 2] * centre[0] + axes[1, 2] * centre[1] + axes[2, 2] * centre[2],
         cell, True, 0.0,
     )  # fmt: skip
-    at.points += 1
-    steps = _CELL_STEPS
+
+
+@kernel
+def _depth_in_cell(region_a, region_b, k, state):
+    """Bound of the depth in solid k of all of the cell whose centre is the trial point."""
+    at, half = state.at[0], state.cells[state.order[0]].half
     radius = np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
+    inside = region_a.inside if k == 0 else region_b.inside
+    return possible_depth(state.trial[0], k, inside, at.swept[k], radius, at.slack)
+
+
+@shared
+def _end_cell(tree_a, tree_b, region_a, region_b, state):
+    """Bound the cell whose centre's depths are known, and halve it; returns the steps it took."""
+    at, trial = state.at[0], state.trial[0]
     depths = on_stack(2, 0.0)
-    first = cell.first
-    for i in range(2):
-        # The one first that was the shallower before: it may be enough.
-        k = first if i == 0 else 1 - first
-        if k == 0:
-            tree, region = tree_a, region_a
-        else:
-            tree, region = tree_b, region_b
-        steps += sound(
-            tree, region, state.motions[k], k, at.slack, at.swept[k], trial, state.stack,
-            state.reached,
-        )  # fmt: skip
-        depths[k] = possible_depth(trial, k, region.inside, at.swept[k], radius, at.slack)
-        bound = min(bound, depths[k])
-        if bound <= limit_of(at):
-            at.dropped = max(at.dropped, bound)
-            return steps
-    if _keep(state):
-        _ascend(state)
+    for k in range(2):
+        depths[k] = _depth_in_cell(region_a, region_b, k, state)
+    bound = min(state.bounds[0], min(depths[0], depths[1]))
+    number = pop(state)
+    cell = state.cells[number]
+    centre, half = cell.centre, cell.half
+    steps = _CELL_STEPS
+    if keep(state):
+        ascend(state)
     shallow = 0 if depths[0] <= depths[1] else 1
     limit = limit_of(at)
     if bound <= limit:
@@ -313,42 +195,83 @@ def _go_behind(point, k, behind, state):
     probe.near[k] = point.near[k]
 
 
+@shared
+def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
+    """Find out more about the trial point, and what it is for; returns how many steps are left."""
+    at = state.at[0]
+    # The solid first in which the cell was less deep before: that may be enough.
+    first = state.cells[state.order[0]].first if at.task == CELL_CENTRE else 0
+    while at.turn < 2:
+        if steps <= 0:
+            return steps
+        k = first if at.turn == 0 else 1 - first
+        if k == 0:
+            tree, region = tree_a, region_a
+        else:
+            tree, region = tree_b, region_b
+        steps = sound_some(
+            tree, region, state.motions[k], k, at, state.trial[0], state.stack, state.reached,
+            steps,
+        )  # fmt: skip
+        if at.height > 0:
+            return steps
+        at.turn += 1
+        if at.task == CELL_CENTRE and at.turn == 1:
+            bound = min(state.bounds[0], _depth_in_cell(region_a, region_b, k, state))
+            if bound <= limit_of(at):
+                pop(state)
+                at.cells += 1
+                at.dropped = max(at.dropped, bound)
+                at.task = IDLE
+                return steps - _CELL_STEPS
+    task = at.task
+    at.task = IDLE
+    if task == CLIMB:
+        end_climb(state)
+    elif task == CELL_CENTRE:
+        at.cells += 1
+        steps -= _end_cell(tree_a, tree_b, region_a, region_b, state)
+    elif keep(state):
+        at.seed = at.seeds
+        ascend(state)
+    return steps
+
+
 @entry
-def search_ball(tree_a, tree_b, region_a, region_b, state, seeds_alone, steps):
+def search_ball(solids, memory, seeds_alone, steps):
     """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL.
 
-    With `seeds_alone` it ends when a ball is found, or no seed is left.
+    `solids` (2, 2, n) are tables of two (see solid_table.py), `memory` that of the search. With
+    `seeds_alone` it ends when a ball is found, or no seed is left.
     """
+    tree_a, _, region_a = solid_at(solids[0])
+    tree_b, _, region_b = solid_at(solids[1])
+    state = ball_at(CELL, memory)
     at = state.at[0]
     while True:
         if steps <= 0:
             return CUT
-        if at.climbs > 0 and not seeds_alone:
-            steps -= _climb(tree_a, tree_b, region_a, region_b, state)
+        if at.task != IDLE:
+            steps = _go_on(tree_a, tree_b, region_a, region_b, state, steps)
+        elif at.climbs > 0 and not seeds_alone:
+            begin_climb(state)
         elif at.seed < at.seeds:
-            i = at.seed
+            seeds, i = state.seeds, at.seed
             at.seed += 1
-            seeds = state.seeds
-            _try(state, seeds[i, 0], seeds[i, 1], seeds[i, 2], state.best[0], False, 0.0)
-            steps -= _sound_both(tree_a, tree_b, region_a, region_b, state)
-            if _keep(state):
-                at.seed = at.seeds
-                _ascend(state)
+            try_point(state, SEED, seeds[i, 0], seeds[i, 1], seeds[i, 2], state.best[0], False, 0.0)
         elif seeds_alone:
             return ENDED
-        elif not at.begun:
+        elif not at.begun and at.radius > 0.0 and at.ceiling <= limit_of(at):
+            return ENDED  # whatever the cells would tell, it is not asked for
+        elif not at.begun or (at.radius > 0.0 and not at.framed):
             at.begun = True
             if at.radius > 0.0:
                 take_axes(at.axes, axis_of(state.best[0]))
                 at.framed = True
-            steps -= _begin_cells(tree_a, tree_b, region_a, region_b, state)
-        elif at.radius > 0.0 and not at.framed:
-            take_axes(at.axes, axis_of(state.best[0]))
-            at.framed = True
             steps -= _begin_cells(tree_a, tree_b, region_a, region_b, state)
         elif at.size == 0 or state.bounds[0] <= limit_of(at):
             return ENDED
         elif at.size + 1 >= state.order.shape[0]:
             return FULL
         else:
-            steps -= _look_into(tree_a, tree_b, region_a, region_b, state)
+            _begin_cell(state)

@@ -1,4 +1,4 @@
-"""How a search for the largest ball begins, and where the surfaces are next to what it found."""
+"""How a search for the largest ball begins."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ from ..base.motion import deviation, relative_motions
 from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from ..base.state import SWEPT
 from ..base.vectors import dot, moved, sub
-from ..elements.primitives import corners
 from .ball_frame import take_axes
-from .ball_state import LOOSEST
-from .nearest import point_triangle
+from .ball_state import CELL, IDLE, LOOSEST, ball_at
+from .solid_table import solid_at
 from .solids import HALF, NOWHERE
 
 _TELLING = 1e-6
@@ -22,8 +21,14 @@ has holes: there no plane bounds a depth, and the winding number's side is never
 
 
 @entry
-def begin_ball(tree_a, tree_b, region_a, region_b, pose_a, pose_b, rel_err, abs_err, state):
-    """Start a search; the centre of the ball that the last one found is its first seed."""
+def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
+    """Start a search; the centre of the ball that the last one found is its first seed.
+
+    `solids` (2, 2, n) are tables of both (see solid_table.py), `memory` that of the search.
+    """
+    tree_a, _, region_a = solid_at(solids[0])
+    tree_b, _, region_b = solid_at(solids[1])
+    state = ball_at(CELL, memory)
     at, motions, best = state.at[0], state.motions, state.best[0]
     last = at.radius > 0.0
     b_to_a = on_stack(12, 0.0)
@@ -45,9 +50,10 @@ def begin_ball(tree_a, tree_b, region_a, region_b, pose_a, pose_b, rel_err, abs_
     apart = np.sqrt(dot(way, way)) * (1.0 - 1e-12) - 4.0 * at.slack
     at.dropped = at.ceiling = _largest(region_a, region_b, at, apart)
     at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
+    at.task, at.turn, at.height = IDLE, 0, 0
     at.framed = at.begun = False
     if last:
-        add_seed(state, best.place)
+        add_seed(state, (best.place[0], best.place[1], best.place[2]))
     take_axes(at.axes, (1.0, 0.0, 0.0))
     for k in range(2):
         best.near[k] = max(best.near[k], 0)
@@ -55,11 +61,12 @@ def begin_ball(tree_a, tree_b, region_a, region_b, pose_a, pose_b, rel_err, abs_
 
 @kernel
 def add_seed(state, place):
-    """Put a point (3,) of a's frame on the list of those to begin with."""
+    """Put a point of a's frame on the list of those to begin with, if there is room."""
     at = state.at[0]
-    for i in range(3):
-        state.seeds[at.seeds, i] = place[i]
-    at.seeds += 1
+    if at.seeds < state.seeds.shape[0]:
+        for i in range(3):
+            state.seeds[at.seeds, i] = place[i]
+        at.seeds += 1
 
 
 @kernel
@@ -84,15 +91,3 @@ def _largest(region_a, region_b, at, apart):
     elif region_b.inside == HALF:
         b += region_b.ball[3]
     return min(min(a, b), both) * (1.0 + 1e-12) + at.slack
-
-
-@entry
-def foot(tree, motion, place, triangle, weights):
-    """Write where on a triangle the point nearest to a place lies: the weights (3,) of its corners.
-
-    `motion` (12,) brings the place (3,) to the frame of the triangle's model.
-    """
-    p = moved(motion, (place[0], place[1], place[2]))
-    a, b, c = corners(tree.triangles, triangle)
-    _, v, w = point_triangle(p, a, b, c)
-    weights[0], weights[1], weights[2] = max(1.0 - v - w, 0.0), v, w

@@ -54,7 +54,7 @@ from .ball_point import turned
 from .nearest import point_triangle
 from .solids import HALF, WHOLE
 from .visit import BEYOND, ROOM, at_root, descend
-from .winding import winding_number
+from .winding import RAY_STEPS, winding_number
 
 PLANE = 8.0
 """Slacks by which a plane is raised."""
@@ -211,12 +211,13 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     q = along(o, n, height + clear)
     if region.inside == WHOLE and not (side < 0 and height + clear < -low < radius - clear):
         gaps = on_stack(WIDTH, np.float32(0.0))
-        steps += 12
+        steps += RAY_STEPS
         if winding_number(tree, q, slack, stack, gaps) != 0:
             return False, steps
     elif region.inside == HALF:
-        steps += 12
-        if not surely_outside(tree, region, o, max(radius, far), q, slack, stack):
+        outside, cost = surely_outside(tree, region, o, max(radius, far), q, slack, stack)
+        steps += cost
+        if not outside:
             return False, steps
     row[0], row[1], row[2] = yn
     row[3] = height + PLANE * slack + at.swept[k] + dot(yn, yo)

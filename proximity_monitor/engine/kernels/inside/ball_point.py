@@ -18,11 +18,7 @@ from ..tree.layout import WIDTH
 from .angles import side_of
 from .nearest import begin_nearest, nearest, point_triangle
 from .solids import HALF, NOWHERE, WHOLE
-
-_TO_THE_END = 1 << 62
-
-_ONE_SIDE = 12
-"""Steps that finding the side of a point takes as long as, where the surface is closed."""
+from .visit import TO_THE_END
 
 
 @kernel
@@ -52,34 +48,40 @@ def place_of(point):
 
 
 @shared
-def sound(tree, region, motion, k, slack, swept, point, stack, reached):
-    """Find the depth of a point in solid k; returns how many steps that took.
+def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
+    """Go on to find the depth of a point in solid k; returns how many steps are left.
 
     `point` holds its place; the side, if it is known, else 0, and how far around the point it is
-    the same; and a triangle that may be near. The rest is written.
+    the same; and a triangle that may be near. The rest is written. Where the steps do not suffice,
+    `at.height` is not 0, and the descent goes on with what `point` and the stack hold.
     """
+    slack, swept = at.slack, at.swept[k]
     found = on_stack(WIDTH, np.float32(0.0))
     p = moved(motion, place_of(point))
-    away, near, top = begin_nearest(tree, p, point.near[k], stack, reached)
-    away, near, _, left = nearest(
-        tree, p, away, near, top, slack, 0.0, stack, reached, found, _TO_THE_END
+    away, near, top = point.away[k], point.near[k], at.height
+    if top == 0:
+        away, near, top = begin_nearest(tree, p, near, stack, reached)
+    away, near, top, steps = nearest(
+        tree, p, away, near, top, slack, 0.0, stack, reached, found, steps
     )
-    steps = _TO_THE_END - left
+    point.away[k], point.near[k], at.height = away, near, top
+    if top > 0:
+        return steps
     side, clear = point.side[k], point.clear[k]
     if region.inside == NOWHERE:
         side, clear = -1, np.inf
     elif away <= 2.0 * slack:
         side, clear = 0, 0.0
     elif side == 0:
-        side, clear = side_of(tree, region, p, away - slack, slack, stack, found)
-        steps += _ONE_SIDE
+        side, clear, cost = side_of(tree, region, p, away - slack, slack, stack, found)
+        steps -= cost
         if region.inside == WHOLE:
             clear = away - 2.0 * slack if side != 0 else 0.0
     elif region.inside == WHOLE:
         clear = away - 2.0 * slack
     else:
         clear = min(clear, away - 2.0 * slack)
-    point.near[k], point.away[k], point.side[k], point.clear[k] = near, away, side, clear
+    point.side[k], point.clear[k] = side, clear
     point.depth[k] = (away if side == 0 else side * away) + swept
     a, b, c = corners(tree.triangles, near)
     _, v, w = point_triangle(p, a, b, c)
@@ -90,6 +92,13 @@ def sound(tree, region, motion, k, slack, swept, point, stack, reached):
     way = turned_back(motion, unit(way))
     point.way[k, 0], point.way[k, 1], point.way[k, 2] = way
     return steps
+
+
+@kernel
+def sound(tree, region, motion, k, at, point, stack, reached):
+    """As `sound_some`, to the end; returns how many steps that took."""
+    left = sound_some(tree, region, motion, k, at, point, stack, reached, TO_THE_END)
+    return TO_THE_END - left
 
 
 @kernel

@@ -6,6 +6,10 @@ from collections import namedtuple
 
 import numpy as np
 
+from ..base.jit import inlined
+from ..base.memory import records_at, rows_at
+from ..base.tables import table
+
 ROWS = 6
 """Planes that a cell inherits, at the most; `ball_cells.halve` has room for as many."""
 
@@ -65,6 +69,9 @@ SEARCH = np.dtype(
         ("climbs", np.int64),  # steps that are left to the ascent
         ("begun", np.bool_),  # the cells hold all that both models share
         ("framed", np.bool_),  # the frame is along the axis of a ball
+        ("task", np.int64),  # what the trial point is for, one of those below
+        ("turn", np.int64),  # how many of its depths are known
+        ("height", np.int64),  # of the stack of a descent that was cut, else 0
         ("seed", np.int64),  # which seed is next
         ("seeds", np.int64),  # how many there are
         ("points", np.int64),  # points whose depth was asked for
@@ -74,12 +81,40 @@ SEARCH = np.dtype(
 )
 """A search."""
 
+IDLE, SEED, CLIMB, CELL_CENTRE = 0, 1, 2, 3
+"""What the trial point is for: nothing, or it is a seed, a step of the ascent, a cell's centre."""
+
 Ball = namedtuple("Ball", "at motions seeds best trial probe bounds order cells stack reached")
 """A search and its memory. at (1,) SEARCH; motions (2, 12): from a's frame to a's and to b's; seeds
 (k, 3) points to begin with, in a's frame; best, trial and probe (1,) POINT: the centre of the
 largest ball found, the point asked about last, and one beside a cell; bounds (n,) metres, a heap
 with the largest first; order (n,) int32: the cells that they are of, and after these the free ones;
 cells (n,) CELL; stack (int32) and reached: scratch of a descent."""
+
+
+def ball_table(ball):
+    """The table of a search's memory (see base/tables.py)."""
+    return table(tuple(ball))
+
+
+@inlined
+def ball_at(kind, memory):
+    """The search of a table that `ball_table` made, whose cells are of a kind, CELL or PIECE."""
+    at, rows = memory[0], memory[1]
+    return Ball(
+        records_at(at[0], rows[0], SEARCH),
+        rows_at(at[1], rows[1], 12, 0.0),
+        rows_at(at[2], rows[2], 3, 0.0),
+        records_at(at[3], rows[3], POINT),
+        records_at(at[4], rows[4], POINT),
+        records_at(at[5], rows[5], POINT),
+        rows_at(at[6], rows[6], 0, 0.0),
+        rows_at(at[7], rows[7], 0, np.int32(0)),
+        records_at(at[8], rows[8], kind),
+        rows_at(at[9], rows[9], 0, np.int32(0)),
+        rows_at(at[10], rows[10], 0, 0.0),
+    )
+
 
 FULL = 2
 """What a slice returns, beside ENDED and CUT, when there is no room for more cells."""

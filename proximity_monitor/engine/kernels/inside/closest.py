@@ -14,7 +14,7 @@ from ..elements.swept import core_of, lower_of, surface_points, upper_of
 from ..tree.layout import WIDTH
 from .angles import side_of
 from .nearest import begin_nearest, nearest, point_triangle
-from .solids import HALF, NOWHERE
+from .solids import NOWHERE
 
 NONE = -1
 """The triangle of a point that is beyond the largest distance asked for, or not done."""
@@ -22,8 +22,8 @@ NONE = -1
 _ONE_POINT = 4
 """Steps that a point takes as long as besides those of its descent."""
 
-_ONE_SIDE = 16
-"""Steps that finding the side of a point takes as long as, where the surface is closed."""
+_SIDE = 4
+"""Steps that a point takes as long as besides finding its side."""
 
 _TELLING = 1e-6
 """Share of the model's size up to which the distance of a point is found out where its side is
@@ -92,19 +92,18 @@ def sides(
     """
     gaps = on_stack(WIDTH, np.float32(0.0))
     radius, deviation = tree.scale[SWEPT], tree.scale[DEVIATION]
-    # In the worst case every node is looked at for the sum of solid angles.
-    cost = tree.centres.shape[0] if region.inside == HALF else _ONE_SIDE
     for k in range(first, last):
         if steps <= 0:
             return k
-        steps -= cost
+        steps -= _SIDE
         p, slack = _image(tree, pose, points, k)
         low, high = bounds[k, 0], bounds[k, 1]
         side = -1
         if region.inside != NOWHERE:
             side = 0
             if low > 2.0 * slack:
-                side, _ = side_of(tree, region, p, low, slack, stack, gaps)
+                side, _, cost = side_of(tree, region, p, low, slack, stack, gaps)
+                steps -= cost
         bounds[k, 0] = lower_of(low if side < 0 else -high, radius, deviation)
         bounds[k, 1] = _signed_upper_of(-low if side > 0 else high, radius, deviation)
         if triangles[k] != NONE:

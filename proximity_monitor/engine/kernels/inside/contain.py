@@ -23,7 +23,7 @@ from ..tree.layout import EMPTY, WIDTH, first_of, last_of
 from .solids import HALF, WHOLE
 from .visit import TO_THE_END
 from .volumes import sphere_of
-from .winding import winding_number
+from .winding import RAY_STEPS, winding_number
 
 Insides = namedtuple("Insides", "where spans samples tables")
 """What n bodies enclose: where (int8, n), their Region.inside; samples (int32, k) of all of them;
@@ -35,10 +35,6 @@ those that lie on others, which a search for the nearest leaves out.
 
 FEW = 256
 """Parts of a body, at the most, of which each is looked at."""
-
-_ONE_SIDE = 12
-"""Steps that finding the side of a point takes as long as."""
-
 
 NONE, UNDECIDED = -1, -2
 """No triangle; and that some are left to look at."""
@@ -60,7 +56,7 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
                 return UNDECIDED
             t = samples[progress[0]] // 3
             progress[0] += 1
-            steps -= _ONE_SIDE
+            steps -= RAY_STEPS
             if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
                 return t
         return NONE
@@ -92,7 +88,7 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
                 child = body.children[child * WIDTH]
             last = first_of(child) if small else last_of(child)
             for t in range(first_of(child), last + 1):
-                steps -= _ONE_SIDE
+                steps -= RAY_STEPS
                 if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
                     return t
     return NONE

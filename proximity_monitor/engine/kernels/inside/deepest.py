@@ -35,8 +35,9 @@ from ..tree.layout import (
 from .ball_caps import plane
 from .ball_cells import limit_of, pop, push
 from .ball_frame import take_axes
-from .ball_point import certain_radius, possible_depth, sound
-from .ball_state import FULL, LOOSEST
+from .ball_point import certain_radius, possible_depth, sound_some
+from .ball_state import CELL_CENTRE, FULL, IDLE, LOOSEST, PIECE, ball_at
+from .solid_table import solid_at
 from .solids import HALF
 from .volumes import sphere_of
 
@@ -46,19 +47,23 @@ _SPARE = 0.1
 _WHOLE, _PART = -1, -2
 """Lanes of what is none: of a whole triangle, and of a part of one."""
 
+_CENTRE = 3
+"""Turn of a piece's centre, after those of its corners."""
+
 _STEPS = 8
 """What a piece costs beside its descents, in steps of these."""
 
 
 @entry
-def begin_deepest(
-    tree, region, surface, around, pose, pose_surface, rel_err, abs_err, state
-):  # fmt: skip
+def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     """Start a search for the deepest point of a surface in a solid.
 
-    `around` is the surface's region, of which the ball counts. A `state` is a Ball whose cells are
-    PIECE; its motion is from the surface's frame to the solid's.
+    `models` (2, 2, n) are tables of the solid and of the surface (see solid_table.py), and `memory`
+    that of a Ball whose cells are PIECE; its motion is from the surface's frame to the solid's.
     """
+    tree, _, region = solid_at(models[0])
+    surface, _, around = solid_at(models[1])
+    state = ball_at(PIECE, memory)
     at, best = state.at[0], state.best[0]
     back = on_stack(12, 0.0)
     relative_motions(pose, pose_surface, state.motions[0], back)
@@ -72,6 +77,9 @@ def begin_deepest(
     at.swept[0], at.swept[1] = tree.scale[SWEPT], np.inf
     at.radius, at.dropped = 0.0, 0.0
     at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
+    for i in range(12):  # the best point is one of the surface's own frame
+        state.motions[1, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
+    at.task, at.turn, at.height = IDLE, 0, 0
     best.near[0] = 0
     best.depth[1], best.side[1] = np.inf, 1
     state.trial[0].depth[1], state.trial[0].side[1] = np.inf, 1
@@ -118,26 +126,46 @@ def _push_piece(state, p, q, r, triangle, kind, near, bound):
     push(state, at.size, bound)
 
 
-@shared
-def _sound(tree, region, state, place, near):
-    """Find the depth of a point of the surface; keeps it where it is the deepest: (steps, it)."""
-    at, trial = state.at[0], state.trial[0]
-    at.points += 1
-    trial.place[0], trial.place[1], trial.place[2] = place
-    trial.near[0], trial.side[0] = near, 0
-    steps = sound(
-        tree, region, state.motions[0], 0, at.slack, at.swept[0], trial, state.stack,
-        state.reached,
-    )  # fmt: skip
+@kernel
+def _keep(state):
+    """Keep the trial point, which is one of the surface, where it is the deepest so far."""
+    at, trial, best = state.at[0], state.trial[0], state.best[0]
     depth = certain_radius(trial, at.swept, at.slack)
     if depth > at.radius:
-        best = state.best[0]
         at.radius = depth
-        best.near[0] = trial.near[0]
+        best.near[0], best.near[1] = trial.near[0], state.cells[state.order[0]].triangle
         for i in range(3):
             best.place[i] = trial.place[i]
-        return steps, True
-    return steps, False
+
+
+@kernel
+def _begin(surface, state):
+    """Begin with the next point of the piece with the largest bound, which stays in the heap.
+
+    A whole triangle's corners come first, which may be its deepest points; then its centre. Of a
+    lane there is a centre alone.
+    """
+    at, trial = state.at[0], state.trial[0]
+    piece = state.cells[state.order[0]]
+    if at.task == IDLE:
+        at.turn = 0 if piece.lane == _WHOLE else _CENTRE
+        trial.near[0] = piece.near
+    at.task, at.height = CELL_CENTRE, 0
+    at.points += 1
+    if piece.lane >= 0:
+        place, _ = sphere_of(surface, piece.lane)
+    elif at.turn < _CENTRE:
+        place = _corner(piece, at.turn)
+    else:
+        place = _middle(piece)
+    trial.place[0], trial.place[1], trial.place[2] = place
+    trial.side[0] = 0
+
+
+@kernel
+def _middle(piece):
+    corner = _corner(piece, 0)
+    return scaled(add(add(corner, _corner(piece, 1)), _corner(piece, 2)), 1.0 / 3.0)
 
 
 @kernel
@@ -172,17 +200,11 @@ def _into_axes(axes, v, out):
 
 
 @shared
-def _look_into_lane(tree, region, surface, state, lane, near, bound):
-    """Bound what is under a lane, and put it into the heap."""
+def _end_lane(tree, region, surface, state, lane, bound):
+    """Bound what is under a lane, whose centre is the trial point, and put it into the heap."""
     at, trial = state.at[0], state.trial[0]
     centre, radius = sphere_of(surface, lane)
-    at.points += 1
-    trial.place[0], trial.place[1], trial.place[2] = centre
-    trial.near[0], trial.side[0] = near, 0
-    steps = sound(
-        tree, region, state.motions[0], 0, at.slack, at.swept[0], trial, state.stack,
-        state.reached,
-    )  # fmt: skip
+    steps = 0
     bound = min(bound, possible_depth(trial, 0, region.inside, at.swept[0], radius, at.slack))
     if bound > limit_of(at):
         base = uint64(lane // WIDTH * STRIDE + lane % WIDTH)
@@ -219,25 +241,12 @@ def _look_into_lane(tree, region, surface, state, lane, near, bound):
 
 
 @shared
-def _look_into_piece(tree, region, state, piece, bound):
-    """Bound a piece of a triangle, and put its halves into the heap."""
+def _end_piece(tree, region, state, piece, bound):
+    """Bound a piece, whose centre is the trial point, and put its halves into the heap."""
     at, trial = state.at[0], state.trial[0]
     p, q, r = _corner(piece, 0), _corner(piece, 1), _corner(piece, 2)
-    triangle = piece.triangle
+    triangle, centre = piece.triangle, _middle(piece)
     steps = 0
-    near = piece.near
-    if piece.lane == _WHOLE:  # the corners may be its deepest points
-        for corner in (p, q, r):
-            more, better = _sound(tree, region, state, corner, near)
-            steps += more
-            near = trial.near[0]
-            if better:
-                state.best[0].near[1] = triangle
-    centre = scaled(add(add(p, q), r), 1.0 / 3.0)
-    more, better = _sound(tree, region, state, centre, near)
-    steps += more
-    if better:
-        state.best[0].near[1] = triangle
     e, f, g = sub(p, centre), sub(q, centre), sub(r, centre)
     radius = np.sqrt(max(dot(e, e), max(dot(f, f), dot(g, g)))) * (1.0 + 1e-12)
     bound = min(bound, possible_depth(trial, 0, region.inside, at.swept[0], radius, at.slack))
@@ -282,22 +291,39 @@ def _look_into_piece(tree, region, state, piece, bound):
 
 
 @entry
-def search_deepest(tree, region, surface, state, steps):
+def search_deepest(models, memory, steps):
     """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL."""
+    tree, _, region = solid_at(models[0])
+    surface, _, _ = solid_at(models[1])
+    state = ball_at(PIECE, memory)
     at = state.at[0]
     while True:
         if steps <= 0:
             return CUT
-        if at.size == 0 or state.bounds[0] <= limit_of(at):
-            return ENDED
-        if at.size + WIDTH >= state.order.shape[0]:
-            return FULL
-        bound = state.bounds[0]
-        number = pop(state)
-        piece = state.cells[number]
+        if at.task == IDLE:
+            if at.size == 0 or state.bounds[0] <= limit_of(at):
+                return ENDED
+            if at.size + WIDTH >= state.order.shape[0]:
+                return FULL
+            _begin(surface, state)
+        steps = sound_some(
+            tree, region, state.motions[0], 0, at, state.trial[0], state.stack, state.reached,
+            steps,
+        )  # fmt: skip
+        if at.height > 0:
+            return CUT
+        if state.cells[state.order[0]].lane < 0:
+            _keep(state)
+        if at.turn < _CENTRE:
+            at.turn += 1
+            _begin(surface, state)
+            continue
+        at.task = IDLE
         at.cells += 1
         steps -= _STEPS
+        bound = state.bounds[0]
+        piece = state.cells[pop(state)]
         if piece.lane >= 0:
-            steps -= _look_into_lane(tree, region, surface, state, piece.lane, piece.near, bound)
+            steps -= _end_lane(tree, region, surface, state, piece.lane, bound)
         else:
-            steps -= _look_into_piece(tree, region, state, piece, bound)
+            steps -= _end_piece(tree, region, state, piece, bound)

@@ -46,6 +46,9 @@ Ray = namedtuple("Ray", "place slack alpha beta forth")
 UNKNOWN = -(2**31)
 """Winding number of a point whose every ray grazes an edge. Its vertices widen the bounds."""
 
+RAY_STEPS = 12
+"""Steps that a winding number takes as long as."""
+
 _SLOPES = (
     (0.2939453125, 0.1845703125),
     (-0.2119140625, 0.3544921875),

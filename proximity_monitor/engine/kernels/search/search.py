@@ -13,6 +13,7 @@ from ..base.jit import kernel
 from ..base.memory import table_on_stack
 from ..base.motion import deviation, is_rigid, relative_motions
 from ..base.state import (
+    ANSWER,
     BAD_POSE_A,
     BAD_POSE_B,
     CUT,
@@ -38,7 +39,7 @@ from ..base.state import (
     UPPER,
     WITHIN_TOLERANCE,
 )
-from ..base.tables import state_at, tree_at
+from ..base.tables import queries_at, state_at, tree_at
 from ..base.vectors import dot, moved, sub
 from ..elements.direction import forget_direction
 from ..elements.primitives import keep
@@ -155,7 +156,7 @@ def _put_in_world(pose, x, answer, at):
 
 
 def answer_queries(
-    models, memory, poses_a, poses_b, queries, first, last, every, steps, fresh, answers,
+    models, memory, poses_a, poses_b, asked, first, last, every, steps, fresh, answers,
 ):  # fmt: skip
     """Answer the queries first, first + every, ... below last, with `steps` steps for all.
 
@@ -167,19 +168,21 @@ def answer_queries(
         memory: that of a state whose room suffices for any two of them.
         poses_a: (4 n, 4) model to world, one below the other.
         poses_b: the same of the second models; the two may be one array.
-        queries: (k,) QUERY. Where elements to begin with do not exist, they are UNKNOWN.
+        asked: the table of one array (k,) QUERY. Where elements to begin with do not exist, they
+            are UNKNOWN.
         first: where to begin; if not `fresh`, with the search that the state holds.
         last: one after the last query.
         every: how far apart the queries of this call are.
         steps: what a query may take in one go, and about how many all of them: so where a search
             is interrupted, and which of several nearest pairs it finds, depends on it alone.
         fresh: whether the first query's search has not begun.
-        answers: (k, ANSWER) written.
+        answers: (k ANSWER,) written, one after the other.
 
     Returns:
         ENDED and `last`; or another code and the query that it is about.
     """
     state = state_at(ORDER, memory)
+    (queries,) = queries_at(asked)
     progress = state.progress[0]
     left = steps
     for k in range(first, last, every):
@@ -203,7 +206,8 @@ def answer_queries(
         progress.steps = steps
         code = advance(tree_a, tree_b, state)
         left -= steps - progress.steps
-        finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answers[k])
+        answer = answers[ANSWER * k : ANSWER * (k + 1)]
+        finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answer)
         if code != ENDED:
             return code, k
     return ENDED, last

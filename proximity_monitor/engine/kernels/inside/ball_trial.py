@@ -1,0 +1,117 @@
+"""The trial point of a search for the largest ball: what is tried next, and what is kept.
+
+A ball that was found is improved by an ascent, step by step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import kernel
+from ..base.memory import on_stack
+from .ball_cells import limit_of
+from .ball_point import certain_radius
+from .ball_state import CLIMB
+
+_CLIMBS = 12
+"""Steps of an ascent, at the most."""
+
+
+@kernel
+def _copy(point, other):
+    for k in range(2):
+        other.depth[k], other.away[k], other.side[k] = point.depth[k], point.away[k], point.side[k]
+        other.clear[k], other.near[k] = point.clear[k], point.near[k]
+        for i in range(3):
+            other.way[k, i] = point.way[k, i]
+    for i in range(3):
+        other.place[i] = point.place[i]
+
+
+@kernel
+def keep(state):
+    """Keep the trial point where it is the centre of the largest ball so far; returns whether."""
+    at, trial = state.at[0], state.trial[0]
+    radius = certain_radius(trial, at.swept, at.slack)
+    if not radius > at.radius:
+        return False
+    at.radius = radius
+    _copy(trial, state.best[0])
+    return True
+
+
+@kernel
+def try_point(state, task, x, y, z, near, inherited, moved):
+    """Make a point the trial point; where `inherited`, sides are those of a point so far away."""
+    at, trial = state.at[0], state.trial[0]
+    at.task, at.turn, at.height = task, 0, 0
+    at.points += 1
+    trial.place[0], trial.place[1], trial.place[2] = x, y, z
+    for k in range(2):
+        trial.near[k] = near.near[k]
+        trial.clear[k] = near.clear[k] - moved - 4.0 * at.slack
+        trial.side[k] = near.side[k] if inherited and trial.clear[k] > 0.0 else 0
+
+
+@kernel
+def begin_climb(state):
+    """Begin one step of the ascent from the best point, unless it is not worth it.
+
+    To first order the depths grow along their ways u and v. Of all steps no longer than `reach` the
+    one is taken after which the smaller of both is largest.
+    """
+    at, best = state.at[0], state.best[0]
+    at.climbs -= 1
+    reach = at.reach
+    c = e = 0.0
+    for i in range(3):
+        c += best.way[0, i] * best.way[1, i]
+    first, second = best.depth[0], best.depth[1]
+    e = second - first
+    if first + reach <= second + reach * c:
+        p, q, gain = reach, 0.0, reach
+    elif second + reach <= first + reach * c:
+        p, q, gain = 0.0, reach, reach
+    else:
+        # p u + q v, such that both depths are the same after it.
+        part = e / (2.0 * max(1.0 - c, 1e-12))
+        whole = 0.0
+        if 1.0 + c > 1e-9:
+            left = reach * reach - part * part * 2.0 * (1.0 - c)
+            whole = np.sqrt(max(left, 0.0) / (2.0 * (1.0 + c)))
+        p, q = part + whole, whole - part
+        gain = first + p + q * c - min(first, second)
+    if not gain > 0.02 * (limit_of(at) - at.radius):
+        at.climbs = 0
+        return
+    move = 0.0
+    step = on_stack(3, 0.0)
+    for i in range(3):
+        step[i] = p * best.way[0, i] + q * best.way[1, i]
+        move += step[i] * step[i]
+    move = np.sqrt(move) * (1.0 + 1e-12)
+    try_point(
+        state, CLIMB, best.place[0] + step[0], best.place[1] + step[1], best.place[2] + step[2],
+        best, True, move,
+    )  # fmt: skip
+
+
+@kernel
+def end_climb(state):
+    """Keep the point that a step of the ascent led to where it is better, and go farther next."""
+    at = state.at[0]
+    before, tolerated = at.radius, limit_of(at) - at.radius
+    if keep(state):
+        at.reach = min(2.0 * at.reach, 0.95 * at.radius)
+        if at.radius - before < 0.01 * tolerated:
+            at.climbs = 0
+    else:
+        at.reach = 0.4 * at.reach
+
+
+@kernel
+def ascend(state):
+    """Begin an ascent from the best point."""
+    at = state.at[0]
+    at.climbs = _CLIMBS
+    at.reach = 0.95 * at.radius
