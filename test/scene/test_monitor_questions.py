@@ -197,3 +197,25 @@ def test_a_solid_that_is_none_is_refused_with_its_place_in_the_file(load):
     expected = r"\.yaml:6: bodies\[1\]\.solid: true, but body 'b1' is none: not watertight"
     with pytest.raises(engine.ModelError, match=expected):
         Monitor(scene, models)
+
+
+def test_a_depth_that_comes_with_its_sign_is_an_answer_for_the_present_poses(load):
+    """How deep a ball is in a box follows from the distance of its centre: nothing is left open."""
+    scene = load("""
+version: 1
+unit: m
+pairs: all
+thresholds: {warn: 0.1, stop: 0.02, hysteresis: 0.01}
+bodies:
+  - {name: table, primitive: {box: {size: [2, 2, 0.1]}}, pose: {position: [0, 0, -0.05]}}
+  - {name: ball, primitive: {sphere: {radius: 0.1}}, moving: true}
+""")
+    monitor = Monitor(scene, load_models(scene))
+    for height in (0.5, 0.05, 0.05, 0.05):
+        pose = np.eye(4)
+        pose[2, 3] = height
+        tick = monitor.tick(samples({"ball": pose}), 1.0)
+        (pair,) = tick.pairs
+        assert tick.left == 0 and pair.age_s == 0.0
+    assert pair.status is PairStatus.OVERLAPPING
+    assert pair.lower == pytest.approx(-0.05, rel=0.011)

@@ -299,7 +299,8 @@ def commit(
             view.lower = answer[state.LOWER]
         view.asked = level if ended else np.nan
         intersecting = status == state.INTERSECTING
-        view.answered = final or (intersecting and not signed)
+        # The search for a sign may find the depth as well.
+        view.answered = final or (intersecting and not signed) or _is_close(view)
         view.searched = True
         decided = view.lower > level or view.upper <= level < np.inf
         cut = not (ended or decided or unsure)
