@@ -38,7 +38,7 @@ Nothing is written outside OUT. `--out docs` in a checkout renews the page that 
 
 examples:
   {program} accuracy --quick                       all parts, under a minute
-  {program} accuracy --out docs                    the page in docs, some ten minutes
+  {program} accuracy --out docs                    the page in docs, two minutes
   {program} accuracy --part volumes --scene chain  one scene of one part
   {program} accuracy --render-only --out docs      page and figures again, from the data
 
