@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import gc
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -31,6 +33,8 @@ class Stop:
         self.asked = False
         self.by = ""
         """The signal's name."""
+        self.cut = False
+        """Whether it interrupted a computation."""
 
     def on_signal(self, number: int, *_: object) -> None:
         """Take a signal."""
@@ -40,6 +44,7 @@ class Stop:
         if _computing:
             # And again soon: an import under `except BaseException` swallows the interrupt.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+            self.cut = True
             raise KeyboardInterrupt
 
 
@@ -102,9 +107,21 @@ def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
             print(f"{name}: ended by {stop.by}", file=sys.stderr, flush=True)
         if not stop.asked:
             sys.unraisablehook = complain
+        if stop.cut:
+            atexit.register(_leave)
         gc.freeze()  # else Python searches all objects once more at the end, for half a second
         for kind, handler in zip(kinds, before, strict=True):
             signal.signal(kind, handler)
+
+
+def _leave() -> None:
+    """End the process without destroying its objects.
+
+    Where an interrupt cut the constructor of an object of LLVM, its destructor may crash.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
 
 
 def _unraisable(complain: Callable[[Any], None], told: Any) -> None:

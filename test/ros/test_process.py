@@ -3,6 +3,7 @@
 import math
 import re
 import signal
+import subprocess
 import sys
 import time
 
@@ -325,3 +326,29 @@ def test_a_player_that_cannot_start_says_why(launch, parameters, told):
     assert process.ended() == 1
     assert told in process.text
     assert "Traceback" not in process.text
+
+
+CUT = """
+import os, signal, sys
+from proximity_monitor.ros.spin import interruptible, ros
+
+class Fragile:
+    def __del__(self, end=os._exit):
+        end(7)
+
+sys.kept = Fragile()
+with ros(name="cut"), interruptible():
+    os.kill(os.getpid(), signal.SIGINT)
+    while True:
+        pass
+print("all is said")
+"""
+
+
+def test_what_an_interrupt_cut_is_not_destroyed_at_exit(ros_environment):
+    """The destructor of an object of LLVM whose constructor did not end may crash."""
+    run = subprocess.run(
+        [sys.executable, "-c", CUT], env=ros_environment, capture_output=True, text=True, timeout=60
+    )
+    assert (run.returncode, run.stdout) == (0, "all is said\n")
+    assert run.stderr == "cut: ended by SIGINT\n"
