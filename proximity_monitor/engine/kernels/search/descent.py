@@ -113,8 +113,11 @@ def advance(tree_a, tree_b, state):
     n = progress.waiting
     coherent = is_coherent(state)
     code = ENDED
-    # With a tolerance something nearer is worth more than a full batch: it lowers the limit.
-    many = 1 if progress.rel_err + progress.abs_err > 0.0 else BATCH
+    # With a tolerance something nearer is worth more than a full batch, as it lowers the limit. And
+    # fewer leaves have to be looked at, so that two lowest nodes together are less of a bargain.
+    tolerant = progress.rel_err + progress.abs_err > 0.0
+    many = 1 if tolerant else BATCH
+    larger = 2.0 if tolerant else 4.0
     while True:
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
         while n >= many or (
@@ -178,9 +181,9 @@ def advance(tree_a, tree_b, state):
                     remember_far(state, a, b, progress.proven)
                 continue
             n = before
-        # Two lowest nodes together are the better bargain, unless one is twice as large.
+        # Two lowest nodes together are the better bargain, unless one is far larger.
         if lowest_a != lowest_b:
-            size_a, size_b = (size_a, 2.0 * size_b) if lowest_a else (2.0 * size_a, size_b)
+            size_a, size_b = (size_a, larger * size_b) if lowest_a else (larger * size_a, size_b)
         flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
         before, depth = n, progress.open
         if flip:
