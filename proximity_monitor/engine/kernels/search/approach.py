@@ -36,7 +36,7 @@ were the nearest of the search before; and how many times as many it makes befor
 _WITHIN_REACH = 1.5
 """How many times as far as a clearance the nearest points may be and may soon be within it."""
 _POOR = 0.1
-"""Share of the last distance by which the remembered triangles are too far to begin with."""
+"""Share of the last distance by which the remembered elements are too far to begin with."""
 
 
 @kernel
