@@ -30,6 +30,33 @@ be taken for a MeshTree.
 MESHES = MeshTree, BoxTree
 """The trees over triangles."""
 
+SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces nets scale")
+"""A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
+
+pieces (m,) PIECE in tree order; nets (float64, flat) their control nets. The rest is as in MeshTree;
+scale[2] is the largest norm of a control point.
+"""
+
+PIECE = np.dtype(
+    [
+        ("net", np.int64),  # where its control net begins in `nets`
+        ("points", np.int32),  # its control points, (degree_u + 1) (degree_v + 1), v fastest
+        ("room", np.int32),  # numbers of one coordinate in `nets`: a multiple of NET_WIDTH
+        ("degree_u", np.int32),
+        ("degree_v", np.int32),  # 0 of a curve
+        ("rational", np.int32),  # 0: all weights are 1
+        ("patch", np.int32),  # the patch or curve of the model that it is a piece of
+        ("low", np.float64, (2,)),  # its rectangle in that patch's parameters u and v
+        ("high", np.float64, (2,)),
+    ],
+    align=True,
+)
+"""A rational Bezier piece. Its control net is four rows of `room` numbers: x w, y w, z w and w of
+each control point, where the weights w are positive; the last point is repeated up to the end."""
+
+NET_WIDTH = 16
+"""Control points are bounded so many at a time."""
+
 REVISION, SWEPT, DEVIATION = 3, 4, 5
 """Of a tree's `scale`."""
 
