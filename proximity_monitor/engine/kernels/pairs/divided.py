@@ -9,7 +9,7 @@ from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, NET_PIECE, POINT_FLOOR, RESOLUTION
 from ..base.state import CELLS_FULL, CUT, ENDED, NONE, REVISION, Dividing, MeshTree, SurfaceTree
 from ..search import stubs
-from ..surface.divide import MINIMUM_STEPS, add_elements, divide_nearest, measure_near
+from ..surface.divide import add_elements, divide_nearest, measure_near
 from ..surface.sides import inner_weights
 from ..tree.layout import first_of
 

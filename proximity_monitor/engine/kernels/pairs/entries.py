@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..base.state import BoxTree, BreadthFirst, DepthFirst, MeshTree, Priority, SurfaceTree
-from . import mesh_mesh, surface_surface
+from . import mesh_mesh, surface_mesh, surface_surface
 
 _SWEPT = {
     DepthFirst: mesh_mesh.search,
@@ -20,6 +20,16 @@ _SURFACES = {
     Priority: surface_surface.search_nearest_first,
     BreadthFirst: surface_surface.search_by_levels,
 }
+_SURFACE_MESH = {
+    DepthFirst: surface_mesh.search,
+    Priority: surface_mesh.search_nearest_first,
+    BreadthFirst: surface_mesh.search_by_levels,
+}
+_MESH_SURFACE = {
+    DepthFirst: surface_mesh.search_turned,
+    Priority: surface_mesh.search_turned_nearest_first,
+    BreadthFirst: surface_mesh.search_turned_by_levels,
+}
 
 ENTRIES = {
     (MeshTree, MeshTree): _SWEPT,
@@ -28,5 +38,9 @@ ENTRIES = {
     (MeshTree, BoxTree): _SWEPT,
     (BoxTree, MeshTree): _SWEPT,
     (SurfaceTree, SurfaceTree): _SURFACES,
+    (SurfaceTree, MeshTree): _SURFACE_MESH,
+    (SurfaceTree, BoxTree): _SURFACE_MESH,
+    (MeshTree, SurfaceTree): _MESH_SURFACE,
+    (BoxTree, SurfaceTree): _MESH_SURFACE,
 }
 """By the types of both trees, and then by what a search in that order has open."""

@@ -29,8 +29,7 @@ def net_of(cells, nets, index):
 
 @kernel
 def root_cell(tree, element, cells, nets, roots, used):
-    """The cell of a whole element, and how many cells are in use then; NONE where there is no room.
-    """
+    """The cell of a whole element, and how many cells are in use then; NONE where there is no room."""
     found = roots[element]
     if found != NONE:
         return found, used
@@ -104,7 +103,9 @@ def _directions(piece, cell):
     if piece.degree_v == 0:
         return True, False
     u, v = cell.bend_u, cell.bend_v
-    if max(u, v) < 1e-3 * cell.twist or max(u, v) < 1e-12 * (norm(cell.along_u) + norm(cell.along_v)):
+    if max(u, v) < 1e-3 * cell.twist or max(u, v) < 1e-12 * (
+        norm(cell.along_u) + norm(cell.along_v)
+    ):
         u, v = norm(cell.along_u), norm(cell.along_v)
     return not u * _FLATTER < v, not v * _FLATTER < u
 

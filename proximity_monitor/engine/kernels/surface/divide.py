@@ -15,7 +15,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
-from ..base.vectors import dot, norm, rotated, scaled
+from ..base.vectors import norm, rotated, scaled
 from ..elements.primitives import keep
 from .facing import vector
 from .sides import (

@@ -6,10 +6,8 @@ a local search with. Nothing certain depends on either: a poor direction makes a
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..base.jit import inlined, kernel
-from ..base.vectors import add, along, dot, moved, rotated, scaled, sub
+from ..base.vectors import along, dot, moved, rotated, sub
 
 _SWEEPS = 3
 """Rounds of coordinate descent. Two cost six times as many divisions on near offsets."""
@@ -50,6 +48,19 @@ def parallelograms(cell_a, cell_b, motion):
         c, way = _step(way, g, gg, c, 1.0)
         d, way = _step(way, h, hh, d, 1.0)
     return way, (a, b), (c, d)
+
+
+@kernel
+def closest_in(cell, q):
+    """A near point to q of a cell's parallelogram, in the cell's frame, and its place in that."""
+    e, f = vector(cell.along_u), vector(cell.along_v)
+    ee, ff = dot(e, e), dot(f, f)
+    way = sub(q, vector(cell.centre))
+    a = b = 0.0
+    for _ in range(_SWEEPS):
+        a, way = _step(way, e, ee, a, -1.0)
+        b, way = _step(way, f, ff, b, -1.0)
+    return sub(q, way), (a, b)
 
 
 @kernel
