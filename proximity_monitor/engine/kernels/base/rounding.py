@@ -207,17 +207,17 @@ NET_PIECE = 768.0 * DOUBLE_EPS
 
 Knot insertion makes a control point of a piece from those of the patch by at most 2 (p + q) convex
 combinations on top of each other, for degrees p and q of at most 15. In homogeneous coordinates
-(w x, w), w > 0, one errs by 4 u of the mean of w |x| and of w; so the quotient by 8 u P whatever the
-weights are: 480 u P for 60 of them. A point is their mean by Bernstein polynomials, which err by
-3 (p + q) u of themselves, and sums of at most 16 and 16 products, twice: 260 u P. Together with the
-quotient's rounding less than 768 u P.
+(w x, w), w > 0, one errs by 4 u of the mean of w |x| and of w; so the quotient by 8 u P, whatever
+the weights are: 480 u P for 60 of them. A point is their mean by Bernstein polynomials, which err
+by 3 (p + q) u of themselves, and sums of at most 16 and 16 products, twice: 260 u P. Together with
+the quotient's rounding less than 768 u P.
 """
 
 NET_SPLIT = 4.0 * DOUBLE_EPS
 """What a division may do to control points, as a share of P, for each degree.
 
-It is `degree` midpoints on top of each other, each a sum rounded once and halved: u of w P, and u of
-w; so a projected point moves by 2 u P for each, a vector by less than 4 u P.
+It is `degree` midpoints on top of each other, each a sum rounded once and halved: u of w P, and u
+of w; so a projected point moves by 2 u P for each, a vector by less than 4 u P.
 """
 
 RESOLUTION = 2.0**-40

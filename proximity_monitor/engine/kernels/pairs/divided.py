@@ -10,6 +10,7 @@ from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, NET_PIECE, POINT_FLOOR
 from ..base.state import CELLS_FULL, CUT, ENDED, NONE, REVISION, Dividing, MeshTree, SurfaceTree
 from ..search import stubs
 from ..surface.divide import add_elements, divide_nearest, measure_near
+from ..surface.room import make_room
 from ..surface.sides import inner_weights
 from ..tree.layout import first_of
 
@@ -17,7 +18,10 @@ DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, Surfac
 """The pairs of kinds that this is about."""
 
 _FULL = 0.5
-"""Share of the room for cells from which on a search begins without those of the searches before."""
+"""Share of the room for cells from which on a search begins without those of earlier searches."""
+
+ROOM_STEPS = 256
+"""Steps that making room for more cells takes as long as."""
 
 
 def _implements(stub):
@@ -100,6 +104,8 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     a = first_of(np.int64(tree_a.children[waiting.lanes[n, 0]]))
     b = first_of(np.int64(tree_b.children[waiting.lanes[n, 1]]))
     taken = add_elements(tree_a, tree_b, state, a, b, bound)
+    if taken == NONE and make_room(state):
+        taken = add_elements(tree_a, tree_b, state, a, b, bound)
     if taken == NONE:
         progress.least_cells = min(progress.least_cells, bound)
         taken = 1
@@ -115,7 +121,9 @@ def _divide(tree_a, tree_b, state, steps):
             return CUT, steps
         taken = divide_nearest(tree_a, tree_b, state)
         if taken == NONE:
-            return CELLS_FULL, steps
+            if not make_room(state):
+                return CELLS_FULL, steps
+            taken = ROOM_STEPS
         steps -= min(steps, taken)
     if progress.least_cells < progress.limit and progress.distance - progress.slack > progress.stop:
         return CELLS_FULL, steps

@@ -1,4 +1,4 @@
-"""Meshes against meshes: what `search/stubs.py` asks for, of trees over triangles, and the entries."""
+"""Meshes against meshes: what `search/stubs.py` asks for of triangles, and the entries."""
 
 from __future__ import annotations
 

@@ -7,6 +7,8 @@ all queries about it: they are kept until there is no room for more.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.jit import kernel
 from ..base.rounding import NET_PIECE, NET_SPLIT
 from ..base.state import NONE
@@ -29,7 +31,7 @@ def net_of(cells, nets, index):
 
 @kernel
 def root_cell(tree, element, cells, nets, roots, used):
-    """The cell of a whole element, and how many cells are in use then; NONE where there is no room."""
+    """The cell of a whole element, and how many are in use then; NONE where there is no room."""
     found = roots[element]
     if found != NONE:
         return found, used
@@ -114,7 +116,8 @@ def _directions(piece, cell):
 def _measure(tree, nets, cell, base):
     """Write what a cell's control points say of its place and shape, and what they may err by."""
     piece = tree.pieces[cell.element]
-    p, q, n, room = piece.degree_u, piece.degree_v, piece.degree_v + 1, piece.room
+    p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
+    n = q + 1
     bend_u = bend_v = twist = 0.0
     for axis in range(3):
         at = axis * room
@@ -125,14 +128,16 @@ def _measure(tree, nets, cell, base):
         cell.along_v[axis] = 0.25 * ((b - a) + (d - c))
         twist = max(twist, 0.25 * abs((a - b) + (d - c)))
         if p > 1:
-            for j in (0, q // 2, q):
+            for three in range(3):
+                j = three * q // 2
                 k = at + j
                 m = at + (p - 2) * n + j
                 first = abs(nets[base + k] - 2.0 * nets[base + k + n] + nets[base + k + 2 * n])
                 last = abs(nets[base + m] - 2.0 * nets[base + m + n] + nets[base + m + 2 * n])
                 bend_u = max(bend_u, max(first, last))
         if q > 1:
-            for i in (0, p // 2, p):
+            for three in range(3):
+                i = three * p // 2
                 k = at + i * n
                 m = k + q - 2
                 first = abs(nets[base + k] - 2.0 * nets[base + k + 1] + nets[base + k + 2])

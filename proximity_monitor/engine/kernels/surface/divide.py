@@ -18,6 +18,7 @@ from ..base.state import NONE
 from ..base.vectors import norm, rotated, scaled
 from ..elements.primitives import keep
 from .facing import vector
+from .heap import add_pair, drop_first
 from .sides import (
     divide_side,
     element_of,
@@ -79,7 +80,7 @@ def divide_nearest(tree_a, tree_b, state):
     rough_b = roughness(tree_b, cells.cells_b, b)
     if rough_a < 0.0 and rough_b < 0.0:
         progress.least_cells = min(progress.least_cells, bound)
-        _drop_first(pairs, progress)
+        progress.dividing = drop_first(pairs, progress.dividing)
         return 0
     if progress.dividing + 4 > len(pairs):
         return NONE
@@ -91,7 +92,7 @@ def divide_nearest(tree_a, tree_b, state):
         first, count = np.int64(cells.cells_a[a].child), np.int64(cells.cells_a[a].children)
         if first == NONE:
             return NONE
-        _drop_first(pairs, progress)
+        progress.dividing = drop_first(pairs, progress.dividing)
         end = least_of(tree_b, cells.cells_b, cells.nets_b, b, _turned(state.motions[0], normal))
         end += _offset(state.motions[0], normal)
         for k in range(count):
@@ -106,7 +107,7 @@ def divide_nearest(tree_a, tree_b, state):
         first, count = np.int64(cells.cells_b[b].child), np.int64(cells.cells_b[b].children)
         if first == NONE:
             return NONE
-        _drop_first(pairs, progress)
+        progress.dividing = drop_first(pairs, progress.dividing)
         begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(normal, -1.0))
         begin += _offset(state.motions[0], normal)
         turned = _turned(state.motions[0], normal)
@@ -157,6 +158,7 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     near points of the two are measured where they promise to be nearer than any before.
     """
     progress, cells = state.progress[0], state.waiting
+    progress.bound_tests += 1
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
     bound = max(bound, gap - slack)
@@ -183,7 +185,7 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
         measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b)
         if bound >= progress.limit:
             return steps
-    _add(cells.pairs, progress, a, b, bound, normal)
+    progress.dividing = add_pair(cells.pairs, progress.dividing, a, b, bound, normal)
     return steps
 
 
@@ -219,49 +221,3 @@ def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b):
     if distance < progress.distance:
         keep(state, distance, element_a, element_b, at_a, at_b, way)
     return distance
-
-
-@kernel
-def _add(pairs, progress, a, b, bound, normal):
-    """Add a pair to the heap."""
-    at = progress.dividing
-    progress.dividing = at + 1
-    progress.bound_tests += 1
-    while at > 0:
-        parent = (at - 1) // 2
-        if pairs[parent].bound <= bound:
-            break
-        _copy(pairs, parent, at)
-        at = parent
-    pair = pairs[at]
-    pair.a, pair.b, pair.bound = a, b, bound
-    pair.normal[0], pair.normal[1], pair.normal[2] = normal
-
-
-@kernel
-def _drop_first(pairs, progress):
-    """Take the pair with the least bound off the heap."""
-    progress.dividing -= 1
-    last = progress.dividing
-    bound = pairs[last].bound
-    at = 0
-    while True:
-        child = 2 * at + 1
-        if child >= last:
-            break
-        if child + 1 < last and pairs[child + 1].bound < pairs[child].bound:
-            child += 1
-        if bound <= pairs[child].bound:
-            break
-        _copy(pairs, child, at)
-        at = child
-    if at != last:
-        _copy(pairs, last, at)
-
-
-@inlined
-def _copy(pairs, source, target):
-    one, other = pairs[source], pairs[target]
-    other.a, other.b, other.bound = one.a, one.b, one.bound
-    for i in range(3):
-        other.normal[i] = one.normal[i]

@@ -1,4 +1,4 @@
-"""Surfaces in a search for a local minimum: their derivatives, and those of the squared distance."""
+"""Surfaces in a search for a local minimum: derivatives, their own and of the squared distance."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """De Casteljau's midpoints: the control nets of both halves of a cell, from its own.
 
-A cell's net stands in `nets` from a place on that is passed as the cell: x, y and z first, which bounds are made of, and of a
-rational piece x w, y w, z w and w after them, which are divided and then projected.
+A cell is named by where its net begins in `nets`: x, y and z first, which bounds are made of, and
+of a rational piece x w, y w, z w and w after them, which are divided and then projected.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _PROJECTED = 3
 @kernel
 def copy_net(piece, source, nets, cell):
     """Write the control net of a whole piece as that of a cell."""
-    room, points = piece.room, piece.points
+    room = piece.room
     rows, first = 3, 0
     if piece.rational:
         rows, first = 4, _PROJECTED * room
