@@ -119,7 +119,8 @@ class Hierarchy(ABC):
         radius, _, _ = measure(self._corners(), centre)
         centre.setflags(write=False)
         self.centre = centre
-        self.core_radius = radius + 8.0 * DOUBLE_EPS * (radius + float(np.abs(centre).sum())) + error
+        rounding = 8.0 * DOUBLE_EPS * (radius + float(np.abs(centre).sum()))
+        self.core_radius = radius + rounding + error
         whole = self.core_radius + self.swept_radius + self.deviation
         self.radius = whole * (1.0 + 4.0 * DOUBLE_EPS)
 

@@ -33,9 +33,9 @@ MESHES = MeshTree, BoxTree
 SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces nets scale")
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
-pieces (m,) PIECE in tree order; nets (float64, flat) their control nets. The rest is as in MeshTree;
-scale[2] is the largest norm of a control point, and scale[6] how far rounding may have moved points
-of the surface when it was cut into pieces, metres.
+pieces (m,) PIECE in tree order; nets (float64, flat) their control nets. The rest is as in
+MeshTree; scale[2] is the largest norm of a control point, and scale[6] how far rounding may have
+moved points of the surface when it was cut into pieces, metres.
 """
 
 PIECE = np.dtype(
