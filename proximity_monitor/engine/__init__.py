@@ -12,7 +12,9 @@ from .models import shapes
 from .models.checks import ModelError
 from .models.mesh import TriangleMesh
 from .models.model import Model
+from .models.patch import Curve, Patch
 from .models.shapes import points, polyline
+from .models.surface import ParametricSurface
 from .questions.closest import closest_points
 from .questions.pair import Pair
 from .questions.query import collide, distance, signed_distance, within
@@ -20,10 +22,13 @@ from .questions.result import Distance, Status
 
 __all__ = [
     "Assembly",
+    "Curve",
     "Distance",
     "Model",
     "ModelError",
     "Pair",
+    "ParametricSurface",
+    "Patch",
     "Status",
     "TriangleMesh",
     "closest_points",

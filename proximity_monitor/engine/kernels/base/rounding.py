@@ -202,15 +202,13 @@ LARGEST_COORDINATE = 1e45
 Lengths are then at most 8 √3 times as large, and products of six of them do not overflow.
 """
 
-NET_PIECE = 768.0 * DOUBLE_EPS
-"""What a control point of a piece, or a point of it, may err by, as a share of the largest norm P.
+NET_POINT = 384.0 * DOUBLE_EPS
+"""What a point of a piece may err by, as a share of the largest norm P of a control point.
 
-Knot insertion makes a control point of a piece from those of the patch by at most 2 (p + q) convex
-combinations on top of each other, for degrees p and q of at most 15. In homogeneous coordinates
-(w x, w), w > 0, one errs by 4 u of the mean of w |x| and of w; so the quotient by 8 u P, whatever
-the weights are: 480 u P for 60 of them. A point is their mean by Bernstein polynomials, which err
-by 3 (p + q) u of themselves, and sums of at most 16 and 16 products, twice: 260 u P. Together with
-the quotient's rounding less than 768 u P.
+It is the mean of control points by Bernstein polynomials, which err by 3 (p + q) u of themselves
+for degrees p and q of at most 15, in sums of at most 16 and then 16 products: 125 u of the mean of
+w |x|, and of w. So the quotient errs by 250 u P whatever the weights w are, and its rounding and
+that of three coordinates' products with w by less than 8 u P more.
 """
 
 NET_SPLIT = 4.0 * DOUBLE_EPS

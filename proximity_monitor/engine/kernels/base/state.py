@@ -34,7 +34,8 @@ SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces net
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
 pieces (m,) PIECE in tree order; nets (float64, flat) their control nets. The rest is as in
-MeshTree; scale[2] is the largest norm of a control point.
+MeshTree; scale[2] is the largest norm of a control point, and scale[6] how far rounding may have
+moved points of the surface when it was cut into pieces, metres.
 """
 
 PIECE = np.dtype(
@@ -46,7 +47,7 @@ PIECE = np.dtype(
         ("degree_v", np.int32),  # 0 of a curve
         ("rational", np.int32),  # 0: all weights are 1
         ("patch", np.int32),  # the patch or curve of the model that it is a piece of
-        ("low", np.float64, (2,)),  # its rectangle in that patch's parameters u and v
+        ("low", np.float64, (2,)),  # its rectangle in that patch's u and v; v is 0 on a curve
         ("high", np.float64, (2,)),
     ],
     align=True,
@@ -57,8 +58,8 @@ each control point, where the weights w are positive; the last point is repeated
 NET_WIDTH = 16
 """Control points are bounded so many at a time."""
 
-REVISION, SWEPT, DEVIATION = 3, 4, 5
-"""Of a tree's `scale`."""
+REVISION, SWEPT, DEVIATION, CONVERSION = 3, 4, 5, 6
+"""Of a tree's `scale`; the last of a SurfaceTree's alone."""
 
 DepthFirst = namedtuple("DepthFirst", "pairs bounds")
 """The pairs of volumes still to be looked at (int32, n × 2), as lanes 16 node + lane, and their

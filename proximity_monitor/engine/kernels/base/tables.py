@@ -14,6 +14,7 @@ from .state import (
     CELL,
     CELL_PAIR,
     KEPT,
+    PIECE,
     PROGRESS,
     QUERY,
     BoxTree,
@@ -23,6 +24,7 @@ from .state import (
     MeshTree,
     Priority,
     State,
+    SurfaceTree,
     Waiting,
 )
 
@@ -43,12 +45,21 @@ def _fill(arrays, made):
         made[0, i], made[1, i] = found[i], found[count + i]
 
 
-_OVER_TRIANGLES = {
+_SHARED = {
     "nodes": (np.float32, 0), "centres": (np.float64, 4), "children": (np.int32, 0),
-    "sizes": (np.float32, 0), "triangles": (np.float64, 9), "scale": (np.float64, 0),
-    "faces": (np.int32, 0),
+    "sizes": (np.float32, 0),
+}  # fmt: skip
+_OVER_TRIANGLES = _SHARED | {
+    "triangles": (np.float64, 9), "scale": (np.float64, 0), "faces": (np.int32, 0),
+}  # fmt: skip
+_OVER_PIECES = _SHARED | {
+    "pieces": (PIECE, 0), "nets": (np.float64, 0), "scale": (np.float64, 0),
+    "patches": (np.int32, 0),
 }  # fmt: skip
 """What kernels take each array for: its type, and its columns; 0 for one dimension."""
+
+MODEL_COLUMNS = max(len(_OVER_TRIANGLES), len(_OVER_PIECES))
+"""Columns of a model's table, whatever its kind, so that those of several make one array."""
 
 
 def mesh_table(tree, faces):
@@ -57,13 +68,23 @@ def mesh_table(tree, faces):
     Raises:
         TypeError: an array is not what `tree_at` takes it for.
     """
-    arrays = *tree, faces
-    for array, (name, (dtype, columns)) in zip(arrays, _OVER_TRIANGLES.items(), strict=True):
+    return _model_table((*tree, faces), _OVER_TRIANGLES)
+
+
+def surface_table(tree, patches):
+    """The table of a tree over pieces, and the patch of each; otherwise as `mesh_table`."""
+    return _model_table((*tree, patches), _OVER_PIECES)
+
+
+def _model_table(arrays, expected):
+    for array, (name, (dtype, columns)) in zip(arrays, expected.items(), strict=True):
         shape = (columns,) if columns else ()
         if array.dtype != dtype or array.shape[1:] != shape or not array.flags.c_contiguous:
             found = f"{name}: {array.dtype} {array.shape}"
-            raise TypeError(f"{found}, expected {dtype.__name__} (n, {columns or ''})")
-    return table(arrays)
+            raise TypeError(f"{found}, expected {np.dtype(dtype)} (n, {columns or ''})")
+    made = np.zeros((2, MODEL_COLUMNS), np.int64)
+    made[:, : len(arrays)] = table(arrays)
+    return made
 
 
 def tree_at(kind, model):
@@ -99,6 +120,22 @@ def _boxes_at(kind, model):
     tree = mesh_tree_at(model, 0)
     boxes = BoxTree(tree.nodes, tree.centres, tree.children, tree.sizes, tree.triangles, tree.scale)
     return boxes, rows_at(model[0, 6], model[1, 6], 0, np.int32(0))
+
+
+@implements(tree_at, SurfaceTree)
+@inlined
+def _surface_at(kind, model):
+    at, rows = model[0], model[1]
+    tree = SurfaceTree(
+        read_only(rows_at(at[0], rows[0], 0, np.float32(0.0))),
+        read_only(rows_at(at[1], rows[1], 4, 0.0)),
+        read_only(rows_at(at[2], rows[2], 0, np.int32(0))),
+        read_only(rows_at(at[3], rows[3], 0, np.float32(0.0))),
+        read_only(records_at(at[4], rows[4], PIECE)),
+        read_only(rows_at(at[5], rows[5], 0, 0.0)),
+        read_only(rows_at(at[6], rows[6], 0, 0.0)),
+    )
+    return tree, rows_at(at[7], rows[7], 0, np.int32(0))
 
 
 def _open_at(order, at, rows):

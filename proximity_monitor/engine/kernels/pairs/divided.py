@@ -6,8 +6,18 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel
 from ..base.motion import slack_of_bounds
-from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, NET_PIECE, POINT_FLOOR, RESOLUTION
-from ..base.state import CELLS_FULL, CUT, ENDED, NONE, REVISION, Dividing, MeshTree, SurfaceTree
+from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, NET_POINT, POINT_FLOOR, RESOLUTION
+from ..base.state import (
+    CELLS_FULL,
+    CONVERSION,
+    CUT,
+    ENDED,
+    NONE,
+    REVISION,
+    Dividing,
+    MeshTree,
+    SurfaceTree,
+)
 from ..search import stubs
 from ..surface.divide import add_elements, divide_nearest, measure_near
 from ..surface.room import make_room
@@ -40,7 +50,24 @@ def _implements(stub):
 def _slacks(tree_a, tree_b, apart, error):
     size_a, size_b = tree_a.scale[2], tree_b.scale[2]
     points = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
-    return points + NET_PIECE * (size_a + size_b), slack_of_bounds(size_a, size_b, apart, error)
+    points += _points_err(tree_a) + _points_err(tree_b)
+    return points, slack_of_bounds(size_a, size_b, apart, error)
+
+
+def _points_err(tree):
+    """What a point of an element errs by before it is moved, metres."""
+
+
+@implements(_points_err, MeshTree)
+@inlined
+def _corners_err(tree):
+    return 0.0
+
+
+@implements(_points_err, SurfaceTree)
+@inlined
+def _evaluation_errs(tree):
+    return NET_POINT * tree.scale[2] + tree.scale[CONVERSION]
 
 
 @_implements(stubs.resolution)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import kernel
-from ..base.rounding import NET_PIECE, NET_SPLIT
-from ..base.state import NONE
+from ..base.rounding import NET_SPLIT
+from ..base.state import CONVERSION, NONE
 from ..base.vectors import norm
 from .subdivide import copy_net, halves_u, halves_v, project
 
@@ -147,4 +147,5 @@ def _measure(tree, nets, cell, base):
     cell.bend_u = 0.125 * p * (p - 1) * bend_u
     cell.bend_v = 0.125 * q * (q - 1) * bend_v
     cell.twist = twist
-    cell.margin = (NET_SPLIT * max(p, q) * cell.splits + NET_PIECE) * tree.scale[2]
+    share = NET_SPLIT * (max(p, q) * cell.splits + 1)
+    cell.margin = share * tree.scale[2] + tree.scale[CONVERSION]
