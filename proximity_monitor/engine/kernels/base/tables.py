@@ -11,6 +11,8 @@ import numpy as np
 from .jit import entry, implements, inlined
 from .memory import addresses, read_only, records_at, rows_at
 from .state import (
+    CELL,
+    CELL_PAIR,
     KEPT,
     PIECE,
     PROGRESS,
@@ -18,6 +20,7 @@ from .state import (
     BoxTree,
     BreadthFirst,
     DepthFirst,
+    Dividing,
     MeshTree,
     Priority,
     State,
@@ -169,15 +172,41 @@ def _levels_at(order, at, rows):
     )
 
 
+def _waiting_at(kind, at, rows):
+    """What waits in a search, of that type; each implements it."""
+
+
+@implements(_waiting_at, Waiting)
 @inlined
-def state_at(order, memory):
+def _leaves_at(kind, at, rows):
+    return Waiting(rows_at(at[2], rows[2], 2, np.int32(0)), rows_at(at[3], rows[3], 0, 0.0))
+
+
+@implements(_waiting_at, Dividing)
+@inlined
+def _cells_at(kind, at, rows):
+    return Dividing(
+        rows_at(at[2], rows[2], 2, np.int32(0)),
+        rows_at(at[3], rows[3], 0, 0.0),
+        records_at(at[_CELLS], rows[_CELLS], CELL_PAIR),
+        records_at(at[_CELLS + 1], rows[_CELLS + 1], CELL),
+        rows_at(at[_CELLS + 2], rows[_CELLS + 2], 0, 0.0),
+        rows_at(at[_CELLS + 3], rows[_CELLS + 3], 0, np.int32(0)),
+        records_at(at[_CELLS + 4], rows[_CELLS + 4], CELL),
+        rows_at(at[_CELLS + 5], rows[_CELLS + 5], 0, 0.0),
+        rows_at(at[_CELLS + 6], rows[_CELLS + 6], 0, np.int32(0)),
+    )
+
+
+@inlined
+def state_at(order, waiting, memory):
     """The search of a table of a State's arrays, as `state_table` makes it."""
     at, rows = memory[0], memory[1]
     return State(
         rows_at(at[0], rows[0], 12, 0.0),
         records_at(at[1], rows[1], PROGRESS),
         _open_at(order, at, rows),
-        Waiting(rows_at(at[2], rows[2], 2, np.int32(0)), rows_at(at[3], rows[3], 0, 0.0)),
+        _waiting_at(waiting, at, rows),
         rows_at(at[4], rows[4], 3, 0.0),
         rows_at(at[5], rows[5], 0, np.int64(0)),
         rows_at(at[6], rows[6], 0, 0.0),
@@ -191,8 +220,14 @@ def queries_at(asked):
     return (queries,)
 
 
+_CELLS, _DIVIDED = 11, 7
+"""Where the arrays of elements that are divided begin in the table of a state; and how many."""
+
+
 def state_table(state):
     """The table of a search."""
     s = state
-    shared = s.motions, s.progress, *s.waiting, s.collected, s.keys, s.reaches
-    return table((*shared, *s.open))
+    lanes, bounds, *cells = s.waiting
+    shared = s.motions, s.progress, lanes, bounds, s.collected, s.keys, s.reaches
+    unused = (s.reaches,) * (_CELLS - len(shared) - len(s.open))
+    return table((*shared, *s.open, *unused, *(cells or (s.reaches,) * _DIVIDED)))
