@@ -10,14 +10,13 @@ from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
 from ..surface.facing import closest_in, parameters_in, vector
 from ..surface.jets import fixed_jet, get, moved_jet, put
-from ..surface.newton import begin_at, derivatives, nearest_near, way_at, weights_at
+from ..surface.newton import begin_at, derivatives, way_at, weights_at
 from ..surface.sides import (
     divide_side,
     element_of,
     facing,
     inner_weights,
     least_of,
-    local_minimum,
     margin_of,
     normal_of,
     roughness,
@@ -101,7 +100,7 @@ def _foot(p, triangle):
 
 @implements(facing, SurfaceTree, MeshTree)
 @kernel
-def _facing_triangle(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     cell, triangle = cells_a[a], _placed(tree_b, b, motion)
     p, place = vector(cell.centre), (0.0, 0.0)
     weights = (0.0, 0.0, 0.0)
@@ -115,7 +114,7 @@ def _facing_triangle(tree_a, cells_a, a, tree_b, cells_b, b, motion):
 
 @implements(facing, MeshTree, SurfaceTree)
 @kernel
-def _facing_cell(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     cell, triangle = cells_b[b], corners(tree_a.triangles, a)
     # In b's frame: the motion's matrix is a rotation, up to what no direction depends on.
     back = _back(motion, triangle[0]), _back(motion, triangle[1]), _back(motion, triangle[2])
@@ -139,10 +138,6 @@ def _back(motion, p):
         motion[1] * d[0] + motion[4] * d[1] + motion[7] * d[2],
         motion[2] * d[0] + motion[5] * d[1] + motion[8] * d[2],
     )
-
-
-for _kinds in ((SurfaceTree, MeshTree), (MeshTree, SurfaceTree)):
-    implements(local_minimum, *_kinds)(nearest_near)
 
 
 @implements(begin_at, MeshTree)
@@ -182,14 +177,14 @@ def _nearest_of(triangle, p, jets):
 
 @implements(way_at, SurfaceTree, MeshTree)
 @kernel
-def _way_to_triangle(tree_a, element_a, tree_b, element_b, motion, x, jets):
+def _way_to_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
     p = fixed_jet(tree_a, element_a, x[0], x[1], jets)
     return sub(_nearest_of(_placed(tree_b, element_b, motion), p, jets), p)
 
 
 @implements(way_at, MeshTree, SurfaceTree)
 @kernel
-def _way_from_triangle(tree_a, element_a, tree_b, element_b, motion, x, jets):
+def _way_from_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
     q = moved_jet(tree_b, element_b, motion, x[2], x[3], jets)
     return sub(q, _nearest_of(corners(tree_a.triangles, element_a), q, jets))
 
