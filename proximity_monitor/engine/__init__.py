@@ -7,6 +7,7 @@ described in `questions.decision` and `questions.result`.
 
 from .assembly.assembly import Assembly
 from .assembly.batch import distances
+from .files.geomdl import save_geomdl
 from .files.load import load
 from .models import shapes
 from .models.checks import ModelError
@@ -38,6 +39,7 @@ __all__ = [
     "load",
     "points",
     "polyline",
+    "save_geomdl",
     "shapes",
     "signed_distance",
     "within",

@@ -48,32 +48,32 @@ class Patch(Surface):
     @property
     def control(self) -> NDArray[np.float64]:
         """(n_u, n_v, 3) metres; read-only. `deform` puts another array in its place."""
-        return self._nets[0].control
+        return self.nets[0].control
 
     @property
     def weights(self) -> NDArray[np.float64] | None:
         """(n_u, n_v), times a power of two so that the largest is below 1; None: all alike."""
-        return self._nets[0].weights
+        return self.nets[0].weights
 
     @property
     def knots_u(self) -> NDArray[np.float64]:
         """(n,) read-only."""
-        return self._nets[0].knots_u
+        return self.nets[0].knots_u
 
     @property
     def knots_v(self) -> NDArray[np.float64]:
         """(n,) read-only."""
-        return self._nets[0].knots_v
+        return self.nets[0].knots_v
 
     @property
     def degrees(self) -> tuple[int, int]:
         """In u and in v."""
-        return self._nets[0].degrees
+        return self.nets[0].degrees
 
     @property
     def domain(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """From where to where u goes, and v."""
-        u, v = self._nets[0].spans
+        u, v = self.nets[0].spans
         return (float(u.low[0]), float(u.high[-1])), (float(v.low[0]), float(v.high[-1]))
 
     def evaluate(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
@@ -93,7 +93,7 @@ class Patch(Surface):
         Raises:
             ValueError: parameters that are no numbers, or outside of `domain`.
         """
-        return self._derivatives(self._nets[0], u, v, order)
+        return self._derivatives(self.nets[0], u, v, order)
 
     def normal(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
         """The unit normals (..., 3) at parameters, along the u derivative times that of v.
@@ -106,7 +106,7 @@ class Patch(Surface):
         """
         first = self.derivatives(u, v, 1)
         u, v = np.broadcast_arrays(np.asarray(u, np.float64), np.asarray(v, np.float64))
-        return unit_normals(self._nets[0], u.ravel(), v.ravel()).reshape((*first.shape[:-3], 3))
+        return unit_normals(self.nets[0], u.ravel(), v.ravel()).reshape((*first.shape[:-3], 3))
 
 
 class Curve(Surface):
@@ -139,28 +139,28 @@ class Curve(Surface):
     @property
     def control(self) -> NDArray[np.float64]:
         """(n, 3) metres; read-only. `deform` puts another array in its place."""
-        return self._nets[0].points
+        return self.nets[0].points
 
     @property
     def weights(self) -> NDArray[np.float64] | None:
         """(n,), times a power of two so that the largest is below 1; None: all alike."""
-        weights = self._nets[0].weights
+        weights = self.nets[0].weights
         return None if weights is None else weights[:, 0]
 
     @property
     def knots(self) -> NDArray[np.float64]:
         """(n,) read-only."""
-        return self._nets[0].knots_u
+        return self.nets[0].knots_u
 
     @property
     def degree(self) -> int:
         """Of its polynomials, or of those that it is the quotient of."""
-        return self._nets[0].degrees[0]
+        return self.nets[0].degrees[0]
 
     @property
     def domain(self) -> tuple[float, float]:
         """From where to where its parameter goes."""
-        along, _ = self._nets[0].spans
+        along, _ = self.nets[0].spans
         return float(along.low[0]), float(along.high[-1])
 
     def evaluate(self, t: ArrayLike) -> NDArray[np.float64]:
@@ -177,4 +177,4 @@ class Curve(Surface):
         Raises:
             ValueError: parameters that are no numbers, or outside of `domain`.
         """
-        return self._derivatives(self._nets[0], t, 0.0, order)[..., 0, :]
+        return self._derivatives(self.nets[0], t, 0.0, order)[..., 0, :]

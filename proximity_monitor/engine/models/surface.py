@@ -26,20 +26,24 @@ class Surface(Model):
     Their bounding volume hierarchy is made when it is first needed.
     """
 
-    __slots__ = ("_deviation", "_made", "_nets", "name")
+    __slots__ = ("_deviation", "_made", "name", "nets")
+
+    nets: tuple[Net, ...]
+    """Control points, weights and knots of its patches and curves. `deform` puts others in their
+    place."""
 
     kind = "surface"
 
     def __init__(self, nets: Sequence[Net], name: str, deviation: float) -> None:
         self.name = name
-        self._nets = tuple(nets)
+        self.nets = tuple(nets)
         self._deviation = checked_length(deviation, name, "deviation")
         self._made: SurfaceHierarchy | None = None
 
     @property
     def _hierarchy(self) -> SurfaceHierarchy:
         if self._made is None:
-            self._made = SurfaceHierarchy.of(self._nets, deviation=self._deviation)
+            self._made = SurfaceHierarchy.of(self.nets, deviation=self._deviation)
         return self._made
 
     @property
@@ -50,7 +54,7 @@ class Surface(Model):
     @property
     def control_points(self) -> NDArray[np.float64]:
         """The control points (n, 3), metres, patch by patch, those along v together; read-only."""
-        points = np.concatenate([net.points for net in self._nets])
+        points = np.concatenate([net.points for net in self.nets])
         points.setflags(write=False)
         return points
 
@@ -64,11 +68,11 @@ class Surface(Model):
             raise ModelError(
                 f"{self.name}: control_points: {len(moved)} given, but there are {len(before)}"
             )
-        ends = np.cumsum([len(net.points) for net in self._nets])[:-1]
+        ends = np.cumsum([len(net.points) for net in self.nets])[:-1]
         parts = np.split(moved, ends)
-        nets = [net.moved(part) for net, part in zip(self._nets, parts, strict=True)]
+        nets = [net.moved(part) for net, part in zip(self.nets, parts, strict=True)]
         self._made = self._hierarchy.refitted(nets)
-        self._nets = self._made.nets
+        self.nets = self._made.nets
         return largest_norm(moved - before)
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
@@ -76,7 +80,7 @@ class Surface(Model):
 
         It is as fine as the tolerance demands, but of some 120,000 triangles at most.
         """
-        return tessellated_surface(self._nets, tolerance)
+        return tessellated_surface(self.nets, tolerance)
 
     @staticmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:
@@ -92,7 +96,7 @@ class Surface(Model):
         """Of control points, weights, knots and the deviation."""
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
         found.update(struct.pack("<d", self._deviation))
-        for net in self._nets:
+        for net in self.nets:
             n_u, n_v, _ = net.control.shape
             found.update(struct.pack("<3q", n_u, n_v, net.weights is not None))
             for array in (net.control, net.weights, net.knots_u, net.knots_v):
@@ -103,14 +107,14 @@ class Surface(Model):
         """Its patches and curves, their degrees where these are alike, its control points."""
         parts = []
         for is_curve, what in ((False, "patch"), (True, "curve")):
-            degrees = [net.degrees for net in self._nets if net.is_curve == is_curve]
+            degrees = [net.degrees for net in self.nets if net.is_curve == is_curve]
             if degrees:
                 p, q = degrees[0]
                 plural = {"patch": "es", "curve": "s"}[what] if len(degrees) > 1 else ""
                 alike = f" of degree {p}" + ("" if is_curve else f" x {q}")
                 same = len(set(degrees)) == 1
                 parts.append(f"{len(degrees)} {what}{plural}{alike if same else ''}")
-        count = sum(len(net.points) for net in self._nets)
+        count = sum(len(net.points) for net in self.nets)
         return f"{' and '.join(parts)}, {count} control points"
 
     def __getstate__(self) -> dict[str, Any]:
@@ -132,7 +136,7 @@ class Surface(Model):
         self.name = state["name"]
         self._made = SurfaceHierarchy.__new__(SurfaceHierarchy)
         self._made.__setstate__(state["hierarchy"])
-        self._nets, self._deviation = self._made.nets, self._made.deviation
+        self.nets, self._deviation = self._made.nets, self._made.deviation
 
     def _derivatives(self, net: Net, u: ArrayLike, v: ArrayLike, order: int) -> NDArray[np.float64]:
         """The derivatives (..., order + 1, order + 1, 3) of a net, checked.
@@ -180,7 +184,7 @@ class ParametricSurface(Surface):
     ) -> None:
         given = tuple(patches)
         for i, patch in enumerate(given):
-            if not isinstance(patch, Surface) or len(patch._nets) != 1:
+            if not isinstance(patch, Surface) or len(patch.nets) != 1:
                 raise ModelError(
                     f"{name}: patches[{i}]: expected Patch or Curve, got {type(patch).__name__}"
                 )
@@ -191,5 +195,5 @@ class ParametricSurface(Surface):
                 f"{name}: solid = {solid!r}: what patches enclose is not known yet; give False"
             )
         deviation = checked_length(deviation, name, "deviation")
-        nets = [patch._nets[0] for patch in given]
+        nets = [patch.nets[0] for patch in given]
         super().__init__(nets, name, max(deviation, *(patch.deviation for patch in given)))
