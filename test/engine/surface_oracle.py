@@ -180,17 +180,32 @@ class Shape:
         low = np.array([self.groups[g].low[s] for g, s in zip(group, span, strict=True)])
         return low, np.array([self.groups[g].high[s] for g, s in zip(group, span, strict=True)])
 
-    def at_feature(self, feature):
-        """The point, model frame, that a feature of an answer names."""
-        if feature.kind not in ("patch", "curve"):
-            return None
+    def misses(self, feature, pose, point):
+        """How far a point in the world is from what a feature names, in units of rounding.
+
+        Parameters are rounded as well, so what counts for one is how steep the surface is. At a
+        knot where a patch tears its parameters name two points.
+        """
         at = np.append(feature.parameters, 0.0)[:2]
-        for spans in self.groups:
-            inside = (spans.labels == feature.index) & (at >= spans.low).all(axis=1)
-            inside &= (at <= spans.high).all(axis=1)
-            if inside.any():
-                return spans.points(np.flatnonzero(inside)[:1], at[None])[0]
-        raise AssertionError(f"{feature} is outside of the knots")
+        if feature.kind not in ("patch", "curve"):
+            triangle = self.groups[0].control[feature.index][[0, 1, 1], [0, 0, 1]]
+            own, steep = feature.parameters @ triangle, 0.0
+            misses = np.linalg.norm(_moved(pose, own) - point)
+        else:
+            misses, steep = np.inf, 0.0
+            for spans in self.groups:
+                inside = (spans.labels == feature.index) & (at >= spans.low).all(axis=1)
+                inside &= (at <= spans.high).all(axis=1)
+                for which in np.flatnonzero(inside):
+                    assert (feature.kind == "curve") == (spans.degrees[1] == 0)
+                    jet = spans.jets(np.array([which]), at[None])[0]
+                    ends = np.maximum(abs(spans.low[which]), abs(spans.high[which]))
+                    wide = ends + spans.high[which] - spans.low[which]
+                    steep = max(steep, float(np.linalg.norm(jet[1:3], axis=1) @ wide))
+                    far = np.linalg.norm(_moved(pose, jet[0]) - point)
+                    misses = min(misses, far)
+        reach = 20.0 * self.size + np.linalg.norm(pose[:3, 3])
+        return misses / (1e-15 * (reach + steep) + 1e-300)
 
 
 def _moved(pose, points):
