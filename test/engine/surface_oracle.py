@@ -130,7 +130,9 @@ class Shape:
         for label, net in enumerate(() if model is None else model.nets):
             p, q = net.degrees
             u, v = _spans_of(net.knots_u, p), _spans_of(net.knots_v, q)
-            i, j = (x.ravel() for x in np.meshgrid(range(len(u[0])), range(len(v[0])), indexing="ij"))
+            i, j = (
+                x.ravel() for x in np.meshgrid(range(len(u[0])), range(len(v[0])), indexing="ij")
+            )
             rows = u[0][i][:, None, None] + np.arange(p + 1)[:, None]
             columns = v[0][j][:, None, None] + np.arange(q + 1)
             weights = np.ones(net.control.shape[:2]) if net.weights is None else net.weights
