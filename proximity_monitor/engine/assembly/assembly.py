@@ -23,8 +23,9 @@ from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
-from ..questions.slices import slices_until
+from ..questions.slices import deadline_of, slices_until
 from .long_searches import LongSearches, Single
+from .queries import no_answers, queries_of
 
 
 class Assembly:
@@ -115,7 +116,7 @@ class Assembly:
                 motion, a tolerance, clearance or budget that is negative or NaN.
         """
         start = perf_counter()
-        deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
+        deadline = deadline_of(start, budget_s)
         depth_err = check_tolerance("depth_err", depth_err)
         threads = as_count(threads, "threads")
         poses = as_poses(poses, "poses")
@@ -160,7 +161,7 @@ class Assembly:
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
-        queries = _queries(pairs, wanted, hints)
+        queries = queries_of(pairs, wanted, hints)
         searches = self._allot(threads, poses, pairs, wanted)
         settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
@@ -327,7 +328,7 @@ class Assembly:
         deadline: float | None,
         stopped: Event | None,
         answers: NDArray[np.float64],
-        settle: Callable[[int, int], None],
+        settle: Callable[[int, int, int], int],
     ) -> tuple[int, int]:
         """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
         stacked, asked, flat = poses.reshape(-1, 4), table((queries,)), answers.ravel()
@@ -335,17 +336,22 @@ class Assembly:
         code, at = index.ENDED, 0
         for entry, at, last in runs:
             while True:
-                before = at
+                done = at
                 code, at = entry(
                     self._tables, search.memory, stacked, stacked, asked, at, last, every,
                     slices.steps, fresh, flat,
                 )  # fmt: skip
-                settle(before, at + (code == index.CUT))
                 fresh = code != index.CUT
                 if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                     body = int(queries["poses"][at, code - index.BAD_POSE_A])
                     check_pose(poses[body], self._pose_name(body))
-                if (stopped is not None and stopped.is_set()) or slices.over():
+                found = at + (code == index.CUT)
+                done = settle(done, found, slices.steps)
+                over = slices.over()
+                while done < found:
+                    done = settle(done, found, 0 if over else slices.steps)
+                    over = over or slices.over()
+                if over or (stopped is not None and stopped.is_set()):
                     return code, at
                 if code == index.ENDED:
                     break
@@ -359,41 +365,22 @@ class Assembly:
         signed: NDArray[np.bool_],
         answers: NDArray[np.float64],
         every: int,
-    ) -> Callable[[int, int], None]:
-        """What makes every so many answers, from one to before another, signed ones."""
+    ) -> Callable[[int, int, int], int]:
+        """What makes every so many answers, from one to before another, signed ones.
+
+        It takes so many steps, and returns to where it came: see `settle_signs`.
+        """
         if not signed.any():
-            return lambda first, last: None
+            return lambda first, last, steps: last
         insides, clearances = self._enclosed(), np.ascontiguousarray(wanted[:, 2])
         room = 1 + 15 * self._deepest._hierarchy.depth
+        progress = np.zeros((every, 2, 2), np.int64)  # for each thread
+        scratch = np.empty((every, 2, 2, room), np.int32)
 
-        def settle(first: int, last: int) -> None:
-            scratch = np.empty((room, 2), np.int32)
-            settle_signs(
-                insides, poses, pairs, clearances, signed, first, last, every, scratch, answers
-            )
+        def settle(first: int, last: int, steps: int) -> int:
+            return settle_signs(
+                insides, poses, pairs, clearances, signed, first, last, every, steps,
+                progress[first % every], scratch[first % every], answers,
+            )  # fmt: skip
 
         return settle
-
-
-def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
-    rows = np.full((len(signed), index.ANSWER), np.nan)
-    rows[:, index.LOWER], rows[:, index.UPPER] = 0.0, np.inf
-    rows[signed, index.LOWER] = -np.inf
-    return rows
-
-
-def _queries(
-    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32] | None
-) -> NDArray:
-    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
-    made = np.zeros(len(pairs), index.QUERY)
-    made["bodies"] = made["poses"] = pairs
-    made["nearest"] = index.UNKNOWN
-    if hints is not None:
-        known = (hints >= 0).all(axis=1)
-        made["nearest"][known] = hints[known]
-    made["rel_err"], made["abs_err"], clearances = wanted.T
-    made["stop"] = np.where(clearances < np.inf, clearances, 0.0)
-    made["limit"] = np.nextafter(clearances, np.inf)
-    return made

@@ -16,6 +16,7 @@ from ..kernels.base import state as index
 from ..models.model import Model
 from ..questions.pair import Pair
 from ..questions.sharing import share
+from ..questions.slices import deadline_of
 
 if TYPE_CHECKING:
     from .assembly import Assembly
@@ -141,8 +142,9 @@ def _search(
     if deciding and asked.signed:
         longest = _DECIDING_S
     while True:
-        left = min(max(deadline - perf_counter(), 0.0), longest)
-        budget_s = None if left == math.inf else left
+        now = perf_counter()
+        left = max(deadline - now, 0.0)
+        budget_s = None if min(left, longest) == math.inf else min(left, longest)
         if asked.signed:
             row = pair.signed_distance(
                 *asked.poses, rel_err=rel_err, abs_err=abs_err, depth_err=tolerated,
@@ -160,7 +162,7 @@ def _search(
             if not asked.signed or tolerated == depth_err:
                 return row, True
             tolerated = depth_err  # only a larger ball is more than models deviate by
-        if stopped.is_set() or perf_counter() >= deadline:
+        if stopped.is_set() or perf_counter() >= deadline_of(now, left):
             return row, False
 
 

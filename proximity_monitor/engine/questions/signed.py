@@ -19,6 +19,7 @@ from .cores import CoreSearch
 from .parts import PartSearch
 from .result import STATUSES, Distance, Status
 from .rows import distance_of
+from .slices import deadline_of
 
 Stage = Callable[["SignedSearch"], "Stage | None"]
 """Does at least one slice of work; returns the next stage, itself if time ran out, None to end."""
@@ -72,7 +73,7 @@ class SignedSearch:
         if not any(model.is_solid for model in self._models):
             self._asked = None
             return self._apart(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s)
-        self._deadline = math.inf if budget_s is None else start + budget_s
+        self._deadline = math.inf if budget_s is None else deadline_of(start, budget_s)
         asked = None
         if budget_s is not None:
             asked = pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, depth_err, self._shapes()

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from time import perf_counter
+from typing import SupportsFloat
+
+from ..arguments import check_tolerance
 
 LONG = 1 << 18
 """Steps between two returns to Python if there is no budget, so that Ctrl-C is heard."""
@@ -19,6 +22,25 @@ _FASTER = 0.5
 """Steps are never expected to take less than this share of the time that the last ones took. Some
 slices are over at once, or meet nothing but the cheapest of their work: that tells little about the
 next slice, which may not become long because of it."""
+
+
+_END, _LONGEST_END_S = 0.01, 5e-5
+"""Share of a budget that is kept for the end of a call, and the most of it, seconds. A search of
+milliseconds drives Python out of the processor's caches, so that its end takes five times as long
+as after a short one."""
+
+
+def deadline_of(start: float, budget_s: SupportsFloat | None) -> float | None:
+    """When the work of a call has to end whose budget began at `start` of perf_counter.
+
+    Raises:
+        TypeError: a budget that is no real number.
+        ValueError: a budget that is negative or NaN.
+    """
+    if budget_s is None:
+        return None
+    budget_s = check_tolerance("budget_s", budget_s)
+    return start + budget_s - min(_END * budget_s, _LONGEST_END_S)
 
 
 class Slices:

@@ -130,7 +130,7 @@ def _begin_cell(state):
     _try_centre(state, CELL_CENTRE, cell.centre, cell, True)
 
 
-@shared
+@kernel
 def _compare_with_middle(tree_a, tree_b, state):
     """Try the middle of all that both models share, before a ball is improved where it is.
 
