@@ -196,14 +196,29 @@ class Assembly:
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k]), depth_err
 
-        def single(i: int) -> Single:
-            k = chosen[i]
+        def unmoved(asked: Any) -> bool:
+            pair, where = asked[0][:2]
+            return poses[np.frombuffer(pair, np.int32)].tobytes() == where
+
+        def single(k: int) -> Single:
             models = tuple(self.models[body] for body in pairs[k].tolist())
             return Single(question(k), models, poses[pairs[k]], wanted[k], True)
 
-        begun = self._depths.resumed(question, len(pairs))
+        def depths(chosen: Sequence[int] | NDArray[np.int64]) -> None:
+            found = self._depths.search(
+                lambda i: single(chosen[i]), len(chosen), depth_err, end, threads
+            )
+            reached = np.flatnonzero(~np.isnan(found[:, index.STATUS]))
+            answers[np.asarray(chosen)[reached]] = found[reached]
+
+        answers, end = no_answers(signed), math.inf if deadline is None else deadline
+        begun = self._depths.resumed(question, len(pairs), unmoved)
+        if 0 in begun:
+            depths([0])
+            if perf_counter() >= end:
+                return answers
         if begun:
-            answers, rest = no_answers(signed), np.ones(len(pairs), np.bool_)
+            rest = np.ones(len(pairs), np.bool_)
             rest[begun] = False
             answers[rest] = self.rows(
                 poses, pairs[rest], wanted[rest], None if hints is None else hints[rest],
@@ -211,21 +226,20 @@ class Assembly:
             )  # fmt: skip
         else:
             answers = self.rows(poses, pairs, wanted, hints, signed, deadline, threads)
-        deadline = math.inf if deadline is None else deadline
-        # When time is over, something is done about the first pair, so that all come to an end.
-        first = answers if perf_counter() < deadline else answers[:1]
+        in_time = perf_counter() < end
+        first = answers if in_time else answers[:1]
         upper, clearance = first[:, index.UPPER], wanted[: len(first), 2]
         open_ = (first[:, index.LOWER] == -np.inf) & ~np.isnan(first[:, index.STATUS])
         open_ &= (upper > clearance) | (clearance == np.inf)
+        open_[[k for k in begun if k < len(first)]] = True
         if self._cut:  # there the search of the surfaces must end first
             open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
-        if begun:
-            open_[[k for k in begun if k < len(first)]] = True
+        open_[:1] &= 0 not in begun
         chosen = np.flatnonzero(open_)
-        if len(chosen):
-            found = self._depths.search(single, len(chosen), depth_err, deadline, threads)
-            reached = ~np.isnan(found[:, index.STATUS])
-            answers[chosen[reached]] = found[reached]
+        if in_time and len(chosen):
+            depths(chosen)
+        elif len(chosen):  # the next call begins with it, so that all come to an end
+            self._depths.resume(question(0))
         return answers
 
     def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
@@ -350,7 +364,7 @@ class Assembly:
                 over = slices.over()
                 while done < found:
                     done = settle(done, found, 0 if over else slices.steps)
-                    over = over or slices.over()
+                    over = over or slices.over(alike=False)
                 if over or (stopped is not None and stopped.is_set()):
                     return code, at
                 if code == index.ENDED:

@@ -63,10 +63,16 @@ class LongSearches:
 
     def __init__(self, coherent: bool) -> None:
         self._coherent = coherent
-        self._kept: OrderedDict[Hashable, Pair] = OrderedDict()
+        self._kept: OrderedDict[Hashable, Pair | None] = OrderedDict()
 
-    def resumed(self, keys: Callable[[int], Hashable], count: int) -> list[int]:
-        """The questions of which a search is kept; those that no question resumes are forgotten."""
+    def resumed(
+        self, keys: Callable[[int], Hashable], count: int, possible: Callable[[Hashable], bool]
+    ) -> list[int]:
+        """The questions of which a search is kept; those that no question resumes are forgotten.
+
+        It is first asked of each whether that is `possible`: to make all keys takes far longer.
+        """
+        self._kept = OrderedDict((key, each) for key, each in self._kept.items() if possible(key))
         found: dict[Hashable, int] = {}
         for k in range(count):
             if len(found) == len(self._kept):
@@ -75,6 +81,10 @@ class LongSearches:
                 found.setdefault(key, k)
         self._kept = OrderedDict((key, self._kept[key]) for key in found)
         return list(found.values())
+
+    def resume(self, key: Hashable) -> None:
+        """Let the search about a key count as one that is kept, though it has not begun."""
+        self._kept[key] = None
 
     def search(
         self,

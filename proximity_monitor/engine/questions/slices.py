@@ -58,12 +58,16 @@ class Slices:
         self._pace = 0.0  # seconds that a step took
         self.steps = LONG if self._deadline is None else _FIRST
 
-    def over(self) -> bool:
-        """Look at the clock: whether no time is left for another slice."""
+    def over(self, alike: bool = True) -> bool:
+        """Look at the clock: whether no time is left for another slice.
+
+        Unless the last one was `alike`, it does not tell how long the steps of the next one take.
+        """
         if self._deadline is None:
             return False
-        now = perf_counter()
-        pace = max((now - self._begun) / self.steps, _FASTER * self._pace)
+        now, pace = perf_counter(), self._pace
+        if alike:
+            pace = max((now - self._begun) / self.steps, _FASTER * pace)
         left = self._deadline - now
         if left <= _LEAST * pace:
             return True
