@@ -24,7 +24,7 @@ from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
-from .long_searches import LongSearches, Single
+from .long_searches import BEGIN_S, LongSearches, Single
 from .queries import no_answers, queries_of
 
 
@@ -226,7 +226,7 @@ class Assembly:
             )  # fmt: skip
         else:
             answers = self.rows(poses, pairs, wanted, hints, signed, deadline, threads)
-        in_time = perf_counter() < end
+        in_time = perf_counter() + BEGIN_S < end
         first = answers if in_time else answers[:1]
         upper, clearance = first[:, index.UPPER], wanted[: len(first), 2]
         open_ = (first[:, index.LOWER] == -np.inf) & ~np.isnan(first[:, index.STATUS])

@@ -35,6 +35,9 @@ whenever a kernel returns. Then what the search finds depends on no clock, but f
 _DECIDING_S = 0.2e-3
 """The same where it is looked at, besides, whether a signed distance decides a clearance."""
 
+BEGIN_S = 1e-4
+"""Seconds that it takes to begin a search: with less left, it waits for another call."""
+
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
 
@@ -117,7 +120,7 @@ class LongSearches:
         def answer(first: int, stopped: Event) -> None:
             fresh = None
             for k in range(first, min(first + step, count)):
-                if stopped.is_set() or (k and perf_counter() >= deadline):
+                if stopped.is_set() or (k and perf_counter() + BEGIN_S >= deadline):
                     return
                 each = asked(k)
                 pair = kept.pop(each.key, None)
