@@ -21,7 +21,7 @@ from .closest_surface import SurfacePoints
 from .result import ClosestPoints
 from .run import check_model
 from .sharing import share
-from .slices import slices_until
+from .slices import deadline_of, slices_until
 
 _POINTS = 4096
 """Points that one thread answers in a row; the number of threads does not change the answers."""
@@ -119,7 +119,7 @@ def closest_points(
     given = as_reals(points, "points")
     max_distance = check_tolerance("max_distance", max_distance)
     threads = as_count(threads, "threads")
-    deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
+    deadline = deadline_of(start, budget_s)
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
     if not np.isfinite(given).all():
