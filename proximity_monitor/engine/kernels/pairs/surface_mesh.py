@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
-from ..base.vectors import cross, dot, moved, sub, unit
+from ..base.vectors import along, cross, dot, moved, sub, unit
 from ..elements.primitives import corners, mixed
 from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
@@ -98,6 +98,20 @@ def _foot(p, triangle):
     return (max(1.0 - v - w, 0.0), v, w)
 
 
+@inlined
+def _place_in(cell, q):
+    """Where a cell's parallelogram comes near to q."""
+    u, v = vector(cell.along_u), vector(cell.along_v)
+    return closest_in(vector(cell.centre), u, v, q)
+
+
+@inlined
+def _point_of(cell, place):
+    """The point of a cell's parallelogram at a place."""
+    p = along(vector(cell.centre), vector(cell.along_u), place[0])
+    return along(p, vector(cell.along_v), place[1])
+
+
 @implements(facing, SurfaceTree, MeshTree)
 @kernel
 def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
@@ -108,7 +122,8 @@ def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     for _ in range(_ROUNDS):
         weights = _foot(p, triangle)
         q = mixed(triangle, weights)
-        p, place = closest_in(cell, q)
+        place = _place_in(cell, q)
+        p = _point_of(cell, place)
     return sub(q, p), parameters_in(cell, place), weights
 
 
@@ -124,7 +139,8 @@ def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     for _ in range(_ROUNDS):
         weights = _foot(q, back)
         p = mixed(back, weights)
-        q, place = closest_in(cell, p)
+        place = _place_in(cell, p)
+        q = _point_of(cell, place)
     way = sub(moved(motion, q), mixed(triangle, weights))
     return way, weights, parameters_in(cell, place)
 
@@ -196,7 +212,7 @@ def _half_derivatives(way, jets, at, first, gradient, hessian):
     As that follows, what it can do along its edge or in its face does not count: the part of a
     derivative in that direction is left out of the products.
     """
-    kind, along_it = jets[_EDGE + 3], get(jets, _EDGE)
+    kind, its_way = jets[_EDGE + 3], get(jets, _EDGE)
     for i in range(4):
         gradient[i] = 0.0
         for j in range(i + 1):
@@ -208,9 +224,9 @@ def _half_derivatives(way, jets, at, first, gradient, hessian):
             other = get(jets, at + 3 * j)
             product = dot(one, other)
             if kind == _ON_EDGE:
-                product -= dot(one, along_it) * dot(other, along_it)
+                product -= dot(one, its_way) * dot(other, its_way)
             elif kind == _WITHIN:
-                product = dot(one, along_it) * dot(other, along_it)
+                product = dot(one, its_way) * dot(other, its_way)
             second = dot(way, get(jets, at + 6 + 3 * (i + j)))
             hessian[first + i, first + j] = product + second
 

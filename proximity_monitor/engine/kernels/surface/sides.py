@@ -57,6 +57,13 @@ def inner_weights(tree, element):
     """The weights of a point inside an element, to begin a local search with."""
 
 
+def near(tree, p, element, weights, steps, slack, stack, bounds, found):
+    """The element that is about nearest to a point p of the model's frame, and where on it.
+
+    It is looked for in so many steps at most, beginning with a point of an element.
+    """
+
+
 implements(whole, SurfaceTree)(root_cell)
 implements(divide_side, SurfaceTree)(divide_cell)
 
