@@ -280,7 +280,7 @@ def test_a_surface_describes_itself():
     assert (one.has_area, line.has_area, mixed().has_area) == (True, False, True)
     assert not one.is_solid
     assert one.not_solid == "it is to be taken for a surface (solid=False)"
-    assert line.not_solid == "it consists of curves alone"
+    assert line.not_solid == one.not_solid
     assert (one.degrees, line.degree) == ((3, 4), 4)
     assert one.domain == ((0.0, 1.0), (0.0, 1.0))
     assert line.domain == (0.0, 1.0)

@@ -44,11 +44,13 @@ class _Edge(NamedTuple):
 
 
 def find_opening(nets: Sequence[Net], deviation: float) -> str:
-    """Why patches do not close up; empty where they do. Curves are passed over.
+    """Why patches do not close up; empty where they do. Curves beside them are passed over.
 
     Edges coincide if they are as near to each other as the deviation, metres, and 1e-12 of the
     largest coordinate allow.
     """
+    if all(net.is_curve for net in nets):
+        return "it consists of curves alone"
     size = max(float(np.abs(net.points).max()) for net in nets)
     gap = deviation + _SIZE_SHARE * size
     edges = [edge for i, net in enumerate(nets) for edge in _outline(net, i)]

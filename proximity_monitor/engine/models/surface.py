@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -46,7 +46,14 @@ class Surface(Model):
 
     def _checked(self, nets: Sequence[Net]) -> tuple[Net, ...]:
         """The nets, unless they do not close up though they must."""
-        if self._solid and (reason := find_opening(nets, self._deviation)):
+        if not self._solid:
+            return tuple(nets)
+        curves = all(net.is_curve for net in nets)
+        if (
+            reason := "it consists of curves alone"
+            if curves
+            else find_opening(nets, self.deviation)
+        ):
             raise ModelError(
                 f"{self.name}: no solid: {reason}; close it, give it a deviation as large as its "
                 "gaps, or solid=False, which takes it for a surface"
@@ -212,9 +219,13 @@ class ParametricSurface(Surface):
             raise ModelError(f"{name}: patches: there are none")
         if not isinstance(solid, bool):
             raise ModelError(f"{name}: solid = {solid!r}: must be True or False")
-        if solid and all(patch.nets[0].is_curve for patch in given):
-            raise ModelError(f"{name}: no solid: it consists of curves alone")
         deviation = checked_length(deviation, name, "deviation")
-        nets = [patch.nets[0] for patch in given]
-        deviations = (patch.deviation for patch in given)
-        super().__init__(nets, name, max(deviation, *deviations), solid)
+        deviation = max(deviation, *(patch.deviation for patch in given))
+        super().__init__([patch.nets[0] for patch in given], name, deviation, solid)
+
+    @classmethod
+    def of(cls, nets: Sequence[Net], *, name: str, deviation: float, solid: bool) -> Self:
+        """The surface of checked nets."""
+        made = cls.__new__(cls)
+        Surface.__init__(made, nets, name, deviation, solid)
+        return made

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from .solid import Sides
 
 _AS_TOLD = "it is to be taken for a surface (solid=False)"
-_CURVES = "it consists of curves alone"
 # A closed surface passes the check that `solid=True` demands, but no kernel tells its sides yet.
 _UNTOLD = "it is a surface that closes up, whose sides are not told apart yet"
 
@@ -89,11 +88,8 @@ class SurfaceHierarchy(Hierarchy):
 
     def _find_sides(self) -> Sides:
         proper = not all(net.is_curve for net in self.nets)
-        return no_sides(self, proper, self._reason() if proper else _CURVES)
-
-    def _reason(self) -> str:
-        """Why its patches have no inside."""
-        return (find_opening(self.nets, self.deviation) or _UNTOLD) if self.solid else _AS_TOLD
+        reason = find_opening(self.nets, self.deviation) if self.solid else _AS_TOLD
+        return no_sides(self, proper, reason or _UNTOLD)
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:
