@@ -54,7 +54,7 @@ def spans(knots: NDArray[np.float64], degree: int, parts: int = 1) -> Spans:
     return _spans(knots.tobytes(), degree, parts)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def _spans(data: bytes, degree: int, parts: int) -> Spans:
     t = np.frombuffer(data)
     k = np.arange(degree, len(t) - degree - 1)

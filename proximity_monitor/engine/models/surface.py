@@ -161,23 +161,23 @@ class Surface(Model):
         self.nets, self._deviation = self._made.nets, self._made.deviation
         self._solid = self._made.solid
 
-    def _derivatives(self, net: Net, u: ArrayLike, v: ArrayLike, order: int) -> NDArray[np.float64]:
-        """The derivatives (..., order + 1, order + 1, 3) of a net, checked.
+    def _parameters(self, *given: ArrayLike) -> list[NDArray[np.float64]]:
+        """Parameters of the only patch or curve, of one shape.
 
         Raises:
             ValueError: parameters that are no numbers, or outside of the knots.
         """
-        u, v = np.broadcast_arrays(as_reals(u, "u"), as_reals(v, "v"))
-        for letter, given, along in zip("uv", (u, v), net.spans, strict=True):
+        letters = "uv" if len(given) == 2 else "t"
+        arrays = [as_reals(each, letter) for each, letter in zip(given, letters, strict=True)]
+        for letter, array, along in zip(letters, arrays, self.nets[0].spans, strict=False):
             low, high = along.low[0], along.high[-1]
-            bad = ~((given >= low) & (given <= high))
+            bad = ~((array >= low) & (array <= high))
             if bad.any():
                 place = "".join(f"[{i}]" for i in np.argwhere(bad)[0])
                 raise ValueError(
-                    f"{self.name}: {letter}{place} = {given[bad][0]}: must be from {low} to {high}"
+                    f"{self.name}: {letter}{place} = {array[bad][0]}: must be from {low} to {high}"
                 )
-        made = net.derivatives(u.ravel(), v.ravel(), order)
-        return made.reshape(*u.shape, *made.shape[1:])
+        return np.broadcast_arrays(*arrays)
 
 
 class ParametricSurface(Surface):

@@ -78,7 +78,9 @@ class SurfaceHierarchy(Hierarchy):
     @property
     def some_point(self) -> NDArray[np.float64]:
         """(3,) metres, model frame: the corner of the first patch where both parameters begin."""
-        return self._samples()[np.flatnonzero(self.order == 0)[0], :3]
+        piece = self.tree.pieces[np.flatnonzero(self.order == 0)[0]]
+        x, y, z, w = self.tree.nets[piece["net"] + np.arange(4) * piece["room"]]
+        return np.array([x, y, z]) / w
 
     @property
     def some_feature(self) -> tuple[float, float, float, float]:
