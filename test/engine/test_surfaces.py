@@ -210,7 +210,7 @@ def test_tables_of_all_kinds_have_one_width_and_refuse_other_arrays():
     core = many(2)._hierarchy
     mesh = engine.points([[0.0, 0.0, 0.0]])._hierarchy
     assert core.table.shape == mesh.table.shape
-    with pytest.raises(TypeError, match="sizes: float64 .*, expected float32"):
+    with pytest.raises(TypeError, match=r"sizes: float64 .*, expected float32"):
         surface_table(core.tree._replace(sizes=core.tree.sizes.astype(float)), core.numbers)
 
 
