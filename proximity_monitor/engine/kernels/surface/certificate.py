@@ -81,6 +81,7 @@ def certified(tree_a, tree_b, state, a, b):
 def _bound(sides, n, motion, distance, slack):
     """What `certified` returns, of two sides."""
     middles, spreads = table_on_stack(4, 3, 0.0), on_stack(4, 0.0)
+    slopes, ends = on_stack(4, 0.0), on_stack(4, 0.0)
     loss = 16.0 * DOUBLE_EPS * distance  # n is no longer than a unit, and that much shorter
     bends = 0.0
     reach = 0.0  # how far across n the way may lead at most
@@ -92,12 +93,18 @@ def _bound(sides, n, motion, distance, slack):
             middle, first = scaled(middle, -1.0), scaled(first, -1.0)
         else:
             middle, first = rotated(motion, middle), rotated(motion, first)
-        middle = along(middle, n, -dot(middle, n))
+        slopes[i] = dot(middle, n)
+        middle = along(middle, n, -slopes[i])
         middles[i, 0], middles[i, 1], middles[i, 2] = middle
         spreads[i] = side[6 + k]
         reach += norm(middle) + spreads[i]
         low, high = side[14 + 2 * k], side[15 + 2 * k]
         slope = dot(first, n)
+        ends[i] = 0.0
+        if low == 0.0 and high > 0.0:
+            ends[i] = 1.0
+        elif high == 0.0 and low < 0.0:
+            ends[i] = -1.0
         loss -= min(slope * low, slope * high)
         # The derivatives at the points err as the points do, times the degree.
         loss += slack * side[27 + k] * (high - low)
@@ -110,24 +117,34 @@ def _bound(sides, n, motion, distance, slack):
     # tau vanishes at the points but for what these err by, and that times m is a slope as well. So
     # where they are very near each other a smaller m serves: one that outweighs their bends.
     m = 1.0 / distance
-    if _is_convex(sides, middles, spreads, reach, m) and m * slack * across < slack:
+    if _is_least(sides, middles, spreads, slopes, ends, reach, m) and m * slack * across < slack:
         return distance - loss - m * slack * across
     m = min(m, _OUTWEIGHING * bends)
-    if _is_convex(sides, middles, spreads, reach, m):
+    if _is_least(sides, middles, spreads, slopes, ends, reach, m):
         return distance - loss - m * slack * across
     return -np.inf
 
 
 @kernel
-def _is_convex(sides, middles, spreads, reach, m):
-    """Whether the Hessian of F is positive all over two cells: by Cholesky's factors.
+def _is_least(sides, middles, spreads, slopes, ends, reach, m):
+    """Whether F is convex all over two cells, in the parameters that do not end at the points.
 
-    What it may differ by from that of the middles is subtracted from the diagonal: with |E_ij| at
+    One that does, where F rises all over the cells as it leaves its end, is as good as fixed there.
+    Of the others the Hessian has to be positive, by Cholesky's factors. What it may differ by from that of the middles is subtracted from the diagonal: with |E_ij| at
     most R_ij, x E x is at least minus the sum of x_i^2 R_ij w_j / w_i, for any w > 0.
     """
     hessian, errors = table_on_stack(4, 4, 0.0), table_on_stack(4, 4, 0.0)
+    held = on_stack(4, 0.0)
+    for i in range(4):
+        size = norm(_row(middles, i)) + spreads[i]
+        held[i] = ends[i] * slopes[i] - spreads[i] - m * reach * size
+        if ends[i] == 0.0:
+            held[i] = 0.0
     for i in range(4):
         for j in range(i + 1):
+            if held[i] > 0.0 or held[j] > 0.0:
+                hessian[i, j] = errors[i, j] = errors[j, i] = 0.0
+                continue
             one, other = _row(middles, i), _row(middles, j)
             value = m * dot(one, other)
             error = spreads[i] * norm(other) + spreads[j] * norm(one) + spreads[i] * spreads[j]
