@@ -57,8 +57,11 @@ def tessellated_surface(nets: Sequence[Net], tolerance: float) -> DisplayMesh:
             a, b, c, d = (each.ravel() for each in corners)
             faces.append(np.concatenate((np.stack((a, b, c), axis=1), np.stack((a, c, d), axis=1))))
         start += at.size
+    curves = all(net.is_curve for net in nets)
     return DisplayMesh(
-        np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(normals)
+        np.concatenate(vertices),
+        np.concatenate(faces).astype(np.int32),
+        None if curves else np.concatenate(normals),
     )
 
 

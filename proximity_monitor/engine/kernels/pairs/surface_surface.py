@@ -32,9 +32,13 @@ def _witness(tree, element, weights):
 def _parameters(tree, element, weights):
     piece = tree.pieces[element]
     u = piece.low[0] + weights[0] * (piece.high[0] - piece.low[0])
+    of_curve = 1.0 if piece.degree_v == 0 else 0.0
     v = piece.low[1] + weights[1] * (piece.high[1] - piece.low[1])
-    u, v = min(max(u, piece.low[0]), piece.high[0]), min(max(v, piece.low[1]), piece.high[1])
-    return (u, v, 1.0 if piece.degree_v == 0 else 0.0)
+    return (
+        min(max(u, piece.low[0]), piece.high[0]),
+        min(max(v, piece.low[1]), piece.high[1]),
+        of_curve,
+    )
 
 
 def _entry(name, order):

@@ -17,6 +17,7 @@ from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
 from ..base.vectors import norm, rotated, scaled
 from ..elements.primitives import keep
+from .certificate import certified
 from .facing import vector
 from .heap import add_pair, drop_first
 from .newton import nearest_near
@@ -31,16 +32,19 @@ from .sides import (
     whole,
 )
 
-PAIR_STEPS, DIVISION_STEPS, MINIMUM_STEPS = 1, 4, 40
-"""Steps of a search that bounding a pair of cells takes as long as, dividing one, and a search for
-a local minimum."""
+PAIR_STEPS, DIVISION_STEPS, CERTIFICATE_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
+"""Steps of a search that bounding a pair of cells takes as long as, dividing one, a proof that it
+is done with, and a search for a local minimum."""
 
 _ROUGH = 0.25
 """Share of their distance by which two cells may differ from their parallelograms before normals
 are tried as directions."""
 
-_NEARER = 1.0 - 1e-9
-"""Share of the distance that a point must be nearer than to begin a local search."""
+_NEARER = 0.25
+"""Share of what the answer may err by that a point must be nearer by to begin a local search.
+
+So where a local search ended too early, a pair of cells whose bound is as good as its points are
+near begins another one, before it is divided without end."""
 
 
 @kernel
@@ -82,6 +86,11 @@ def divide_nearest(tree_a, tree_b, state):
         progress.least_cells = min(progress.least_cells, bound)
         progress.dividing = drop_first(pairs, progress.dividing)
         return 0
+    slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
+    slack += margin_of(tree_b, cells.cells_b, b)
+    if certified(tree_a, tree_b, state, a, b) - slack >= progress.limit:
+        progress.dividing = drop_first(pairs, progress.dividing)
+        return CERTIFICATE_STEPS
     if progress.dividing + 4 > len(pairs):
         return NONE
     steps = 0
@@ -178,7 +187,8 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     if bound >= progress.limit:
         return PAIR_STEPS
     steps = PAIR_STEPS
-    if apart + rough < _NEARER * progress.distance:
+    share = _NEARER * max(progress.abs_err, progress.distance - progress.enough)
+    if apart + rough < progress.distance - share:
         steps += MINIMUM_STEPS
         element_a = element_of(tree_a, cells.cells_a, a)
         element_b = element_of(tree_b, cells.cells_b, b)
