@@ -21,10 +21,10 @@ def surfaces(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize(
-    "scene", ["mesh"] + [pytest.param(name, marks=pytest.mark.skipif(not HAS_OCCT, reason="no OCCT")) for name in ("wavy", "coaxial", "points")],
-)  # fmt: skip
+@pytest.mark.parametrize("scene", ["mesh", "wavy", "coaxial", "points"])
 def test_bounds_hold_beside_the_peer(scene, tmp_path):
+    if scene != "mesh" and not HAS_OCCT:
+        pytest.skip("cadquery-ocp is not installed")
     done = surfaces("--scene", scene, "--poses", "2", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
     (row,) = json.loads((tmp_path / "surfaces.json").read_text())
