@@ -1,0 +1,1 @@
+"""Pieces of parametric surfaces: evaluated, divided into cells, bounded, and their nearest points."""
