@@ -196,6 +196,17 @@ def _curved_part(
     return _Part(rows, net)
 
 
+def hull(curve: TrimCurve) -> Reals:
+    """(n, 2) points whose box holds a curve, and hardly more."""
+    degree = len(curve.control) - 1
+    if degree == 1:
+        return curve.control
+    weights = np.ones(degree + 1) if curve.weights is None else curve.weights
+    net = np.column_stack([curve.control * weights[:, None], weights])
+    points = _cutting(degree, 16) @ net
+    return (points[..., :2] / points[..., 2:]).reshape(-1, 2)
+
+
 def _bands(points: Reals, ends: Reals) -> Reals:
     """(k,) How far the control points (k, n, 2) of segments are from their chords, at most.
 
