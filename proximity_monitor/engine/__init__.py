@@ -7,12 +7,15 @@ described in `questions.decision` and `questions.result`.
 
 from .assembly.assembly import Assembly
 from .assembly.batch import distances
+from .files.geomdl import save_geomdl
 from .files.load import load
 from .models import shapes
 from .models.checks import ModelError
 from .models.mesh import TriangleMesh
 from .models.model import Model
+from .models.patch import Curve, Patch
 from .models.shapes import points, polyline
+from .models.surface import ParametricSurface
 from .questions.closest import closest_points
 from .questions.pair import Pair
 from .questions.query import collide, distance, signed_distance, within
@@ -20,10 +23,13 @@ from .questions.result import Distance, Status
 
 __all__ = [
     "Assembly",
+    "Curve",
     "Distance",
     "Model",
     "ModelError",
     "Pair",
+    "ParametricSurface",
+    "Patch",
     "Status",
     "TriangleMesh",
     "closest_points",
@@ -33,6 +39,7 @@ __all__ = [
     "load",
     "points",
     "polyline",
+    "save_geomdl",
     "shapes",
     "signed_distance",
     "within",

@@ -19,8 +19,7 @@ from ..questions.run import check_models
 from ..questions.witness import surface_points
 
 _UNKNOWN = (math.nan, math.nan, math.nan, -1.0)
-_FIRST_CORNER = (1.0, 0.0, 0.0, 0.0)
-"""The features of an unknown point and of `Hierarchy.some_point`: parameters and element."""
+"""The feature of an unknown point: parameters and element."""
 
 
 class CertifiedIntervals(NamedTuple):
@@ -56,8 +55,8 @@ class Answers:
     """
 
     __slots__ = (
-        "_balls", "_first", "_free", "_hierarchies", "_models", "_names", "_places", "_versions",
-        "poses", "table",
+        "_balls", "_first", "_first_features", "_free", "_hierarchies", "_models", "_names",
+        "_places", "_versions", "poses", "table",
     )  # fmt: skip
 
     poses: NDArray[np.float64]
@@ -74,7 +73,8 @@ class Answers:
         self.poses = np.tile(np.eye(4), (count, 1, 1))
         self._versions = np.zeros(count, np.int64)
         self._balls = np.zeros(count, kernel.BALL)
-        self._first = np.zeros((count, 3))  # the first corner of each
+        self._first = np.zeros((count, 3))  # one point of each, and
+        self._first_features = np.zeros((count, 4))  # where on it that lies
         self._places = np.zeros(count, kernel.PLACE)
         self.table = np.zeros(0, kernel.ANSWER)
         self._free = np.empty(0, np.int64)
@@ -237,7 +237,7 @@ class Answers:
     def _measure(self, body: int) -> None:
         core = self._hierarchies[body] = self._models[body]._hierarchy
         self._balls[body] = core.centre, core.core_radius, core.swept_radius, core.deviation
-        self._first[body] = core.some_point
+        self._first[body], self._first_features[body] = core.some_point, core.some_feature
 
     def _rows_of(self, body: int) -> NDArray[np.int64]:
         pairs = self.table["bodies"]
@@ -250,7 +250,7 @@ class Answers:
         fresh["kind"] = self.table["kind"][rows]
         fresh["seen"] = -1
         fresh["lower"], fresh["upper"] = -np.inf, np.inf
-        fresh["witness"], fresh["features"] = self._first[bodies], _FIRST_CORNER
+        fresh["witness"], fresh["features"] = self._first[bodies], self._first_features[bodies]
         # An answer to no poses, so that no pair counts as still.
         fresh["rotation"] = fresh["translation"] = np.nan
         fresh["stretch"] = self._places["stretch"][bodies]

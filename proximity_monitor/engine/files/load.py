@@ -22,16 +22,18 @@ def load(
     volume: str = "rss",
     solid: Solid = None,
 ) -> Model:
-    """Read a model from a file: .stl, .obj, .ply, .off, .glb, .gltf, .dae or .3mf.
+    """Read a model from a file: .stl, .obj, .ply, .off, .glb, .gltf, .dae, .3mf or .json.
 
     Other packages may read other extensions (see `files.readers`).
 
-    Several geometries in one file are merged with their transforms; points and curves among them
-    are left out. Degenerate triangles are kept, but for those that join strips. Polygons are cut
-    into fans from their first corner, which is right for convex ones. The vertices that STL repeats
-    for each triangle are merged where they are exactly equal. The `up_axis` of COLLADA does not
-    count, as in RViz. A file that is not complete and consistent is refused as a whole, and so is
-    one whose scene is not what stands in it (animations, skins, morph targets).
+    A .json file is one of geomdl (NURBS-Python): a `Patch` or a `Curve`, or several as a
+    `ParametricSurface`. All others hold triangles. Several geometries in one of those are merged
+    with their transforms; points and curves among them are left out. Degenerate triangles are kept,
+    but for those that join strips. Polygons are cut into fans from their first corner, which is
+    right for convex ones. The vertices that STL repeats for each triangle are merged where they are
+    exactly equal. The `up_axis` of COLLADA does not count, as in RViz. A file that is not complete
+    and consistent is refused as a whole, and so is one whose scene is not what stands in it
+    (animations, skins, morph targets).
 
     Args:
         path: the file; its extension says the format.
@@ -39,8 +41,8 @@ def load(
             state it; .dae and .3mf files do.
         scale: how much larger the model is than the file says.
         deviation: metres; how far its surface may be from that of the thing, as for TriangleMesh.
-        volume: the bounding volumes, as for TriangleMesh.
-        solid: whether it has an inside, as for TriangleMesh.
+        volume: the bounding volumes, as for TriangleMesh; a surface takes the default alone.
+        solid: whether it has an inside, as for TriangleMesh or ParametricSurface.
 
     Returns:
         The model in metres, named after the file without its extension.

@@ -18,6 +18,7 @@ from ..models.hierarchy import Solid
 from ..models.mesh import TriangleMesh
 from ..models.model import Model
 from .dae import read_dae
+from .geomdl import read_geomdl
 from .gltf import read_glb, read_gltf
 from .obj import read_obj
 from .off import read_off
@@ -67,7 +68,9 @@ _TRIANGLES = {
     ".stl": read_stl, ".obj": read_obj, ".ply": read_ply, ".off": read_off, ".glb": read_glb,
     ".gltf": read_gltf, ".dae": read_dae, ".3mf": read_3mf,
 }  # fmt: skip
-_READERS = {suffix: mesh_reader(read) for suffix, read in _TRIANGLES.items()}
+_OWN = {suffix: mesh_reader(read) for suffix, read in _TRIANGLES.items()}
+_OWN |= {".json": read_geomdl}
+_READERS: dict[str, Reader] = dict(_OWN)
 
 
 def reader_of(suffix: str) -> Reader | None:
@@ -94,7 +97,7 @@ def reader_of(suffix: str) -> Reader | None:
 def extensions() -> list[str]:
     """The extensions that are read, such as ".stl"."""
     others = {f".{name}" for name in metadata.entry_points(group=GROUP).names}
-    return [*_TRIANGLES, *sorted(others - _TRIANGLES.keys())]
+    return [*_OWN, *sorted(others - _OWN.keys())]
 
 
 def _origin(entry: metadata.EntryPoint) -> str:

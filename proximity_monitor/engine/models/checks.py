@@ -15,23 +15,25 @@ class ModelError(ValueError):
     """A model's file or arrays are not what they should be; the message names which and where."""
 
 
-def checked_vertices(vertices: ArrayLike, name: str) -> NDArray[np.float64]:
-    """A frozen copy of points (n, 3), n >= 1, in metres; `name` is what messages call the model.
+def checked_vertices(vertices: ArrayLike, name: str, what: str = "vertices") -> NDArray[np.float64]:
+    """A frozen copy of points (n, 3), n >= 1, in metres.
+
+    `name` is what messages call the model, `what` what they call its points.
 
     Raises:
         ModelError: no such array; a coordinate that is not finite, or beyond 1e45 m.
     """
-    array = as_reals(vertices, f"{name}: vertices", error=ModelError).copy()
+    array = as_reals(vertices, f"{name}: {what}", error=ModelError).copy()
     if array.ndim != 2 or array.shape[1] != 3:
-        raise ModelError(f"{name}: vertices: shape {array.shape}, expected (n, 3)")
+        raise ModelError(f"{name}: {what}: shape {array.shape}, expected (n, 3)")
     if len(array) == 0:
-        raise ModelError(f"{name}: vertices: there are none")
+        raise ModelError(f"{name}: {what}: there are none")
     bad = ~(np.abs(array) <= LARGEST_COORDINATE).all(axis=1)
     if bad.any():
         first = int(np.flatnonzero(bad)[0])
         raise ModelError(
-            f"{name}: vertices[{first}] = {array[first].tolist()}: every coordinate must be finite "
-            f"and at most {LARGEST_COORDINATE:g} m ({int(bad.sum())} such vertices)"
+            f"{name}: {what}[{first}] = {array[first].tolist()}: every coordinate must be finite "
+            f"and at most {LARGEST_COORDINATE:g} m ({int(bad.sum())} such {what})"
         )
     array.setflags(write=False)
     return array

@@ -1,4 +1,4 @@
-"""Triangle meshes: the model that the hierarchy is built for."""
+"""Triangle meshes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..kernels.base.cache import KERNELS
 from .checks import ModelError, checked_faces, checked_length, checked_vertices
-from .hierarchy import Hierarchy, Solid
+from .hierarchy import Solid
+from .mesh_hierarchy import MeshHierarchy
 from .model import DisplayMesh, Feature, Model
 from .tessellate import tessellated
 from .tree import VOLUMES
@@ -83,7 +84,7 @@ class TriangleMesh(Model):
         radius = checked_length(radius, name, "radius")
         deviation = checked_length(deviation, name, "deviation")
         points = checked_vertices(vertices, name)
-        self._take(Hierarchy.of(
+        self._take(MeshHierarchy.of(
             points, checked_faces(faces, len(points), name),
             volume=volume, swept_radius=radius, deviation=deviation, solid=solid,
         ))  # fmt: skip
@@ -145,7 +146,7 @@ class TriangleMesh(Model):
         # A point of a face moves by a mean of what its corners move by.
         return largest_norm(moved - before)
 
-    def _take(self, hierarchy: Hierarchy) -> None:
+    def _take(self, hierarchy: MeshHierarchy) -> None:
         """Take a hierarchy, unless it is no solid though it must be one."""
         if hierarchy.solid is True and (reason := hierarchy.sides().reason):
             raise ModelError(f"{self.name}: no solid: {reason}; {_WAY_OUT}")
@@ -202,7 +203,7 @@ class TriangleMesh(Model):
                 "from its file, or from vertices and faces"
             )
         self.name = state["name"]
-        self._hierarchy = Hierarchy.__new__(Hierarchy)
+        self._hierarchy = MeshHierarchy.__new__(MeshHierarchy)
         self._hierarchy.__setstate__(state["hierarchy"])
 
     def __repr__(self) -> str:

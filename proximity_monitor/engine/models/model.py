@@ -21,10 +21,11 @@ class Feature:
     """Where a point lies on a model.
 
     Attributes:
-        kind: what it lies on, in words of the model's kind; of a mesh "vertex", "edge" or "face".
+        kind: what it lies on, in words of the model's kind; of a mesh "vertex", "edge" or "face",
+            of a surface "patch" or "curve".
         index: which element of the model: a mesh's triangle, a patch, a profile curve.
-        parameters: where on it: (3,) barycentric weights of a triangle's corners; u and v of a
-            patch; t and theta of a curve that is revolved.
+        parameters: where on it: (3,) barycentric weights of a triangle's corners; (2,) u and v of a
+            patch; (1,) that of a curve; t and theta of a curve that is revolved.
     """
 
     kind: str

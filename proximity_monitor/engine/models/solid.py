@@ -18,6 +18,7 @@ from .tree import build, weld
 
 if TYPE_CHECKING:
     from .hierarchy import Hierarchy
+    from .mesh_hierarchy import MeshHierarchy
     from .model import Model
     from .tree import Tree
 
@@ -53,7 +54,7 @@ def sides_of(model: Model) -> Sides:
     return model._hierarchy.sides()
 
 
-def find_sides(mesh: Hierarchy, known: Sides | None) -> Sides:
+def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
     """Find where triangles have an inside.
 
     Vertices of equal coordinates count as one, so a soup of triangles, as STL files hold it, can
@@ -95,15 +96,30 @@ def find_sides(mesh: Hierarchy, known: Sides | None) -> Sides:
         reason = ""  # whatever comes into the ball is near its core
     ball = np.array([*mesh.centre, mesh.core_radius])
     region = Region(inside, samples, ball, rim, rim_tree, moments)
-    for array in (samples, ball, moments):
+    return _sides(mesh, first, part, proper, opening, region, reason)
+
+
+def no_sides(hierarchy: Hierarchy, proper: bool, reason: str) -> Sides:
+    """What is known of a model that has no inside, whatever its elements are."""
+    nothing = np.empty(0, np.int32)
+    ball = np.array([*hierarchy.centre, hierarchy.core_radius])
+    region = Region(NOWHERE, nothing, ball, 0.0, _no_rim(), _NO_MOMENTS)
+    return _sides(hierarchy, nothing, nothing, proper, None, region, reason)
+
+
+def _sides(
+    hierarchy: Hierarchy, first: NDArray[np.int32], part: NDArray[np.int32], proper: bool,
+    opening: tuple[str, int, int] | None, region: Region, reason: str,
+) -> Sides:  # fmt: skip
+    for array in (region.samples, region.ball, region.moments):
         array.setflags(write=False)
-    extent = np.array([inside, rim], np.float64)
-    table = solid_table(mesh.table_of_all, region, extent)
-    return Sides(first, part, proper, opening, rim, region, extent, table, reason)
+    extent = np.array([region.inside, region.rim], np.float64)
+    table = solid_table(hierarchy.table_of_all, region, extent)
+    return Sides(first, part, proper, opening, region.rim, region, extent, table, reason)
 
 
 def _edges(
-    mesh: Hierarchy, faces: NDArray[np.int32]
+    mesh: MeshHierarchy, faces: NDArray[np.int32]
 ) -> tuple[bool, tuple[str, int, int] | None, float]:
     """Whether any face has an area; `Sides.opening`; how long the edges are that bound nothing."""
     proper, odd, unlike, firsts, rim = solids.unpaired_edges(faces, mesh.vertices)
@@ -140,7 +156,7 @@ def _tree(vertices: NDArray[np.float64], triangles: NDArray) -> Tree:
     return build(np.ascontiguousarray(vertices[faces].reshape(-1, 9)), vertices, faces).tree
 
 
-def _no_volume(mesh: Hierarchy, part: NDArray[np.int32], samples: NDArray[np.int32]) -> str:
+def _no_volume(mesh: MeshHierarchy, part: NDArray[np.int32], samples: NDArray[np.int32]) -> str:
     """Empty where at least one connected part encloses a volume that is more than rounding.
 
     A part that does not is a folded sheet, around which no point has a winding number but 0.

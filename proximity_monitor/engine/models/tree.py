@@ -162,7 +162,9 @@ def _scale(
     corners: NDArray[np.float64], revision: float, swept: float, deviation: float
 ) -> NDArray[np.float64]:
     """The numbers of a hierarchy as a whole: see `MeshTree`."""
-    _, largest, longest = measure(corners, np.empty(3))
+    given = corners.view()
+    given.setflags(write=False)  # as in a tree: kernels need no second form
+    _, largest, longest = measure(given, np.empty(3))
     # A power of two: dividing by it is exact. Zero for a model at the origin alone.
     unit = 2.0 ** np.ceil(np.log2(largest)) if largest > 1e-300 else 1.0
     return np.array([unit, 1.0 / unit, longest, revision, swept, deviation])

@@ -14,11 +14,11 @@ from ..kernels.base import state as index
 from ..kernels.base.state import KEPT
 from ..kernels.base.tables import state_table, table
 from ..kernels.pairs.entries import ENTRIES
-from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
 from ..models.model import Model
 from ..poses import check_pose
 from .slices import slices_until
+from .waiting import waiting_for
 
 Order = Literal["depth_first", "priority", "breadth_first"]
 """The order in which a search visits pairs of volumes; the answer is the same."""
@@ -136,7 +136,6 @@ class Search:
             open_pairs = index.Priority(pairs, bounds, np.zeros(levels + 1, np.int64))
         elif order == "breadth_first":
             open_pairs = index.BreadthFirst(pairs, bounds, no_corners, no_corners)
-        waiting = np.empty((WAITING_ROOM, 2), np.int32), np.empty(WAITING_ROOM)
         keys = np.empty(_COHERENT if coherent else 0, np.int64)
         keys.fill(-1)
         self._keep(
@@ -144,7 +143,7 @@ class Search:
                 np.zeros((2, 12)),
                 record,
                 open_pairs,
-                index.Waiting(*waiting),
+                waiting_for(a._hierarchy, b._hierarchy),
                 np.empty((0, 3)),
                 keys,
                 np.empty(len(keys)),
@@ -288,7 +287,7 @@ class Search:
         where: slice | NDArray[np.int64] = slice(self.progress["open"])
         if self.order == "breadth_first":  # a ring
             where = np.arange(self.progress["base"], self.progress["open"]) % len(bounds)
-        lanes, lower = self.state.waiting
+        lanes, lower, *_ = self.state.waiting
         waiting = slice(self.progress["waiting"])
         return (
             np.concatenate((pairs[where], lanes[waiting])),

@@ -1,7 +1,8 @@
 """LLVM operations that numba has no name for.
 
 Comparing sixteen float32 at once into a bit mask, and counting its trailing zeros: which lanes
-survive. The smallest of sixteen. And the fused multiply-add.
+survive. The smallest of sixteen. How far points reach along a direction. And the fused
+multiply-add.
 """
 
 from __future__ import annotations
@@ -65,6 +66,59 @@ def smallest(typingctx, values, first, mask):
         return builder.call(function, [loaded], fastmath=("nnan",))
 
     return types.float32(values, types.int64, types.int64), codegen
+
+
+@intrinsic
+def least_along(typingctx, points, first, room, x, y, z):
+    """The least product of a direction, no number of which is NaN, with any of the points.
+
+    Their coordinates are three rows of `room` float64, a multiple of 16, that begin at
+    points[first].
+    """
+    if not (isinstance(points, types.Array) and points.dtype == types.float64):
+        return None
+    vector = ir.VectorType(ir.DoubleType(), 16)
+    step = 16
+
+    def spread(builder, value):
+        lanes = builder.insert_element(
+            ir.Constant(vector, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
+        )
+        zeros = ir.Constant(ir.VectorType(ir.IntType(32), step), [0] * step)
+        return builder.shuffle_vector(lanes, lanes, zeros)
+
+    def codegen(context, builder, signature, args):
+        array = context.make_array(signature.args[0])(context, builder, args[0])
+        _, first, room, *direction = args
+        direction = [spread(builder, value) for value in direction]
+        least = cgutils.alloca_once_value(builder, ir.Constant(vector, [float("inf")] * step))
+        flags = "contract", "nnan"
+        count = builder.udiv(room, ir.Constant(room.type, step))
+        with cgutils.for_range(builder, count) as loop:
+            at = builder.add(first, builder.mul(loop.index, ir.Constant(room.type, step)))
+            total = None
+            for lanes in direction:
+                loaded = builder.load(
+                    builder.bitcast(builder.gep(array.data, [at]), vector.as_pointer())
+                )
+                loaded.align = 8
+                product = builder.fmul(loaded, lanes, flags=flags)
+                total = product if total is None else builder.fadd(total, product, flags=flags)
+                at = builder.add(at, room)
+            known = builder.load(least)
+            below = builder.fcmp_ordered("<", total, known, flags=flags)
+            builder.store(builder.select(below, total, known), least)
+        function = cgutils.get_or_insert_function(
+            builder.module,
+            ir.FunctionType(ir.DoubleType(), [vector]),
+            "llvm.vector.reduce.fmin.v16f64",
+        )
+        return builder.call(function, [builder.load(least)], fastmath=("nnan",))
+
+    signature = types.float64(
+        points, types.int64, types.int64, types.float64, types.float64, types.float64
+    )
+    return signature, codegen
 
 
 @intrinsic

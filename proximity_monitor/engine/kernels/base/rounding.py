@@ -201,3 +201,25 @@ LARGEST_COORDINATE = 1e45
 
 Lengths are then at most 8 √3 times as large, and products of six of them do not overflow.
 """
+
+NET_POINT = 384.0 * DOUBLE_EPS
+"""What a point of a piece may err by, as a share of the largest norm P of a control point.
+
+It is the mean of control points by Bernstein polynomials, which err by 3 (p + q) u of themselves
+for degrees p and q of at most 15, in sums of at most 16 and then 16 products: 125 u of the mean of
+w |x|, and of w. So the quotient errs by 250 u P whatever the weights w are, and its rounding and
+that of three coordinates' products with w by less than 8 u P more.
+"""
+
+NET_SPLIT = 4.0 * DOUBLE_EPS
+"""What a division may do to control points, as a share of P, for each degree.
+
+It is `degree` midpoints on top of each other, each a sum rounded once and halved: u of w P, and u
+of w; so a projected point moves by 2 u P for each, a vector by less than 4 u P.
+"""
+
+RESOLUTION = 2.0**-40
+"""Share of both models' sizes up to which the bounds of an exact answer about surfaces may differ.
+
+A cell's bound comes nearer to the distance with each division, but never equals it.
+"""

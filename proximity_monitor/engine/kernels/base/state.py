@@ -33,8 +33,9 @@ MESHES = MeshTree, BoxTree
 SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces nets scale")
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
-pieces (m,) PIECE in tree order; nets (float64, flat) their control nets. The rest is as in MeshTree;
-scale[2] is the largest norm of a control point.
+pieces (m,) PIECE in tree order; nets (float64, flat) their control nets. The rest is as in
+MeshTree; scale[2] is the largest norm of a control point, and scale[6] how far rounding may have
+moved points of the surface when it was cut into pieces, metres.
 """
 
 PIECE = np.dtype(
@@ -46,7 +47,7 @@ PIECE = np.dtype(
         ("degree_v", np.int32),  # 0 of a curve
         ("rational", np.int32),  # 0: all weights are 1
         ("patch", np.int32),  # the patch or curve of the model that it is a piece of
-        ("low", np.float64, (2,)),  # its rectangle in that patch's parameters u and v
+        ("low", np.float64, (2,)),  # its rectangle in that patch's u and v; v is 0 on a curve
         ("high", np.float64, (2,)),
     ],
     align=True,
@@ -57,8 +58,8 @@ each control point, where the weights w are positive; the last point is repeated
 NET_WIDTH = 16
 """Control points are bounded so many at a time."""
 
-REVISION, SWEPT, DEVIATION = 3, 4, 5
-"""Of a tree's `scale`."""
+REVISION, SWEPT, DEVIATION, CONVERSION = 3, 4, 5, 6
+"""Of a tree's `scale`; the last of a SurfaceTree's alone."""
 
 DepthFirst = namedtuple("DepthFirst", "pairs bounds")
 """The pairs of volumes still to be looked at (int32, n × 2), as lanes 16 node + lane, and their
@@ -84,6 +85,50 @@ Waiting = namedtuple("Waiting", "lanes bounds")
 """Pairs of leaves: their lanes (int32, n × 2) and bounds (n,) metres. They stay where a slice ends,
 and their bounds count in `lower`. A kind whose elements take many steps to compare has its own type
 for this, with the unfinished cells of a pair beside their bounds."""
+
+Dividing = namedtuple(
+    "Dividing", "lanes bounds pairs cells_a nets_a roots_a cells_b nets_b roots_b"
+)
+"""The same, where elements are divided until they are small enough (see search/stubs.py, `divide`).
+
+pairs (n,) CELL_PAIR, a heap with the least bound first; of either model cells (k,) CELL, nets
+(float64, flat) the control points of each, and roots (int32) the cell of each whole element, NONE
+where it has none. A model whose elements are not divided has none of the three.
+"""
+
+CELL = np.dtype(
+    [
+        ("element", np.int32),
+        ("child", np.int32),  # the first of those that it is divided into, NONE before
+        ("children", np.int32),  # how many they are
+        ("splits", np.int32),  # divisions in either direction that made it
+        ("low", np.float64, (2,)),  # its rectangle in the element's own parameters, 0 to 1
+        ("high", np.float64, (2,)),
+        ("centre", np.float64, (3,)),  # mean of its corners, metres
+        ("along_u", np.float64, (3,)),  # from there to the middle of the side where u is largest
+        ("along_v", np.float64, (3,)),
+        ("bend_u", np.float64),  # about how far it is from straight along u, metres
+        ("bend_v", np.float64),
+        ("twist", np.float64),  # ... and its corners from a parallelogram's
+        ("margin", np.float64),  # what rounding may have done to its control points
+    ],
+    align=True,
+)
+"""A part of an element. Its control points are three rows (x, y, z) of `PIECE.room` numbers in
+`nets`; of a rational piece, four rows of homogeneous ones (see PIECE) follow."""
+
+CELL_PAIR = np.dtype(
+    [
+        ("bound", np.float64),  # of their distance, metres
+        ("normal", np.float64, (3,)),  # the unit vector along which it was found, in a's frame
+        ("a", np.int32),  # a cell; or an element of a model without cells
+        ("b", np.int32),
+    ],
+    align=True,
+)
+
+NONE = -1
+"""No cell."""
 
 QUERY = np.dtype(
     [
@@ -136,6 +181,10 @@ PROGRESS = np.dtype(
         ("primitive_tests", np.int64),
         ("open", np.int64),  # how many pairs of volumes are open: where the next stands
         ("waiting", np.int64),  # how many pairs of leaves wait
+        ("dividing", np.int64),  # how many pairs of cells
+        ("cells_a", np.int64),  # how many cells there are of either model
+        ("cells_b", np.int64),
+        ("least_cells", np.float64),  # the least bound of pairs that cannot be divided any more
         ("collected", np.int64),  # how many are collected
         ("steps", np.int64),  # what this slice has left
         ("base", np.int64),  # where the present queue or list begins
@@ -162,8 +211,9 @@ which the points lie inside the models (see swept.py)."""
 EXACT, WITHIN_TOLERANCE, OUT_OF_TIME, INTERSECTING = 0, 1, 2, 3
 """Why a search stopped, in the order of `result.Status`."""
 
-ENDED, CUT, BAD_POSE_A, BAD_POSE_B, COLLECTED_FULL, CUT_BETWEEN = 0, 1, 2, 3, 4, 5
-"""What a slice of a search returns; the last, where it was over before the next search began."""
+ENDED, CUT, BAD_POSE_A, BAD_POSE_B, COLLECTED_FULL, CUT_BETWEEN, CELLS_FULL = 0, 1, 2, 3, 4, 5, 6
+"""What a slice of a search returns: CUT_BETWEEN where it was over before the next search began;
+CELLS_FULL where there is no room for more cells, so that the search ends with the bounds it has."""
 
 KEPT = 4
 """Vertices that are kept of a node."""

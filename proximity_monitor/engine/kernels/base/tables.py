@@ -11,15 +11,20 @@ import numpy as np
 from .jit import entry, implements, inlined
 from .memory import addresses, read_only, records_at, rows_at
 from .state import (
+    CELL,
+    CELL_PAIR,
     KEPT,
+    PIECE,
     PROGRESS,
     QUERY,
     BoxTree,
     BreadthFirst,
     DepthFirst,
+    Dividing,
     MeshTree,
     Priority,
     State,
+    SurfaceTree,
     Waiting,
 )
 
@@ -40,12 +45,21 @@ def _fill(arrays, made):
         made[0, i], made[1, i] = found[i], found[count + i]
 
 
-_OVER_TRIANGLES = {
+_SHARED = {
     "nodes": (np.float32, 0), "centres": (np.float64, 4), "children": (np.int32, 0),
-    "sizes": (np.float32, 0), "triangles": (np.float64, 9), "scale": (np.float64, 0),
-    "faces": (np.int32, 0),
+    "sizes": (np.float32, 0),
+}  # fmt: skip
+_OVER_TRIANGLES = _SHARED | {
+    "triangles": (np.float64, 9), "scale": (np.float64, 0), "faces": (np.int32, 0),
+}  # fmt: skip
+_OVER_PIECES = _SHARED | {
+    "pieces": (PIECE, 0), "nets": (np.float64, 0), "scale": (np.float64, 0),
+    "patches": (np.int32, 0),
 }  # fmt: skip
 """What kernels take each array for: its type, and its columns; 0 for one dimension."""
+
+MODEL_COLUMNS = max(len(_OVER_TRIANGLES), len(_OVER_PIECES))
+"""Columns of a model's table, whatever its kind, so that those of several make one array."""
 
 
 def mesh_table(tree, faces):
@@ -54,13 +68,23 @@ def mesh_table(tree, faces):
     Raises:
         TypeError: an array is not what `tree_at` takes it for.
     """
-    arrays = *tree, faces
-    for array, (name, (dtype, columns)) in zip(arrays, _OVER_TRIANGLES.items(), strict=True):
+    return _model_table((*tree, faces), _OVER_TRIANGLES)
+
+
+def surface_table(tree, patches):
+    """The table of a tree over pieces, and the patch of each; otherwise as `mesh_table`."""
+    return _model_table((*tree, patches), _OVER_PIECES)
+
+
+def _model_table(arrays, expected):
+    for array, (name, (dtype, columns)) in zip(arrays, expected.items(), strict=True):
         shape = (columns,) if columns else ()
         if array.dtype != dtype or array.shape[1:] != shape or not array.flags.c_contiguous:
             found = f"{name}: {array.dtype} {array.shape}"
-            raise TypeError(f"{found}, expected {dtype.__name__} (n, {columns or ''})")
-    return table(arrays)
+            raise TypeError(f"{found}, expected {np.dtype(dtype)} (n, {columns or ''})")
+    made = np.zeros((2, MODEL_COLUMNS), np.int64)
+    made[:, : len(arrays)] = table(arrays)
+    return made
 
 
 def tree_at(kind, model):
@@ -98,6 +122,22 @@ def _boxes_at(kind, model):
     return boxes, rows_at(model[0, 6], model[1, 6], 0, np.int32(0))
 
 
+@implements(tree_at, SurfaceTree)
+@inlined
+def _surface_at(kind, model):
+    at, rows = model[0], model[1]
+    tree = SurfaceTree(
+        read_only(rows_at(at[0], rows[0], 0, np.float32(0.0))),
+        read_only(rows_at(at[1], rows[1], 4, 0.0)),
+        read_only(rows_at(at[2], rows[2], 0, np.int32(0))),
+        read_only(rows_at(at[3], rows[3], 0, np.float32(0.0))),
+        read_only(records_at(at[4], rows[4], PIECE)),
+        read_only(rows_at(at[5], rows[5], 0, 0.0)),
+        read_only(rows_at(at[6], rows[6], 0, 0.0)),
+    )
+    return tree, rows_at(at[7], rows[7], 0, np.int32(0))
+
+
 def _open_at(order, at, rows):
     """What is open in a search of that order; each order implements it."""
 
@@ -132,15 +172,41 @@ def _levels_at(order, at, rows):
     )
 
 
+def _waiting_at(kind, at, rows):
+    """What waits in a search, of that type; each implements it."""
+
+
+@implements(_waiting_at, Waiting)
 @inlined
-def state_at(order, memory):
+def _leaves_at(kind, at, rows):
+    return Waiting(rows_at(at[2], rows[2], 2, np.int32(0)), rows_at(at[3], rows[3], 0, 0.0))
+
+
+@implements(_waiting_at, Dividing)
+@inlined
+def _cells_at(kind, at, rows):
+    return Dividing(
+        rows_at(at[2], rows[2], 2, np.int32(0)),
+        rows_at(at[3], rows[3], 0, 0.0),
+        records_at(at[_CELLS], rows[_CELLS], CELL_PAIR),
+        records_at(at[_CELLS + 1], rows[_CELLS + 1], CELL),
+        rows_at(at[_CELLS + 2], rows[_CELLS + 2], 0, 0.0),
+        rows_at(at[_CELLS + 3], rows[_CELLS + 3], 0, np.int32(0)),
+        records_at(at[_CELLS + 4], rows[_CELLS + 4], CELL),
+        rows_at(at[_CELLS + 5], rows[_CELLS + 5], 0, 0.0),
+        rows_at(at[_CELLS + 6], rows[_CELLS + 6], 0, np.int32(0)),
+    )
+
+
+@inlined
+def state_at(order, waiting, memory):
     """The search of a table of a State's arrays, as `state_table` makes it."""
     at, rows = memory[0], memory[1]
     return State(
         rows_at(at[0], rows[0], 12, 0.0),
         records_at(at[1], rows[1], PROGRESS),
         _open_at(order, at, rows),
-        Waiting(rows_at(at[2], rows[2], 2, np.int32(0)), rows_at(at[3], rows[3], 0, 0.0)),
+        _waiting_at(waiting, at, rows),
         rows_at(at[4], rows[4], 3, 0.0),
         rows_at(at[5], rows[5], 0, np.int64(0)),
         rows_at(at[6], rows[6], 0, 0.0),
@@ -154,8 +220,14 @@ def queries_at(asked):
     return (queries,)
 
 
+_CELLS, _DIVIDED = 11, 7
+"""Where the arrays of elements that are divided begin in the table of a state; and how many."""
+
+
 def state_table(state):
     """The table of a search."""
     s = state
-    shared = s.motions, s.progress, *s.waiting, s.collected, s.keys, s.reaches
-    return table((*shared, *s.open))
+    lanes, bounds, *cells = s.waiting
+    shared = s.motions, s.progress, lanes, bounds, s.collected, s.keys, s.reaches
+    unused = (s.reaches,) * (_CELLS - len(shared) - len(s.open))
+    return table((*shared, *s.open, *unused, *(cells or (s.reaches,) * _DIVIDED)))

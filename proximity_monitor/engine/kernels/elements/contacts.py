@@ -14,6 +14,7 @@ from ..base.state import (
     SWEPT,
     DepthFirst,
     MeshTree,
+    Waiting,
 )
 from ..base.tables import state_at, tree_at
 from ..base.vectors import across, dot, face_normal, moved, scaled, sub, unit
@@ -65,7 +66,7 @@ def contacts(model_a, model_b, memory, pose, pairs, points, normals):
     """
     tree_a, _ = tree_at(MeshTree, model_a)
     tree_b, _ = tree_at(MeshTree, model_b)
-    state = state_at(DepthFirst, memory)
+    state = state_at(DepthFirst, Waiting, memory)
     progress, motion = state.progress[0], state.motions[0]
     near_a, near_b = progress.element_a, progress.element_b
     for k in range(pairs.shape[0]):

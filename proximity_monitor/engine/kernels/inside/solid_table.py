@@ -7,11 +7,11 @@ import numpy as np
 from ..base.jit import inlined
 from ..base.memory import read_only, rows_at
 from ..base.state import MeshTree
-from ..base.tables import mesh_tree_at, table, tree_at
+from ..base.tables import MODEL_COLUMNS, mesh_tree_at, table, tree_at
 from .angles import MOMENTS
 from .solids import Region
 
-_REGION = 7
+_REGION = MODEL_COLUMNS
 """The column from which on the table is about the region; a model's own table comes first."""
 
 

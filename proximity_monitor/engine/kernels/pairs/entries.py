@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..base.state import BoxTree, BreadthFirst, DepthFirst, MeshTree, Priority
-from . import mesh_mesh
+from ..base.state import BoxTree, BreadthFirst, DepthFirst, MeshTree, Priority, SurfaceTree
+from . import mesh_mesh, surface_mesh, surface_surface
 
 _SWEPT = {
     DepthFirst: mesh_mesh.search,
@@ -15,6 +15,21 @@ _BOXES = {
     Priority: mesh_mesh.search_boxes_nearest_first,
     BreadthFirst: mesh_mesh.search_boxes_by_levels,
 }
+_SURFACES = {
+    DepthFirst: surface_surface.search,
+    Priority: surface_surface.search_nearest_first,
+    BreadthFirst: surface_surface.search_by_levels,
+}
+_SURFACE_MESH = {
+    DepthFirst: surface_mesh.search,
+    Priority: surface_mesh.search_nearest_first,
+    BreadthFirst: surface_mesh.search_by_levels,
+}
+_MESH_SURFACE = {
+    DepthFirst: surface_mesh.search_turned,
+    Priority: surface_mesh.search_turned_nearest_first,
+    BreadthFirst: surface_mesh.search_turned_by_levels,
+}
 
 ENTRIES = {
     (MeshTree, MeshTree): _SWEPT,
@@ -22,5 +37,10 @@ ENTRIES = {
     # Against swept spheres, boxes are taken for such.
     (MeshTree, BoxTree): _SWEPT,
     (BoxTree, MeshTree): _SWEPT,
+    (SurfaceTree, SurfaceTree): _SURFACES,
+    (SurfaceTree, MeshTree): _SURFACE_MESH,
+    (SurfaceTree, BoxTree): _SURFACE_MESH,
+    (MeshTree, SurfaceTree): _MESH_SURFACE,
+    (BoxTree, SurfaceTree): _MESH_SURFACE,
 }
 """By the types of both trees, and then by what a search in that order has open."""

@@ -1,12 +1,9 @@
-"""Meshes against meshes: what `search/stubs.py` asks for, of trees over triangles, and the entries.
-
-Hierarchies of swept spheres and of boxes differ in how a lane is bounded alone (see `tighten`).
-"""
+"""Meshes against meshes: what `search/stubs.py` asks for of triangles, and the entries."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import float32, uint64
+from numba import float32
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.lanes import not_above
@@ -14,23 +11,22 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR
 from ..base.state import (
+    ENDED,
     MESHES,
     BoxTree,
     BreadthFirst,
     DepthFirst,
     MeshTree,
     Priority,
+    Waiting,
 )
-from ..bounds.boxes import box_bounds
-from ..bounds.cross import cross_nodes
 from ..bounds.gaps import BATCH, CORNERS, gaps, gather, shift
-from ..bounds.volumes import far_bound, lower_bounds, place, tighten
 from ..elements.direction import begin_along, end_along, gap_along, gap_between
 from ..elements.primitives import collect, corners, measure_triangles, mixed, nearest_lane
 from ..search import stubs
 from ..search.search import answer_queries
-from ..tree.layout import EMPTY, LARGEST, STRIDE, WIDTH, first_of, last_of
-from . import mesh_approach, mesh_sample  # noqa: F401 - each implements stubs for two meshes
+from ..tree.layout import LARGEST, first_of, last_of
+from . import mesh_approach, mesh_sample, swept  # noqa: F401 - each implements stubs for two meshes
 
 _LOCAL = CORNERS - 3 * BATCH
 _FILTER_STEPS, _EXACT_STEPS = 5, 4
@@ -46,33 +42,6 @@ def _slacks(tree_a, tree_b, apart, error):
     return points, slack_of_bounds(size_a, size_b, apart, error)
 
 
-@implements(stubs.lane_bounds, MESHES, MESHES)
-@inlined
-def _lane_bounds(fixed, tree, lane, motion, node, slack, reach, inherited, scratch):
-    single, found = scratch.single, scratch.found
-    if place(fixed, lane, motion, tree, node, slack, single):
-        lower_bounds(tree.nodes, uint64(node * STRIDE), single, found, uint64(0))
-        tighten(fixed, tree, lane, motion, node, slack, reach, found, np.int64(0))
-        return inherited
-    for k in range(WIDTH):
-        empty = tree.children[node * WIDTH + k] == EMPTY
-        found[k] = np.float32(1e30) if empty else np.float32(-1.0)
-    return max(inherited, far_bound(fixed, lane, motion, tree, node, slack))
-
-
-@implements(tighten, MeshTree, MeshTree)
-@inlined
-def _no_tighter(fixed, tree, lane, motion, node, slack, reach, bounds, first):
-    pass
-
-
-@implements(tighten, BoxTree, BoxTree)
-@inlined
-def _tighter(fixed, tree, lane, motion, node, slack, reach, bounds, first):
-    box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first)
-
-
-implements(stubs.cross_leaves, MESHES, MESHES)(cross_nodes)
 implements(stubs.measure, MESHES, MESHES)(measure_triangles)
 
 
@@ -119,10 +88,46 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     return n, steps - min(steps, _FILTER_STEPS + _EXACT_STEPS * tested)
 
 
+@implements(stubs.resolution, MESHES, MESHES)
+@inlined
+def _resolution(tree_a, tree_b):
+    return 0.0
+
+
+@implements(stubs.prepare, MESHES, MESHES)
+@inlined
+def _prepare(tree_a, tree_b, state):
+    pass
+
+
+@implements(stubs.settle, MESHES, MESHES)
+@inlined
+def _settle(tree_a, tree_b, state):
+    pass
+
+
+@implements(stubs.divide, MESHES, MESHES)
+@inlined
+def _divide(tree_a, tree_b, state, steps):
+    return ENDED, steps
+
+
+@implements(stubs.least_undivided, Waiting)
+@inlined
+def _least_undivided(waiting, progress):
+    return np.inf
+
+
 @implements(stubs.witness, MESHES)
 @kernel
 def _witness(tree, element, weights):
     return mixed(corners(tree.triangles, element), weights)
+
+
+@implements(stubs.parameters, MESHES)
+@inlined
+def _parameters(tree, element, weights):
+    return (weights[0], weights[1], weights[2])
 
 
 @inlined
@@ -161,7 +166,7 @@ def take_batch(tree_a, tree_b, state, n, pairs, gathered):
 
 
 def _entry(name, tree, order):
-    kinds = {"KIND_A": tree, "KIND_B": tree, "ORDER": order}
+    kinds = {"KIND_A": tree, "KIND_B": tree, "ORDER": order, "WAITING": Waiting}
     return entry(specialised(answer_queries, name, __name__=__name__, **kinds))
 
 

@@ -24,7 +24,7 @@ from ..elements.primitives import collect
 from ..tree.layout import LARGEST, STRIDE, WIDTH
 from .approach import APPROACH_STEPS, come_nearer, far_from_nearest
 from .coherence import is_coherent, remember_far, still_far
-from .stubs import cross_leaves, lane_bounds, push, resolve, take
+from .stubs import cross_leaves, divide, lane_bounds, push, resolve, take
 
 _ALL = (1 << WIDTH) - 1
 _CROSSED = WIDTH * WIDTH
@@ -100,7 +100,10 @@ def nearest_last(waiting, first, last):
 
 @shared
 def advance(tree_a, tree_b, state):
-    """Run a search for the steps that it has left; returns ENDED, CUT or COLLECTED_FULL."""
+    """Run a search for the steps that it has left.
+
+    Returns ENDED, CUT, COLLECTED_FULL or CELLS_FULL.
+    """
     progress, waiting = state.progress[0], state.waiting
     pairs, bounds = state.open.pairs, state.open.bounds
     steps = progress.steps
@@ -131,6 +134,7 @@ def advance(tree_a, tree_b, state):
             come_nearer(tree_a, tree_b, state, scratch.found)
             steps -= min(steps, APPROACH_STEPS)
         if n == 0 and (progress.open == 0 or progress.distance - progress.slack <= progress.stop):
+            code, steps = divide(tree_a, tree_b, state, steps)
             break
         if steps == 0:
             code = CUT

@@ -16,6 +16,7 @@ from ..base.state import (
     ANSWER,
     BAD_POSE_A,
     BAD_POSE_B,
+    CELLS_FULL,
     CUT,
     CUT_BETWEEN,
     DEVIATION,
@@ -48,9 +49,19 @@ from . import levels, queue, stack  # noqa: F401 - each implements the stubs for
 from .approach import begin_near
 from .coherence import travel
 from .descent import advance
-from .stubs import least_open, measure, slacks, witness
+from .stubs import (
+    least_open,
+    least_undivided,
+    measure,
+    parameters,
+    prepare,
+    resolution,
+    settle,
+    slacks,
+    witness,
+)
 
-KIND_A = KIND_B = ORDER = None
+KIND_A = KIND_B = ORDER = WAITING = None
 """Other ones in each entry: see `answer_queries`."""
 
 _ONE_QUERY = 8
@@ -78,6 +89,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     t = motions[0]
     apart = np.sqrt(t[9] * t[9] + t[10] * t[10] + t[11] * t[11])
     progress.slack, progress.bound_slack = slacks(tree_a, tree_b, apart, error_a + error_b)
+    prepare(tree_a, tree_b, state)
     if state.keys.shape[0] > 0:
         travel(tree_a, tree_b, state, before, slack)
     progress.upper_slack = progress.slack
@@ -86,7 +98,8 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     forget_direction(progress)
     progress.radii = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
     progress.deviations = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
-    progress.rel_err, progress.abs_err = query.rel_err, query.abs_err
+    progress.rel_err = query.rel_err
+    progress.abs_err = max(query.abs_err, resolution(tree_a, tree_b))
     progress.stop = query.stop + progress.radii
     limit = core_of(query.limit, progress.radii, progress.deviations)
     progress.limit, progress.enough = limit, limit
@@ -106,6 +119,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
         wa, wb = progress.weights_a, progress.weights_b
         wa, wb = (wa[0], wa[1], wa[2]), (wb[0], wb[1], wb[2])
         keep(state, np.sqrt(dot(way, way)), ta, tb, wa, wb, way)
+        settle(tree_a, tree_b, state)
     else:
         progress.primitive_tests = 1
         measure(tree_a, tree_b, state, ta, tb, 0.0)
@@ -123,6 +137,7 @@ def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answ
     progress = state.progress[0]
     certain = progress.distance - progress.slack
     lower = min(min(certain, progress.enough), least_open(state.open, state))
+    lower = min(lower, least_undivided(state.waiting, progress))
     for i in range(progress.waiting):
         lower = min(lower, state.waiting.bounds[i])
     radii, deviations = progress.radii, progress.deviations
@@ -133,9 +148,10 @@ def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answ
     q = witness(tree_b, tb, progress.weights_b)
     _put_in_world(pose_a, p, answer, POINT_A)
     _put_in_world(pose_b, q, answer, POINT_B)
-    for i in range(3):
-        answer[FEATURE_A + i] = progress.weights_a[i]
-        answer[FEATURE_B + i] = progress.weights_b[i]
+    of_a = parameters(tree_a, ta, progress.weights_a)
+    of_b = parameters(tree_b, tb, progress.weights_b)
+    answer[FEATURE_A], answer[FEATURE_A + 1], answer[FEATURE_A + 2] = of_a
+    answer[FEATURE_B], answer[FEATURE_B + 1], answer[FEATURE_B + 2] = of_b
     answer[FEATURE_A + 3], answer[FEATURE_B + 3] = labels_a[ta], labels_b[tb]
     answer[TREE_A], answer[TREE_B] = ta, tb
     answer[TESTS], answer[TESTS + 1] = progress.bound_tests, progress.primitive_tests
@@ -145,7 +161,8 @@ def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answ
     elif lower_of(certain, radii, deviations) <= 0.0:
         answer[STATUS] = INTERSECTING
     else:
-        enough = progress.enough < certain or progress.open > 0
+        finest = progress.enough + resolution(tree_a, tree_b)
+        enough = finest < certain or progress.open > 0
         answer[STATUS] = WITHIN_TOLERANCE if enough else EXACT
 
 
@@ -161,7 +178,7 @@ def answer_queries(
     """Answer the queries first, first + every, ... below last, with `steps` steps for all.
 
     Each kind of pair and order has an entry made of this (see `specialised`), with the types of
-    both trees for KIND_A and KIND_B, and of what is open for ORDER.
+    both trees for KIND_A and KIND_B, of what is open for ORDER and of what waits for WAITING.
 
     Args:
         models: (n, 2, m) the models' tables (see tables.py).
@@ -181,7 +198,7 @@ def answer_queries(
     Returns:
         ENDED and `last`; or another code and the query that it is about.
     """
-    state = state_at(ORDER, memory)
+    state = state_at(ORDER, WAITING, memory)
     (queries,) = queries_at(asked)
     progress = state.progress[0]
     left = steps
@@ -208,6 +225,6 @@ def answer_queries(
         left -= steps - progress.steps
         answer = answers[ANSWER * k : ANSWER * (k + 1)]
         finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answer)
-        if code != ENDED:
+        if code != ENDED and code != CELLS_FULL:
             return code, k
     return ENDED, last

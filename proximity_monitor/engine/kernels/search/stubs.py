@@ -18,6 +18,22 @@ def slacks(tree_a, tree_b, apart, error):
     """
 
 
+def resolution(tree_a, tree_b):
+    """Metres by which the bounds of an exact answer may differ, besides rounding."""
+
+
+def prepare(tree_a, tree_b, state):
+    """Make what waits in a state ready for another search."""
+
+
+def settle(tree_a, tree_b, state):
+    """Move the nearest points, those of the search before, to where they are nearest now.
+
+    Where elements are measured as a whole there is nothing to do: where its points lie is found out
+    soon enough.
+    """
+
+
 def lane_bounds(fixed, tree, lane, motion, node, slack, reach, inherited, scratch):
     """Bound one lane of the tree `fixed` against the sixteen of a node of `tree`.
 
@@ -41,7 +57,8 @@ def cross_leaves(tree, fixed, node, lane, motion, flip, state, inherited, limit,
 def measure(tree_a, tree_b, state, a, b, bound):
     """Find the distance of two elements, metres, and keep their points where they are nearest.
 
-    `bound` is a lower bound of it: where it is positive, they certainly do not cross.
+    Of elements that are divided, that of two points that are near each other. `bound` is a lower
+    bound of it: where it is positive, they certainly do not cross.
     """
 
 
@@ -51,6 +68,17 @@ def resolve(tree_a, tree_b, state, n, steps, scratch):
     Those that are near enough to matter are measured, and collected where that is asked for.
     Returns how many pairs wait, and how many steps are left: of either, or both, fewer than before.
     """
+
+
+def divide(tree_a, tree_b, state, steps):
+    """Compare the parts of elements that are divided, when all other pairs are dealt with.
+
+    Returns ENDED, CUT or CELLS_FULL, and how many of the steps are left.
+    """
+
+
+def least_undivided(waiting, progress):
+    """The least bound of all pairs of parts that wait, or could not be compared, metres."""
 
 
 def guess(tree_a, tree_b, state):
@@ -76,6 +104,10 @@ def sample(tree_a, tree_b, state, a, b):
 
 def witness(tree, element, weights):
     """The point of an element that `weights`, three numbers, tell of; metres, the tree's frame."""
+
+
+def parameters(tree, element, weights):
+    """What an answer says of where these weights are: three numbers, as `Feature.parameters`."""
 
 
 # How a search keeps the pairs of volumes that are open: each order implements these.

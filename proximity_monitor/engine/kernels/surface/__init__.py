@@ -1,1 +1,1 @@
-"""Pieces of parametric surfaces: evaluated, divided into cells, bounded, and their nearest points."""
+"""Pieces of parametric surfaces: their points, their division into cells, and bounds of these."""

@@ -1,0 +1,162 @@
+"""geomdl JSON (NURBS-Python): curves or surfaces, read and written.
+
+Control points stand there without their weights, those along v together. Volumes and trimmed
+surfaces are refused: what a trim cuts off would still be there.
+"""
+
+from __future__ import annotations
+
+import json
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..models.checks import ModelError
+from ..models.patch import Curve, Patch
+from ..models.surface import ParametricSurface, Surface
+from .text import without_mark
+from .triangles import FormatError, Reals
+
+if TYPE_CHECKING:
+    from .readers import Reading
+
+_KINDS = {"curve": ("",), "surface": ("_u", "_v")}
+"""What ends the keys of a shape's directions."""
+
+
+def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
+    """Read a geomdl JSON file: a patch or a curve, or several as one surface."""
+    if how.volume != "rss":
+        raise FormatError(
+            f"volume = {how.volume!r}: parametric surfaces have rectangle swept spheres alone"
+        )
+    if how.solid == "robust":
+        raise FormatError("solid = 'robust': that is for meshes")
+    try:
+        tree = json.loads(without_mark(data), parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"its JSON is damaged: {error}") from None
+    shape = _need(tree, "shape", dict, "")
+    kind = _need(shape, "type", str, "shape.")
+    if kind not in _KINDS:
+        raise FormatError(f"shape.type = {kind!r}: read are {' and '.join(map(repr, _KINDS))}")
+    items = _need(shape, "data", list, "shape.")
+    made = []
+    for i, item in enumerate(items):
+        name = f"shape.data[{i}]"
+        if not isinstance(item, dict):
+            raise FormatError(f"{name}: expected an object, got {type(item).__name__}")
+        try:
+            made.append(_shape(item, _KINDS[kind], name, how))
+        except ModelError as error:
+            raise FormatError(str(error)) from None
+    if len(made) == 1 and not how.solid:
+        return made[0]
+    return ParametricSurface(
+        made, name=str(file), deviation=how.deviation, solid=how.solid is True
+    )  # fmt: skip
+
+
+def _shape(item: dict[str, Any], ends: tuple[str, ...], name: str, how: Reading) -> Surface:
+    """The patch or the curve that an object describes."""
+    at = f"{name}."
+    if item.get("trims"):
+        raise FormatError(f"{at}trims: trimmed surfaces are not read")
+    net = _need(item, "control_points", dict, at)
+    inside = f"{at}control_points."
+    points = _reals(_need(net, "points", list, inside), f"{inside}points", 2)
+    knots = [_reals(_need(item, f"knotvector{end}", list, at), f"{at}knotvector{end}", 1)
+             for end in ends]  # fmt: skip
+    sizes = [len(points)]
+    if len(ends) == 2:
+        sizes = [_need(item, f"size{end}", int, at) for end in ends]
+    if min(sizes) < 1 or np.prod(sizes) != len(points):
+        wanted = " times ".join(map(str, sizes))
+        raise FormatError(f"{inside}points: {len(points)}, but size_u and size_v say {wanted}")
+    for end, vector, size in zip(ends, knots, sizes, strict=True):
+        degree = _need(item, f"degree{end}", int, at)
+        if len(vector) != size + degree + 1:
+            raise FormatError(
+                f"{at}knotvector{end}: {len(vector)} knots; {size} control points of degree "
+                f"{degree} have {size + degree + 1}"
+            )
+    weights = net.get("weights")
+    if weights is not None:
+        weights = _reals(weights, f"{inside}weights", 1)
+        if len(weights) != len(points):
+            raise FormatError(
+                f"{inside}weights: {len(weights)}, but there are {len(points)} points"
+            )
+        weights = weights.reshape(sizes)
+    with np.errstate(over="ignore"):  # what becomes infinite is refused next, with its index
+        control = (points * (how.unit * how.scale)).reshape(*sizes, -1)
+    kind = Patch if len(ends) == 2 else Curve
+    return kind(control, *knots, weights, name=name, deviation=how.deviation)
+
+
+def _need(item: Any, key: str, kind: type, at: str) -> Any:
+    """What an object must have under a key."""
+    if not isinstance(item, dict) or key not in item:
+        raise FormatError(f"{at}{key} is missing")
+    value = item[key]
+    if not isinstance(value, kind) or isinstance(value, bool):
+        raise FormatError(f"{at}{key}: expected {kind.__name__}, got {type(value).__name__}")
+    return value
+
+
+def _reals(values: Any, what: str, dimensions: int) -> Reals:
+    """Numbers in so many dimensions."""
+    try:
+        array = np.asarray(values)
+    except ValueError:
+        raise FormatError(f"{what}: rows of unlike lengths") from None
+    if array.dtype.kind not in "iuf":
+        raise FormatError(f"{what}: not numbers alone")
+    if array.ndim != dimensions:
+        raise FormatError(f"{what}: shape {array.shape}, expected {dimensions} dimensions")
+    return array.astype(np.float64)
+
+
+def _no_number(word: str) -> float:
+    raise ValueError(f"{word} is no number in JSON")
+
+
+def save_geomdl(model: Surface, path: str | PathLike[str]) -> None:
+    """Write a `Patch`, a `Curve` or a `ParametricSurface` to a geomdl JSON file, in metres.
+
+    Knots and control points come back exactly, weights but for a common factor. The file has no
+    place for a deviation.
+
+    Raises:
+        TypeError: another kind of model.
+        ModelError: both patches and curves, which such a file does not hold together.
+        OSError: the file cannot be written.
+    """
+    if not isinstance(model, Surface):
+        raise TypeError(f"model: expected a parametric surface, got {type(model).__name__}")
+    nets = model.nets
+    if len({net.is_curve for net in nets}) > 1:
+        raise ModelError(f"{model.name}: a geomdl JSON file holds either patches or curves")
+    is_curve = nets[0].is_curve
+    items = []
+    for net in nets:
+        points: dict[str, Any] = {"points": net.points.tolist()}
+        if net.weights is not None:
+            points["weights"] = net.weights.ravel().tolist()
+        item = {
+            "type": "spline", "rational": net.weights is not None, "dimension": 3,
+            "control_points": points,
+        }  # fmt: skip
+        directions = zip(
+            _KINDS["curve" if is_curve else "surface"], net.degrees, (net.knots_u, net.knots_v),
+            net.control.shape, strict=False,
+        )  # fmt: skip
+        for end, degree, knots, size in directions:
+            item |= {f"degree{end}": degree, f"knotvector{end}": knots.tolist()}
+            item |= {} if is_curve else {f"size{end}": size}
+        items.append(item)
+    kind = "curve" if is_curve else "surface"
+    text = json.dumps({"shape": {"type": kind, "count": len(items), "data": items}}, indent=1)
+    Path(path).write_text(text, encoding="utf-8")

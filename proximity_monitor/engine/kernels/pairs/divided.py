@@ -1,0 +1,182 @@
+"""Pairs of models of which at least one has elements that are divided: what both kinds share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel
+from ..base.motion import slack_of_bounds
+from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, NET_POINT, POINT_FLOOR, RESOLUTION
+from ..base.state import (
+    CELLS_FULL,
+    CONVERSION,
+    CUT,
+    ENDED,
+    NONE,
+    REVISION,
+    Dividing,
+    MeshTree,
+    SurfaceTree,
+)
+from ..search import stubs
+from ..surface.divide import add_elements, divide_nearest, measure_near
+from ..surface.room import make_room
+from ..surface.sides import inner_weights
+from ..tree.layout import first_of
+
+DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, SurfaceTree)
+"""The pairs of kinds that this is about."""
+
+_FULL = 0.5
+"""Share of the room for cells from which on a search begins without those of earlier searches."""
+
+ROOM_STEPS = 256
+"""Steps that making room for more cells takes as long as."""
+
+
+def _implements(stub):
+    """Let a kernel stand in for a stub for all of them."""
+
+    def register(compiled):
+        for kinds in DIVIDED:
+            implements(stub, *kinds)(compiled)
+        return compiled
+
+    return register
+
+
+@_implements(stubs.slacks)
+@kernel
+def _slacks(tree_a, tree_b, apart, error):
+    size_a, size_b = tree_a.scale[2], tree_b.scale[2]
+    points = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
+    points += _points_err(tree_a) + _points_err(tree_b)
+    return points, slack_of_bounds(size_a, size_b, apart, error)
+
+
+def _points_err(tree):
+    """What a point of an element errs by before it is moved, metres."""
+
+
+@implements(_points_err, MeshTree)
+@inlined
+def _corners_err(tree):
+    return 0.0
+
+
+@implements(_points_err, SurfaceTree)
+@inlined
+def _evaluation_errs(tree):
+    return NET_POINT * tree.scale[2] + tree.scale[CONVERSION]
+
+
+@_implements(stubs.resolution)
+@inlined
+def _resolution(tree_a, tree_b):
+    return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2])
+
+
+@_implements(stubs.prepare)
+@kernel
+def _prepare(tree_a, tree_b, state):
+    progress, cells = state.progress[0], state.waiting
+    progress.dividing, progress.least_cells = 0, np.inf
+    # Cells stand in their model's own frame: they serve again while the models are the same.
+    same = state.keys.shape[0] > 0
+    shapes = tree_a.scale[REVISION], tree_b.scale[REVISION]
+    same = same and progress.shape_a == shapes[0] and progress.shape_b == shapes[1]
+    most = _FULL * len(cells.cells_a)
+    if not (same and 0 < progress.cells_a < most):
+        progress.cells_a = _forget(cells.roots_a)
+    most = _FULL * len(cells.cells_b)
+    if not (same and 0 < progress.cells_b < most):
+        progress.cells_b = _forget(cells.roots_b)
+
+
+@kernel
+def _forget(roots):
+    """Forget all cells of a model; returns how many there are."""
+    for i in range(len(roots)):
+        roots[i] = NONE
+    return 0
+
+
+@_implements(stubs.settle)
+@kernel
+def _settle(tree_a, tree_b, state):
+    progress = state.progress[0]
+    wa, wb = progress.weights_a, progress.weights_b
+    measure_near(
+        tree_a, tree_b, state, progress.element_a, (wa[0], wa[1], wa[2]),
+        progress.element_b, (wb[0], wb[1], wb[2]),
+    )  # fmt: skip
+
+
+@_implements(stubs.measure)
+@kernel
+def _measure(tree_a, tree_b, state, a, b, bound):
+    return measure_near(
+        tree_a, tree_b, state, a, inner_weights(tree_a, a), b, inner_weights(tree_b, b)
+    )
+
+
+@_implements(stubs.resolve)
+@inlined
+def _resolve(tree_a, tree_b, state, n, steps, scratch):
+    progress, waiting = state.progress[0], state.waiting
+    n -= 1
+    bound = waiting.bounds[n]
+    if bound >= progress.limit:
+        return n, steps
+    a = first_of(np.int64(tree_a.children[waiting.lanes[n, 0]]))
+    b = first_of(np.int64(tree_b.children[waiting.lanes[n, 1]]))
+    taken = add_elements(tree_a, tree_b, state, a, b, bound)
+    if taken == NONE and make_room(state):
+        taken = add_elements(tree_a, tree_b, state, a, b, bound)
+    if taken == NONE:
+        progress.least_cells = min(progress.least_cells, bound)
+        taken = 1
+    return n, steps - min(steps, taken)
+
+
+@_implements(stubs.divide)
+@kernel
+def _divide(tree_a, tree_b, state, steps):
+    progress = state.progress[0]
+    while progress.dividing > 0 and progress.distance - progress.slack > progress.stop:
+        if steps == 0:
+            return CUT, steps
+        taken = divide_nearest(tree_a, tree_b, state)
+        if taken == NONE:
+            if not make_room(state):
+                return CELLS_FULL, steps
+            taken = ROOM_STEPS
+        steps -= min(steps, taken)
+    if progress.least_cells < progress.limit and progress.distance - progress.slack > progress.stop:
+        return CELLS_FULL, steps
+    return ENDED, steps
+
+
+@implements(stubs.least_undivided, Dividing)
+@inlined
+def _least_undivided(waiting, progress):
+    first = waiting.pairs[0].bound if progress.dividing > 0 else np.inf
+    return min(first, progress.least_cells)
+
+
+@_implements(stubs.guess)
+@kernel
+def _guess(tree_a, tree_b, state):
+    pass
+
+
+@_implements(stubs.approach)
+@kernel
+def _approach(tree_a, tree_b, state, steps, found):
+    pass
+
+
+@_implements(stubs.sample)
+@kernel
+def _sample(tree_a, tree_b, state, a, b):
+    pass

@@ -1,0 +1,249 @@
+"""Surfaces against meshes: a triangle is not divided, and a surface's cell faces all of it."""
+
+from __future__ import annotations
+
+from ..base.jit import entry, implements, inlined, kernel, specialised
+from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
+from ..base.vectors import cross, dot, moved, sub, unit
+from ..elements.primitives import corners, mixed
+from ..inside.nearest import point_triangle
+from ..search.search import answer_queries
+from ..surface.facing import closest_in, parameters_in, vector
+from ..surface.jets import fixed_jet, get, moved_jet, put
+from ..surface.newton import begin_at, derivatives, nearest_near, way_at, weights_at
+from ..surface.sides import (
+    divide_side,
+    element_of,
+    facing,
+    inner_weights,
+    least_of,
+    local_minimum,
+    margin_of,
+    normal_of,
+    roughness,
+    whole,
+)
+from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
+
+_ROUNDS = 3
+"""Projections from the one onto the other and back."""
+
+_WEIGHTS, _EDGE = 30, 33
+"""Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
+along an edge, or of its normal where it lies within the face."""
+
+_CORNER, _ON_EDGE, _WITHIN = 0.0, 1.0, 2.0
+"""Where it lies; after its direction."""
+
+
+@implements(whole, MeshTree)
+@inlined
+def _whole(tree, element, cells, nets, roots, used):
+    return element, used
+
+
+@implements(divide_side, MeshTree)
+@inlined
+def _divide(tree, index, cells, nets, used):
+    return used
+
+
+@implements(roughness, MeshTree)
+@inlined
+def _roughness(tree, cells, index):
+    return -1.0
+
+
+@implements(least_of, MeshTree)
+@inlined
+def _least(tree, cells, nets, index, n):
+    a, b, c = corners(tree.triangles, index)
+    return min(min(dot(a, n), dot(b, n)), dot(c, n))
+
+
+@implements(margin_of, MeshTree)
+@inlined
+def _margin(tree, cells, index):
+    return 0.0
+
+
+@implements(element_of, MeshTree)
+@inlined
+def _element(tree, cells, index):
+    return index
+
+
+@implements(inner_weights, MeshTree)
+@inlined
+def _inner(tree, element):
+    return (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
+
+
+@implements(normal_of, MeshTree)
+@kernel
+def _normal(tree, cells, index):
+    a, b, c = corners(tree.triangles, index)
+    return cross(sub(b, a), sub(c, a))
+
+
+@kernel
+def _placed(tree, index, motion):
+    a, b, c = corners(tree.triangles, index)
+    return moved(motion, a), moved(motion, b), moved(motion, c)
+
+
+@kernel
+def _foot(p, triangle):
+    """The weights of the point of a triangle that is nearest to p."""
+    _, v, w = point_triangle(p, triangle[0], triangle[1], triangle[2])
+    return (max(1.0 - v - w, 0.0), v, w)
+
+
+@implements(facing, SurfaceTree, MeshTree)
+@kernel
+def _facing_triangle(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+    cell, triangle = cells_a[a], _placed(tree_b, b, motion)
+    p, place = vector(cell.centre), (0.0, 0.0)
+    weights = (0.0, 0.0, 0.0)
+    q = p
+    for _ in range(_ROUNDS):
+        weights = _foot(p, triangle)
+        q = mixed(triangle, weights)
+        p, place = closest_in(cell, q)
+    return sub(q, p), parameters_in(cell, place), weights
+
+
+@implements(facing, MeshTree, SurfaceTree)
+@kernel
+def _facing_cell(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+    cell, triangle = cells_b[b], corners(tree_a.triangles, a)
+    # In b's frame: the motion's matrix is a rotation, up to what no direction depends on.
+    back = _back(motion, triangle[0]), _back(motion, triangle[1]), _back(motion, triangle[2])
+    q, place = vector(cell.centre), (0.0, 0.0)
+    weights = (0.0, 0.0, 0.0)
+    p = q
+    for _ in range(_ROUNDS):
+        weights = _foot(q, back)
+        p = mixed(back, weights)
+        q, place = closest_in(cell, p)
+    way = sub(moved(motion, q), mixed(triangle, weights))
+    return way, weights, parameters_in(cell, place)
+
+
+@kernel
+def _back(motion, p):
+    """A point of a's frame in b's."""
+    d = (p[0] - motion[9], p[1] - motion[10], p[2] - motion[11])
+    return (
+        motion[0] * d[0] + motion[3] * d[1] + motion[6] * d[2],
+        motion[1] * d[0] + motion[4] * d[1] + motion[7] * d[2],
+        motion[2] * d[0] + motion[5] * d[1] + motion[8] * d[2],
+    )
+
+
+for _kinds in ((SurfaceTree, MeshTree), (MeshTree, SurfaceTree)):
+    implements(local_minimum, *_kinds)(nearest_near)
+
+
+@implements(begin_at, MeshTree)
+@inlined
+def _begin(tree, weights):
+    return 0.0, 0.0
+
+
+@implements(weights_at, MeshTree)
+@inlined
+def _weights(tree, x, first, jets):
+    return get(jets, _WEIGHTS)
+
+
+@kernel
+def _nearest_of(triangle, p, jets):
+    """The point of a triangle nearest to p; its weights and how it may move into `jets`."""
+    weights = _foot(p, triangle)
+    put(jets, _WEIGHTS, weights)
+    first = last = 0
+    count = 0
+    for i in range(3):
+        if weights[i] > 0.0:
+            first = i if count == 0 else first
+            last = i
+            count += 1
+    way, kind = (0.0, 0.0, 0.0), _CORNER
+    if count == 2:
+        way, kind = unit(sub(triangle[last], triangle[first])), _ON_EDGE
+    elif count == 3:
+        way = unit(cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])))
+        kind = _WITHIN
+    put(jets, _EDGE, way)
+    jets[_EDGE + 3] = kind
+    return mixed(triangle, weights)
+
+
+@implements(way_at, SurfaceTree, MeshTree)
+@kernel
+def _way_to_triangle(tree_a, element_a, tree_b, element_b, motion, x, jets):
+    p = fixed_jet(tree_a, element_a, x[0], x[1], jets)
+    return sub(_nearest_of(_placed(tree_b, element_b, motion), p, jets), p)
+
+
+@implements(way_at, MeshTree, SurfaceTree)
+@kernel
+def _way_from_triangle(tree_a, element_a, tree_b, element_b, motion, x, jets):
+    q = moved_jet(tree_b, element_b, motion, x[2], x[3], jets)
+    return sub(q, _nearest_of(corners(tree_a.triangles, element_a), q, jets))
+
+
+@kernel
+def _half_derivatives(way, jets, at, first, gradient, hessian):
+    """Those by the surface's own parameters, while the triangle's point stays nearest.
+
+    As that follows, what it can do along its edge or in its face does not count: the part of a
+    derivative in that direction is left out of the products.
+    """
+    kind, along_it = jets[_EDGE + 3], get(jets, _EDGE)
+    for i in range(4):
+        gradient[i] = 0.0
+        for j in range(i + 1):
+            hessian[i, j] = 0.0
+    for i in range(2):
+        one = get(jets, at + 3 * i)
+        gradient[first + i] = dot(way, one)
+        for j in range(i + 1):
+            other = get(jets, at + 3 * j)
+            product = dot(one, other)
+            if kind == _ON_EDGE:
+                product -= dot(one, along_it) * dot(other, along_it)
+            elif kind == _WITHIN:
+                product = dot(one, along_it) * dot(other, along_it)
+            second = dot(way, get(jets, at + 6 + 3 * (i + j)))
+            hessian[first + i, first + j] = product + second
+
+
+@implements(derivatives, SurfaceTree, MeshTree)
+@kernel
+def _derivatives_of_a(tree_a, tree_b, way, jets, gradient, hessian):
+    _half_derivatives(way, jets, 0, 0, gradient, hessian)
+
+
+@implements(derivatives, MeshTree, SurfaceTree)
+@kernel
+def _derivatives_of_b(tree_a, tree_b, way, jets, gradient, hessian):
+    _half_derivatives(way, jets, 15, 2, gradient, hessian)
+
+
+def _entry(name, kind_a, kind_b, order):
+    kinds = {"KIND_A": kind_a, "KIND_B": kind_b, "ORDER": order, "WAITING": Dividing}
+    return entry(specialised(answer_queries, name, __name__=__name__, **kinds))
+
+
+search = _entry("search_surface_mesh", SurfaceTree, MeshTree, DepthFirst)
+search_nearest_first = _entry("search_surface_mesh_nearest_first", SurfaceTree, MeshTree, Priority)
+search_by_levels = _entry("search_surface_mesh_by_levels", SurfaceTree, MeshTree, BreadthFirst)
+search_turned = _entry("search_mesh_surface", MeshTree, SurfaceTree, DepthFirst)
+search_turned_nearest_first = _entry(
+    "search_mesh_surface_nearest_first", MeshTree, SurfaceTree, Priority
+)
+search_turned_by_levels = _entry(
+    "search_mesh_surface_by_levels", MeshTree, SurfaceTree, BreadthFirst
+)

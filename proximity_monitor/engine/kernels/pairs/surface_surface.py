@@ -1,0 +1,50 @@
+"""Surfaces against surfaces: how their cells face each other, and the entries."""
+
+from __future__ import annotations
+
+from ..base.jit import entry, implements, kernel, specialised
+from ..base.state import BreadthFirst, DepthFirst, Dividing, Priority, SurfaceTree
+from ..search import stubs
+from ..search.search import answer_queries
+from ..surface import jets  # noqa: F401
+from ..surface.evaluate import point_at
+from ..surface.facing import parallelograms, parameters_in
+from ..surface.newton import nearest_near
+from ..surface.sides import facing, local_minimum
+from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
+
+
+@implements(facing, SurfaceTree, SurfaceTree)
+@kernel
+def _facing(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+    one, other = cells_a[a], cells_b[b]
+    way, place_a, place_b = parallelograms(one, other, motion)
+    return way, parameters_in(one, place_a), parameters_in(other, place_b)
+
+
+implements(local_minimum, SurfaceTree, SurfaceTree)(nearest_near)
+
+
+@implements(stubs.witness, SurfaceTree)
+@kernel
+def _witness(tree, element, weights):
+    return point_at(tree.pieces[element], tree.nets, weights[0], weights[1])
+
+
+@implements(stubs.parameters, SurfaceTree)
+@kernel
+def _parameters(tree, element, weights):
+    piece = tree.pieces[element]
+    u = piece.low[0] + weights[0] * (piece.high[0] - piece.low[0])
+    v = piece.low[1] + weights[1] * (piece.high[1] - piece.low[1])
+    return (min(max(u, piece.low[0]), piece.high[0]), min(max(v, piece.low[1]), piece.high[1]), 0.0)
+
+
+def _entry(name, order):
+    kinds = {"KIND_A": SurfaceTree, "KIND_B": SurfaceTree, "ORDER": order, "WAITING": Dividing}
+    return entry(specialised(answer_queries, name, __name__=__name__, **kinds))
+
+
+search = _entry("search_surfaces", DepthFirst)
+search_nearest_first = _entry("search_surfaces_nearest_first", Priority)
+search_by_levels = _entry("search_surfaces_by_levels", BreadthFirst)

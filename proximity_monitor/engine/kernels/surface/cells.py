@@ -1,0 +1,151 @@
+"""Cells: an element of a surface, and the parts that it is divided into while a search needs them.
+
+The control points of a part follow from those of the whole by de Casteljau's midpoints, and the
+surface lies within their convex hull. Cells stand in the frame of their model, so that they serve
+all queries about it: they are kept until there is no room for more.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import kernel
+from ..base.rounding import NET_SPLIT
+from ..base.state import CONVERSION, NONE
+from ..base.vectors import norm
+from .subdivide import copy_net, halves_u, halves_v, project
+
+MOST_SPLITS = 96
+"""Divisions of a cell, in both directions together. Below that its sides are of 2^-48 of an
+element's parameters, which float64 still tells apart."""
+
+_FLATTER = 3.0
+"""How many times as flat one direction must be for the other alone to be divided."""
+
+
+@kernel
+def net_of(cells, nets, index):
+    """Where the control points of a cell begin in `nets`."""
+    return index * (len(nets) // len(cells))
+
+
+@kernel
+def root_cell(tree, element, cells, nets, roots, used):
+    """The cell of a whole element, and how many are in use then; NONE where there is no room."""
+    found = roots[element]
+    if found != NONE:
+        return found, used
+    if used >= len(cells):
+        return NONE, used
+    cell, piece = cells[used], tree.pieces[element]
+    cell.element, cell.child, cell.children, cell.splits = element, NONE, 0, 0
+    for i in range(2):
+        cell.low[i], cell.high[i] = 0.0, 1.0
+    if piece.degree_v == 0:
+        cell.high[1] = 0.0
+    base = net_of(cells, nets, used)
+    copy_net(piece, tree.nets, nets, base)
+    _measure(tree, nets, cell, base)
+    roots[element] = used
+    return used, used + 1
+
+
+@kernel
+def divide_cell(tree, index, cells, nets, used):
+    """Divide a cell in two or four, unless it is; returns how many cells are in use then.
+
+    As many as before where it is too small, or there is no room: it has no child then.
+    """
+    cell = cells[index]
+    if cell.child != NONE or cell.splits >= MOST_SPLITS or used + 4 > len(cells):
+        return used
+    piece = tree.pieces[cell.element]
+    in_u, in_v = _directions(piece, cell)
+    net, step = net_of(cells, nets, index), net_of(cells, nets, 1)
+    one = net_of(cells, nets, used)
+    if in_u and in_v:
+        halves_u(piece, nets, net, one, one + 2 * step)
+        halves_v(piece, nets, one, one, one + step)
+        halves_v(piece, nets, one + 2 * step, one + 2 * step, one + 3 * step)
+    elif in_u:
+        halves_u(piece, nets, net, one, one + step)
+    else:
+        halves_v(piece, nets, net, one, one + step)
+    count = 4 if in_u and in_v else 2
+    splits = cell.splits + (2 if in_u and in_v else 1)
+    middle_u, middle_v = 0.5 * (cell.low[0] + cell.high[0]), 0.5 * (cell.low[1] + cell.high[1])
+    for k in range(count):
+        child = cells[used + k]
+        child.element, child.child, child.children = cell.element, NONE, 0
+        child.splits = splits
+        for i in range(2):
+            child.low[i], child.high[i] = cell.low[i], cell.high[i]
+        upper_u = (k >= 2) if in_v else (k == 1)
+        upper_v = (k % 2 == 1) if in_u else (k == 1)
+        if in_u:
+            if upper_u:
+                child.low[0] = middle_u
+            else:
+                child.high[0] = middle_u
+        if in_v:
+            if upper_v:
+                child.low[1] = middle_v
+            else:
+                child.high[1] = middle_v
+        if piece.rational:
+            project(piece, nets, one + k * step)
+        _measure(tree, nets, child, one + k * step)
+    cell.child, cell.children = used, count
+    return used + count
+
+
+@kernel
+def _directions(piece, cell):
+    """Whether a cell is to be divided in u, and in v."""
+    if piece.degree_v == 0:
+        return True, False
+    u, v = cell.bend_u, cell.bend_v
+    if max(u, v) < 1e-3 * cell.twist or max(u, v) < 1e-12 * (
+        norm(cell.along_u) + norm(cell.along_v)
+    ):
+        u, v = norm(cell.along_u), norm(cell.along_v)
+    return not u * _FLATTER < v, not v * _FLATTER < u
+
+
+@kernel
+def _measure(tree, nets, cell, base):
+    """Write what a cell's control points say of its place and shape, and what they may err by."""
+    piece = tree.pieces[cell.element]
+    p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
+    n = q + 1
+    bend_u = bend_v = twist = 0.0
+    for axis in range(3):
+        at = axis * room
+        a, b = nets[base + at], nets[base + at + q]
+        c, d = nets[base + at + p * n], nets[base + at + p * n + q]
+        cell.centre[axis] = 0.25 * ((a + b) + (c + d))
+        cell.along_u[axis] = 0.25 * ((c - a) + (d - b))
+        cell.along_v[axis] = 0.25 * ((b - a) + (d - c))
+        twist = max(twist, 0.25 * abs((a - b) + (d - c)))
+        if p > 1:
+            for three in range(3):
+                j = three * q // 2
+                k = at + j
+                m = at + (p - 2) * n + j
+                first = abs(nets[base + k] - 2.0 * nets[base + k + n] + nets[base + k + 2 * n])
+                last = abs(nets[base + m] - 2.0 * nets[base + m + n] + nets[base + m + 2 * n])
+                bend_u = max(bend_u, max(first, last))
+        if q > 1:
+            for three in range(3):
+                i = three * p // 2
+                k = at + i * n
+                m = k + q - 2
+                first = abs(nets[base + k] - 2.0 * nets[base + k + 1] + nets[base + k + 2])
+                last = abs(nets[base + m] - 2.0 * nets[base + m + 1] + nets[base + m + 2])
+                bend_v = max(bend_v, max(first, last))
+    # A curve leaves its chord by p (p - 1) / 8 of its largest second difference at the most.
+    cell.bend_u = 0.125 * p * (p - 1) * bend_u
+    cell.bend_v = 0.125 * q * (q - 1) * bend_v
+    cell.twist = twist
+    share = NET_SPLIT * (max(p, q) * cell.splits + 1)
+    cell.margin = share * tree.scale[2] + tree.scale[CONVERSION]

@@ -1,0 +1,223 @@
+"""The nearest points of elements that have to be divided: pairs of cells, the nearest bound first.
+
+The bounding volumes of `search` lead to pairs of whole elements. From there on the pair with the
+least bound of all is taken, its rougher cell is divided, and each part is bounded against the other
+cell (Thomas et al. 2000, section 5). A bound is the gap between the control points of two cells
+along a direction: first the one that served the pair before, then that between near points of the
+parallelograms that stand for the cells (`facing.py`), and where these are too near for that to be a
+good one, the cells' normals. For each direction the gap is certain.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.rounding import DOUBLE_EPS
+from ..base.state import NONE
+from ..base.vectors import norm, rotated, scaled
+from ..elements.primitives import keep
+from .facing import vector
+from .heap import add_pair, drop_first
+from .sides import (
+    divide_side,
+    element_of,
+    facing,
+    least_of,
+    local_minimum,
+    margin_of,
+    normal_of,
+    roughness,
+    whole,
+)
+
+PAIR_STEPS, DIVISION_STEPS, MINIMUM_STEPS = 1, 4, 40
+"""Steps of a search that bounding a pair of cells takes as long as, dividing one, and a search for
+a local minimum."""
+
+_ROUGH = 0.25
+"""Share of their distance by which two cells may differ from their parallelograms before normals
+are tried as directions."""
+
+_NEARER = 1.0 - 1e-9
+"""Share of the distance that a point must be nearer than to begin a local search."""
+
+
+@kernel
+def add_elements(tree_a, tree_b, state, a, b, bound):
+    """Take up a pair of elements with a lower bound of their distance; returns the steps it took.
+
+    Or NONE where there is no room for it.
+    """
+    progress, cells = state.progress[0], state.waiting
+    if progress.dividing >= len(cells.pairs):
+        return NONE
+    first, progress.cells_a = whole(
+        tree_a, a, cells.cells_a, cells.nets_a, cells.roots_a, progress.cells_a
+    )
+    second, progress.cells_b = whole(
+        tree_b, b, cells.cells_b, cells.nets_b, cells.roots_b, progress.cells_b
+    )
+    if first == NONE or second == NONE:
+        return NONE
+    return bound_pair(tree_a, tree_b, state, first, second, bound, (0.0, 0.0, 0.0), 0.0)
+
+
+@kernel
+def divide_nearest(tree_a, tree_b, state):
+    """Divide the pair of cells with the least bound; returns the steps it took.
+
+    Or NONE where there is no room for its parts: nothing has changed then.
+    """
+    progress, cells = state.progress[0], state.waiting
+    pairs = cells.pairs
+    a, b, bound = np.int64(pairs[0].a), np.int64(pairs[0].b), pairs[0].bound
+    normal = vector(pairs[0].normal)
+    if bound >= progress.limit:
+        progress.dividing = 0
+        return 0
+    rough_a = roughness(tree_a, cells.cells_a, a)
+    rough_b = roughness(tree_b, cells.cells_b, b)
+    if rough_a < 0.0 and rough_b < 0.0:
+        progress.least_cells = min(progress.least_cells, bound)
+        progress.dividing = drop_first(pairs, progress.dividing)
+        return 0
+    if progress.dividing + 4 > len(pairs):
+        return NONE
+    steps = 0
+    if rough_a >= rough_b:
+        before = progress.cells_a
+        progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before)
+        steps += DIVISION_STEPS if progress.cells_a > before else 0
+        first, count = np.int64(cells.cells_a[a].child), np.int64(cells.cells_a[a].children)
+        if first == NONE:
+            return NONE
+        progress.dividing = drop_first(pairs, progress.dividing)
+        end = least_of(tree_b, cells.cells_b, cells.nets_b, b, _turned(state.motions[0], normal))
+        end += _offset(state.motions[0], normal)
+        for k in range(count):
+            begin = least_of(tree_a, cells.cells_a, cells.nets_a, first + k, scaled(normal, -1.0))
+            steps += bound_pair(
+                tree_a, tree_b, state, first + k, b, bound, normal, begin + end
+            )  # fmt: skip
+    else:
+        before = progress.cells_b
+        progress.cells_b = divide_side(tree_b, b, cells.cells_b, cells.nets_b, before)
+        steps += DIVISION_STEPS if progress.cells_b > before else 0
+        first, count = np.int64(cells.cells_b[b].child), np.int64(cells.cells_b[b].children)
+        if first == NONE:
+            return NONE
+        progress.dividing = drop_first(pairs, progress.dividing)
+        begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(normal, -1.0))
+        begin += _offset(state.motions[0], normal)
+        turned = _turned(state.motions[0], normal)
+        for k in range(count):
+            end = least_of(tree_b, cells.cells_b, cells.nets_b, first + k, turned)
+            steps += bound_pair(tree_a, tree_b, state, a, first + k, bound, normal, begin + end)
+    return steps
+
+
+@inlined
+def _turned(motion, n):
+    """A direction of a's frame in b's: the motion's matrix transposed, so that products agree."""
+    return (
+        motion[0] * n[0] + motion[3] * n[1] + motion[6] * n[2],
+        motion[1] * n[0] + motion[4] * n[1] + motion[7] * n[2],
+        motion[2] * n[0] + motion[5] * n[1] + motion[8] * n[2],
+    )
+
+
+@inlined
+def _offset(motion, n):
+    return motion[9] * n[0] + motion[10] * n[1] + motion[11] * n[2]
+
+
+@kernel
+def _gap(tree_a, tree_b, state, a, b, n):
+    """How far b's control points begin beyond the end of a's along n, metres, in a's frame."""
+    cells, motion = state.waiting, state.motions[0]
+    begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(n, -1.0))
+    end = least_of(tree_b, cells.cells_b, cells.nets_b, b, _turned(motion, n))
+    return begin + (end + _offset(motion, n))
+
+
+@kernel
+def _shortened(v):
+    """A vector at most of unit length, for all rounding does; zero where it has no direction."""
+    length = norm(v)
+    if not 1e-140 < length < 1e140:
+        return (0.0, 0.0, 0.0)
+    return scaled(v, (1.0 - 4.0 * DOUBLE_EPS) / length)
+
+
+@kernel
+def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
+    """Bound a pair of cells, of which `bound` is a lower bound; returns the steps it took.
+
+    `gap` is that along `normal`. What may be nearer than the limit is added to the pairs that wait;
+    near points of the two are measured where they promise to be nearer than any before.
+    """
+    progress, cells = state.progress[0], state.waiting
+    progress.bound_tests += 1
+    slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
+    slack += margin_of(tree_b, cells.cells_b, b)
+    bound = max(bound, gap - slack)
+    if bound >= progress.limit:
+        return PAIR_STEPS
+    motion = state.motions[0]
+    way, from_a, from_b = facing(tree_a, cells.cells_a, a, tree_b, cells.cells_b, b, motion)
+    apart = norm(way)
+    n = _shortened(way)
+    gap = _gap(tree_a, tree_b, state, a, b, n) - slack
+    if gap > bound:
+        bound, normal = gap, n
+    rough = max(roughness(tree_a, cells.cells_a, a), 0.0)
+    rough += max(roughness(tree_b, cells.cells_b, b), 0.0)
+    if rough > _ROUGH * apart and bound < progress.limit:
+        bound, normal = _along_normals(tree_a, tree_b, state, a, b, slack, bound, normal)
+    if bound >= progress.limit:
+        return PAIR_STEPS
+    steps = PAIR_STEPS
+    if apart + rough < _NEARER * progress.distance:
+        steps += MINIMUM_STEPS
+        element_a = element_of(tree_a, cells.cells_a, a)
+        element_b = element_of(tree_b, cells.cells_b, b)
+        measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b)
+        if bound >= progress.limit:
+            return steps
+    progress.dividing = add_pair(cells.pairs, progress.dividing, a, b, bound, normal)
+    return steps
+
+
+@kernel
+def _along_normals(tree_a, tree_b, state, a, b, slack, bound, normal):
+    """Improve a bound by the gaps along either cell's normal, in both senses."""
+    cells = state.waiting
+    own = _shortened(normal_of(tree_a, cells.cells_a, a))
+    other = _shortened(rotated(state.motions[0], normal_of(tree_b, cells.cells_b, b)))
+    for sign in (1.0, -1.0):
+        n = scaled(own, sign)
+        gap = _gap(tree_a, tree_b, state, a, b, n) - slack
+        if gap > bound:
+            bound, normal = gap, n
+        n = scaled(other, sign)
+        gap = _gap(tree_a, tree_b, state, a, b, n) - slack
+        if gap > bound:
+            bound, normal = gap, n
+    return bound, normal
+
+
+@kernel
+def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b):
+    """Find the local minimum near given points of two elements; keep it where it is the nearest.
+
+    Returns its distance, metres.
+    """
+    progress = state.progress[0]
+    progress.primitive_tests += 1
+    distance, at_a, at_b, way = local_minimum(
+        tree_a, element_a, from_a, tree_b, element_b, from_b, state.motions[0]
+    )
+    if distance < progress.distance:
+        keep(state, distance, element_a, element_b, at_a, at_b, way)
+    return distance

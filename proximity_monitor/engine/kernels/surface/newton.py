@@ -1,0 +1,141 @@
+"""The nearest points of two elements near given ones: Newton's method in their parameters.
+
+It makes upper bounds alone, so whatever it does is right. Parameters at the end of their range that
+the gradient presses outwards are held there (an active set), so edges and corners need no more
+than that; where the Hessian is not positive it is made so (Levenberg 1944, Marquardt 1963).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import inlined, kernel, shared
+from ..base.memory import on_stack, table_on_stack
+from ..base.vectors import dot
+
+JETS = 40
+"""Numbers that an implementation of `way_at` may keep for `derivatives`."""
+
+_MOST = 24
+"""Iterations at the most: from a point within the valley that leads to a minimum it takes five."""
+
+_DONE = 1e-16
+"""Share of the squared distance below which a step's gain is nothing."""
+
+_FIRST, _LESS, _MORE, _LEAST, _LARGEST = 1e-3, 0.1, 10.0, 1e-6, 1e12
+"""The damping where none was needed before; what a good step makes of it, and a bad one; below and
+above what there is none, and no use."""
+
+
+def way_at(tree_a, element_a, tree_b, element_b, motion, x, jets):
+    """The way from a's point at x[0], x[1] to that of b at x[2], x[3], in a's frame.
+
+    What `derivatives` needs besides is written to `jets`. An element without parameters, as a
+    triangle, has its own point nearest to the other's, and its part of x stays 0.
+    """
+
+
+def derivatives(tree_a, tree_b, way, jets, gradient, hessian):
+    """Write gradient and Hessian (the lower half) of half the squared distance by the four."""
+
+
+def weights_at(tree, x, first, jets):
+    """The weights of an element's point, from its part of x or what `way_at` kept."""
+
+
+def begin_at(tree, weights):
+    """An element's part of x, from weights."""
+
+
+@shared
+def nearest_near(tree_a, element_a, from_a, tree_b, element_b, from_b, motion):
+    """A local minimum of the distance of two elements; see `sides.local_minimum`."""
+    x, trial, gradient, step = (
+        on_stack(4, 0.0),
+        on_stack(4, 0.0),
+        on_stack(4, 0.0),
+        on_stack(4, 0.0),
+    )
+    hessian, factor = table_on_stack(4, 4, 0.0), table_on_stack(4, 4, 0.0)
+    jets = on_stack(JETS, 0.0)
+    x[0], x[1] = begin_at(tree_a, from_a)
+    x[2], x[3] = begin_at(tree_b, from_b)
+    way = way_at(tree_a, element_a, tree_b, element_b, motion, x, jets)
+    squared = dot(way, way)
+    weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
+    damping, fresh = 0.0, True
+    for _ in range(_MOST):
+        if fresh:
+            derivatives(tree_a, tree_b, way, jets, gradient, hessian)
+        fresh = False
+        if not _solve(x, gradient, hessian, damping, factor, step):
+            damping = max(_FIRST, _MORE * damping)
+            if damping > _LARGEST:
+                break
+            continue
+        gain = 0.0
+        for i in range(4):
+            trial[i] = min(max(x[i] + step[i], 0.0), 1.0)
+            gain -= gradient[i] * (trial[i] - x[i])
+        if not gain > _DONE * squared:
+            break
+        new_way = way_at(tree_a, element_a, tree_b, element_b, motion, trial, jets)
+        new_squared = dot(new_way, new_way)
+        if new_squared < squared:
+            for i in range(4):
+                x[i] = trial[i]
+            way, squared, fresh = new_way, new_squared, True
+            weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
+            damping = _LESS * damping if damping > _LEAST else 0.0
+        else:
+            damping = max(_FIRST, _MORE * damping)
+            if damping > _LARGEST:
+                break
+    return np.sqrt(squared), weights_a, weights_b, way
+
+
+@inlined
+def _is_held(x, gradient, i):
+    """Whether a parameter stands at an end of its range, and the gradient presses it outwards."""
+    return (x[i] <= 0.0 and gradient[i] >= 0.0) or (x[i] >= 1.0 and gradient[i] <= 0.0)
+
+
+@kernel
+def _solve(x, gradient, hessian, damping, factor, step):
+    """Newton's step over the parameters that are free; False where the Hessian is not positive.
+
+    By Cholesky's factors. One that is held has a row and a column of the unit matrix.
+    """
+    scale = 0.0
+    for i in range(4):
+        step[i] = 0.0 if _is_held(x, gradient, i) else 1.0
+        if step[i] > 0.0:
+            scale = max(scale, abs(hessian[i, i]))
+    for i in range(4):
+        for j in range(i + 1):
+            value = 0.0
+            if step[i] * step[j] > 0.0:
+                value = hessian[i, j]
+                if i == j:
+                    value += damping * (abs(value) + 1e-3 * scale)
+            elif i == j:
+                value = 1.0
+            for k in range(j):
+                value -= factor[i, k] * factor[j, k]
+            if i == j:
+                if step[i] > 0.0 and not value > 1e-14 * scale:
+                    return False
+                factor[i, i] = np.sqrt(value)
+            else:
+                factor[i, j] = value / factor[j, j]
+    for i in range(4):
+        value = -gradient[i] * step[i]
+        for k in range(i):
+            value -= factor[i, k] * step[k]
+        step[i] = value / factor[i, i]
+    for i in (3, 2, 1, 0):
+        value = step[i]
+        for k in range(i + 1, 4):
+            value -= factor[k, i] * step[k]
+        step[i] = value / factor[i, i]
+    return True

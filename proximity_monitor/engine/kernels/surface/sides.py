@@ -1,0 +1,111 @@
+"""What the division of cells asks of either side of a pair: of a surface's cells, or of triangles.
+
+A cell is named by its number. A model whose elements are not divided has none, and an element's own
+number stands for it.
+"""
+
+from __future__ import annotations
+
+from ..base.jit import implements, inlined, kernel
+from ..base.lanes import least_along
+from ..base.state import SurfaceTree
+from ..base.vectors import cross
+from .cells import MOST_SPLITS, divide_cell, net_of, root_cell
+from .facing import vector
+
+
+def whole(tree, element, cells, nets, roots, used):
+    """The cell of a whole element, and how many are in use then; NONE where there is no room."""
+
+
+def divide_side(tree, index, cells, nets, used):
+    """Divide a cell unless it is; returns how many are in use then."""
+
+
+def roughness(tree, cells, index):
+    """How far about, metres, a cell is from the parallelogram that stands for it, or its extent.
+
+    The rougher of two cells is divided. Negative where it cannot be.
+    """
+
+
+def least_of(tree, cells, nets, index, n):
+    """The least product of n with any point that a cell's points are means of, in its own frame."""
+
+
+def margin_of(tree, cells, index):
+    """What these points may err by, metres."""
+
+
+def element_of(tree, cells, index):
+    """The element that a cell is a part of."""
+
+
+def normal_of(tree, cells, index):
+    """A vector about normal to a cell, in its own frame; of any length."""
+
+
+def facing(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+    """Two near points of what stands for two cells.
+
+    Returns the way between them in a's frame, metres, and the weights that tell about where on
+    their elements they are.
+    """
+
+
+def local_minimum(tree_a, element_a, from_a, tree_b, element_b, from_b, motion):
+    """Points of two elements that are nearest among those near by, beginning at given weights.
+
+    Returns their distance, metres, the weights of both, and the way between them in a's frame.
+    """
+
+
+def inner_weights(tree, element):
+    """The weights of a point inside an element, to begin a local search with."""
+
+
+implements(whole, SurfaceTree)(root_cell)
+implements(divide_side, SurfaceTree)(divide_cell)
+
+
+@implements(roughness, SurfaceTree)
+@inlined
+def _roughness(tree, cells, index):
+    cell = cells[index]
+    if cell.splits >= MOST_SPLITS:
+        return -1.0
+    # Flat ones too are divided where nothing else is left to do, the larger one first.
+    u, v = vector(cell.along_u), vector(cell.along_v)
+    size = u[0] * u[0] + u[1] * u[1] + u[2] * u[2] + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    return cell.bend_u + cell.bend_v + cell.twist + 1e-6 * size**0.5
+
+
+@implements(least_of, SurfaceTree)
+@inlined
+def _least(tree, cells, nets, index, n):
+    room = tree.pieces[cells[index].element].room
+    return least_along(nets, net_of(cells, nets, index), room, n[0], n[1], n[2])
+
+
+@implements(margin_of, SurfaceTree)
+@inlined
+def _margin(tree, cells, index):
+    return cells[index].margin
+
+
+@implements(element_of, SurfaceTree)
+@inlined
+def _element(tree, cells, index):
+    return cells[index].element
+
+
+@implements(normal_of, SurfaceTree)
+@kernel
+def _normal(tree, cells, index):
+    return cross(vector(cells[index].along_u), vector(cells[index].along_v))
+
+
+@implements(inner_weights, SurfaceTree)
+@inlined
+def _inner(tree, element):
+    return (0.5, 0.5 if tree.pieces[element].degree_v > 0 else 0.0, 0.0)

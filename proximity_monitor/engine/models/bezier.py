@@ -1,0 +1,154 @@
+"""NURBS to rational Bezier pieces, and the values of their basis functions.
+
+On a span between two knots a B-spline is a polynomial. Its Bezier points are values of its blossom,
+with the span's ends for arguments (Ramshaw 1987): what inserting both knots up to full multiplicity
+gives. Each is a convex combination of the degree + 1 control points that count there, whose
+coefficients depend on the knots alone. In two directions this is done one after the other, and
+with weights in homogeneous coordinates.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import comb, factorial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base.rounding import DOUBLE_EPS
+
+
+class Spans(NamedTuple):
+    """The s spans of a knot vector, those without a length left out."""
+
+    first: NDArray[np.int64]
+    """(s,) the first control point that counts on each."""
+    coefficients: NDArray[np.float64]
+    """(s, degree + 1, degree + 1) of which control points each Bezier point is the combination."""
+    low: NDArray[np.float64]
+    """(s,) the parameter at its begin; ascending."""
+    high: NDArray[np.float64]
+    """(s,) the parameter at its end."""
+    roundings: int
+    """Units of DOUBLE_EPS by which rounding may change a combination, as a share of the sum of its
+    terms' absolute values; 0 where Bezier points are the control points."""
+
+    @property
+    def degree(self) -> int:
+        """Of the polynomials."""
+        return self.coefficients.shape[1] - 1
+
+
+NO_DIRECTION = Spans(
+    np.zeros(1, np.int64), np.ones((1, 1, 1)), np.zeros(1), np.zeros(1), 0
+)  # fmt: skip
+"""The one span of a curve in v."""
+
+
+def spans(knots: NDArray[np.float64], degree: int) -> Spans:
+    """The spans of a checked knot vector, within its domain [knots[degree], knots[-degree - 1]]."""
+    return _spans(knots.tobytes(), degree)
+
+
+@lru_cache(maxsize=256)
+def _spans(data: bytes, degree: int) -> Spans:
+    t = np.frombuffer(data)
+    k = np.arange(degree, len(t) - degree - 1)
+    k = k[t[k] < t[k + 1]]
+    low, high = t[k], t[k + 1]
+    inner = np.arange(degree + 1)
+    # c[s, j, i]: of Bezier point j, how much the i-th point of the present level contributes; at
+    # first each point of the level is a control point.
+    c = np.broadcast_to(np.eye(degree + 1), (len(k), degree + 1, degree + 1, degree + 1)).copy()
+    for level in range(1, degree + 1):
+        # A blossom's arguments may have any order: for Bezier point j the span's end j times first.
+        at_end = inner >= level
+        x = np.where(at_end, high[:, None], low[:, None])[:, :, None]
+        i = (k[:, None] - degree + np.arange(level, degree + 1))[:, None, :]
+        left, right = t[i], t[i + degree + 1 - level]
+        # Both are shares of the whole, exact where x is an end: never one less the other.
+        above, below = (x - left) / (right - left), (right - x) / (right - left)
+        c = below[..., None] * c[:, :, :-1] + above[..., None] * c[:, :, 1:]
+    c = c[:, :, 0]
+    # Each difference of knots errs by u of itself, their quotient by 3 u, its product by u, and the
+    # sum by u: 5 u a level. Then there are degree + 1 products and as many sums.
+    bezier = (c == np.eye(degree + 1)).all()
+    made = Spans(k - degree, c, low, high, 0 if bezier else 6 * degree + 1)
+    for array in made[:4]:
+        array.setflags(write=False)
+    return made
+
+
+def cut(net: NDArray[np.float64], along_u: Spans, along_v: Spans) -> NDArray[np.float64]:
+    """The control points of all Bezier pieces of a net (n_u, n_v, c).
+
+    Pieces that are joined have the very same points there: both add the same terms in one order.
+
+    Returns:
+        (s_u, s_v, degree_u + 1, degree_v + 1, c).
+    """
+    rows = _combined(net, along_u)  # (s_u, p_u, n_v, c)
+    rows = np.moveaxis(rows, 2, 0)  # (n_v, s_u, p_u, c)
+    both = _combined(rows, along_v)  # (s_v, p_v, s_u, p_u, c)
+    return both.transpose(2, 0, 3, 1, 4)
+
+
+def _combined(points: NDArray[np.float64], along: Spans) -> NDArray[np.float64]:
+    """The combinations (s, degree + 1, ...) of points (n, ...)."""
+    if along.roundings == 0:
+        index = along.first[:, None] + np.arange(along.degree + 1)
+        return points[index]
+    shape = (*along.coefficients.shape[:2], *(1,) * (points.ndim - 1))
+    total = np.zeros(1)
+    for i in range(along.degree + 1):
+        share = along.coefficients[:, :, i].reshape(shape)
+        total = total + share * points[along.first + i][:, None]
+    return total
+
+
+def conversion_error(along_u: Spans, along_v: Spans, rational: bool, largest: float) -> float:
+    """Metres by which rounding may move a point of the surface when it is cut into pieces.
+
+    Both directions together change the sum of terms with coefficients c by e = e_u + e_v of the sum
+    of their absolute values. These are c w x, no larger than P c w where P is the largest norm of a
+    control point: so the sum errs by e P, and by u P more as w x itself was rounded. Of the
+    quotient by the weights, which are positive, e P more remains. Terms in u² are left out, for
+    which twice as much is allowed.
+    """
+    units = along_u.roundings + along_v.roundings
+    if rational:
+        units = 2 * units + 1
+    return 2.0 * units * DOUBLE_EPS * largest
+
+
+def basis(along: Spans, parameters: NDArray[np.float64], order: int) -> tuple[NDArray, NDArray]:
+    """The basis functions that are not 0 at parameters (k,) within the domain, and derivatives.
+
+    Between two spans those of the second.
+
+    Returns:
+        (k,) the number of the first control point that counts, and (k, order + 1, degree + 1) the
+        derivatives from the 0th to the `order`-th.
+    """
+    span = np.searchsorted(along.low, parameters, side="right") - 1
+    span = np.clip(span, 0, len(along.low) - 1)
+    low, high = along.low[span], along.high[span]
+    length = np.where(high > low, high - low, 1.0)
+    s, r = (parameters - low) / length, (high - parameters) / length
+    degree = along.degree
+    made = np.zeros((len(parameters), order + 1, degree + 1))
+    differences = np.eye(degree + 1)
+    for d in range(min(order, degree) + 1):
+        bernstein = _bernstein(degree - d, s, r) @ differences
+        scale = factorial(degree) / factorial(degree - d) / length**d
+        made[:, d] = np.einsum("kj,kji->ki", bernstein, along.coefficients[span]) * scale[:, None]
+        differences = np.diff(differences, axis=0)
+    return along.first[span], made
+
+
+def _bernstein(degree: int, s: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The Bernstein polynomials (k, degree + 1) at s = 1 - r, (k,)."""
+    j = np.arange(degree + 1)
+    binomials = np.array([comb(degree, i) for i in j], np.float64)
+    return binomials * s[:, None] ** j * r[:, None] ** (degree - j)

@@ -1,0 +1,219 @@
+"""The control net of a NURBS patch or curve: what it has to be, and how it is evaluated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arguments import as_reals
+from ..kernels.base.rounding import LARGEST_COORDINATE
+from .bezier import NO_DIRECTION, Spans, basis, conversion_error, cut, spans
+from .checks import ModelError
+
+HIGHEST_DEGREE = 15
+"""Of a patch, in either direction."""
+
+SMALLEST_WEIGHT = 1e-50
+"""As a share of the largest, so that no product of weights and coordinates underflows."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Net:
+    """A checked control net; a curve's has one column and no knots in v. Its arrays are frozen."""
+
+    control: NDArray[np.float64]
+    """(n_u, n_v, 3) metres."""
+    weights: NDArray[np.float64] | None
+    """(n_u, n_v) as given, but for a power of two: the largest is at least 1/2 and below 1. None
+    where all are alike."""
+    knots_u: NDArray[np.float64]
+    knots_v: NDArray[np.float64]
+    is_curve: bool
+
+    @property
+    def degrees(self) -> tuple[int, int]:
+        """In u and in v; that of a curve is 0 in v."""
+        n_u, n_v, _ = self.control.shape
+        return len(self.knots_u) - n_u - 1, 0 if self.is_curve else len(self.knots_v) - n_v - 1
+
+    @property
+    def spans(self) -> tuple[Spans, Spans]:
+        """Its polynomial spans in u and in v."""
+        p, q = self.degrees
+        return spans(self.knots_u, p), NO_DIRECTION if self.is_curve else spans(self.knots_v, q)
+
+    @property
+    def points(self) -> NDArray[np.float64]:
+        """The control points (n, 3), v fastest."""
+        return self.control.reshape(-1, 3)
+
+    def moved(self, points: NDArray[np.float64]) -> Self:
+        """The same net with other control points (n, 3)."""
+        return replace(self, control=frozen(points.reshape(self.control.shape)))
+
+    def homogeneous(self) -> NDArray[np.float64]:
+        """The control net (n_u, n_v, 4) in homogeneous coordinates, x w, y w, z w and w."""
+        made = np.empty((*self.control.shape[:2], 4))
+        made[..., :3] = self.control
+        made[..., 3] = 1.0
+        if self.weights is not None:
+            made *= self.weights[..., None]
+        return made
+
+    def pieces(self) -> NDArray[np.float64]:
+        """The control nets (s_u, s_v, degree_u + 1, degree_v + 1, 4) of its Bezier pieces."""
+        made = cut(self.homogeneous(), *self.spans)
+        if self.weights is None:
+            made[..., 3] = 1.0
+        return made
+
+    def error(self) -> float:
+        """Metres by which rounding may move a point in `pieces`."""
+        largest = float(np.linalg.norm(self.points, axis=1).max())
+        return conversion_error(*self.spans, self.weights is not None, largest)
+
+    def derivatives(
+        self, u: NDArray[np.float64], v: NDArray[np.float64], order: int
+    ) -> NDArray[np.float64]:
+        """The partial derivatives (k, order + 1, order + 1, 3) at u and v (k,).
+
+        [:, i, j] is the i-th in u of the j-th in v; those beyond i + j = order are 0. Piegl and
+        Tiller, The NURBS Book, 1997, equation 4.20.
+        """
+        along_u, along_v = self.spans
+        first_u, in_u = basis(along_u, u, order)
+        first_v, in_v = basis(along_v, v, order)
+        rows = (first_u[:, None] + np.arange(along_u.degree + 1))[:, :, None]
+        columns = (first_v[:, None] + np.arange(along_v.degree + 1))[:, None, :]
+        points = self.homogeneous()[rows, columns]
+        found = np.einsum("kdi,kej,kijc->kdec", in_u, in_v, points, optimize=True)
+        made = np.zeros((len(u), order + 1, order + 1, 3))
+        for i in range(order + 1):
+            for j in range(order + 1 - i):
+                value = found[:, i, j, :3].copy()
+                for a in range(i + 1):
+                    for b in range(j + 1):
+                        if a or b:
+                            times = math.comb(i, a) * math.comb(j, b)
+                            value -= times * found[:, a, b, 3:] * made[:, i - a, j - b]
+                made[:, i, j] = value / found[:, 0, 0, 3:]
+        return made
+
+
+def frozen(array: NDArray) -> NDArray:
+    """The array, which nobody writes to any more."""
+    array.setflags(write=False)
+    return array
+
+
+def checked_net(
+    control: ArrayLike,
+    knots: tuple[ArrayLike | None, ...],
+    weights: ArrayLike | None,
+    name: str,
+) -> Net:
+    """The net of a patch, whose knots in u and in v are given, or of a curve, in u alone.
+
+    Raises:
+        ModelError: naming what is wrong, and where.
+    """
+    directions = len(knots)
+    given = as_reals(control, f"{name}: control", error=ModelError).copy()
+    wanted = "(n_u, n_v, 3)" if directions == 2 else "(n, 3) or (n, 2)"
+    columns = (3,) if directions == 2 else (2, 3)
+    if given.ndim != directions + 1 or given.shape[-1] not in columns:
+        raise ModelError(f"{name}: control: shape {given.shape}, expected {wanted}")
+    bad = ~(np.abs(given) <= LARGEST_COORDINATE).all(axis=-1)
+    _refuse(
+        bad, given, f"{name}: control",
+        f"every coordinate must be finite and at most {LARGEST_COORDINATE:g} m",
+    )  # fmt: skip
+    shape = given.shape[:-1]
+    if given.shape[-1] == 2:
+        given = np.concatenate((given, np.zeros((*shape, 1))), axis=-1)
+    letters = ("knots_u", "knots_v") if directions == 2 else ("knots",)
+    checked = [
+        _checked_knots(each, count, f"{name}: {letter}")
+        for each, count, letter in zip(knots, shape, letters, strict=True)
+    ]
+    if directions == 1:
+        checked.append(np.empty(0))
+    made = None if weights is None else _checked_weights(weights, shape, f"{name}: weights")
+    net_shape = (*shape, 1) if directions == 1 else shape
+    return Net(
+        frozen(given.reshape(*net_shape, 3)),
+        None if made is None else frozen(made.reshape(net_shape)),
+        *map(frozen, checked),
+        directions == 1,
+    )
+
+
+def _checked_knots(knots: ArrayLike | None, count: int, what: str) -> NDArray[np.float64]:
+    """A copy of a knot vector of `count` control points; of None that of a Bezier patch."""
+    if knots is None:
+        if not 2 <= count <= HIGHEST_DEGREE + 1:
+            raise ModelError(
+                f"{what}: there are none, so {count} control points are those of a Bezier piece, "
+                f"which has 2 to {HIGHEST_DEGREE + 1}"
+            )
+        return np.repeat([0.0, 1.0], count)
+    given = as_reals(knots, what, error=ModelError).copy()
+    if given.ndim != 1:
+        raise ModelError(f"{what}: shape {given.shape}, expected (n,)")
+    degree = len(given) - count - 1
+    if not 1 <= degree <= HIGHEST_DEGREE:
+        raise ModelError(
+            f"{what}: {len(given)} for {count} control points, whose degree would be {degree} "
+            f"(knots less control points less 1); it must be 1 to {HIGHEST_DEGREE}"
+        )
+    if count <= degree:
+        raise ModelError(
+            f"{what}: {len(given)} for {count} control points, whose degree would be {degree}; "
+            f"that takes at least {degree + 1} control points"
+        )
+    _refuse(~np.isfinite(given), given, what, "every knot must be finite")
+    _refuse(
+        np.diff(given, prepend=given[0]) < 0.0, given, what,
+        "is less than the knot before it; knots must not decrease",
+    )  # fmt: skip
+    low, high = float(given[degree]), float(given[count])
+    if not low < high:
+        raise ModelError(
+            f"{what}: knots {degree} and {count}, between which the parameter lies, are both {low}"
+        )
+    if not math.isfinite(float(given[-1]) - float(given[0])):
+        raise ModelError(f"{what}: from {given[0]} to {given[-1]} is farther than a float reaches")
+    return given
+
+
+def _checked_weights(
+    weights: ArrayLike, shape: tuple[int, ...], what: str
+) -> NDArray[np.float64] | None:
+    """A copy of the weights, times a power of two; None where all are alike."""
+    given = as_reals(weights, what, error=ModelError).copy()
+    if given.shape != shape:
+        raise ModelError(f"{what}: shape {given.shape}, expected {shape}, as the control points'")
+    bad = ~((given > 0.0) & (given < math.inf))
+    _refuse(bad, given, what, "every weight must be finite and above 0")
+    largest = float(given.max())
+    _refuse(
+        given < SMALLEST_WEIGHT * largest, given, what,
+        f"must be at least {SMALLEST_WEIGHT:g} of the largest, {largest}",
+    )  # fmt: skip
+    if (given == given.flat[0]).all():
+        return None
+    return np.ldexp(given, -math.frexp(largest)[1])
+
+
+def _refuse(bad: NDArray[np.bool_], given: NDArray[np.float64], what: str, must: str) -> None:
+    """Refuse an array at the first place that is bad, naming it."""
+    if bad.any():
+        place = tuple(int(i) for i in np.argwhere(bad)[0])
+        index = "".join(f"[{i}]" for i in place)
+        count = int(bad.sum())
+        more = f" ({count} such places)" if count > 1 else ""
+        raise ModelError(f"{what}{index} = {given[place].tolist()}: {must}{more}")

@@ -1,0 +1,199 @@
+"""Parametric surfaces: models of NURBS patches and curves."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..arguments import as_reals
+from ..kernels.base.cache import KERNELS
+from .checks import ModelError, checked_length, checked_vertices
+from .mesh import largest_norm
+from .model import DisplayMesh, Feature, Model
+from .nurbs import Net
+from .surface_hierarchy import SurfaceHierarchy
+from .surface_mesh import tessellated_surface
+
+
+class Surface(Model):
+    """What models of patches and curves have in common.
+
+    Their bounding volume hierarchy is made when it is first needed.
+    """
+
+    __slots__ = ("_deviation", "_made", "name", "nets")
+
+    nets: tuple[Net, ...]
+    """Control points, weights and knots of its patches and curves. `deform` puts others in their
+    place."""
+
+    kind = "surface"
+
+    def __init__(self, nets: Sequence[Net], name: str, deviation: float) -> None:
+        self.name = name
+        self.nets = tuple(nets)
+        self._deviation = checked_length(deviation, name, "deviation")
+        self._made: SurfaceHierarchy | None = None
+
+    @property
+    def _hierarchy(self) -> SurfaceHierarchy:
+        if self._made is None:
+            self._made = SurfaceHierarchy.of(self.nets, deviation=self._deviation)
+        return self._made
+
+    @property
+    def deviation(self) -> float:
+        """Metres: how far the surface may be from that of the thing it stands for."""
+        return self._deviation
+
+    @property
+    def control_points(self) -> NDArray[np.float64]:
+        """The control points (n, 3), metres, patch by patch, those along v together; read-only."""
+        points = np.concatenate([net.points for net in self.nets])
+        points.setflags(write=False)
+        return points
+
+    def deform(self, points: ArrayLike) -> float:
+        """Move the control points (n, 3); weights and knots stay. See `Model.deform`.
+
+        A point of the surface moves by a weighted mean of what control points move by.
+        """
+        moved, before = checked_vertices(points, self.name, "control_points"), self.control_points
+        if len(moved) != len(before):
+            raise ModelError(
+                f"{self.name}: control_points: {len(moved)} given, but there are {len(before)}"
+            )
+        ends = np.cumsum([len(net.points) for net in self.nets])[:-1]
+        parts = np.split(moved, ends)
+        nets = [net.moved(part) for net, part in zip(self.nets, parts, strict=True)]
+        self._made = self._hierarchy.refitted(nets)
+        self.nets = self._made.nets
+        return largest_norm(moved - before)
+
+    def display_mesh(self, tolerance: float) -> DisplayMesh:
+        """A tessellation with the surface's own normals; curves are degenerate triangles.
+
+        It is as fine as the tolerance demands, but of some 120,000 triangles at most.
+        """
+        return tessellated_surface(self.nets, tolerance)
+
+    @staticmethod
+    def feature(element: int, parameters: NDArray[np.float64]) -> Feature:
+        """The patch, and u and v within its knots (2,); or the curve and its parameter (1,).
+
+        The third parameter that a search writes is 0 on a patch and 1 on a curve.
+        """
+        if parameters[2] > 0.0:
+            return Feature("curve", element, parameters[:1])
+        return Feature("patch", element, parameters[:2])
+
+    def digest(self) -> str:
+        """Of control points, weights, knots and the deviation."""
+        found = hashlib.blake2b(self.kind.encode(), digest_size=8)
+        found.update(struct.pack("<d", self._deviation))
+        for net in self.nets:
+            n_u, n_v, _ = net.control.shape
+            found.update(struct.pack("<3q", n_u, n_v, net.weights is not None))
+            for array in (net.control, net.weights, net.knots_u, net.knots_v):
+                found.update(b"" if array is None else array.tobytes())
+        return found.hexdigest()
+
+    def describe(self, length: Callable[[float], str]) -> str:
+        """Its patches and curves, their degrees where these are alike, its control points."""
+        parts = []
+        for is_curve, what in ((False, "patch"), (True, "curve")):
+            degrees = [net.degrees for net in self.nets if net.is_curve == is_curve]
+            if degrees:
+                p, q = degrees[0]
+                plural = {"patch": "es", "curve": "s"}[what] if len(degrees) > 1 else ""
+                alike = f" of degree {p}" + ("" if is_curve else f" x {q}")
+                same = len(set(degrees)) == 1
+                parts.append(f"{len(degrees)} {what}{plural}{alike if same else ''}")
+        count = sum(len(net.points) for net in self.nets)
+        return f"{' and '.join(parts)}, {count} control points"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All but addresses, and for which kernels the hierarchy was built."""
+        made = self._hierarchy.__getstate__()
+        return {"kernels": KERNELS, "name": self.name, "hierarchy": made}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what pickle thawed.
+
+        Raises:
+            ModelError: another version pickled it, whose hierarchies are other ones.
+        """
+        if state["kernels"] != KERNELS:
+            raise ModelError(
+                f"{state['name']}: pickled by another version of proximity_monitor; make it anew "
+                "from its file, or from its control points"
+            )
+        self.name = state["name"]
+        self._made = SurfaceHierarchy.__new__(SurfaceHierarchy)
+        self._made.__setstate__(state["hierarchy"])
+        self.nets, self._deviation = self._made.nets, self._made.deviation
+
+    def _derivatives(self, net: Net, u: ArrayLike, v: ArrayLike, order: int) -> NDArray[np.float64]:
+        """The derivatives (..., order + 1, order + 1, 3) of a net, checked.
+
+        Raises:
+            ValueError: parameters that are no numbers, or outside of the knots.
+        """
+        u, v = np.broadcast_arrays(as_reals(u, "u"), as_reals(v, "v"))
+        for letter, given, along in zip("uv", (u, v), net.spans, strict=True):
+            low, high = along.low[0], along.high[-1]
+            bad = ~((given >= low) & (given <= high))
+            if bad.any():
+                place = "".join(f"[{i}]" for i in np.argwhere(bad)[0])
+                raise ValueError(
+                    f"{self.name}: {letter}{place} = {given[bad][0]}: must be from {low} to {high}"
+                )
+        made = net.derivatives(u.ravel(), v.ravel(), order)
+        return made.reshape(*u.shape, *made.shape[1:])
+
+
+class ParametricSurface(Surface):
+    """Many patches and curves as one model.
+
+    Args:
+        patches: `Patch` and `Curve`; their shapes are taken as they are now.
+        name: what messages call it.
+        deviation: metres; how far the surface may be from that of the thing it stands for. If one
+            of the patches has a larger one, that counts.
+        solid: whether the patches must enclose an inside.
+
+    Raises:
+        ModelError: no patches, or what is none; a deviation that is no length; no solid though it
+            must be one. The message says which.
+    """
+
+    __slots__ = ()
+
+    def __init__(
+        self,
+        patches: Sequence[Surface],
+        *,
+        name: str = "surface",
+        deviation: float = 0.0,
+        solid: bool = False,
+    ) -> None:
+        given = tuple(patches)
+        for i, patch in enumerate(given):
+            if not isinstance(patch, Surface) or len(patch.nets) != 1:
+                raise ModelError(
+                    f"{name}: patches[{i}]: expected Patch or Curve, got {type(patch).__name__}"
+                )
+        if not given:
+            raise ModelError(f"{name}: patches: there are none")
+        if solid:
+            raise ModelError(
+                f"{name}: solid = {solid!r}: what patches enclose is not known yet; give False"
+            )
+        deviation = checked_length(deviation, name, "deviation")
+        nets = [patch.nets[0] for patch in given]
+        super().__init__(nets, name, max(deviation, *(patch.deviation for patch in given)))

@@ -1,0 +1,178 @@
+"""The tree over pieces of surfaces: how it is made, and the proof that it is right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.base.state import NET_WIDTH, PIECE, REVISION, SurfaceTree
+from ..kernels.tree.build import build_tree
+from ..kernels.tree.fit_surface import fit_surface, project
+from ..kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, STRIDE, WIDTH, first_of, last_of
+from ..kernels.tree.measure import measure
+from .nurbs import Net, frozen
+from .tree import TreeError
+
+
+def build_surface(
+    nets: Sequence[Net], deviation: float
+) -> tuple[SurfaceTree, NDArray[np.int32], int]:
+    """The tree over the pieces of nets.
+
+    Args:
+        nets: of the patches and curves.
+        deviation: metres; how far they may be from what they stand for.
+
+    Returns:
+        The tree; which piece, in the order of `_cut`, stands where in tree order (m,); and how many
+        levels there are.
+    """
+    pieces, flat = _cut(nets)
+    points, starts = project(pieces, flat)
+    low = np.minimum.reduceat(points, starts[:-1])
+    high = np.maximum.reduceat(points, starts[:-1])
+    # The structure depends on where pieces are alone: each stands there as a point.
+    stand_ins = np.ascontiguousarray(np.tile(0.5 * low + 0.5 * high, 3))
+    leaves = np.full((len(pieces), 2), -1, np.int32)
+    leaves[:, 0] = np.arange(len(pieces))
+    children, order, depth = build_tree(stand_ins, leaves, len(pieces))
+    children.setflags(write=False)  # as when it is refitted: kernels need no second form
+    tree = _fitted(children, order, pieces, flat, _scale(nets, 0.0, deviation))
+    return tree, order.astype(np.int32), depth + 1
+
+
+def refit_surface(tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net]) -> SurfaceTree:
+    """A tree of the same structure over the pieces of the same nets, whose control points moved."""
+    scale = _scale(nets, tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2])
+    return _fitted(tree.children, order, *_cut(nets), scale)
+
+
+def projected(tree: SurfaceTree) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The control points (n, 3) of all pieces, metres, and where those of each begin (m + 1,)."""
+    return project(tree.pieces, tree.nets)
+
+
+def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
+    """The pieces of nets one after the other, and their control nets (m, k), as `nets` has them."""
+    pieces, flat, start = [], [], 0
+    for patch, net in enumerate(nets):
+        along_u, along_v = net.spans
+        made = net.pieces()
+        s_u, s_v, n_u, n_v, _ = made.shape
+        count, points = s_u * s_v, n_u * n_v
+        room = -(-points // NET_WIDTH) * NET_WIDTH
+        rows = np.empty((count, 4, room))
+        rows[..., :points] = made.reshape(count, points, 4).transpose(0, 2, 1)
+        rows[..., points:] = rows[..., points - 1 : points]
+        own = np.zeros(count, PIECE)
+        own["net"] = start + 4 * room * np.arange(count)
+        own["points"], own["room"] = points, room
+        own["degree_u"], own["degree_v"] = n_u - 1, n_v - 1
+        own["rational"], own["patch"] = net.weights is not None, patch
+        for end, u, v in (
+            ("low", along_u.low, along_v.low),
+            ("high", along_u.high, along_v.high),
+        ):
+            own[end][:, 0], own[end][:, 1] = np.repeat(u, s_v), np.tile(v, s_u)
+        pieces.append(own)
+        flat.append(rows.reshape(-1))
+        start += rows.size
+    return frozen(np.concatenate(pieces)), frozen(np.concatenate(flat))
+
+
+def _fitted(
+    children: NDArray[np.int32],
+    order: NDArray[np.int32],
+    pieces: NDArray,
+    nets: NDArray[np.float64],
+    scale: NDArray[np.float64],
+) -> SurfaceTree:
+    """A tree of a structure over pieces, which are brought into its order."""
+    pieces = frozen(pieces.take(order))
+    points, starts = project(pieces, nets)
+    _, largest, longest = measure(in_threes(points), np.empty(3))
+    # A power of two above every coordinate: dividing by it is exact.
+    unit = math.ldexp(1.0, math.frexp(largest)[1]) if largest > 1e-300 else 1.0
+    scale[:3] = unit, 1.0 / unit, longest * (1.0 + 8.0 * DOUBLE_EPS)
+    nodes, centres, sizes = fit_surface(points, starts, children, unit)
+    tree = SurfaceTree(nodes, centres, children, sizes, pieces, nets, scale)
+    for array in tree:
+        frozen(array)
+    return tree
+
+
+def in_threes(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (n, 3), the last of them repeated, as rows (k, 9) of three."""
+    missing = -len(points) % 3
+    made = np.concatenate((points, points[-1:].repeat(missing, axis=0)))
+    return frozen(made.reshape(-1, 9))
+
+
+def _scale(nets: Sequence[Net], revision: float, deviation: float) -> NDArray[np.float64]:
+    """The numbers of a tree as a whole, but for the first three: see `SurfaceTree`."""
+    error = max(net.error() for net in nets)
+    return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error])
+
+
+def check_surface_tree(tree: SurfaceTree) -> None:
+    """Prove that each volume contains all control points below it and each piece is in one leaf.
+
+    Raises:
+        TreeError: naming the node and the lane.
+    """
+    seen = np.zeros(len(tree.pieces), np.int64)
+    points, starts = projected(tree)
+    _check_node(tree, 0, points, starts, seen)
+    if not (seen == 1).all():
+        wrong = int(np.flatnonzero(seen != 1)[0])
+        raise TreeError(f"piece {wrong} stands in {int(seen[wrong])} leaves")
+    radii = tree.nodes.reshape(-1, FIELDS, WIDTH)[:, 9]
+    if ((tree.children.reshape(-1, WIDTH) == EMPTY) & ~(radii <= EMPTY_RADIUS)).any():
+        raise TreeError("an unused lane could be reached")
+    unit, inverse, longest = tree.scale[:3]
+    if not (inverse * unit == 1.0 and np.abs(points).max() <= unit):
+        raise TreeError(f"scale: {unit} metres in a node unit, of which {inverse} in a metre")
+    if not np.sqrt((points**2).sum(axis=1)).max() <= longest:
+        raise TreeError(f"scale: a control point lies beyond {longest} from the origin")
+
+
+def _check_node(
+    tree: SurfaceTree,
+    node: int,
+    points: NDArray[np.float64],
+    starts: NDArray[np.int64],
+    seen: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """Check one node and all below; returns the control points that it holds."""
+    lanes = tree.nodes[node * STRIDE : (node + 1) * STRIDE].reshape(FIELDS, WIDTH)
+    lanes, held = lanes.astype(np.float64), []
+    for lane in range(WIDTH):
+        child = int(tree.children[node * WIDTH + lane])
+        if child == EMPTY:
+            continue
+        if child < 0:
+            piece = first_of.py_func(child)
+            if last_of.py_func(child) != piece:
+                raise TreeError(f"node {node} lane {lane}: a leaf of two pieces")
+            seen[piece] += 1
+            below = points[starts[piece] : starts[piece + 1]]
+        else:
+            below = _check_node(tree, child, points, starts, seen)
+        held.append(below)
+        volume, where = lanes[:, lane], f"node {node} lane {lane}"
+        u, v, (radius, a, b) = volume[3:6], volume[6:9], volume[9:]
+        d = below / tree.scale[0] - (tree.centres[node, :3] + volume[:3])
+        s, t = np.clip(d @ u, -a, a), np.clip(d @ v, -b, b)
+        outside = np.sqrt(((d - np.outer(s, u) - np.outer(t, v)) ** 2).sum(axis=1)).max() - radius
+        if not outside <= 0.0:
+            raise TreeError(f"{where}: a control point lies {outside} outside")
+        reach = np.sqrt(volume[:3] @ volume[:3]) + radius + a + b
+        if not reach <= tree.centres[node, 3]:
+            raise TreeError(f"{where}: reaches {reach} beyond its node's reach")
+        if not 1.5 * tree.sizes[node * WIDTH + lane] >= a + b + radius:
+            raise TreeError(f"{where}: its size is too small")
+    return np.concatenate(held)
