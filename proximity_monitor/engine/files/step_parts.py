@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.Message import Message, Message_Gravity
 from OCP.Quantity import Quantity_ColorRGBA, Quantity_TypeOfColor
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.TCollection import TCollection_AsciiString, TCollection_ExtendedString
@@ -72,6 +73,7 @@ def read_parts(file: Path) -> list[Part]:
     """
     document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
     XCAFApp_Application.GetApplication_s().InitDocument(document)
+    _quiet()
     reader = STEPCAFControl_Reader()
     reader.SetNameMode(True)
     reader.SetColorMode(True)
@@ -80,6 +82,26 @@ def read_parts(file: Path) -> list[Part]:
     if not reader.Transfer(document):
         raise FormatError("OpenCASCADE finds no shapes in it")
     return _Document(document).parts()
+
+
+def _quiet() -> None:
+    """Let OpenCASCADE say on the console what fails, and nothing else."""
+    for printer in Message.DefaultMessenger_s().Printers():
+        printer.SetTraceLevel(Message_Gravity.Message_Fail)
+
+
+def _distinct(parts: list[Part]) -> list[Part]:
+    """The same parts, of which no two have the same name: the second is NAME 2."""
+    taken = {part.name for part in parts}
+    seen: set[str] = set()
+    made = []
+    for part in parts:
+        name, number = part.name, 2
+        while name in seen or (name != part.name and name in taken):
+            name, number = f"{part.name} {number}", number + 1
+        seen.add(name)
+        made.append(part._replace(name=name))
+    return made
 
 
 class _Document:
@@ -97,7 +119,7 @@ class _Document:
         parts = [part for part in parts if part.shape.faces]
         if not parts:
             raise FormatError("has no faces")
-        return parts
+        return _distinct(parts)
 
     def _below(self, label: Any, pose: Reals, name: str, colour: Colour | None) -> Iterator[Part]:
         """The parts under a label, which may be an assembly, a placed shape or a shape."""

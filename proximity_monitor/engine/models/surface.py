@@ -93,7 +93,7 @@ class Surface(Model):
         return Feature("patch", element, parameters[:2])
 
     def digest(self) -> str:
-        """Of control points, weights, knots and the deviation."""
+        """Of control points, weights, knots, trims and the deviation."""
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
         found.update(struct.pack("<d", self._deviation))
         for net in self.nets:
@@ -101,6 +101,7 @@ class Surface(Model):
             found.update(struct.pack("<3q", n_u, n_v, net.weights is not None))
             for array in (net.control, net.weights, net.knots_u, net.knots_v):
                 found.update(b"" if array is None else array.tobytes())
+            found.update(b"" if net.trim is None else net.trim.digest())
         return found.hexdigest()
 
     def describe(self, length: Callable[[float], str]) -> str:

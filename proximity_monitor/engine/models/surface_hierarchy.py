@@ -14,9 +14,11 @@ from .hierarchy import Hierarchy
 from .nurbs import frozen
 from .solid import no_sides
 from .surface_tree import build_surface, in_threes, projected, refit_surface
+from .trim import joined
 
 if TYPE_CHECKING:
     from ..kernels.base.state import SurfaceTree
+    from ..kernels.surface.trim import Trims
     from .nurbs import Net
     from .solid import Sides
 
@@ -29,7 +31,7 @@ class SurfaceHierarchy(Hierarchy):
 
     KEPT = (*Hierarchy.KEPT, "nets", "order")
 
-    __slots__ = ("nets", "order")
+    __slots__ = ("_trims", "nets", "order")
 
     nets: tuple[Net, ...]
     """Of the patches and curves."""
@@ -58,6 +60,16 @@ class SurfaceHierarchy(Hierarchy):
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
         return surface_table(tree, self.numbers)
+
+    def _take(self, kept: dict[str, Any]) -> None:
+        super()._take(kept)
+        self._trims: Trims | None = None
+
+    def trims(self) -> Trims:
+        """What is left of the patches, as the kernels see it; made when first needed."""
+        if self._trims is None:
+            self._trims = joined([net.trim for net in self.nets])
+        return self._trims
 
     def _measure(self, error: float = 0.0) -> None:
         super()._measure(error + float(self.tree.scale[CONVERSION]))

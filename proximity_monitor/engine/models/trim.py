@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.surface.trim import FRAME, SEGMENT, TRIM, Trims
 from .checks import ModelError
+
+if TYPE_CHECKING:
+    from .nurbs import Net
 
 Reals = NDArray[np.float64]
 
@@ -97,6 +100,31 @@ class Trim:
             self.segments[i] = (a, b, band, begin, end, net, degree)
         self.nets = np.concatenate(nets, axis=None) if nets else np.zeros(0)
         self.whole = self._is_whole()
+
+    def check(self, net: Net, name: str) -> None:
+        """Prove that it fits a patch.
+
+        Raises:
+            ModelError: another rectangle; axes of arcs along which the patch has none.
+        """
+        for i, (letter, along) in enumerate(zip("uv", net.spans, strict=True)):
+            low, high = float(along.low[0]), float(along.high[-1])
+            own_low, extent = float(self.record["low"][i]), float(self.record["extent"][i])
+            if own_low != low or abs(own_low + extent - high) > 1e-12 * (abs(high) + extent):
+                raise ModelError(
+                    f"{name}: trim: its {letter} goes from {own_low} to {own_low + extent}, "
+                    f"that of the patch from {low} to {high}"
+                )
+            arcs = int(self.record["arcs"][i])
+            if arcs and not (arcs == len(along.low) and along.degree == 2):
+                raise ModelError(
+                    f"{name}: trim: {arcs} arcs in {letter}, where the patch has {len(along.low)} "
+                    f"pieces of degree {along.degree}"
+                )
+
+    def digest(self) -> bytes:
+        """Of all that makes it up."""
+        return self.record.tobytes() + self.segments.tobytes() + self.nets.tobytes()
 
     def _in_unit_square(self, curve: TrimCurve, low: Reals, extent: Reals) -> Reals:
         """The control points (n, 3) of a curve: x, y, w; those that are nearly there on sides."""
