@@ -8,7 +8,7 @@ from ..base.jit import kernel
 from ..base.memory import table_on_stack
 
 _ROUNDS = 12
-"""Gauss-Newton steps towards the nearest point of a curve: a seed has digits enough by then."""
+"""Steps towards the nearest point of a curve: a seed has digits enough by then."""
 
 
 @kernel
@@ -74,28 +74,39 @@ def along(nets, segment, t):
 def foot(nets, segment, x, y, scale_x, scale_y):
     """Where on a segment the point near to another is: t, and the square of its distance.
 
-    Any t is on the segment; that it is the nearest is likely, not sure.
+    Any t is on the segment; that it is the nearest is likely, not sure. What vanishes there is the
+    product of the way to the point with the derivative: its root by regula falsi (Illinois).
     """
-    dx, dy = scale_x * (segment.b[0] - segment.a[0]), scale_y * (segment.b[1] - segment.a[1])
-    square = dx * dx + dy * dy
-    share = 0.0
-    if square > 0.0:
-        share = scale_x * (x - segment.a[0]) * dx + scale_y * (y - segment.a[1]) * dy
-        share = min(max(share / square, 0.0), 1.0)
-    t = segment.begin + share * (segment.end - segment.begin)
-    best, best_t = math.inf, t
+    low, high = segment.begin, segment.end
+    low_slope, apart = _slope(nets, segment, low, x, y, scale_x, scale_y)
+    best, best_t = apart, low
+    high_slope, apart = _slope(nets, segment, high, x, y, scale_x, scale_y)
+    if apart < best:
+        best, best_t = apart, high
+    kept = 0
     for _ in range(_ROUNDS):
-        px, py, dx, dy = along(nets, segment, t)
-        ex, ey = scale_x * (px - x), scale_y * (py - y)
-        apart = ex * ex + ey * ey
+        if not (low_slope < 0.0 < high_slope):
+            break
+        t = (low * high_slope - high * low_slope) / (high_slope - low_slope)
+        if not low < t < high:
+            break
+        slope, apart = _slope(nets, segment, t, x, y, scale_x, scale_y)
         if apart < best:
             best, best_t = apart, t
-        dx, dy = scale_x * dx, scale_y * dy
-        square = dx * dx + dy * dy
-        if not square > 0.0:
-            break
-        moved = min(max(t - (ex * dx + ey * dy) / square, segment.begin), segment.end)
-        if moved == t:
-            break
-        t = moved
+        if slope < 0.0:
+            low, low_slope = t, slope
+            high_slope *= 0.5 if kept < 0 else 1.0
+            kept = -1
+        else:
+            high, high_slope = t, slope
+            low_slope *= 0.5 if kept > 0 else 1.0
+            kept = 1
     return best_t, best
+
+
+@kernel
+def _slope(nets, segment, t, x, y, scale_x, scale_y):
+    """Half the derivative by t of the square of a distance, and the square."""
+    px, py, dx, dy = along(nets, segment, t)
+    ex, ey = scale_x * (px - x), scale_y * (py - y)
+    return ex * scale_x * dx + ey * scale_y * dy, ex * ex + ey * ey
