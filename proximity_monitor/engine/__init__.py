@@ -9,6 +9,7 @@ from .assembly.assembly import Assembly
 from .assembly.batch import distances
 from .files.geomdl import save_geomdl
 from .files.load import load, load_placements
+from .files.step import Placement
 from .models import shapes
 from .models.checks import ModelError
 from .models.mesh import TriangleMesh
@@ -28,6 +29,7 @@ __all__ = [
     "Model",
     "ModelError",
     "Pair",
+    "Placement",
     "ParametricSurface",
     "Patch",
     "Status",

@@ -93,15 +93,18 @@ def load_placements(path: str | PathLike[str], *, scale: float = 1.0) -> list[Pl
         path: the file.
         scale: how much larger the assembly is than the file says.
 
+    Returns:
+        Its parts; none of a file whose format knows no parts.
+
     Raises:
         FileNotFoundError, IsADirectoryError, ModelError, ValueError: as `load`.
     """
     if not 0.0 < scale < math.inf:
         raise ValueError(f"scale = {scale!r}: must be finite and above 0")
     file = Path(path)
+    if file.suffix.lower() not in ASSEMBLIES:
+        return []
     try:
-        if file.suffix.lower() not in ASSEMBLIES:
-            raise FormatError(f"{file.suffix} files have no parts")
         data, _ = _contents(file, file.suffix.lower())
         return step_placements(data, file, scale)
     except (FormatError, ModelError) as error:
