@@ -29,6 +29,8 @@ checks = [
     "hypothesis>=6.90",
     "trimesh>=4.6",
     "python-fcl>=0.7",
+    "scipy>=1.11",
+    "geomdl>=5.3",
     "playwright>=1.45",
     "ruff>=0.17,<0.18",
     *bag,

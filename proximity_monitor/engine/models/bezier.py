@@ -46,17 +46,24 @@ NO_DIRECTION = Spans(
 """The one span of a curve in v."""
 
 
-def spans(knots: NDArray[np.float64], degree: int) -> Spans:
-    """The spans of a checked knot vector, within its domain [knots[degree], knots[-degree - 1]]."""
-    return _spans(knots.tobytes(), degree)
+def spans(knots: NDArray[np.float64], degree: int, parts: int = 1) -> Spans:
+    """The spans of a checked knot vector, within its domain [knots[degree], knots[-degree - 1]].
+
+    Each is cut into equal parts.
+    """
+    return _spans(knots.tobytes(), degree, parts)
 
 
 @lru_cache(maxsize=256)
-def _spans(data: bytes, degree: int) -> Spans:
+def _spans(data: bytes, degree: int, parts: int) -> Spans:
     t = np.frombuffer(data)
     k = np.arange(degree, len(t) - degree - 1)
     k = k[t[k] < t[k + 1]]
     low, high = t[k], t[k + 1]
+    if parts > 1:
+        inside = low[:, None] + (high - low)[:, None] * (np.arange(1, parts) / parts)
+        edges = np.concatenate((low[:, None], inside, high[:, None]), axis=1)
+        low, high, k = edges[:, :-1].ravel(), edges[:, 1:].ravel(), np.repeat(k, parts)
     inner = np.arange(degree + 1)
     # c[s, j, i]: of Bezier point j, how much the i-th point of the present level contributes; at
     # first each point of the level is a control point.

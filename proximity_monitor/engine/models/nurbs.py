@@ -48,8 +48,13 @@ class Net:
     @property
     def spans(self) -> tuple[Spans, Spans]:
         """Its polynomial spans in u and in v."""
+        return self.parts(1)
+
+    def parts(self, count: int) -> tuple[Spans, Spans]:
+        """The same, each cut into so many parts, but for that of a curve in v."""
         p, q = self.degrees
-        return spans(self.knots_u, p), NO_DIRECTION if self.is_curve else spans(self.knots_v, q)
+        along_v = NO_DIRECTION if self.is_curve else spans(self.knots_v, q, count)
+        return spans(self.knots_u, p, count), along_v
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -69,9 +74,12 @@ class Net:
             made *= self.weights[..., None]
         return made
 
-    def pieces(self) -> NDArray[np.float64]:
-        """The control nets (s_u, s_v, degree_u + 1, degree_v + 1, 4) of its Bezier pieces."""
-        made = cut(self.homogeneous(), *self.spans)
+    def pieces(self, parts: int = 1) -> NDArray[np.float64]:
+        """The control nets (s_u, s_v, degree_u + 1, degree_v + 1, 4) of its Bezier pieces.
+
+        Each span in u or v may be cut into parts.
+        """
+        made = cut(self.homogeneous(), *self.parts(parts))
         if self.weights is None:
             made[..., 3] = 1.0
         return made

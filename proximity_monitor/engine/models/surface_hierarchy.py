@@ -92,9 +92,9 @@ class SurfaceHierarchy(Hierarchy):
 
     @property
     def some_feature(self) -> tuple[float, float, float, float]:
-        """The parameters of that corner."""
+        """The parameters of that corner; the third is 1 on a curve, as `Surface.feature` has it."""
         along_u, along_v = self.nets[0].spans
-        return float(along_u.low[0]), float(along_v.low[0]), 0.0, 0.0
+        return float(along_u.low[0]), float(along_v.low[0]), float(self.nets[0].is_curve), 0.0
 
     def _find_sides(self) -> Sides:
         proper = not all(net.is_curve for net in self.nets)

@@ -16,6 +16,9 @@ _MOST = 64
 _ENOUGH = 120_000
 """Triangles of a model, at the most, unless each span has but one step."""
 
+_PARTS = 4
+"""Into how many parts a span is cut to bound what bends on it, if it is rational."""
+
 _ASIDE = (1e-6, 1e-3, 0.1)
 """Where a normal vanishes it is looked for as far towards the middle of the domain, as a share."""
 
@@ -88,8 +91,10 @@ def _bends(net: Net) -> tuple[NDArray[np.float64], ...]:
 
     Of a rational piece S = X / w, seen from a point in its middle, follow from w S = X by
     differentiation w S_u = X_u - w_u S, w S_uv = X_uv - w_u S_v - w_v S_u - w_uv S, and the like.
+    The smaller a part of it, the closer are the bounds that its control points give.
     """
-    made = net.pieces()
+    parts = 1 if net.weights is None else _PARTS
+    made = net.pieces(parts)
     weights = made[..., 3:]
     points = made[..., :3] / weights
     points -= 0.5 * (points.min(axis=(2, 3)) + points.max(axis=(2, 3)))[:, :, None, None]
@@ -101,11 +106,14 @@ def _bends(net: Net) -> tuple[NDArray[np.float64], ...]:
 
     (s_u, w_u), (s_v, w_v) = bound(1, 0), bound(0, 1)
     s_u, s_v = s_u / least, s_v / least
-    return (
+    found = (
         (bound(2, 0)[0] + 2.0 * s_u * w_u) / least,
         (bound(1, 1)[0] + s_u * w_v + s_v * w_u) / least,
         (bound(0, 2)[0] + 2.0 * s_v * w_v) / least,
     )
+    in_u, in_v = (len(each.low) for each in net.spans)
+    whole = in_u, len(made) // in_u, in_v, made.shape[1] // in_v
+    return tuple(parts**2 * each.reshape(whole).max(axis=(1, 3)) for each in found)
 
 
 def _derived(points: NDArray[np.float64], i: int, j: int) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""The memory for what waits in a search: pairs of leaves, and cells of elements that are divided."""
+"""The memory for what waits in a search: pairs of leaves, and the cells of divided elements."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ import numpy as np
 from numba import uint64
 
 from ..base.jit import implements, inlined, kernel, loop16
+from ..base.lanes import lowest, not_above, smallest
 from ..base.precise import accurate_cross
 from ..base.vectors import along, clamped, dot, sub
 from ..elements.primitives import corners
@@ -26,6 +27,7 @@ from ..tree.layout import (
     V_Y,
     V_Z,
     WIDTH,
+    first_of,
 )
 from . import visit
 from .visit import at_root, descend
@@ -35,8 +37,12 @@ Point = namedtuple("Point", "place slack spare")
 looked into that is less than `spare` metres nearer."""
 
 
+_ALL = (1 << WIDTH) - 1
+_TINY = np.float32(1e-30)
+
+
 @loop16
-def _point_gaps(nodes, base, x, y, z, margin, gaps):
+def point_gaps(nodes, base, x, y, z, margin, gaps):
     """Lower bounds of a point's distance to each lane of the node at `base`, node units.
 
     The distance to a rectangle is that to the projection with both parameters clamped; what is
@@ -94,7 +100,7 @@ def point_triangle(p, a, b, c):
 @implements(visit.lane_gaps, Point)
 @inlined
 def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
-    _point_gaps(nodes, base, x, y, z, margin, gaps)
+    point_gaps(nodes, base, x, y, z, margin, gaps)
 
 
 @implements(visit.limit, Point)
@@ -131,3 +137,16 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
     query, answer = Point(p, slack, max(slack, spare)), (best, np.int64(nearby))
     answer, top, steps = descend(query, tree, answer, top, stack, bounds, found, steps)
     return answer[0], answer[1], top, steps
+
+
+@kernel
+def walk(tree, p, found):
+    """The first element of the leaf where the nearest volume to p, level by level, leads to."""
+    query, child = Point(p, 0.0, 0.0), tree.children[0]
+    while child >= 0:
+        visit.visit(query, tree, child, np.inf, found)
+        least = smallest(found, 0, _ALL)
+        # Where float32 does not serve, the first lane, which is always used, is as good as any.
+        k = lowest(not_above(found, 0, least + np.float32(1e-6) * (abs(least) + _TINY)))
+        child = tree.children[child * WIDTH + k]
+    return first_of(child)

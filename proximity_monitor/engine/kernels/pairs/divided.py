@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
+from ..base.memory import on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, NET_POINT, POINT_FLOOR, RESOLUTION
 from ..base.state import (
@@ -18,11 +19,16 @@ from ..base.state import (
     MeshTree,
     SurfaceTree,
 )
+from ..base.vectors import moved, norm, scaled, sub
+from ..inside.nearest import begin_nearest, nearest, walk
+from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
+from ..surface.around import Around
 from ..surface.divide import add_elements, divide_nearest, measure_near
+from ..surface.facing import vector
 from ..surface.room import make_room
-from ..surface.sides import inner_weights
-from ..tree.layout import first_of
+from ..surface.sides import inner_weights, near
+from ..tree.layout import WIDTH, first_of, row
 
 DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, SurfaceTree)
 """The pairs of kinds that this is about."""
@@ -167,13 +173,49 @@ def _least_undivided(waiting, progress):
 @_implements(stubs.guess)
 @kernel
 def _guess(tree_a, tree_b, state):
-    pass
+    found = on_stack(WIDTH, np.float32(0.0))
+    middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
+    a = walk(tree_a, middle, found)
+    p = stubs.witness(tree_a, a, inner_weights(tree_a, a))
+    b = walk(tree_b, moved(state.motions[1], p), found)
+    measure_near(tree_a, tree_b, state, a, inner_weights(tree_a, a), b, inner_weights(tree_b, b))
 
 
 @_implements(stubs.approach)
 @kernel
 def _approach(tree_a, tree_b, state, steps, found):
-    pass
+    progress, motions = state.progress[0], state.motions
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
+    slack = progress.bound_slack
+    for side in range(2):
+        a, b = progress.element_a, progress.element_b
+        wa, wb = vector(progress.weights_a), vector(progress.weights_b)
+        if side == 0:
+            p = moved(motions[1], stubs.witness(tree_a, a, wa))
+            b, wb = near(tree_b, p, b, wb, steps, slack, stack, bounds, found)
+        else:
+            q = moved(motions[0], stubs.witness(tree_b, b, wb))
+            a, wa = near(tree_a, q, a, wa, steps, slack, stack, bounds, found)
+        if a != progress.element_a or b != progress.element_b:
+            measure_near(tree_a, tree_b, state, a, wa, b, wb)
+
+
+@implements(near, SurfaceTree)
+@kernel
+def _near(tree, p, element, weights, steps, slack, stack, bounds, found):
+    way = sub(stubs.witness(tree, element, weights), p)
+    answer = norm(way), np.int64(element), weights[0], weights[1]
+    query = Around(p, slack)
+    answer, _, _ = descend(query, tree, answer, at_root(stack, bounds), stack, bounds, found, steps)
+    return answer[1], (answer[2], answer[3], 0.0)
+
+
+@implements(near, MeshTree)
+@kernel
+def _near_triangle(tree, p, element, weights, steps, slack, stack, bounds, found):
+    distance, t, top = begin_nearest(tree, p, element, stack, bounds)
+    _, t, _, _ = nearest(tree, p, distance, t, top, slack, 0.0, stack, bounds, found, steps)
+    return t, inner_weights(tree, t)
 
 
 @_implements(stubs.sample)

@@ -5,18 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, kernel
-from ..base.lanes import lowest, not_above, smallest
 from ..base.memory import on_stack
 from ..base.state import MESHES
 from ..base.vectors import along, moved, scaled, sub
 from ..elements.primitives import corners, measure_triangles, mixed
-from ..inside.nearest import Point, begin_nearest, nearest, point_triangle
-from ..inside.visit import ROOM, visit
+from ..inside.nearest import begin_nearest, nearest, point_triangle, walk
+from ..inside.visit import ROOM
 from ..search import stubs
-from ..tree.layout import WIDTH, first_of, row
-
-_ALL = (1 << WIDTH) - 1
-_TINY = np.float32(1e-30)
+from ..tree.layout import WIDTH, row
 
 
 @kernel
@@ -29,19 +25,6 @@ def _near(tree, p, nearby, state, steps, stack, bounds, found):
     )
     state.progress[0].bound_tests += WIDTH * (steps - left)
     return nearby
-
-
-@kernel
-def _walk(tree, p, found):
-    """The first triangle of the leaf where the nearest volume to p, level by level, leads to."""
-    query, child = Point(p, 0.0, 0.0), tree.children[0]
-    while child >= 0:
-        visit(query, tree, child, np.inf, found)
-        least = smallest(found, 0, _ALL)
-        # Where float32 does not serve, the first lane, which is always used, is as good as any.
-        k = lowest(not_above(found, 0, least + np.float32(1e-6) * (abs(least) + _TINY)))
-        child = tree.children[child * WIDTH + k]
-    return first_of(child)
 
 
 @kernel
@@ -62,9 +45,9 @@ def _guess(tree_a, tree_b, state):
     progress, motions = state.progress[0], state.motions
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
-    ta = _walk(tree_a, middle, found)
+    ta = walk(tree_a, middle, found)
     p = moved(motions[1], _point_near(tree_a, ta, middle))
-    tb = _walk(tree_b, p, found)
+    tb = walk(tree_b, p, found)
     progress.primitive_tests += 1
     measure_triangles(tree_a, tree_b, state, ta, tb, 0.0)
 

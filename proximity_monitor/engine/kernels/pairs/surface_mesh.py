@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
-from ..base.vectors import cross, dot, moved, sub, unit
+from ..base.vectors import along, cross, dot, moved, sub, unit
 from ..elements.primitives import corners, mixed
 from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
 from ..surface.facing import closest_in, parameters_in, vector
 from ..surface.jets import fixed_jet, get, moved_jet, put
-from ..surface.newton import begin_at, derivatives, nearest_near, way_at, weights_at
+from ..surface.newton import begin_at, derivatives, way_at, weights_at
 from ..surface.sides import (
     divide_side,
     element_of,
     facing,
     inner_weights,
     least_of,
-    local_minimum,
     margin_of,
     normal_of,
     roughness,
@@ -99,9 +98,23 @@ def _foot(p, triangle):
     return (max(1.0 - v - w, 0.0), v, w)
 
 
+@inlined
+def _place_in(cell, q):
+    """Where a cell's parallelogram comes near to q."""
+    u, v = vector(cell.along_u), vector(cell.along_v)
+    return closest_in(vector(cell.centre), u, v, q)
+
+
+@inlined
+def _point_of(cell, place):
+    """The point of a cell's parallelogram at a place."""
+    p = along(vector(cell.centre), vector(cell.along_u), place[0])
+    return along(p, vector(cell.along_v), place[1])
+
+
 @implements(facing, SurfaceTree, MeshTree)
 @kernel
-def _facing_triangle(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     cell, triangle = cells_a[a], _placed(tree_b, b, motion)
     p, place = vector(cell.centre), (0.0, 0.0)
     weights = (0.0, 0.0, 0.0)
@@ -109,13 +122,14 @@ def _facing_triangle(tree_a, cells_a, a, tree_b, cells_b, b, motion):
     for _ in range(_ROUNDS):
         weights = _foot(p, triangle)
         q = mixed(triangle, weights)
-        p, place = closest_in(cell, q)
+        place = _place_in(cell, q)
+        p = _point_of(cell, place)
     return sub(q, p), parameters_in(cell, place), weights
 
 
 @implements(facing, MeshTree, SurfaceTree)
 @kernel
-def _facing_cell(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     cell, triangle = cells_b[b], corners(tree_a.triangles, a)
     # In b's frame: the motion's matrix is a rotation, up to what no direction depends on.
     back = _back(motion, triangle[0]), _back(motion, triangle[1]), _back(motion, triangle[2])
@@ -125,7 +139,8 @@ def _facing_cell(tree_a, cells_a, a, tree_b, cells_b, b, motion):
     for _ in range(_ROUNDS):
         weights = _foot(q, back)
         p = mixed(back, weights)
-        q, place = closest_in(cell, p)
+        place = _place_in(cell, p)
+        q = _point_of(cell, place)
     way = sub(moved(motion, q), mixed(triangle, weights))
     return way, weights, parameters_in(cell, place)
 
@@ -139,10 +154,6 @@ def _back(motion, p):
         motion[1] * d[0] + motion[4] * d[1] + motion[7] * d[2],
         motion[2] * d[0] + motion[5] * d[1] + motion[8] * d[2],
     )
-
-
-for _kinds in ((SurfaceTree, MeshTree), (MeshTree, SurfaceTree)):
-    implements(local_minimum, *_kinds)(nearest_near)
 
 
 @implements(begin_at, MeshTree)
@@ -182,14 +193,14 @@ def _nearest_of(triangle, p, jets):
 
 @implements(way_at, SurfaceTree, MeshTree)
 @kernel
-def _way_to_triangle(tree_a, element_a, tree_b, element_b, motion, x, jets):
+def _way_to_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
     p = fixed_jet(tree_a, element_a, x[0], x[1], jets)
     return sub(_nearest_of(_placed(tree_b, element_b, motion), p, jets), p)
 
 
 @implements(way_at, MeshTree, SurfaceTree)
 @kernel
-def _way_from_triangle(tree_a, element_a, tree_b, element_b, motion, x, jets):
+def _way_from_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
     q = moved_jet(tree_b, element_b, motion, x[2], x[3], jets)
     return sub(q, _nearest_of(corners(tree_a.triangles, element_a), q, jets))
 
@@ -201,7 +212,7 @@ def _half_derivatives(way, jets, at, first, gradient, hessian):
     As that follows, what it can do along its edge or in its face does not count: the part of a
     derivative in that direction is left out of the products.
     """
-    kind, along_it = jets[_EDGE + 3], get(jets, _EDGE)
+    kind, its_way = jets[_EDGE + 3], get(jets, _EDGE)
     for i in range(4):
         gradient[i] = 0.0
         for j in range(i + 1):
@@ -213,9 +224,9 @@ def _half_derivatives(way, jets, at, first, gradient, hessian):
             other = get(jets, at + 3 * j)
             product = dot(one, other)
             if kind == _ON_EDGE:
-                product -= dot(one, along_it) * dot(other, along_it)
+                product -= dot(one, its_way) * dot(other, its_way)
             elif kind == _WITHIN:
-                product = dot(one, along_it) * dot(other, along_it)
+                product = dot(one, its_way) * dot(other, its_way)
             second = dot(way, get(jets, at + 6 + 3 * (i + j)))
             hessian[first + i, first + j] = product + second
 

@@ -9,20 +9,16 @@ from ..search.search import answer_queries
 from ..surface import jets  # noqa: F401
 from ..surface.evaluate import point_at
 from ..surface.facing import parallelograms, parameters_in
-from ..surface.newton import nearest_near
-from ..surface.sides import facing, local_minimum
+from ..surface.sides import facing
 from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
 
 
 @implements(facing, SurfaceTree, SurfaceTree)
 @kernel
-def _facing(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+def _facing(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     one, other = cells_a[a], cells_b[b]
     way, place_a, place_b = parallelograms(one, other, motion)
     return way, parameters_in(one, place_a), parameters_in(other, place_b)
-
-
-implements(local_minimum, SurfaceTree, SurfaceTree)(nearest_near)
 
 
 @implements(stubs.witness, SurfaceTree)

@@ -87,7 +87,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
 @inlined
 def nearest_last(waiting, first, last):
     """Bring the pair with the smallest bound of waiting[first:last] to their end."""
-    lanes, bounds = waiting
+    lanes, bounds = waiting.lanes, waiting.bounds
     best = first
     for k in range(first + 1, last):
         if bounds[k] < bounds[best]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import kernel
+from ..base.jit import inlined, kernel
 from ..base.rounding import NET_SPLIT
 from ..base.state import CONVERSION, NONE
 from ..base.vectors import norm
@@ -45,7 +45,7 @@ def root_cell(tree, element, cells, nets, roots, used):
         cell.high[1] = 0.0
     base = net_of(cells, nets, used)
     copy_net(piece, tree.nets, nets, base)
-    _measure(tree, nets, cell, base)
+    _measure(tree, piece, nets, cell, base)
     roots[element] = used
     return used, used + 1
 
@@ -94,7 +94,7 @@ def divide_cell(tree, index, cells, nets, used):
                 child.high[1] = middle_v
         if piece.rational:
             project(piece, nets, one + k * step)
-        _measure(tree, nets, child, one + k * step)
+        _measure(tree, piece, nets, child, one + k * step)
     cell.child, cell.children = used, count
     return used + count
 
@@ -113,39 +113,45 @@ def _directions(piece, cell):
 
 
 @kernel
-def _measure(tree, nets, cell, base):
+def _measure(tree, piece, nets, cell, base):
     """Write what a cell's control points say of its place and shape, and what they may err by."""
-    piece = tree.pieces[cell.element]
     p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
+    if p == 3 and q == 3:
+        _shape(nets, base, cell, 3, 3, room)
+    elif p == 2 and q == 2:
+        _shape(nets, base, cell, 2, 2, room)
+    else:
+        _shape(nets, base, cell, p, q, room)
+    share = NET_SPLIT * (max(p, q) * cell.splits + 1)
+    cell.margin = share * tree.scale[2] + tree.scale[CONVERSION]
+
+
+@inlined
+def _shape(nets, base, cell, p, q, room):
+    """Place and shape of a cell; no bound depends on them."""
     n = q + 1
     bend_u = bend_v = twist = 0.0
     for axis in range(3):
-        at = axis * room
-        a, b = nets[base + at], nets[base + at + q]
-        c, d = nets[base + at + p * n], nets[base + at + p * n + q]
+        at = base + axis * room
+        a, b = nets[at], nets[at + q]
+        c, d = nets[at + p * n], nets[at + p * n + q]
         cell.centre[axis] = 0.25 * ((a + b) + (c + d))
         cell.along_u[axis] = 0.25 * ((c - a) + (d - b))
         cell.along_v[axis] = 0.25 * ((b - a) + (d - c))
         twist = max(twist, 0.25 * abs((a - b) + (d - c)))
         if p > 1:
             for three in range(3):
-                j = three * q // 2
-                k = at + j
-                m = at + (p - 2) * n + j
-                first = abs(nets[base + k] - 2.0 * nets[base + k + n] + nets[base + k + 2 * n])
-                last = abs(nets[base + m] - 2.0 * nets[base + m + n] + nets[base + m + 2 * n])
-                bend_u = max(bend_u, max(first, last))
+                first = at + ((three * q) >> 1)
+                last = first + (p - 2) * n
+                bend_u = max(bend_u, abs(nets[first] - 2.0 * nets[first + n] + nets[first + 2 * n]))
+                bend_u = max(bend_u, abs(nets[last] - 2.0 * nets[last + n] + nets[last + 2 * n]))
         if q > 1:
             for three in range(3):
-                i = three * p // 2
-                k = at + i * n
-                m = k + q - 2
-                first = abs(nets[base + k] - 2.0 * nets[base + k + 1] + nets[base + k + 2])
-                last = abs(nets[base + m] - 2.0 * nets[base + m + 1] + nets[base + m + 2])
-                bend_v = max(bend_v, max(first, last))
+                first = at + ((three * p) >> 1) * n
+                last = first + q - 2
+                bend_v = max(bend_v, abs(nets[first] - 2.0 * nets[first + 1] + nets[first + 2]))
+                bend_v = max(bend_v, abs(nets[last] - 2.0 * nets[last + 1] + nets[last + 2]))
     # A curve leaves its chord by p (p - 1) / 8 of its largest second difference at the most.
     cell.bend_u = 0.125 * p * (p - 1) * bend_u
     cell.bend_v = 0.125 * q * (q - 1) * bend_v
     cell.twist = twist
-    share = NET_SPLIT * (max(p, q) * cell.splits + 1)
-    cell.margin = share * tree.scale[2] + tree.scale[CONVERSION]

@@ -19,12 +19,12 @@ from ..base.vectors import norm, rotated, scaled
 from ..elements.primitives import keep
 from .facing import vector
 from .heap import add_pair, drop_first
+from .newton import nearest_near
 from .sides import (
     divide_side,
     element_of,
     facing,
     least_of,
-    local_minimum,
     margin_of,
     normal_of,
     roughness,
@@ -165,7 +165,7 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     if bound >= progress.limit:
         return PAIR_STEPS
     motion = state.motions[0]
-    way, from_a, from_b = facing(tree_a, cells.cells_a, a, tree_b, cells.cells_b, b, motion)
+    way, from_a, from_b = facing(tree_a, tree_b, cells.cells_a, cells.cells_b, a, b, motion)
     apart = norm(way)
     n = _shortened(way)
     gap = _gap(tree_a, tree_b, state, a, b, n) - slack
@@ -215,8 +215,8 @@ def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b):
     """
     progress = state.progress[0]
     progress.primitive_tests += 1
-    distance, at_a, at_b, way = local_minimum(
-        tree_a, element_a, from_a, tree_b, element_b, from_b, state.motions[0]
+    distance, at_a, at_b, way = nearest_near(
+        tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0]
     )
     if distance < progress.distance:
         keep(state, distance, element_a, element_b, at_a, at_b, way)

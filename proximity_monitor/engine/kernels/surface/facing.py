@@ -51,16 +51,15 @@ def parallelograms(cell_a, cell_b, motion):
 
 
 @kernel
-def closest_in(cell, q):
-    """A near point to q of a cell's parallelogram, in the cell's frame, and its place in that."""
-    e, f = vector(cell.along_u), vector(cell.along_v)
+def closest_in(centre, e, f, q):
+    """The place, -1 to 1, along both half axes of a parallelogram, of a near point to q."""
     ee, ff = dot(e, e), dot(f, f)
-    way = sub(q, vector(cell.centre))
+    way = sub(q, centre)
     a = b = 0.0
     for _ in range(_SWEEPS):
         a, way = _step(way, e, ee, a, -1.0)
         b, way = _step(way, f, ff, b, -1.0)
-    return sub(q, way), (a, b)
+    return a, b
 
 
 @kernel

@@ -62,7 +62,7 @@ def _weights(tree, x, first, jets):
 
 @implements(way_at, SurfaceTree, SurfaceTree)
 @kernel
-def _way(tree_a, element_a, tree_b, element_b, motion, x, jets):
+def _way(tree_a, tree_b, element_a, element_b, motion, x, jets):
     p = fixed_jet(tree_a, element_a, x[0], x[1], jets)
     return sub(moved_jet(tree_b, element_b, motion, x[2], x[3], jets), p)
 

@@ -27,7 +27,7 @@ _FIRST, _LESS, _MORE, _LEAST, _LARGEST = 1e-3, 0.1, 10.0, 1e-6, 1e12
 above what there is none, and no use."""
 
 
-def way_at(tree_a, element_a, tree_b, element_b, motion, x, jets):
+def way_at(tree_a, tree_b, element_a, element_b, motion, x, jets):
     """The way from a's point at x[0], x[1] to that of b at x[2], x[3], in a's frame.
 
     What `derivatives` needs besides is written to `jets`. An element without parameters, as a
@@ -48,8 +48,11 @@ def begin_at(tree, weights):
 
 
 @shared
-def nearest_near(tree_a, element_a, from_a, tree_b, element_b, from_b, motion):
-    """A local minimum of the distance of two elements; see `sides.local_minimum`."""
+def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion):
+    """Points of two elements that are nearest among those near by, beginning at given weights.
+
+    Returns their distance, metres, the weights of both, and the way between them in a's frame.
+    """
     x, trial, gradient, step = (
         on_stack(4, 0.0),
         on_stack(4, 0.0),
@@ -60,7 +63,7 @@ def nearest_near(tree_a, element_a, from_a, tree_b, element_b, from_b, motion):
     jets = on_stack(JETS, 0.0)
     x[0], x[1] = begin_at(tree_a, from_a)
     x[2], x[3] = begin_at(tree_b, from_b)
-    way = way_at(tree_a, element_a, tree_b, element_b, motion, x, jets)
+    way = way_at(tree_a, tree_b, element_a, element_b, motion, x, jets)
     squared = dot(way, way)
     weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
     damping, fresh = 0.0, True
@@ -79,7 +82,7 @@ def nearest_near(tree_a, element_a, from_a, tree_b, element_b, from_b, motion):
             gain -= gradient[i] * (trial[i] - x[i])
         if not gain > _DONE * squared:
             break
-        new_way = way_at(tree_a, element_a, tree_b, element_b, motion, trial, jets)
+        new_way = way_at(tree_a, tree_b, element_a, element_b, motion, trial, jets)
         new_squared = dot(new_way, new_way)
         if new_squared < squared:
             for i in range(4):

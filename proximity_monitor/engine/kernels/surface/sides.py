@@ -45,7 +45,7 @@ def normal_of(tree, cells, index):
     """A vector about normal to a cell, in its own frame; of any length."""
 
 
-def facing(tree_a, cells_a, a, tree_b, cells_b, b, motion):
+def facing(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     """Two near points of what stands for two cells.
 
     Returns the way between them in a's frame, metres, and the weights that tell about where on
@@ -53,15 +53,15 @@ def facing(tree_a, cells_a, a, tree_b, cells_b, b, motion):
     """
 
 
-def local_minimum(tree_a, element_a, from_a, tree_b, element_b, from_b, motion):
-    """Points of two elements that are nearest among those near by, beginning at given weights.
-
-    Returns their distance, metres, the weights of both, and the way between them in a's frame.
-    """
-
-
 def inner_weights(tree, element):
     """The weights of a point inside an element, to begin a local search with."""
+
+
+def near(tree, p, element, weights, steps, slack, stack, bounds, found):
+    """The element that is about nearest to a point p of the model's frame, and where on it.
+
+    It is looked for in so many steps at most, beginning with a point of an element.
+    """
 
 
 implements(whole, SurfaceTree)(root_cell)

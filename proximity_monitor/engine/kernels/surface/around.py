@@ -1,0 +1,66 @@
+"""The piece of a surface that is about nearest to a point: where to look for near points next.
+
+A leaf stands for its whole piece: what counts is the distance of one of its points, one that lies
+where its corners' parallelogram comes nearest. So another piece may be nearer than the answer.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel
+from ..base.vectors import dot, sub
+from ..inside import visit
+from ..inside.nearest import point_gaps
+from .evaluate import point_at
+from .facing import closest_in
+
+Around = namedtuple("Around", "place slack")
+"""The query; the answer is (distance, piece, u, v)."""
+
+
+@inlined
+def _control(piece, nets, i):
+    """A control point of a piece."""
+    at, w = piece.net + i, nets[piece.net + 3 * piece.room + i]
+    return (nets[at] / w, nets[at + piece.room] / w, nets[at + 2 * piece.room] / w)
+
+
+@inlined
+def _mean(a, b, c, d, sign):
+    """A quarter of a + b, and of c + d with a sign."""
+    return (
+        0.25 * ((a[0] + b[0]) + sign * (c[0] + d[0])),
+        0.25 * ((a[1] + b[1]) + sign * (c[1] + d[1])),
+        0.25 * ((a[2] + b[2]) + sign * (c[2] + d[2])),
+    )
+
+
+@implements(visit.lane_gaps, Around)
+@inlined
+def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
+    point_gaps(nodes, base, x, y, z, margin, gaps)
+
+
+@implements(visit.limit, Around)
+@inlined
+def _limit(query, answer):
+    return answer[0]
+
+
+@implements(visit.meet, Around)
+@kernel
+def _meet(query, tree, t, answer):
+    piece = tree.pieces[t]
+    n, p = np.int64(piece.degree_v) + 1, np.int64(piece.degree_u)
+    a, b = _control(piece, tree.nets, 0), _control(piece, tree.nets, n - 1)
+    c, d = _control(piece, tree.nets, p * n), _control(piece, tree.nets, p * n + n - 1)
+    u, v = closest_in(
+        _mean(a, b, c, d, 1.0), _mean(c, d, a, b, -1.0), _mean(b, d, a, c, -1.0), query.place
+    )
+    u, v = 0.5 + 0.5 * u, (0.5 + 0.5 * v if n > 1 else 0.0)
+    way = sub(point_at(piece, tree.nets, u, v), query.place)
+    distance = np.sqrt(dot(way, way))
+    return (distance, np.int64(t), u, v) if distance < answer[0] else answer
