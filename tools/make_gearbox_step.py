@@ -1,4 +1,4 @@
-"""Makes the STEP assembly of the gearbox scene: `python tools/make_gearbox_step.py`.
+"""Makes the STEP assembly of the gearbox scene: `python tools/make_gearbox_step.py [FOLDER]`.
 
 A pair of spur gears on two shafts with bearings, in a housing with a bolted cover, and a knob on
 the shaft that drives. It has planes, cylinders, cones, spheres, tori, extruded and free splines,
@@ -9,17 +9,19 @@ from __future__ import annotations
 
 import math
 import re
+import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
+from OCP.BRepAlgoAPI import BRepAlgoAPI_Common, BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
 from OCP.BRepBuilderAPI import (
     BRepBuilderAPI_MakeEdge,
     BRepBuilderAPI_MakeFace,
     BRepBuilderAPI_MakePolygon,
     BRepBuilderAPI_MakeWire,
 )
-from OCP.BRepFilletAPI import BRepFilletAPI_MakeChamfer, BRepFilletAPI_MakeFillet
+from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 from OCP.BRepOffsetAPI import BRepOffsetAPI_ThruSections
 from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeBox,
@@ -29,8 +31,9 @@ from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeSphere,
     BRepPrimAPI_MakeTorus,
 )
-from OCP.Geom import Geom_BezierCurve, Geom_BSplineCurve
+from OCP.Geom import Geom_BezierCurve
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
+from OCP.Interface import Interface_Static
 from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
 from OCP.STEPCAFControl import STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_StepModelType
@@ -50,8 +53,8 @@ except ImportError:  # 7.9
     from OCP.TColgp import TColgp_Array1OfPnt as Points
 
 HERE = Path(__file__).parents[1] / "proximity_monitor/scene/bundled/gearbox/models/gearbox.step"
-MODULE = 2.0  # millimetres of pitch diameter a tooth
-TEETH = 14, 21
+MODULE = 1.3  # millimetres of pitch diameter a tooth
+TEETH = 20, 34
 WIDTH = 10.0
 BACKLASH = 0.15  # millimetres between flanks
 APART = 0.5 * MODULE * sum(TEETH) + 0.1
@@ -59,6 +62,7 @@ BOLTS = [(-25.0, -30.0), (60.0, -30.0), (60.0, 30.0), (-25.0, 30.0)]
 
 
 def edges(shape: Any) -> list[Any]:
+    """All edges of a shape, once for each of its faces."""
     found, explorer = [], TopExp_Explorer(shape, TopAbs_ShapeEnum.TopAbs_EDGE)
     cast = getattr(TopoDS, "Edge", None) or TopoDS.Edge_s
     while explorer.More():
@@ -68,14 +72,17 @@ def edges(shape: Any) -> list[Any]:
 
 
 def up(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> gp_Ax2:
+    """The axes at a point, z up."""
     return gp_Ax2(gp_Pnt(x, y, z), gp_Dir(0, 0, 1))
 
 
 def cylinder(radius: float, low: float, high: float, x: float = 0.0, y: float = 0.0) -> Any:
+    """A cylinder along z."""
     return BRepPrimAPI_MakeCylinder(up(x, y, low), radius, high - low).Shape()
 
 
 def cut(shape: Any, *tools: Any) -> Any:
+    """A shape without others."""
     for tool in tools:
         shape = BRepAlgoAPI_Cut(shape, tool).Shape()
     return shape
@@ -95,12 +102,13 @@ def block(x0: float, x1: float, y0: float, y1: float, z0: float, z1: float, radi
     """A box whose edges are rounded."""
     box = BRepPrimAPI_MakeBox(gp_Pnt(x0, y0, z0), gp_Pnt(x1, y1, z1)).Shape()
     rounding = BRepFilletAPI_MakeFillet(box)
-    for edge in edges(box)[::1]:
+    for edge in edges(box):
         rounding.Add(radius, edge)
     return rounding.Shape()
 
 
 def bezier(points: list[tuple[float, float, float]]) -> Any:
+    """An edge along a Bezier curve."""
     poles = Points(1, len(points))
     for i, point in enumerate(points, 1):
         poles.SetValue(i, gp_Pnt(*point))
@@ -196,8 +204,6 @@ def bolt() -> Any:
         BRepBuilderAPI_MakeFace(polygon.Wire()).Face(), gp_Vec(0, 0, 3.5)
     ).Shape()
     ball = BRepPrimAPI_MakeSphere(gp_Pnt(0, 0, -5.0), 9.4).Shape()
-    from OCP.BRepAlgoAPI import BRepAlgoAPI_Common
-
     head = BRepAlgoAPI_Common(head, ball).Shape()
     stem = turned([(0, -20), (1.6, -20), (2.4, -19), (2.4, 0.5), (0, 0.5)])
     return BRepAlgoAPI_Fuse(head, stem).Shape()
@@ -221,7 +227,7 @@ def lobes(z: float, size: float) -> Any:
         angle = 2.0 * math.pi * i / count
         radius = size * (1.0 if i % 2 == 0 else 0.82)
         points.append((radius, angle % (2.0 * math.pi)))
-    for (r, a), (s, b) in zip(points[:-1], points[1:], strict=True):
+    for (r, a), (s, b) in pairwise(points):
         p = (r * math.cos(a), r * math.sin(a), z)
         q = (s * math.cos(b), s * math.sin(b), z)
         wire.Add(bezier([
@@ -273,18 +279,18 @@ PLACES = [
     ("housing", "housing", (0, 0, 0), 0.0),
     ("cover", "cover", (0, 0, 14.1), 0.0),
     ("pinion", "pinion", (0, 0, -5), 0.0),
-    ("wheel", "wheel", (APART, 0, -5), 180.0),
+    ("wheel", "wheel", (APART, 0, -5), 180.0 / TEETH[1]),
     ("input shaft", "input shaft", (0, 0, 0), 0.0),
     ("output shaft", "output shaft", (APART, 0, 0), 30.0),
-    ("bearing", "input bearing", (0, 0, -25), 0.0),
-    ("bearing", "output bearing", (APART, 0, -25), 0.0),
-    ("seal", "seal", (0, 0, 20.0), 0.0),
+    *(("bearing", f"bearing {i}", (x, 0, -25), 0.0) for i, x in enumerate((0.0, APART), 1)),
+    *(("seal", f"seal {i}", (x, 0, 20.0), 0.0) for i, x in enumerate((0.0, APART), 1)),
     ("knob", "knob", (0, 0, 31.5), 0.0),
     *(("bolt", f"bolt {i}", (x, y, 20.3), 15.0 * i) for i, (x, y) in enumerate(BOLTS, 1)),
 ]
 
 
 def placed(where: tuple[float, float, float], degrees: float) -> TopLoc_Location:
+    """A place, turned about z."""
     turn, shift = gp_Trsf(), gp_Trsf()
     turn.SetRotation(gp_Ax1(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), math.radians(degrees))
     shift.SetTranslation(gp_Vec(*where))
@@ -292,6 +298,7 @@ def placed(where: tuple[float, float, float], degrees: float) -> TopLoc_Location
 
 
 def named(label: Any, name: str) -> None:
+    """Give a product, or a placed one, its name."""
     TDataStd_Name.Set_s(label, TCollection_ExtendedString(name))
 
 
@@ -314,6 +321,8 @@ def write(path: Path) -> None:
         named(shapes.AddComponent(whole, labels[product], placed(where, degrees)), name)
     shapes.UpdateAssemblies()
     writer = STEPCAFControl_Writer()
+    # Without curves in the parameters of faces the file is half as long; a reader makes them.
+    Interface_Static.SetIVal_s("write.surfacecurve.mode", 0)
     writer.SetNameMode(True)
     writer.SetColorMode(True)
     writer.Transfer(document, STEPControl_StepModelType.STEPControl_AsIs)
@@ -326,4 +335,4 @@ def write(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    write(HERE)
+    write(Path(sys.argv[1]) / HERE.name if len(sys.argv) > 1 else HERE)

@@ -20,8 +20,10 @@ _VERSION = 1
 
 
 def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -> Scene:
-    """Read a scene file; the model files themselves are not opened yet (see `load_model`),
-    but for assemblies, whose parts become bodies.
+    """Read a scene file.
+
+    The model files themselves are not opened yet (see `load_model`), but for assemblies, whose
+    parts become bodies.
 
     Args:
         path: the file.

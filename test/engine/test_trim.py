@@ -110,7 +110,8 @@ def test_a_loop_around_the_rectangle_trims_nothing():
     assert Trim([frame()], LOW, HIGH).whole
     assert Trim([frame(LOW - 1e-12, HIGH + 1e-12)], LOW, HIGH).snapped.max() <= 2e-12
     assert Trim([frame(LOW - 1.0, HIGH + 1.0)], LOW, HIGH).whole
-    assert Patch(np.zeros((2, 2, 3)), trim=Trim([frame((0, 0), (1, 1))], (0, 0), (1, 1))).trim is None
+    whole = Trim([frame((0, 0), (1, 1))], (0, 0), (1, 1))
+    assert Patch(np.zeros((2, 2, 3)), trim=whole).trim is None
     with pytest.raises(engine.ModelError, match="nothing is left"):
         Trim([frame(), frame()], LOW, HIGH)
 

@@ -45,9 +45,11 @@ def load(
         deviation: metres; how far its surface may be from that of the thing, as for TriangleMesh.
         volume: the bounding volumes, as for TriangleMesh; a surface takes the default alone.
         solid: whether it has an inside, as for TriangleMesh or ParametricSurface.
+        part: of a STEP assembly, the name of one part, which comes in its own frame (see
+            `load_placements`); None: all parts, where they are placed, as one model.
 
     Returns:
-        The model in metres, named after the file without its extension.
+        The model in metres, named after the file without its extension, or after the part.
 
     Raises:
         FileNotFoundError: there is no such file.

@@ -57,9 +57,7 @@ def read_step(data: bytes, file: Path, how: Reading) -> ParametricSurface:
         for part in parts
         for i, face in enumerate(part.shape.faces, 1)
     ]
-    return ParametricSurface(
-        patches, name=str(file), deviation=how.deviation, solid=how.solid is True
-    )
+    return ParametricSurface(patches, name=str(file), solid=how.solid is True)
 
 
 def step_placements(data: bytes, file: Path, scale: float) -> list[Placement]:
@@ -80,7 +78,7 @@ def _patch(
     control = (face.net.control @ pose[:3, :3].T + pose[:3, 3]) * metres
     return Patch(
         control, face.net.knots_u, face.net.knots_v, face.net.weights, name=name,
-        deviation=max(deviation, face.tolerance * metres), trim=face.trim,
+        deviation=deviation + face.tolerance * metres, trim=face.trim,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -65,7 +66,7 @@ def arc_net(low: float, high: float) -> tuple[Reals, Reals, Reals, int]:
     ends = [low + (high - low) * (i / arcs) for i in range(arcs)] + [high]
     middle = math.cos(0.5 * (high - low) / arcs)
     points = []
-    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+    for begin, end in pairwise(ends):
         cos, sin = on_circle(0.5 * (begin + end))
         points += [on_circle(begin), (cos / middle, sin / middle)]
     points.append(on_circle(high))

@@ -157,4 +157,3 @@ def _spline(surface: Any, low: Reals, high: Reals) -> Net:
     control = np.array([[xyz(spline.Pole(i, j)) for j in size_v] for i in size_u])
     weights = np.array([[spline.Weight(i, j) for j in size_v] for i in size_u])
     return Net(control, weights, *knots, (0, 0))
-
