@@ -166,3 +166,18 @@ def test_bad_trims_are_refused():
         Patch(np.zeros((2, 2, 3)), trim=HOLE)
     with pytest.raises(engine.ModelError, match="2 arcs in u, where the patch has 1 pieces"):
         Patch(np.zeros((3, 2, 3)), trim=Trim([frame((0, 0), (1, 1))], (0, 0), (1, 1), (2, 0)))
+
+
+def test_what_is_shown_is_what_is_left():
+    low, high = np.array([0.0, 0.0]), np.array([10.0, 5.0])
+    control = np.array([[[u, v, 0.0] for v in (0.0, 5.0)] for u in (0.0, 10.0)])
+    knots = np.repeat([0.0, 10.0], 2), np.repeat([0.0, 5.0], 2)
+    patch = Patch(control, *knots, trim=HOLE)
+    shown = patch.display_mesh(1e-3)
+    a, b, c = shown.corners().transpose(1, 0, 2)
+    turned = np.cross(b - a, c - a)[:, 2]
+    assert (turned >= -1e-12).all()  # as the patch's normal
+    assert 0.5 * turned.sum() == pytest.approx(50.0 - math.pi * RADIUS**2, rel=1e-3)
+    middle = (a + b + c)[turned > 1e-9, :2] / 3.0
+    assert (np.linalg.norm(middle - CENTRE, axis=1) > RADIUS - 0.02).all()
+    assert (middle >= low).all() and (middle <= high).all()

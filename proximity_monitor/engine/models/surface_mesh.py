@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .model import DisplayMesh
 from .nurbs import Net
+from .trim_mesh import trimmed_grid
 
 _MOST = 64
 """Steps on a span, at the most."""
@@ -46,9 +47,16 @@ def tessellated_surface(nets: Sequence[Net], tolerance: float) -> DisplayMesh:
         u = _parameters(along_u.low, along_u.high, in_u)
         v = np.zeros(1) if net.is_curve else _parameters(along_v.low, along_v.high, in_v)
         grid = np.repeat(u, len(v)), np.tile(v, len(u))
+        if net.trim is not None:
+            left, triangles = trimmed_grid(net.trim, u, v)
+            grid = left[:, 0], left[:, 1]
+            faces.append(start + triangles)
         vertices.append(net.derivatives(*grid, 0)[:, 0, 0])
         normals.append(unit_normals(net, *grid))
-        at = start + np.arange(len(u) * len(v)).reshape(len(u), len(v))
+        start += len(grid[0])
+        if net.trim is not None:
+            continue
+        at = start - len(grid[0]) + np.arange(len(grid[0])).reshape(len(u), len(v))
         if net.is_curve:
             a, b = at[:-1, 0], at[1:, 0]
             faces.append(np.stack((a, b, b), axis=1))
@@ -56,7 +64,6 @@ def tessellated_surface(nets: Sequence[Net], tolerance: float) -> DisplayMesh:
             corners = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
             a, b, c, d = (each.ravel() for each in corners)
             faces.append(np.concatenate((np.stack((a, b, c), axis=1), np.stack((a, c, d), axis=1))))
-        start += at.size
     return DisplayMesh(
         np.concatenate(vertices), np.concatenate(faces).astype(np.int32), np.concatenate(normals)
     )
