@@ -98,15 +98,17 @@ def profile(curve: Any, low: float, high: float) -> Profile:
         return Profile(control, weights, knots, arcs)
     if isinstance(curve, (Geom.Geom_BezierCurve, Geom.Geom_BSplineCurve)):
         spline = GeomConvert.CurveToBSplineCurve_s(curve)
+        turn = spline.Period() if spline.IsPeriodic() else 0.0
         if spline.FirstParameter() != low or spline.LastParameter() != high:
             spline.Segment(low, high)
         if spline.IsPeriodic():
             spline.SetNotPeriodic()
         count = range(1, spline.NbPoles() + 1)
+        flat = flat_knots(spline.NbKnots(), spline.Knot, spline.Multiplicity)
         return Profile(
             np.array([xyz(spline.Pole(i)) for i in count]),
             np.array([spline.Weight(i) for i in count]),
-            flat_knots(spline.NbKnots(), spline.Knot, spline.Multiplicity),
+            back(flat, spline.Degree(), low, turn),
             0,
         )
     raise FormatError(f"its profile is of type {type(curve).__name__.removeprefix('Geom_')}")
@@ -117,6 +119,13 @@ def flat_knots(count: int, knot: Any, multiplicity: Any) -> Reals:
     return np.repeat(
         [knot(i) for i in range(1, count + 1)], [multiplicity(i) for i in range(1, count + 1)]
     )
+
+
+def back(knots: Reals, degree: int, low: float, period: float) -> Reals:
+    """Knots that begin nearest to a parameter: OpenCASCADE cuts out another turn at times."""
+    if period > 0.0:
+        return knots + period * round((low - knots[degree]) / period)
+    return knots
 
 
 def trim_curves(edge: Any, face: Any) -> list[TrimCurve]:
@@ -141,6 +150,12 @@ def trim_curves(edge: Any, face: Any) -> list[TrimCurve]:
         control = xy(shape.Location()) + unit[:, :1] * x + unit[:, 1:] * y
         parts = [slice(2 * i, 2 * i + 3) for i in range(arcs)]
         return [TrimCurve(control[part], weights[part]) for part in parts]
+    if kind == _TYPES.GeomAbs_Hyperbola:
+        return _hyperbola(curve.Hyperbola(), low, high)
+    if kind == _TYPES.GeomAbs_Parabola:
+        middle = 2.0 * xy(curve.Value(0.5 * (low + high)))
+        ends = xy(curve.Value(low)), xy(curve.Value(high))
+        return [TrimCurve(np.array([ends[0], middle - 0.5 * (ends[0] + ends[1]), ends[1]]))]
     if kind in _BY_POLES:
         stored = BRep_Tool.CurveOnSurface_s(edge, face, 0.0, 0.0)
         spline = Geom2dConvert.CurveToBSplineCurve_s(Geom2d.Geom2d_TrimmedCurve(stored, low, high))
@@ -149,6 +164,23 @@ def trim_curves(edge: Any, face: Any) -> list[TrimCurve]:
         parts = Geom2dConvert_BSplineCurveToBezierCurve(spline)
         return [_bezier(parts.Arc(i)) for i in range(1, parts.NbArcs() + 1)]
     raise FormatError(f"a trimming curve is of type {str(kind).rpartition('_')[2]}")
+
+
+def _hyperbola(shape: Any, low: float, high: float) -> list[TrimCurve]:
+    """An arc of a hyperbola: as one of an ellipse, with cosh and sinh instead of cos and sin."""
+    count = max(1, math.ceil(high - low))
+    ends = np.linspace(low, high, count + 1)
+    weight = math.cosh(0.5 * (high - low) / count)
+    x = shape.MajorRadius() * xy(shape.XAxis().Direction())
+    y = shape.MinorRadius() * xy(shape.YAxis().Direction())
+    made = []
+    for begin, end in pairwise(ends):
+        places = np.array([begin, 0.5 * (begin + end), end])
+        reach = np.array([1.0, weight, 1.0])[:, None]
+        cosh, sinh = np.cosh(places)[:, None], np.sinh(places)[:, None]
+        control = xy(shape.Location()) + (cosh * x + sinh * y) / reach
+        made.append(TrimCurve(control, reach[:, 0]))
+    return made
 
 
 def _bezier(curve: Any) -> TrimCurve:

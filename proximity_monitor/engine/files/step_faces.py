@@ -79,8 +79,7 @@ def _read(face: Any, surface: Any, backward: bool) -> Face:
     patch = net(surface, low, high)
     if patch.weights.min() <= 0.0:
         raise FormatError("it has weights that are not above 0")
-    low = np.array([patch.knots_u[0], patch.knots_v[0]])
-    high = np.array([patch.knots_u[-1], patch.knots_v[-1]])
+    low, high = patch.rectangle()
     if backward:
         patch = patch.reversed_u()
         loops = [[each._replace(control=each.control * [-1.0, 1.0]) for each in loop]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP import Geom
 
-from .step_curves import Profile, arc_net, flat_knots, profile, xyz
+from .step_curves import Profile, arc_net, back, flat_knots, profile, xyz
 from .triangles import FormatError
 
 Reals = NDArray[np.float64]
@@ -26,6 +26,15 @@ class Net(NamedTuple):
     knots_v: Reals
     arcs: tuple[int, int]
     """Of how many equal arcs it consists in u and in v (see Trim); 0: u or v is the surface's."""
+
+    def rectangle(self) -> tuple[Reals, Reals]:
+        """Where its parameters (2,) begin and end."""
+        ends = []
+        for axis, knots in enumerate((self.knots_u, self.knots_v)):
+            count = self.control.shape[axis]
+            ends.append((knots[len(knots) - count - 1], knots[count]))
+        low, high = np.array(ends).T
+        return low, high
 
     def reversed_u(self) -> Net:
         """The same patch over -u: its normal points the other way."""
@@ -137,21 +146,26 @@ def _swept(curve: Profile, direction: Reals, low: float, high: float) -> Net:
 def _spline(surface: Any, low: Reals, high: Reals) -> Net:
     spline = surface.Copy()
     if isinstance(spline, Geom.Geom_BezierSurface):
-        degrees, counts = (spline.UDegree(), spline.VDegree()), None
+        degrees = spline.UDegree(), spline.VDegree()
         if (low != 0.0).any() or (high != 1.0).any():
             spline.Segment(low[0], high[0], low[1], high[1])
         knots = [np.repeat([low[i], high[i]], degrees[i] + 1) for i in range(2)]
     else:
-        counts = spline.Bounds()
-        if tuple(counts) != (low[0], high[0], low[1], high[1]):
+        turns = [
+            spline.UPeriod() if spline.IsUPeriodic() else 0.0,
+            spline.VPeriod() if spline.IsVPeriodic() else 0.0,
+        ]
+        if tuple(spline.Bounds()) != (low[0], high[0], low[1], high[1]):
             spline.Segment(low[0], high[0], low[1], high[1])
         if spline.IsUPeriodic():
             spline.SetUNotPeriodic()
         if spline.IsVPeriodic():
             spline.SetVNotPeriodic()
+        flat_u = flat_knots(spline.NbUKnots(), spline.UKnot, spline.UMultiplicity)
+        flat_v = flat_knots(spline.NbVKnots(), spline.VKnot, spline.VMultiplicity)
         knots = [
-            flat_knots(spline.NbUKnots(), spline.UKnot, spline.UMultiplicity),
-            flat_knots(spline.NbVKnots(), spline.VKnot, spline.VMultiplicity),
+            back(flat_u, spline.UDegree(), low[0], turns[0]),
+            back(flat_v, spline.VDegree(), low[1], turns[1]),
         ]
     size_u, size_v = range(1, spline.NbUPoles() + 1), range(1, spline.NbVPoles() + 1)
     control = np.array([[xyz(spline.Pole(i, j)) for j in size_v] for i in size_u])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +31,7 @@ def trimmed_grid(trim: Trim, u: Reals, v: Reals) -> tuple[Reals, NDArray[np.int6
     levels = np.unique(np.concatenate([v, begins[:, 1], ends[:, 1]]))
     levels = levels[(levels >= v[0]) & (levels <= v[-1])]
     points, faces, start = [], [], 0
-    for low, high in zip(levels[:-1], levels[1:], strict=True):
+    for low, high in pairwise(levels):
         for left, right in _between(begins, ends, low, high, u[0], u[-1]):
             inside = np.count_nonzero((u > left.min()) & (u < right.max()))
             share = np.linspace(0.0, 1.0, inside + 2)
