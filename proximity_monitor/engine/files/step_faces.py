@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from OCP.BRep import BRep_Tool
 from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d
-from OCP.BRepTools import BRepTools_WireExplorer
 from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
@@ -25,6 +24,8 @@ Reals = NDArray[np.float64]
 _REVERSED = TopAbs_Orientation.TopAbs_REVERSED
 _FORWARD = TopAbs_Orientation.TopAbs_FORWARD
 _KINDS = TopAbs_ShapeEnum
+_OVERLAP = 1e-6
+"""Loops may run around a closed surface once and so much more."""
 _LOOKS = 8
 """An edge is looked at between so many equal steps."""
 _CLOSED = 2.0
@@ -75,8 +76,9 @@ def _read(face: Any, surface: Any, backward: bool) -> Face:
         loop, gap = _loop(wire, face, surface)
         loops.append(loop)
         tolerance = max(tolerance, gap)
-    low, high = _rectangle(loops, surface)
+    low, high, beyond = _rectangle(loops, surface)
     patch = net(surface, low, high)
+    tolerance += float(beyond @ _speeds(patch))
     if patch.weights.min() <= 0.0:
         raise FormatError("it has weights that are not above 0")
     low, high = patch.rectangle()
@@ -93,12 +95,9 @@ def _read(face: Any, surface: Any, backward: bool) -> Face:
 
 def _loop(wire: Any, face: Any, surface: Any) -> tuple[list[TrimCurve], float]:
     """The curves of a wire in its order, and the largest of its tolerances and gaps."""
-    curves: list[TrimCurve] = []
+    chain: list[list[TrimCurve]] = []
     tolerance = 0.0
-    ends = []
-    explorer = BRepTools_WireExplorer(cast(wire, "Wire"), face)
-    while explorer.More():
-        edge = explorer.Current()
+    for edge in shapes_in(wire, "Edge"):
         found = trim_curves(edge, face)
         if edge.Orientation() == _REVERSED:
             found = turned(found)
@@ -106,18 +105,29 @@ def _loop(wire: Any, face: Any, surface: Any) -> tuple[list[TrimCurve], float]:
         if not BRep_Tool.Degenerated_s(edge):
             own = BRep_Tool.Tolerance_s(edge)
             tolerance = max(tolerance, own, _beside(edge, face, surface, own))
-        curves += found
-        ends.append((found[0].control[0], found[-1].control[-1]))
-        explorer.Next()
-    if len(ends) != sum(1 for _ in shapes_in(wire, "Edge")):
-        raise FormatError("the edges of a loop do not follow each other")
-    gaps = [_apart(surface, ends[i - 1][1], begin) for i, (begin, _) in enumerate(ends)]
+        chain.append(found)
+    chain = _followed(chain)
+    before = [chain[-1], *chain]
+    gaps = [
+        _apart(surface, a[-1].control[-1], b[0].control[0])
+        for a, b in zip(before, chain, strict=False)
+    ]
     if max(gaps) > _CLOSED * tolerance + 1e-12:
         raise FormatError(
             f"a loop is open by {max(gaps):.3g} mm in the surface's parameters, "
             f"which is more than its tolerance of {tolerance:.3g} mm"
         )
-    return curves, max(tolerance, *gaps)
+    return [curve for curves in chain for curve in curves], max(tolerance, *gaps)
+
+
+def _followed(edges: list[list[TrimCurve]]) -> list[list[TrimCurve]]:
+    """The curves of edges, in any order, so that each begins where the one before it ends."""
+    chain, left = [edges[0]], edges[1:]
+    while left:
+        end = chain[-1][-1].control[-1]
+        steps = [float(np.linalg.norm(each[0].control[0] - end)) for each in left]
+        chain.append(left.pop(int(np.argmin(steps))))
+    return chain
 
 
 def _beside(edge: Any, face: Any, surface: Any, tolerance: float) -> float:
@@ -153,8 +163,13 @@ def _apart(surface: Any, a: Reals, b: Reals) -> float:
     return float(np.linalg.norm(xyz(surface.Value(*a)) - xyz(surface.Value(*b))))
 
 
-def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals]:
-    """The smallest rectangle of parameters that surely holds the loops, within the surface's."""
+def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals, Reals]:
+    """The smallest rectangle of parameters that surely holds the loops, within the surface's.
+
+    Returns:
+        Its corners (2,), and by how much loops around a closed surface overlap (2,).
+    """
+    beyond = np.zeros(2)
     umin, umax, vmin, vmax = surface.Bounds()
     low, high = np.array([umin, vmin]), np.array([umax, vmax])
     if loops:
@@ -162,7 +177,8 @@ def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals
         inner = points.min(axis=0), points.max(axis=0)
         for axis, period in enumerate(_periods(surface)):
             if period:
-                if inner[1][axis] - inner[0][axis] > period * (1.0 + 1e-9):
+                beyond[axis] = max(inner[1][axis] - inner[0][axis] - period, 0.0)
+                if beyond[axis] > _OVERLAP * period:
                     raise FormatError("it runs around more than once")
                 low[axis], high[axis] = inner[0][axis], inner[1][axis]
                 if high[axis] - low[axis] > period * (1.0 - 1e-9):
@@ -174,7 +190,7 @@ def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals
         raise FormatError("nothing bounds it")
     if not (high > low).all():
         raise FormatError("its loops enclose nothing")
-    return low, high
+    return low, high, beyond
 
 
 def _periods(surface: Any) -> tuple[float, float]:

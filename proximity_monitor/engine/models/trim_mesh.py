@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from .trim import Trim
 
 Reals = NDArray[np.float64]
+_THIN = 1e-9
+"""Thinner bands, as a share of the patch's v, are not shown."""
 
 
 def trimmed_grid(trim: Trim, u: Reals, v: Reals) -> tuple[Reals, NDArray[np.int64]]:
     """Triangles in the parameters of a patch, as small as the steps of a grid.
 
     The patch is cut into bands of v in which no segment of a loop begins or ends, these between the
-    segments that cross them, and the pieces into as many as the grid has steps there. Segments
+    segments that cross them, and the pieces along the grid's lines of u. Segments
     count as their chords.
 
     Args:
@@ -32,16 +34,20 @@ def trimmed_grid(trim: Trim, u: Reals, v: Reals) -> tuple[Reals, NDArray[np.int6
     levels = levels[(levels >= v[0]) & (levels <= v[-1])]
     points, faces, start = [], [], 0
     for low, high in pairwise(levels):
+        if high - low <= _THIN * (v[-1] - v[0]):
+            continue  # a fan over nothing would be seen as the cap of an arc
         for left, right in _between(begins, ends, low, high, u[0], u[-1]):
-            inside = np.count_nonzero((u > left.min()) & (u < right.max()))
-            share = np.linspace(0.0, 1.0, inside + 2)
-            rows = left[:, None] + share * (right - left)[:, None]
-            count = len(share)
+            # The same lines of u at both ends: lines askew would fold the triangles of a thin band.
+            lines = u[(u > left.min()) & (u < right.max())]
+            lines = np.concatenate([[left.min()], lines, [right.max()]])
+            rows = np.clip(lines, left[:, None], right[:, None])
+            count = len(lines)
             points.append(np.column_stack([rows.ravel(), np.repeat([low, high], count)]))
             a = start + np.arange(count - 1)
             b = a + count
-            faces.append(np.concatenate([np.column_stack([a, a + 1, b + 1]),
-                                         np.column_stack([a, b + 1, b])]))  # fmt: skip
+            widths = np.diff(rows, axis=1) > 0.0  # where a row is cut off, its triangles vanish
+            faces.append(np.column_stack([a, a + 1, b + 1])[widths[0]])
+            faces.append(np.column_stack([a, b + 1, b])[widths[1]])
             start += 2 * count
     if not points:
         return np.empty((0, 2)), np.empty((0, 3), np.int64)
