@@ -67,8 +67,8 @@ COMPILERS = {"numba", "llvmlite"}
 ROS_ROOMS = {"ros", "display"}
 # Rooms that know models by their protocol alone: so a new kind of model changes none of them.
 KIND_FREE = {"scene", "motion", "ros", "display", "__main__"}
-OF_MESHES = {"TriangleMesh"}
-INSIDE_MODELS = {"vertices", "faces", "swept_radius", "core_radius", "_hierarchy"}
+OF_KINDS = {"TriangleMesh", "Patch", "Curve", "ParametricSurface"}
+INSIDE_MODELS = {"vertices", "faces", "nets", "swept_radius", "core_radius", "_hierarchy"}
 ROS_PACKAGES = {
     "rclpy",
     "builtin_interfaces",
@@ -142,12 +142,12 @@ def names_of_kinds(tree: ast.Module) -> Iterator[tuple[int, str]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute):
             read = isinstance(node.ctx, ast.Load) and node.attr in INSIDE_MODELS
-            if read or node.attr in OF_MESHES:
+            if read or node.attr in OF_KINDS:
                 yield node.lineno, node.attr
-        elif isinstance(node, ast.Name) and node.id in OF_MESHES:
+        elif isinstance(node, ast.Name) and node.id in OF_KINDS:
             yield node.lineno, node.id
         elif isinstance(node, ast.ImportFrom):
-            yield from ((node.lineno, a.name) for a in node.names if a.name in OF_MESHES)
+            yield from ((node.lineno, a.name) for a in node.names if a.name in OF_KINDS)
 
 
 def violations(root: Path) -> list[str]:

@@ -38,7 +38,8 @@ def kernels(watching: bool) -> Iterator[Kernel]:
         yield ball.search_ball, (tables, table, True, 0)
         signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
         insides = Insides(np.empty(0, np.int8), table, lanes, tables)
-        settled = insides, poses, integers, reals, signs, 0, 0, 1, integers, rows
+        progress, scratch = np.empty((2, 2), np.int64), np.empty((2, 2, 0), np.int32)
+        settled = insides, poses, integers, reals, signs, 0, 0, 1, 0, progress, scratch, rows
         yield settle_signs, settled
         yield solids.part_volumes, (frozen_rows, real, lanes, lanes)
     yield fit_tree.fit_tree, (rows, integers, lanes, real, None)

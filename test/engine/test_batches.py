@@ -186,6 +186,26 @@ def test_asking_about_signs_comes_to_an_end_with_any_budget(threads):
     assert asked > 20, "searches were cut"
 
 
+def test_a_depth_that_is_due_when_time_is_over_begins_the_next_call(monkeypatch):
+    """To begin its search takes longer than a short budget."""
+    bodies, calls = engine.Assembly([sphere(4, 1.0), sphere(4, 0.95)]), []
+    for kind, name in ((engine.Assembly, "rows"), (long_searches.LongSearches, "search")):
+        original = getattr(kind, name)
+        monkeypatch.setattr(
+            kind,
+            name,
+            lambda *given, original=original, name=name: calls[-1].append(name) or original(*given),
+        )
+    poses = np.stack((np.eye(4), translation(1.0)))
+    for _ in range(12):
+        calls.append([])
+        found = bodies.distances(poses, [[0, 1]], signed=True, budget_s=0.0)
+    assert all(len(each) == 1 for each in calls)
+    assert calls[0] == ["rows"]
+    assert ["search"] in calls
+    assert found.lower[0] < found.upper[0]
+
+
 def test_a_cut_depth_goes_on_only_with_the_same_question():
     models = [sphere(4, 1.0), sphere(4, 0.95)]
     poses = np.tile(np.eye(4), (2, 1, 1))

@@ -170,3 +170,12 @@ def test_a_slice_that_was_over_at_once_makes_no_long_one(instant, monkeypatch):
     clock.work(work.steps)
     assert work.steps <= 2 * before
     assert clock.now < 1e-3, "the next slice overruns, though its steps take as long as all others"
+
+
+def test_a_share_of_a_budget_is_kept_for_the_end_of_a_call():
+    """A hundredth, and no more than 50 µs: a budget of nothing has ended at once."""
+    assert slices.deadline_of(1.0, None) is None
+    assert slices.deadline_of(1.0, 0.0) == 1.0
+    assert slices.deadline_of(1.0, math.inf) == math.inf
+    assert slices.deadline_of(1.0, 1e-3) == pytest.approx(1.0 + 0.99e-3, abs=1e-12)
+    assert slices.deadline_of(1.0, 1.0) == pytest.approx(2.0 - 5e-5, abs=1e-12)

@@ -10,6 +10,7 @@ import trimesh
 from engine_bodies import box, from_trimesh, pose, sphere, torus
 
 from proximity_monitor import engine
+from proximity_monitor.engine.assembly import assembly
 from proximity_monitor.engine.kernels.base import state as index
 
 OUT_OF_TIME = tuple(engine.Status).index(engine.Status.OUT_OF_TIME)
@@ -45,8 +46,7 @@ def rows(poses, clearance=np.inf, budget_s=None, threads=1):
     wanted = np.tile([0.0, 0.0, clearance], (count, 1))
     hints = np.full((count, 2), -1, np.int32)
     signed = np.ones(count, np.bool_)
-    assembly = engine.Assembly(MODELS)
-    return assembly.rows(poses, PAIRS, wanted, hints, signed, budget_s, threads)
+    return engine.Assembly(MODELS).rows(poses, PAIRS, wanted, hints, signed, budget_s, threads)
 
 
 def test_a_sign_is_open_where_the_models_may_overlap_alone():
@@ -86,6 +86,30 @@ def test_what_is_cut_has_no_sign():
         assert np.isnan(row[index.STATUS]) or row[index.LOWER] == -np.inf or row[index.LOWER] > 0.0
 
 
+@pytest.mark.parametrize("steps", [0, 1])
+def test_signs_are_settled_step_by_step(steps, monkeypatch):
+    """And where there is no step left, what a part of a model may be inside is open."""
+    poses = np.array([pose(np.random.default_rng(7), 1.0) for _ in MODELS])
+    whole, settle, cut = rows(poses), assembly.settle_signs, []
+
+    def settle_some(*given):
+        *before, _, progress, scratch, answers = given
+        reached = settle(*before, steps, progress, scratch, answers)
+        cut.append(reached < given[6])
+        return reached
+
+    monkeypatch.setattr(assembly, "settle_signs", settle_some)
+    found = rows(poses)
+    if steps:
+        assert sum(cut) > 100, "of one point after the other"
+        np.testing.assert_array_equal(found, whole)
+    else:
+        left = found[:, index.LOWER] != whole[:, index.LOWER]
+        assert left.any()
+        assert (found[left, index.LOWER] == -np.inf).all()
+        assert (found[left, index.STATUS] == OUT_OF_TIME).all()
+
+
 def test_walls_that_solids_share_count_from_both_sides():
     """And so does a sheet that is drawn from both: in a search, one of the two is left out."""
     cube = trimesh.creation.box((1.0, 1.0, 1.0))
@@ -99,7 +123,7 @@ def test_walls_that_solids_share_count_from_both_sides():
     block = engine.TriangleMesh(vertices, faces)
     assert block.is_solid and len(block._hierarchy.coincident.twins) == 2 * 2 + 1
     probe = engine.points([[0.0, 0.0, 0.0]])
-    assembly = engine.Assembly([block, probe])
+    bodies = engine.Assembly([block, probe])
     rng = np.random.default_rng(4)
     poses, wanted = np.stack((np.eye(4), np.eye(4))), np.array([[0.0, 0.0, np.inf]])
     hints, pairs = np.full((1, 2), -1, np.int32), np.array([[0, 1]], np.int32)
@@ -108,7 +132,7 @@ def test_walls_that_solids_share_count_from_both_sides():
         poses[1, :3, 3] = place = rng.uniform((-1.0, -0.7, -0.7), (3.0, 0.7, 0.7))
         within = bool((np.abs(place - (1.0, 0.0, 0.0)) < (1.5, 0.5, 0.5)).all())
         inside += within
-        found = assembly.rows(poses, pairs, wanted, hints, np.ones(1, np.bool_), None, 1)
+        found = bodies.rows(poses, pairs, wanted, hints, np.ones(1, np.bool_), None, 1)
         assert (found[0, index.LOWER] > 0.0) is not within
         signed = engine.signed_distance(block, poses[0], probe, poses[1])
         assert (signed.upper < 0.0) is within and (signed.lower > 0.0) is not within

@@ -98,3 +98,26 @@ def test_shapes_that_differ_in_anything_but_the_name_have_different_digests():
     moved = shapes.sphere(0.5)
     moved.deform([[0.0, 0.0, 1.0]])
     assert moved.digest() == models[3].digest()
+
+
+def test_patches_make_one_surface_and_none_with_meshes():
+    corners = np.array([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0.0]]])
+    patch = engine.Patch(corners, name="lid", deviation=0.1)
+    pose = np.eye(4)
+    pose[:3, 3] = 5.0
+    parts = [shapes.Part(patch, HERE), shapes.Part(patch, pose, (-2.0, 1.0, 1.0))]
+    made = shapes.compound(parts, name="lids", deviation=0.2)
+    assert (made.name, made.describe(str)) == (
+        "lids",
+        "2 patches of degree 1 x 1, 8 control points",
+    )
+    assert made.deviation == pytest.approx(0.4)
+    first, second = np.split(made.control_points, 2)
+    assert np.array_equal(first, corners.reshape(-1, 3))
+    np.testing.assert_array_equal(second.min(axis=0), (3.0, 5.0, 5.0))
+    np.testing.assert_array_equal(second.max(axis=0), (5.0, 6.0, 5.0))
+    assert (made.display_mesh(0.0).normals == (0.0, 0.0, 1.0)).all()
+    with pytest.raises(engine.ModelError, match="compound: lid: a parametric surface, which makes"):
+        shapes.compound([shapes.Part(shapes.box((1, 1, 1)), HERE), parts[0]])
+    with pytest.raises(engine.ModelError, match="volume and solid='robust' are for meshes"):
+        shapes.compound(parts, volume="obb")

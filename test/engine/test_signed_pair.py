@@ -308,7 +308,7 @@ def test_the_surfaces_are_not_compared_again_while_the_depth_is_searched():
     pair._signed._apart = lambda *given, **how: asked.append(how) or compare(*given, **how)
     answers = finished(pair, IDENTITY, there, budget_s=0.0, depth_err=1e-4)
     in_depth = sum(each.upper < 0.0 for each in answers)
-    assert in_depth > 3
+    assert in_depth > 2
     assert len(asked) <= len(answers) - in_depth
 
 
@@ -321,3 +321,19 @@ def test_overlap_is_certain_before_any_space_is_searched(name):
     surfaces = engine.distance(a, IDENTITY, b, there)
     assert found.bound_tests - surfaces.bound_tests <= 12, "one for each point beside the contact"
     assert not pair._signed._depth._ball.at[0]["begun"]
+
+
+def test_a_ball_at_the_rim_of_the_overlap_misleads_no_search():
+    """Bodies that slid along each other: the last ball's centre is in both, but far from the best.
+
+    A search that began there took twice as many points as one that knew nothing.
+    """
+    fine, there = sphere(6), pose(np.random.default_rng(1))
+    pair = engine.Pair(fine, fine)
+    for angle in 0.06 * np.arange(5):
+        way = np.array([math.cos(angle), math.sin(angle), 0.1])
+        there[:3, 3] = 1.99 / np.linalg.norm(way) * way
+        again = pair.signed_distance(IDENTITY, there)
+        anew = engine.signed_distance(fine, IDENTITY, fine, there)
+        assert again.primitive_tests <= anew.primitive_tests + 10, angle
+        agree(again, anew)

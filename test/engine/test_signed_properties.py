@@ -117,7 +117,7 @@ def test_a_largest_ball_is_found_without_looking_everywhere():
         found = engine.signed_distance(a, IDENTITY, a, translation(1.9, 0.2, 0.1))
         assert found.upper < 0.0
         tests.append(found.primitive_tests)
-    assert tests[1] < 4 * tests[0] < 2000
+    assert max(tests) < 100
 
 
 def test_boxes_that_share_an_edge_are_a_solid():

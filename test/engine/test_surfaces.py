@@ -20,6 +20,7 @@ from engine_surfaces import (
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, ModelError, ParametricSurface, Patch
+from proximity_monitor.engine.kernels.base.tables import surface_table
 from proximity_monitor.engine.models.surface_tree import check_surface_tree
 
 NAN = float("nan")
@@ -205,6 +206,14 @@ def test_damage_is_found(field, place, factor, message):
         check_surface_tree(damaged(field, place, factor, many(40)))
 
 
+def test_tables_of_all_kinds_have_one_width_and_refuse_other_arrays():
+    core = many(2)._hierarchy
+    mesh = engine.points([[0.0, 0.0, 0.0]])._hierarchy
+    assert core.table.shape == mesh.table.shape
+    with pytest.raises(TypeError, match=r"sizes: float64 .*, expected float32"):
+        surface_table(core.tree._replace(sizes=core.tree.sizes.astype(float)), core.numbers)
+
+
 def test_a_piece_in_no_leaf_is_found():
     tree = many(40)._hierarchy.tree
     children = tree.children.copy()
@@ -279,8 +288,8 @@ def test_a_surface_describes_itself():
     assert {one.kind, line.kind, several.kind} == {"surface"}
     assert (one.has_area, line.has_area, mixed().has_area) == (True, False, True)
     assert not one.is_solid
-    assert one.not_solid.startswith("it is a surface")
-    assert line.not_solid == "it consists of curves alone"
+    assert one.not_solid == "it is to be taken for a surface (solid=False)"
+    assert line.not_solid == one.not_solid
     assert (one.degrees, line.degree) == ((3, 4), 4)
     assert one.domain == ((0.0, 1.0), (0.0, 1.0))
     assert line.domain == (0.0, 1.0)
@@ -372,6 +381,7 @@ def test_a_curve_is_shown_as_a_polyline():
     line = curve(3, knots=torn)
     shown = line.display_mesh(1e-3)
     assert (shown.faces[:, 1] == shown.faces[:, 2]).all()
+    assert shown.normals is None
     mesh = engine.TriangleMesh(shown.vertices, shown.faces)
     t = np.linspace(*line.domain, 500)
     found = engine.closest_points(mesh, np.eye(4), line.evaluate(t))

@@ -23,8 +23,9 @@ from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
-from ..questions.slices import slices_until
-from .long_searches import LongSearches, Single
+from ..questions.slices import deadline_of, slices_until
+from .long_searches import BEGIN_S, LongSearches, Single
+from .queries import no_answers, queries_of
 
 
 class Assembly:
@@ -115,7 +116,7 @@ class Assembly:
                 motion, a tolerance, clearance or budget that is negative or NaN.
         """
         start = perf_counter()
-        deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
+        deadline = deadline_of(start, budget_s)
         depth_err = check_tolerance("depth_err", depth_err)
         threads = as_count(threads, "threads")
         poses = as_poses(poses, "poses")
@@ -160,7 +161,7 @@ class Assembly:
         answers = no_answers(signed)
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
-        queries = _queries(pairs, wanted, hints)
+        queries = queries_of(pairs, wanted, hints)
         searches = self._allot(threads, poses, pairs, wanted)
         settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
@@ -195,14 +196,29 @@ class Assembly:
         def question(k: int) -> Hashable:
             return self._question(poses, pairs[k], wanted[k]), depth_err
 
-        def single(i: int) -> Single:
-            k = chosen[i]
+        def unmoved(asked: Any) -> bool:
+            pair, where = asked[0][:2]
+            return poses[np.frombuffer(pair, np.int32)].tobytes() == where
+
+        def single(k: int) -> Single:
             models = tuple(self.models[body] for body in pairs[k].tolist())
             return Single(question(k), models, poses[pairs[k]], wanted[k], True)
 
-        begun = self._depths.resumed(question, len(pairs))
+        def depths(chosen: Sequence[int] | NDArray[np.int64]) -> None:
+            found = self._depths.search(
+                lambda i: single(chosen[i]), len(chosen), depth_err, end, threads
+            )
+            reached = np.flatnonzero(~np.isnan(found[:, index.STATUS]))
+            answers[np.asarray(chosen)[reached]] = found[reached]
+
+        answers, end = no_answers(signed), math.inf if deadline is None else deadline
+        begun = self._depths.resumed(question, len(pairs), unmoved)
+        if 0 in begun:
+            depths([0])
+            if perf_counter() >= end:
+                return answers
         if begun:
-            answers, rest = no_answers(signed), np.ones(len(pairs), np.bool_)
+            rest = np.ones(len(pairs), np.bool_)
             rest[begun] = False
             answers[rest] = self.rows(
                 poses, pairs[rest], wanted[rest], None if hints is None else hints[rest],
@@ -210,21 +226,20 @@ class Assembly:
             )  # fmt: skip
         else:
             answers = self.rows(poses, pairs, wanted, hints, signed, deadline, threads)
-        deadline = math.inf if deadline is None else deadline
-        # When time is over, something is done about the first pair, so that all come to an end.
-        first = answers if perf_counter() < deadline else answers[:1]
+        in_time = perf_counter() + BEGIN_S < end
+        first = answers if in_time else answers[:1]
         upper, clearance = first[:, index.UPPER], wanted[: len(first), 2]
         open_ = (first[:, index.LOWER] == -np.inf) & ~np.isnan(first[:, index.STATUS])
         open_ &= (upper > clearance) | (clearance == np.inf)
+        open_[[k for k in begun if k < len(first)]] = True
         if self._cut:  # there the search of the surfaces must end first
             open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
-        if begun:
-            open_[[k for k in begun if k < len(first)]] = True
+        open_[:1] &= 0 not in begun
         chosen = np.flatnonzero(open_)
-        if len(chosen):
-            found = self._depths.search(single, len(chosen), depth_err, deadline, threads)
-            reached = ~np.isnan(found[:, index.STATUS])
-            answers[chosen[reached]] = found[reached]
+        if in_time and len(chosen):
+            depths(chosen)
+        elif len(chosen):  # the next call begins with it, so that all come to an end
+            self._depths.resume(question(0))
         return answers
 
     def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
@@ -327,7 +342,7 @@ class Assembly:
         deadline: float | None,
         stopped: Event | None,
         answers: NDArray[np.float64],
-        settle: Callable[[int, int], None],
+        settle: Callable[[int, int, int], int],
     ) -> tuple[int, int]:
         """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
         stacked, asked, flat = poses.reshape(-1, 4), table((queries,)), answers.ravel()
@@ -335,17 +350,22 @@ class Assembly:
         code, at = index.ENDED, 0
         for entry, at, last in runs:
             while True:
-                before = at
+                done = at
                 code, at = entry(
                     self._tables, search.memory, stacked, stacked, asked, at, last, every,
                     slices.steps, fresh, flat,
                 )  # fmt: skip
-                settle(before, at + (code == index.CUT))
                 fresh = code != index.CUT
                 if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                     body = int(queries["poses"][at, code - index.BAD_POSE_A])
                     check_pose(poses[body], self._pose_name(body))
-                if (stopped is not None and stopped.is_set()) or slices.over():
+                found = at + (code == index.CUT)
+                done = settle(done, found, slices.steps)
+                over = slices.over()
+                while done < found:
+                    done = settle(done, found, 0 if over else slices.steps)
+                    over = over or slices.over(alike=False)
+                if over or (stopped is not None and stopped.is_set()):
                     return code, at
                 if code == index.ENDED:
                     break
@@ -359,41 +379,22 @@ class Assembly:
         signed: NDArray[np.bool_],
         answers: NDArray[np.float64],
         every: int,
-    ) -> Callable[[int, int], None]:
-        """What makes every so many answers, from one to before another, signed ones."""
+    ) -> Callable[[int, int, int], int]:
+        """What makes every so many answers, from one to before another, signed ones.
+
+        It takes so many steps, and returns to where it came: see `settle_signs`.
+        """
         if not signed.any():
-            return lambda first, last: None
+            return lambda first, last, steps: last
         insides, clearances = self._enclosed(), np.ascontiguousarray(wanted[:, 2])
         room = 1 + 15 * self._deepest._hierarchy.depth
+        progress = np.zeros((every, 2, 2), np.int64)  # for each thread
+        scratch = np.empty((every, 2, 2, room), np.int32)
 
-        def settle(first: int, last: int) -> None:
-            scratch = np.empty((room, 2), np.int32)
-            settle_signs(
-                insides, poses, pairs, clearances, signed, first, last, every, scratch, answers
-            )
+        def settle(first: int, last: int, steps: int) -> int:
+            return settle_signs(
+                insides, poses, pairs, clearances, signed, first, last, every, steps,
+                progress[first % every], scratch[first % every], answers,
+            )  # fmt: skip
 
         return settle
-
-
-def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
-    rows = np.full((len(signed), index.ANSWER), np.nan)
-    rows[:, index.LOWER], rows[:, index.UPPER] = 0.0, np.inf
-    rows[signed, index.LOWER] = -np.inf
-    return rows
-
-
-def _queries(
-    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32] | None
-) -> NDArray:
-    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
-    made = np.zeros(len(pairs), index.QUERY)
-    made["bodies"] = made["poses"] = pairs
-    made["nearest"] = index.UNKNOWN
-    if hints is not None:
-        known = (hints >= 0).all(axis=1)
-        made["nearest"][known] = hints[known]
-    made["rel_err"], made["abs_err"], clearances = wanted.T
-    made["stop"] = np.where(clearances < np.inf, clearances, 0.0)
-    made["limit"] = np.nextafter(clearances, np.inf)
-    return made

@@ -15,7 +15,9 @@ from ..poses import as_poses
 from ..questions.result import Distances
 from ..questions.run import Order, Search, check_model
 from ..questions.sharing import share
-from .assembly import Assembly, no_answers
+from ..questions.slices import deadline_of
+from .assembly import Assembly
+from .queries import no_answers
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
@@ -70,7 +72,7 @@ def distances(
     rel_err = check_tolerance("rel_err", rel_err)
     abs_err = check_tolerance("abs_err", abs_err)
     clearance = math.inf if clearance is None else check_tolerance("clearance", clearance)
-    deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
+    deadline = deadline_of(start, budget_s)
     threads = as_count(threads, "threads")
     many_a, many_b = as_poses(poses_a, "poses_a"), as_poses(poses_b, "poses_b")
     count = len(many_a)

@@ -16,6 +16,7 @@ from ..kernels.base import state as index
 from ..models.model import Model
 from ..questions.pair import Pair
 from ..questions.sharing import share
+from ..questions.slices import deadline_of
 
 if TYPE_CHECKING:
     from .assembly import Assembly
@@ -33,6 +34,9 @@ whenever a kernel returns. Then what the search finds depends on no clock, but f
 
 _DECIDING_S = 0.2e-3
 """The same where it is looked at, besides, whether a signed distance decides a clearance."""
+
+BEGIN_S = 1e-4
+"""Seconds that it takes to begin a search: with less left, it waits for another call."""
 
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
@@ -62,10 +66,16 @@ class LongSearches:
 
     def __init__(self, coherent: bool) -> None:
         self._coherent = coherent
-        self._kept: OrderedDict[Hashable, Pair] = OrderedDict()
+        self._kept: OrderedDict[Hashable, Pair | None] = OrderedDict()
 
-    def resumed(self, keys: Callable[[int], Hashable], count: int) -> list[int]:
-        """The questions of which a search is kept; those that no question resumes are forgotten."""
+    def resumed(
+        self, keys: Callable[[int], Hashable], count: int, possible: Callable[[Hashable], bool]
+    ) -> list[int]:
+        """The questions of which a search is kept; those that no question resumes are forgotten.
+
+        It is first asked of each whether that is `possible`: to make all keys takes far longer.
+        """
+        self._kept = OrderedDict((key, each) for key, each in self._kept.items() if possible(key))
         found: dict[Hashable, int] = {}
         for k in range(count):
             if len(found) == len(self._kept):
@@ -74,6 +84,10 @@ class LongSearches:
                 found.setdefault(key, k)
         self._kept = OrderedDict((key, self._kept[key]) for key in found)
         return list(found.values())
+
+    def resume(self, key: Hashable) -> None:
+        """Let the search about a key count as one that is kept, though it has not begun."""
+        self._kept[key] = None
 
     def search(
         self,
@@ -106,7 +120,7 @@ class LongSearches:
         def answer(first: int, stopped: Event) -> None:
             fresh = None
             for k in range(first, min(first + step, count)):
-                if stopped.is_set() or (k and perf_counter() >= deadline):
+                if stopped.is_set() or (k and perf_counter() + BEGIN_S >= deadline):
                     return
                 each = asked(k)
                 pair = kept.pop(each.key, None)
@@ -141,8 +155,9 @@ def _search(
     if deciding and asked.signed:
         longest = _DECIDING_S
     while True:
-        left = min(max(deadline - perf_counter(), 0.0), longest)
-        budget_s = None if left == math.inf else left
+        now = perf_counter()
+        left = max(deadline - now, 0.0)
+        budget_s = None if min(left, longest) == math.inf else min(left, longest)
         if asked.signed:
             row = pair.signed_distance(
                 *asked.poses, rel_err=rel_err, abs_err=abs_err, depth_err=tolerated,
@@ -160,7 +175,7 @@ def _search(
             if not asked.signed or tolerated == depth_err:
                 return row, True
             tolerated = depth_err  # only a larger ball is more than models deviate by
-        if stopped.is_set() or perf_counter() >= deadline:
+        if stopped.is_set() or perf_counter() >= deadline_of(now, left):
             return row, False
 
 

@@ -7,6 +7,7 @@ surfaces are refused: what a trim cuts off would still be there.
 from __future__ import annotations
 
 import json
+import math
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,7 +73,7 @@ def _shape(item: dict[str, Any], ends: tuple[str, ...], name: str, how: Reading)
     sizes = [len(points)]
     if len(ends) == 2:
         sizes = [_need(item, f"size{end}", int, at) for end in ends]
-    if min(sizes) < 1 or np.prod(sizes) != len(points):
+    if min(sizes) < 1 or math.prod(sizes) != len(points):
         wanted = " times ".join(map(str, sizes))
         raise FormatError(f"{inside}points: {len(points)}, but size_u and size_v say {wanted}")
     for end, vector, size in zip(ends, knots, sizes, strict=True):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.base.rounding import DOUBLE_EPS, KNOT_INSERTION
 
 
 class Spans(NamedTuple):
@@ -30,9 +30,8 @@ class Spans(NamedTuple):
     """(s,) the parameter at its begin; ascending."""
     high: NDArray[np.float64]
     """(s,) the parameter at its end."""
-    roundings: int
-    """Units of DOUBLE_EPS by which rounding may change a combination, as a share of the sum of its
-    terms' absolute values; 0 where Bezier points are the control points."""
+    exact: bool
+    """Whether the Bezier points are the control points themselves."""
 
     @property
     def degree(self) -> int:
@@ -41,7 +40,7 @@ class Spans(NamedTuple):
 
 
 NO_DIRECTION = Spans(
-    np.zeros(1, np.int64), np.ones((1, 1, 1)), np.zeros(1), np.zeros(1), 0
+    np.zeros(1, np.int64), np.ones((1, 1, 1)), np.zeros(1), np.zeros(1), True
 )  # fmt: skip
 """The one span of a curve in v."""
 
@@ -54,7 +53,7 @@ def spans(knots: NDArray[np.float64], degree: int, parts: int = 1) -> Spans:
     return _spans(knots.tobytes(), degree, parts)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def _spans(data: bytes, degree: int, parts: int) -> Spans:
     t = np.frombuffer(data)
     k = np.arange(degree, len(t) - degree - 1)
@@ -78,10 +77,7 @@ def _spans(data: bytes, degree: int, parts: int) -> Spans:
         above, below = (x - left) / (right - left), (right - x) / (right - left)
         c = below[..., None] * c[:, :, :-1] + above[..., None] * c[:, :, 1:]
     c = c[:, :, 0]
-    # Each difference of knots errs by u of itself, their quotient by 3 u, its product by u, and the
-    # sum by u: 5 u a level. Then there are degree + 1 products and as many sums.
-    bezier = (c == np.eye(degree + 1)).all()
-    made = Spans(k - degree, c, low, high, 0 if bezier else 6 * degree + 1)
+    made = Spans(k - degree, c, low, high, bool((c == np.eye(degree + 1)).all()))
     for array in made[:4]:
         array.setflags(write=False)
     return made
@@ -91,6 +87,7 @@ def cut(net: NDArray[np.float64], along_u: Spans, along_v: Spans) -> NDArray[np.
     """The control points of all Bezier pieces of a net (n_u, n_v, c).
 
     Pieces that are joined have the very same points there: both add the same terms in one order.
+    For what rounding does see KNOT_INSERTION.
 
     Returns:
         (s_u, s_v, degree_u + 1, degree_v + 1, c).
@@ -103,7 +100,7 @@ def cut(net: NDArray[np.float64], along_u: Spans, along_v: Spans) -> NDArray[np.
 
 def _combined(points: NDArray[np.float64], along: Spans) -> NDArray[np.float64]:
     """The combinations (s, degree + 1, ...) of points (n, ...)."""
-    if along.roundings == 0:
+    if along.exact:
         index = along.first[:, None] + np.arange(along.degree + 1)
         return points[index]
     shape = (*along.coefficients.shape[:2], *(1,) * (points.ndim - 1))
@@ -117,16 +114,12 @@ def _combined(points: NDArray[np.float64], along: Spans) -> NDArray[np.float64]:
 def conversion_error(along_u: Spans, along_v: Spans, rational: bool, largest: float) -> float:
     """Metres by which rounding may move a point of the surface when it is cut into pieces.
 
-    Both directions together change the sum of terms with coefficients c by e = e_u + e_v of the sum
-    of their absolute values. These are c w x, no larger than P c w where P is the largest norm of a
-    control point: so the sum errs by e P, and by u P more as w x itself was rounded. Of the
-    quotient by the weights, which are positive, e P more remains. Terms in u² are left out, for
-    which twice as much is allowed.
+    `largest` is the largest norm of a control point; see KNOT_INSERTION.
     """
-    units = along_u.roundings + along_v.roundings
+    share = KNOT_INSERTION * sum(each.degree for each in (along_u, along_v) if not each.exact)
     if rational:
-        units = 2 * units + 1
-    return 2.0 * units * DOUBLE_EPS * largest
+        share = 2.0 * share + 2.0 * DOUBLE_EPS
+    return share * largest
 
 
 def basis(along: Spans, parameters: NDArray[np.float64], order: int) -> tuple[NDArray, NDArray]:

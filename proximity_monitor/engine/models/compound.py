@@ -13,6 +13,8 @@ from .checks import ModelError
 from .facets import RESERVE, Facets, How, icosphere
 from .mesh import TriangleMesh
 from .model import Model
+from .nurbs import Net
+from .surface import ParametricSurface, Surface
 from .tessellate import tessellated
 
 _SUBDIVISIONS = 3
@@ -32,13 +34,23 @@ class Part(NamedTuple):
 def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How]) -> Model:
     """Several models as one.
 
-    Parts that enclose a solid do so whatever the others are; but where ``solid="robust"``, the
-    inside is that of all parts together. Where balls sweep only some parts, or are unlike, these
-    parts become meshes, with a deviation.
+    Patches and curves stay what they are, but only among themselves; where they are mirrored, u and
+    v are swapped, so that normals still point outward. Parts that enclose a solid do so whatever
+    the others are; but where ``solid="robust"``, the inside is that of all parts together. Where
+    balls sweep only some parts, or are unlike, these parts become meshes, with a deviation.
 
     Raises:
-        ModelError: a part that a ball sweeps is scaled by unlike factors.
+        ModelError: a part that a ball sweeps is scaled by unlike factors; parametric surfaces
+            beside meshes, or with what meshes alone may be given.
     """
+    surfaces = [part.model for part in parts if isinstance(part.model, Surface)]
+    if surfaces and len(surfaces) < len(parts):
+        raise ModelError(
+            f"{name}: {surfaces[0].name}: a parametric surface, which makes no one model with "
+            "meshes; watch it as a body of its own"
+        )
+    if surfaces:
+        return _surface(parts, name, how)
     placed = [_placed(part, name) for part in parts]
     if len({each.radius for each in placed}) > 1:
         placed = [_unswept(each) for each in placed]
@@ -58,6 +70,24 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
         placed[0].radius,
         max(each.deviation for each in placed),
     ).model(name, how)
+
+
+def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
+    """Patches and curves in the frame of their compound."""
+    if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
+        raise ModelError(f"{name}: volume and solid='robust' are for meshes, not for surfaces")
+    nets: list[Net] = []
+    for model, pose, scale in parts:
+        placed = [
+            net.moved(net.points * scale @ pose[:3, :3].T + pose[:3, 3]) for net in model.nets
+        ]
+        # Mirrored, which turns the outside in.
+        nets += [net.swapped() for net in placed] if math.prod(scale) < 0.0 else placed
+    own = max(model.deviation * float(np.abs(scale).max()) for model, _, scale in parts)
+    deviation = own + how.get("deviation", 0.0)
+    return ParametricSurface.of(
+        nets, name=name, deviation=deviation, solid=how.get("solid") is True
+    )  # fmt: skip
 
 
 def _both_ways(faces: NDArray[np.int32]) -> NDArray[np.int32]:

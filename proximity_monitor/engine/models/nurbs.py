@@ -65,6 +65,14 @@ class Net:
         """The same net with other control points (n, 3)."""
         return replace(self, control=frozen(points.reshape(self.control.shape)))
 
+    def swapped(self) -> Self:
+        """The same patch with u for v, whose normals point to the other side; a curve as it is."""
+        if self.is_curve:
+            return self
+        weights = None if self.weights is None else frozen(self.weights.T.copy())
+        control = frozen(self.control.transpose(1, 0, 2).copy())
+        return Net(control, weights, self.knots_v, self.knots_u, False)
+
     def homogeneous(self) -> NDArray[np.float64]:
         """The control net (n_u, n_v, 4) in homogeneous coordinates, x w, y w, z w and w."""
         made = np.empty((*self.control.shape[:2], 4))

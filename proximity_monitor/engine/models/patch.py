@@ -110,7 +110,9 @@ class Patch(Surface):
         Raises:
             ValueError: parameters that are no numbers, or outside of `domain`.
         """
-        return self._derivatives(self.nets[0], u, v, order)
+        u, v = self._parameters(u, v)
+        made = self.nets[0].derivatives(u.ravel(), v.ravel(), order)
+        return made.reshape(*u.shape, *made.shape[1:])
 
     def normal(self, u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
         """The unit normals (..., 3) at parameters, along the u derivative times that of v.
@@ -121,9 +123,8 @@ class Patch(Surface):
         Raises:
             ValueError: parameters that are no numbers, or outside of `domain`.
         """
-        first = self.derivatives(u, v, 1)
-        u, v = np.broadcast_arrays(np.asarray(u, np.float64), np.asarray(v, np.float64))
-        return unit_normals(self.nets[0], u.ravel(), v.ravel()).reshape((*first.shape[:-3], 3))
+        u, v = self._parameters(u, v)
+        return unit_normals(self.nets[0], u.ravel(), v.ravel()).reshape(*u.shape, 3)
 
 
 class Curve(Surface):
@@ -194,4 +195,6 @@ class Curve(Surface):
         Raises:
             ValueError: parameters that are no numbers, or outside of `domain`.
         """
-        return self._derivatives(self.nets[0], t, 0.0, order)[..., 0, :]
+        (t,) = self._parameters(t)
+        made = self.nets[0].derivatives(t.ravel(), np.zeros(t.size), order)[:, :, 0]
+        return made.reshape(*t.shape, *made.shape[1:])

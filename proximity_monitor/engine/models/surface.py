@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import as_reals
 from ..kernels.base.cache import KERNELS
 from .checks import ModelError, checked_length, checked_vertices
+from .closed import find_opening
 from .mesh import largest_norm
 from .model import DisplayMesh, Feature, Model
 from .nurbs import Net
@@ -26,7 +27,7 @@ class Surface(Model):
     Their bounding volume hierarchy is made when it is first needed.
     """
 
-    __slots__ = ("_deviation", "_made", "name", "nets")
+    __slots__ = ("_deviation", "_made", "_solid", "name", "nets")
 
     nets: tuple[Net, ...]
     """Control points, weights and knots of its patches and curves. `deform` puts others in their
@@ -34,16 +35,37 @@ class Surface(Model):
 
     kind = "surface"
 
-    def __init__(self, nets: Sequence[Net], name: str, deviation: float) -> None:
+    def __init__(
+        self, nets: Sequence[Net], name: str, deviation: float, solid: bool = False
+    ) -> None:
         self.name = name
-        self.nets = tuple(nets)
         self._deviation = checked_length(deviation, name, "deviation")
+        self._solid = solid
+        self.nets = self._checked(nets)
         self._made: SurfaceHierarchy | None = None
+
+    def _checked(self, nets: Sequence[Net]) -> tuple[Net, ...]:
+        """The nets, unless they do not close up though they must."""
+        if not self._solid:
+            return tuple(nets)
+        curves = all(net.is_curve for net in nets)
+        if (
+            reason := "it consists of curves alone"
+            if curves
+            else find_opening(nets, self.deviation)
+        ):
+            raise ModelError(
+                f"{self.name}: no solid: {reason}; close it, give it a deviation as large as its "
+                "gaps, or solid=False, which takes it for a surface"
+            )
+        return tuple(nets)
 
     @property
     def _hierarchy(self) -> SurfaceHierarchy:
         if self._made is None:
-            self._made = SurfaceHierarchy.of(self.nets, deviation=self._deviation)
+            self._made = SurfaceHierarchy.of(
+                self.nets, deviation=self._deviation, solid=self._solid
+            )
         return self._made
 
     @property
@@ -70,8 +92,8 @@ class Surface(Model):
             )
         ends = np.cumsum([len(net.points) for net in self.nets])[:-1]
         parts = np.split(moved, ends)
-        nets = [net.moved(part) for net, part in zip(self.nets, parts, strict=True)]
-        self._made = self._hierarchy.refitted(nets)
+        moved_nets = (net.moved(part) for net, part in zip(self.nets, parts, strict=True))
+        self._made = self._hierarchy.refitted(self._checked(tuple(moved_nets)))
         self.nets = self._made.nets
         return largest_norm(moved - before)
 
@@ -93,12 +115,12 @@ class Surface(Model):
         return Feature("patch", element, parameters[:2])
 
     def digest(self) -> str:
-        """Of control points, weights, knots, trims and the deviation."""
+        """Of control points, weights, knots, trims, the deviation, whether it must be a solid."""
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
-        found.update(struct.pack("<d", self._deviation))
+        found.update(struct.pack("<d?", self._deviation, self._solid))
         for net in self.nets:
             n_u, n_v, _ = net.control.shape
-            found.update(struct.pack("<3q", n_u, n_v, net.weights is not None))
+            found.update(struct.pack("<5q", n_u, n_v, *net.degrees, net.weights is not None))
             for array in (net.control, net.weights, net.knots_u, net.knots_v):
                 found.update(b"" if array is None else array.tobytes())
             found.update(b"" if net.trim is None else net.trim.digest())
@@ -107,14 +129,14 @@ class Surface(Model):
     def describe(self, length: Callable[[float], str]) -> str:
         """Its patches and curves, their degrees where these are alike, its control points."""
         parts = []
-        for is_curve, what in ((False, "patch"), (True, "curve")):
+        for is_curve, one, more in ((False, "patch", "patches"), (True, "curve", "curves")):
             degrees = [net.degrees for net in self.nets if net.is_curve == is_curve]
             if degrees:
                 p, q = degrees[0]
-                plural = {"patch": "es", "curve": "s"}[what] if len(degrees) > 1 else ""
-                alike = f" of degree {p}" + ("" if is_curve else f" x {q}")
-                same = len(set(degrees)) == 1
-                parts.append(f"{len(degrees)} {what}{plural}{alike if same else ''}")
+                degree = f" of degree {p}" if is_curve else f" of degree {p} x {q}"
+                alike = len(set(degrees)) == 1
+                what = one if len(degrees) == 1 else more
+                parts.append(f"{len(degrees)} {what}{degree if alike else ''}")
         count = sum(len(net.points) for net in self.nets)
         return f"{' and '.join(parts)}, {count} control points"
 
@@ -138,24 +160,25 @@ class Surface(Model):
         self._made = SurfaceHierarchy.__new__(SurfaceHierarchy)
         self._made.__setstate__(state["hierarchy"])
         self.nets, self._deviation = self._made.nets, self._made.deviation
+        self._solid = self._made.solid
 
-    def _derivatives(self, net: Net, u: ArrayLike, v: ArrayLike, order: int) -> NDArray[np.float64]:
-        """The derivatives (..., order + 1, order + 1, 3) of a net, checked.
+    def _parameters(self, *given: ArrayLike) -> list[NDArray[np.float64]]:
+        """Parameters of the only patch or curve, of one shape.
 
         Raises:
             ValueError: parameters that are no numbers, or outside of the knots.
         """
-        u, v = np.broadcast_arrays(as_reals(u, "u"), as_reals(v, "v"))
-        for letter, given, along in zip("uv", (u, v), net.spans, strict=True):
+        letters = "uv" if len(given) == 2 else "t"
+        arrays = [as_reals(each, letter) for each, letter in zip(given, letters, strict=True)]
+        for letter, array, along in zip(letters, arrays, self.nets[0].spans, strict=False):
             low, high = along.low[0], along.high[-1]
-            bad = ~((given >= low) & (given <= high))
+            bad = ~((array >= low) & (array <= high))
             if bad.any():
                 place = "".join(f"[{i}]" for i in np.argwhere(bad)[0])
                 raise ValueError(
-                    f"{self.name}: {letter}{place} = {given[bad][0]}: must be from {low} to {high}"
+                    f"{self.name}: {letter}{place} = {array[bad][0]}: must be from {low} to {high}"
                 )
-        made = net.derivatives(u.ravel(), v.ravel(), order)
-        return made.reshape(*u.shape, *made.shape[1:])
+        return np.broadcast_arrays(*arrays)
 
 
 class ParametricSurface(Surface):
@@ -166,11 +189,15 @@ class ParametricSurface(Surface):
         name: what messages call it.
         deviation: metres; how far the surface may be from that of the thing it stands for. If one
             of the patches has a larger one, that counts.
-        solid: whether the patches must enclose an inside.
+        solid: whether the patches must close up, which is checked here and at every `deform`: each
+            of their edges lies on one or several others that go the other way, as normals point
+            outward, no farther apart than the deviation and 1e-12 of the largest coordinate. Edges
+            that are points, such as poles, count for nothing. Patches may meet with unlike knots
+            and degrees, and several beside one.
 
     Raises:
-        ModelError: no patches, or what is none; a deviation that is no length; no solid though it
-            must be one. The message says which.
+        ModelError: no patches, or what is none; a deviation that is no length; open edges though
+            it must be a solid. The message says which.
     """
 
     __slots__ = ()
@@ -191,10 +218,15 @@ class ParametricSurface(Surface):
                 )
         if not given:
             raise ModelError(f"{name}: patches: there are none")
-        if solid:
-            raise ModelError(
-                f"{name}: solid = {solid!r}: what patches enclose is not known yet; give False"
-            )
+        if not isinstance(solid, bool):
+            raise ModelError(f"{name}: solid = {solid!r}: must be True or False")
         deviation = checked_length(deviation, name, "deviation")
-        nets = [patch.nets[0] for patch in given]
-        super().__init__(nets, name, max(deviation, *(patch.deviation for patch in given)))
+        deviation = max(deviation, *(patch.deviation for patch in given))
+        super().__init__([patch.nets[0] for patch in given], name, deviation, solid)
+
+    @classmethod
+    def of(cls, nets: Sequence[Net], *, name: str, deviation: float, solid: bool) -> Self:
+        """The surface of checked nets."""
+        made = cls.__new__(cls)
+        Surface.__init__(made, nets, name, deviation, solid)
+        return made

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from ..kernels.base.state import CONVERSION
 from ..kernels.base.tables import surface_table
+from .checks import ModelError
+from .closed import find_opening
 from .hierarchy import Hierarchy
 from .nurbs import frozen
 from .solid import no_sides
@@ -22,8 +24,9 @@ if TYPE_CHECKING:
     from .nurbs import Net
     from .solid import Sides
 
-_SURFACE = "it is a surface: whether its patches enclose anything is not known"
-_CURVES = "it consists of curves alone"
+_AS_TOLD = "it is to be taken for a surface (solid=False)"
+# A closed surface passes the check that `solid=True` demands, but no kernel tells its sides yet.
+_UNTOLD = "it is a surface that closes up, whose sides are not told apart yet"
 
 
 class SurfaceHierarchy(Hierarchy):
@@ -39,11 +42,18 @@ class SurfaceHierarchy(Hierarchy):
     """(m,) which piece, counted patch by patch, stands where in tree order."""
 
     @classmethod
-    def of(cls, nets: Sequence[Net], *, deviation: float) -> Self:
-        """The hierarchy of checked nets."""
+    def of(cls, nets: Sequence[Net], *, deviation: float, solid: bool) -> Self:
+        """The hierarchy of checked nets.
+
+        Raises:
+            ModelError: a patch is trimmed: searches would take what is cut off for a part of it.
+        """
+        for i, net in enumerate(nets):
+            if net.trim is not None:
+                raise ModelError(f"patch {i} is trimmed: it can be shown, but not yet asked about")
         tree, order, depth = build_surface(nets, deviation)
         return cls._made({
-            "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation, "solid": False,
+            "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation, "solid": solid,
             "tree": tree, "distinct": tree, "depth": depth, "order": order,
             "numbers": np.ascontiguousarray(tree.pieces["patch"]),
         })  # fmt: skip
@@ -88,7 +98,9 @@ class SurfaceHierarchy(Hierarchy):
     @property
     def some_point(self) -> NDArray[np.float64]:
         """(3,) metres, model frame: the corner of the first patch where both parameters begin."""
-        return self._samples()[np.flatnonzero(self.order == 0)[0], :3]
+        piece = self.tree.pieces[np.flatnonzero(self.order == 0)[0]]
+        x, y, z, w = self.tree.nets[piece["net"] + np.arange(4) * piece["room"]]
+        return np.array([x, y, z]) / w
 
     @property
     def some_feature(self) -> tuple[float, float, float, float]:
@@ -98,7 +110,8 @@ class SurfaceHierarchy(Hierarchy):
 
     def _find_sides(self) -> Sides:
         proper = not all(net.is_curve for net in self.nets)
-        return no_sides(self, proper, _SURFACE if proper else _CURVES)
+        reason = find_opening(self.nets, self.deviation) if self.solid else _AS_TOLD
+        return no_sides(self, proper, reason or _UNTOLD)
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:

@@ -150,6 +150,9 @@ def _check_node(
     """Check one node and all below; returns the control points that it holds."""
     lanes = tree.nodes[node * STRIDE : (node + 1) * STRIDE].reshape(FIELDS, WIDTH)
     lanes, held = lanes.astype(np.float64), []
+    own = tree.children[node * WIDTH : (node + 1) * WIDTH]
+    if own[0] < 0 and (own >= 0).any():
+        raise TreeError(f"node {node} lane 0: a piece, though the node is not a lowest one")
     for lane in range(WIDTH):
         child = int(tree.children[node * WIDTH + lane])
         if child == EMPTY:

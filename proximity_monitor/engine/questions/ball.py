@@ -60,8 +60,8 @@ class BallSearch:
     """
 
     __slots__ = (
-        "_ball", "_hierarchies", "_models", "_most", "_order", "_poses", "_table", "_tables",
-        "given_up",
+        "_at", "_ball", "_hierarchies", "_models", "_most", "_order", "_poses", "_table",
+        "_tables", "given_up",
     )  # fmt: skip
 
     given_up: bool
@@ -80,7 +80,7 @@ class BallSearch:
         """Take the arrays of a search, and make the table by which kernels find them."""
         # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
         table = ball_table(ball)
-        self._ball, self._table = ball, table
+        self._ball, self._table, self._at = ball, table, ball.at[0]
 
     def begin(
         self,
@@ -115,7 +115,7 @@ class BallSearch:
 
     def seek(self, deadline: float) -> bool:
         """Try the seeds until one is the centre of a ball, or to the deadline and return False."""
-        return not self._ball.at[0]["seeds"] or self._search(deadline, True)
+        return not self._at["seeds"] or self._search(deadline, True)
 
     def search(self, deadline: float) -> bool:
         """Search to the end, or to the deadline and return False; one slice at least."""
@@ -129,7 +129,7 @@ class BallSearch:
                 self._make_room()
             elif code != CUT:
                 return True
-            if self._ball.at[0]["cells"] > self._most:
+            if self._at["cells"] > self._most:
                 self.given_up = True
                 return True
             if slices.over():
@@ -152,17 +152,17 @@ class BallSearch:
     @property
     def found(self) -> bool:
         """Whether it is certain that the models overlap."""
-        return bool(self._ball.at[0]["radius"] > 0.0)
+        return bool(self._at["radius"] > 0.0)
 
     @property
     def slack(self) -> float:
         """Metres by which rounding may widen the bounds."""
-        return 64.0 * float(self._ball.at[0]["slack"])
+        return 64.0 * float(self._at["slack"])
 
     @property
     def points(self) -> int:
         """How many points were tested for their depth."""
-        return int(self._ball.at[0]["points"])
+        return int(self._at["points"])
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -171,7 +171,7 @@ class BallSearch:
         return 2.0 * shallow, 2.0 * deep
 
     def _radii(self) -> tuple[float, float]:
-        at = self._ball.at[0]
+        at = self._at
         radius = float(at["radius"])
         deep = max(float(at["dropped"]), 0.0)
         if radius > 0.0:

@@ -15,11 +15,13 @@ from ..kernels.base.state import MeshTree
 from ..kernels.inside import closest as closest_kernel
 from ..models.model import Model
 from ..models.solid import sides_of
+from ..models.surface import Surface
 from ..poses import check_pose
+from .closest_surface import SurfacePoints
 from .result import ClosestPoints
 from .run import check_model
 from .sharing import share
-from .slices import slices_until
+from .slices import deadline_of, slices_until
 
 _POINTS = 4096
 """Points that one thread answers in a row; the number of threads does not change the answers."""
@@ -117,7 +119,7 @@ def closest_points(
     given = as_reals(points, "points")
     max_distance = check_tolerance("max_distance", max_distance)
     threads = as_count(threads, "threads")
-    deadline = None if budget_s is None else start + check_tolerance("budget_s", budget_s)
+    deadline = deadline_of(start, budget_s)
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
     if not np.isfinite(given).all():
@@ -129,6 +131,21 @@ def closest_points(
     bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
     directions = np.empty((k if normals else 0, 3))
     ends = np.zeros(-(-k // _POINTS), np.int64)
+    nothing = 0.0 if region is None else -math.inf
+    chosen = directions if normals else None
+    answer_made = Nearest(hierarchy.numbers, bounds, nearest, triangles, chosen, ends, nothing)
+    if isinstance(model, Surface):
+        surface = SurfacePoints(model, pose, max_distance, deadline)
+
+        def answer_surface(first: int, stopped: Event) -> None:
+            part = slice(first, first + _POINTS)
+            ends[first // _POINTS] = first + surface.find(
+                given[part], first, stopped, bounds[part], nearest[part], triangles[part],
+                directions[part],
+            )  # fmt: skip
+
+        share(answer_surface, range(0, k, _POINTS), threads)
+        return ClosestPoints(answer_made)
     capacity = 1 + hierarchy.depth * 15
     # Whatever the volumes are: boxes may be taken for swept spheres.
     tree, distinct = MeshTree(*hierarchy.tree), MeshTree(*hierarchy.distinct)
@@ -161,7 +178,4 @@ def closest_points(
         ends[first // _POINTS] = first + at
 
     share(answer, range(0, k, _POINTS), threads)
-    nothing = 0.0 if region is None else -math.inf
-    chosen = directions if normals else None
-    found = Nearest(hierarchy.numbers, bounds, nearest, triangles, chosen, ends, nothing)
-    return ClosestPoints(found)
+    return ClosestPoints(answer_made)

@@ -21,6 +21,7 @@ from .result import Distance
 from .rows import distance_of
 from .run import Order, Search, check_model
 from .signed import SignedSearch
+from .slices import deadline_of
 
 
 class Pair:
@@ -190,7 +191,7 @@ class Pair:
         """
         fresh, asked, deadline = True, None, None
         if budget_s is not None:
-            deadline = start + check_tolerance("budget_s", budget_s)
+            deadline = deadline_of(start, budget_s)
             shapes = self.a._hierarchy, self.b._hierarchy
             wanted = rel_err, abs_err, stop, limit, collect, search.order
             asked = (pose_a.tobytes(), pose_b.tobytes(), wanted, shapes)

@@ -19,6 +19,7 @@ from .cores import CoreSearch
 from .parts import PartSearch
 from .result import STATUSES, Distance, Status
 from .rows import distance_of
+from .slices import deadline_of
 
 Stage = Callable[["SignedSearch"], "Stage | None"]
 """Does at least one slice of work; returns the next stage, itself if time ran out, None to end."""
@@ -72,7 +73,7 @@ class SignedSearch:
         if not any(model.is_solid for model in self._models):
             self._asked = None
             return self._apart(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s)
-        self._deadline = math.inf if budget_s is None else start + budget_s
+        self._deadline = math.inf if budget_s is None else deadline_of(start, budget_s)
         asked = None
         if budget_s is not None:
             asked = pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, depth_err, self._shapes()
@@ -83,9 +84,12 @@ class SignedSearch:
         row = self._answer(self._search())
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
-        lower, upper = self._limits
-        self._limits = max(lower, row[state.LOWER]), min(upper, row[state.UPPER])
-        row[state.LOWER], row[state.UPPER] = self._limits
+        if self._limits is not None:
+            lower, upper = self._limits
+            row[state.LOWER] = max(lower, row[state.LOWER])
+            row[state.UPPER] = min(upper, row[state.UPPER])
+        if asked is not None:
+            self._limits = row[state.LOWER], row[state.UPPER]
         a, b = self._models
         return distance_of(row, start, None, (type(a), type(b)))
 
@@ -102,9 +106,10 @@ class SignedSearch:
         self._regions = sides_of(a).region, sides_of(b).region
         solids = a.is_solid, b.is_solid
         if all(
-            region.inside == NOWHERE
-            for region, solid in zip(self._regions, solids, strict=True)
-            if solid
+            [
+                region.inside == NOWHERE or not solid
+                for region, solid in zip(self._regions, solids, strict=True)
+            ]
         ):
             kind = CoreSearch
         else:
@@ -115,7 +120,7 @@ class SignedSearch:
         # diameter by twice that.
         self._deviation = 2.0 * max(a.deviation, b.deviation)
         self._poses = pose_a.copy(), pose_b.copy()
-        self._limits = -math.inf, math.inf
+        self._limits: tuple[float, float] | None = None
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
         self._found: Distance | None = None
@@ -263,8 +268,8 @@ class SignedSearch:
     ) -> NDArray[np.float64]:
         """The row with these bounds and the number of tests; a tested point counts as either."""
         points = self._depth.points + (self._parts.points if self._parts else 0)
+        bound_tests, primitive_tests = self._apart_tests
         row[state.LOWER], row[state.UPPER] = lower, upper
         row[state.STATUS] = STATUSES.index(status)
-        row[state.TESTS : state.TESTS + 2] = self._apart_tests
-        row[state.TESTS : state.TESTS + 2] += points
+        row[state.TESTS], row[state.TESTS + 1] = bound_tests + points, primitive_tests + points
         return row

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from time import perf_counter
+from typing import SupportsFloat
+
+from ..arguments import check_tolerance
 
 LONG = 1 << 18
 """Steps between two returns to Python if there is no budget, so that Ctrl-C is heard."""
@@ -21,6 +24,25 @@ slices are over at once, or meet nothing but the cheapest of their work: that te
 next slice, which may not become long because of it."""
 
 
+_END, _LONGEST_END_S = 0.01, 5e-5
+"""Share of a budget that is kept for the end of a call, and the most of it, seconds. A search of
+milliseconds drives Python out of the processor's caches, so that its end takes five times as long
+as after a short one."""
+
+
+def deadline_of(start: float, budget_s: SupportsFloat | None) -> float | None:
+    """When the work of a call has to end whose budget began at `start` of perf_counter.
+
+    Raises:
+        TypeError: a budget that is no real number.
+        ValueError: a budget that is negative or NaN.
+    """
+    if budget_s is None:
+        return None
+    budget_s = check_tolerance("budget_s", budget_s)
+    return start + budget_s - min(_END * budget_s, _LONGEST_END_S)
+
+
 class Slices:
     """The slices of a search until a deadline: `steps` is the number that the next one may take.
 
@@ -36,12 +58,16 @@ class Slices:
         self._pace = 0.0  # seconds that a step took
         self.steps = LONG if self._deadline is None else _FIRST
 
-    def over(self) -> bool:
-        """Look at the clock: whether no time is left for another slice."""
+    def over(self, alike: bool = True) -> bool:
+        """Look at the clock: whether no time is left for another slice.
+
+        Unless the last one was `alike`, it does not tell how long the steps of the next one take.
+        """
         if self._deadline is None:
             return False
-        now = perf_counter()
-        pace = max((now - self._begun) / self.steps, _FASTER * self._pace)
+        now, pace = perf_counter(), self._pace
+        if alike:
+            pace = max((now - self._begun) / self.steps, _FASTER * pace)
         left = self._deadline - now
         if left <= _LEAST * pace:
             return True

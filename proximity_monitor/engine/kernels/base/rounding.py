@@ -202,6 +202,21 @@ LARGEST_COORDINATE = 1e45
 Lengths are then at most 8 √3 times as large, and products of six of them do not overflow.
 """
 
+KNOT_INSERTION = 8.0 * DOUBLE_EPS
+"""What a Bezier point of a spline may err by, for each degree, as a share of its terms' sum.
+
+It is a sum of control points with coefficients c that de Boor's scheme makes level by level. A
+share of a knot span is the quotient of two differences, 3 u; its product and the sum are rounded,
+so each level adds 5 u to a coefficient, none of which is negative. Then there are degree + 1
+products and sums: in all (6 degree + 1) u, the rest pays for terms in u². In two directions, one
+after the other, the shares e add up.
+
+With weights w, the sum of c w |x| is at most P times the sum of c w, where P is the largest norm of
+a control point x. So the one errs by e P and the other by e of itself, and their quotient by 2 e P,
+whatever the weights are; w x itself was rounded, u P. A Bezier curve's coefficients are 0 and 1,
+which is exact.
+"""
+
 NET_POINT = 384.0 * DOUBLE_EPS
 """What a point of a piece may err by, as a share of the largest norm P of a control point.
 

@@ -111,17 +111,37 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
 
 
 @kernel
-def _begin_cell(state):
-    """Begin to look into the cell with the largest bound, which stays in the heap meanwhile."""
-    axes, cell = state.at[0].axes, state.cells[state.order[0]]
-    centre = cell.centre
+def _try_centre(state, task, centre, near, inherited):
+    """Make the centre of a cell, in the search's frame, the trial point."""
+    axes = state.at[0].axes
     try_point(
-        state, CELL_CENTRE,
+        state, task,
         axes[0, 0] * centre[0] + axes[1, 0] * centre[1] + axes[2, 0] * centre[2],
         axes[0, 1] * centre[0] + axes[1, 1] * centre[1] + axes[2, 1] * centre[2],
         axes[0, 2] * centre[0] + axes[1, 2] * centre[1] + axes[2, 2] * centre[2],
-        cell, True, 0.0,
+        near, inherited, 0.0,
     )  # fmt: skip
+
+
+@kernel
+def _begin_cell(state):
+    """Begin to look into the cell with the largest bound, which stays in the heap meanwhile."""
+    cell = state.cells[state.order[0]]
+    _try_centre(state, CELL_CENTRE, cell.centre, cell, True)
+
+
+@kernel
+def _compare_with_middle(tree_a, tree_b, state):
+    """Try the middle of all that both models share, before a ball is improved where it is.
+
+    Where they overlap a little, a ball at the rim grows by small steps, if its centre climbs.
+    """
+    at, best = state.at[0], state.best[0]
+    at.trusted = 0.0
+    take_axes(at.axes, axis_of(best))
+    centre, half = on_stack(3, 0.0), on_stack(3, 0.0)
+    if common_box(tree_a, tree_b, state, centre, half):
+        _try_centre(state, SEED, centre, best, False)
 
 
 @kernel
@@ -254,7 +274,10 @@ def search_ball(solids, memory, seeds_alone, steps):
         if at.task != IDLE:
             steps = _go_on(tree_a, tree_b, region_a, region_b, state, steps)
         elif at.climbs > 0 and not seeds_alone:
-            begin_climb(state)
+            if at.radius < at.trusted and at.ceiling > limit_of(at):
+                _compare_with_middle(tree_a, tree_b, state)
+            else:
+                begin_climb(state)
         elif at.seed < at.seeds:
             seeds, i = state.seeds, at.seed
             at.seed += 1

@@ -19,6 +19,10 @@ _TELLING = 1e-6
 """Share of both models' size that a bound may be above 0 where there is no ball, and one of them
 has holes: there no plane bounds a depth, and the winding number's side is never told to the end."""
 
+_TRUSTED = 0.5
+"""Share of the last ball's radius. Where its centre is that of a ball so large, it is good to begin
+with; else it may lie far from the largest ball, as where bodies slid along each other."""
+
 
 @entry
 def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
@@ -31,6 +35,7 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     state = ball_at(CELL, memory)
     at, motions, best = state.at[0], state.motions, state.best[0]
     last = at.radius > 0.0
+    at.trusted = _TRUSTED * at.radius if last else np.inf
     b_to_a = on_stack(12, 0.0)
     relative_motions(pose_a, pose_b, b_to_a, motions[1])
     for i in range(12):

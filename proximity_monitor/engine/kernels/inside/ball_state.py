@@ -62,6 +62,7 @@ SEARCH = np.dtype(
         ("abs_err", np.float64),  # metres, of a radius
         ("dropped", np.float64),  # the largest bound of a cell that was pruned
         ("ceiling", np.float64),  # metres: what no radius exceeds
+        ("trusted", np.float64),  # metres: of a ball from which on it is improved where it is
         ("reach", np.float64),  # metres: how far the next step of the ascent may go
         ("axes", np.float64, (3, 3)),  # of the search's frame, in a's
         ("swept", np.float64, (2,)),  # radii that sweep the cores

@@ -13,8 +13,11 @@ from .ball_cells import limit_of
 from .ball_point import certain_radius
 from .ball_state import CLIMB
 
-_CLIMBS = 12
-"""Steps of an ascent, at the most."""
+_CLIMBS, _FAILED = 32, 3
+"""Steps of an ascent, at the most; and how many more one counts as that led to a smaller ball."""
+
+_FARTHEST = 1.9
+"""Share of the radius that a step may go: longer ones mostly lead to a smaller ball."""
 
 
 @kernel
@@ -102,11 +105,12 @@ def end_climb(state):
     at = state.at[0]
     before, tolerated = at.radius, limit_of(at) - at.radius
     if keep(state):
-        at.reach = min(2.0 * at.reach, 0.95 * at.radius)
+        at.reach = min(2.0 * at.reach, _FARTHEST * at.radius)
         if at.radius - before < 0.01 * tolerated:
             at.climbs = 0
     else:
         at.reach = 0.4 * at.reach
+        at.climbs = max(at.climbs - _FAILED, 0)
 
 
 @kernel

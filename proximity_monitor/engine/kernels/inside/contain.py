@@ -21,7 +21,6 @@ from ..base.vectors import moved, norm, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
 from .solids import HALF, WHOLE
-from .visit import TO_THE_END
 from .volumes import sphere_of
 from .winding import RAY_STEPS, winding_number
 
@@ -46,20 +45,21 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
 
     The samples are of the body, `motion` brings them to the frame of the holder, and the surfaces
     are `apart` metres apart or more, which is above 4 `slack`: also where rounding moved a sample.
-    Returns NONE where all are surely outside, or UNDECIDED after so many steps; `progress` (2,),
-    zeros to begin with, and `waiting` are what it goes on with. `scratch` is room for a descent.
+    Returns NONE where all are surely outside, or UNDECIDED after so many steps, and how many steps
+    are left; `progress` (2,), zeros to begin with, and `waiting` are what it goes on with.
+    `scratch` is room for a descent.
     """
     gaps = on_stack(WIDTH, np.float32(0.0))
     if len(samples) <= FEW:
         while progress[0] < len(samples):
             if steps <= 0:
-                return UNDECIDED
+                return UNDECIDED, steps
             t = samples[progress[0]] // 3
             progress[0] += 1
             steps -= RAY_STEPS
             if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
-                return t
-        return NONE
+                return t, steps
+        return NONE, steps
     root = holder.centres[0]
     middle = scaled((root[0], root[1], root[2]), holder.scale[0])
     reach = root[3] * holder.scale[0] * (1.0 + 1e-6) + 2.0 * slack
@@ -68,7 +68,7 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
         progress[0], progress[1] = 1, 1
     while progress[1] > 0:
         if steps <= 0:
-            return UNDECIDED
+            return UNDECIDED, steps
         progress[1] -= 1
         node = waiting[progress[1]]
         for lane in range(node * WIDTH, (node + 1) * WIDTH):
@@ -90,30 +90,19 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
             for t in range(first_of(child), last + 1):
                 steps -= RAY_STEPS
                 if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
-                    return t
-    return NONE
+                    return t, steps
+    return NONE, steps
 
 
 @entry
 def look_for_part(
     holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps
 ):  # fmt: skip
-    """As `part_inside`."""
-    return part_inside(
+    """As `part_inside`, without the steps that are left."""
+    found, _ = part_inside(
         holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps
     )
-
-
-@kernel
-def holds(holder, body, samples, motion, slack, apart, stack):
-    """Whether a part of `body` may lie inside `holder`; see `part_inside`."""
-    progress = on_stack(2, np.int64(0))
-    progress[0] = progress[1] = 0
-    found = part_inside(
-        holder, body, samples, motion, slack, apart, progress, stack[:, 1], stack[:, 0],
-        TO_THE_END,
-    )  # fmt: skip
-    return found != NONE
+    return found
 
 
 @kernel
@@ -124,32 +113,45 @@ def _holds_triangle(holder, body, t, motion, slack, stack, gaps):
 
 
 @kernel
-def _one_in_the_other(insides, i, j, motions, slack, apart, stack):
-    """Whether a part of body i or j, whose surfaces are so far apart, may be inside the other."""
+def _one_in_the_other(insides, i, j, motions, slack, apart, progress, scratch, steps):
+    """As `part_inside`, of body i or j, whose surfaces are so far apart, in the other."""
     where, spans = insides.where, insides.spans
     tree_a, _ = tree_at(MeshTree, insides.tables[i])
     tree_b, _ = tree_at(MeshTree, insides.tables[j])
     if where[j] == WHOLE:
         samples = insides.samples[spans[i, 0] : spans[i, 1]]
-        if holds(tree_b, tree_a, samples, motions[1], slack, apart, stack):
-            return True
+        found, steps = part_inside(
+            tree_b, tree_a, samples, motions[1], slack, apart, progress[0], scratch[0, 0],
+            scratch[0, 1], steps,
+        )  # fmt: skip
+        if found != NONE:
+            return found, steps
     if where[i] == WHOLE:
         samples = insides.samples[spans[j, 0] : spans[j, 1]]
-        return holds(tree_a, tree_b, samples, motions[0], slack, apart, stack)
-    return False
+        return part_inside(
+            tree_a, tree_b, samples, motions[0], slack, apart, progress[1], scratch[1, 0],
+            scratch[1, 1], steps,
+        )  # fmt: skip
+    return NONE, steps
 
 
 @entry
-def settle_signs(insides, poses, pairs, clearances, signed, first, last, every, stack, answers):
+def settle_signs(
+    insides, poses, pairs, clearances, signed, first, last, every, steps, progress, scratch, answers
+):  # fmt: skip
     """Make answers about surfaces into such about signed distances, where `signed` (k,).
 
     The answers (k, ANSWER) are those of `answer_queries` about pairs (k, 2) of bodies at poses
     (n, 4, 4); first, first + every, ... below last of them. Where the surfaces may meet, or one
     body lie inside the other, the sign is open, and `lower` is -inf. Then the search counts as cut,
-    unless its upper bound has decided about the clearance (k,). `stack` (m, 2) is scratch.
+    unless its upper bound has decided about the clearance (k,).
+
+    Returns `last`, or after about `steps` steps the first answer that is not settled; it goes on
+    with `progress` (2, 2), zeros to begin with, and `scratch` (2, 2, m). With no steps at all it is
+    left open whether one body lies inside the other.
     """
     motions = table_on_stack(2, 12, 0.0)
-    where = insides.where
+    where, leave_open = insides.where, steps <= 0
     for k in range(first, last, every):
         if not signed[k]:
             continue
@@ -166,8 +168,18 @@ def settle_signs(insides, poses, pairs, clearances, signed, first, last, every, 
             slack = slack_of_bounds(tree_a.scale[2], tree_b.scale[2], apart, error)
             certain = answer[LOWER] > 4.0 * slack
             if certain and (where[i] == WHOLE or where[j] == WHOLE):
-                certain = not _one_in_the_other(insides, i, j, motions, slack, answer[LOWER], stack)
+                found = UNDECIDED
+                if not leave_open:
+                    found, steps = _one_in_the_other(
+                        insides, i, j, motions, slack, answer[LOWER], progress, scratch, steps
+                    )
+                    if found == UNDECIDED:
+                        return k
+                certain = found == NONE
+        for side in range(2):
+            progress[side, 0] = progress[side, 1] = 0
         if not certain:
             answer[LOWER] = -np.inf
             if not answer[UPPER] <= clearances[k] < np.inf:
                 answer[STATUS] = OUT_OF_TIME
+    return last

@@ -39,8 +39,11 @@ _ROUGH = 0.25
 """Share of their distance by which two cells may differ from their parallelograms before normals
 are tried as directions."""
 
-_NEARER = 1.0 - 1e-9
-"""Share of the distance that a point must be nearer than to begin a local search."""
+_NEARER = 0.25
+"""Share of what the answer may err by that a point must be nearer by to begin a local search.
+
+So where a local search ended too early, a pair of cells whose bound is as good as its points are
+near begins another one, before it is divided without end."""
 
 
 @kernel
@@ -178,7 +181,8 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     if bound >= progress.limit:
         return PAIR_STEPS
     steps = PAIR_STEPS
-    if apart + rough < _NEARER * progress.distance:
+    share = _NEARER * max(progress.abs_err, progress.distance - progress.enough)
+    if apart + rough < progress.distance - share:
         steps += MINIMUM_STEPS
         element_a = element_of(tree_a, cells.cells_a, a)
         element_b = element_of(tree_b, cells.cells_b, b)

@@ -16,7 +16,7 @@ from ..base.vectors import dot
 JETS = 40
 """Numbers that an implementation of `way_at` may keep for `derivatives`."""
 
-_MOST = 24
+_MOST = 48
 """Iterations at the most: from a point within the valley that leads to a minimum it takes five."""
 
 _DONE = 1e-16
