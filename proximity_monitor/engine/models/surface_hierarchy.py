@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.state import CONVERSION
 from ..kernels.base.tables import surface_table
+from ..kernels.surface.trim_entries import nearest_trim_points
 from .checks import ModelError
 from .closed import find_opening
 from .hierarchy import Hierarchy
@@ -97,16 +98,31 @@ class SurfaceHierarchy(Hierarchy):
 
     @property
     def some_point(self) -> NDArray[np.float64]:
-        """(3,) metres, model frame: the corner of the first patch where both parameters begin."""
-        piece = self.tree.pieces[np.flatnonzero(self.order == 0)[0]]
+        """(3,) metres, model frame: where both parameters of a whole patch begin, or on a loop."""
+        patch, u, v = self._somewhere()
+        if self.nets[patch].trim is not None:
+            return self.nets[patch].derivatives(np.array([u]), np.array([v]), 0)[0, 0, 0]
+        own = self.tree.pieces[self.tree.pieces["patch"] == patch]
+        piece = own[(own["low"] == (u, v)).all(axis=1)][0]
         x, y, z, w = self.tree.nets[piece["net"] + np.arange(4) * piece["room"]]
         return np.array([x, y, z]) / w
 
     @property
     def some_feature(self) -> tuple[float, float, float, float]:
-        """The parameters of that corner; the third is 1 on a curve, as `Surface.feature` has it."""
-        along_u, along_v = self.nets[0].spans
-        return float(along_u.low[0]), float(along_v.low[0]), float(self.nets[0].is_curve), 0.0
+        """Its parameters and its patch; the third is 1 on a curve, as `Surface.feature` has it."""
+        patch, u, v = self._somewhere()
+        return u, v, float(self.nets[patch].is_curve), float(patch)
+
+    def _somewhere(self) -> tuple[int, float, float]:
+        """A patch or curve and parameters that are left of it: of one that is whole, if any is."""
+        for patch, net in enumerate(self.nets):
+            if net.trim is None:
+                along_u, along_v = net.spans
+                return patch, float(along_u.low[0]), float(along_v.low[0])
+        middle = self.nets[0].trim.record["low"] + 0.5 * self.nets[0].trim.record["extent"]
+        found = np.empty((1, 2))
+        nearest_trim_points(self.trims(), 0, middle[None], 1.0, 1.0, found)
+        return 0, float(found[0, 0]), float(found[0, 1])
 
     def _find_sides(self) -> Sides:
         proper = not all(net.is_curve for net in self.nets)
