@@ -68,9 +68,8 @@ class Assembly:
         self._hierarchies = []  # the tables are made anew
         self._insides = None
         self._cut.clear()
-        if model._hierarchy.depth > self._deepest._hierarchy.depth:
-            self._deepest = model
-            self._searches.clear()
+        self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
+        self._searches.clear()  # their memory is that for the models before
 
     def distances(
         self,
