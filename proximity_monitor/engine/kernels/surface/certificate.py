@@ -130,8 +130,9 @@ def _is_least(sides, middles, spreads, slopes, ends, reach, m):
     """Whether F is convex all over two cells, in the parameters that do not end at the points.
 
     One that does, where F rises all over the cells as it leaves its end, is as good as fixed there.
-    Of the others the Hessian has to be positive, by Cholesky's factors. What it may differ by from that of the middles is subtracted from the diagonal: with |E_ij| at
-    most R_ij, x E x is at least minus the sum of x_i^2 R_ij w_j / w_i, for any w > 0.
+    Of the others the Hessian has to be positive, by Cholesky's factors. What it may differ by from
+    that of the middles is subtracted from the diagonal: with |E_ij| at most R_ij, x E x is at least
+    minus the sum of x_i^2 R_ij w_j / w_i, for any w > 0.
     """
     hessian, errors = table_on_stack(4, 4, 0.0), table_on_stack(4, 4, 0.0)
     held = on_stack(4, 0.0)

@@ -13,8 +13,8 @@ import numpy as np
 from ..base.jit import kernel
 
 Ranges = namedtuple(
-    "Ranges", "along_u spread_u along_v spread_v middle_uu half_uu most_uu middle_uv half_uv most_uv"
-    " middle_vv half_vv most_vv"
+    "Ranges", "along_u spread_u along_v spread_v middle_uu half_uu most_uu"
+    " middle_uv half_uv most_uv middle_vv half_vv most_vv"
 )  # fmt: skip
 """Of the derivatives by u and v: a vector, metres, and how far they are from it at most. Of each
 second derivative, metres: middle and half length of the range of its product with a direction, and
