@@ -386,3 +386,14 @@ def test_the_oracle_evaluates_as_scipy_does_and_its_digits_are_right():
             slope = (spans.points(which[:2], later, True) - digits[:, 0]) / tiny
         np.testing.assert_allclose(digits.astype(float), jets[:2], rtol=1e-6, atol=1e-9)
         np.testing.assert_allclose(slope.astype(float), jets[:2, 1], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize("seed, turn", [(2, 2), (7, 0), (8, 0), (13, 1), (94, 1), (143, 2)])
+def test_flat_cells_are_not_divided_for_ever(seed, turn):
+    # Next to such a corner or edge a cell's bend is noise: divided along it, it stays as long.
+    a, b = patch(seed, (10, 5), (4, 1), torn, 4.0), curve(seed + 50, 6, 4)
+    pose = moved(3.0 * np.random.default_rng(10 * seed + turn).normal(size=3), seed)
+    answer = engine.distance(a, HERE, b, pose, budget_s=5.0)
+    assert answer.status is Status.EXACT
+    assert answer.bound_tests < 3000
+    check(answer, Shape(a, samples=12), HERE, Shape(b), pose)
