@@ -36,6 +36,9 @@ DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, Surfac
 _FULL = 0.5
 """Share of the room for cells from which on a search begins without those of earlier searches."""
 
+_SMALL = 0.02
+"""Share of the models' sizes: where they have moved less, the points that were nearest are so."""
+
 ROOM_STEPS = 256
 """Steps that making room for more cells takes as long as."""
 
@@ -173,6 +176,10 @@ def _least_undivided(waiting, progress):
 @_implements(stubs.guess)
 @kernel
 def _guess(tree_a, tree_b, state):
+    progress = state.progress[0]
+    if state.keys.shape[0] > 0 and progress.step < _SMALL * (tree_a.scale[2] + tree_b.scale[2]):
+        stubs.settle(state.waiting, tree_a, tree_b, state)  # it was as near, and crossed perhaps
+        return
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
     a = walk(tree_a, middle, found)
