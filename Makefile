@@ -70,6 +70,7 @@ bench: $(VENV)/.installed-bench
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/assembly.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/welding.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/points.py
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/surfaces.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/depth.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/budget.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/startup.py

@@ -33,6 +33,7 @@ checks = [
     "python-fcl>=0.7",
     "scipy>=1.11",
     "geomdl>=5.3",
+    "mpmath>=1.3",
     "playwright>=1.45",
     "ruff>=0.17,<0.18",
     *bag,

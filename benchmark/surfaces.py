@@ -4,7 +4,8 @@
 
 scenes:
   wavy           two wavy bicubic nets of 10 x 10 control points at random poses, some crossing
-  parallel       two such nets of 30 x 30 that run along each other, 1e-2 to 1e-4 apart
+  parallel       two such nets of 30 x 30, flatter, one above the other
+  offset         a net of 30 x 30 and about a copy of it, moved off by 5e-4 to 1e-2
   motion         the wavy nets moved on in small steps, as a controller would ask
   tori           two rational tori of 8 patches at random poses
   interlocked    each through the other's hole
@@ -137,12 +138,17 @@ def _random(a: engine.Model, b: engine.Model, count: int, most: float) -> Poses:
 
 def _wavy(count: int) -> Scene:
     a, b = wavy(1, 10), wavy(2, 10)
-    return Scene(a, b, _random(a, b, count, 1.2))
+    return Scene(a, b, _random(a, b, count, 1.6))
 
 
 def _parallel(count: int) -> Scene:
-    a = wavy(3, 30, 0.02)
-    rng = np.random.default_rng(4)
+    a, b, rng = wavy(3, 30, 0.02), wavy(4, 30, 0.02), np.random.default_rng(4)
+    gaps = np.linspace(0.06, 0.2, count)
+    return Scene(a, b, np.array([at(_small(rng, 0.02), np.array([0, 0, g])) for g in gaps]))
+
+
+def _offset(count: int) -> Scene:
+    a, rng = wavy(3, 30, 0.02), np.random.default_rng(4)
     b = engine.Patch(a.control + 1e-4 * rng.normal(size=a.control.shape), a.knots_u, a.knots_v)
     gaps = np.geomspace(1e-2, 5e-4, count)
     return Scene(a, b, np.array([at(_small(rng, 1e-4), np.array([0, 0, g])) for g in gaps]))
@@ -200,6 +206,7 @@ def _mesh(count: int) -> Scene:
 SCENES: dict[str, Callable[[int], Scene]] = {
     "wavy": _wavy,
     "parallel": _parallel,
+    "offset": _offset,
     "motion": _motion,
     "tori": _tori,
     "interlocked": _interlocked,

@@ -28,7 +28,7 @@ from ..surface.divide import add_elements, divide_nearest, measure_near
 from ..surface.facing import vector
 from ..surface.room import make_room
 from ..surface.sides import inner_weights, near
-from ..tree.layout import WIDTH, first_of, row
+from ..tree.layout import WIDTH, first_of, last_of, row
 
 DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, SurfaceTree)
 """The pairs of kinds that this is about."""
@@ -81,8 +81,10 @@ def _evaluation_errs(tree):
 
 @implements(stubs.resolution, Dividing)
 @inlined
-def _resolution(waiting, tree_a, tree_b):
-    return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2])
+def _resolution(waiting, tree_a, tree_b, slack):
+    # The upper bound errs by the slack, a cell's bound by it and by what rounding did to the cell's
+    # own: no division makes these less.
+    return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2]) + 3.0 * slack
 
 
 @implements(stubs.prepare, Dividing)
@@ -137,15 +139,19 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     bound = waiting.bounds[n]
     if bound >= progress.limit:
         return n, steps
-    a = first_of(np.int64(tree_a.children[waiting.lanes[n, 0]]))
-    b = first_of(np.int64(tree_b.children[waiting.lanes[n, 1]]))
-    taken = add_elements(tree_a, tree_b, state, a, b, bound)
-    if taken == NONE and make_room(state):
-        taken = add_elements(tree_a, tree_b, state, a, b, bound)
-    if taken == NONE:
-        progress.least_cells = min(progress.least_cells, bound)
-        taken = 1
-    return n, steps - min(steps, taken)
+    leaf_a = np.int64(tree_a.children[waiting.lanes[n, 0]])
+    leaf_b = np.int64(tree_b.children[waiting.lanes[n, 1]])
+    # A leaf of a mesh may hold two triangles.
+    for a in range(first_of(leaf_a), last_of(leaf_a) + 1):
+        for b in range(first_of(leaf_b), last_of(leaf_b) + 1):
+            taken = add_elements(tree_a, tree_b, state, a, b, bound)
+            if taken == NONE and make_room(state):
+                taken = add_elements(tree_a, tree_b, state, a, b, bound)
+            if taken == NONE:
+                progress.least_cells = min(progress.least_cells, bound)
+                taken = 1
+            steps -= min(steps, taken)
+    return n, steps
 
 
 @implements(stubs.divide, Dividing)

@@ -98,7 +98,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.radii = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
     progress.deviations = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
     progress.rel_err = query.rel_err
-    progress.abs_err = max(query.abs_err, resolution(state.waiting, tree_a, tree_b))
+    progress.abs_err = max(query.abs_err, resolution(state.waiting, tree_a, tree_b, progress.slack))
     progress.stop = query.stop + progress.radii
     limit = core_of(query.limit, progress.radii, progress.deviations)
     progress.limit, progress.enough = limit, limit
@@ -159,7 +159,7 @@ def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answ
     elif lower_of(certain, radii, deviations) <= 0.0:
         answer[STATUS] = INTERSECTING
     else:
-        finest = progress.enough + resolution(state.waiting, tree_a, tree_b)
+        finest = progress.enough + resolution(state.waiting, tree_a, tree_b, progress.slack)
         enough = finest < certain or progress.open > 0
         answer[STATUS] = WITHIN_TOLERANCE if enough else EXACT
 

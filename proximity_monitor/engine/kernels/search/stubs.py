@@ -86,8 +86,11 @@ def parameters(tree, element, weights):
 # What differs by whether elements are divided, and so by the type of what waits.
 
 
-def resolution(waiting, tree_a, tree_b):
-    """Metres by which the bounds of an exact answer may differ, besides rounding."""
+def resolution(waiting, tree_a, tree_b, slack):
+    """Metres by which the upper bound of an exact answer may exceed the bounds that prune.
+
+    0 where elements are measured as a whole. `slack` is what rounding may do to a distance.
+    """
 
 
 def prepare(waiting, tree_a, tree_b, state):

@@ -11,7 +11,7 @@ from . import stubs
 
 @implements(stubs.resolution, Waiting)
 @inlined
-def _resolution(waiting, tree_a, tree_b):
+def _resolution(waiting, tree_a, tree_b, slack):
     return 0.0
 
 
