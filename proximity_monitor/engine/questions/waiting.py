@@ -22,16 +22,21 @@ def waiting_for(a: Hierarchy, b: Hierarchy) -> Waiting | Dividing:
     lanes, bounds = np.empty((WAITING_ROOM, 2), np.int32), np.empty(WAITING_ROOM)
     if not any(isinstance(each.tree, SurfaceTree) for each in (a, b)):
         return Waiting(lanes, bounds)
-    return Dividing(lanes, bounds, np.empty(_PAIRS, CELL_PAIR), *_cells(a), *_cells(b))
+    return Dividing(lanes, bounds, np.empty(_PAIRS, CELL_PAIR), *cells_of(a), *cells_of(b))
 
 
-def _cells(hierarchy: Hierarchy) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
-    """Cells, their control points, and the cells of whole elements."""
+def cells_of(
+    hierarchy: Hierarchy, most: int = _CELLS
+) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
+    """Room for so many cells at most, their control points, and the cells of whole elements.
+
+    Of elements that are not divided there is none.
+    """
     tree = hierarchy.tree
     if not isinstance(tree, SurfaceTree):
         return np.empty(0, CELL), np.empty(0), np.empty(0, np.int32)
     rows = np.where(tree.pieces["rational"] != 0, _RATIONAL_ROWS, _ROWS)
     numbers = int((rows * tree.pieces["room"]).max())
     # All whole elements must find room besides the parts of some.
-    count = min(_CELLS, max(_BYTES // (8 * numbers), _FEWEST)) + len(tree.pieces)
+    count = min(most, max(_BYTES // (8 * numbers), _FEWEST)) + len(tree.pieces)
     return np.empty(count, CELL), np.empty(count * numbers), np.empty(len(tree.pieces), np.int32)
