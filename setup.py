@@ -10,6 +10,7 @@ scene = ["pyyaml>=6.0", "jsonschema>=4.10"]
 nodes = [*scene, "rich>=13.0"]
 bag = ["rosbags>=0.11.9"]
 display = ["viser>=1.1,<2"]
+cad = ["cadquery-ocp>=7.9"]
 robots = ["example-robot-data>=6.0", "xacro>=2.0"]
 study = [*scene, "rich>=13.0", "matplotlib>=3.6"]
 ros = [*nodes, "ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-rclpy[fastrtps]"]
@@ -68,6 +69,7 @@ setup(
         "ros": ros,  # the nodes with ROS 2 from wheels
         "bag": bag,  # motion from ROS 2 bags
         "display": display,  # the page in the browser
+        "cad": cad,  # STEP files
         "robots": robots,  # the robots of the bundled scene, and xacro files
         "bench": [*nodes, *peers],  # the engine beside the libraries that people use today
         "study": study,  # what accuracy costs, with figures

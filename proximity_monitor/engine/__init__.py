@@ -8,7 +8,8 @@ described in `questions.decision` and `questions.result`.
 from .assembly.assembly import Assembly
 from .assembly.batch import distances
 from .files.geomdl import save_geomdl
-from .files.load import load
+from .files.load import load, load_placements
+from .files.step import Placement
 from .models import shapes
 from .models.checks import ModelError
 from .models.mesh import TriangleMesh
@@ -30,6 +31,7 @@ __all__ = [
     "Pair",
     "ParametricSurface",
     "Patch",
+    "Placement",
     "Status",
     "TriangleMesh",
     "closest_points",
@@ -37,6 +39,7 @@ __all__ = [
     "distance",
     "distances",
     "load",
+    "load_placements",
     "points",
     "polyline",
     "save_geomdl",

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from proximity_monitor.scene.assemblies import parts_of
 from proximity_monitor.scene.description import (
     Body,
     Box,
@@ -30,19 +31,27 @@ _TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 
 def read_bodies(
     section: list[dict[str, Any]], folder: Path, unit: Unit, report: Report
-) -> tuple[Body, ...]:
-    """Make the bodies; their problems go to the report."""
-    bodies = []
+) -> tuple[tuple[Body, ...], dict[str, list[str]]]:
+    """Make the bodies, and the group of each assembly's parts; problems go to the report."""
+    bodies: list[Body] = []
+    groups: dict[str, list[str]] = {}
     names: dict[str, int] = {}
     topics: dict[str, int] = {}
     for index, data in enumerate(section):
         keys = ("bodies", index)
-        body = _body(data, keys, folder, unit, report)
+        whole = _body(data, keys, folder, unit, report)
         # Two bodies of one name also share their default topic; that is one problem, not two.
-        if _unique(body.name, names, (*keys, "name"), report) and body.topic is not None:
-            _unique(body.topic, topics, (*keys, "topic"), report)
-        bodies.append(body)
-    return tuple(bodies)
+        own = _unique(whole.name, names, (*keys, "name"), report)
+        found = list(parts_of(whole, data, keys, report, read_topic))
+        for body in found:
+            if body.name != whole.name:
+                own = _unique(body.name, names, (*keys, "name"), report)
+            if own and body.topic is not None:
+                _unique(body.topic, topics, (*keys, "topic"), report)
+        if any(body.part is not None for body in found):
+            groups[whole.name] = [body.name for body in found]
+        bodies += found
+    return tuple(bodies), groups
 
 
 def _unique(name: str, seen: dict[str, int], keys: Keys, report: Report) -> bool:

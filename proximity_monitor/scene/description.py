@@ -134,6 +134,8 @@ class Body:
     """How far the surface of the model may be from that of the thing, metres."""
     deforming: bool = False
     """Whether its vertices change while the monitor runs."""
+    part: str | None = None
+    """Which part of an assembly its model is, as for `engine.load`; None: all of the file."""
     cloud: Cloud | None = None
     """Where its shape comes from if it is a point cloud; `primitive` is a point until then."""
 

@@ -20,7 +20,10 @@ _VERSION = 1
 
 
 def load_scene(path: str | os.PathLike[str], describe: Describe | None = None) -> Scene:
-    """Read a scene file; the model files themselves are not opened yet (see `load_model`).
+    """Read a scene file.
+
+    The model files themselves are not opened yet (see `load_model`), but for assemblies, whose
+    parts become bodies.
 
     Args:
         path: the file.
@@ -60,7 +63,7 @@ def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe 
     unit = UNITS[data["unit"]]
     limits = read_settings(data, (), PairSettings(), unit, report)
     defaults = dataclasses.replace(limits, own_thresholds=False)
-    bodies = read_bodies(data.get("bodies", []), path.parent, unit, report)
+    bodies, groups = read_bodies(data.get("bodies", []), path.parent, unit, report)
     robots = read_robots(data.get("robots", []), bodies, path.parent, unit, report, describe)
     count = len(bodies)
     bodies += robots.bodies
@@ -76,7 +79,7 @@ def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe 
         rate_hz=float(data.get("rate_hz", 30.0)),
         budget_s=data.get("budget_ms", 8.0) / 1000.0,
         bodies=bodies,
-        pairs=read_pairs(data.get("pairs", "all"), bodies, defaults, unit, report, robots),
+        pairs=read_pairs(data.get("pairs", "all"), bodies, defaults, unit, report, robots, groups),
         motion=motion,
         description=data.get("description", ""),
         robots=robots.robots,

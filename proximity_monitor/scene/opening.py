@@ -51,7 +51,9 @@ def load_models(scene: Scene) -> dict[str, engine.Model]:
     models = {}
     for body in scene.bodies:
         own = body.name if body.deforming else None
-        look = (body.model, body.primitive, body.scale, body.solid, body.deviation, own)
+        look = (
+            body.model, body.part, body.primitive, body.scale, body.solid, body.deviation, own
+        )  # fmt: skip
         if look not in shared:
             shared[look] = load_model(body, scene.unit)
         models[body.name] = shared[look]

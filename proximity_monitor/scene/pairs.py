@@ -82,11 +82,12 @@ def read_pairs(
     unit: Unit,
     report: Report,
     robots: Robots,
+    assemblies: Mapping[str, list[str]],
 ) -> WatchedPairs:
     """Make the watched pairs; their problems go to the report."""
     if isinstance(section, str):  # "all"
         section = {}
-    names = _Names(bodies, section.get("groups", {}), robots.groups, report)
+    names = _Names(bodies, section.get("groups", {}), {**assemblies, **robots.groups}, report)
     kinds, rule, exceptions = [defaults], 0, []
     if "watch" in section:
         rule = UNWATCHED

@@ -49,7 +49,9 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
     how = {"volume": volume, "solid": None if body.solid is True else body.solid}
     deviation = {"deviation": body.deviation}
     if body.primitive is None:
-        model = engine.load(body.model, unit=unit.to_metre, scale=body.scale, **deviation, **how)
+        model = engine.load(
+            body.model, unit=unit.to_metre, scale=body.scale, part=body.part, **deviation, **how
+        )
     elif body.deforming:
         model = _mesh_of(body.primitive, body.scale, body.name, how)
     else:

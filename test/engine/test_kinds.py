@@ -171,6 +171,12 @@ def _witness(tree, element, weights):
     return along((ball[0], ball[1], ball[2]), (weights[0], weights[1], weights[2]), ball[3])
 
 
+@implements(stubs.parameters, BallTree)
+@kernel
+def _parameters(tree, element, weights):
+    return (weights[0], weights[1], weights[2])
+
+
 def nearest_to(tree, element, p):
     """The core point of an element nearest to p, its weights where it is one, and its radius."""
 
@@ -217,7 +223,7 @@ def _measure(tree_a, tree_b, state, a, b, bound):
 
 
 def entry_of(kind_a, kind_b):
-    kinds = {"KIND_A": kind_a, "KIND_B": kind_b, "ORDER": DepthFirst}
+    kinds = {"KIND_A": kind_a, "KIND_B": kind_b, "ORDER": DepthFirst, "WAITING": index.Waiting}
     compiled = njit(error_model="numpy", no_cfunc_wrapper=True, _nrt=False)
     return compiled(specialised(answer_queries, f"search_{kind_a.__name__}", **kinds))
 

@@ -187,7 +187,7 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
     @run
     def read(model, memory_of_search):
         tree, faces = tables.tree_at(MeshTree, model)
-        search = tables.state_at(Priority, memory_of_search)
+        search = tables.state_at(Priority, Waiting, memory_of_search)
         progress = search.progress[0]
         progress.distance, progress.nearest_b = 1.0, 2
         search.motions[1, 11], search.collected[2, 2] = 3.0, 4.0

@@ -68,9 +68,8 @@ class Assembly:
         self._hierarchies = []  # the tables are made anew
         self._insides = None
         self._cut.clear()
-        if model._hierarchy.depth > self._deepest._hierarchy.depth:
-            self._deepest = model
-            self._searches.clear()
+        self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
+        self._searches.clear()  # their memory is that for the models before
 
     def distances(
         self,
@@ -270,7 +269,9 @@ class Assembly:
             kinds = dict(zip(self._trees, self.models, strict=True))
             self._entries = {(a, b): entry_for(kinds[a], kinds[b]) for a in kinds for b in kinds}
         while len(self._searches) < threads:
-            self._searches.append(Search(self._deepest, self._deepest, coherent=False))
+            self._searches.append(
+                Search(self._deepest, self._deepest, coherent=False, among=self.models)
+            )
 
     def _enclosed(self) -> Insides:
         """The spaces that the bodies enclose as they are now."""

@@ -9,7 +9,8 @@ from pathlib import Path
 from ..models.checks import ModelError
 from ..models.hierarchy import Solid
 from ..models.model import Model
-from .readers import Reader, Reading, extensions, reader_of
+from .readers import ASSEMBLIES, Reader, Reading, extensions, reader_of
+from .step import Placement, step_placements
 from .triangles import FormatError
 
 
@@ -21,6 +22,7 @@ def load(
     deviation: float = 0.0,
     volume: str = "rss",
     solid: Solid = None,
+    part: str | None = None,
 ) -> Model:
     """Read a model from a file: .stl, .obj, .ply, .off, .glb, .gltf, .dae, .3mf or .json.
 
@@ -43,16 +45,19 @@ def load(
         deviation: metres; how far its surface may be from that of the thing, as for TriangleMesh.
         volume: the bounding volumes, as for TriangleMesh; a surface takes the default alone.
         solid: whether it has an inside, as for TriangleMesh or ParametricSurface.
+        part: of a STEP assembly, the name of one part, which comes in its own frame (see
+            `load_placements`); None: all parts, where they are placed, as one model.
 
     Returns:
-        The model in metres, named after the file without its extension.
+        The model in metres, named after the file without its extension, or after the part.
 
     Raises:
         FileNotFoundError: there is no such file.
         IsADirectoryError: it is a directory.
         ModelError: another extension that no package reads; an empty, truncated or damaged file; a
             vertex that is not finite, a face that names no vertex, no triangles; an unknown volume;
-            no solid though it must be one. The message starts with the path.
+            no solid though it must be one; no such part; a face of a STEP file that cannot be
+            honoured, or no OpenCASCADE to read it with. The message starts with the path.
         ValueError: a unit or a scale that is not finite and above 0.
     """
     for key, value in (("unit", unit), ("scale", scale)):
@@ -65,7 +70,9 @@ def load(
     except FormatError as error:
         raise ModelError(f"{file}: {error}") from None
     try:
-        model = read(data, file, Reading(unit, scale, deviation, volume, solid))
+        if part is not None and kind not in ASSEMBLIES:
+            raise ModelError(f"part = {part!r}: {kind} files have no parts")
+        model = read(data, file, Reading(unit, scale, deviation, volume, solid, part))
     except (FormatError, ModelError) as error:
         named = str(error) if str(error).startswith(str(file)) else f"{file}: {error}"
         raise ModelError(named) from None
@@ -75,8 +82,36 @@ def load(
         ) from error
     if not isinstance(model, Model):
         raise ModelError(f"{file}: its reader returned no model but {type(model).__name__}")
-    model.name = file.stem
+    model.name = part or file.stem
     return model
+
+
+def load_placements(path: str | PathLike[str], *, scale: float = 1.0) -> list[Placement]:
+    """What stands where in a STEP assembly: its parts, in the file's order.
+
+    A part's model is ``load(path, scale=scale, part=placement.model)``.
+
+    Args:
+        path: the file.
+        scale: how much larger the assembly is than the file says.
+
+    Returns:
+        Its parts; none of a file whose format knows no parts.
+
+    Raises:
+        FileNotFoundError, IsADirectoryError, ModelError, ValueError: as `load`.
+    """
+    if not 0.0 < scale < math.inf:
+        raise ValueError(f"scale = {scale!r}: must be finite and above 0")
+    file = Path(path)
+    if file.suffix.lower() not in ASSEMBLIES:
+        return []
+    try:
+        data, _ = _contents(file, file.suffix.lower())
+        return step_placements(data, file, scale)
+    except (FormatError, ModelError) as error:
+        named = str(error) if str(error).startswith(str(file)) else f"{file}: {error}"
+        raise ModelError(named) from None
 
 
 def _contents(file: Path, kind: str) -> tuple[bytes, Reader]:

@@ -23,6 +23,7 @@ from .gltf import read_glb, read_gltf
 from .obj import read_obj
 from .off import read_off
 from .ply import read_ply
+from .step import read_step
 from .stl import read_stl
 from .threemf import read_3mf
 from .triangles import FormatError, Triangles, check_finite
@@ -40,6 +41,8 @@ class Reading(NamedTuple):
     deviation: float
     volume: str
     solid: Solid
+    part: str | None = None
+    """Which part of an assembly; None: all that is in the file."""
 
 
 Reader = Callable[[bytes, Path, Reading], Model]
@@ -69,7 +72,9 @@ _TRIANGLES = {
     ".gltf": read_gltf, ".dae": read_dae, ".3mf": read_3mf,
 }  # fmt: skip
 _OWN = {suffix: mesh_reader(read) for suffix, read in _TRIANGLES.items()}
-_OWN |= {".json": read_geomdl}
+_OWN |= {".json": read_geomdl, ".step": read_step, ".stp": read_step}
+ASSEMBLIES = {".step", ".stp"}
+"""Of files whose parts may be had one by one."""
 _READERS: dict[str, Reader] = dict(_OWN)
 
 

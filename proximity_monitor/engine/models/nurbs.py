@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +13,9 @@ from ..arguments import as_reals
 from ..kernels.base.rounding import LARGEST_COORDINATE
 from .bezier import NO_DIRECTION, Spans, basis, conversion_error, cut, spans
 from .checks import ModelError
+
+if TYPE_CHECKING:
+    from .trim import Trim
 
 HIGHEST_DEGREE = 15
 """Of a patch, in either direction."""
@@ -33,6 +36,8 @@ class Net:
     knots_u: NDArray[np.float64]
     knots_v: NDArray[np.float64]
     is_curve: bool
+    trim: Trim | None = None
+    """What is left of a patch; None: all of it."""
 
     @property
     def degrees(self) -> tuple[int, int]:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .nurbs import checked_net
 from .surface import Surface
 from .surface_mesh import unit_normals
+
+if TYPE_CHECKING:
+    from .trim import Trim
 
 
 class Patch(Surface):
@@ -23,11 +29,13 @@ class Patch(Surface):
         weights: (n_u, n_v) above 0, the smallest at least 1e-50 of the largest; None: all alike.
         name: what messages call it.
         deviation: metres; how far the surface may be from that of the thing it stands for.
+        trim: what is left of it, of the patch's own rectangle of parameters; None: all.
 
     Raises:
         ModelError: another shape, a coordinate that is not finite or beyond 1e45 m, knots that
             decrease or do not fit the control points, a degree beyond 15, a weight that is not
-            positive; a deviation that is no length. The message says which, and where.
+            positive; a deviation that is no length; a trim of another rectangle. The message says
+            which, and where.
     """
 
     __slots__ = ()
@@ -41,8 +49,12 @@ class Patch(Surface):
         *,
         name: str = "patch",
         deviation: float = 0.0,
+        trim: Trim | None = None,
     ) -> None:
         net = checked_net(control, (knots_u, knots_v), weights, name)
+        if trim is not None:
+            trim.check(net, name)
+            net = replace(net, trim=None if trim.whole else trim)
         super().__init__([net], name, deviation)
 
     @property
@@ -64,6 +76,11 @@ class Patch(Surface):
     def knots_v(self) -> NDArray[np.float64]:
         """(n,) read-only."""
         return self.nets[0].knots_v
+
+    @property
+    def trim(self) -> Trim | None:
+        """What is left of it; None: all."""
+        return self.nets[0].trim
 
     @property
     def degrees(self) -> tuple[int, int]:

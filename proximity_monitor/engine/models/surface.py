@@ -115,7 +115,7 @@ class Surface(Model):
         return Feature("patch", element, parameters[:2])
 
     def digest(self) -> str:
-        """Of control points, weights, knots, the deviation, and whether it must be a solid."""
+        """Of control points, weights, knots, trims, the deviation, whether it must be a solid."""
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
         found.update(struct.pack("<d?", self._deviation, self._solid))
         for net in self.nets:
@@ -123,6 +123,7 @@ class Surface(Model):
             found.update(struct.pack("<5q", n_u, n_v, *net.degrees, net.weights is not None))
             for array in (net.control, net.weights, net.knots_u, net.knots_v):
                 found.update(b"" if array is None else array.tobytes())
+            found.update(b"" if net.trim is None else net.trim.digest())
         return found.hexdigest()
 
     def describe(self, length: Callable[[float], str]) -> str:

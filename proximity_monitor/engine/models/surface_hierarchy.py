@@ -11,15 +11,19 @@ from numpy.typing import NDArray
 from ..kernels.base.state import CONVERSION
 from ..kernels.base.tables import surface_table
 from ..kernels.inside.solids import connected_parts
+from ..kernels.surface.trim_entries import nearest_trim_points
+from .checks import ModelError
 from .closed import find_opening
 from .hierarchy import Hierarchy
 from .nurbs import frozen
 from .solid import no_sides
 from .surface_tree import build_surface, in_threes, projected, refit_surface
 from .tree import weld
+from .trim import joined
 
 if TYPE_CHECKING:
     from ..kernels.base.state import SurfaceTree
+    from ..kernels.surface.trim import Trims
     from .nurbs import Net
     from .solid import Sides
 
@@ -33,7 +37,7 @@ class SurfaceHierarchy(Hierarchy):
 
     KEPT = (*Hierarchy.KEPT, "nets", "order")
 
-    __slots__ = ("nets", "order")
+    __slots__ = ("_trims", "nets", "order")
 
     nets: tuple[Net, ...]
     """Of the patches and curves."""
@@ -42,7 +46,14 @@ class SurfaceHierarchy(Hierarchy):
 
     @classmethod
     def of(cls, nets: Sequence[Net], *, deviation: float, solid: bool) -> Self:
-        """The hierarchy of checked nets."""
+        """The hierarchy of checked nets.
+
+        Raises:
+            ModelError: a patch is trimmed: searches would take what is cut off for a part of it.
+        """
+        for i, net in enumerate(nets):
+            if net.trim is not None:
+                raise ModelError(f"patch {i} is trimmed: it can be shown, but not yet asked about")
         tree, order, depth = build_surface(nets, deviation)
         return cls._made({
             "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation, "solid": solid,
@@ -63,6 +74,16 @@ class SurfaceHierarchy(Hierarchy):
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
         return surface_table(tree, self.numbers)
 
+    def _take(self, kept: dict[str, Any]) -> None:
+        super()._take(kept)
+        self._trims: Trims | None = None
+
+    def trims(self) -> Trims:
+        """What is left of the patches, as the kernels see it; made when first needed."""
+        if self._trims is None:
+            self._trims = joined([net.trim for net in self.nets])
+        return self._trims
+
     def _measure(self, error: float = 0.0) -> None:
         super()._measure(error + float(self.tree.scale[CONVERSION]))
 
@@ -79,16 +100,31 @@ class SurfaceHierarchy(Hierarchy):
 
     @property
     def some_point(self) -> NDArray[np.float64]:
-        """(3,) metres, model frame: the corner of the first patch where both parameters begin."""
-        piece = self.tree.pieces[np.flatnonzero(self.order == 0)[0]]
+        """(3,) metres, model frame: where both parameters of a whole patch begin, or on a loop."""
+        patch, u, v = self._somewhere()
+        if self.nets[patch].trim is not None:
+            return self.nets[patch].derivatives(np.array([u]), np.array([v]), 0)[0, 0, 0]
+        own = self.tree.pieces[self.tree.pieces["patch"] == patch]
+        piece = own[(own["low"] == (u, v)).all(axis=1)][0]
         x, y, z, w = self.tree.nets[piece["net"] + np.arange(4) * piece["room"]]
         return np.array([x, y, z]) / w
 
     @property
     def some_feature(self) -> tuple[float, float, float, float]:
-        """The parameters of that corner; the third is 1 on a curve, as `Surface.feature` has it."""
-        along_u, along_v = self.nets[0].spans
-        return float(along_u.low[0]), float(along_v.low[0]), float(self.nets[0].is_curve), 0.0
+        """Its parameters and its patch; the third is 1 on a curve, as `Surface.feature` has it."""
+        patch, u, v = self._somewhere()
+        return u, v, float(self.nets[patch].is_curve), float(patch)
+
+    def _somewhere(self) -> tuple[int, float, float]:
+        """A patch or curve and parameters that are left of it: of one that is whole, if any is."""
+        for patch, net in enumerate(self.nets):
+            if net.trim is None:
+                along_u, along_v = net.spans
+                return patch, float(along_u.low[0]), float(along_v.low[0])
+        middle = self.nets[0].trim.record["low"] + 0.5 * self.nets[0].trim.record["extent"]
+        found = np.empty((1, 2))
+        nearest_trim_points(self.trims(), 0, middle[None], 1.0, 1.0, found)
+        return 0, float(found[0, 0]), float(found[0, 1])
 
     def _find_sides(self) -> Sides:
         proper = not all(net.is_curve for net in self.nets)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .model import DisplayMesh
 from .nurbs import Net
+from .trim_mesh import trimmed_grid
 
 _MOST = 64
 """Steps on a span, at the most."""
@@ -45,24 +46,34 @@ def tessellated_surface(nets: Sequence[Net], tolerance: float) -> DisplayMesh:
         along_u, along_v = net.spans
         u = _parameters(along_u.low, along_u.high, in_u)
         v = np.zeros(1) if net.is_curve else _parameters(along_v.low, along_v.high, in_v)
-        grid = np.repeat(u, len(v)), np.tile(v, len(u))
-        vertices.append(net.derivatives(*grid, 0)[:, 0, 0])
-        normals.append(unit_normals(net, *grid))
-        at = start + np.arange(len(u) * len(v)).reshape(len(u), len(v))
-        if net.is_curve:
-            a, b = at[:-1, 0], at[1:, 0]
-            faces.append(np.stack((a, b, b), axis=1))
+        if net.trim is None:
+            places, triangles = _grid(net, u, v)
         else:
-            corners = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
-            a, b, c, d = (each.ravel() for each in corners)
-            faces.append(np.concatenate((np.stack((a, b, c), axis=1), np.stack((a, c, d), axis=1))))
-        start += at.size
+            places, triangles = trimmed_grid(net.trim, u, v)
+        vertices.append(net.derivatives(*places.T, 0)[:, 0, 0])
+        normals.append(unit_normals(net, *places.T))
+        faces.append(start + triangles)
+        start += len(places)
     curves = all(net.is_curve for net in nets)
     return DisplayMesh(
         np.concatenate(vertices),
         np.concatenate(faces).astype(np.int32),
         None if curves else np.concatenate(normals),
     )
+
+
+def _grid(
+    net: Net, u: NDArray[np.float64], v: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """All crossings of a grid's lines (k, 2), and triangles (j, 3) of their indices."""
+    places = np.column_stack((np.repeat(u, len(v)), np.tile(v, len(u))))
+    at = np.arange(len(places)).reshape(len(u), len(v))
+    if net.is_curve:
+        a, b = at[:-1, 0], at[1:, 0]
+        return places, np.stack((a, b, b), axis=1)
+    corners = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
+    a, b, c, d = (each.ravel() for each in corners)
+    return places, np.concatenate((np.stack((a, b, c), axis=1), np.stack((a, c, d), axis=1)))
 
 
 def unit_normals(net: Net, u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:

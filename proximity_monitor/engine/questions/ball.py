@@ -20,7 +20,7 @@ from ..kernels.pairs.depths import DEPTHS
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from .slices import slices_until
-from .waiting import cells_of
+from .waiting import cells_for
 
 _CELLS = 64
 """The number of cells that there is room for at first."""
@@ -212,9 +212,9 @@ class DeepestSearch(BallSearch):
         super().__init__(a, b)
         self._solid = 0 if a.is_solid else 1
         self._order = slice(None, None, 1 if a.is_solid else -1)  # the solid first
-        surface = (b if a.is_solid else a)._hierarchy
-        self._begin, self._go_on, self._write = DEPTHS[type(surface.tree)]
-        self._keep(self._ball, cells_of(surface, _PARTS))
+        surface = b if a.is_solid else a
+        self._begin, self._go_on, self._write = DEPTHS[type(surface._hierarchy.tree)]
+        self._keep(self._ball, cells_for(surface, _PARTS))
 
     def begin(
         self,
@@ -246,7 +246,9 @@ class DeepestSearch(BallSearch):
         super()._make_room()
         cells, nets, roots = self._more
         # What is behind the first half is written before it is read.
-        self._keep(self._ball, (np.resize(cells, 2 * len(cells)), np.resize(nets, 2 * len(nets)), roots))
+        self._keep(
+            self._ball, (np.resize(cells, 2 * len(cells)), np.resize(nets, 2 * len(nets)), roots)
+        )
 
     @property
     def bounds(self) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from threading import Event
 from typing import Any, Literal
 
@@ -86,7 +86,9 @@ class Search:
         order: the order in which pairs of volumes are visited.
         coherent: whether successive poses of these two models are near each other, so that what
             one search finds out serves the next.
-        nearest: the triangles, in tree order, to begin with.
+        nearest: the elements, in tree order, to begin with.
+        among: other models, no deeper than the two, that an entry may be called about with the
+            same memory.
 
     Raises:
         ValueError: there is no such order.
@@ -104,6 +106,7 @@ class Search:
         order: Order = "depth_first",
         coherent: bool = True,
         nearest: tuple[int, int] = (0, 0),
+        among: Sequence[Model] = (),
     ) -> None:
         if order not in _ORDERS:
             raise ValueError(f"order = {order!r}: known are {', '.join(map(repr, _ORDERS))}")
@@ -143,7 +146,7 @@ class Search:
                 np.zeros((2, 12)),
                 record,
                 open_pairs,
-                waiting_for(a._hierarchy, b._hierarchy),
+                waiting_for(among or (a,), among or (b,)),
                 np.empty((0, 3)),
                 keys,
                 np.empty(len(keys)),

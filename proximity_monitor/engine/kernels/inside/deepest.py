@@ -20,7 +20,6 @@ from ..base.state import CUT, ENDED, RADIUS_A, RADIUS_B, SWEPT
 from ..base.tables import tree_at
 from ..base.vectors import along, cross, dot, sub, unit
 from ..elements.errors import points_err
-from ..search.stubs import parameters, witness
 from ..tree.layout import (
     EMPTY,
     HALF_U,
@@ -52,8 +51,8 @@ from .pieces import (
     push_elements,
     push_lane,
     span_of,
+    spot_at,
     spot_of,
-    weights_of,
 )
 from .solid_table import region_at, solid_at
 from .solids import HALF
@@ -263,8 +262,10 @@ def _end_piece(tree, region, surface, parts, state, piece, bound):
                     value -= row[j] * corner[j]
                 high = max(high, value)
             bound = min(bound, high + margin)
-    if bound <= limit or radius <= at.slack or not divide(
-        surface, parts, state, piece, trial.near[0], bound
+    if (
+        bound <= limit
+        or radius <= at.slack
+        or not divide(surface, parts, state, piece, trial.near[0], bound)
     ):
         at.dropped = max(at.dropped, bound)
     return steps
@@ -324,11 +325,8 @@ def write_deepest(models, memory, solid, pose, pose_surface, row):
     state = ball_at(PIECE, memory)
     best = state.best[0]
     element = best.near[1]
-    weights = weights_of(surface, element, best)
-    place = witness(surface, element, weights)
+    place, parameters = spot_at(surface, element, best)
     write_foot(tree, faces, state, 0, pose, row, solid)
-    write_point(
-        pose_surface, place, parameters(surface, element, weights), labels[element], row, 1 - solid
-    )
+    write_point(pose_surface, place, parameters, labels[element], row, 1 - solid)
     row[RADIUS_A] = row[RADIUS_B] = 0.0
     row[RADIUS_A + solid] = -tree.scale[SWEPT]

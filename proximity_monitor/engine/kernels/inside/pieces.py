@@ -1,6 +1,6 @@
 """Pieces of a surface's elements: what the search for a deepest point asks of each kind of them.
 
-A tree says by its type which kind they are of; numba chooses when it compiles (see search/stubs.py).
+A tree says by its type which kind they are of; numba chooses when it compiles (see `implements`).
 A piece lies in the convex hull of its control points. Here are the stubs, and those of triangles.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 from ..base.jit import implements, inlined, kernel
 from ..base.state import MeshTree
 from ..base.vectors import add, dot, scaled, sub
-from ..elements.primitives import corners
+from ..elements.primitives import corners, mixed
 from ..tree.layout import first_of, last_of
 from .ball_cells import push
 from .nearest import point_triangle
@@ -64,7 +64,7 @@ def corners_of(surface, parts, piece):
 def spot_of(surface, parts, piece, corner):
     """A point of the piece: its middle, or from 1 on a corner of a whole element.
 
-    Its place, and the weights that tell where it is on its element, unless `weights_of` does.
+    Its place, and the weights that tell where it is on its element, where `spot_at` needs them.
     """
 
 
@@ -72,8 +72,8 @@ def element_of(surface, parts, piece):
     """The element that it is a piece of."""
 
 
-def weights_of(surface, element, best):
-    """Where the point of a POINT lies on an element, as `witness` of search/stubs.py takes it."""
+def spot_at(surface, element, best):
+    """The point of a POINT on an element: its place, metres, and what `Feature.parameters` is."""
 
 
 @kernel
@@ -187,10 +187,10 @@ def _triangle(surface, parts, piece):
     return piece.part
 
 
-@implements(weights_of, MeshTree)
+@implements(spot_at, MeshTree)
 @kernel
-def _barycentric(surface, element, best):
+def _foot(surface, element, best):
     a, b, c = corners(surface.triangles, element)
-    p = (best.place[0], best.place[1], best.place[2])
-    _, v, w = point_triangle(p, a, b, c)
-    return (max(1.0 - v - w, 0.0), v, w)
+    _, v, w = point_triangle((best.place[0], best.place[1], best.place[2]), a, b, c)
+    weights = (max(1.0 - v - w, 0.0), v, w)
+    return mixed((a, b, c), weights), weights

@@ -60,16 +60,16 @@ def _slacks(tree_a, tree_b, apart, error):
     return points, slack_of_bounds(size_a, size_b, apart, error)
 
 
-@_implements(stubs.resolution)
+@implements(stubs.resolution, Dividing)
 @inlined
-def _resolution(tree_a, tree_b):
+def _resolution(waiting, tree_a, tree_b):
     return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2])
 
 
-@_implements(stubs.prepare)
+@implements(stubs.prepare, Dividing)
 @kernel
-def _prepare(tree_a, tree_b, state):
-    progress, cells = state.progress[0], state.waiting
+def _prepare(cells, tree_a, tree_b, state):
+    progress = state.progress[0]
     progress.dividing, progress.least_cells = 0, np.inf
     # Cells stand in their model's own frame: they serve again while the models are the same.
     same = state.keys.shape[0] > 0
@@ -91,9 +91,9 @@ def _forget(roots):
     return 0
 
 
-@_implements(stubs.settle)
+@implements(stubs.settle, Dividing)
 @kernel
-def _settle(tree_a, tree_b, state):
+def _settle(waiting, tree_a, tree_b, state):
     progress = state.progress[0]
     wa, wb = progress.weights_a, progress.weights_b
     measure_near(
@@ -129,9 +129,9 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     return n, steps - min(steps, taken)
 
 
-@_implements(stubs.divide)
+@implements(stubs.divide, Dividing)
 @kernel
-def _divide(tree_a, tree_b, state, steps):
+def _divide(waiting, tree_a, tree_b, state, steps):
     progress = state.progress[0]
     while progress.dividing > 0 and progress.distance - progress.slack > progress.stop:
         if steps == 0:

@@ -11,7 +11,6 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR
 from ..base.state import (
-    ENDED,
     MESHES,
     BoxTree,
     BreadthFirst,
@@ -86,36 +85,6 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
         if state.collected.shape[0] > 0 and distance - progress.slack < progress.limit:
             collect(state, ta, tb, distance)
     return n, steps - min(steps, _FILTER_STEPS + _EXACT_STEPS * tested)
-
-
-@implements(stubs.resolution, MESHES, MESHES)
-@inlined
-def _resolution(tree_a, tree_b):
-    return 0.0
-
-
-@implements(stubs.prepare, MESHES, MESHES)
-@inlined
-def _prepare(tree_a, tree_b, state):
-    pass
-
-
-@implements(stubs.settle, MESHES, MESHES)
-@inlined
-def _settle(tree_a, tree_b, state):
-    pass
-
-
-@implements(stubs.divide, MESHES, MESHES)
-@inlined
-def _divide(tree_a, tree_b, state, steps):
-    return ENDED, steps
-
-
-@implements(stubs.least_undivided, Waiting)
-@inlined
-def _least_undivided(waiting, progress):
-    return np.inf
 
 
 @implements(stubs.witness, MESHES)

@@ -8,6 +8,7 @@ from ..base.vectors import along, cross, dot, moved, sub, unit
 from ..elements.primitives import corners, mixed
 from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
+from ..surface.certificate import is_certifiable, put_side
 from ..surface.facing import closest_in, parameters_in, vector
 from ..surface.jets import fixed_jet, get, moved_jet, put
 from ..surface.newton import begin_at, derivatives, way_at, weights_at
@@ -110,6 +111,21 @@ def _point_of(cell, place):
     """The point of a cell's parallelogram at a place."""
     p = along(vector(cell.centre), vector(cell.along_u), place[0])
     return along(p, vector(cell.along_v), place[1])
+
+
+@implements(is_certifiable, MeshTree)
+@inlined
+def _is_point(tree, cells, index, element, weights):
+    """A point is certain; what a triangle's nearest point does as it follows is left out."""
+    a, b, c = corners(tree.triangles, index)
+    return index == element and a == b and a == c
+
+
+@implements(put_side, MeshTree)
+@inlined
+def _put_point(tree, cells, nets, index, weights, d, side):
+    for i in range(len(side)):
+        side[i] = 0.0
 
 
 @implements(facing, SurfaceTree, MeshTree)

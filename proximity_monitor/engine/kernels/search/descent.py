@@ -134,7 +134,7 @@ def advance(tree_a, tree_b, state):
             come_nearer(tree_a, tree_b, state, scratch.found)
             steps -= min(steps, APPROACH_STEPS)
         if n == 0 and (progress.open == 0 or progress.distance - progress.slack <= progress.stop):
-            code, steps = divide(tree_a, tree_b, state, steps)
+            code, steps = divide(waiting, tree_a, tree_b, state, steps)
             break
         if steps == 0:
             code = CUT

@@ -45,7 +45,7 @@ from ..base.vectors import dot, moved, sub
 from ..elements.direction import forget_direction
 from ..elements.primitives import keep
 from ..elements.swept import core_of, lower_of, upper_of
-from . import levels, queue, stack  # noqa: F401 - each implements the stubs for its order
+from . import levels, queue, stack, undivided  # noqa: F401 - each implements some stubs
 from .approach import begin_near
 from .coherence import travel
 from .descent import advance
@@ -89,7 +89,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     t = motions[0]
     apart = np.sqrt(t[9] * t[9] + t[10] * t[10] + t[11] * t[11])
     progress.slack, progress.bound_slack = slacks(tree_a, tree_b, apart, error_a + error_b)
-    prepare(tree_a, tree_b, state)
+    prepare(state.waiting, tree_a, tree_b, state)
     if state.keys.shape[0] > 0:
         travel(tree_a, tree_b, state, before, slack)
     progress.upper_slack = progress.slack
@@ -99,7 +99,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.radii = tree_a.scale[SWEPT] + tree_b.scale[SWEPT]
     progress.deviations = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
     progress.rel_err = query.rel_err
-    progress.abs_err = max(query.abs_err, resolution(tree_a, tree_b))
+    progress.abs_err = max(query.abs_err, resolution(state.waiting, tree_a, tree_b))
     progress.stop = query.stop + progress.radii
     limit = core_of(query.limit, progress.radii, progress.deviations)
     progress.limit, progress.enough = limit, limit
@@ -119,7 +119,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
         wa, wb = progress.weights_a, progress.weights_b
         wa, wb = (wa[0], wa[1], wa[2]), (wb[0], wb[1], wb[2])
         keep(state, np.sqrt(dot(way, way)), ta, tb, wa, wb, way)
-        settle(tree_a, tree_b, state)
+        settle(state.waiting, tree_a, tree_b, state)
     else:
         progress.primitive_tests = 1
         measure(tree_a, tree_b, state, ta, tb, 0.0)
@@ -161,7 +161,7 @@ def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answ
     elif lower_of(certain, radii, deviations) <= 0.0:
         answer[STATUS] = INTERSECTING
     else:
-        finest = progress.enough + resolution(tree_a, tree_b)
+        finest = progress.enough + resolution(state.waiting, tree_a, tree_b)
         enough = finest < certain or progress.open > 0
         answer[STATUS] = WITHIN_TOLERANCE if enough else EXACT
 

@@ -18,22 +18,6 @@ def slacks(tree_a, tree_b, apart, error):
     """
 
 
-def resolution(tree_a, tree_b):
-    """Metres by which the bounds of an exact answer may differ, besides rounding."""
-
-
-def prepare(tree_a, tree_b, state):
-    """Make what waits in a state ready for another search."""
-
-
-def settle(tree_a, tree_b, state):
-    """Move the nearest points, those of the search before, to where they are nearest now.
-
-    Where elements are measured as a whole there is nothing to do: where its points lie is found out
-    soon enough.
-    """
-
-
 def lane_bounds(fixed, tree, lane, motion, node, slack, reach, inherited, scratch):
     """Bound one lane of the tree `fixed` against the sixteen of a node of `tree`.
 
@@ -70,17 +54,6 @@ def resolve(tree_a, tree_b, state, n, steps, scratch):
     """
 
 
-def divide(tree_a, tree_b, state, steps):
-    """Compare the parts of elements that are divided, when all other pairs are dealt with.
-
-    Returns ENDED, CUT or CELLS_FULL, and how many of the steps are left.
-    """
-
-
-def least_undivided(waiting, progress):
-    """The least bound of all pairs of parts that wait, or could not be compared, metres."""
-
-
 def guess(tree_a, tree_b, state):
     """Measure two elements that may well be near each other, where none are known and it is cheap.
 
@@ -108,6 +81,36 @@ def witness(tree, element, weights):
 
 def parameters(tree, element, weights):
     """What an answer says of where these weights are: three numbers, as `Feature.parameters`."""
+
+
+# What differs by whether elements are divided, and so by the type of what waits.
+
+
+def resolution(waiting, tree_a, tree_b):
+    """Metres by which the bounds of an exact answer may differ, besides rounding."""
+
+
+def prepare(waiting, tree_a, tree_b, state):
+    """Make what waits in a state ready for another search."""
+
+
+def settle(waiting, tree_a, tree_b, state):
+    """Move the nearest points, those of the search before, to where they are nearest now.
+
+    Where elements are measured as a whole there is nothing to do: where its points lie is found out
+    soon enough.
+    """
+
+
+def divide(waiting, tree_a, tree_b, state, steps):
+    """Compare the parts of elements that are divided, when all other pairs are dealt with.
+
+    Returns ENDED, CUT or CELLS_FULL, and how many of the steps are left.
+    """
+
+
+def least_undivided(waiting, progress):
+    """The least bound of all pairs of parts that wait, or could not be compared, metres."""
 
 
 # How a search keeps the pairs of volumes that are open: each order implements these.

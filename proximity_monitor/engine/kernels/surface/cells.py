@@ -105,9 +105,8 @@ def _directions(piece, cell):
     if piece.degree_v == 0:
         return True, False
     u, v = cell.bend_u, cell.bend_v
-    if max(u, v) < 1e-3 * cell.twist or max(u, v) < 1e-12 * (
-        norm(cell.along_u) + norm(cell.along_v)
-    ):
+    # Bends below the margin are noise, which no division makes less.
+    if max(u, v) < max(1e-3 * cell.twist, cell.margin):
         u, v = norm(cell.along_u), norm(cell.along_v)
     return not u * _FLATTER < v, not v * _FLATTER < u
 

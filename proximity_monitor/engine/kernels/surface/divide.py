@@ -17,6 +17,7 @@ from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
 from ..base.vectors import norm, rotated, scaled
 from ..elements.primitives import keep
+from .certificate import certified
 from .facing import vector
 from .heap import add_pair, drop_first
 from .newton import nearest_near
@@ -31,9 +32,9 @@ from .sides import (
     whole,
 )
 
-PAIR_STEPS, DIVISION_STEPS, MINIMUM_STEPS = 1, 4, 40
-"""Steps of a search that bounding a pair of cells takes as long as, dividing one, and a search for
-a local minimum."""
+PAIR_STEPS, DIVISION_STEPS, CERTIFICATE_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
+"""Steps of a search that bounding a pair of cells takes as long as, dividing one, a proof that it
+is done with, and a search for a local minimum."""
 
 _ROUGH = 0.25
 """Share of their distance by which two cells may differ from their parallelograms before normals
@@ -85,6 +86,11 @@ def divide_nearest(tree_a, tree_b, state):
         progress.least_cells = min(progress.least_cells, bound)
         progress.dividing = drop_first(pairs, progress.dividing)
         return 0
+    slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
+    slack += margin_of(tree_b, cells.cells_b, b)
+    if certified(tree_a, tree_b, state, a, b) - slack >= progress.limit:
+        progress.dividing = drop_first(pairs, progress.dividing)
+        return CERTIFICATE_STEPS
     if progress.dividing + 4 > len(pairs):
         return NONE
     steps = 0

@@ -132,7 +132,21 @@ def _element(surface, parts, piece):
     return np.int64(parts.cells[piece.part].element)
 
 
-@implements(pieces.weights_of, SurfaceTree)
-@inlined
-def _weights(surface, element, best):
-    return vector(best.weights)
+@implements(pieces.spot_at, SurfaceTree)
+@kernel
+def _spot_at(surface, element, best):
+    weights = vector(best.weights)
+    return vector(best.place), parameters_of(surface.pieces[element], weights)
+
+
+@kernel
+def parameters_of(piece, weights):
+    """What `Feature.parameters` says of a piece's u and v, 0 to 1."""
+    u = piece.low[0] + weights[0] * (piece.high[0] - piece.low[0])
+    of_curve = 1.0 if piece.degree_v == 0 else 0.0
+    v = piece.low[1] + weights[1] * (piece.high[1] - piece.low[1])
+    return (
+        min(max(u, piece.low[0]), piece.high[0]),
+        min(max(v, piece.low[1]), piece.high[1]),
+        of_curve,
+    )

@@ -1,0 +1,111 @@
+"""STEP files to surfaces, by OpenCASCADE, which the extra `cad` installs."""
+
+from __future__ import annotations
+
+import importlib.util
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..models.patch import Patch
+from ..models.surface import ParametricSurface
+from .triangles import FormatError
+
+if TYPE_CHECKING:
+    from .readers import Reading
+    from .step_faces import Face
+    from .step_parts import Part
+
+_BEGIN, _END = b"ISO-10303-21", b"END-ISO-10303-21;"
+_MILLIMETRE = 1e-3
+
+
+class Placement(NamedTuple):
+    """Where a part of an assembly stands, and what it looks like."""
+
+    name: str
+    """Its own in that file."""
+    pose: NDArray[np.float64]
+    """(4, 4) metres, from the part's frame to the assembly's."""
+    colour: tuple[float, float, float, float] | None
+    """Red, green, blue, opacity, each 0 to 1; None: the file gives it none."""
+    model: str
+    """The name of the first part of the same shape: parts of one shape can share a model."""
+
+
+def read_step(data: bytes, file: Path, how: Reading) -> ParametricSurface:
+    """Read a STEP file, which states its own unit: one part in its frame, or all as one surface."""
+    if how.volume != "rss":
+        raise FormatError(
+            f"volume = {how.volume!r}: parametric surfaces have rectangle swept spheres alone"
+        )
+    if how.solid == "robust":
+        raise FormatError("solid = 'robust': that is for meshes")
+    parts = _parts(data, file)
+    if how.part is not None:
+        own = [part for part in parts if part.name == how.part]
+        if not own:
+            known = ", ".join(repr(part.name) for part in parts)
+            raise FormatError(f"part = {how.part!r}: there is none; there are {known}")
+        parts = [own[0]._replace(pose=np.eye(4))]
+    if how.solid and any(face.trim for part in parts for face in part.shape.faces):
+        raise FormatError("solid = True: whether trimmed faces close up is not known yet")
+    metres = _MILLIMETRE * how.scale
+    patches = [
+        _patch(face, part.pose, metres, f"{part.name}, face {i}", how.deviation)
+        for part in parts
+        for i, face in enumerate(part.shape.faces, 1)
+    ]
+    return ParametricSurface(patches, name=str(file), solid=how.solid is True)
+
+
+def step_placements(data: bytes, file: Path, scale: float) -> list[Placement]:
+    """The parts of a STEP file; see `load_placements`."""
+    made, first = [], {}
+    for part in _parts(data, file):
+        pose = part.pose.copy()
+        pose[:3, 3] *= _MILLIMETRE * scale
+        pose.setflags(write=False)
+        model = first.setdefault(id(part.shape), part.name)
+        made.append(Placement(part.name, pose, part.colour, model))
+    return made
+
+
+def _patch(
+    face: Face, pose: NDArray[np.float64], metres: float, name: str, deviation: float
+) -> Patch:
+    control = (face.net.control @ pose[:3, :3].T + pose[:3, 3]) * metres
+    return Patch(
+        control, face.net.knots_u, face.net.knots_v, face.net.weights, name=name,
+        deviation=deviation + face.tolerance * metres, trim=face.trim,
+    )  # fmt: skip
+
+
+def _parts(data: bytes, file: Path) -> list[Part]:
+    """The parts of a file whose bytes are known."""
+    if not data.lstrip().startswith(_BEGIN):
+        raise FormatError(f"is no STEP file: it does not begin with {_BEGIN.decode()}")
+    if not data.rstrip(b"\0 \t\r\n").endswith(_END):
+        raise FormatError(f"is truncated: it does not end with {_END.decode()}")
+    if importlib.util.find_spec("OCP") is None:
+        raise FormatError("STEP files need OpenCASCADE: pip install proximity_monitor[cad]")
+    stat = file.stat()
+    return _read(file.resolve(), stat.st_mtime_ns, stat.st_size, data.count(b"ADVANCED_FACE"))
+
+
+@lru_cache(maxsize=4)
+def _read(file: Path, _time: int, _size: int, faces: int) -> list[Part]:
+    """Who asks for the parts of a file one by one reads it once."""
+    from .step_parts import read_parts
+
+    parts = read_parts(file)
+    shapes = {id(part.shape): len(part.shape.faces) for part in parts}
+    if sum(shapes.values()) < faces:
+        raise FormatError(
+            f"has {faces} faces, of which OpenCASCADE brought {sum(shapes.values())}: some of it "
+            "is damaged, or belongs to no part"
+        )
+    return parts

@@ -1,0 +1,39 @@
+"""Elements that are measured as a whole, as triangles are: nothing is left to divide."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import implements, inlined
+from ..base.state import ENDED, Waiting
+from . import stubs
+
+
+@implements(stubs.resolution, Waiting)
+@inlined
+def _resolution(waiting, tree_a, tree_b):
+    return 0.0
+
+
+@implements(stubs.prepare, Waiting)
+@inlined
+def _prepare(waiting, tree_a, tree_b, state):
+    pass
+
+
+@implements(stubs.settle, Waiting)
+@inlined
+def _settle(waiting, tree_a, tree_b, state):
+    pass
+
+
+@implements(stubs.divide, Waiting)
+@inlined
+def _divide(waiting, tree_a, tree_b, state, steps):
+    return ENDED, steps
+
+
+@implements(stubs.least_undivided, Waiting)
+@inlined
+def _least_undivided(waiting, progress):
+    return np.inf

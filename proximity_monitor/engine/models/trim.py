@@ -1,0 +1,320 @@
+"""The trimming loops of a patch: checked, cut into segments with certified bands, put into rows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.surface.trim import FRAME, SEGMENT, TRIM, Trims
+from .checks import ModelError
+
+if TYPE_CHECKING:
+    from .nurbs import Net
+
+Reals = NDArray[np.float64]
+
+_SNAP = 1e-9
+"""Shares of the rectangle's extent: what is nearer to a side lies on it."""
+_FLAT = 1e-3
+"""The band that a segment should not be wider than, a share of the rectangle's extent."""
+_MOST_PARTS = 64
+"""A curve is cut into at most so many segments."""
+_MOST_ROWS = 256
+_BEYOND = 1.0
+"""How far outside the unit square the frame lies."""
+
+
+class TrimCurve(NamedTuple):
+    """A rational Bezier curve in the parameters of a patch, of degree 1 to 15."""
+
+    control: Reals
+    """(n, 2) u, v."""
+    weights: Reals | None = None
+    """(n,), all above 0; None: all 1."""
+
+
+class Trim:
+    """What is left of a patch: the parameters inside an odd number of closed loops.
+
+    Args:
+        loops: closed sequences of curves: each begins where the one before it ends. A smaller gap
+            is closed by a straight line. Their (u, v) are the patch's own along an axis without
+            arcs; along one with arcs they are angles (see `arcs`).
+        low: (2,) the patch's rectangle.
+        high: (2,).
+        arcs: along which of both axes the patch is made of so many equal circular arcs, quadratic
+            and with weights 1, cos, 1, its knots the angles at their ends in radians; 0: of none.
+
+    Raises:
+        ModelError: no loops or curves, shapes that do not fit, a weight that is not above 0.
+
+    Attributes:
+        whole: whether nothing is cut off: the patch needs no trim.
+        snapped: (2,) how far the loops were moved onto the rectangle's sides, in u and in v. Who
+            made them widens the model's deviation by what that is worth.
+    """
+
+    __slots__ = ("nets", "record", "segments", "snapped", "whole")
+
+    def __init__(
+        self,
+        loops: Sequence[Sequence[TrimCurve]],
+        low: ArrayLike,
+        high: ArrayLike,
+        arcs: tuple[int, int] = (0, 0),
+    ) -> None:
+        low, high = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
+        extent = high - low
+        if not (extent > 0.0).all():
+            raise ModelError(f"trim: rectangle from {low.tolist()} to {high.tolist()} is empty")
+        if not loops:
+            raise ModelError("trim: no loops")
+        self.record = np.zeros((), TRIM)
+        self.record["low"], self.record["extent"], self.record["arcs"] = low, extent, arcs
+        angles = extent / np.maximum(arcs, 1)
+        self.record["tangent"] = np.where(np.asarray(arcs) > 0, np.tan(angles / 4.0), 1.0)
+        # Rounding a parameter, and what maps it, errs by a few u of the parameter itself.
+        spread = 1.0 + float(((np.abs(low) + np.abs(high)) / extent).max())
+        slack = 16.0 * DOUBLE_EPS * spread
+        self.record["slack"] = slack
+        self.snapped = np.zeros(2)
+        rows: list[tuple] = []
+        nets: list[Reals] = []
+        room = 0
+        for loop in loops:
+            curves = [self._in_unit_square(curve, low, extent) for curve in loop]
+            for part in _closed(curves, slack):
+                rows += [(*row, room) for row in part.rows]
+                nets.append(part.net)
+                room += part.net.size
+        self.snapped *= extent
+        self.segments = np.zeros(len(rows), SEGMENT)
+        for i, (a, b, band, begin, end, degree, net) in enumerate(rows):
+            self.segments[i] = (a, b, band, begin, end, net, degree)
+        self.nets = np.concatenate(nets, axis=None) if nets else np.zeros(0)
+        self.whole = self._is_whole()
+
+    def check(self, net: Net, name: str) -> None:
+        """Prove that it fits a patch.
+
+        Raises:
+            ModelError: another rectangle; axes of arcs along which the patch has none.
+        """
+        for i, (letter, along) in enumerate(zip("uv", net.spans, strict=True)):
+            low, high = float(along.low[0]), float(along.high[-1])
+            own_low, extent = float(self.record["low"][i]), float(self.record["extent"][i])
+            if own_low != low or abs(own_low + extent - high) > 1e-12 * (abs(high) + extent):
+                raise ModelError(
+                    f"{name}: trim: its {letter} goes from {own_low} to {own_low + extent}, "
+                    f"that of the patch from {low} to {high}"
+                )
+            arcs = int(self.record["arcs"][i])
+            if arcs and not (arcs == len(along.low) and along.degree == 2):
+                raise ModelError(
+                    f"{name}: trim: {arcs} arcs in {letter}, where the patch has {len(along.low)} "
+                    f"pieces of degree {along.degree}"
+                )
+
+    def digest(self) -> bytes:
+        """Of all that makes it up."""
+        return self.record.tobytes() + self.segments.tobytes() + self.nets.tobytes()
+
+    def _in_unit_square(self, curve: TrimCurve, low: Reals, extent: Reals) -> Reals:
+        """The control points (n, 3) of a curve: x, y, w; those that are nearly there on sides."""
+        control = np.asarray(curve.control, dtype=np.float64)
+        count = len(control)
+        weights = np.ones(count) if curve.weights is None else np.asarray(curve.weights)
+        if control.shape != (count, 2) or weights.shape != (count,) or not 2 <= count <= 16:
+            raise ModelError(f"trim: a curve of shape {control.shape}, expected (2 to 16, 2)")
+        if not (np.isfinite(control).all() and (weights > 0.0).all() and weights.max() < math.inf):
+            raise ModelError("trim: a curve with points or weights that are not finite or positive")
+        unit = (control - low) / extent
+        sides = np.round(unit)
+        near = (np.abs(unit - sides) <= _SNAP) & ((sides == 0.0) | (sides == 1.0))
+        moved = np.where(near, np.abs(unit - sides), 0.0).max(axis=0)
+        self.snapped = np.maximum(self.snapped, moved)
+        return np.column_stack([np.where(near, sides, unit), weights])
+
+    def _is_whole(self) -> bool:
+        """Whether all loops run along the sides, and around the middle."""
+        segments = self.segments
+        if (segments["band"] >= 0.0).any():
+            return False
+        (_, ay), (bx, by) = segments["a"].T, segments["b"].T
+        crossed = ((ay <= 0.5) != (by <= 0.5)) & (bx > 0.5)  # sides: they pass left or right of it
+        if not int(crossed.sum()) % 2:
+            raise ModelError("trim: nothing is left of the patch")
+        return True
+
+
+class _Part(NamedTuple):
+    """A curve's segments, all but where their net lies."""
+
+    rows: list[tuple]
+    net: Reals
+
+
+def _closed(curves: list[Reals], slack: float) -> list[_Part]:
+    """The segments of a loop, whose ends are those of their neighbours to the last bit."""
+    chain: list[Reals] = []
+    for curve, following in zip(curves, [*curves[1:], curves[0]], strict=True):
+        chain.append(curve)
+        if np.hypot(*(curve[-1, :2] - following[0, :2])) > slack:
+            chain.append(np.array([(*curve[-1, :2], 1.0), (*following[0, :2], 1.0)]))
+    begins = [(float(x), float(y)) for x, y, _ in (curve[0] for curve in chain)]
+    framed = [_framed(curve) for curve in chain]
+    parts = []
+    for i, curve in enumerate(chain):
+        following = (i + 1) % len(chain)
+        here, there = begins[i], begins[following]
+        if framed[i]:
+            before = [] if framed[i - 1] else [here]
+            after = [] if framed[following] else [there]
+            parts.append(_frame([*before, _pushed(here), _pushed(there), *after]))
+        else:
+            parts.append(_curved_part(curve, here, there, slack))
+    return parts
+
+
+def _framed(curve: Reals) -> bool:
+    """Whether a curve runs along a side, or outside the rectangle altogether."""
+    points = curve[:, :2]
+    return bool(((points <= 0.0).all(axis=0) | (points >= 1.0).all(axis=0)).any())
+
+
+def _pushed(point: tuple[float, float]) -> tuple[float, ...]:
+    """A point of a side, moved outward; one of a corner, away from both sides."""
+    return tuple(
+        -_BEYOND if each <= 0.0 else 1.0 + _BEYOND if each >= 1.0 else each for each in point
+    )
+
+
+def _frame(points: list[tuple[float, float]]) -> _Part:
+    """A polyline outside the rectangle, whose curve nobody asks for."""
+    rows = [(a, b, FRAME, 0.0, 1.0, 1) for a, b in pairwise(points) if a != b]
+    return _Part(rows, np.zeros(0))
+
+
+def _curved_part(
+    curve: Reals, here: tuple[float, float], there: tuple[float, float], slack: float
+) -> _Part:
+    """A curve as segments whose bands are narrow, as far as few segments can make them so."""
+    degree = len(curve) - 1
+    net = np.column_stack([curve[:, :2] * curve[:, 2:], curve[:, 2]])
+    count = 1
+    while True:
+        points = _cutting(degree, count) @ net
+        points = points[..., :2] / points[..., 2:]
+        ends = np.vstack([here, points[1:, 0], there])
+        bands = _bands(points, ends) + slack
+        if degree == 1 or count == _MOST_PARTS or bands.max() <= _FLAT:
+            break
+        count *= 2
+    rows = [
+        (tuple(ends[i]), tuple(ends[i + 1]), float(bands[i]), i / count, (i + 1) / count, degree)
+        for i in range(count)
+    ]
+    return _Part(rows, net)
+
+
+def hull(curve: TrimCurve) -> Reals:
+    """(n, 2) points whose box holds a curve, and hardly more."""
+    degree = len(curve.control) - 1
+    if degree == 1:
+        return curve.control
+    weights = np.ones(degree + 1) if curve.weights is None else curve.weights
+    net = np.column_stack([curve.control * weights[:, None], weights])
+    points = _cutting(degree, 16) @ net
+    return (points[..., :2] / points[..., 2:]).reshape(-1, 2)
+
+
+def _bands(points: Reals, ends: Reals) -> Reals:
+    """(k,) How far the control points (k, n, 2) of segments are from their chords, at most.
+
+    What is as near to a chord is convex, so the curve is in it with its control points.
+    """
+    a, d = ends[:-1, None], (ends[1:] - ends[:-1])[:, None]
+    square = (d * d).sum(axis=-1)
+    share = ((points - a) * d).sum(axis=-1) / np.where(square > 0.0, square, 1.0)
+    foot = a + np.clip(share, 0.0, 1.0)[..., None] * d
+    return np.sqrt(((points - foot) ** 2).sum(axis=-1)).max(axis=-1)
+
+
+@cache
+def _cutting(degree: int, count: int) -> Reals:
+    """(count, n, n) what makes a curve's control points those of its equal parts."""
+    made = np.empty((count, degree + 1, degree + 1))
+    for part in range(count):
+        for j in range(degree + 1):
+            made[part, j] = _blossom(degree, part / count, (part + 1) / count, j)
+    made.setflags(write=False)
+    return made
+
+
+def _blossom(degree: int, begin: float, end: float, ends: int) -> Reals:
+    """(n,) the weights of control points in their polar form at `ends` times end, else begin."""
+    rows = np.eye(degree + 1)
+    for step in range(degree):
+        t = end if step < ends else begin
+        rows = (1.0 - t) * rows[:-1] + t * rows[1:]
+    return rows[0]
+
+
+def joined(trims: Sequence[Trim | None]) -> Trims:
+    """The trims of a model's patches, as the kernels see them; None: the patch is whole."""
+    records = np.zeros(len(trims), TRIM)
+    rows: list[NDArray[np.int32]] = [np.zeros(1, np.int32)]
+    entries, segments, nets = [], [], []
+    count = room = lists = listed = 0
+    for i, trim in enumerate(trims):
+        if trim is None or trim.whole:
+            continue
+        own = trim.segments.copy()
+        own["net"] += room
+        starts, ranked = _in_rows(own, float(trim.record["slack"]))
+        records[i] = trim.record
+        records[i]["first"], records[i]["end"] = count, count + len(own)
+        records[i]["rows"], records[i]["first_row"] = len(starts) - 1, lists
+        rows.append((starts[1:] + listed).astype(np.int32))
+        entries.append((ranked + count).astype(np.int32))
+        segments.append(own)
+        nets.append(trim.nets)
+        count, room = count + len(own), room + trim.nets.size
+        lists, listed = lists + len(starts) - 1, listed + len(ranked)
+    table = Trims(
+        records,
+        np.concatenate(rows),
+        np.concatenate(entries) if entries else np.zeros(1, np.int32),
+        np.concatenate(segments) if segments else np.zeros(1, SEGMENT),
+        np.concatenate(nets) if nets else np.zeros(1),
+    )
+    for array in table:
+        array.setflags(write=False)
+    return table
+
+
+def _in_rows(
+    segments: NDArray[np.void], slack: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where the list of each row begins (rows + 1,), and the lists: indices of segments."""
+    reach = np.maximum(segments["band"], 0.0) + 2.0 * slack
+    low = np.minimum(segments["a"][:, 1], segments["b"][:, 1]) - reach
+    high = np.maximum(segments["a"][:, 1], segments["b"][:, 1]) + reach
+    rows = min(len(segments), _MOST_ROWS)
+    inside = np.flatnonzero((high >= 0.0) & (low <= 1.0))
+    first = np.clip(np.floor(low[inside] * rows), 0, rows - 1).astype(np.int64)
+    last = np.clip(np.floor(high[inside] * rows), 0, rows - 1).astype(np.int64)
+    counts = last - first + 1
+    index = np.repeat(inside, counts)
+    offsets = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    row = np.repeat(first, counts) + offsets
+    order = np.argsort(row, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=rows))])
+    return starts, index[order]

@@ -1,0 +1,76 @@
+"""A body whose model file is an assembly: one body for each part, where the file places it."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from proximity_monitor import engine
+from proximity_monitor.scene.description import Body
+from proximity_monitor.scene.report import Keys, Report
+
+_UNFIT = re.compile(r"[^a-z0-9_]+")
+
+
+def parts_of(
+    body: Body,
+    data: dict[str, Any],
+    keys: Keys,
+    report: Report,
+    read_topic: Callable[[str, Keys, Report], str],
+) -> Iterator[Body]:
+    """The bodies that one of the file is: the parts of its model, or itself.
+
+    They are called NAME_PART and have the colours of the file, unless the scene gives one. `pose`
+    is that of the assembly; parts in `moving_parts`, or with `moving` all, have topics of their
+    own, and their poses are those of their own frames. Problems go to the report.
+    """
+    placements: list[engine.Placement] = []
+    if body.model is not None and data.get("parts", True):
+        try:
+            placements = engine.load_placements(body.model, scale=body.scale)
+        except (engine.ModelError, OSError) as error:
+            report.add((*keys, "model"), str(error))
+            return
+    if len(placements) < 2:
+        if "moving_parts" in data:
+            report.add((*keys, "moving_parts"), "the model is no assembly of several parts")
+        yield body
+        return
+    if "topic" in data:
+        message = "an assembly's parts have topics of their own; say 'moving: true', or "
+        report.add((*keys, "topic"), message + "'parts: false' if it is one rigid body")
+    names = _names(body.name, [each.name for each in placements])
+    loose = set(data.get("moving_parts", ()))
+    for missing in sorted(loose - {*names, *(each.name for each in placements)}):
+        known = ", ".join(names)
+        report.add((*keys, "moving_parts"), f"there is no part '{missing}'; there are {known}")
+    for name, placed in zip(names, placements, strict=True):
+        moves = body.moving or not loose.isdisjoint((name, placed.name))
+        pose = topic = None
+        if moves:
+            topic = read_topic(f"bodies/{name}/pose", keys, report)
+        else:
+            pose = body.pose @ placed.pose
+            pose.setflags(write=False)
+        colour = body.colour if "colour" in data or placed.colour is None else placed.colour
+        yield replace(
+            body, name=name, pose=pose, topic=topic, colour=colour, part=placed.model
+        )  # fmt: skip
+
+
+def _names(whole: str, parts: list[str]) -> list[str]:
+    """NAME_PART in the letters that a body's name may have, numbered where they would be alike."""
+    made: list[str] = []
+    for part in parts:
+        plain = unicodedata.normalize("NFKD", part.lower()).encode("ascii", "ignore").decode()
+        own = _UNFIT.sub("_", plain).strip("_") or "part"
+        base = own if own.startswith(f"{whole}_") else f"{whole}_{own}"
+        name, number = base, 2
+        while name in made:
+            name, number = f"{base}_{number}", number + 1
+        made.append(name)
+    return made

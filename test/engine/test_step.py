@@ -1,0 +1,242 @@
+"""STEP files against OpenCASCADE itself: faces, trims, names, places, colours, refusals."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from proximity_monitor import engine
+from proximity_monitor.engine.kernels.surface.trim import INSIDE
+from proximity_monitor.engine.kernels.surface.trim_entries import (
+    classify_points,
+    nearest_trim_points,
+)
+from proximity_monitor.engine.models.patch import Patch
+from proximity_monitor.engine.models.trim import joined
+
+pytest.importorskip("OCP", reason="needs OpenCASCADE: pip install cadquery-ocp")
+
+from OCP.BRep import BRep_Builder, BRep_Tool
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+from OCP.BRepClass import BRepClass_FaceClassifier
+from OCP.BRepGProp import BRepGProp
+from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+from OCP.Geom import Geom_OffsetSurface, Geom_SphericalSurface
+from OCP.gp import gp_Ax3, gp_Pnt
+from OCP.GProp import GProp_GProps
+from OCP.Interface import Interface_Static
+from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
+from OCP.TopAbs import TopAbs_State
+from OCP.TopoDS import TopoDS_Compound
+
+from proximity_monitor.engine.files import step_parts
+from proximity_monitor.engine.files.step_faces import cast, read_face, shapes_in
+
+GEARBOX = Path(engine.__file__).parents[1] / "scene/bundled/gearbox/models/gearbox.step"
+GRID = 60
+
+
+@pytest.fixture(scope="module")
+def faces():
+    """Each face of the gearbox's parts: OpenCASCADE's and ours."""
+    found = []
+
+    def keep(shape, name):
+        for face in shapes_in(shape, "Face"):
+            found.append((face, read_face(face)))
+        return whole(shape, name)
+
+    whole = step_parts.read_shape
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(step_parts, "read_shape", keep)
+        step_parts.read_parts(GEARBOX)
+    return found
+
+
+def patch_of(face):
+    net = face.net
+    return Patch(net.control, net.knots_u, net.knots_v, net.weights, trim=face.trim)
+
+
+def sides(patch, parameters):
+    """Of each point, whether it is left: INSIDE and so on."""
+    made = np.full(len(parameters), INSIDE, np.int8)
+    if patch.trim is not None:
+        classify_points(joined([patch.trim]), 0, parameters, made)
+    return made
+
+
+def cells(patch):
+    """A point (n, 2) of each cell of a grid on each span, and the area of each cell.
+
+    It is the middle; on a trimmed patch anywhere, or a straight loop would take whole rows wrongly.
+    """
+    middles, widths = [], []
+    for along in patch.nets[0].spans:
+        steps = max(8, GRID // len(along.low))
+        share = (np.arange(steps) + 0.5) / steps
+        middles.append((along.low[:, None] + (along.high - along.low)[:, None] * share).ravel())
+        widths.append(np.repeat((along.high - along.low) / steps, steps))
+    u, v = (each.ravel() for each in np.meshgrid(*middles, indexing="ij"))
+    if patch.trim is not None:
+        aside = np.random.default_rng(7).uniform(-0.5, 0.5, (2, len(u)))
+        u = u + np.repeat(widths[0], len(widths[1])) * aside[0]
+        v = v + np.tile(widths[1], len(widths[0])) * aside[1]
+    first = patch.derivatives(u, v, 1)
+    lengths = np.linalg.norm(np.cross(first[:, 1, 0], first[:, 0, 1]), axis=1)
+    return np.column_stack([u, v]), lengths * np.outer(*widths).ravel()
+
+
+def test_each_face_has_the_area_that_opencascade_measures(faces):
+    trimmed = 0
+    for theirs, ours in faces:
+        patch = patch_of(ours)
+        parameters, areas = cells(patch)
+        measured = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(theirs, measured, 1e-6)
+        left = areas[sides(patch, parameters) == INSIDE].sum()
+        # A loop leaves or takes whole cells: as many as it passes through, at random.
+        slack = 4e-4 if ours.trim is None else 0.5 / GRID
+        assert left == pytest.approx(measured.Mass(), abs=slack * areas.sum())
+        trimmed += ours.trim is not None
+    assert trimmed > 50
+
+
+def test_points_lie_on_the_face_where_its_classifier_says(faces):
+    random = np.random.default_rng(5)
+    kinds = set()
+    for theirs, ours in faces:
+        patch = patch_of(ours)
+        (low_u, high_u), (low_v, high_v) = patch.domain
+        parameters = random.uniform((low_u, low_v), (high_u, high_v), (12, 2))
+        found = sides(patch, parameters)
+        surface = BRep_Tool.Surface_s(cast(theirs, "Face"))
+        kinds.add(type(surface).__name__)
+        for place, side, point in zip(
+            parameters, found, patch.evaluate(*parameters.T), strict=True
+        ):
+            judge = BRepClass_FaceClassifier(cast(theirs, "Face"), gp_Pnt(*point), 1e-6)
+            if judge.State() != TopAbs_State.TopAbs_ON:
+                assert (judge.State() == TopAbs_State.TopAbs_IN) == (side == INSIDE), place
+    assert len(kinds) >= 7, kinds
+
+
+def test_points_of_loops_lie_on_edges(faces):
+    random = np.random.default_rng(6)
+    for theirs, ours in faces:
+        if ours.trim is None:
+            continue
+        patch = patch_of(ours)
+        (low_u, high_u), (low_v, high_v) = patch.domain
+        parameters = random.uniform((low_u, low_v), (high_u, high_v), (5, 2))
+        nearest = np.empty_like(parameters)
+        assert nearest_trim_points(joined([patch.trim]), 0, parameters, 1.0, 1.0, nearest)
+        for point in patch.evaluate(*nearest.T):
+            judge = BRepClass_FaceClassifier(cast(theirs, "Face"), gp_Pnt(*point), 1e-5)
+            assert judge.State() == TopAbs_State.TopAbs_ON
+
+
+def test_normals_of_solids_point_outward(faces):
+    """The flux of x through a closed surface is its volume, positive."""
+    volume = 0.0
+    for _, ours in faces[:53]:  # the housing
+        patch = patch_of(ours)
+        parameters, _ = cells(patch)
+        left = parameters[sides(patch, parameters) == INSIDE]
+        first = patch.derivatives(*left.T, 1)
+        flux = first[:, 0, 0] * np.cross(first[:, 1, 0], first[:, 0, 1])
+        volume += flux.sum() / len(parameters) * math.prod(h - low for low, h in patch.domain)
+    assert volume > 0.0
+
+
+def test_parts_have_names_places_and_colours():
+    placed = {each.name: each for each in engine.load_placements(GEARBOX)}
+    assert list(placed) == [
+        "housing", "cover", "pinion", "wheel", "input shaft", "output shaft", "bearing 1",
+        "bearing 2", "seal 1", "seal 2", "knob", "bolt 1", "bolt 2", "bolt 3", "bolt 4",
+    ]  # fmt: skip
+    assert placed["pinion"].colour == pytest.approx((0.85, 0.65, 0.20, 1.0), abs=1e-6)
+    assert placed["bolt 3"].model == "bolt 1"
+    assert placed["bolt 3"].pose[:3, 3] == pytest.approx([0.06, 0.03, 0.0203])
+    turn = placed["bolt 3"].pose[:3, :3]
+    assert turn[0] == pytest.approx([math.cos(math.pi / 4), -math.sin(math.pi / 4), 0.0])
+
+
+def test_a_part_comes_in_its_own_frame_and_the_whole_as_placed():
+    ring = engine.load(GEARBOX, part="seal 1")
+    assert ring.name == "seal 1"
+    assert ring.centre == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    # A torus of 7.2 and 1.4 mm, whose box is that wide and 2.8 mm high.
+    points = ring.display_mesh(1e-6).vertices
+    assert np.ptp(points, axis=0) == pytest.approx([0.0172, 0.0172, 0.0028], rel=1e-3)
+    assert 1e-10 <= ring.deviation < 1.1e-10  # 1e-7 mm, the tolerance of its edges
+    whole = engine.load(GEARBOX)
+    count = len(engine.load(GEARBOX, part="bolt 1").nets)
+    assert len(whole.nets) == 452
+    bolt = whole.nets[-count:]
+    assert np.vstack([net.points for net in bolt])[:, :2].mean(axis=0) == pytest.approx(
+        [-0.025, 0.030], abs=1e-3
+    )
+
+
+def written(shape, path):
+    writer = STEPControl_Writer()
+    writer.Transfer(shape, STEPControl_StepModelType.STEPControl_AsIs)
+    writer.Write(str(path))
+    return path
+
+
+def test_what_cannot_be_honoured_is_refused_by_name(tmp_path):
+    ball = Geom_SphericalSurface(gp_Ax3(), 10.0)
+    face = BRepBuilderAPI_MakeFace(Geom_OffsetSurface(ball, 1.0), 0.1, 1.0, 0.1, 1.0, 1e-6).Face()
+    shape, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(shape)
+    builder.Add(shape, BRepPrimAPI_MakeBox(1.0, 1.0, 1.0).Shape())
+    builder.Add(shape, face)
+    with pytest.raises(engine.ModelError, match=r"part .*: face \d+, offset: this type"):
+        step_error(shape)
+
+
+def step_error(shape):
+    try:
+        step_parts.read_shape(shape, "cap")
+    except step_parts.FormatError as error:
+        raise engine.ModelError(str(error)) from None
+
+
+def test_units_are_those_of_the_file(tmp_path):
+    before = Interface_Static.CVal_s("write.step.unit")
+    try:
+        for unit in ("MM", "INCH", "M"):
+            Interface_Static.SetCVal_s("write.step.unit", unit)
+            file = written(BRepPrimAPI_MakeBox(10.0, 20.0, 30.0).Shape(), tmp_path / f"{unit}.stp")
+            points = engine.load(file, scale=2.0).control_points
+            assert np.ptp(points, axis=0) == pytest.approx([0.02, 0.04, 0.06], rel=1e-12)
+    finally:
+        Interface_Static.SetCVal_s("write.step.unit", before)
+
+
+def test_damaged_files_are_refused(tmp_path):
+    text = GEARBOX.read_bytes()
+    for name, data, why in (
+        ("cut.step", text[: len(text) // 2], "truncated"),
+        ("other.step", b"solid x\nendsolid x\n", "no STEP file"),
+        ("lost.step", text.replace(b"PLANE('',#", b"PLANE('',#9999", 3), "faces, of which"),
+        ("none.step", b"ISO-10303-21;\nEND-ISO-10303-21;\n", "cannot read"),
+    ):
+        file = tmp_path / name
+        file.write_bytes(data)
+        with pytest.raises(engine.ModelError, match=why) as caught:
+            engine.load(file)
+        assert str(file) in str(caught.value)
+
+
+def test_other_files_have_no_parts(tmp_path):
+    file = tmp_path / "a.stl"
+    file.write_bytes(b"solid a\nendsolid a\n")
+    with pytest.raises(engine.ModelError, match="no parts"):
+        engine.load(file, part="a")
+    assert engine.load_placements(file) == []
+    with pytest.raises(engine.ModelError, match="there is none; there are 'housing'"):
+        engine.load(GEARBOX, part="lid")
