@@ -38,8 +38,8 @@ class Hierarchy(ABC):
     """What a hierarchy cannot be made again without."""
 
     __slots__ = (
-        "_ranges", "_sampled", "_sides", "_spread", "centre", "core_radius", "depth", "deviation", "distinct",
-        "numbers", "radius", "solid", "swept_radius", "table", "table_of_all", "tree",
+        "_ranges", "_sampled", "_sides", "_spread", "centre", "core_radius", "depth", "deviation",
+        "distinct", "numbers", "radius", "solid", "swept_radius", "table", "table_of_all", "tree",
     )  # fmt: skip
 
     swept_radius: float
