@@ -27,7 +27,7 @@ ROSDEP = {
     "rich": "python3-rich",
     "yaml": "python3-yaml",
 }
-NO_ROSDEP_KEY = {"viser", "rosbags"}
+NO_ROSDEP_KEY = {"viser", "rosbags", "OCP"}
 COMES_ALONG = {"llvmlite", "websockets"}  # with numba and with viser
 STARTED_NOT_IMPORTED = {"rviz2"}
 

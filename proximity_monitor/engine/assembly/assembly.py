@@ -269,9 +269,8 @@ class Assembly:
             kinds = dict(zip(self._trees, self.models, strict=True))
             self._entries = {(a, b): entry_for(kinds[a], kinds[b]) for a in kinds for b in kinds}
         while len(self._searches) < threads:
-            self._searches.append(
-                Search(self._deepest, self._deepest, coherent=False, among=self.models)
-            )
+            both = (self._deepest,) * 2
+            self._searches.append(Search(*both, coherent=False, among=self.models))
 
     def _enclosed(self) -> Insides:
         """The spaces that the bodies enclose as they are now."""
