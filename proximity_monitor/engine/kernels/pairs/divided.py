@@ -7,10 +7,9 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel
 from ..base.memory import on_stack
 from ..base.motion import slack_of_bounds
-from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, NET_POINT, POINT_FLOOR, RESOLUTION
+from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, RESOLUTION
 from ..base.state import (
     CELLS_FULL,
-    CONVERSION,
     CUT,
     ENDED,
     NONE,
@@ -20,6 +19,7 @@ from ..base.state import (
     SurfaceTree,
 )
 from ..base.vectors import moved, norm, scaled, sub
+from ..elements.errors import points_err
 from ..inside.nearest import begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
@@ -59,24 +59,8 @@ def _implements(stub):
 def _slacks(tree_a, tree_b, apart, error):
     size_a, size_b = tree_a.scale[2], tree_b.scale[2]
     points = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
-    points += _points_err(tree_a) + _points_err(tree_b)
+    points += points_err(tree_a) + points_err(tree_b)
     return points, slack_of_bounds(size_a, size_b, apart, error)
-
-
-def _points_err(tree):
-    """What a point of an element errs by before it is moved, metres."""
-
-
-@implements(_points_err, MeshTree)
-@inlined
-def _corners_err(tree):
-    return 0.0
-
-
-@implements(_points_err, SurfaceTree)
-@inlined
-def _evaluation_errs(tree):
-    return NET_POINT * tree.scale[2] + tree.scale[CONVERSION]
 
 
 @implements(stubs.resolution, Dividing)
