@@ -115,7 +115,7 @@ class Shape:
     Args:
         model: patches and curves, whose control points, weights and knots are taken as given.
         triangles: (m, 3, 3) metres, instead.
-        samples: how many in each direction of a span.
+        samples: how many in each direction of a patch's span; a curve's has the square of that.
     """
 
     def __init__(self, model=None, triangles=None, samples=8):
@@ -152,7 +152,8 @@ class Shape:
         points, group, span, at, block = [], [], [], [], []
         used = 0
         for g, spans in enumerate(self.groups):
-            share = [np.linspace(0.0, 1.0, count if degree else 1) for degree in spans.degrees]
+            each = count if spans.degrees[1] else count * count
+            share = [np.linspace(0.0, 1.0, each if degree else 1) for degree in spans.degrees]
             u, v = (x.ravel() for x in np.meshgrid(*share, indexing="ij"))
             which = np.repeat(np.arange(len(spans.low)), len(u))
             share = np.tile(np.stack((u, v), axis=1), (len(spans.low), 1))
