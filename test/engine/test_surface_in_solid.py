@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from time import perf_counter
+
 import numpy as np
 import pytest
 from ball_oracle import depths_in
@@ -10,6 +12,8 @@ from engine_surfaces import bumps, curve, patch, sphere_patches
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
+from proximity_monitor.engine.assembly.answers import Answers
+from proximity_monitor.engine.assembly.schedule import Schedule
 
 TIGHT = 1e-12
 HALF = np.array([0.6, 0.5, 0.4])
@@ -155,6 +159,35 @@ def test_an_assembly_says_what_its_pairs_say():
             assert found.lower[k] > -np.inf
         touching = assembly.distances(poses, pairs, signed=True, clearance=0.0)
         assert ((touching.upper <= 0.0) == (found.upper <= 0.0)).all()
+
+
+def test_a_schedule_says_what_its_pairs_say():
+    small = engine.ParametricSurface(sphere_patches())
+    small.deform(0.2 * small.control_points)
+    models = [BOX, bumps(3, 8), small, sphere(2, 0.3)]
+    pairs = np.array([[0, 1], [1, 2], [1, 3], [2, 0], [3, 2], [0, 3]])
+    answers, assembly = Answers(models, list("abcd")), engine.Assembly(models)
+    rows = answers.add(
+        pairs, np.array([models[i].is_solid or models[j].is_solid for i, j in pairs])
+    )
+    schedule, known = Schedule(answers, assembly), np.ones(4, np.bool_)
+    schedule.begin(rows)
+    rng = np.random.default_rng(12)
+    for spread in (0.1, 0.4, 1.5):
+        poses = np.array([pose(rng, spread) for _ in models])
+        answers.move(np.arange(4), poses)
+        for _ in range(2):  # the second time they stand still, and depths are told closely
+            schedule.update(rows, known, ~known, True)
+            schedule.search(perf_counter() + 60.0, perf_counter)
+        listed, left = schedule.report(perf_counter())
+        assert left == 0
+        assert len(listed) == len(pairs)
+        for (i, j), row in zip(pairs, listed, strict=True):
+            one = engine.signed_distance(models[i], poses[i], models[j], poses[j])
+            assert row["lower"] <= one.upper + TIGHT
+            assert one.lower <= row["upper"] + TIGHT
+            assert (row["upper"] < 0.0) == (one.upper < 0.0)
+            assert row["upper"] - row["lower"] <= 0.0101 * abs(one.lower) + TIGHT
 
 
 def test_a_search_that_was_cut_goes_on_and_its_bounds_always_hold():

@@ -204,8 +204,9 @@ def signed_distance(
         `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
         tested counts as one of either.
         Status INTERSECTING: the surfaces touch, or are so close that rounding or deviations cannot
-        tell; or the models overlap most next to a hole of a robust solid, where the bounds stay
-        wider than asked for. Any other depth comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
+        tell; or the models overlap most next to a hole of a robust solid, or a whole region of a
+        parametric surface is deepest, where the bounds may stay wider than asked for. Any
+        other depth comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
 
     Raises:
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
