@@ -21,6 +21,7 @@ peers = [
     "pin>=3.4",
     "pycollada>=0.9",
     "trimesh>=4.6",
+    *cad,
     *robots,
 ]
 # The formatter's output differs between its minor versions, so one of them decides for everybody.

@@ -283,7 +283,7 @@ class Assembly:
                 np.array([each.inside for each in regions], np.int8)[of],
                 np.stack((starts[of], starts[of + 1]), axis=1),
                 np.concatenate([each.samples for each in regions]),
-                np.stack([model._hierarchy.table_of_all for model in self.models]),
+                np.stack([model._hierarchy.sampled()[1] for model in self.models]),
             )
         return self._insides
 

@@ -184,18 +184,21 @@ def prepare(assembly: Assembly) -> None:
     models = assembly.models
     near, far = np.eye(4), np.eye(4)
     far[0, 3] = _FAR * max(float(np.linalg.norm(m.centre)) + m.radius for m in models)
-    chosen = next((i for i, model in enumerate(models) if model.is_solid), 0)
-    poses = np.tile(far, (len(models), 1, 1))
-    poses[chosen] = near
-    other = (chosen + 1) % len(poses)
-    assembly.distances(poses, [[chosen, other]], clearance=0.0, signed=True, budget_s=1.0)
-    pair = Pair(models[chosen], models[chosen])
+    kinds = [type(model._hierarchy.tree) for model in models]
+    apart = np.arange(len(models))[:, None, None] * (far - near) + near
+    one_each = {
+        (kinds[i], kinds[j]): (i, j) for i in range(len(models)) for j in range(i + 1, len(models))
+    }
+    for pair in one_each.values() or [(0, 0)]:
+        assembly.distances(apart, [pair], clearance=0.0, signed=True, budget_s=1.0)
+    chosen = next((model for model in models if model.is_solid), models[0])
+    pair = Pair(chosen, chosen)
     pair.distance(near, far, rel_err=0.5, budget_s=1.0)
-    if pair.a.is_solid:
+    if chosen.is_solid:
         pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
-        # Depths have kernels of their own, a surface's others than a solid's.
+        # Depths have kernels of their own, those of surfaces others than a solid's.
         pair.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
-        surface = next((each for each in models if not each.is_solid), None)
-        if surface is not None:
-            part = Pair(pair.a, surface)
+        surfaces = {k: m for k, m in zip(kinds, models, strict=True) if not m.is_solid}
+        for surface in surfaces.values():
+            part = Pair(chosen, surface)
             part.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import DEVIATION, REVISION, SWEPT
+from ..kernels.base.state import DEVIATION, REVISION, SWEPT, MeshTree
+from ..kernels.base.tables import mesh_table
 from ..kernels.tree.measure import measure
 from ..kernels.tree.ranges import node_ranges
 from ..kernels.tree.spread import spread_corners
@@ -37,8 +38,8 @@ class Hierarchy(ABC):
     """What a hierarchy cannot be made again without."""
 
     __slots__ = (
-        "_ranges", "_sides", "_spread", "centre", "core_radius", "depth", "deviation", "distinct",
-        "numbers", "radius", "solid", "swept_radius", "table", "table_of_all", "tree",
+        "_ranges", "_sampled", "_sides", "_spread", "centre", "core_radius", "depth", "deviation",
+        "distinct", "numbers", "radius", "solid", "swept_radius", "table", "table_of_all", "tree",
     )  # fmt: skip
 
     swept_radius: float
@@ -101,6 +102,7 @@ class Hierarchy(ABC):
         self._ranges: NDArray[np.int32] | None = None
         self._spread: NDArray[np.int32] | None = None
         self._sides: Sides | None = None
+        self._sampled: tuple[MeshTree, NDArray[np.int64]] | None = None
 
     @abstractmethod
     def _table(self, tree: Tree | SurfaceTree) -> NDArray[np.int64]:
@@ -170,6 +172,18 @@ class Hierarchy(ABC):
     @abstractmethod
     def _samples(self) -> NDArray[np.float64]:
         """Three points of each element, in tree order (m, 9), metres."""
+
+    def sampled(self) -> tuple[MeshTree, NDArray[np.int64]]:
+        """The same volumes over triangles of three points of each element, and their table.
+
+        It tells where points of every element are, whatever its kind. Of a mesh all triangles.
+        """
+        if self._sampled is None:
+            tree = self.tree
+            volumes = tree.nodes, tree.centres, tree.children, tree.sizes
+            made = MeshTree(*volumes, self._samples(), tree.scale)
+            self._sampled = made, mesh_table(made, self.numbers)
+        return self._sampled
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but addresses and what can be found again."""

@@ -99,11 +99,13 @@ def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
     return _sides(mesh, first, part, proper, opening, region, reason)
 
 
-def no_sides(hierarchy: Hierarchy, proper: bool, reason: str) -> Sides:
+def no_sides(
+    hierarchy: Hierarchy, proper: bool, reason: str, samples: NDArray[np.int32]
+) -> Sides:  # fmt: skip
     """What is known of a model that has no inside, whatever its elements are."""
     nothing = np.empty(0, np.int32)
     ball = np.array([*hierarchy.centre, hierarchy.core_radius])
-    region = Region(NOWHERE, nothing, ball, 0.0, _no_rim(), _NO_MOMENTS)
+    region = Region(NOWHERE, samples, ball, 0.0, _no_rim(), _NO_MOMENTS)
     return _sides(hierarchy, nothing, nothing, proper, None, region, reason)
 
 

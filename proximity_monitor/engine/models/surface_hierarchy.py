@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.state import CONVERSION
 from ..kernels.base.tables import surface_table
+from ..kernels.inside.solids import connected_parts
 from ..kernels.surface.trim_entries import nearest_trim_points
 from .checks import ModelError
 from .closed import find_opening
@@ -17,6 +18,7 @@ from .hierarchy import Hierarchy
 from .nurbs import frozen
 from .solid import no_sides
 from .surface_tree import build_surface, in_threes, projected, refit_surface
+from .tree import weld
 from .trim import joined
 
 if TYPE_CHECKING:
@@ -127,7 +129,16 @@ class SurfaceHierarchy(Hierarchy):
     def _find_sides(self) -> Sides:
         proper = not all(net.is_curve for net in self.nets)
         reason = find_opening(self.nets, self.deviation) if self.solid else _AS_TOLD
-        return no_sides(self, proper, reason or _UNTOLD)
+        return no_sides(self, proper, reason or _UNTOLD, self._parts())
+
+    def _parts(self) -> NDArray[np.int32]:
+        """One piece of each connected part, as `Region.samples`.
+
+        Pieces that share a corner are connected; where others touch, the part counts as two.
+        """
+        points = self._samples().reshape(-1, 3)
+        corners = weld(points).reshape(-1, 3)
+        return connected_parts(corners, len(points))[1]
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:

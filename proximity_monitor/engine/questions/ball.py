@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from ..kernels.base.state import CUT
 from ..kernels.inside import ball as kernel
-from ..kernels.inside import ball_begin, ball_feet, ball_seeds, deepest
+from ..kernels.inside import ball_begin, ball_feet, ball_seeds
 from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball, ball_table
 from ..kernels.inside.solids import HALF
+from ..kernels.pairs.depths import DEPTHS
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from .slices import slices_until
+from .waiting import cells_for
 
 _CELLS = 64
 """The number of cells that there is room for at first."""
@@ -26,6 +28,13 @@ _CELLS = 64
 _MOST_CELLS = 4096
 """The most cells that are looked into if a solid has holes. Right behind a hole a point counts as
 deep as it is far from the faces, so no cell there gets a better bound, however small it is."""
+
+_PARTS = 256
+"""The number of cells of patches and curves that there is room for at first, besides whole ones."""
+
+_MOST_PIECES = 1 << 15
+"""The most pieces of patches and curves that are looked into. Where a whole region of a surface is
+deepest, nothing ends the search for more digits than these tell."""
 
 _SEEDS = 32
 """The most points that a search may begin with."""
@@ -60,7 +69,7 @@ class BallSearch:
     """
 
     __slots__ = (
-        "_at", "_ball", "_hierarchies", "_models", "_most", "_order", "_poses", "_table",
+        "_at", "_ball", "_hierarchies", "_models", "_more", "_most", "_order", "_poses", "_table",
         "_tables", "given_up",
     )  # fmt: skip
 
@@ -73,14 +82,15 @@ class BallSearch:
         self._models = a, b
         self._order = slice(None)  # in which order the kernels take the models
         self._hierarchies: tuple[Hierarchy, ...] = ()
+        self._more: tuple[NDArray, ...] = ()
         self._keep(_memory((a._hierarchy, b._hierarchy), self._CELL))
         self._most, self.given_up = math.inf, False
 
-    def _keep(self, ball: Ball) -> None:
+    def _keep(self, ball: Ball, more: tuple[NDArray, ...] = ()) -> None:
         """Take the arrays of a search, and make the table by which kernels find them."""
         # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
-        table = ball_table(ball)
-        self._ball, self._table, self._at = ball, table, ball.at[0]
+        table = ball_table(ball, more)
+        self._ball, self._more, self._table, self._at = ball, more, table, ball.at[0]
 
     def begin(
         self,
@@ -146,7 +156,8 @@ class BallSearch:
                 bounds=np.resize(old.bounds, 2 * count),
                 order=np.concatenate((old.order, np.arange(count, 2 * count, dtype=np.int32))),
                 cells=np.concatenate((old.cells, np.empty(count, self._CELL))),
-            )
+            ),
+            self._more,
         )
 
     @property
@@ -193,7 +204,7 @@ class DeepestSearch(BallSearch):
         b: second model; one of the two is a solid.
     """
 
-    __slots__ = ("_solid",)
+    __slots__ = ("_begin", "_go_on", "_solid", "_write")
 
     _CELL = PIECE
 
@@ -201,6 +212,9 @@ class DeepestSearch(BallSearch):
         super().__init__(a, b)
         self._solid = 0 if a.is_solid else 1
         self._order = slice(None, None, 1 if a.is_solid else -1)  # the solid first
+        surface = b if a.is_solid else a
+        self._begin, self._go_on, self._write = DEPTHS[type(surface._hierarchy.tree)]
+        self._keep(self._ball, cells_for(surface, _PARTS))
 
     def begin(
         self,
@@ -211,7 +225,9 @@ class DeepestSearch(BallSearch):
     ) -> None:
         """Start a search."""
         self._take(pose_a, pose_b)
-        deepest.begin_deepest(self._tables, self._table, *self._poses, depth_err, abs_err)
+        if len(self._more[0]):
+            self._most = min(self._most, _MOST_PIECES)
+        self._begin(self._tables, self._table, *self._poses, depth_err, abs_err)
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
         """Do nothing: points beside a surface are not on it."""
@@ -224,7 +240,15 @@ class DeepestSearch(BallSearch):
         return True
 
     def _slice(self, seeds_alone: bool, steps: int) -> int:
-        return deepest.search_deepest(self._tables, self._table, steps)
+        return self._go_on(self._tables, self._table, steps)
+
+    def _make_room(self) -> None:
+        super()._make_room()
+        cells, nets, roots = self._more
+        # What is behind the first half is written before it is read.
+        self._keep(
+            self._ball, (np.resize(cells, 2 * len(cells)), np.resize(nets, 2 * len(nets)), roots)
+        )
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -234,4 +258,4 @@ class DeepestSearch(BallSearch):
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write into an answer (ANSWER,) the deepest point, and the solid's nearest to it."""
-        ball_feet.write_deepest(self._tables, self._table, self._solid, *self._poses, row)
+        self._write(self._tables, self._table, self._solid, *self._poses, row)

@@ -1,4 +1,4 @@
-"""The contacts of two models, made of the triangles that a search found."""
+"""The contacts of two models, made of the elements that a search found."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ..kernels.elements import contacts as kernel
 from ..kernels.elements.swept import lower_of, reach_of
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
+from .contact_surface import are_divided, contact_of
 from .run import Search, least
 
 Touching = tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]
@@ -35,6 +36,8 @@ class Met:
     hierarchies: tuple[Hierarchy, Hierarchy]
     """As the search saw them: a model may be refitted later."""
     pose_a: NDArray[np.float64]
+    row: NDArray[np.float64]
+    """(ANSWER,) the answer."""
     blocks: tuple[NDArray[np.float64], ...]
     """Rows of `State.collected`."""
     motions: NDArray[np.float64]
@@ -52,6 +55,11 @@ class Met:
         """All contacts in the rows."""
         a, b = self.hierarchies
         progress = self.progress
+        if are_divided(a, b):
+            pose_b = np.eye(4)
+            pose_b[:3, :3], pose_b[:3, 3] = self.motions[0, :9].reshape(3, 3), self.motions[0, 9:]
+            poses = self.pose_a, self.pose_a @ pose_b
+            return contact_of(self.row, (a, b), poses, float(progress["slack"]))
         reach = reach_of.py_func(0.0, progress["radii"], progress["deviations"])
         rows = np.concatenate(
             [each[least(each, progress["slack"]) <= reach] for each in self.blocks]
@@ -78,6 +86,7 @@ def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
         search.models,
         (a._hierarchy, b._hierarchy),
         pose_a.copy(),
+        search.answer,
         blocks,
         search.state.motions.copy(),
         search.progress_now(),

@@ -14,6 +14,7 @@ from ..arguments import check_tolerance
 from ..kernels.base import state as index
 from ..models.model import Model
 from ..poses import as_pose, check_pose
+from .contact_surface import are_divided
 from .contacts import met
 from .decision import Clearance, Collision
 from .manifold import candidates
@@ -81,6 +82,8 @@ class Pair:
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
+        if manifold:
+            self._refuse_surfaces("manifold")
         search = self._search
         if search is None or search.order != order:
             search = self._begin_search(order)
@@ -167,10 +170,21 @@ class Pair:
         """Whether the surfaces touch or cross; see `engine.collide`."""
         start = perf_counter()
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
+        if all_contacts:
+            self._refuse_surfaces("all_contacts")
         limit = math.ulp(0.0)
         search = self._search or self._begin_search()
         code = self._run(search, start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
         return Collision(search.answer, met(search, pose_a), code == index.ENDED)
+
+    def _refuse_surfaces(self, wanted: str) -> None:
+        """Refuse what lists pairs of elements: parts of surfaces are not told apart in it yet."""
+        for name, model in (("a", self.a), ("b", self.b)):
+            if are_divided(model._hierarchy):
+                raise NotImplementedError(
+                    f"{wanted}=True: {name} is {model.name!r}, a parametric surface; so far only "
+                    "the nearest pair, or one contact, is found where surfaces take part"
+                )
 
     def _run(
         self,

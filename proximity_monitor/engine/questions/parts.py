@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.motion import relative_motion_pair
-from ..kernels.base.state import MeshTree
 from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
 from ..models.model import Model
@@ -38,7 +37,7 @@ class PartSearch:
         regions: Sequence[Region],
     ) -> None:
         self._cores = [model._hierarchy for model in models]
-        self._trees = [MeshTree(*core.tree) for core in self._cores]
+        self._trees = [core.sampled()[0] for core in self._cores]
         self._regions = regions
         self._motions = np.empty((2, 12))
         sizes = [float(tree.scale[2]) for tree in self._trees]

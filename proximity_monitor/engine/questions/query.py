@@ -51,7 +51,8 @@ def distance(
             beforehand, which takes 5 ms for 100,000 triangles and which no budget cuts.
         manifold: give every pair of triangles that may hold the minimum, with all ties and, where
             surfaces intersect, all contacts: `Distance.manifold`. If the search is cut, or leaves
-            pairs of volumes alone because of a tolerance, these pairs are in it as well.
+            pairs of volumes alone because of a tolerance, these pairs are in it as well. Of meshes
+            alone.
 
     Returns:
         The bounds, in metres, witness points and why the search stopped.
@@ -59,6 +60,7 @@ def distance(
     Raises:
         TypeError: a model that is none, a tolerance or budget that is no real number.
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
+        NotImplementedError: a manifold where a model is a parametric surface.
     """
     start = perf_counter()
     pair = Pair(a, b)
@@ -109,7 +111,7 @@ def collide(
     all_contacts: bool = False,
     budget_s: float | None = None,
 ) -> Collision:
-    """Whether two surfaces touch or cross, and which triangles do.
+    """Whether two surfaces touch or cross, and which of their elements do.
 
     False is certain.
 
@@ -118,7 +120,7 @@ def collide(
         pose_a: (4, 4) model to world, metres.
         b: second model.
         pose_b: (4, 4) model to world, metres.
-        all_contacts: find every pair of touching triangles, else one.
+        all_contacts: find every pair of touching triangles, else one. Of meshes alone.
         budget_s: as for `distance`. If it ends before anything is known, `Collision.decided` is
             False and `colliding` is True; if it ends before all contacts are found, `complete` is
             False.
@@ -126,6 +128,7 @@ def collide(
     Raises:
         TypeError: a model that is none, a budget that is no real number.
         ValueError: a pose that is no rigid motion, a budget that is negative or NaN.
+        NotImplementedError: all contacts where a model is a parametric surface.
     """
     start = perf_counter()
     pair = Pair(a, b)
@@ -201,8 +204,9 @@ def signed_distance(
         `bound_tests` and `primitive_tests` are those of `distance`; every point whose depth was
         tested counts as one of either.
         Status INTERSECTING: the surfaces touch, or are so close that rounding or deviations cannot
-        tell; or the models overlap most next to a hole of a robust solid, where the bounds stay
-        wider than asked for. Any other depth comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
+        tell; or the models overlap most next to a hole of a robust solid, or a whole region of a
+        parametric surface is deepest, where the bounds may stay wider than asked for. Any
+        other depth comes as EXACT, WITHIN_TOLERANCE or OUT_OF_TIME.
 
     Raises:
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.

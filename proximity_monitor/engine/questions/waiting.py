@@ -30,14 +30,21 @@ def waiting_for(first: Iterable[Model], second: Iterable[Model]) -> Waiting | Di
     )
 
 
+def cells_for(surface: Model, parts: int) -> tuple[NDArray, ...]:
+    """Room for so many cells of a surface; none if its elements are not divided."""
+    return _cells(_pieces([surface]), parts)
+
+
 def _pieces(models: Iterable[Model]) -> list[NDArray]:
     """The pieces of those models that have any."""
     trees = {id(each._hierarchy): each._hierarchy.tree for each in models}.values()
     return [tree.pieces for tree in trees if isinstance(tree, SurfaceTree)]
 
 
-def _cells(pieces: list[NDArray]) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
-    """Cells, their control points, and the cells of whole elements."""
+def _cells(
+    pieces: list[NDArray], parts: int = _CELLS
+) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
+    """So many cells at most besides whole ones, their control points, and these whole ones."""
     if not pieces:
         return np.empty(0, CELL), np.empty(0), np.empty(0, np.int32)
     numbers = max(
@@ -46,5 +53,5 @@ def _cells(pieces: list[NDArray]) -> tuple[NDArray, NDArray[np.float64], NDArray
     )
     most = max(map(len, pieces))
     # All whole elements must find room besides the parts of some.
-    count = min(_CELLS, max(_BYTES // (8 * numbers), _FEWEST)) + most
+    count = min(parts, max(_BYTES // (8 * numbers), _FEWEST)) + most
     return np.empty(count, CELL), np.empty(count * numbers), np.empty(most, np.int32)

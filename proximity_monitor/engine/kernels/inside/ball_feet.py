@@ -1,4 +1,4 @@
-"""Where the surfaces are nearest to the centre of the largest ball found, or to a deepest point."""
+"""Where the surfaces are nearest to the centre of the largest ball found."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ..base.state import FEATURE_A, FEATURE_B, POINT_A, POINT_B, RADIUS_A, RADIU
 from ..base.vectors import dot, moved, sub
 from ..elements.primitives import corners, mixed
 from .ball_point import place_of
-from .ball_state import CELL, PIECE, ball_at
+from .ball_state import CELL, ball_at
 from .nearest import point_triangle
 from .solid_table import solid_at
 
@@ -20,54 +20,40 @@ def write_ball(solids, memory, pose_a, pose_b, row):
     tree_a, faces_a, _ = solid_at(solids[0])
     tree_b, faces_b, _ = solid_at(solids[1])
     state = ball_at(CELL, memory)
-    _write_foot(tree_a, faces_a, state, 0, pose_a, row, 0)
-    _write_foot(tree_b, faces_b, state, 1, pose_b, row, 1)
+    write_foot(tree_a, faces_a, state, 0, pose_a, row, 0)
+    write_foot(tree_b, faces_b, state, 1, pose_b, row, 1)
     best = state.best[0]
-    centre = _in_world(pose_a, place_of(best))
+    centre = in_world(pose_a, place_of(best))
     a = (row[POINT_A], row[POINT_A + 1], row[POINT_A + 2])
     b = (row[POINT_B], row[POINT_B + 1], row[POINT_B + 2])
     row[RADIUS_A] = _aimed(centre, a, b, best.side[0]) * tree_a.scale[SWEPT]
     row[RADIUS_B] = _aimed(centre, b, a, best.side[1]) * tree_b.scale[SWEPT]
 
 
-@entry
-def write_deepest(models, memory, solid, pose, pose_surface, row):
-    """Write the deepest point of a surface, and the solid's nearest to it, into an answer.
-
-    Args:
-        models: (2, 2, n) tables, that of the solid first.
-        memory: that of a search for the deepest point.
-        solid: which of the two models of the answer the solid is, 0 or 1.
-        pose: (4, 4) the solid's, model to world.
-        pose_surface: (4, 4) the surface's.
-        row: (ANSWER,) written.
-    """
-    tree, faces, _ = solid_at(models[0])
-    surface, others, _ = solid_at(models[1])
-    state = ball_at(PIECE, memory)
-    _write_foot(tree, faces, state, 0, pose, row, solid)
-    _write_foot(surface, others, state, 1, pose_surface, row, 1 - solid)
-    row[RADIUS_A] = row[RADIUS_B] = 0.0
-    row[RADIUS_A + solid] = -tree.scale[SWEPT]
-
-
 @kernel
-def _write_foot(tree, faces, state, k, pose, row, side):
+def write_foot(tree, faces, state, k, pose, row, side):
     """Write the point of the nearest triangle of solid k that is nearest to the best point."""
     best = state.best[0]
     t = best.near[k]
     a, b, c = corners(tree.triangles, t)
     _, v, w = point_triangle(moved(state.motions[k], place_of(best)), a, b, c)
     weights = (max(1.0 - v - w, 0.0), v, w)
-    foot = _in_world(pose, mixed((a, b, c), weights))
-    point, feature = _POINTS[side], _FEATURES[side]
-    for i in range(3):
-        row[point + i], row[feature + i] = foot[i], weights[i]
-    row[feature + 3] = faces[t]
+    write_point(pose, mixed((a, b, c), weights), weights, faces[t], row, side)
 
 
 @kernel
-def _in_world(pose, x):
+def write_point(pose, place, parameters, label, row, side):
+    """Write a model's point into an answer: its place in the model's frame, and where it lies."""
+    placed = in_world(pose, place)
+    point, feature = _POINTS[side], _FEATURES[side]
+    for i in range(3):
+        row[point + i], row[feature + i] = placed[i], parameters[i]
+    row[feature + 3] = label
+
+
+@kernel
+def in_world(pose, x):
+    """A point in the world."""
     return (
         pose[0, 0] * x[0] + pose[0, 1] * x[1] + pose[0, 2] * x[2] + pose[0, 3],
         pose[1, 0] * x[0] + pose[1, 1] * x[1] + pose[1, 2] * x[2] + pose[1, 3],

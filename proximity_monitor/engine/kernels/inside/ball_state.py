@@ -22,6 +22,7 @@ POINT = np.dtype(
         ("clear", np.float64, (2,)),  # metres around the point where all points are on that side
         ("near", np.int64, (2,)),  # the nearest triangles, in tree order
         ("way", np.float64, (2, 3)),  # unit vectors, a's frame, along which the depths grow
+        ("weights", np.float64, (3,)),  # of a surface's deepest point: where on its element it is
     ],
     align=True,
 )
@@ -44,8 +45,8 @@ CELL = np.dtype(
 
 PIECE = np.dtype(
     [
-        ("corners", np.float64, (3, 3)),  # metres, in the surface's frame: of a piece of a triangle
-        ("triangle", np.int64),  # of which, in tree order
+        ("corners", np.float64, (3, 3)),  # metres, in the surface's frame: of a part of a triangle
+        ("part", np.int64),  # of which, in tree order; or the cell of a patch or curve
         ("lane", np.int64),  # or of which volume; then it is not negative
         ("near", np.int64),  # a triangle of the solid that is near
     ],
@@ -77,6 +78,7 @@ SEARCH = np.dtype(
         ("seeds", np.int64),  # how many there are
         ("points", np.int64),  # points whose depth was asked for
         ("cells", np.int64),  # cells that were looked into
+        ("parts", np.int64),  # cells of a surface's elements that were made
     ],
     align=True,
 )
@@ -93,9 +95,13 @@ with the largest first; order (n,) int32: the cells that they are of, and after 
 cells (n,) CELL; stack (int32) and reached: scratch of a descent."""
 
 
-def ball_table(ball):
-    """The table of a search's memory (see base/tables.py)."""
-    return table(tuple(ball))
+MORE = len(Ball._fields)
+"""The column from which on the table holds what else a search needs."""
+
+
+def ball_table(ball, more):
+    """The table of a search's memory (see base/tables.py), and of more arrays."""
+    return table((*ball, *more))
 
 
 @inlined

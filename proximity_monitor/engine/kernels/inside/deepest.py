@@ -1,6 +1,6 @@
 """How deep a surface reaches into a solid: its deepest point, best first.
 
-Volumes of the surface's hierarchy and pieces of its triangles are kept in a heap by a bound of how
+Volumes of the surface's hierarchy and pieces of its elements are kept in a heap by a bound of how
 deep they reach: the depth of their centre and how far they reach from it, or what a plane says
 above which the solid has nothing (`ball_caps`), which is linear, hence largest at a corner. The
 largest is looked into. Whatever stops the search, no point is deeper than the largest bound that is
@@ -12,13 +12,14 @@ from __future__ import annotations
 import numpy as np
 from numba import uint64
 
-from ..base.jit import entry, kernel, shared
+from ..base.jit import kernel, shared
 from ..base.memory import on_stack
 from ..base.motion import deviation, relative_motions
 from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
-from ..base.state import CUT, ENDED, SWEPT
-from ..base.vectors import add, along, cross, dot, scaled, sub, unit
-from ..elements.primitives import corners
+from ..base.state import CUT, ENDED, RADIUS_A, RADIUS_B, SWEPT
+from ..base.tables import tree_at
+from ..base.vectors import along, cross, dot, sub, unit
+from ..elements.errors import points_err
 from ..tree.layout import (
     EMPTY,
     HALF_U,
@@ -28,33 +29,46 @@ from ..tree.layout import (
     U_X,
     V_X,
     WIDTH,
-    first_of,
-    last_of,
     read_vector,
 )
 from .ball_caps import plane
-from .ball_cells import limit_of, pop, push
+from .ball_cells import limit_of, pop
+from .ball_feet import write_foot, write_point
 from .ball_frame import take_axes
-from .ball_point import certain_radius, possible_depth, sound_some
+from .ball_point import certain_radius, place_of, possible_depth, sound_some
 from .ball_state import CELL_CENTRE, FULL, IDLE, LOOSEST, PIECE, ball_at
-from .solid_table import solid_at
+from .pieces import (
+    WHOLE,
+    control_of,
+    corners_of,
+    count_of,
+    divide,
+    element_of,
+    forget,
+    has_room,
+    margin_of,
+    memory_of,
+    push_elements,
+    push_lane,
+    span_of,
+    spot_at,
+    spot_of,
+)
+from .solid_table import region_at, solid_at
 from .solids import HALF
 from .volumes import sphere_of
 
 _SPARE = 0.1
 """As in ball.py."""
 
-_WHOLE, _PART = -1, -2
-"""Lanes of what is none: of a whole triangle, and of a part of one."""
-
-_CENTRE = 3
-"""Turn of a piece's centre, after those of its corners."""
-
 _STEPS = 8
 """What a piece costs beside its descents, in steps of these."""
 
 
-@entry
+SURFACE = None
+"""The kind of the surface's tree: another one in each entry (see pairs/depths.py)."""
+
+
 def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     """Start a search for the deepest point of a surface in a solid.
 
@@ -62,8 +76,10 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     that of a Ball whose cells are PIECE; its motion is from the surface's frame to the solid's.
     """
     tree, _, region = solid_at(models[0])
-    surface, _, around = solid_at(models[1])
+    surface, _ = tree_at(SURFACE, models[1])
+    around = region_at(models[1])
     state = ball_at(PIECE, memory)
+    forget(surface, memory_of(surface, memory), state.at[0])
     at, best = state.at[0], state.best[0]
     back = on_stack(12, 0.0)
     relative_motions(pose, pose_surface, state.motions[0], back)
@@ -71,7 +87,7 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     size = abs(motion[9]) + abs(motion[10]) + abs(motion[11])
     size += tree.scale[2] + surface.scale[2] + 2.0 * tree.scale[SWEPT]
     error = deviation(pose) + deviation(pose_surface)
-    at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
+    at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR + points_err(surface)
     at.floor = 0.0
     at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)
     at.swept[0], at.swept[1] = tree.scale[SWEPT], np.inf
@@ -99,73 +115,45 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
         deepest = 2.0 * ball[3]
     for lane in range(WIDTH):
         if surface.children[lane] != EMPTY:
-            _push_lane(state, lane, 0, deepest + at.swept[0] + at.slack)
+            push_lane(state, lane, 0, deepest + at.swept[0] + at.slack)
     at.dropped = max(at.dropped, 0.0)
 
 
 @kernel
-def _push_lane(state, lane, near, bound):
-    at = state.at[0]
-    cell = state.cells[state.order[at.size]]
-    cell.lane, cell.near = lane, near
-    push(state, at.size, bound)
-
-
-@kernel
-def _corner(piece, i):
-    return (piece.corners[i, 0], piece.corners[i, 1], piece.corners[i, 2])
-
-
-@kernel
-def _push_piece(state, p, q, r, triangle, kind, near, bound):
-    at = state.at[0]
-    cell = state.cells[state.order[at.size]]
-    cell.lane, cell.near, cell.triangle = kind, near, triangle
-    for i in range(3):
-        cell.corners[0, i], cell.corners[1, i], cell.corners[2, i] = p[i], q[i], r[i]
-    push(state, at.size, bound)
-
-
-@kernel
-def _keep(state):
+def _keep(surface, parts, state):
     """Keep the trial point, which is one of the surface, where it is the deepest so far."""
     at, trial, best = state.at[0], state.trial[0], state.best[0]
     depth = certain_radius(trial, at.swept, at.slack)
     if depth > at.radius:
         at.radius = depth
-        best.near[0], best.near[1] = trial.near[0], state.cells[state.order[0]].triangle
+        best.near[0] = trial.near[0]
+        best.near[1] = element_of(surface, parts, state.cells[state.order[0]])
         for i in range(3):
-            best.place[i] = trial.place[i]
+            best.place[i], best.weights[i] = trial.place[i], trial.weights[i]
 
 
 @kernel
-def _begin(surface, state):
+def _begin(surface, parts, state):
     """Begin with the next point of the piece with the largest bound, which stays in the heap.
 
-    A whole triangle's corners come first, which may be its deepest points; then its centre. Of a
-    lane there is a centre alone.
+    A whole element's corners come first, which may be its deepest points; then its middle, turn 0.
+    Of a lane there is a centre alone.
     """
     at, trial = state.at[0], state.trial[0]
     piece = state.cells[state.order[0]]
     if at.task == IDLE:
-        at.turn = 0 if piece.lane == _WHOLE else _CENTRE
+        at.turn = corners_of(surface, parts, piece) if piece.lane == WHOLE else 0
         trial.near[0] = piece.near
     at.task, at.height = CELL_CENTRE, 0
     at.points += 1
+    trial.side[0] = 0
     if piece.lane >= 0:
         place, _ = sphere_of(surface, piece.lane)
-    elif at.turn < _CENTRE:
-        place = _corner(piece, at.turn)
-    else:
-        place = _middle(piece)
-    trial.place[0], trial.place[1], trial.place[2] = place
-    trial.side[0] = 0
-
-
-@kernel
-def _middle(piece):
-    corner = _corner(piece, 0)
-    return scaled(add(add(corner, _corner(piece, 1)), _corner(piece, 2)), 1.0 / 3.0)
+        trial.place[0], trial.place[1], trial.place[2] = place
+        return
+    place, weights = spot_of(surface, parts, piece, at.turn)
+    for i in range(3):
+        trial.place[i], trial.weights[i] = place[i], weights[i]
 
 
 @kernel
@@ -200,7 +188,7 @@ def _into_axes(axes, v, out):
 
 
 @shared
-def _end_lane(tree, region, surface, state, lane, bound):
+def _end_lane(tree, region, surface, parts, state, lane, bound):
     """Bound what is under a lane, whose centre is the trial point, and put it into the heap."""
     at, trial = state.at[0], state.trial[0]
     centre, radius = sphere_of(surface, lane)
@@ -232,70 +220,62 @@ def _end_lane(tree, region, surface, state, lane, bound):
     if child >= 0:
         for below in range(child * WIDTH, (child + 1) * WIDTH):
             if surface.children[below] != EMPTY:
-                _push_lane(state, below, near, bound)
+                push_lane(state, below, near, bound)
     else:
-        for t in range(first_of(child), last_of(child) + 1):
-            p, q, r = corners(surface.triangles, t)
-            _push_piece(state, p, q, r, t, _WHOLE, near, bound)
+        push_elements(surface, parts, state, child, near, bound)
     return steps
 
 
 @shared
-def _end_piece(tree, region, state, piece, bound):
-    """Bound a piece, whose centre is the trial point, and put its halves into the heap."""
+def _end_piece(tree, region, surface, parts, state, piece, bound):
+    """Bound a piece, whose middle is the trial point, and put its parts into the heap."""
     at, trial = state.at[0], state.trial[0]
-    p, q, r = _corner(piece, 0), _corner(piece, 1), _corner(piece, 2)
-    triangle, centre = piece.triangle, _middle(piece)
-    steps = 0
-    e, f, g = sub(p, centre), sub(q, centre), sub(r, centre)
-    radius = np.sqrt(max(dot(e, e), max(dot(f, f), dot(g, g)))) * (1.0 + 1e-12)
+    middle, count = place_of(trial), count_of(surface, parts, piece)
+    margin = margin_of(surface, parts, piece)
+    steps, square = 0, 0.0
+    for i in range(count):
+        way = sub(control_of(surface, parts, piece, i), middle)
+        square = max(square, dot(way, way))
+    radius = np.sqrt(square) * (1.0 + 1e-12) + margin
     bound = min(bound, possible_depth(trial, 0, region.inside, at.swept[0], radius, at.slack))
     limit = limit_of(at)
-    near = trial.near[0]
     if bound > limit:
         axes = at.axes
-        _axes_in(axes, e, f)
+        u, v = span_of(surface, parts, piece)
+        _axes_in(axes, u, v)
         around, half, row = on_stack(3, 0.0), on_stack(3, 0.0), on_stack(4, 0.0)
         corner = on_stack(3, 0.0)
-        _into_axes(axes, centre, around)
+        _into_axes(axes, middle, around)
         half[0] = half[1] = half[2] = 0.0
-        for each in (p, q, r):
-            _into_axes(axes, each, corner)
-            for i in range(3):
-                half[i] = max(half[i], abs(corner[i] - around[i]) + at.slack)
+        for i in range(count):
+            _into_axes(axes, control_of(surface, parts, piece, i), corner)
+            for j in range(3):
+                half[j] = max(half[j], abs(corner[j] - around[j]) + at.slack + margin)
         found, cost = _bound(tree, region, state, around, half, row)
         steps += cost
         if found:
             high = -np.inf
-            for each in (p, q, r):
-                _into_axes(axes, each, corner)
+            for i in range(count):
+                _into_axes(axes, control_of(surface, parts, piece, i), corner)
                 value = row[3] + at.slack
-                for i in range(3):
-                    value -= row[i] * corner[i]
+                for j in range(3):
+                    value -= row[j] * corner[j]
                 high = max(high, value)
-            bound = min(bound, high)
-    if bound <= limit or radius <= at.slack:
+            bound = min(bound, high + margin)
+    if (
+        bound <= limit
+        or radius <= at.slack
+        or not divide(surface, parts, state, piece, trial.near[0], bound)
+    ):
         at.dropped = max(at.dropped, bound)
-        return steps
-    # Across the longest edge.
-    pq, qr, rp = sub(p, q), sub(q, r), sub(r, p)
-    a, b, c = dot(pq, pq), dot(qr, qr), dot(rp, rp)
-    if b >= a and b >= c:
-        p, q, r = q, r, p
-    elif c >= a and c >= b:
-        p, q, r = r, p, q
-    middle = scaled(add(p, q), 0.5)
-    _push_piece(state, p, middle, r, triangle, _PART, near, bound)
-    _push_piece(state, middle, q, r, triangle, _PART, near, bound)
     return steps
 
 
-@entry
 def search_deepest(models, memory, steps):
     """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL."""
     tree, _, region = solid_at(models[0])
-    surface, _, _ = solid_at(models[1])
-    state = ball_at(PIECE, memory)
+    surface, _ = tree_at(SURFACE, models[1])
+    state, parts = ball_at(PIECE, memory), memory_of(surface, memory)
     at = state.at[0]
     while True:
         if steps <= 0:
@@ -303,9 +283,9 @@ def search_deepest(models, memory, steps):
         if at.task == IDLE:
             if at.size == 0 or state.bounds[0] <= limit_of(at):
                 return ENDED
-            if at.size + WIDTH >= state.order.shape[0]:
+            if at.size + WIDTH >= state.order.shape[0] or not has_room(surface, parts, at):
                 return FULL
-            _begin(surface, state)
+            _begin(surface, parts, state)
         steps = sound_some(
             tree, region, state.motions[0], 0, at, state.trial[0], state.stack, state.reached,
             steps,
@@ -313,10 +293,10 @@ def search_deepest(models, memory, steps):
         if at.height > 0:
             return CUT
         if state.cells[state.order[0]].lane < 0:
-            _keep(state)
-        if at.turn < _CENTRE:
-            at.turn += 1
-            _begin(surface, state)
+            _keep(surface, parts, state)
+        if at.turn > 0:
+            at.turn -= 1
+            _begin(surface, parts, state)
             continue
         at.task = IDLE
         at.cells += 1
@@ -324,6 +304,29 @@ def search_deepest(models, memory, steps):
         bound = state.bounds[0]
         piece = state.cells[pop(state)]
         if piece.lane >= 0:
-            steps -= _end_lane(tree, region, surface, state, piece.lane, bound)
+            steps -= _end_lane(tree, region, surface, parts, state, piece.lane, bound)
         else:
-            steps -= _end_piece(tree, region, state, piece, bound)
+            steps -= _end_piece(tree, region, surface, parts, state, piece, bound)
+
+
+def write_deepest(models, memory, solid, pose, pose_surface, row):
+    """Write the deepest point of a surface, and the solid's nearest to it, into an answer.
+
+    Args:
+        models: (2, 2, n) tables, that of the solid first.
+        memory: that of a search for the deepest point.
+        solid: which of the two models of the answer the solid is, 0 or 1.
+        pose: (4, 4) the solid's, model to world.
+        pose_surface: (4, 4) the surface's.
+        row: (ANSWER,) written.
+    """
+    tree, faces, _ = solid_at(models[0])
+    surface, labels = tree_at(SURFACE, models[1])
+    state = ball_at(PIECE, memory)
+    best = state.best[0]
+    element = best.near[1]
+    place, parameters = spot_at(surface, element, best)
+    write_foot(tree, faces, state, 0, pose, row, solid)
+    write_point(pose_surface, place, parameters, labels[element], row, 1 - solid)
+    row[RADIUS_A] = row[RADIUS_B] = 0.0
+    row[RADIUS_A + solid] = -tree.scale[SWEPT]

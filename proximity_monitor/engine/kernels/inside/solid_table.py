@@ -32,10 +32,16 @@ def solid_table(model, region, extent):
 @inlined
 def solid_at(solid):
     """The tree, the faces of its triangles and the Region of a table."""
-    at, rows = solid[0], solid[1]
     tree, faces = tree_at(MeshTree, solid)
+    return tree, faces, region_at(solid)
+
+
+@inlined
+def region_at(solid):
+    """The Region alone: a surface's tree may be of another kind."""
+    at, rows = solid[0], solid[1]
     extent = rows_at(at[_REGION + 9], rows[_REGION + 9], 0, 0.0)
-    region = Region(
+    return Region(
         np.int64(extent[0]),
         read_only(rows_at(at[_REGION], rows[_REGION], 0, np.int32(0))),
         read_only(rows_at(at[_REGION + 1], rows[_REGION + 1], 0, 0.0)),
@@ -43,4 +49,3 @@ def solid_at(solid):
         mesh_tree_at(solid, _REGION + 2),
         read_only(rows_at(at[_REGION + 8], rows[_REGION + 8], MOMENTS, 0.0)),
     )
-    return tree, faces, region

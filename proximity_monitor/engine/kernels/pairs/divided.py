@@ -7,10 +7,9 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel
 from ..base.memory import on_stack
 from ..base.motion import slack_of_bounds
-from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, NET_POINT, POINT_FLOOR, RESOLUTION
+from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, RESOLUTION
 from ..base.state import (
     CELLS_FULL,
-    CONVERSION,
     CUT,
     ENDED,
     NONE,
@@ -20,6 +19,7 @@ from ..base.state import (
     SurfaceTree,
 )
 from ..base.vectors import moved, norm, scaled, sub
+from ..elements.errors import points_err
 from ..inside.nearest import begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
@@ -35,6 +35,9 @@ DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, Surfac
 
 _FULL = 0.5
 """Share of the room for cells from which on a search begins without those of earlier searches."""
+
+_SMALL = 0.02
+"""Share of the models' sizes: where they have moved less, the points that were nearest are so."""
 
 ROOM_STEPS = 256
 """Steps that making room for more cells takes as long as."""
@@ -56,24 +59,8 @@ def _implements(stub):
 def _slacks(tree_a, tree_b, apart, error):
     size_a, size_b = tree_a.scale[2], tree_b.scale[2]
     points = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
-    points += _points_err(tree_a) + _points_err(tree_b)
+    points += points_err(tree_a) + points_err(tree_b)
     return points, slack_of_bounds(size_a, size_b, apart, error)
-
-
-def _points_err(tree):
-    """What a point of an element errs by before it is moved, metres."""
-
-
-@implements(_points_err, MeshTree)
-@inlined
-def _corners_err(tree):
-    return 0.0
-
-
-@implements(_points_err, SurfaceTree)
-@inlined
-def _evaluation_errs(tree):
-    return NET_POINT * tree.scale[2] + tree.scale[CONVERSION]
 
 
 @implements(stubs.resolution, Dividing)
@@ -179,6 +166,10 @@ def _least_undivided(waiting, progress):
 @_implements(stubs.guess)
 @kernel
 def _guess(tree_a, tree_b, state):
+    progress = state.progress[0]
+    if state.keys.shape[0] > 0 and progress.step < _SMALL * (tree_a.scale[2] + tree_b.scale[2]):
+        stubs.settle(state.waiting, tree_a, tree_b, state)  # it was as near, and crossed perhaps
+        return
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
     a = walk(tree_a, middle, found)

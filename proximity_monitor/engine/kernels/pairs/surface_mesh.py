@@ -95,6 +95,8 @@ def _placed(tree, index, motion):
 @kernel
 def _foot(p, triangle):
     """The weights of the point of a triangle that is nearest to p."""
+    if triangle[0] == triangle[1] and triangle[0] == triangle[2]:
+        return (1.0, 0.0, 0.0)  # a point: it is known at once
     _, v, w = point_triangle(p, triangle[0], triangle[1], triangle[2])
     return (max(1.0 - v - w, 0.0), v, w)
 

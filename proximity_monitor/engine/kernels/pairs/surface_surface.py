@@ -9,6 +9,7 @@ from ..search.search import answer_queries
 from ..surface import jets  # noqa: F401
 from ..surface.evaluate import point_at
 from ..surface.facing import parallelograms, parameters_in
+from ..surface.pieces import parameters_of
 from ..surface.sides import facing
 from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
 
@@ -30,15 +31,7 @@ def _witness(tree, element, weights):
 @implements(stubs.parameters, SurfaceTree)
 @kernel
 def _parameters(tree, element, weights):
-    piece = tree.pieces[element]
-    u = piece.low[0] + weights[0] * (piece.high[0] - piece.low[0])
-    of_curve = 1.0 if piece.degree_v == 0 else 0.0
-    v = piece.low[1] + weights[1] * (piece.high[1] - piece.low[1])
-    return (
-        min(max(u, piece.low[0]), piece.high[0]),
-        min(max(v, piece.low[1]), piece.high[1]),
-        of_curve,
-    )
+    return parameters_of(tree.pieces[element], weights)
 
 
 def _entry(name, order):

@@ -15,7 +15,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..elements.primitives import enough
 from ..tree.layout import WIDTH
-from .stubs import approach, guess, least_open
+from .stubs import approach, guess, least_open, settle
 
 APPROACH_STEPS = 64
 """Steps that a search takes as long for as this does, about: so a slice of steps is one of time."""
@@ -50,6 +50,7 @@ def begin_near(tree_a, tree_b, state, last):
     if progress.limit < enough(progress):
         return
     if progress.distance <= (1.0 + max(progress.rel_err, _POOR)) * last:
+        settle(state.waiting, tree_a, tree_b, state)
         progress.approached, progress.patience = progress.distance, _LONG
         return
     guess(tree_a, tree_b, state)

@@ -56,7 +56,6 @@ from .stubs import (
     parameters,
     prepare,
     resolution,
-    settle,
     slacks,
     witness,
 )
@@ -119,7 +118,6 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
         wa, wb = progress.weights_a, progress.weights_b
         wa, wb = (wa[0], wa[1], wa[2]), (wb[0], wb[1], wb[2])
         keep(state, np.sqrt(dot(way, way)), ta, tb, wa, wb, way)
-        settle(state.waiting, tree_a, tree_b, state)
     else:
         progress.primitive_tests = 1
         measure(tree_a, tree_b, state, ta, tb, 0.0)

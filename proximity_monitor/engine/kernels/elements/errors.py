@@ -1,0 +1,23 @@
+"""What rounding may have done to a point of an element, before it is moved."""
+
+from __future__ import annotations
+
+from ..base.jit import implements, inlined
+from ..base.rounding import NET_POINT
+from ..base.state import CONVERSION, MeshTree, SurfaceTree
+
+
+def points_err(tree):
+    """What a point of an element errs by, metres."""
+
+
+@implements(points_err, MeshTree)
+@inlined
+def _corners_err(tree):
+    return 0.0
+
+
+@implements(points_err, SurfaceTree)
+@inlined
+def _evaluation_errs(tree):
+    return NET_POINT * tree.scale[2] + tree.scale[CONVERSION]

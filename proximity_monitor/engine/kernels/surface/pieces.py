@@ -1,0 +1,152 @@
+"""Pieces of patches and curves for the search for a deepest point: cells, which are divided."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel
+from ..base.memory import records_at, rows_at
+from ..base.state import CELL, NONE, SurfaceTree
+from ..inside import pieces
+from ..inside.ball_cells import push
+from ..inside.ball_state import MORE
+from ..tree.layout import first_of
+from .cells import divide_cell, net_of, root_cell
+from .evaluate import point_at
+from .facing import vector
+
+Parts = namedtuple("Parts", "cells nets roots")
+"""The cells of a search, as those of `Dividing` are (see base/state.py)."""
+
+_DIVIDED = 4
+"""Parts of a cell, at the most."""
+
+
+@implements(pieces.memory_of, SurfaceTree)
+@inlined
+def _memory(surface, memory):
+    at, rows = memory[0], memory[1]
+    return Parts(
+        records_at(at[MORE], rows[MORE], CELL),
+        rows_at(at[MORE + 1], rows[MORE + 1], 0, 0.0),
+        rows_at(at[MORE + 2], rows[MORE + 2], 0, np.int32(0)),
+    )
+
+
+@implements(pieces.forget, SurfaceTree)
+@kernel
+def _forget(surface, parts, at):
+    at.parts = 0
+    for i in range(len(parts.roots)):
+        parts.roots[i] = NONE
+
+
+@implements(pieces.has_room, SurfaceTree)
+@inlined
+def _has_room(surface, parts, at):
+    # A node's leaves are pushed one by one, each of one element.
+    return at.parts + _DIVIDED <= len(parts.cells)
+
+
+@kernel
+def _push(state, part, kind, near, bound):
+    at = state.at[0]
+    piece = state.cells[state.order[at.size]]
+    piece.lane, piece.near, piece.part = kind, near, part
+    push(state, at.size, bound)
+
+
+@implements(pieces.push_elements, SurfaceTree)
+@kernel
+def _push_element(surface, parts, state, leaf, near, bound):
+    at = state.at[0]
+    cell, at.parts = root_cell(
+        surface, first_of(leaf), parts.cells, parts.nets, parts.roots, at.parts
+    )
+    _push(state, cell, pieces.WHOLE, near, bound)
+
+
+@implements(pieces.divide, SurfaceTree)
+@kernel
+def _divide(surface, parts, state, piece, near, bound):
+    at, cell = state.at[0], piece.part
+    at.parts = divide_cell(surface, cell, parts.cells, parts.nets, at.parts)
+    first, count = np.int64(parts.cells[cell].child), np.int64(parts.cells[cell].children)
+    if first == NONE:
+        return False
+    for k in range(count):
+        _push(state, first + k, pieces.PART, near, bound)
+    return True
+
+
+@implements(pieces.count_of, SurfaceTree)
+@inlined
+def _count(surface, parts, piece):
+    return np.int64(surface.pieces[parts.cells[piece.part].element].points)
+
+
+@implements(pieces.control_of, SurfaceTree)
+@inlined
+def _control(surface, parts, piece, i):
+    room = np.int64(surface.pieces[parts.cells[piece.part].element].room)
+    at = net_of(parts.cells, parts.nets, piece.part) + i
+    return (parts.nets[at], parts.nets[at + room], parts.nets[at + 2 * room])
+
+
+@implements(pieces.margin_of, SurfaceTree)
+@inlined
+def _margin(surface, parts, piece):
+    return parts.cells[piece.part].margin
+
+
+@implements(pieces.span_of, SurfaceTree)
+@inlined
+def _span(surface, parts, piece):
+    cell = parts.cells[piece.part]
+    return vector(cell.along_u), vector(cell.along_v)
+
+
+@implements(pieces.corners_of, SurfaceTree)
+@inlined
+def _corners(surface, parts, piece):
+    curve = surface.pieces[parts.cells[piece.part].element].degree_v == 0
+    return 2 if curve else 4
+
+
+@implements(pieces.spot_of, SurfaceTree)
+@kernel
+def _spot(surface, parts, piece, corner):
+    cell = parts.cells[piece.part]
+    u, v = 0.5 * (cell.low[0] + cell.high[0]), 0.5 * (cell.low[1] + cell.high[1])
+    if corner > 0:
+        u, v = float((corner - 1) % 2), float((corner - 1) // 2)
+    element = surface.pieces[cell.element]
+    return point_at(element, surface.nets, u, v), (u, v, 0.0)
+
+
+@implements(pieces.element_of, SurfaceTree)
+@inlined
+def _element(surface, parts, piece):
+    return np.int64(parts.cells[piece.part].element)
+
+
+@implements(pieces.spot_at, SurfaceTree)
+@kernel
+def _spot_at(surface, element, best):
+    weights = vector(best.weights)
+    return vector(best.place), parameters_of(surface.pieces[element], weights)
+
+
+@kernel
+def parameters_of(piece, weights):
+    """What `Feature.parameters` says of a piece's u and v, 0 to 1."""
+    u = piece.low[0] + weights[0] * (piece.high[0] - piece.low[0])
+    of_curve = 1.0 if piece.degree_v == 0 else 0.0
+    v = piece.low[1] + weights[1] * (piece.high[1] - piece.low[1])
+    return (
+        min(max(u, piece.low[0]), piece.high[0]),
+        min(max(v, piece.low[1]), piece.high[1]),
+        of_curve,
+    )
