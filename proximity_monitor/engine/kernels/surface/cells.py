@@ -105,8 +105,9 @@ def _directions(piece, cell):
     if piece.degree_v == 0:
         return True, False
     u, v = cell.bend_u, cell.bend_v
-    # Bends below the margin are noise, which no division makes less.
-    if max(u, v) < max(1e-3 * cell.twist, cell.margin):
+    # Twist becomes less in either direction, so then it is the longer one: a fan, straight along its
+    # ribs, would fall into as many long ones. Bends below the margin are noise and stay.
+    if max(u, v) < max(cell.twist, cell.margin):
         u, v = norm(cell.along_u), norm(cell.along_v)
     return not u * _FLATTER < v, not v * _FLATTER < u
 
