@@ -397,3 +397,17 @@ def test_flat_cells_are_not_divided_for_ever(seed, turn):
     assert answer.status is Status.EXACT
     assert answer.bound_tests < 3000
     check(answer, Shape(a, samples=12), HERE, Shape(b), pose)
+
+
+@pytest.mark.parametrize("seed", [8, 12, 13, 15, 18])
+def test_fans_are_divided_along_their_ribs_too(seed):
+    # Straight ribs that meet in a point: no bend along them, but a twist between them.
+    ribs = patch(seed, (7, 2), (4, 1))
+    control = ribs.control.copy()
+    control[:, 0] = control[0, 0]
+    a, b = Patch(control, ribs.knots_u, ribs.knots_v), curve(seed + 50, 6, 3, columns=2)
+    pose = moved(3.0 * np.random.default_rng(seed).normal(size=3), seed)
+    answer = engine.distance(a, HERE, b, pose, budget_s=5.0)
+    assert answer.status is Status.EXACT
+    assert answer.bound_tests < 5000
+    check(answer, Shape(a), HERE, Shape(b), pose)
