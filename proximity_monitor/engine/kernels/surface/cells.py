@@ -105,8 +105,8 @@ def _directions(piece, cell):
     if piece.degree_v == 0:
         return True, False
     u, v = cell.bend_u, cell.bend_v
-    # Twist becomes less in either direction, so then it is the longer one: a fan, straight along its
-    # ribs, would fall into as many long ones. Bends below the margin are noise and stay.
+    # Twist becomes less in either direction, so then it is the longer one: a fan, straight along
+    # its ribs, would fall into many that are as long. Bends below the margin are noise and stay.
     if max(u, v) < max(cell.twist, cell.margin):
         u, v = norm(cell.along_u), norm(cell.along_v)
     return not u * _FLATTER < v, not v * _FLATTER < u
