@@ -81,7 +81,7 @@ def test_a_file_of_it_is_read_and_one_that_is_not_what_it_should_be_refused(file
     with pytest.raises(engine.ModelError, match="its reader returned no model but NoneType"):
         engine.load(bad)
     (file.parent / "a.cube").write_text("1")
-    with pytest.raises(engine.ModelError, match=r"a\.cube: unknown extension .*\.json, \.ball$"):
+    with pytest.raises(engine.ModelError, match=r"a\.cube: unknown extension .*\.stp, \.ball$"):
         engine.load(file.parent / "a.cube")
 
 

@@ -10,7 +10,7 @@ from proximity_monitor import engine
 from proximity_monitor.engine.assembly.answers import Answers
 from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.kernels.base import ahead
-from proximity_monitor.engine.kernels.base.tables import table
+from proximity_monitor.engine.kernels.base.tables import mesh_table
 
 gc.disable()  # a tenth of the time that compiling takes
 ahead.not_here()  # the other tests have the other processor
@@ -97,11 +97,27 @@ for a in solids:
         a.deform(0.9 * a.vertices)
         pair.signed_distance(IDENTITY, IDENTITY, abs_err=0.1)
 
+net = np.stack((*np.meshgrid(*[np.linspace(-1.0, 1.0, 6)] * 2), rng.normal(size=(6, 6))), axis=2)
+knots = [0, 0, 0, 0, 0.3, 0.6, 1, 1, 1, 1]
+surfaces = [
+    engine.Patch(net, knots, knots),
+    engine.Patch(net[:, :3], knots, None, rng.uniform(0.5, 2.0, (6, 3))),
+    engine.Curve(net[2], knots),
+]
+for a in surfaces:
+    for b in (*surfaces, solids[1]):
+        pair = engine.Pair(a, b)
+        for far in (0.0, 0.01, 1.0, 1e20):
+            for budget in (0.0, 2e-5, 2e-5, None):
+                pair.distance(pose(rng, far), IDENTITY, rel_err=1e-3, budget_s=budget)
+        engine.signed_distance(solids[1], IDENTITY, a, pose(rng, 0.1))
+    engine.closest_points(a, IDENTITY, rng.normal(size=(20, 3)), normals=True)
+
 # The check is on: a child that is no triangle is found.
 hierarchy = models[0]._hierarchy
 children = hierarchy.tree.children.copy()
 children[16:] = ~np.int32(2**30)
-hierarchy.table = table((*hierarchy.tree._replace(children=children), hierarchy.numbers))
+hierarchy.table = mesh_table(hierarchy.tree._replace(children=children), hierarchy.numbers)
 try:
     engine.distance(models[0], IDENTITY, models[1], pose(rng, 3.0))
 except IndexError:

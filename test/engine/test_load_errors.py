@@ -211,7 +211,7 @@ def test_a_directory(tmp_path):
         engine.load(tmp_path / "parts.stl")
 
 
-@pytest.mark.parametrize("name", ["part.step", "part", "part.stl.txt", ".stl"])
+@pytest.mark.parametrize("name", ["part.iges", "part", "part.stl.txt", ".stl"])
 def test_an_unknown_extension(tmp_path, name):
     (tmp_path / name).write_bytes(VALID["binary.stl"])
     refused(tmp_path / name, r"unknown extension .*\.stl, \.obj, .*\.3mf")

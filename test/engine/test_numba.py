@@ -241,7 +241,7 @@ def test_tables_of_solids_and_of_balls_lead_to_their_arrays():
     open_mesh = engine.TriangleMesh(mesh.vertices, mesh.faces[:-1], solid="robust")
     sides, hierarchy = open_mesh._hierarchy.sides(), open_mesh._hierarchy
     region = sides.region
-    found = read(sides.table, ball_table(ball))
+    found = read(sides.table, ball_table(ball, ()))
     assert found == (
         hierarchy.tree.triangles[-1, 8], hierarchy.numbers[-1], region.inside, region.samples[-1],
         region.ball[3], region.rim, region.rim_tree.triangles[-1, 8], region.moments[-1, -1],

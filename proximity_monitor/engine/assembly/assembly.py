@@ -24,8 +24,8 @@ from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
+from .answers import no_answers, queries_of
 from .long_searches import BEGIN_S, LongSearches, Single
-from .queries import no_answers, queries_of
 
 
 class Assembly:

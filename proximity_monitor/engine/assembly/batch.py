@@ -16,8 +16,8 @@ from ..questions.result import Distances
 from ..questions.run import Order, Search, check_model
 from ..questions.sharing import share
 from ..questions.slices import deadline_of
+from .answers import no_answers
 from .assembly import Assembly
-from .queries import no_answers
 
 _CHUNK = 256
 """Poses that one thread answers in a row. Each chunk starts without a remembered pair, so the
