@@ -323,7 +323,9 @@ def test_no_depth_is_searched_before_all_signs_are_certain(monkeypatch):
     update()
     asked = noted(schedule, monkeypatch)
     schedule.search(perf_counter() + 600.0, perf_counter)
-    assert asked == [0.0] * 6 + [np.inf] * 6
+    signs = asked.count(0.0)
+    assert signs >= 6, "one that a slice cuts goes on in the next call"
+    assert asked == [0.0] * signs + [np.inf] * 6
     wide, depth = widths(schedule)
     assert (wide <= 0.011 * depth).all()
     update()
