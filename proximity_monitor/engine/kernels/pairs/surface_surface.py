@@ -6,7 +6,7 @@ from ..base.jit import entry, implements, kernel, specialised
 from ..base.state import BreadthFirst, DepthFirst, Dividing, Priority, SurfaceTree
 from ..search import stubs
 from ..search.search import answer_queries
-from ..surface import jets  # noqa: F401
+from ..surface import jets  # noqa: F401 - it implements what Newton's method asks of surfaces
 from ..surface.evaluate import point_at
 from ..surface.facing import parallelograms, parameters_in
 from ..surface.pieces import parameters_of

@@ -45,6 +45,9 @@ derivative 0, 3 (3 numbers each), how far it may be from there 6, 7, the derivat
 uu, uv and vv: middle 18, half length 21 of the product with n, the largest length 24. How many
 times a point's rounding the derivatives at the point may err by 27, 28."""
 
+_STRETCH = 1.0 + 1e-5
+"""By what lengths of b are increased: a pose may change them by RIGID_TOLERANCE."""
+
 _OUTWEIGHING = 4.0
 """How many times the largest bend, per squared length, m is where the surfaces nearly touch."""
 
@@ -96,7 +99,7 @@ def _bound(sides, n, motion, distance, slack):
         slopes[i] = dot(middle, n)
         middle = along(middle, n, -slopes[i])
         middles[i, 0], middles[i, 1], middles[i, 2] = middle
-        spreads[i] = side[6 + k]
+        spreads[i] = _STRETCH * side[6 + k]
         reach += norm(middle) + spreads[i]
         low, high = side[14 + 2 * k], side[15 + 2 * k]
         slope = dot(first, n)
@@ -156,7 +159,7 @@ def _is_least(sides, middles, spreads, slopes, ends, reach, m):
                 error += reach * side[24 + k]
                 half = side[21 + k]
             hessian[i, j] = value
-            errors[i, j] = errors[j, i] = m * error + half
+            errors[i, j] = errors[j, i] = _STRETCH * (m * error + half)
         if hessian[i, i] == 0.0 and errors[i, i] == 0.0:
             hessian[i, i] = 1.0  # a parameter that there is not
         if not hessian[i, i] > errors[i, i]:
