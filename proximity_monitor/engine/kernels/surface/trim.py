@@ -17,54 +17,10 @@ their band is FRAME, and rays count them while cells do not touch them.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-
-import numpy as np
 
 from ..base.jit import kernel
 from ..base.memory import table_on_stack
 from .trim_curve import along, curve_box
-
-Trims = namedtuple("Trims", "trims rows entries segments nets")
-"""The trimming loops of all patches of a model, as the kernels see them.
-
-trims (patches,) TRIM; rows (int32) where the list of each row of v begins in entries, which are
-(int32) indices of segments (k,) SEGMENT; nets (float64, flat) x w, y w, w of each control point.
-"""
-
-TRIM = np.dtype(
-    [
-        ("low", np.float64, (2,)),  # the patch's rectangle in its u and v
-        ("extent", np.float64, (2,)),
-        ("tangent", np.float64, (2,)),  # of a quarter of an arc's angle
-        ("arcs", np.int32, (2,)),  # equal arcs along that axis; 0: the map is linear
-        ("rows", np.int32),  # rows of v; 0: the whole rectangle belongs to the model
-        ("first_row", np.int32),
-        ("first", np.int32),  # its segments
-        ("end", np.int32),
-        ("slack", np.float64),  # what rounding may do to a point of the unit square
-    ],
-    align=True,
-)
-"""The trim of a patch. An axis of arcs is one along which the surface runs in equal circular arcs,
-each a rational quadratic, and trimming curves are given by the angle."""
-
-SEGMENT = np.dtype(
-    [
-        ("a", np.float64, (2,)),  # its ends, those of its neighbours to the last bit
-        ("b", np.float64, (2,)),
-        ("band", np.float64),  # how far the curve may be from the chord; FRAME
-        ("begin", np.float64),  # where on the Bezier curve it begins and ends
-        ("end", np.float64),
-        ("net", np.int32),  # where the control points begin in `nets`
-        ("degree", np.int32),
-    ],
-    align=True,
-)
-"""A piece of a loop, in the unit square."""
-
-FRAME = -1.0
-"""The band of what lies along a side."""
 
 OUTSIDE, INSIDE, CROSSING = 0, 1, 2
 """What is left of a point or a rectangle: surely nothing, surely all, or nobody knows."""
