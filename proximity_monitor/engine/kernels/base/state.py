@@ -157,6 +157,8 @@ CELL = np.dtype(
         ("bend_v", np.float64),
         ("twist", np.float64),  # ... and its corners from a parallelogram's
         ("margin", np.float64),  # what rounding may have done to its control points
+        ("clip", np.float64, (3,)),  # no more of it is left than where clip_0 s + clip_1 t <=
+        # clip_2, s and t being 0 to 1 over it; all 0: nothing is known
     ],
     align=True,
 )

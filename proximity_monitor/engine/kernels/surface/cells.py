@@ -14,6 +14,7 @@ from ..base.rounding import NET_SPLIT
 from ..base.state import CONVERSION, NONE
 from ..base.vectors import norm, sub
 from ..elements.errors import points_err
+from .clip import clip_cell
 from .edges import bend_of, point_on, put_edge
 from .subdivide import copy_net, halves_u, halves_v, project
 from .trim import CROSSING, classify_rectangle
@@ -53,6 +54,8 @@ def root_cell(tree, element, cells, nets, roots, used):
     base = net_of(cells, nets, used)
     copy_net(piece, tree.nets, nets, base)
     _measure(tree, piece, nets, cell, base)
+    if cell.side == CROSSING:
+        clip_cell(tree.trims, piece, cell)
     roots[element] = used
     return used, used + 1
 
@@ -107,6 +110,8 @@ def divide_cell(tree, index, cells, nets, used):
         child.side = cell.side
         if child.side == CROSSING:
             child.side = _side(tree, piece, child)
+            if child.side == CROSSING:
+                clip_cell(tree.trims, piece, child)
     cell.child, cell.children = used, count
     return used + count
 

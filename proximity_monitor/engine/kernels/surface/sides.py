@@ -13,8 +13,9 @@ from ..base.lanes import least_along
 from ..base.state import NONE, SurfaceTree
 from ..base.vectors import cross
 from .cells import MOST_SPLITS, divide_cell, net_of, root_cell
+from .clip import clipped_least
 from .facing import vector
-from .trim import INSIDE, classify_point
+from .trim import CROSSING, INSIDE, classify_point
 
 
 def whole(tree, element, cells, nets, roots, used):
@@ -93,8 +94,12 @@ def _roughness(tree, cells, index):
 @implements(least_of, SurfaceTree)
 @inlined
 def _least(tree, cells, nets, index, n):
-    room = tree.pieces[cells[index].element].room
-    return least_along(nets, net_of(cells, nets, index), room, n[0], n[1], n[2])
+    cell, at = cells[index], net_of(cells, nets, index)
+    piece = tree.pieces[cell.element]
+    least = least_along(nets, at, piece.room, n[0], n[1], n[2])
+    if cell.side == CROSSING and (cell.clip[0] != 0.0 or cell.clip[1] != 0.0):
+        least = max(least, clipped_least(piece, cell, nets, at, n))
+    return least
 
 
 @implements(margin_of, SurfaceTree)

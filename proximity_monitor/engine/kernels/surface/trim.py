@@ -65,7 +65,7 @@ def classify_point(table, patch, u, v):
     trim = table.trims[patch]
     if trim.rows == 0:
         return INSIDE
-    return _side(table, trim, to_unit(trim, 0, u), to_unit(trim, 1, v))
+    return side_of(table, trim, to_unit(trim, 0, u), to_unit(trim, 1, v))
 
 
 @kernel
@@ -76,28 +76,28 @@ def classify_rectangle(table, patch, low_u, low_v, high_u, high_v):
         return INSIDE
     left, right = to_unit(trim, 0, low_u) - trim.slack, to_unit(trim, 0, high_u) + trim.slack
     lower, upper = to_unit(trim, 1, low_v) - trim.slack, to_unit(trim, 1, high_v) + trim.slack
-    for row in range(_row(trim, lower), _row(trim, upper) + 1):
+    for row in range(row_of(trim, lower), row_of(trim, upper) + 1):
         for entry in range(table.rows[row], table.rows[row + 1]):
             segment = table.segments[table.entries[entry]]
-            if segment.band >= 0.0 and _near(segment, left, lower, right, upper):
+            if segment.band >= 0.0 and is_near(segment, left, lower, right, upper):
                 if segment.degree == 1:
                     return CROSSING
                 if _touches(table, segment, trim.slack, left, lower, right, upper):
                     return CROSSING
-    return _side(table, trim, 0.5 * (left + right), 0.5 * (lower + upper))
+    return side_of(table, trim, 0.5 * (left + right), 0.5 * (lower + upper))
 
 
 @kernel
-def _row(trim, share):
+def row_of(trim, share):
     """Which row a share of v lies in."""
     return trim.first_row + min(max(int(share * trim.rows), 0), trim.rows - 1)
 
 
 @kernel
-def _side(table, trim, x, y):
+def side_of(table, trim, x, y):
     """On which side of the loops a point of the unit square lies: rays to the right are counted."""
     odd = 0
-    row = _row(trim, y)
+    row = row_of(trim, y)
     for entry in range(table.rows[row], table.rows[row + 1]):
         segment = table.segments[table.entries[entry]]
         ax, ay, bx, by = segment.a[0], segment.a[1], segment.b[0], segment.b[1]
@@ -171,7 +171,7 @@ def _crossings(table, segment, slack, x, y):
 
 
 @kernel
-def _near(segment, left, lower, right, upper):
+def is_near(segment, left, lower, right, upper):
     """Whether a segment's band may touch a rectangle: three separating axes."""
     dx, dy = segment.b[0] - segment.a[0], segment.b[1] - segment.a[1]
     x, y = 0.5 * (left + right), 0.5 * (lower + upper)
