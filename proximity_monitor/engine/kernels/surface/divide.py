@@ -18,7 +18,7 @@ from ..base.state import NONE
 from ..base.vectors import norm, rotated, scaled
 from ..elements.primitives import keep
 from .certificate import certified
-from .crossing import is_crossed, leads_to_edges
+from .falling import is_crossed, leads_to_edges
 from .facing import vector
 from .heap import add_pair, drop_first
 from .newton import MOST, nearest_near
