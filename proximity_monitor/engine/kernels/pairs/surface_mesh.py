@@ -11,8 +11,8 @@ from ..elements.primitives import corners, mixed
 from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
 from ..surface.certificate import is_certifiable, put_side
-from ..surface.falling import ball_of, falls, is_crossed
 from ..surface.facing import closest_in, parameters_in, vector
+from ..surface.falling import ball_of, falls, is_crossed
 from ..surface.jets import fixed_jet, get, moved_jet, put
 from ..surface.newton import begin_at, derivatives, way_at, weights_at
 from ..surface.sides import (

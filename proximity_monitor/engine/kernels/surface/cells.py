@@ -12,10 +12,10 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.rounding import NET_SPLIT
 from ..base.state import CONVERSION, NONE
-from ..base.vectors import norm, sub
+from ..base.vectors import norm
 from ..elements.errors import points_err
 from .clip import clip_cell
-from .edges import bend_of, point_on, put_edge
+from .edges import put_edge
 from .subdivide import copy_net, halves_u, halves_v, project
 from .trim import CROSSING, classify_rectangle
 
@@ -25,9 +25,6 @@ element's parameters, which float64 still tells apart."""
 
 _FLATTER = 3.0
 """How many times as flat one direction must be for the other alone to be divided."""
-
-_CURVED = 0.02
-"""Share of an edge's length by which it may bend before that is worth a closer look."""
 
 
 @kernel
@@ -144,13 +141,9 @@ def _divide_edge(tree, index, cells, nets, used):
         child.low[0] = low if k == 0 else middle
         child.high[0] = middle if k == 0 else high
         child.low[1] = child.high[1] = 0.0
-        first = point_on(tree, cell.element, child.low[0], 0.0)
-        last = point_on(tree, cell.element, child.high[0], 0.0)
         base = net_of(cells, nets, used + k)
         bend = 0.25 * cell.bend_u
-        if bend > _CURVED * norm(sub(last, first)):
-            bend = min(bend, bend_of(tree, piece, child.low[0], child.high[0]))
-        put_edge(nets, base, np.int64(piece.room), first, last, bend)
+        bend = put_edge(tree, piece, child.low[0], child.high[0], bend, nets, base)
         _measure(tree, piece, nets, child, base)
         child.bend_u = bend
     cell.child, cell.children = used, 2

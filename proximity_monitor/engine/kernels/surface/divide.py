@@ -18,8 +18,8 @@ from ..base.state import NONE
 from ..base.vectors import norm, rotated, scaled
 from ..elements.primitives import keep
 from .certificate import certified
-from .falling import is_crossed, leads_to_edges
 from .facing import vector
+from .falling import is_crossed, leads_to_edges
 from .heap import add_pair, drop_first
 from .newton import MOST, nearest_near
 from .sides import (
