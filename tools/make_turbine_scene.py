@@ -85,7 +85,8 @@ def blade() -> engine.ParametricSurface:
     along = make_interp_spline(shares, np.stack([section(s) for s in shares]), 3)
     across = make_interp_spline(t, along.c.swapaxes(0, 1), 3)
     across = insert(0.0, across, m=2)  # the nose: a knot of full multiplicity, where it can be cut
-    control, first = rounded(across.c), int(np.searchsorted(across.t, 0.0))
+    control = rounded(across.c[: len(across.t) - 4])  # below are zeros
+    first = int(np.searchsorted(across.t, 0.0))
     in_v, in_u = along.t, np.append(0.0, across.t[first:])
     pressure, suction = control[first - 1 :: -1], control[first - 1 :]
     if not np.array_equal(in_u, np.append(0.0, -across.t[first + 2 :: -1])):
