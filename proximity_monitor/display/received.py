@@ -12,7 +12,7 @@ from proximity_monitor.display.state import LEVELS, STATUSES, Pairs, shared
 
 _LEVEL = {name.encode(): i for i, name in enumerate(LEVELS)}
 _STATUS = {name.encode(): i for i, name in enumerate(STATUSES)}
-_SILENT = re.compile(r"no (recent|new|\w+ yet)\b.* of .*")
+_SILENT = re.compile(r"no (recent|new|[\w ]+ yet)\b.* of .*")
 _NOWHERE = b"nan nan nan"
 
 

@@ -192,7 +192,7 @@ class Outputs:
             self._send("poses", self._poses, self._poses_message.serialised(samples, stamp))
 
     def reshape(self, name: str) -> None:
-        """Rebuild the parts before they are shown again, because the body's vertices moved."""
+        """Rebuild the parts before they are shown again, because the body has another shape."""
         self._scene_is_new |= name not in self._deforming
         self._deforming.add(name)
         self._message = None

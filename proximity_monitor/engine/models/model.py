@@ -64,12 +64,14 @@ class Model(ABC):
 
     Attributes:
         kind: what the kind is called.
+        control_name: what the points that give it its shape are called.
         name: what messages call this model.
     """
 
     __slots__ = ("__weakref__",)
 
     kind: ClassVar[str]
+    control_name: ClassVar[str] = "control points"
     name: str
 
     _hierarchy: Hierarchy
