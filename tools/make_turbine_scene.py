@@ -1,4 +1,4 @@
-"""Make the bundled scene `turbine`: a blade, the hub that carries nine of it, and their shroud.
+"""Make the bundled scene `turbine`: a blade, the hub that carries eight of it, and their shroud.
 
     python tools/make_turbine_scene.py [FOLDER]
 

@@ -47,6 +47,10 @@ class DisplayMesh(NamedTuple):
         """The corners of the faces (m, 3, 3), metres."""
         return self.vertices[self.faces]
 
+    def corner_normals(self) -> NDArray[np.float64] | None:
+        """The surface's unit normals at the corners of the faces (m, 3, 3); None: each is flat."""
+        return None if self.normals is None else self.normals[self.faces]
+
     def welded(self) -> NDArray[np.int32]:
         """The faces (m, 3), where vertices of equal coordinates have the first one's number.
 
