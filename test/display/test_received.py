@@ -15,13 +15,13 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from proximity_monitor import engine
 from proximity_monitor.cdr import as_octahedral, from_octahedral
 from proximity_monitor.display import state
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.received import read_pairs, read_parts, read_poses
 from proximity_monitor.display.signs import feature
 from proximity_monitor.display.state import LEVELS, STATUSES, SceneInfo, Unit
-from proximity_monitor.engine.models.model import Feature
 from proximity_monitor.ros import messages
 from proximity_monitor.ros.poses_message import PosesMessage
 from proximity_monitor.ros.scene_message import SceneMessage
@@ -89,10 +89,9 @@ def test_pairs_are_read_as_the_monitor_writes_them(frame):
 def test_features_of_near_pairs_are_read_as_the_monitor_writes_them():
     near = dataclasses.replace(
         pair(1, PairStatus.EXACT, 0.1, 0.1),
-        features=(
-            Feature("patch", 4, np.array([1.0, 0.803846512])),
-            Feature("edge", 12, np.array([0.5, 0.5, 0.0])),
-        ),
+        kinds=(engine.Patch, engine.TriangleMesh),
+        elements=(4, 12),
+        parameters=np.array([[1.0, 0.803846512, 0.0], [0.5, 0.5, 0.0]]),
     )
     pairs = [pair(0, PairStatus.EXACT, 0.1, 0.1), near]
     read = read_pairs(told(pairs, {0: Level.CLEAR, 1: Level.WARN}, "world"))[1]
