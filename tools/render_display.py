@@ -122,7 +122,7 @@ def draw_probe(page: Page, folder: Path) -> None:
 
 def draw_turbine(page: Page, folder: Path) -> None:
     """Parametric surfaces, and one pair with what its points lie on; nothing moves."""
-    press(page, "shroud - blade_3")
+    press(page, "blade_3 - shroud")
     page.wait_for_selector("text=blade_3: patch")
     settle(page, 30)
     page.screenshot(path=folder / "display_turbine.png")

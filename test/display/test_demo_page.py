@@ -145,13 +145,13 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
 
     def clearances():
         found = listed(page)
-        assert {f"shroud - blade_{i}" for i in range(1, 9)} <= set(found)
-        assert next(iter(found)) == "shroud - blade_3"
+        assert {f"blade_{i} - shroud" for i in range(1, 9)} <= set(found)
+        assert next(iter(found)) == "blade_3 - shroud"
         for pair, (lower, upper, text) in found.items():
             true = of_engine(pair)
             assert lower <= true.upper + 1e-9 and true.lower <= upper + 1e-9, pair
             assert upper - lower < 2e-7 and f"{1e3 * upper:.3f} mm" in text, text
-        nearest = f"{1e3 * found['shroud - blade_3'][1]:.3f} mm"
+        nearest = f"{1e3 * found['blade_3 - shroud'][1]:.3f} mm"
         labels = page.evaluate(TEXTS, "/distances")
         assert any(text.startswith("▲ ") and text.endswith(nearest) for text in labels)
 
@@ -160,17 +160,17 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
         flat, vertices, triangles = page.evaluate(DRAWN_AS, i)
         assert not flat and vertices < triangles, body.name
 
-    press(page, '[data-pair="shroud - blade_3"]')
+    press(page, '[data-pair="blade_3 - shroud"]')
 
     def features():
-        text = row(page, "shroud - blade_3")[2]
-        near = of_engine("shroud - blade_3")
-        for body, point in (("shroud", near.point_a), ("blade_3", near.point_b)):
+        text = row(page, "blade_3 - shroud")[2]
+        near = of_engine("blade_3 - shroud")
+        for body, point in (("blade_3", near.point_a), ("shroud", near.point_b)):
             place, pose = on_blade(models[body], text, body), poses[body]
             np.testing.assert_allclose(pose[:3, :3] @ place, point, atol=3e-4)  # 3 digits of u, v
 
     eventually(features)
-    press(page, '[data-pair="shroud - blade_3"]')
+    press(page, '[data-pair="blade_3 - shroud"]')
 
     choose(page, "blade_1")  # it points up
     for height, told in ((0.3, "warn"), (0.6, "CONTACT")):
@@ -179,11 +179,11 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
         button(page, "Put it there").click()
         tab(page, "Clearances")
         poses["blade_1"][2, 3] = 1e-3 * height
-        true = of_engine("shroud - blade_1")
+        true = of_engine("blade_1 - shroud")
         assert (true.lower > 0.0) == (told == "warn")
 
         def followed(told=told, true=true):
-            found = row(page, "shroud - blade_1")
+            found = row(page, "blade_1 - shroud")
             assert found[1] == pytest.approx(true.upper, abs=2e-7)
             assert word(page) == told
             assert told in found[2]

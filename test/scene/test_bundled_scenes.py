@@ -261,10 +261,10 @@ def to_the_flare(points):
 
 def test_a_blade_is_as_near_to_its_shroud_as_its_comment_says(turbine):
     times = turbine.times(121)
-    found = turbine.clearance("shroud", "blade_1", times)
+    found = turbine.clearance("blade_1", "shroud", times)
     assert found.min() == pytest.approx(0.2490, abs=1e-4)
     assert found.max() == pytest.approx(0.7474, abs=2e-4)
-    assert turbine.warnings("shroud", "blade_1", found) == 1
+    assert turbine.warnings("blade_1", "shroud", found) == 1
     assert (found <= 0.4).mean() * 360.0 == pytest.approx(138.0, abs=3.0)
     tip = tip_edges()
     for t, clearance in zip(times[::10], found[::10], strict=True):
