@@ -31,13 +31,16 @@ _AS_TOLD = "it is to be taken for a surface (solid=False)"
 # A closed surface passes the check that `solid=True` demands, but no kernel tells its sides yet.
 _UNTOLD = "it is a surface that closes up, whose sides are not told apart yet"
 
+_ROWS, _RATIONAL_ROWS = 3, 7
+"""Rows of a cell's control points: x, y and z; of a rational one, homogeneous ones as well."""
+
 
 class SurfaceHierarchy(Hierarchy):
     """Volumes around the Bezier pieces of patches and curves."""
 
     KEPT = (*Hierarchy.KEPT, "nets", "order")
 
-    __slots__ = ("_trims", "nets", "order")
+    __slots__ = ("_trims", "cell_width", "nets", "order")
 
     nets: tuple[Net, ...]
     """Of the patches and curves."""
@@ -77,6 +80,9 @@ class SurfaceHierarchy(Hierarchy):
     def _take(self, kept: dict[str, Any]) -> None:
         super()._take(kept)
         self._trims: Trims | None = None
+        pieces = self.tree.pieces
+        rows = np.where(pieces["rational"] != 0, _RATIONAL_ROWS, _ROWS)
+        self.cell_width = int((rows * pieces["room"]).max())
 
     def trims(self) -> Trims:
         """What is left of the patches, as the kernels see it; made when first needed."""
