@@ -111,15 +111,19 @@ def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64
     return given
 
 
-def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]:
-    """Whole numbers as an int32 array (k, columns) that is C-contiguous and writable.
+def as_integers(
+    values: ArrayLike, name: str, columns: int, kind: type[np.integer] = np.int32
+) -> NDArray[np.integer]:
+    """Whole numbers as an array (k, columns) of a kind that is C-contiguous and writable.
 
     Raises:
-        ValueError: not whole numbers of this shape, or beyond int32.
+        ValueError: not whole numbers of this shape, or beyond that kind.
     """
     given = _whole(values, name, (columns,))
-    array = np.require(given, np.int32, "CAWE")
-    if array is not given and (array != given).any():
+    if type(given) is np.ndarray and given.dtype == kind and given.flags.carray:
+        return given
+    array = np.require(given, kind, "CAWE")
+    if (array != given).any():
         first = int(np.flatnonzero((array != given).any(axis=1))[0])
         raise ValueError(f"{name}[{first}] = {given[first].tolist()}: beyond what an index can be")
     return array

@@ -13,8 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, as_tolerances, check_tolerance
+from ..kernels.assembly.questions import (
+    QUERY_NUMBERS,
+    begin_questions,
+    signs_open,
+    take_pairs,
+)
 from ..kernels.base import state as index
-from ..kernels.base.tables import table
 from ..kernels.inside.contain import Insides, settle_signs
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
@@ -24,8 +29,10 @@ from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
-from .answers import no_answers, queries_of
+from .answers import no_answers
 from .long_searches import BEGIN_S, LongSearches, Single
+
+_NO_HINTS = np.empty((0, 2), np.int32)
 
 
 class Assembly:
@@ -157,17 +164,21 @@ class Assembly:
         signed distance, or has -inf as lower bound if the bodies may overlap. A pair that is not
         searched has NaN as status. The deadline is one of perf_counter.
         """
-        answers = no_answers(signed)
-        threads = max(1, min(threads, len(pairs)))
+        count = len(pairs)
+        threads = max(1, min(threads, count))
         self._tabulate(threads)
-        queries = queries_of(pairs, wanted, hints)
+        queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
+        answers = np.empty((count, index.ANSWER))
+        known = _NO_HINTS if hints is None else hints
+        begin_questions(pairs, wanted, known, signed, queries, answers)
+        asked = queries[:2].reshape(2, 1)
         searches = self._allot(threads, poses, pairs, wanted)
         settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
             code, at = self._run(
-                search, fresh, self._runs(pairs, first, threads), poses, queries, threads,
+                search, fresh, self._runs(pairs, first, threads), poses, pairs, asked, threads,
                 deadline, stopped, answers, settle,
             )  # fmt: skip
             if code == index.CUT:
@@ -196,8 +207,8 @@ class Assembly:
             return self._question(poses, pairs[k], wanted[k]), depth_err
 
         def unmoved(asked: Any) -> bool:
-            pair, where = asked[0][:2]
-            return poses[np.frombuffer(pair, np.int32)].tobytes() == where
+            a, b, at_a, at_b = asked[0][:4]
+            return poses[a].tobytes() == at_a and poses[b].tobytes() == at_b
 
         def single(k: int) -> Single:
             models = tuple(self.models[body] for body in pairs[k].tolist())
@@ -210,8 +221,11 @@ class Assembly:
             reached = np.flatnonzero(~np.isnan(found[:, index.STATUS]))
             answers[np.asarray(chosen)[reached]] = found[reached]
 
-        answers, end = no_answers(signed), math.inf if deadline is None else deadline
+        end = math.inf if deadline is None else deadline
         begun = self._depths.resumed(question, len(pairs), unmoved)
+        if begun:
+            answers = no_answers(len(pairs))
+            answers[signed, index.LOWER] = -np.inf
         if 0 in begun:
             depths([0])
             if perf_counter() >= end:
@@ -227,9 +241,10 @@ class Assembly:
             answers = self.rows(poses, pairs, wanted, hints, signed, deadline, threads)
         in_time = perf_counter() + BEGIN_S < end
         first = answers if in_time else answers[:1]
-        upper, clearance = first[:, index.UPPER], wanted[: len(first), 2]
-        open_ = (first[:, index.LOWER] == -np.inf) & ~np.isnan(first[:, index.STATUS])
-        open_ &= (upper > clearance) | (clearance == np.inf)
+        open_ = np.empty(len(first), np.bool_)
+        count = signs_open(first, wanted[:, 2], open_)
+        if not (count or begun):
+            return answers
         open_[[k for k in begun if k < len(first)]] = True
         if self._cut:  # there the search of the surfaces must end first
             open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
@@ -242,16 +257,15 @@ class Assembly:
         return answers
 
     def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
-        given = as_integers(pairs, "pairs", 2)
-        # A number below 0 is a large one without its sign.
-        if given.view(np.uint32).max(initial=0) >= len(self.models):
-            bad = (given < 0) | (given >= len(self.models))
-            first = int(np.flatnonzero(bad.any(axis=1))[0])
+        given = as_integers(pairs, "pairs", 2, np.int64)
+        chosen = np.empty(given.shape, np.int32)
+        bad = take_pairs(given, len(self.models), chosen)
+        if bad < len(given):
             raise ValueError(
-                f"pairs[{first}] = {given[first].tolist()}: there are {len(self.models)} bodies, "
+                f"pairs[{bad}] = {given[bad].tolist()}: there are {len(self.models)} bodies, "
                 "numbered from 0"
             )
-        return given
+        return chosen
 
     def _pose_name(self, body: int) -> str:
         """The name of a body's pose in errors."""
@@ -291,8 +305,12 @@ class Assembly:
         self, poses: NDArray[np.float64], pair: NDArray[np.int32], wanted: NDArray[np.float64]
     ) -> Hashable:
         """Everything that an answer depends on."""
-        shapes = tuple(self.models[body].revision for body in pair)
-        return pair.tobytes(), poses[pair].tobytes(), wanted.tobytes(), shapes
+        a, b = pair.tolist()
+        models = self.models
+        return (
+            a, b, poses[a].tobytes(), poses[b].tobytes(), wanted.tobytes(),
+            models[a].revision, models[b].revision,
+        )  # fmt: skip
 
     def _allot(
         self, threads: int, poses: NDArray[np.float64], pairs: NDArray[np.int32],
@@ -337,15 +355,19 @@ class Assembly:
         fresh: bool,
         runs: list[tuple[Callable, int, int]],
         poses: NDArray[np.float64],
-        queries: NDArray,
+        pairs: NDArray[np.int32],
+        asked: NDArray[np.int64],
         every: int,
         deadline: float | None,
         stopped: Event | None,
         answers: NDArray[np.float64],
         settle: Callable[[int, int, int], int],
     ) -> tuple[int, int]:
-        """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
-        stacked, asked, flat = poses.reshape(-1, 4), table((queries,)), answers.ravel()
+        """Answer every so many of the queries, in runs, into `answers`; how it ended, and where.
+
+        `asked` is the table of the queries about `pairs`.
+        """
+        stacked, flat = poses.reshape(-1, 4), answers.ravel()
         slices = slices_until(deadline)
         code, at = index.ENDED, 0
         for entry, at, last in runs:
@@ -357,7 +379,7 @@ class Assembly:
                 )  # fmt: skip
                 fresh = code != index.CUT
                 if code in (index.BAD_POSE_A, index.BAD_POSE_B):
-                    body = int(queries["poses"][at, code - index.BAD_POSE_A])
+                    body = int(pairs[at, code - index.BAD_POSE_A])
                     check_pose(poses[body], self._pose_name(body))
                 found = at + (code == index.CUT)
                 done = settle(done, found, slices.steps)

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.tables import state_table, table
+from ..kernels.base.tables import state_table
 from ..kernels.pairs.entries import ENTRIES
 from ..models.model import Model
 from ..poses import check_pose
 from .memory import give_back, take
-from .search_memory import Order, SearchKind, SearchMemory, queries
+from .search_memory import Order, SearchKind, SearchMemory
 from .slices import slices_until
 
 _ORDERS = {
@@ -191,13 +191,8 @@ class Search:
         # Of one row no view is made: each takes a tenth of a microsecond.
         self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
         own = self._own
-        asked, wanted = own.asked, (rel_err, abs_err, stop, limit)
-        if count > 1:
-            many = queries(count)
-            many["poses"] = np.arange(count)[:, None]
-            many["rel_err"], many["abs_err"], many["stop"], many["limit"] = wanted
-            asked = table((many,))
-        elif wanted != self._wanted:
+        wanted = rel_err, abs_err, stop, limit
+        if wanted != self._wanted:
             numbers = own.numbers
             numbers[0], numbers[1], numbers[2], numbers[3] = wanted
             self._wanted = wanted
@@ -206,7 +201,7 @@ class Search:
         slices = slices_until(deadline)
         while True:
             code, row = self._entry(
-                own.models, self.memory, poses_a, poses_b, asked, row, count, 1, slices.steps,
+                own.models, self.memory, poses_a, poses_b, own.asked, row, count, 1, slices.steps,
                 fresh, flat,
             )  # fmt: skip
             if code == index.ENDED:

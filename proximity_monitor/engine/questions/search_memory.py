@@ -102,7 +102,7 @@ class SearchMemory(Memory):
     models: NDArray[np.int64]
     """(2, 2, MODEL_COLUMNS) room for the tables of two models."""
     numbers: memoryview
-    """The four numbers of the one query."""
+    """The four numbers of the one query, about the bodies 0 and 1."""
     asked: NDArray[np.int64]
     """The table of that query."""
     progress: np.void
@@ -113,7 +113,8 @@ class SearchMemory(Memory):
 
     def __init__(self, kind: SearchKind) -> None:
         super().__init__(kind)
-        self.query = queries(1)
+        self.query = np.zeros(1, index.QUERY)
+        self.query["bodies"], self.query["nearest"] = (0, 1), index.KEEP
         self.asked = table((self.query,))
         self.numbers = memoryview(self.query.view(np.float64))[-4:]
         self.models = np.empty((2, 2, MODEL_COLUMNS), np.int64)
@@ -159,10 +160,3 @@ class SearchMemory(Memory):
         if nearest != (0, 0):
             self.progress["element_a"], self.progress["element_b"] = nearest
             self.progress["distance"] = math.inf  # how near they were is not known
-
-
-def queries(count: int) -> NDArray:
-    """Queries (count,) about the bodies 0 and 1 that begin at the elements nearest last."""
-    made = np.zeros(count, index.QUERY)
-    made["bodies"], made["nearest"] = (0, 1), index.KEEP
-    return made
