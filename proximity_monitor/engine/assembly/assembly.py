@@ -128,7 +128,9 @@ class Assembly:
         poses = as_poses(poses, "poses")
         if len(poses) != len(self.models):
             raise ValueError(f"{len(poses)} poses of {len(self.models)} bodies")
-        chosen = self._checked_pairs(pairs)
+        # Where signed distances are asked for, they are those of pairs with a solid.
+        solid = np.array([model.is_solid if signed else False for model in self.models])
+        chosen, of_solids = self._checked_pairs(pairs, solid)
         k = len(chosen)
         wanted = np.empty((k, 3))
         tolerances = rel_err, abs_err, np.inf if clearance is None else clearance
@@ -141,12 +143,11 @@ class Assembly:
             if len(hints) != k:
                 raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
         asked = poses, chosen, wanted, hints
-        if not signed:
-            return Distances(self.rows(*asked, np.zeros(k, np.bool_), deadline, threads))
-        solid = np.array([model.is_solid for model in self.models])[chosen]
-        return Distances(
-            self._signed_rows(*asked, solid[:, 0] | solid[:, 1], depth_err, deadline, threads)
-        )
+        if signed:
+            rows = self._signed_rows(*asked, of_solids, depth_err, deadline, threads)
+        else:
+            rows = self.rows(*asked, of_solids, deadline, threads)
+        return Distances(rows)
 
     def rows(
         self,
@@ -245,27 +246,31 @@ class Assembly:
         count = signs_open(first, wanted[:, 2], open_)
         if not (count or begun):
             return answers
-        open_[[k for k in begun if k < len(first)]] = True
+        if begun:
+            open_[[k for k in begun if k < len(first)]] = True
         if self._cut:  # there the search of the surfaces must end first
             open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
         open_[:1] &= 0 not in begun
-        chosen = np.flatnonzero(open_)
+        (chosen,) = open_.nonzero()
         if in_time and len(chosen):
             depths(chosen)
         elif len(chosen):  # the next call begins with it, so that all come to an end
             self._depths.resume(question(0))
         return answers
 
-    def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
+    def _checked_pairs(
+        self, pairs: ArrayLike, solid: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+        """The pairs (k, 2), and which of them (k,) are of a solid body."""
         given = as_integers(pairs, "pairs", 2, np.int64)
-        chosen = np.empty(given.shape, np.int32)
-        bad = take_pairs(given, len(self.models), chosen)
+        chosen, of_solids = np.empty(given.shape, np.int32), np.empty(len(given), np.bool_)
+        bad = take_pairs(given, solid, chosen, of_solids)
         if bad < len(given):
             raise ValueError(
                 f"pairs[{bad}] = {given[bad].tolist()}: there are {len(self.models)} bodies, "
                 "numbered from 0"
             )
-        return chosen
+        return chosen, of_solids
 
     def _pose_name(self, body: int) -> str:
         """The name of a body's pose in errors."""

@@ -11,16 +11,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Hashable
-from typing import ClassVar, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-_MOST = 16
-"""Memories that are kept, the last ones given back."""
-
-_MOST_BYTES = 1 << 26
-"""How much all these may take."""
+_MOST, _LARGEST = 8, 1 << 24
+"""How many memories are kept, the last ones given back, and the bytes that one may take."""
 
 
 class Memory:
@@ -54,18 +51,16 @@ class Memory:
 Kept = TypeVar("Kept", bound=Memory)
 
 
-class _Pool:
-    """Memory that no search owns."""
-
-    kept: ClassVar[deque[Memory]] = deque(maxlen=_MOST)
+_kept: deque[Memory] = deque(maxlen=_MOST)
+"""Memory that no search owns, that given back last first."""
 
 
 def take(made: type[Kept], kind: Hashable) -> Kept:
     """Memory of that class and kind, which is the caller's until it gives it back."""
-    for memory in tuple(_Pool.kept):
+    for memory in tuple(_kept):
         if memory.kind == kind and type(memory) is made:
             try:
-                _Pool.kept.remove(memory)
+                _kept.remove(memory)
             except ValueError:  # another thread was faster
                 continue
             memory.clear()
@@ -74,10 +69,6 @@ def take(made: type[Kept], kind: Hashable) -> Kept:
 
 
 def give_back(memory: Memory) -> None:
-    """Keep memory that its search needs no more; what was kept for longest may make room for it."""
-    _Pool.kept.append(memory)
-    while sum([each.size for each in tuple(_Pool.kept)]) > _MOST_BYTES:
-        try:
-            _Pool.kept.popleft()
-        except IndexError:
-            return
+    """Keep memory that its search needs no more, instead of what was kept for longest."""
+    if memory.size <= _LARGEST:
+        _kept.appendleft(memory)

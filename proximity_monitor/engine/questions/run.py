@@ -29,6 +29,8 @@ _BLOCK = 4096
 """Rows of a block of collected pairs. A full block is set aside and never copied again, so a slice
 takes no longer when much has been collected."""
 
+_NO_ANSWER = np.empty(0)
+
 
 def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
     """The compiled entry that answers queries about two models."""
@@ -108,7 +110,7 @@ class Search:
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
         self.progress, self.state, self.memory = own.progress, own.state, own.table
         own.begin_at(nearest)
-        self.answer = np.empty(0)  # (ANSWER,) the last one about a single pose
+        self.answer = _NO_ANSWER  # (ANSWER,) the last one about a single pose
         self._blocks: list[NDArray[np.float64]] = []
         self._collecting = False
 

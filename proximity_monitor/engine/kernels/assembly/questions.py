@@ -17,14 +17,17 @@ QUERY_NUMBERS = QUERY.itemsize // 8
 
 
 @entry
-def take_pairs(given, bodies, pairs):
-    """Write pairs (k, 2) as int32; returns the first that names no body, of so many, or k."""
+def take_pairs(given, solid, pairs, signed):
+    """Write pairs (k, 2) as int32, and which of them (k,) are of a body that is `solid` (n,).
+
+    Returns the first pair that names none of these bodies, or k.
+    """
     for k in range(len(given)):
-        for side in range(2):
-            body = given[k, side]
-            if body < 0 or body >= bodies:
-                return k
-            pairs[k, side] = body
+        a, b = given[k, 0], given[k, 1]
+        if not (0 <= a < len(solid) and 0 <= b < len(solid)):
+            return k
+        pairs[k, 0], pairs[k, 1] = a, b
+        signed[k] = solid[a] or solid[b]
     return len(given)
 
 
