@@ -12,24 +12,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import as_count, as_integers, as_tolerances, check_tolerance
+from ..arguments import as_count, as_integers, check_tolerance
 from ..kernels.assembly.questions import (
     QUERY_NUMBERS,
     begin_questions,
     signs_open,
-    take_pairs,
 )
 from ..kernels.base import state as index
 from ..kernels.inside.contain import Insides, settle_signs
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from ..models.solid import sides_of
+from ..models.solid import insides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
 from .answers import no_answers
+from .asked import checked_pairs, checked_tolerances
 from .long_searches import BEGIN_S, LongSearches, Single
 
 _NO_HINTS = np.empty((0, 2), np.int32)
@@ -130,14 +130,11 @@ class Assembly:
             raise ValueError(f"{len(poses)} poses of {len(self.models)} bodies")
         # Where signed distances are asked for, they are those of pairs with a solid.
         solid = np.array([model.is_solid if signed else False for model in self.models])
-        chosen, of_solids = self._checked_pairs(pairs, solid)
+        chosen, of_solids = checked_pairs(pairs, solid)
         k = len(chosen)
-        wanted = np.empty((k, 3))
-        tolerances = rel_err, abs_err, np.inf if clearance is None else clearance
-        for column, (name, value) in enumerate(
-            zip(("rel_err", "abs_err", "clearance"), tolerances, strict=True)
-        ):
-            wanted[:, column] = as_tolerances(value, name, k)
+        tolerances = {"rel_err": rel_err, "abs_err": abs_err}
+        tolerances["clearance"] = np.inf if clearance is None else clearance
+        wanted = checked_tolerances(tolerances, k)
         if hints is not None:
             hints = as_integers(hints, "hints", 2)
             if len(hints) != k:
@@ -258,20 +255,6 @@ class Assembly:
             self._depths.resume(question(0))
         return answers
 
-    def _checked_pairs(
-        self, pairs: ArrayLike, solid: NDArray[np.bool_]
-    ) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        """The pairs (k, 2), and which of them (k,) are of a solid body."""
-        given = as_integers(pairs, "pairs", 2, np.int64)
-        chosen, of_solids = np.empty(given.shape, np.int32), np.empty(len(given), np.bool_)
-        bad = take_pairs(given, solid, chosen, of_solids)
-        if bad < len(given):
-            raise ValueError(
-                f"pairs[{bad}] = {given[bad].tolist()}: there are {len(self.models)} bodies, "
-                "numbered from 0"
-            )
-        return chosen, of_solids
-
     def _pose_name(self, body: int) -> str:
         """The name of a body's pose in errors."""
         return f"poses[{body}]"
@@ -290,21 +273,6 @@ class Assembly:
         while len(self._searches) < threads:
             both = (self._deepest,) * 2
             self._searches.append(Search(*both, coherent=False, among=self.models))
-
-    def _enclosed(self) -> Insides:
-        """The spaces that the bodies enclose as they are now."""
-        if self._insides is None:
-            regions = [sides_of(model).region for model in self._shapes]
-            starts = np.cumsum([0, *(len(each.samples) for each in regions)])
-            place = {id(model): k for k, model in enumerate(self._shapes)}
-            of = np.array([place[id(model)] for model in self.models])
-            self._insides = Insides(
-                np.array([each.inside for each in regions], np.int8)[of],
-                np.stack((starts[of], starts[of + 1]), axis=1),
-                np.concatenate([each.samples for each in regions]),
-                np.stack([model._hierarchy.sampled()[1] for model in self.models]),
-            )
-        return self._insides
 
     def _question(
         self, poses: NDArray[np.float64], pair: NDArray[np.int32], wanted: NDArray[np.float64]
@@ -413,7 +381,9 @@ class Assembly:
         """
         if not signed.any():
             return lambda first, last, steps: last
-        insides, clearances = self._enclosed(), np.ascontiguousarray(wanted[:, 2])
+        if self._insides is None:
+            self._insides = insides_of(self.models)
+        insides, clearances = self._insides, np.ascontiguousarray(wanted[:, 2])
         room = 1 + 15 * self._deepest._hierarchy.depth
         progress = np.zeros((every, 2, 2), np.int64)  # for each thread
         scratch = np.empty((every, 2, 2, room), np.int32)
