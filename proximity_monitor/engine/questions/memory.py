@@ -57,7 +57,7 @@ _kept: deque[Memory] = deque(maxlen=_MOST)
 
 def take(made: type[Kept], kind: Hashable) -> Kept:
     """Memory of that class and kind, which is the caller's until it gives it back."""
-    for memory in tuple(_kept):
+    for memory in [*_kept]:  # a list: making a tuple may collect garbage, which gives back memory
         if memory.kind == kind and type(memory) is made:
             try:
                 _kept.remove(memory)
