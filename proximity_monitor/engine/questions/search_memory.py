@@ -74,7 +74,9 @@ class SearchKind(NamedTuple):
     order: Order
     coherent: bool
     levels: int
-    """Of both models."""
+    """Of both models together."""
+    pairs: int
+    """Pairs of volumes that may be open."""
     cells_a: CellRoom | None
     cells_b: CellRoom | None
 
@@ -85,13 +87,18 @@ class SearchKind(NamedTuple):
         """The kind of a search over two models, or over any two of others no deeper than these."""
         first, second = a._hierarchy, b._hierarchy
         levels = -(-(first.depth + second.depth) // _LEVELS) * _LEVELS
+        # Opening a volume replaces one pair by at most sixteen, once for each level of either
+        # model; a priority queue that is full besides leaves all its pairs below.
+        pairs = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
+        if order == "breadth_first":
+            pairs = _LIST
         if among:
             either = CellRoom.of([model._hierarchy for model in among])
-            return cls(order, coherent, levels, either, either)
+            return cls(order, coherent, levels, pairs, either, either)
         # Of meshes nothing is divided; to hear it from `CellRoom.of` takes a microsecond.
         cells_a = CellRoom.of((first,)) if first.cell_width else None
         cells_b = CellRoom.of((second,)) if second.cell_width else None
-        return cls(order, coherent, levels, cells_a, cells_b)
+        return cls(order, coherent, levels, pairs, cells_a, cells_b)
 
 
 class SearchMemory(Memory):
@@ -119,14 +126,9 @@ class SearchMemory(Memory):
         self.asked = table((self.query,))
         self.numbers = memoryview(self.query.view(np.float64))[-4:]
         self.models = np.empty((2, 2, MODEL_COLUMNS), np.int64)
-        # Opening a volume replaces one pair by at most sixteen, once for each level of either
-        # model; a priority queue that is full besides leaves all its pairs below. A list of levels
-        # is full while there is still room for a search depth first (see levels.py).
-        order, coherent, levels, *cells = kind
-        capacity = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
-        if order == "breadth_first":
-            capacity = _LIST
+        order, coherent, levels, capacity, *cells = kind
         record = np.zeros(1, index.PROGRESS)
+        # A list of levels is full while there is still room for a search depth first (levels.py).
         record["full"] = capacity - 15 * levels - 16
         self.progress = record[0]
         pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
