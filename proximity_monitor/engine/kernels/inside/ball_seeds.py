@@ -10,10 +10,8 @@ from ..base.vectors import add, along, cross, dot, scaled, sub, unit
 from ..elements.primitives import corners, mixed
 from .ball_begin import add_seed
 from .ball_point import turned_back
-from .ball_state import CELL, ball_at
+from .ball_state import CELL, NONE, ball_at
 from .solid_table import solid_at
-
-NONE = -1
 
 _SHARES = (0.1, 1e-3, 1e-5)
 """How far beside a contact is tried, as shares of the triangles' size."""
