@@ -92,10 +92,10 @@ class Net:
             made[..., 3] = 1.0
         return made
 
-    def error(self) -> float:
+    def error(self, parts: int = 1) -> float:
         """Metres by which rounding may move a point in `pieces`."""
         largest = float(np.linalg.norm(self.points, axis=1).max())
-        return conversion_error(*self.spans, self.weights is not None, largest)
+        return conversion_error(*self.parts(parts), self.weights is not None, largest)
 
     def derivatives(
         self, u: NDArray[np.float64], v: NDArray[np.float64], order: int

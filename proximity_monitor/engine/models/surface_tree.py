@@ -21,6 +21,11 @@ from .nurbs import Net, frozen
 from .tree import TreeError
 
 
+_PIECES, _MOST_PARTS = 512, 8
+"""How many pieces a model of few spans is cut into, about, and the most parts of a span: volumes
+around smaller ones are thinner. Against a mesh that leaves an eighth of the pairs of leaves."""
+
+
 def build_surface(
     nets: Sequence[Net], trims: Trims, deviation: float
 ) -> tuple[SurfaceTree, NDArray[np.int32], int]:
@@ -68,9 +73,10 @@ def projected(tree: SurfaceTree) -> tuple[NDArray[np.float64], NDArray[np.int64]
 def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
     """The pieces of nets one after the other, and their control nets (m, k), as `nets` has them."""
     pieces, flat, start = [], [], 0
+    parts = _parts(nets)
     for patch, net in enumerate(nets):
-        along_u, along_v = net.spans
-        made = net.pieces()
+        along_u, along_v = net.parts(parts)
+        made = net.pieces(parts)
         s_u, s_v, n_u, n_v, _ = made.shape
         count, points = s_u * s_v, n_u * n_v
         room = -(-points // NET_WIDTH) * NET_WIDTH
@@ -94,6 +100,12 @@ def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
     cut = np.concatenate(pieces)
     cut["face"] = np.arange(len(cut))
     return cut, np.concatenate(flat)
+
+
+def _parts(nets: Sequence[Net]) -> int:
+    """Into how many parts each span in u and in v is cut, so that volumes are thin."""
+    count = sum(len(u.low) * len(v.low) for u, v in (net.spans for net in nets))
+    return max(min(math.isqrt(_PIECES // count), _MOST_PARTS), 1)
 
 
 def _fitted(
@@ -133,7 +145,8 @@ def _scale(
 
     `lost` metres is how far rounding may move an edge.
     """
-    error = max(net.error() for net in nets) + lost
+    parts = _parts(nets)
+    error = max(net.error(parts) for net in nets) + lost
     return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error])
 
 
