@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
+from ..base.precise import accurate_cross
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
 from ..base.vectors import along, cross, dot, moved, norm, sub, unit
 from ..elements.primitives import corners, mixed
+from ..elements.triangles import point_face
 from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
 from ..surface.certificate import is_certifiable, put_side
@@ -128,6 +130,15 @@ def _foot(p, triangle):
     """The weights of the point of a triangle that is nearest to p."""
     if triangle[0] == triangle[1] and triangle[0] == triangle[2]:
         return (1.0, 0.0, 0.0)  # a point: it is known at once
+    # Where the foot lies within the face, an edge beside it may be as near but for rounding. The way
+    # to that would be tilted, and the bound along it worse by that times the triangle's size.
+    e, f = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])
+    n = accurate_cross(e, f)
+    nn = dot(n, n)
+    if nn > 0.0:
+        inside, v, w, _ = point_face(p, triangle[0], e, f, n, nn)
+        if inside:
+            return (max(1.0 - v - w, 0.0), v, w)
     _, v, w = point_triangle(p, triangle[0], triangle[1], triangle[2])
     return (max(1.0 - v - w, 0.0), v, w)
 
