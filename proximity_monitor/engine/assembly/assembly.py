@@ -14,8 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, as_tolerances, check_tolerance
 from ..kernels.base import state as index
+from ..kernels.base.state import SurfaceTree
 from ..kernels.base.tables import table
 from ..kernels.inside.contain import Insides, settle_signs
+from ..kernels.inside.solids import WHOLE
+from ..kernels.surface.contain import MixedInsides
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from ..models.solid import sides_of
@@ -51,7 +54,7 @@ class Assembly:
         self._hierarchies: list[Hierarchy] = []
         self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches: list[Search] = []
-        self._insides: Insides | None = None
+        self._insides: Insides | MixedInsides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question that they were asked
         self._depths = LongSearches(coherent=False)
 
@@ -272,7 +275,7 @@ class Assembly:
             both = (self._deepest,) * 2
             self._searches.append(Search(*both, coherent=False, among=self.models))
 
-    def _enclosed(self) -> Insides:
+    def _enclosed(self) -> Insides | MixedInsides:
         """The spaces that the bodies enclose as they are now."""
         if self._insides is None:
             regions = [sides_of(model).region for model in self._shapes]
@@ -285,6 +288,10 @@ class Assembly:
                 np.concatenate([each.samples for each in regions]),
                 np.stack([model._hierarchy.sampled()[1] for model in self.models]),
             )
+            divided = np.array([kind is SurfaceTree for kind in self._trees])
+            if (divided & (self._insides.where == WHOLE)).any():
+                holders = np.stack([model._hierarchy.table_of_all for model in self.models])
+                self._insides = MixedInsides(*self._insides, holders, divided)
         return self._insides
 
     def _question(

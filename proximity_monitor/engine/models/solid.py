@@ -99,13 +99,14 @@ def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
     return _sides(mesh, first, part, proper, opening, region, reason)
 
 
-def no_sides(
+def plain_sides(
     hierarchy: Hierarchy, proper: bool, reason: str, samples: NDArray[np.int32]
 ) -> Sides:  # fmt: skip
-    """What is known of a model that has no inside, whatever its elements are."""
+    """What is known of a model without vertices: it closes up, unless there is a reason."""
     nothing = np.empty(0, np.int32)
     ball = np.array([*hierarchy.centre, hierarchy.core_radius])
-    region = Region(NOWHERE, samples, ball, 0.0, _no_rim(), _NO_MOMENTS)
+    inside = NOWHERE if reason else WHOLE
+    region = Region(inside, samples, ball, 0.0, _no_rim(), _NO_MOMENTS)
     return _sides(hierarchy, nothing, nothing, proper, None, region, reason)
 
 

@@ -19,13 +19,14 @@ from .tree import TreeError
 
 
 def build_surface(
-    nets: Sequence[Net], deviation: float
+    nets: Sequence[Net], deviation: float, gap: float
 ) -> tuple[SurfaceTree, NDArray[np.int32], int]:
     """The tree over the pieces of nets.
 
     Args:
         nets: of the patches and curves.
         deviation: metres; how far they may be from what they stand for.
+        gap: metres; of a solid, the gaps between patches that were taken for none.
 
     Returns:
         The tree; which piece, in the order of `_cut`, stands where in tree order (m,); and how many
@@ -41,13 +42,15 @@ def build_surface(
     leaves[:, 0] = np.arange(len(pieces))
     children, order, depth = build_tree(stand_ins, leaves, len(pieces))
     children.setflags(write=False)  # as when it is refitted: kernels need no second form
-    tree = _fitted(children, order, pieces, flat, _scale(nets, 0.0, deviation))
+    tree = _fitted(children, order, pieces, flat, _scale(nets, 0.0, deviation, gap))
     return tree, order.astype(np.int32), depth + 1
 
 
-def refit_surface(tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net]) -> SurfaceTree:
+def refit_surface(
+    tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net], gap: float
+) -> SurfaceTree:
     """A tree of the same structure over the pieces of the same nets, whose control points moved."""
-    scale = _scale(nets, tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2])
+    scale = _scale(nets, tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2], gap)
     return _fitted(tree.children, order, *_cut(nets), scale)
 
 
@@ -112,10 +115,12 @@ def in_threes(points: NDArray[np.float64]) -> NDArray[np.float64]:
     return frozen(made.reshape(-1, 9))
 
 
-def _scale(nets: Sequence[Net], revision: float, deviation: float) -> NDArray[np.float64]:
+def _scale(
+    nets: Sequence[Net], revision: float, deviation: float, gap: float
+) -> NDArray[np.float64]:
     """The numbers of a tree as a whole, but for the first three: see `SurfaceTree`."""
     error = max(net.error() for net in nets)
-    return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error])
+    return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error, gap])
 
 
 def check_surface_tree(tree: SurfaceTree) -> None:

@@ -49,12 +49,12 @@ from ..tree.layout import (
     WIDTH,
 )
 from . import visit
-from .angles import surely_outside
+from .angles import is_outside
 from .ball_point import turned
 from .nearest import point_triangle
 from .solids import HALF, WHOLE
 from .visit import BEYOND, ROOM, at_root, descend
-from .winding import RAY_STEPS, winding_number
+from .winding import ray_steps, winding_number
 
 PLANE = 8.0
 """Slacks by which a plane is raised."""
@@ -211,11 +211,11 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     q = along(o, n, height + clear)
     if region.inside == WHOLE and not (side < 0 and height + clear < -low < radius - clear):
         gaps = on_stack(WIDTH, np.float32(0.0))
-        steps += RAY_STEPS
+        steps += ray_steps(tree)
         if winding_number(tree, q, slack, stack, gaps) != 0:
             return False, steps
     elif region.inside == HALF:
-        outside, cost = surely_outside(tree, region, o, max(radius, far), q, slack, stack)
+        outside, cost = is_outside(tree, region, o, max(radius, far), q, slack, stack)
         steps += cost
         if not outside:
             return False, steps
