@@ -31,7 +31,7 @@ WATCHING = frozenset(
         "base.motion.relative_motion_pair", "base.tables._fill",
         "elements.primitives.measure_triangles",
         "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._end_cell",
-        "inside.ball._plane", "inside.ball._go_on", "inside.ball_begin.begin_ball",
+        "inside.ball._plane_of_alike", "inside.ball._go_on", "inside.ball_begin.begin_ball",
         "inside.ball_feet.write_ball", "inside.ball_seeds.add_seeds", "inside.ball.search_ball",
         "inside.ball_caps._one_way",
         "inside.ball_caps.cap_height", "inside.ball_caps.plane", "inside.ball_frame.common_box",

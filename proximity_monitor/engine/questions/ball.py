@@ -11,11 +11,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import CUT
-from ..kernels.inside import ball as kernel
-from ..kernels.inside import ball_begin, ball_feet, ball_seeds
+from ..kernels.base.state import CUT, SurfaceTree
+from ..kernels.inside.ball_seeds import NONE
 from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball, ball_table
 from ..kernels.inside.solids import HALF
+from ..kernels.pairs.balls import BALLS
 from ..kernels.pairs.depths import DEPTHS
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
@@ -60,6 +60,10 @@ def _memory(hierarchies: tuple[Hierarchy, ...], cell: np.dtype) -> Ball:
     )
 
 
+def _is_divided(model: Model) -> bool:
+    return isinstance(model._hierarchy.tree, SurfaceTree)
+
+
 class BallSearch:
     """A search for the largest ball inside two solids, whose diameter is their depth.
 
@@ -69,8 +73,8 @@ class BallSearch:
     """
 
     __slots__ = (
-        "_at", "_ball", "_hierarchies", "_models", "_more", "_most", "_order", "_poses", "_table",
-        "_tables", "given_up",
+        "_at", "_ball", "_entries", "_first", "_hierarchies", "_models", "_more", "_most", "_order",
+        "_poses", "_table", "_tables", "given_up",
     )  # fmt: skip
 
     given_up: bool
@@ -80,11 +84,19 @@ class BallSearch:
 
     def __init__(self, a: Model, b: Model) -> None:
         self._models = a, b
-        self._order = slice(None)  # in which order the kernels take the models
+        # Which model the kernels take first, and so in which order they take both.
+        self._first = self._choose()
+        self._order = slice(None, None, -1 if self._first else 1)
         self._hierarchies: tuple[Hierarchy, ...] = ()
         self._more: tuple[NDArray, ...] = ()
         self._keep(_memory((a._hierarchy, b._hierarchy), self._CELL))
         self._most, self.given_up = math.inf, False
+
+    def _choose(self) -> int:
+        """Choose the kernels for both kinds of models; returns which model these take first."""
+        a, b = map(_is_divided, self._models)
+        self._entries = BALLS[a or b, a and b]
+        return int(b and not a)
 
     def _keep(self, ball: Ball, more: tuple[NDArray, ...] = ()) -> None:
         """Take the arrays of a search, and make the table by which kernels find them."""
@@ -101,7 +113,8 @@ class BallSearch:
     ) -> None:
         """Start a search; the first seed is the centre of the ball that the last one found."""
         self._take(pose_a, pose_b)
-        ball_begin.begin_ball(self._tables, self._table, *self._poses, depth_err, 0.5 * abs_err)
+        begin = self._entries.begin
+        begin(self._tables, self._table, *self._poses, depth_err, 0.5 * abs_err)
 
     def _take(self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64]) -> None:
         """Take the poses, and the models as they are now."""
@@ -117,11 +130,12 @@ class BallSearch:
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
         """Add seeds about the nearest points of an answer (ANSWER,)."""
-        ball_seeds.add_seeds(self._tables, self._table, row, 0, ball_seeds.NONE)
+        self._entries.add_seeds(self._tables, self._table, row, self._first, 0, NONE)
 
-    def seed_part(self, body: int, triangle: int) -> None:
-        """Add seeds about a triangle of one of the models that lies in the other."""
-        ball_seeds.add_seeds(self._tables, self._table, _NO_ROW, body, triangle)
+    def seed_part(self, body: int, element: int) -> None:
+        """Add seeds about an element of one of the models that lies in the other."""
+        body = abs(body - self._first)
+        self._entries.add_seeds(self._tables, self._table, _NO_ROW, self._first, body, element)
 
     def seek(self, deadline: float) -> bool:
         """Try the seeds until one is the centre of a ball, or to the deadline and return False."""
@@ -146,7 +160,7 @@ class BallSearch:
                 return False
 
     def _slice(self, seeds_alone: bool, steps: int) -> int:
-        return kernel.search_ball(self._tables, self._table, seeds_alone, steps)
+        return self._entries.search(self._tables, self._table, seeds_alone, steps)
 
     def _make_room(self) -> None:
         old = self._ball
@@ -193,7 +207,7 @@ class BallSearch:
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write into an answer (ANSWER,) where the surfaces are nearest to the ball's centre."""
-        ball_feet.write_ball(self._tables, self._table, *self._poses, row)
+        self._entries.write(self._tables, self._table, *self._poses, row, self._first)
 
 
 class DeepestSearch(BallSearch):
@@ -204,17 +218,19 @@ class DeepestSearch(BallSearch):
         b: second model; one of the two is a solid.
     """
 
-    __slots__ = ("_begin", "_go_on", "_solid", "_write")
+    __slots__ = ("_begin", "_go_on", "_write")
 
     _CELL = PIECE
 
     def __init__(self, a: Model, b: Model) -> None:
         super().__init__(a, b)
-        self._solid = 0 if a.is_solid else 1
-        self._order = slice(None, None, 1 if a.is_solid else -1)  # the solid first
-        surface = b if a.is_solid else a
-        self._begin, self._go_on, self._write = DEPTHS[type(surface._hierarchy.tree)]
-        self._keep(self._ball, cells_for(surface, _PARTS))
+        self._keep(self._ball, cells_for(self._models[1 - self._first], _PARTS))
+
+    def _choose(self) -> int:
+        first = 0 if self._models[0].is_solid else 1  # the solid
+        solid, surface = self._models[first], self._models[1 - first]
+        self._begin, self._go_on, self._write = DEPTHS[_is_divided(solid), _is_divided(surface)]
+        return first
 
     def begin(
         self,
@@ -232,7 +248,7 @@ class DeepestSearch(BallSearch):
     def seed_contact(self, row: NDArray[np.float64]) -> None:
         """Do nothing: points beside a surface are not on it."""
 
-    def seed_part(self, body: int, triangle: int) -> None:
+    def seed_part(self, body: int, element: int) -> None:
         """Do nothing, either."""
 
     def seek(self, deadline: float) -> bool:
@@ -258,4 +274,4 @@ class DeepestSearch(BallSearch):
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write into an answer (ANSWER,) the deepest point, and the solid's nearest to it."""
-        self._write(self._tables, self._table, self._solid, *self._poses, row)
+        self._write(self._tables, self._table, self._first, *self._poses, row)

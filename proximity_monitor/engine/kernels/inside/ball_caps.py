@@ -31,6 +31,7 @@ from numba import float32, uint64
 
 from ..base.jit import implements, inlined, kernel, loop16, shared
 from ..base.memory import on_stack
+from ..base.state import MeshTree
 from ..base.vectors import along, dot, moved, norm, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import (
@@ -66,9 +67,10 @@ _CLEAR = 16.0
 """Slacks above a plane at which its side is asked for."""
 
 
-Cap = namedtuple("Cap", "place slack normal radius near top")
+Cap = namedtuple("Cap", "place slack normal radius near top spare")
 """The query how high along a unit vector over its place the surface reaches within a radius, metres
-and, float32, node units; the answer is the height, metres. Above `top` it does not matter."""
+and, float32, node units; the answer is the height, metres. Above `top` it does not matter, nor
+whether it is less than `spare`."""
 
 
 @loop16
@@ -116,7 +118,7 @@ def _limit(query, answer):
     return -np.inf if answer > query.top else -answer
 
 
-@implements(visit.meet, Cap)
+@implements(visit.meet, Cap, MeshTree)
 @inlined
 def _meet(query, tree, t, answer):
     o, n = query.place, query.normal
@@ -135,7 +137,7 @@ def cap_height(tree, o, n, radius, height, top, slack, stack):
     """
     bounds, gaps = on_stack(ROOM, 0.0), on_stack(WIDTH, np.float32(0.0))
     near = float32(min(radius / tree.scale[0] * (1.0 + 1e-6), 1e29))
-    query = Cap(o, slack, n, radius, near, top)
+    query = Cap(o, slack, n, radius, near, top, height)
     height, left, steps = descend(
         query, tree, height, at_root(stack, bounds), stack, bounds, gaps, _STEPS
     )

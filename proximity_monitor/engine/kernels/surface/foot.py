@@ -1,0 +1,200 @@
+"""The point of a surface that is nearest to a given one, as near to it as is asked for.
+
+Parts of elements are bounded by the gap between the point and their control points, along the way
+to a near point of the parallelogram that stands for a part. What may hold a point that is nearer by
+more than is tolerated is divided. Newton's method makes the upper bound.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel, shared
+from ..base.memory import on_stack, table_on_stack
+from ..base.vectors import add, along, cross, dot, norm, scaled, sub
+from ..inside import visit
+from ..inside.nearest import point_gaps
+from .evaluate import jet_at, point_at
+from .facing import closest_in
+from .parts import (
+    MOST,
+    NUMBERS,
+    bends_more_in_u,
+    corner_of,
+    divide,
+    least_along,
+    margin_of,
+    place_of,
+    room_of,
+    take_whole,
+)
+
+Foot = namedtuple("Foot", "place slack share")
+"""The query: nothing is looked into that is nearer by less than a share, or some slacks. The answer
+is (distance, piece, u, v, least): the surface is no nearer than the least of what was left."""
+
+_DIVISIONS = 1024
+"""Divisions of an element: around the centre of a sphere all of it is about as near."""
+
+_NEWTON = 16
+_LEAST_STEP = 1e-15
+"""Iterations; and the share of the squared distance below which a step's gain is nothing."""
+
+
+@inlined
+def enough(distance, share, slack):
+    """The distance from which on nothing nearer than `distance` is looked for."""
+    return distance - max(share * distance, 4.0 * slack)
+
+
+@implements(visit.lane_gaps, Foot)
+@inlined
+def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
+    point_gaps(nodes, base, x, y, z, margin, gaps)
+
+
+@implements(visit.limit, Foot)
+@inlined
+def _limit(query, answer):
+    return enough(answer[0], query.share, query.slack)
+
+
+@implements(visit.meet, Foot)
+@inlined
+def _meet(query, tree, t, answer):
+    if t == answer[1]:
+        return answer  # it was looked into
+    return foot_in(tree, t, query.place, query.share, query.slack, answer)
+
+
+@kernel
+def centre_of(piece, parts, at):
+    """The centre and half axes of the parallelogram that stands for a part."""
+    a, b = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
+    c, d = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
+    low, high, right, left = add(a, b), add(c, d), add(b, d), add(a, c)
+    centre = scaled(add(low, high), 0.25)
+    return centre, scaled(sub(high, low), 0.25), scaled(sub(right, left), 0.25)
+
+
+@kernel
+def away_from(piece, parts, at, margin):
+    """A lower bound of how far a part is from the origin, and where on it about it is nearest.
+
+    That is told by places from -1 to 1 along its half axes.
+    """
+    centre, e, f = centre_of(piece, parts, at)
+    a, b = closest_in(centre, e, f, (0.0, 0.0, 0.0))
+    way = along(along(centre, e, a), f, b)
+    size = norm(way)
+    bound = 0.0
+    if size > 0.0:
+        bound = least_along(piece, parts, at, scaled(way, 1.0 / size)) - margin
+    if not bound > 0.5 * size:  # as where it is beside the part: then its normal may do better
+        n = cross(e, f)
+        size = norm(n)
+        if size > 0.0:
+            n = scaled(n, (1.0 if dot(n, centre) > 0.0 else -1.0) / size)
+            bound = max(bound, least_along(piece, parts, at, n) - margin)
+    return bound, a, b
+
+
+@kernel
+def _by_newton(piece, nets, p, u, v):
+    """The distance from p, and the parameters, of a point that is nearest among those near by."""
+    place, du, dv, duu, duv, dvv = jet_at(piece, nets, u, v)
+    way = sub(place, p)
+    squared, damping = dot(way, way), 0.0
+    for _ in range(_NEWTON):
+        gu, gv = dot(way, du), dot(way, dv)
+        a, b, c = dot(du, du) + dot(way, duu), dot(du, dv) + dot(way, duv), dot(dv, dv)
+        c += dot(way, dvv)
+        a, c = a + damping * dot(du, du), c + damping * dot(dv, dv)
+        held_u = (u <= 0.0 and gu >= 0.0) or (u >= 1.0 and gu <= 0.0)
+        held_v = (v <= 0.0 and gv >= 0.0) or (v >= 1.0 and gv <= 0.0)
+        step_u = step_v = 0.0
+        positive = True
+        if not held_u and not held_v:
+            under = a * c - b * b
+            positive = a > 0.0 and under > 1e-14 * a * c
+            if positive:
+                step_u, step_v = (b * gv - c * gu) / under, (b * gu - a * gv) / under
+        elif not held_u:
+            positive = a > 0.0
+            step_u = -gu / a if positive else 0.0
+        elif not held_v:
+            positive = c > 0.0
+            step_v = -gv / c if positive else 0.0
+        new_u, new_v = min(max(u + step_u, 0.0), 1.0), min(max(v + step_v, 0.0), 1.0)
+        gain = -gu * (new_u - u) - gv * (new_v - v)
+        if positive and not gain > _LEAST_STEP * squared:
+            break
+        better = False
+        if positive:
+            jet = jet_at(piece, nets, new_u, new_v)
+            new_way = sub(jet[0], p)
+            new_squared = dot(new_way, new_way)
+            better = new_squared < squared
+            if better:
+                u, v, way, squared = new_u, new_v, new_way, new_squared
+                _, du, dv, duu, duv, dvv = jet
+                damping = 0.1 * damping if damping > 1e-6 else 0.0
+        if not better:
+            damping = max(1e-3, 10.0 * damping)
+            if damping > 1e9:
+                break
+    return np.sqrt(squared), u, v
+
+
+@shared
+def foot_in(tree, t, p, share, slack, answer):
+    """The answer when an element has been looked into as well."""
+    piece, nets = tree.pieces[t], tree.nets
+    distance, nearest, best_u, best_v, least = answer
+    parts, bounds = on_stack(NUMBERS, 0.0), on_stack(MOST, 0.0)
+    splits, spans = on_stack(MOST, np.int64(0)), table_on_stack(MOST, 4, 0.0)
+    take_whole(piece, nets, p, parts)
+    spans[0, 0] = spans[0, 2] = 0.0
+    spans[0, 1], spans[0, 3] = 1.0, (1.0 if piece.degree_v > 0 else 0.0)
+    splits[0] = 0
+    top, room, divisions, fresh = 1, room_of(piece), 0, 1
+    while top > 0:
+        # Those that were not yet bounded: the whole, or both halves of what was divided.
+        for k in range(top - fresh, top):
+            span = spans[k]
+            margin = margin_of(tree, piece, p, splits[k])
+            bounds[k], a, b = away_from(piece, parts, place_of(piece, k), margin)
+            if bounds[k] >= enough(distance, share, slack):
+                continue
+            u = 0.5 * ((span[0] + span[1]) + a * (span[1] - span[0]))
+            v = 0.5 * ((span[2] + span[3]) + b * (span[3] - span[2]))
+            u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
+            if norm(sub(point_at(piece, nets, u, v), p)) < distance:
+                found, u, v = _by_newton(piece, nets, p, u, v)
+                if found < distance:
+                    distance, nearest, best_u, best_v = found, np.int64(t), u, v
+        fresh = 0
+        k = top - 1
+        if bounds[k] >= enough(distance, share, slack):
+            top -= 1
+            continue
+        if top >= room or divisions >= _DIVISIONS:
+            least = min(least, bounds[k])
+            top -= 1
+            continue
+        at = place_of(piece, k)
+        in_u = bends_more_in_u(piece, parts, at)
+        divide(piece, parts, at, place_of(piece, top), in_u)
+        divisions += 1
+        splits[k] += 1
+        splits[top] = splits[k]
+        for i in range(4):
+            spans[top, i] = spans[k, i]
+        first = 0 if in_u else 2
+        middle = 0.5 * (spans[k, first] + spans[k, first + 1])
+        spans[k, first + 1] = spans[top, first] = middle
+        top += 1
+        fresh = 2
+    return distance, nearest, best_u, best_v, least
