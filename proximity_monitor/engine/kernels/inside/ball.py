@@ -40,15 +40,38 @@ _CELL_STEPS = 8
 """What a cell costs beside its descents, in steps of these."""
 
 
-@kernel
-def _plane_of(tree, region, k, behind, point, centre, half, spare, state, row):
-    """Find a plane of solid k for a cell, as `plane` does, seen from a point.
+# What follows is asked of one of two solids. Where their hierarchies are of one type it is one of
+# these that is chosen; else there are two calls, each with the one twice.
+
+
+def _plane(
+    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
+):  # fmt: skip
+    """Find a plane of solid k for a cell, as `plane` does, seen from a point: a stub.
 
     Or from a point so far behind that one that the other face of what is thin, too thin for a
     larger ball, is nearer than this one.
     """
+
+
+def _sound_trial(tree_a, tree_b, region_a, region_b, k, state, steps):
+    """Go on to find the trial point's depth in solid k; returns how many steps are left: a stub."""
+
+
+def _tangent(tree_a, tree_b, k, state, centre, half, row):
+    """Find a row for the cell around the trial point, as `tangent` does: a stub."""
+
+
+@shared
+def _plane_of_alike(
+    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
+):  # fmt: skip
     at = state.at[0]
     limit, steps = limit_of(at), 0
+    if k == 0:
+        tree, region = tree_a, region_a
+    else:
+        tree, region = tree_b, region_b
     most = _MOST * at.radius
     if not at.radius > 0.0:
         most = 0.5 * np.sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2])
@@ -72,50 +95,17 @@ def _plane_of(tree, region, k, behind, point, centre, half, spare, state, row):
     return found, steps + cost
 
 
-# What follows is asked of one of two solids. Where their hierarchies are of one type it is one of
-# these that is chosen, else one of two calls.
-
-
-def _plane(
-    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
-):  # fmt: skip
-    """As `_plane_of`: a stub."""
-
-
-def _sound_trial(tree_a, tree_b, region_a, region_b, k, state, steps):
-    """Go on to find the trial point's depth in solid k; returns how many steps are left: a stub."""
-
-
-def _tangent_of(tree_a, tree_b, k, state, centre, half, row):
-    """Find a row for the cell around the trial point, as `tangent` does: a stub."""
-
-
-@shared
-def _plane_of_alike(
-    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
-):  # fmt: skip
-    if k == 0:
-        tree, region = tree_a, region_a
-    else:
-        tree, region = tree_b, region_b
-    return _plane_of(tree, region, k, behind, point, centre, half, spare, state, row)
-
-
-@shared
+@inlined
 def _plane_of_unlike(
     tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
 ):  # fmt: skip
     if k == 0:
-        return _plane_of(tree_a, region_a, k, behind, point, centre, half, spare, state, row)
-    return _plane_of(tree_b, region_b, k, behind, point, centre, half, spare, state, row)
-
-
-@inlined
-def _sound(tree, region, k, state, steps):
-    return sound_some(
-        tree, region, state.motions[k], k, state.at[0], state.trial[0], state.stack,
-        state.reached, steps,
-    )  # fmt: skip
+        return _plane_of_alike(
+            tree_a, tree_a, region_a, region_a, k, behind, point, centre, half, spare, state, row
+        )
+    return _plane_of_alike(
+        tree_b, tree_b, region_b, region_b, k, behind, point, centre, half, spare, state, row
+    )
 
 
 @inlined
@@ -124,40 +114,39 @@ def _sound_alike(tree_a, tree_b, region_a, region_b, k, state, steps):
         tree, region = tree_a, region_a
     else:
         tree, region = tree_b, region_b
-    return _sound(tree, region, k, state, steps)
+    return sound_some(
+        tree, region, state.motions[k], k, state.at[0], state.trial[0], state.stack,
+        state.reached, steps,
+    )  # fmt: skip
 
 
 @inlined
 def _sound_unlike(tree_a, tree_b, region_a, region_b, k, state, steps):
     if k == 0:
-        return _sound(tree_a, region_a, k, state, steps)
-    return _sound(tree_b, region_b, k, state, steps)
+        return _sound_alike(tree_a, tree_a, region_a, region_a, k, state, steps)
+    return _sound_alike(tree_b, tree_b, region_b, region_b, k, state, steps)
 
 
 @inlined
-def _tangent(tree, k, state, centre, half, row):
+def _tangent_alike(tree_a, tree_b, k, state, centre, half, row):
+    tree = tree_a if k == 0 else tree_b
     return tangent(tree, state.motions[k], k, state.at[0], state.trial[0], centre, half, row)
 
 
 @inlined
-def _tangent_of_alike(tree_a, tree_b, k, state, centre, half, row):
-    return _tangent(tree_a if k == 0 else tree_b, k, state, centre, half, row)
-
-
-@inlined
-def _tangent_of_unlike(tree_a, tree_b, k, state, centre, half, row):
+def _tangent_unlike(tree_a, tree_b, k, state, centre, half, row):
     if k == 0:
-        return _tangent(tree_a, k, state, centre, half, row)
-    return _tangent(tree_b, k, state, centre, half, row)
+        return _tangent_alike(tree_a, tree_a, k, state, centre, half, row)
+    return _tangent_alike(tree_b, tree_b, k, state, centre, half, row)
 
 
 for _kind in (MeshTree, SurfaceTree):
     implements(_plane, _kind, _kind)(_plane_of_alike)
     implements(_sound_trial, _kind, _kind)(_sound_alike)
-    implements(_tangent_of, _kind, _kind)(_tangent_of_alike)
+    implements(_tangent, _kind, _kind)(_tangent_alike)
 implements(_plane, SurfaceTree, MeshTree)(_plane_of_unlike)
 implements(_sound_trial, SurfaceTree, MeshTree)(_sound_unlike)
-implements(_tangent_of, SurfaceTree, MeshTree)(_tangent_of_unlike)
+implements(_tangent, SurfaceTree, MeshTree)(_tangent_unlike)
 
 
 @shared
@@ -264,7 +253,7 @@ def _end_cell(tree_a, tree_b, region_a, region_b, state):
     for attempt in range(5):
         k = 1 - shallow if attempt & 1 else shallow
         if attempt == 2 or attempt == 3:
-            found = _tangent_of(tree_a, tree_b, k, state, centre, half, rows[count])
+            found = _tangent(tree_a, tree_b, k, state, centre, half, rows[count])
             steps += 1
         else:
             found, cost = _plane(

@@ -46,8 +46,8 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     for i in range(12):
         motions[0, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
     size = abs(b_to_a[9]) + abs(b_to_a[10]) + abs(b_to_a[11])
-    for tree in (tree_a, tree_b):
-        size += tree.scale[2] + 2.0 * tree.scale[SWEPT]
+    size += tree_a.scale[2] + 2.0 * tree_a.scale[SWEPT]
+    size += tree_b.scale[2] + 2.0 * tree_b.scale[SWEPT]
     error = deviation(pose_a) + deviation(pose_b)
     at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
     at.slack += points_err(tree_a) + joints_err(tree_a) + points_err(tree_b) + joints_err(tree_b)

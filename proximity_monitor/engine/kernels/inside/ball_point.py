@@ -91,8 +91,8 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
 @kernel
 def sound(tree, region, motion, k, at, point, stack, reached):
     """As `sound_some`, to the end; returns how many steps that took."""
-    left = sound_some(tree, region, motion, k, at, point, stack, reached, TO_THE_END)
-    return TO_THE_END - left
+    most = np.int64(TO_THE_END)  # a number of the type of all others: no second form is compiled
+    return most - sound_some(tree, region, motion, k, at, point, stack, reached, most)
 
 
 @kernel

@@ -30,12 +30,12 @@ from .parts import (
     NUMBERS,
     corner_of,
     divide,
-    is_longer_in_u,
     least_along,
     margin_of,
     place_of,
     room_of,
     take_whole,
+    to_divide_in_u,
 )
 
 _DIVISIONS = 384
@@ -113,35 +113,37 @@ def _is_beside(parts, at, room, first, stride, count, margin):
 @kernel
 def _where(piece, parts, at, forth, margin):
     """Whether the ray misses a part, or the other half of its line does, or neither is certain."""
-    room = np.int64(piece.room)
+    room, n = np.int64(piece.room), (forth, 0.0, 0.0)
     if _is_beside(parts, at, room, 0, 1, np.int64(piece.points), margin):
         return _MISSED
-    if least_along(piece, parts, at, (forth, 0.0, 0.0)) > margin:
-        return _AHEAD
-    if least_along(piece, parts, at, (-forth, 0.0, 0.0)) > margin:
-        return _MISSED
-    # About parallel to the part: near its surface no other plane has all of it on one side.
-    a, b = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
-    c, d = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
-    n = cross(sub(d, a), sub(c, b))
-    if dot(n, a) + dot(n, d) < 0.0:
-        n = scaled(n, -1.0)
-    if not least_along(piece, parts, at, n) > margin * norm(n):
-        return _OPEN
-    return _AHEAD if forth * n[0] > 0.0 else _MISSED
+    # Across the ray, both ways; then about parallel to the part: near its surface no other plane
+    # has all of it on one side.
+    for attempt in range(3):
+        if attempt == 1:
+            n = (-forth, 0.0, 0.0)
+        elif attempt == 2:
+            a, b = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
+            c, d = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
+            n = cross(sub(d, a), sub(c, b))
+            if dot(n, a) + dot(n, d) < 0.0:
+                n = scaled(n, -1.0)
+        if least_along(piece, parts, at, n) > margin * norm(n):
+            return _AHEAD if forth * n[0] > 0.0 else _MISSED
+    return _OPEN
 
 
 @kernel
 def _degree(piece, parts, at, margin):
     """How often a part's boundary winds around the line, from y to z; or UNKNOWN."""
     p, n, room = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1, np.int64(piece.room)
-    if not (
-        _is_beside(parts, at, room, 0, 1, n, margin)
-        and _is_beside(parts, at, room, p * n, 1, n, margin)
-        and _is_beside(parts, at, room, 0, n, p + 1, margin)
-        and _is_beside(parts, at, room, n - 1, n, p + 1, margin)
-    ):
-        return UNKNOWN
+    for edge in range(4):
+        last = edge % 2 == 1
+        if edge < 2:
+            first, step, count = (p * n if last else 0), 1, n
+        else:
+            first, step, count = (n - 1 if last else 0), n, p + 1
+        if not _is_beside(parts, at, room, first, step, count, margin):
+            return UNKNOWN
     winding = 0
     for k in range(4):
         a = corner_of(piece, parts, at, _AROUND[k])
@@ -158,15 +160,17 @@ def _degree(piece, parts, at, margin):
     return winding
 
 
+@implements(visit.meet, Ray, SurfaceTree)
 @shared
-def crossings(tree, t, p, slack, alpha, beta, forth):
-    """What one element adds to the winding number around p, or UNKNOWN: as `winding._crossing`."""
+def _crossings(query, tree, t, answer):
+    """The winding number when an element has been counted as well, or UNKNOWN."""
     piece = tree.pieces[t]
-    if piece.degree_v == 0:
-        return 0  # a curve bounds nothing
+    if answer == UNKNOWN or piece.degree_v == 0:
+        return answer  # a curve bounds nothing
+    p, slack, forth = query.place, query.slack, query.forth
     parts, splits = on_stack(NUMBERS, 0.0), on_stack(MOST, np.int64(0))
     take_whole(piece, tree.nets, p, parts)
-    _shear(piece, parts, alpha, beta)
+    _shear(piece, parts, query.alpha, query.beta)
     splits[0] = 0
     top, total, divisions, room = 1, 0, 0, room_of(piece)
     while top > 0:
@@ -184,19 +188,9 @@ def crossings(tree, t, p, slack, alpha, beta, forth):
             continue
         if top >= room or divisions >= _DIVISIONS:
             return UNKNOWN
-        divide(piece, parts, at, place_of(piece, top), is_longer_in_u(piece, parts, at))
+        divide(piece, parts, at, place_of(piece, top), to_divide_in_u(piece, parts, at, True))
         divisions += 1
         splits[k] += 1
         splits[top] = splits[k]
         top += 1
-    return total * forth
-
-
-@implements(visit.meet, Ray, SurfaceTree)
-@inlined
-def _meet(query, tree, t, answer):
-    if answer == UNKNOWN:
-        return answer
-    q = query
-    found = crossings(tree, t, q.place, q.slack, q.alpha, q.beta, q.forth)
-    return UNKNOWN if found == UNKNOWN else answer + found
+    return answer + total * forth

@@ -16,12 +16,11 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.vectors import add, along, cross, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps
-from .evaluate import jet_at, point_at
+from .evaluate import jet_at
 from .facing import closest_in
 from .parts import (
     MOST,
     NUMBERS,
-    bends_more_in_u,
     corner_of,
     divide,
     least_along,
@@ -29,6 +28,7 @@ from .parts import (
     place_of,
     room_of,
     take_whole,
+    to_divide_in_u,
 )
 
 Foot = namedtuple("Foot", "place slack share")
@@ -61,14 +61,6 @@ def _limit(query, answer):
     return enough(answer[0], query.share, query.slack)
 
 
-@implements(visit.meet, Foot)
-@inlined
-def _meet(query, tree, t, answer):
-    if t == answer[1]:
-        return answer  # it was looked into
-    return foot_in(tree, t, query.place, query.share, query.slack, answer)
-
-
 @kernel
 def centre_of(piece, parts, at):
     """The centre and half axes of the parallelogram that stands for a part."""
@@ -90,69 +82,75 @@ def away_from(piece, parts, at, margin):
     way = along(along(centre, e, a), f, b)
     size = norm(way)
     bound = 0.0
-    if size > 0.0:
-        bound = least_along(piece, parts, at, scaled(way, 1.0 / size)) - margin
-    if not bound > 0.5 * size:  # as where it is beside the part: then its normal may do better
-        n = cross(e, f)
-        size = norm(n)
-        if size > 0.0:
-            n = scaled(n, (1.0 if dot(n, centre) > 0.0 else -1.0) / size)
+    for attempt in range(2):
+        if attempt == 1:  # as where it is beside the part: then its normal may do better
+            way = cross(e, f)
+            if dot(way, centre) < 0.0:
+                way = scaled(way, -1.0)
+        length = norm(way)
+        if length > 0.0:
+            n = scaled(way, 1.0 / length)
             bound = max(bound, least_along(piece, parts, at, n) - margin)
+        if bound > 0.5 * size:
+            break
     return bound, a, b
 
 
 @kernel
-def _by_newton(piece, nets, p, u, v):
-    """The distance from p, and the parameters, of a point that is nearest among those near by."""
-    place, du, dv, duu, duv, dvv = jet_at(piece, nets, u, v)
-    way = sub(place, p)
-    squared, damping = dot(way, way), 0.0
+def _by_newton(piece, nets, p, u, v, below):
+    """The distance from p, and the parameters, of a point that is nearest among those near by.
+
+    Infinity where the given point is no nearer than `below`.
+    """
+    squared, damping = np.inf, 0.0
+    gu = gv = a = b = c = aa = cc = 0.0
+    new_u, new_v = u, v
     for _ in range(_NEWTON):
-        gu, gv = dot(way, du), dot(way, dv)
-        a, b, c = dot(du, du) + dot(way, duu), dot(du, dv) + dot(way, duv), dot(dv, dv)
-        c += dot(way, dvv)
-        a, c = a + damping * dot(du, du), c + damping * dot(dv, dv)
+        place, du, dv, duu, duv, dvv = jet_at(piece, nets, new_u, new_v)
+        way = sub(place, p)
+        new_squared = dot(way, way)
+        if squared == np.inf and not new_squared < below * below:
+            break
+        if new_squared < squared:
+            u, v, squared = new_u, new_v, new_squared
+            gu, gv, aa, cc = dot(way, du), dot(way, dv), dot(du, du), dot(dv, dv)
+            a, b, c = aa + dot(way, duu), dot(du, dv) + dot(way, duv), cc + dot(way, dvv)
+            damping = 0.1 * damping if damping > 1e-6 else 0.0
+        else:
+            damping = max(1e-3, 10.0 * damping)
         held_u = (u <= 0.0 and gu >= 0.0) or (u >= 1.0 and gu <= 0.0)
         held_v = (v <= 0.0 and gv >= 0.0) or (v >= 1.0 and gv <= 0.0)
         step_u = step_v = 0.0
-        positive = True
-        if not held_u and not held_v:
-            under = a * c - b * b
-            positive = a > 0.0 and under > 1e-14 * a * c
-            if positive:
-                step_u, step_v = (b * gv - c * gu) / under, (b * gu - a * gv) / under
-        elif not held_u:
-            positive = a > 0.0
-            step_u = -gu / a if positive else 0.0
-        elif not held_v:
-            positive = c > 0.0
-            step_v = -gv / c if positive else 0.0
+        while True:
+            d, f = a + damping * aa, c + damping * cc
+            under = d * f - b * b
+            if not held_u and not held_v and d > 0.0 and under > 1e-14 * d * f:
+                step_u, step_v = (b * gv - f * gu) / under, (b * gu - d * gv) / under
+            elif held_v and not held_u and d > 0.0:
+                step_u = -gu / d
+            elif held_u and not held_v and f > 0.0:
+                step_v = -gv / f
+            elif not (held_u and held_v) and damping < 1e9:
+                damping = max(1e-3, 10.0 * damping)
+                continue
+            break
         new_u, new_v = min(max(u + step_u, 0.0), 1.0), min(max(v + step_v, 0.0), 1.0)
         gain = -gu * (new_u - u) - gv * (new_v - v)
-        if positive and not gain > _LEAST_STEP * squared:
+        if not gain > _LEAST_STEP * squared:
             break
-        better = False
-        if positive:
-            jet = jet_at(piece, nets, new_u, new_v)
-            new_way = sub(jet[0], p)
-            new_squared = dot(new_way, new_way)
-            better = new_squared < squared
-            if better:
-                u, v, way, squared = new_u, new_v, new_way, new_squared
-                _, du, dv, duu, duv, dvv = jet
-                damping = 0.1 * damping if damping > 1e-6 else 0.0
-        if not better:
-            damping = max(1e-3, 10.0 * damping)
-            if damping > 1e9:
-                break
     return np.sqrt(squared), u, v
 
 
+@implements(visit.meet, Foot)
 @shared
-def foot_in(tree, t, p, share, slack, answer):
+def foot_in(query, tree, t, answer):
     """The answer when an element has been looked into as well."""
-    piece, nets = tree.pieces[t], tree.nets
     distance, nearest, best_u, best_v, least = answer
+    if t == nearest:
+        return answer  # it was looked into
+    piece, nets, p, share, slack = (
+        tree.pieces[t], tree.nets, query.place, query.share, query.slack
+    )  # fmt: skip
     parts, bounds = on_stack(NUMBERS, 0.0), on_stack(MOST, 0.0)
     splits, spans = on_stack(MOST, np.int64(0)), table_on_stack(MOST, 4, 0.0)
     take_whole(piece, nets, p, parts)
@@ -171,10 +169,9 @@ def foot_in(tree, t, p, share, slack, answer):
             u = 0.5 * ((span[0] + span[1]) + a * (span[1] - span[0]))
             v = 0.5 * ((span[2] + span[3]) + b * (span[3] - span[2]))
             u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-            if norm(sub(point_at(piece, nets, u, v), p)) < distance:
-                found, u, v = _by_newton(piece, nets, p, u, v)
-                if found < distance:
-                    distance, nearest, best_u, best_v = found, np.int64(t), u, v
+            found, u, v = _by_newton(piece, nets, p, u, v, distance)
+            if found < distance:
+                distance, nearest, best_u, best_v = found, np.int64(t), u, v
         fresh = 0
         k = top - 1
         if bounds[k] >= enough(distance, share, slack):
@@ -185,7 +182,7 @@ def foot_in(tree, t, p, share, slack, answer):
             top -= 1
             continue
         at = place_of(piece, k)
-        in_u = bends_more_in_u(piece, parts, at)
+        in_u = to_divide_in_u(piece, parts, at, False)
         divide(piece, parts, at, place_of(piece, top), in_u)
         divisions += 1
         splits[k] += 1

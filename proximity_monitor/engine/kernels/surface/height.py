@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import implements, inlined, shared
+from ..base.jit import implements, shared
 from ..base.memory import on_stack
 from ..base.state import SurfaceTree
 from ..base.vectors import dot, scaled
@@ -14,7 +14,6 @@ from .foot import away_from
 from .parts import (
     MOST,
     NUMBERS,
-    bends_more_in_u,
     corner_of,
     divide,
     least_along,
@@ -22,6 +21,7 @@ from .parts import (
     place_of,
     room_of,
     take_whole,
+    to_divide_in_u,
 )
 
 _DIVISIONS = 256
@@ -32,9 +32,11 @@ _FINE_SPARE, _FINE_TOP = 0.25, 0.02
 than its points an element's control points may count as."""
 
 
+@implements(visit.meet, Cap, SurfaceTree)
 @shared
-def height_in(tree, t, o, n, radius, top, spare, answer):
-    """The answer to a Cap when an element has been looked into as well."""
+def _height(query, tree, t, answer):
+    """The height when an element has been looked into as well."""
+    o, n, radius, top, spare = query.place, query.normal, query.radius, query.top, query.spare
     piece, down = tree.pieces[t], scaled(n, -1.0)
     parts, splits = on_stack(NUMBERS, 0.0), on_stack(MOST, np.int64(0))
     take_whole(piece, tree.nets, o, parts)
@@ -65,16 +67,9 @@ def height_in(tree, t, o, n, radius, top, spare, answer):
                 return np.inf
             count -= 1
             continue
-        divide(piece, parts, at, place_of(piece, count), bends_more_in_u(piece, parts, at))
+        divide(piece, parts, at, place_of(piece, count), to_divide_in_u(piece, parts, at, False))
         divisions += 1
         splits[k] += 1
         splits[count] = splits[k]
         count += 1
     return answer
-
-
-@implements(visit.meet, Cap, SurfaceTree)
-@inlined
-def _meet(query, tree, t, answer):
-    q = query
-    return height_in(tree, t, q.place, q.normal, q.radius, q.top, q.spare, answer)

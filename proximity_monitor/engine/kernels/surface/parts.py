@@ -13,7 +13,6 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.rounding import NET_SPLIT
 from ..base.state import CONVERSION
-from .subdivide import halve_in_u, halve_in_v
 
 ROWS = 4
 
@@ -24,7 +23,7 @@ MOST = 64
 """Parts at the most. Each division adds one, so a part is of 2^-32 of an element's parameters."""
 
 _FLATTER = 1e-3
-"""Share of its size below which a part's bends do not tell how it is to be divided."""
+"""Share of its length below which a part's bends do not tell how it is to be divided."""
 
 
 @inlined
@@ -62,17 +61,33 @@ def margin_of(tree, piece, origin, splits):
     return NET_SPLIT * (degree * splits + 8) * size + tree.scale[CONVERSION]
 
 
+@inlined
+def _lines(piece, in_u):
+    """The lines of control points along a parameter: their number, both strides, and their points.
+
+    The strides are those from line to line, and from point to point.
+    """
+    p, n = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1
+    return (n, 1, n, p + 1) if in_u else (p + 1, n, 1, n)
+
+
 @kernel
 def divide(piece, parts, at, high, in_u):
     """Divide a part: its low half takes its place, and the high half is written to `high`."""
     room = np.int64(piece.room)
-    p, n = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1
+    lines, apart, step, count = _lines(piece, in_u)
     for row in range(ROWS):
-        one, other = at + row * room, high + row * room
-        if in_u:
-            halve_in_u(parts, one, one, other, p, n)
-        else:
-            halve_in_v(parts, one, one, other, p, n)
+        for line in range(lines):
+            one = at + row * room + line * apart
+            other = high + row * room + line * apart
+            for i in range(count):
+                parts[other + i * step] = parts[one + i * step]
+            # The first points of each level of midpoints are points of the low half.
+            for level in range(1, count):
+                for i in range(count - level):
+                    k = other + i * step
+                    parts[k] = 0.5 * (parts[k] + parts[k + step])
+                parts[one + level * step] = parts[other]
 
 
 @inlined
@@ -84,64 +99,40 @@ def corner_of(piece, parts, at, i):
     return (parts[k] / w, parts[k + room] / w, parts[k + 2 * room] / w)
 
 
-@inlined
-def _length(parts, at, room, first, stride, count):
-    """About how long a row of control points is."""
-    found = 0.0
-    for i in range(count - 1):
-        k = at + first + i * stride
-        w = parts[k + 3 * room]
-        for axis in range(3):
-            m = k + axis * room
-            found += abs(parts[m + stride] - parts[m]) / w
-    return found
-
-
-@inlined
-def _bend(parts, at, room, first, stride, count):
-    """About how far a row of control points is from evenly straight."""
-    found = 0.0
-    for i in range(count - 2):
-        k = at + first + i * stride
-        w = parts[k + 3 * room]
-        for axis in range(3):
-            m = k + axis * room
-            change = parts[m + 2 * stride] - 2.0 * parts[m + stride] + parts[m]
-            found = max(found, abs(change) / w)
-    return 0.125 * count * count * found
-
-
 @kernel
-def is_longer_in_u(piece, parts, at):
-    """Whether u is the direction in which a part is longer."""
-    p, n, room = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1, np.int64(piece.room)
-    if n == 1:
-        return True
-    u = _length(parts, at, room, 0, n, p + 1) + _length(parts, at, room, n - 1, n, p + 1)
-    v = _length(parts, at, room, 0, 1, n) + _length(parts, at, room, p * n, 1, n)
-    return u >= v
+def to_divide_in_u(piece, parts, at, by_length):
+    """Whether u is the direction in which a part is to be divided.
 
-
-@kernel
-def bends_more_in_u(piece, parts, at):
-    """Whether u is the direction in which a part has to be divided to become flat."""
-    p, n, room = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1, np.int64(piece.room)
-    if n == 1:
-        return True
-    u = v = 0.0
-    for three in range(3):
-        u = max(u, _bend(parts, at, room, (three * (n - 1)) >> 1, n, p + 1))
-        v = max(v, _bend(parts, at, room, ((three * p) >> 1) * n, 1, n))
-    a, b = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
-    c, d = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
-    twist = size = 0.0
-    for axis in range(3):
-        twist = max(twist, 0.25 * abs((a[axis] - b[axis]) + (d[axis] - c[axis])))
-        size = max(size, max(abs(d[axis] - a[axis]), abs(c[axis] - b[axis])))
-    # Twist becomes less in either direction, so then it is the longer one.
-    if max(u, v) < max(twist, _FLATTER * size):
-        return is_longer_in_u(piece, parts, at)
-    return u >= v
+    That is the one in which it bends more; or is longer, where that is asked for, or neither bends
+    much.
+    """
+    room, in_u = np.int64(piece.room), True
+    bends = lengths = 0.0
+    for parameter in range(2):
+        lines, apart, step, count = _lines(piece, parameter == 1)
+        bend = length = 0.0
+        for line in range(lines):
+            reach = 0.0
+            for i in range(count - 1):
+                k = at + line * apart + i * step
+                w, first, second = parts[k + 3 * room], 0.0, 0.0
+                for axis in range(3):
+                    m = k + axis * room
+                    change = parts[m + step] - parts[m]
+                    first += abs(change)
+                    if i + 2 < count:
+                        second += abs(parts[m + 2 * step] - parts[m + step] - change)
+                reach += first / w
+                bend = max(bend, second / w)
+            length = max(length, reach)
+        bend = 0.125 * count * count * bend
+        if parameter == 0:
+            bends, lengths = bend, length
+        elif by_length or max(bends, bend) < _FLATTER * max(lengths, length):
+            in_u = length >= lengths
+        else:
+            in_u = bend >= bends
+    return in_u
 
 
 @kernel

@@ -9,9 +9,10 @@ from ..base.state import FEATURE_A, SurfaceTree
 from ..base.vectors import cross, dot, unit
 from ..inside import feet
 from ..inside.visit import at_root, descend
+from ..tree.layout import leaf
 from . import crossing, height  # noqa: F401 - each implements stubs for surfaces
 from .evaluate import jet_at, point_at
-from .foot import Foot, enough, foot_in
+from .foot import Foot, enough
 from .pieces import parameters_of
 
 _SHARE, _LARGEST_SHARE = 0.1, 0.01
@@ -28,14 +29,15 @@ def _share_of(at):
 
 
 @implements(feet.seek, SurfaceTree)
-@kernel
+@inlined
 def _seek(tree, p, k, at, point, stack, reached, found, steps):
     query = Foot(p, at.slack, _share_of(at))
     top = at.height
     if top == 0:
         answer = (np.inf, np.int64(-1), 0.0, 0.0, np.inf)
-        answer = foot_in(tree, point.near[k], p, query.share, query.slack, answer)
         top = at_root(stack, reached)
+        stack[top], reached[top] = leaf(point.near[k], 1), -np.inf  # it comes first
+        top += 1
     else:
         spot = point.spot[k]
         answer = point.away[k], np.int64(point.near[k]), spot[0], spot[1], point.loose[k]

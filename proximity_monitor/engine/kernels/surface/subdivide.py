@@ -53,10 +53,7 @@ def _close(nets, at, points, room):
 
 @inlined
 def _halve_row_u(nets, source, low, high, p, n):
-    """Divide one row of coordinates of (p + 1) n control points at the middle of u.
-
-    `low` may be the source.
-    """
+    """Divide one row of coordinates of (p + 1) n control points at the middle of u."""
     for k in range((p + 1) * n):
         nets[high + k] = nets[source + k]
     for level in range(p):
@@ -89,28 +86,6 @@ def _halve_row_v(nets, source, low, high, p, n):
 # those of most splines and of what turns round an axis.
 
 
-@inlined
-def halve_in_u(nets, source, low, high, p, n):
-    """Divide one row of coordinates at the middle of u; `low` may be the source."""
-    if p == 3 and n == 4:
-        _halve_row_u(nets, source, low, high, 3, 4)
-    elif p == 2 and n == 3:
-        _halve_row_u(nets, source, low, high, 2, 3)
-    else:
-        _halve_row_u(nets, source, low, high, p, n)
-
-
-@inlined
-def halve_in_v(nets, source, low, high, p, n):
-    """The same at the middle of v."""
-    if p == 3 and n == 4:
-        _halve_row_v(nets, source, low, high, 3, 4)
-    elif p == 2 and n == 3:
-        _halve_row_v(nets, source, low, high, 2, 3)
-    else:
-        _halve_row_v(nets, source, low, high, p, n)
-
-
 @kernel
 def halves_u(piece, nets, cell, low, high):
     """Divide a cell's net at the middle of u into those of two other cells."""
@@ -118,7 +93,12 @@ def halves_u(piece, nets, cell, low, high):
     begin, count = _rows(piece)
     for row in range(begin, begin + count):
         at = row * room
-        halve_in_u(nets, cell + at, low + at, high + at, p, n)
+        if p == 3 and n == 4:
+            _halve_row_u(nets, cell + at, low + at, high + at, 3, 4)
+        elif p == 2 and n == 3:
+            _halve_row_u(nets, cell + at, low + at, high + at, 2, 3)
+        else:
+            _halve_row_u(nets, cell + at, low + at, high + at, p, n)
         _close(nets, low + at, (p + 1) * n, room)
         _close(nets, high + at, (p + 1) * n, room)
 
@@ -130,6 +110,11 @@ def halves_v(piece, nets, cell, low, high):
     begin, count = _rows(piece)
     for row in range(begin, begin + count):
         at = row * room
-        halve_in_v(nets, cell + at, low + at, high + at, p, n)
+        if p == 3 and n == 4:
+            _halve_row_v(nets, cell + at, low + at, high + at, 3, 4)
+        elif p == 2 and n == 3:
+            _halve_row_v(nets, cell + at, low + at, high + at, 2, 3)
+        else:
+            _halve_row_v(nets, cell + at, low + at, high + at, p, n)
         _close(nets, low + at, (p + 1) * n, room)
         _close(nets, high + at, (p + 1) * n, room)
