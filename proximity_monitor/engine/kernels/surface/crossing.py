@@ -19,23 +19,25 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel, shared
-from ..base.memory import on_stack
+from ..base.memory import on_stack, table_on_stack
 from ..base.state import SurfaceTree
 from ..base.vectors import cross, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.angles import half_side, is_outside
 from ..inside.winding import UNKNOWN, Ray, ray_steps, side_of_origin
 from .parts import (
+    EACH,
     MOST,
     NUMBERS,
     corner_of,
     divide,
+    extents_of,
     least_along,
+    lines_of,
     margin_of,
     place_of,
     room_of,
     take_whole,
-    to_divide_in_u,
 )
 
 _DIVISIONS = 384
@@ -74,23 +76,22 @@ def _not_known(tree, region, p, radius, q, slack, stack):
 
 @kernel
 def _shear(piece, parts, alpha, beta):
-    room = np.int64(piece.room)
-    for k in range(room):
-        parts[room + k] -= alpha * parts[k]
-        parts[2 * room + k] -= beta * parts[k]
+    for i in range(np.int64(piece.points)):
+        k = EACH * i
+        parts[k + 1] -= alpha * parts[k]
+        parts[k + 2] -= beta * parts[k]
 
 
 @kernel
-def _is_beside(parts, at, room, first, stride, count, margin):
+def _is_beside(parts, at, step, count, margin):
     """Whether control points lie beside the line by more than a margin, all on one side.
 
     The side is the bisector of the two outermost as the origin sees them.
     """
-    y, z, w = at + room + first, at + 2 * room + first, at + 3 * room + first
-    ly = ry = parts[y]
-    lz = rz = parts[z]
+    ly = ry = parts[at + 1]
+    lz = rz = parts[at + 2]
     for i in range(1, count):
-        a, b = parts[y + i * stride], parts[z + i * stride]
+        a, b = parts[at + i * step + 1], parts[at + i * step + 2]
         if ry * b - rz * a < 0.0:
             ry, rz = a, b
         if ly * b - lz * a > 0.0:
@@ -104,8 +105,8 @@ def _is_beside(parts, at, room, first, stride, count, margin):
         return False
     ny, nz = ny / size, nz / size
     for i in range(count):
-        k = i * stride
-        if not ny * parts[y + k] + nz * parts[z + k] > margin * parts[w + k]:
+        k = at + i * step
+        if not ny * parts[k + 1] + nz * parts[k + 2] > margin * parts[k + 3]:
             return False
     return True
 
@@ -113,8 +114,8 @@ def _is_beside(parts, at, room, first, stride, count, margin):
 @kernel
 def _where(piece, parts, at, forth, margin):
     """Whether the ray misses a part, or the other half of its line does, or neither is certain."""
-    room, n = np.int64(piece.room), (forth, 0.0, 0.0)
-    if _is_beside(parts, at, room, 0, 1, np.int64(piece.points), margin):
+    n = (forth, 0.0, 0.0)
+    if _is_beside(parts, at, EACH, np.int64(piece.points), margin):
         return _MISSED
     # Across the ray, both ways; then about parallel to the part: near its surface no other plane
     # has all of it on one side.
@@ -135,14 +136,10 @@ def _where(piece, parts, at, forth, margin):
 @kernel
 def _degree(piece, parts, at, margin):
     """How often a part's boundary winds around the line, from y to z; or UNKNOWN."""
-    p, n, room = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1, np.int64(piece.room)
     for edge in range(4):
-        last = edge % 2 == 1
-        if edge < 2:
-            first, step, count = (p * n if last else 0), 1, n
-        else:
-            first, step, count = (n - 1 if last else 0), n, p + 1
-        if not _is_beside(parts, at, room, first, step, count, margin):
+        lines, apart, step, count = lines_of(piece, edge < 2)
+        first = at + (apart * (lines - 1) if edge % 2 == 1 else 0)
+        if not _is_beside(parts, first, step, count, margin):
             return UNKNOWN
     winding = 0
     for k in range(4):
@@ -169,9 +166,11 @@ def _crossings(query, tree, t, answer):
         return answer  # a curve bounds nothing
     p, slack, forth = query.place, query.slack, query.forth
     parts, splits = on_stack(NUMBERS, 0.0), on_stack(MOST, np.int64(0))
+    extents = table_on_stack(MOST, 2, 0.0)
     take_whole(piece, tree.nets, p, parts)
     _shear(piece, parts, query.alpha, query.beta)
     splits[0] = 0
+    extents[0, 0], extents[0, 1], left = extents_of(piece, parts, True)
     top, total, divisions, room = 1, 0, 0, room_of(piece)
     while top > 0:
         k = top - 1
@@ -188,7 +187,10 @@ def _crossings(query, tree, t, answer):
             continue
         if top >= room or divisions >= _DIVISIONS:
             return UNKNOWN
-        divide(piece, parts, at, place_of(piece, top), to_divide_in_u(piece, parts, at, True))
+        in_u = extents[k, 0] >= extents[k, 1]
+        divide(piece, parts, at, place_of(piece, top), in_u)
+        extents[k, 0 if in_u else 1] *= left
+        extents[top, 0], extents[top, 1] = extents[k, 0], extents[k, 1]
         divisions += 1
         splits[k] += 1
         splits[top] = splits[k]

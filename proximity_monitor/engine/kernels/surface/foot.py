@@ -23,12 +23,12 @@ from .parts import (
     NUMBERS,
     corner_of,
     divide,
+    extents_of,
     least_along,
     margin_of,
     place_of,
     room_of,
     take_whole,
-    to_divide_in_u,
 )
 
 Foot = namedtuple("Foot", "place slack share")
@@ -37,6 +37,9 @@ is (distance, piece, u, v, least): the surface is no nearer than the least of wh
 
 _DIVISIONS = 1024
 """Divisions of an element: around the centre of a sphere all of it is about as near."""
+
+_NEARER = 0.25
+"""Share of what is tolerated that a part's corner must be nearer by to begin a local search."""
 
 _NEWTON = 16
 _LEAST_STEP = 1e-15
@@ -62,22 +65,18 @@ def _limit(query, answer):
 
 
 @kernel
-def centre_of(piece, parts, at):
-    """The centre and half axes of the parallelogram that stands for a part."""
-    a, b = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
-    c, d = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
-    low, high, right, left = add(a, b), add(c, d), add(b, d), add(a, c)
-    centre = scaled(add(low, high), 0.25)
-    return centre, scaled(sub(high, low), 0.25), scaled(sub(right, left), 0.25)
-
-
-@kernel
 def away_from(piece, parts, at, margin):
     """A lower bound of how far a part is from the origin, and where on it about it is nearest.
 
-    That is told by places from -1 to 1 along its half axes.
+    That is told by places from -1 to 1 along the half axes of the parallelogram that stands for it.
+    The last number is how far its nearest corner is.
     """
-    centre, e, f = centre_of(piece, parts, at)
+    p, q = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
+    r, s = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
+    near = np.sqrt(min(min(dot(p, p), dot(q, q)), min(dot(r, r), dot(s, s))))
+    low, high, right, left = add(p, q), add(r, s), add(q, s), add(p, r)
+    centre = scaled(add(low, high), 0.25)
+    e, f = scaled(sub(high, low), 0.25), scaled(sub(right, left), 0.25)
     a, b = closest_in(centre, e, f, (0.0, 0.0, 0.0))
     way = along(along(centre, e, a), f, b)
     size = norm(way)
@@ -93,7 +92,7 @@ def away_from(piece, parts, at, margin):
             bound = max(bound, least_along(piece, parts, at, n) - margin)
         if bound > 0.5 * size:
             break
-    return bound, a, b
+    return bound, a, b, near
 
 
 @kernel
@@ -153,7 +152,9 @@ def foot_in(query, tree, t, answer):
     )  # fmt: skip
     parts, bounds = on_stack(NUMBERS, 0.0), on_stack(MOST, 0.0)
     splits, spans = on_stack(MOST, np.int64(0)), table_on_stack(MOST, 4, 0.0)
+    extents = table_on_stack(MOST, 2, 0.0)
     take_whole(piece, nets, p, parts)
+    extents[0, 0], extents[0, 1], left = extents_of(piece, parts, False)
     spans[0, 0] = spans[0, 2] = 0.0
     spans[0, 1], spans[0, 3] = 1.0, (1.0 if piece.degree_v > 0 else 0.0)
     splits[0] = 0
@@ -163,8 +164,12 @@ def foot_in(query, tree, t, answer):
         for k in range(top - fresh, top):
             span = spans[k]
             margin = margin_of(tree, piece, p, splits[k])
-            bounds[k], a, b = away_from(piece, parts, place_of(piece, k), margin)
-            if bounds[k] >= enough(distance, share, slack):
+            bounds[k], a, b, near = away_from(piece, parts, place_of(piece, k), margin)
+            below = enough(distance, share, slack)
+            # A point is looked for where a corner says that there is a nearer one.
+            if bounds[k] >= below or (
+                divisions > 0 and near > distance - _NEARER * (distance - below)
+            ):
                 continue
             u = 0.5 * ((span[0] + span[1]) + a * (span[1] - span[0]))
             v = 0.5 * ((span[2] + span[3]) + b * (span[3] - span[2]))
@@ -182,8 +187,10 @@ def foot_in(query, tree, t, answer):
             top -= 1
             continue
         at = place_of(piece, k)
-        in_u = to_divide_in_u(piece, parts, at, False)
+        in_u = extents[k, 0] >= extents[k, 1]
         divide(piece, parts, at, place_of(piece, top), in_u)
+        extents[k, 0 if in_u else 1] *= left
+        extents[top, 0], extents[top, 1] = extents[k, 0], extents[k, 1]
         divisions += 1
         splits[k] += 1
         splits[top] = splits[k]

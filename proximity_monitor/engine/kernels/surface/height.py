@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, shared
-from ..base.memory import on_stack
+from ..base.memory import on_stack, table_on_stack
 from ..base.state import SurfaceTree
 from ..base.vectors import dot, scaled
 from ..inside import visit
@@ -16,12 +16,12 @@ from .parts import (
     NUMBERS,
     corner_of,
     divide,
+    extents_of,
     least_along,
     margin_of,
     place_of,
     room_of,
     take_whole,
-    to_divide_in_u,
 )
 
 _DIVISIONS = 256
@@ -40,7 +40,9 @@ def _height(query, tree, t, answer):
     piece, down = tree.pieces[t], scaled(n, -1.0)
     parts, splits = on_stack(NUMBERS, 0.0), on_stack(MOST, np.int64(0))
     take_whole(piece, tree.nets, o, parts)
+    extents = table_on_stack(MOST, 2, 0.0)
     splits[0] = 0
+    extents[0, 0], extents[0, 1], left = extents_of(piece, parts, False)
     count, room, divisions = 1, room_of(piece), 0
     fine, seen, square = max(_FINE_SPARE * spare, _FINE_TOP * top), spare, radius * radius
     while count > 0:
@@ -51,7 +53,7 @@ def _height(query, tree, t, answer):
         if high <= answer:
             count -= 1
             continue
-        bound, _, _ = away_from(piece, parts, at, margin)
+        bound, _, _, _ = away_from(piece, parts, at, margin)
         if bound >= radius:
             count -= 1
             continue
@@ -67,7 +69,10 @@ def _height(query, tree, t, answer):
                 return np.inf
             count -= 1
             continue
-        divide(piece, parts, at, place_of(piece, count), to_divide_in_u(piece, parts, at, False))
+        in_u = extents[k, 0] >= extents[k, 1]
+        divide(piece, parts, at, place_of(piece, count), in_u)
+        extents[k, 0 if in_u else 1] *= left
+        extents[count, 0], extents[count, 1] = extents[k, 0], extents[k, 1]
         divisions += 1
         splits[k] += 1
         splits[count] = splits[k]

@@ -15,7 +15,10 @@ from .evaluate import jet_at, point_at
 from .foot import Foot, enough
 from .pieces import parameters_of
 
-_SHARE, _LARGEST_SHARE = 0.1, 0.01
+_FAR = 1e150
+"""Metres: farther than anything is."""
+
+_SHARE, _LARGEST_SHARE = 0.2, 0.01
 """Share of what a depth may err by that a point's distance may err by, and of itself at most."""
 
 
@@ -34,7 +37,7 @@ def _seek(tree, p, k, at, point, stack, reached, found, steps):
     query = Foot(p, at.slack, _share_of(at))
     top = at.height
     if top == 0:
-        answer = (np.inf, np.int64(-1), 0.0, 0.0, np.inf)
+        answer = (_FAR, np.int64(-1), 0.0, 0.0, np.inf)
         top = at_root(stack, reached)
         stack[top], reached[top] = leaf(point.near[k], 1), -np.inf  # it comes first
         top += 1
