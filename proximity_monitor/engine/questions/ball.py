@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import CUT, SurfaceTree
+from ..kernels.base.state import CUT
 from ..kernels.inside.ball_seeds import NONE
 from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball, ball_table
 from ..kernels.inside.solids import HALF
@@ -19,6 +19,7 @@ from ..kernels.pairs.balls import BALLS
 from ..kernels.pairs.depths import DEPTHS
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
+from .contact_surface import are_divided
 from .slices import slices_until
 from .waiting import cells_for
 
@@ -33,8 +34,9 @@ _PARTS = 256
 """The number of cells of patches and curves that there is room for at first, besides whole ones."""
 
 _MOST_PIECES = 1 << 15
-"""The most pieces of patches and curves that are looked into. Where a whole region of a surface is
-deepest, nothing ends the search for more digits than these tell."""
+"""The most pieces of patches and curves that are looked into, or cells of space where a solid is
+made of patches. Where a whole region of a surface is deepest, or as far from the centre of a ball,
+nothing ends the search for more digits than these tell."""
 
 _SEEDS = 32
 """The most points that a search may begin with."""
@@ -60,10 +62,6 @@ def _memory(hierarchies: tuple[Hierarchy, ...], cell: np.dtype) -> Ball:
     )
 
 
-def _is_divided(model: Model) -> bool:
-    return isinstance(model._hierarchy.tree, SurfaceTree)
-
-
 class BallSearch:
     """A search for the largest ball inside two solids, whose diameter is their depth.
 
@@ -78,7 +76,7 @@ class BallSearch:
     )  # fmt: skip
 
     given_up: bool
-    """Whether the search ended at a hole, before the bounds were as close as was asked for."""
+    """Whether the search ended before the bounds were as close as was asked for."""
 
     _CELL = CELL
 
@@ -94,7 +92,7 @@ class BallSearch:
 
     def _choose(self) -> int:
         """Choose the kernels for both kinds of models; returns which model these take first."""
-        a, b = map(_is_divided, self._models)
+        a, b = (are_divided(model._hierarchy) for model in self._models)
         self._entries = BALLS[a or b, a and b]
         return int(b and not a)
 
@@ -127,6 +125,8 @@ class BallSearch:
             self._tables, self._hierarchies = np.array(tables), hierarchies
         holes = any(each.sides().region.inside == HALF for each in hierarchies)
         self._most, self.given_up = _MOST_CELLS if holes else math.inf, False
+        if are_divided(*hierarchies):
+            self._most = min(self._most, _MOST_PIECES)
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
         """Add seeds about the nearest points of an answer (ANSWER,)."""
@@ -229,7 +229,8 @@ class DeepestSearch(BallSearch):
     def _choose(self) -> int:
         first = 0 if self._models[0].is_solid else 1  # the solid
         solid, surface = self._models[first], self._models[1 - first]
-        self._begin, self._go_on, self._write = DEPTHS[_is_divided(solid), _is_divided(surface)]
+        kinds = are_divided(solid._hierarchy), are_divided(surface._hierarchy)
+        self._begin, self._go_on, self._write = DEPTHS[kinds]
         return first
 
     def begin(
@@ -241,8 +242,6 @@ class DeepestSearch(BallSearch):
     ) -> None:
         """Start a search."""
         self._take(pose_a, pose_b)
-        if len(self._more[0]):
-            self._most = min(self._most, _MOST_PIECES)
         self._begin(self._tables, self._table, *self._poses, depth_err, abs_err)
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:

@@ -73,6 +73,16 @@ and, float32, node units; the answer is the height, metres. Above `top` it does 
 whether it is less than `spare`."""
 
 
+def leaf_steps(tree):
+    """Steps that what a step meets takes as long as, on average: a stub."""
+
+
+@implements(leaf_steps, MeshTree)
+@inlined
+def _one(tree):
+    return 1
+
+
 @loop16
 def _cap_gaps(nodes, base, x, y, z, nx, ny, nz, radius, margin, gaps):
     """Minus the largest height along a unit vector over (x, y, z) that each lane may have.
@@ -141,7 +151,8 @@ def cap_height(tree, o, n, radius, height, top, slack, stack):
     height, left, steps = descend(
         query, tree, height, at_root(stack, bounds), stack, bounds, gaps, _STEPS
     )
-    return np.inf if left > 0 or height > top else height, _STEPS - steps
+    steps = (_STEPS - steps) * leaf_steps(tree)
+    return np.inf if left > 0 or height > top else height, steps
 
 
 @kernel

@@ -43,7 +43,7 @@ from .parts import (
 _DIVISIONS = 384
 """Divisions of an element for one ray: then another ray is tried."""
 
-_STEPS = 64
+_STEPS = 24
 """Steps that a winding number takes as long as."""
 
 _MISSED, _AHEAD, _OPEN = 0, 1, 2

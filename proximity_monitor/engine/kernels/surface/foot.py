@@ -33,9 +33,10 @@ from .parts import (
 
 Foot = namedtuple("Foot", "place slack share")
 """The query: nothing is looked into that is nearer by less than a share, or some slacks. The answer
-is (distance, piece, u, v, least): the surface is no nearer than the least of what was left."""
+is (distance, piece, u, v, least, divisions): the surface is no nearer than the least of what was
+left, and it took so many divisions."""
 
-_DIVISIONS = 1024
+_DIVISIONS = 4096
 """Divisions of an element: around the centre of a sphere all of it is about as near."""
 
 _NEARER = 0.25
@@ -144,7 +145,7 @@ def _by_newton(piece, nets, p, u, v, below):
 @shared
 def foot_in(query, tree, t, answer):
     """The answer when an element has been looked into as well."""
-    distance, nearest, best_u, best_v, least = answer
+    distance, nearest, best_u, best_v, least, cost = answer
     if t == nearest:
         return answer  # it was looked into
     piece, nets, p, share, slack = (
@@ -201,4 +202,4 @@ def foot_in(query, tree, t, answer):
         spans[k, first + 1] = spans[top, first] = middle
         top += 1
         fresh = 2
-    return distance, nearest, best_u, best_v, least
+    return distance, nearest, best_u, best_v, least, cost + divisions

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import implements, shared
+from ..base.jit import implements, inlined, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.state import SurfaceTree
 from ..base.vectors import dot, scaled
 from ..inside import visit
-from ..inside.ball_caps import Cap
+from ..inside.ball_caps import Cap, leaf_steps
 from .foot import away_from
 from .parts import (
     MOST,
@@ -30,6 +30,16 @@ _DIVISIONS = 256
 _FINE_SPARE, _FINE_TOP = 0.25, 0.02
 """Shares of what a plane may give away, and of the height up to which it is of use: so much higher
 than its points an element's control points may count as."""
+
+
+_STEPS = 32
+"""Steps that looking into an element takes as long as, on average."""
+
+
+@implements(leaf_steps, SurfaceTree)
+@inlined
+def _leaf_steps(tree):
+    return _STEPS
 
 
 @implements(visit.meet, Cap, SurfaceTree)

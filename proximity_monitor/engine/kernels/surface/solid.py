@@ -22,6 +22,10 @@ _SHARE, _LARGEST_SHARE = 0.2, 0.01
 """Share of what a depth may err by that a point's distance may err by, and of itself at most."""
 
 
+_TURN, _DIVISION = 4, 2
+"""Steps of a descent until what its elements took is counted; and those that a division takes."""
+
+
 @kernel
 def _share_of(at):
     """The share of itself by which a distance may err."""
@@ -37,14 +41,19 @@ def _seek(tree, p, k, at, point, stack, reached, found, steps):
     query = Foot(p, at.slack, _share_of(at))
     top = at.height
     if top == 0:
-        answer = (_FAR, np.int64(-1), 0.0, 0.0, np.inf)
+        answer = (_FAR, np.int64(-1), 0.0, 0.0, np.inf, np.int64(0))
         top = at_root(stack, reached)
         stack[top], reached[top] = leaf(point.near[k], 1), -np.inf  # it comes first
         top += 1
     else:
         spot = point.spot[k]
-        answer = point.away[k], np.int64(point.near[k]), spot[0], spot[1], point.loose[k]
-    answer, top, steps = descend(query, tree, answer, top, stack, reached, found, steps)
+        near, least = np.int64(point.near[k]), point.loose[k]
+        answer = point.away[k], near, spot[0], spot[1], least, np.int64(0)
+    while top > 0 and steps > 0:  # by turns, as an element takes steps that are known afterwards
+        turn, before = min(steps, _TURN), answer[5]
+        answer, top, left = descend(query, tree, answer, top, stack, reached, found, turn)
+        steps -= turn - left + _DIVISION * (answer[5] - before)
+    steps = max(steps, 0)
     distance, least = answer[0], answer[4]
     point.away[k], point.near[k], at.height = distance, answer[1], top
     point.spot[k, 0], point.spot[k, 1] = answer[2], answer[3]
