@@ -14,20 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, as_tolerances, check_tolerance
 from ..kernels.base import state as index
-from ..kernels.base.state import SurfaceTree
 from ..kernels.base.tables import table
 from ..kernels.inside.contain import Insides, settle_signs
-from ..kernels.inside.solids import WHOLE
 from ..kernels.surface.contain import MixedInsides
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from ..models.solid import sides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
 from .answers import no_answers, queries_of
+from .insides import insides_of
 from .long_searches import BEGIN_S, LongSearches, Single
 
 
@@ -278,20 +276,7 @@ class Assembly:
     def _enclosed(self) -> Insides | MixedInsides:
         """The spaces that the bodies enclose as they are now."""
         if self._insides is None:
-            regions = [sides_of(model).region for model in self._shapes]
-            starts = np.cumsum([0, *(len(each.samples) for each in regions)])
-            place = {id(model): k for k, model in enumerate(self._shapes)}
-            of = np.array([place[id(model)] for model in self.models])
-            self._insides = Insides(
-                np.array([each.inside for each in regions], np.int8)[of],
-                np.stack((starts[of], starts[of + 1]), axis=1),
-                np.concatenate([each.samples for each in regions]),
-                np.stack([model._hierarchy.sampled()[1] for model in self.models]),
-            )
-            divided = np.array([kind is SurfaceTree for kind in self._trees])
-            if (divided & (self._insides.where == WHOLE)).any():
-                holders = np.stack([model._hierarchy.table_of_all for model in self.models])
-                self._insides = MixedInsides(*self._insides, holders, divided)
+            self._insides = insides_of(self.models, self._shapes)
         return self._insides
 
     def _question(
