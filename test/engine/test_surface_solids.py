@@ -117,6 +117,21 @@ def test_sides_are_those_of_formulas(name):
     check_sides(mirrored, lambda x: phi(x * turned), points[:60])
 
 
+def test_patches_turned_inward_bound_a_cavity():
+    inner = [engine.Patch(0.5 * each.control, weights=each.weights) for each in sphere_patches()]
+    shell = solid([*sphere_patches(), *map(swapped, inner)])
+
+    def phi(x):
+        r = np.linalg.norm(x, axis=1)
+        return np.maximum(r - 1.0, 0.5 - r)
+
+    rng = np.random.default_rng(4)
+    check_sides(shell, phi, np.concatenate((rng.normal(size=(60, 3)), near_ball(rng) * 0.5)))
+    check(engine.signed_distance(shell, IDENTITY, ball(0.2), translation(0.1)), 0.2)
+    check(engine.signed_distance(shell, IDENTITY, ball(0.2), translation(0.4)), -0.1)
+    check(engine.signed_distance(shell, IDENTITY, ball(0.2), translation(0.65)), -0.35)
+
+
 def test_beyond_the_largest_distance_the_side_is_told():
     points = np.array([[0.1, 0.2, 0.3], [3.0, 0.0, 0.0], [0.99, 0.0, 0.0]])
     found = engine.closest_points(ball(1.0), IDENTITY, points, max_distance=0.1, signed=True)
