@@ -38,6 +38,7 @@ from numpy.typing import NDArray
 
 from proximity_monitor import engine
 from proximity_monitor.study import shapes
+from proximity_monitor.study.surfaces import wavy
 
 OUT = Path(__file__).resolve().parents[1] / "build" / "benchmark"
 TOLERATED = 1e-6
@@ -56,15 +57,6 @@ class Scene:
     poses: Poses
     every: int = 1
     peer: tuple[engine.Model, engine.Model] | None = None  # meshes instead of OCCT
-
-
-def wavy(seed: int, count: int, height: float = 0.1) -> engine.Patch:
-    """A bicubic net over the unit square, with uniform knots and waves."""
-    rng = np.random.default_rng(seed)
-    x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, count)], indexing="ij")
-    knots = np.concatenate((np.zeros(3), np.linspace(0.0, 1.0, count - 2), np.ones(3)))
-    control = np.stack((x, y, height * rng.normal(size=x.shape)), axis=-1)
-    return engine.Patch(control, knots, knots)
 
 
 def torus(major: float = 1.0, minor: float = 0.3) -> engine.ParametricSurface:

@@ -153,3 +153,29 @@ class Reader:
     def stamp_s(self) -> float:
         """Read a time stamp, in seconds."""
         return self.stamp_ns() * 1e-9
+
+
+def as_octahedral(normals: np.ndarray) -> np.ndarray:
+    """Return unit vectors (n, 3) as points (n, 2) of the square from -1 to 1; 0 as (2, 2).
+
+    The sphere is projected onto an octahedron, whose lower half is folded over the upper one's
+    corners (Cigolle et al. 2014).
+    """
+    size = np.abs(normals).sum(axis=1)
+    flat = normals / np.where(size > 0.0, size, 1.0)[:, None]
+    made = flat[:, :2].copy()
+    below = flat[:, 2] < 0.0
+    made[below] = (1.0 - np.abs(made[below, ::-1])) * np.where(made[below] < 0.0, -1.0, 1.0)
+    made[size == 0.0] = 2.0
+    return made
+
+
+def from_octahedral(points: np.ndarray) -> np.ndarray:
+    """Return the unit vectors (n, 3) of `as_octahedral`; 0 for what lies outside of the square."""
+    x, y = np.asarray(points, dtype=np.float64).T
+    z = 1.0 - np.abs(x) - np.abs(y)
+    fold = np.maximum(-z, 0.0)
+    made = np.stack((x - np.copysign(fold, x), y - np.copysign(fold, y), z), axis=1)
+    made /= np.linalg.norm(made, axis=1, keepdims=True)
+    made[~((np.abs(x) <= 1.0) & (np.abs(y) <= 1.0))] = 0.0
+    return made

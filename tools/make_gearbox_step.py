@@ -59,7 +59,7 @@ TEETH = 20, 34
 WIDTH = 10.0
 BACKLASH = 0.15  # millimetres between flanks
 APART = 0.5 * MODULE * sum(TEETH) + 0.1
-BOLTS = [(-25.0, -30.0), (60.0, -30.0), (60.0, 30.0), (-25.0, 30.0)]
+BOLTS = [(-25.0, -30.0), (66.0, -30.0), (66.0, 30.0), (-25.0, 30.0)]
 
 
 def edges(shape: Any) -> list[Any]:
@@ -242,8 +242,8 @@ def lobes(z: float, size: float) -> Any:
 
 def housing() -> Any:
     """A rounded box, open at the top, with two bearing seats and threaded holes."""
-    body = block(-35, 70, -40, 40, -26, 9, 4.0)
-    inside = block(-20, 55, -32, 32, -15, 20, 3.0)
+    body = block(-35, 76, -40, 40, -26, 9, 4.0)
+    inside = block(-20, 61, -32, 32, -15, 20, 3.0)
     seats = [cylinder(11.1, -30, 0, x) for x in (0.0, APART)]
     holes = [cylinder(2.6, -16, 12, x, y) for x, y in BOLTS]
     flat = BRepPrimAPI_MakeBox(gp_Pnt(-50, -50, 6.0), gp_Pnt(90, 50, 30)).Shape()
@@ -252,7 +252,7 @@ def housing() -> Any:
 
 def cover() -> Any:
     """A rounded plate with holes for bolts and shafts, chamfered around one of them."""
-    plate = block(-35, 70, -40, 40, 0, 6, 2.5)
+    plate = block(-35, 76, -40, 40, 0, 6, 2.5)
     sunk = BRepPrimAPI_MakeCylinder(up(0, 0, 4.0), 9.0, 4.0).Shape()
     holes = [cylinder(2.6, -1, 7, x, y) for x, y in BOLTS]
     shafts = [cylinder(5.4, -1, 7, x) for x in (0.0, APART)]

@@ -36,8 +36,12 @@ def main() -> int:
         return 1
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chosen.chromium, args=FLAGS)
-        for scene, draw in (("engine", draw_engine), ("probe", draw_probe)):
-            demo, address = start_demo(scene)
+        for scene, draw, speed in (
+            ("engine", draw_engine, 0.2),
+            ("probe", draw_probe, 0.2),
+            ("turbine", draw_turbine, 1e-9),
+        ):
+            demo, address = start_demo(scene, speed)
             try:
                 page = browser.new_page(viewport=SIZE)
                 page.set_default_timeout(PATIENCE_MS)
@@ -54,15 +58,15 @@ def main() -> int:
     return 0
 
 
-def start_demo(scene: str) -> tuple[subprocess.Popen, str]:
-    """Start the demo slowly, on a domain of its own; return it and the page's address."""
+def start_demo(scene: str, speed: float) -> tuple[subprocess.Popen, str]:
+    """Start the demo at a speed, on a domain of its own; return it and the page's address."""
     command = [sys.executable, "-m", "proximity_monitor", "demo", "--scene", scene]
     environment = environ | {
         "ROS_DOMAIN_ID": str(random.SystemRandom().randint(1, 100)),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }
     demo = subprocess.Popen(
-        [*command, "--speed", "0.2"], stdout=subprocess.PIPE, text=True, env=environment
+        [*command, "--speed", str(speed)], stdout=subprocess.PIPE, text=True, env=environment
     )
     for line in demo.stdout:
         if line.startswith(BESIDE):
@@ -114,6 +118,14 @@ def draw_probe(page: Page, folder: Path) -> None:
     tab(page, "Move")
     settle(page, 25)
     page.screenshot(path=folder / "display_cursor.png")
+
+
+def draw_turbine(page: Page, folder: Path) -> None:
+    """Parametric surfaces, and one pair with what its points lie on; nothing moves."""
+    press(page, "blade_3 - shroud")
+    page.wait_for_selector("text=blade_3: patch")
+    settle(page, 30)
+    page.screenshot(path=folder / "display_turbine.png")
 
 
 if __name__ == "__main__":

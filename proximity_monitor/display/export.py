@@ -34,6 +34,8 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session) -> str:
         "age [s]",
         f"session_min [{s}]",
         "stamp [s]",
+        "on_a",
+        "on_b",
     ]
     rows = []
     for i, (a, b) in enumerate(pairs.names):
@@ -51,6 +53,7 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session) -> str:
                 pairs.age_s[i],
                 least / unit.to_metre,
                 f"{frame.stamp_s:.9f}",
+                *pairs.features.get(i, ("", "")),
             ]
         )
     return _csv(head, rows)

@@ -67,3 +67,47 @@ def feature_edges(corners: np.ndarray, degrees: float = 30.0) -> np.ndarray:
     keep[1:][same] = False  # an edge is kept once
     keep[first[flat > math.cos(math.radians(degrees))]] = False
     return points[edges[keep]]
+
+
+def smoothed(
+    corners: np.ndarray, normals: np.ndarray, degrees: float = 10.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Let triangles share the corners where their surface is smooth.
+
+    A viewer makes a normal for each corner from the triangles that share it. So corners at one
+    place are one where the surface's own normals agree, and creases stay sharp.
+
+    Args:
+        corners: (3n, 3) of the triangles.
+        normals: (3n, 3) unit normals of the surface there; 0 where it has none.
+        degrees: between normals that agree.
+
+    Returns:
+        (k, 3) corners; (n, 3) which of them each triangle has.
+    """
+    _, place = np.unique(np.round(corners, 9), axis=0, return_inverse=True)
+    index, left, first_free = np.empty(len(corners), np.int64), np.arange(len(corners)), 0
+    chosen = []
+    while len(left):
+        # Of each place the first corner that is left, and all that agree with it.
+        at, first, which = np.unique(place[left], return_index=True, return_inverse=True)
+        first = left[first]
+        agree = np.einsum("ij,ij->i", normals[left], normals[first][which])
+        same = (agree > math.cos(math.radians(degrees))) | (first[which] == left)
+        index[left[same]] = first_free + which[same]
+        chosen.append(first)
+        first_free += len(at)
+        left = left[~same]
+    return corners[np.concatenate(chosen)], index.reshape(-1, 3)
+
+
+def borders(faces: np.ndarray) -> np.ndarray:
+    """Return the edges (m, 2) of triangles (n, 3), given by their corners, that one alone has.
+
+    A triangle of which two corners are one has no edges: it is where an edge of a patch is a point.
+    """
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, count = np.unique(edges, axis=0, return_counts=True)
+    return edges[count == 1]

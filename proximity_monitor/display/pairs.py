@@ -10,6 +10,7 @@ from proximity_monitor.display.bridge import PRESSES, word
 from proximity_monitor.display.choice import Choice, PairName
 from proximity_monitor.display.signs import (
     clearance,
+    feature,
     length,
     number,
     ramp,
@@ -61,13 +62,19 @@ def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
     chosen = " pm-chosen" if (a, b) == choice.pair else ""
     name = f"{a} - {b}"
     silent = f"<div class='pm-small'>{escape(pairs.silent[i])}</div>" if pairs.silent[i] else ""
+    places = zip((a, b), pairs.features.get(i, ()) if chosen else (), strict=False)
+    on = "".join(
+        f"<div class='pm-small pm-on'>{escape(body)}: {escape(feature(told))}</div>"
+        for body, told in places
+    )
     deltas = ", ".join(number(float(x), scene.unit) for x in gap(pairs, i))
     lower, upper = float(pairs.lower[i]), float(pairs.upper[i])
     return (
         f'<tr class="pm-row{chosen}" data-pair="{escape(name)}" data-lower="{lower!r}"'
         f' data-upper="{upper!r}" {word(f"pick:{name}")}>'
         f'<td class=pm-sign style="color:{mark.colour}">{mark.glyph} {mark.word}</td>'
-        f"<td>{escape(a)} - {escape(b)}<div class='pm-small pm-dim'>Δ {deltas}</div>{silent}</td>"
+        f"<td>{escape(a)} - {escape(b)}<div class='pm-small pm-dim'>Δ {deltas}</div>"
+        f"{on}{silent}</td>"
         f"<td class=pm-num>{_certainty(pairs, i)}{clearance(pairs, i, scene.unit)}"
         f"{_bar(pairs, i, scene)}</td>"
         f'<td><span class="pm-press pm-small" title="ignore this pair here"'

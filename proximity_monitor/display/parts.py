@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.geometry import IDENTITY, feature_edges
+from proximity_monitor.display.geometry import IDENTITY, borders, feature_edges, smoothed
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import Body, Frame, SceneInfo
 
@@ -21,6 +21,27 @@ POINT_RADIUS = 0.008
 _EDGE = (45, 50, 60)
 
 
+class _Look:
+    """The triangles of a part, in the page's units."""
+
+    def __init__(self, part: Part, scale: float) -> None:
+        """Let triangles share corners where the part is smooth."""
+        soup = part.corners * scale
+        self.low, self.high = soup.min(axis=0), soup.max(axis=0)
+        self.corners, self.triangles = soup, np.arange(len(soup)).reshape(-1, 3)
+        self._flat = part.normals is None
+        if not self._flat:
+            lines = ~part.normals.any(axis=1).reshape(-1, 3).any(axis=1)
+            self._curves = soup.reshape(-1, 3, 3)[lines, :2]
+            self.corners, self.triangles = smoothed(soup, part.normals)
+
+    def edges(self) -> np.ndarray:
+        """Return the edges (m, 2, 3) that are sharp or open."""
+        if self._flat:
+            return feature_edges(self.corners)
+        return np.concatenate((self.corners[borders(self.triangles)], self._curves))
+
+
 class PartView:
     """One body in the scene graph."""
 
@@ -31,8 +52,8 @@ class PartView:
         self.name = body.name
         self.pose = IDENTITY if part.pose is None else part.pose
         self._opacity = float(part.colour[3])
-        corners = part.corners * scale
-        self.low, self.high = corners.min(axis=0), corners.max(axis=0)
+        look = _Look(part, scale)
+        self.low, self.high, self._triangles = look.low, look.high, look.triangles
         colour = tuple(round(255 * c) for c in part.colour[:3])
         self.frame = api.add_frame(f"/parts/{i}", show_axes=False)
         if body.point:
@@ -43,16 +64,16 @@ class PartView:
         else:
             self.mesh = api.add_mesh_simple(
                 f"/parts/{i}/mesh",
-                corners,
-                np.arange(len(corners)).reshape(-1, 3),
+                look.corners,
+                look.triangles,
                 color=colour,
-                flat_shading=True,
+                flat_shading=part.normals is None,
                 side="double",
                 opacity=None if self._opacity >= 1.0 else self._opacity,
                 cast_shadow=False,
                 receive_shadow=False,
             )
-            edges = feature_edges(corners)
+            edges = look.edges()
             self._edges = api.add_line_segments(
                 f"/parts/{i}/edges", edges, _EDGE, thickness=1.0, thickness_units="screen",
                 visible=len(edges) > 0,
@@ -68,10 +89,14 @@ class PartView:
         """The middle of its box, in its own frame and the page's units."""
         return (self.low + self.high) / 2.0
 
-    def reshape(self, corners: np.ndarray) -> None:
-        """Take new corners, in the page's units; edges are not found again each time."""
-        self.mesh.vertices = corners.astype(np.float32)
-        self.low, self.high = corners.min(axis=0), corners.max(axis=0)
+    def reshape(self, part: Part, scale: float) -> None:
+        """Take another shape; edges are not found again each time."""
+        look = _Look(part, scale)
+        if not np.array_equal(look.triangles, self._triangles):
+            self._triangles = look.triangles
+            self.mesh.faces = look.triangles.astype(np.uint32)
+        self.mesh.vertices = look.corners.astype(np.float32)
+        self.low, self.high = look.low, look.high
         if self._edges is not None:
             self._edges.remove()
             self._edges = None
@@ -154,7 +179,7 @@ class Parts:
         """Show the new shapes of the bodies that are named, of meshes in the scene's order."""
         for view, part in zip(self._views.values(), parts, strict=True):
             if view.name in names:
-                view.reshape(part.corners * self.scale)
+                view.reshape(part, self.scale)
 
     @staticmethod
     def _make_pickable(view: PartView, on_pick: Callable[[str], None]) -> None:

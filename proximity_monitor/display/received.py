@@ -7,12 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from proximity_monitor.cdr import Reader
+from proximity_monitor.cdr import Reader, from_octahedral
 from proximity_monitor.display.state import LEVELS, STATUSES, Pairs, shared
 
 _LEVEL = {name.encode(): i for i, name in enumerate(LEVELS)}
 _STATUS = {name.encode(): i for i, name in enumerate(STATUSES)}
-_SILENT = re.compile(r"no (recent|new|\w+ yet)\b.* of .*")
+_SILENT = re.compile(r"no (recent|new|[\w ]+ yet)\b.* of .*")
 _NOWHERE = b"nan nan nan"
 
 
@@ -51,9 +51,14 @@ def read_pairs(data: bytes) -> tuple[float, Pairs]:
     except KeyError as error:
         raise ValueError(f"a pair of ~/closest_points has no {error}") from error
     lower, upper, age, stamp, status, level = numbers.T
+    features = {
+        i: (t[b"feature_a"].decode(), t[b"feature_b"].decode())
+        for i, t in enumerate(told)
+        if b"feature_a" in t and b"feature_b" in t
+    }
     return stamp_s, Pairs(
         shared(tuple(names)), lower, upper, places, status.astype(np.int8), level.astype(np.int8),
-        age, stamp, tuple(silent),
+        age, stamp, tuple(silent), features,
     )  # fmt: skip
 
 
@@ -99,11 +104,25 @@ def read_poses(data: bytes) -> tuple[float, np.ndarray]:
 class Part:
     """A body as ~/parts shows it."""
 
-    def __init__(self, pose: np.ndarray | None, colour: np.ndarray, corners: np.ndarray) -> None:
-        """Keep `pose` (7,) or None, `colour` (4,) and the triangles' corners (3n, 3), metres."""
+    def __init__(
+        self,
+        pose: np.ndarray | None,
+        colour: np.ndarray,
+        corners: np.ndarray,
+        normals: np.ndarray | None = None,
+    ) -> None:
+        """Keep what is told.
+
+        Args:
+            pose: (7,), or None.
+            colour: (4,) red, green, blue, opacity.
+            corners: (3n, 3) of the triangles, metres.
+            normals: (3n, 3) unit normals of the surface there; None: all triangles are flat.
+        """
         self.pose = pose
         self.colour = colour
         self.corners = corners
+        self.normals = normals
 
 
 def read_parts(data: bytes) -> list[Part]:
@@ -136,10 +155,11 @@ def _part(reader: Reader) -> Part:
     reader.text()
     reader.text()
     reader.skip(1, reader.count())
-    reader.skip(4, 2 * reader.count())  # its coordinates
+    told = reader.array("f4", 2 * reader.count()).reshape(-1, 2)  # its coordinates
+    normals = from_octahedral(told) if count and len(told) == count else None
     reader.text()  # text
     reader.text()  # mesh_resource
     reader.text()  # mesh_file: name and data
     reader.skip(1, reader.count())
     reader.byte()  # mesh_use_embedded_materials
-    return Part(pose if added else None, colour, corners)
+    return Part(pose if added else None, colour, corners, normals)

@@ -62,6 +62,10 @@ def sign(pairs: Pairs, row: int) -> Sign:
     return STOP_SIGN if level == STOP else WARN_SIGN if level == WARN else CLEAR_SIGN
 
 
+_PARAMETERS = {"patch": ("u", "v"), "curve": ("t",)}
+"""What the parameters of a kind of element are called; a triangle's are weights of its corners."""
+
+
 def number(metres: float, unit: Unit) -> str:
     """Return a length in the unit, without its symbol."""
     if math.isnan(metres):
@@ -87,6 +91,16 @@ def clearance(pairs: Pairs, row: int, unit: Unit) -> str:
     if lower == upper:
         return f"{upper} {unit.symbol}"
     return f"{lower} … {upper} {unit.symbol}"
+
+
+def feature(told: str) -> str:
+    """Return on what a closest point lies for people: ``patch 4, u 1.000, v 0.804``."""
+    kind, index, *where = told.split()
+    names = _PARAMETERS.get(kind, ())
+    numbers = [f"{float(value):.3f}" for value in where]
+    if len(names) == len(numbers):
+        numbers = [f"{name} {value}" for name, value in zip(names, numbers, strict=True)]
+    return ", ".join((f"{kind} {index}", *numbers))
 
 
 def uncertain(pairs: Pairs, row: int) -> bool:

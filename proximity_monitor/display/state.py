@@ -141,6 +141,9 @@ class Pairs:
     """(k,) stamp of the older of the two poses; NaN while one is unknown."""
     silent: tuple[str, ...]
     """For each pair the reason why bodies are silent; empty if none is."""
+    features: Mapping[int, tuple[str, str]] = field(default_factory=dict)
+    """By row of a pair at warn or stop, on what its closest points lie, as ``patch 4 1 0.8``: the
+    kind of element, which one, and where on it."""
 
     def __len__(self) -> int:
         """How many pairs are listed."""

@@ -22,6 +22,7 @@ STYLE = """<style>
 .pm-table tr.pm-row:hover { background: #0072b214; }
 .pm-table tr.pm-chosen { background: #0072b226; }
 .pm-table .pm-num { text-align: right; white-space: nowrap; }
+.pm-on { white-space: nowrap; }
 .pm-sign { font-weight: 700; white-space: nowrap; }
 .pm-bar { position: relative; height: 4px; border-radius: 2px; background: #8883;
           margin-top: 3px; }

@@ -104,6 +104,7 @@ class Deform(Motion):
         """
         self._fields = dict(fields)
         self._rest = {name: models[name].control_points for name in fields}
+        self._names = {name: models[name].control_name for name in fields}
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -119,6 +120,11 @@ class Deform(Motion):
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Return no pose."""
         return {}
+
+    @property
+    def control_names(self) -> dict[str, str]:
+        """What the control points of each body are called."""
+        return dict(self._names)
 
     def control_points(self, t: float) -> dict[str, np.ndarray]:
         """Return the control points (n, 3) of each body at t seconds, model frame, metres.

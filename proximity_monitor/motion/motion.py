@@ -46,6 +46,11 @@ class Motion(Protocol):
             ValueError: t is not finite.
         """
 
+    @property
+    def control_names(self) -> dict[str, str]:
+        """What the control points of each deforming body are called, as `engine.Model` has it."""
+        return {}
+
     def control_points(self, t: float) -> dict[str, np.ndarray]:
         """Return the control points of each deforming body at time t, as `engine.Model` has them.
 

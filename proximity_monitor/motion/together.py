@@ -55,6 +55,11 @@ class Together(Motion):
         """
         return {name: pose for part in self._parts for name, pose in part.poses(t).items()}
 
+    @property
+    def control_names(self) -> dict[str, str]:
+        """What the control points of all deforming bodies are called."""
+        return {name: each for part in self._parts for name, each in part.control_names.items()}
+
     def control_points(self, t: float) -> dict[str, np.ndarray]:
         """Return the control points (n, 3) of all deforming bodies at t seconds.
 

@@ -19,7 +19,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 
 from proximity_monitor import engine
-from proximity_monitor.ros.clouds import read_vertices
+from proximity_monitor.ros.clouds import read_points
 from proximity_monitor.ros.inputs import FURTHEST, Inputs, Reason
 from proximity_monitor.ros.qos import POSES, Incompatible
 from proximity_monitor.scene import Body
@@ -108,7 +108,7 @@ class CloudBodies:
         """Build a body, or return why not."""
         try:
             message = deserialize_message(data, PointCloud2)
-            points = read_vertices(message)
+            points = read_points(message)
         except (RuntimeError, ValueError):  # rclpy's RMWError is a RuntimeError
             return Reason.LAYOUT
         cloud, header = self._clouds[name], message.header

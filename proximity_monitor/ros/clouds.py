@@ -1,4 +1,4 @@
-"""Vertices as `sensor_msgs/PointCloud2`."""
+"""Points as `sensor_msgs/PointCloud2`: clouds, and the control points of bodies that deform."""
 
 from __future__ import annotations
 
@@ -8,7 +8,17 @@ from sensor_msgs.msg import PointCloud2, PointField
 _KINDS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
-def read_vertices(message: PointCloud2) -> np.ndarray:
+def control_topic(body: str, control_name: str) -> str:
+    """Return the topic that a body's control points come on.
+
+    Args:
+        body: its name.
+        control_name: that of its model, as `engine.Model` has it.
+    """
+    return f"bodies/{body}/{'vertices' if control_name == 'vertices' else 'control'}"
+
+
+def read_points(message: PointCloud2) -> np.ndarray:
     """Return the points of a cloud, (n, 3) float64, row by row; other fields are skipped.
 
     Raises:
@@ -21,7 +31,7 @@ def read_vertices(message: PointCloud2) -> np.ndarray:
     for name in ("x", "y", "z"):
         field = fields.get(name)
         if field is None or field.datatype not in _KINDS or field.count > 1:
-            raise ValueError(f"a cloud of vertices needs one float32 or float64 '{name}' a point")
+            raise ValueError(f"a cloud needs one float32 or float64 '{name}' a point")
         kinds[name] = (f"{order}{_KINDS[field.datatype]}", field.offset)
     if message.height > 1 and message.row_step < message.width * message.point_step:
         # A few bytes could claim billions of points.

@@ -1,9 +1,9 @@
 """Poses and shapes from outside: checked as they arrive, then kept, or refused and counted.
 
-A body's state depends on its inputs: its pose, and the vertices or the cloud that its shape comes
-from, if any. Each input remembers the stamp of its last good message. That message stays in force,
-and the body is silent once the stamp is older than the timeout, so a source that sends garbage is
-treated like one that fell silent.
+A body's state depends on its inputs: its pose, and the control points or the cloud that its shape
+comes from, if any. Each input remembers the stamp of its last good message. That message stays in
+force, and the body is silent once the stamp is older than the timeout, so a source that sends
+garbage is treated like one that fell silent.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from types import MappingProxyType
 
 import numpy as np
 
@@ -44,7 +43,7 @@ class Reason:
     ORDER = "stamp out of order"
     LENGTH = "wrong length"
     LAYOUT = "unreadable layout"
-    SHAPE = "vertices of no sound shape"
+    SHAPE = "no sound shape"
     ATTACHED = "body is attached"
     UNKNOWN_BODY = "unknown body"
     ALL = (
@@ -101,7 +100,6 @@ class Inputs:
         bodies: Iterable[str],
         frame: str,
         roots: Iterable[str] = (),
-        shapes: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         """Begin without any message.
 
@@ -110,12 +108,11 @@ class Inputs:
             frame: the only frame that poses may be in.
             roots: robots whose root link moves. Its poses are kept like a body's; those of the
                 links follow from them.
-            shapes: how the shape arrives, such as "vertices", by body whose shape does.
         """
         self.names = tuple(bodies)
         """The moving bodies, in the order of bulk messages."""
         self._last = {name: _Last() for name in (*self.names, *roots)}
-        self._shapes = {name: (_Input(), what) for name, what in shapes.items()}
+        self._shapes: dict[str, tuple[_Input, str]] = {}
         self._frame = frame
         self._counted: set[bytes] = set()
         self._awaited: set[str] = set()
@@ -204,6 +201,10 @@ class Inputs:
     def refuse(self, reason: str) -> None:
         """Count a message that is refused because of its content."""
         self.rejected[reason] += 1
+
+    def expect_shapes(self, shapes: Mapping[str, str]) -> None:
+        """Wait for shapes: by body whose shape arrives how it does, such as "vertices"."""
+        self._shapes = {name: (_Input(), what) for name, what in shapes.items()}
 
     def judge_shape(self, name: str, stamp_ns: int, now_ns: int) -> str | None:
         """Return why a shape's stamp is refused; None if it is not."""

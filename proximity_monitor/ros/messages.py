@@ -20,7 +20,8 @@ lists: a pair with a range is left out while it is certainly farther apart.
 ``direction``         unit vector from A's point to B's; empty where they coincide
 ``feature_a, _b``     of a pair at warn or stop, where its points lie on the models: on what kind
                       of element, which one, and where on it; on a mesh ``edge 12 0.5 0.5 0``: the
-                      triangle, and the barycentric weights of its corners
+                      triangle, and the barycentric weights of its corners; on a surface
+                      ``patch 4 1 0.8``: the patch, u and v
 ``session_min_m``     the smallest upper bound since the last reset: surely reached
 ``session_min_lower_m``  the smallest lower bound since then: at no tick could it be nearer
 ====================  ==================================================================

@@ -18,6 +18,7 @@ from visualization_msgs.msg import MarkerArray
 
 from proximity_monitor import engine
 from proximity_monitor.ros import messages
+from proximity_monitor.ros.looks import Looks
 from proximity_monitor.ros.markers import ClearanceMarkers
 from proximity_monitor.ros.parts import PartsMessage
 from proximity_monitor.ros.poses_message import PosesMessage
@@ -85,6 +86,7 @@ class Outputs:
         self._poses_message = PosesMessage(moving, settings.frame)
         self._points_wanted = self._clearance_wanted = self._marks_wanted = False
         self._message: PartsMessage | None = None
+        self._looks = Looks()
         self._shown: dict[str, np.ndarray | None] = {}
         self._viewers = 0
         self._parts_due_s = 0.0
@@ -192,7 +194,7 @@ class Outputs:
             self._send("poses", self._poses, self._poses_message.serialised(samples, stamp))
 
     def reshape(self, name: str) -> None:
-        """Rebuild the parts before they are shown again, because the body's vertices moved."""
+        """Rebuild the parts before they are shown again, because the body has another shape."""
         self._scene_is_new |= name not in self._deforming
         self._deforming.add(name)
         self._message = None
@@ -226,7 +228,7 @@ class Outputs:
 
     def _build_parts(self) -> PartsMessage:
         """Build the message for the first viewer."""
-        message = PartsMessage(self._scene.bodies, self._models, self._frame)
+        message = PartsMessage(self._scene.bodies, self._models, self._frame, self._looks)
         for body in self._scene.bodies:
             if not body.moving:
                 message.place(body.name, body.pose)

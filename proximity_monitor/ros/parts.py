@@ -7,7 +7,9 @@ spliced in from numpy arrays. Every corner is 24 bytes, so the eight-byte alignm
 else stays the same. After that only the poses are overwritten. The message is built for the first
 viewer. It is published when a viewer appears and, while there is one, up to five times a second if
 a body moved. Every message is complete, so the latched one is right for late viewers. The stamp is
-zero, which viewers take as "now": the message is older than the poses in it.
+zero, which viewers take as "now": the message is older than the poses in it. Normals of curved
+bodies stand in `uv_coordinates`, as `cdr.as_octahedral` has them: a marker has no other place for
+them, and viewers heed it where there is a texture alone.
 """
 
 from __future__ import annotations
@@ -19,16 +21,14 @@ import numpy as np
 from geometry_msgs.msg import Point, Quaternion
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray, UVCoordinate
 
 from proximity_monitor import engine
+from proximity_monitor.ros.looks import Look, Looks
 from proximity_monitor.scene import Body
 
 RATE_HZ = 5.0
 """Smooth enough to see where a part is; the distances come at the monitor's own rate."""
-
-ROUNDNESS = 0.005
-"""How far the triangles that show a body may be from its surface, in radii of the body."""
 
 BYTES_PER_S = 20e6
 """Larger messages, of which five a second would exceed this, are published less often."""
@@ -40,6 +40,7 @@ _KEY = struct.Struct("<3i")  # id, type, action, which stand before the pose
 _PLACEHOLDER = np.array(
     [[0.1234567, 2.3456789, 4.5678901], [6.7890123, 8.9012345, 0.2345678], [1.3, 2.7, 3.9]], "<f8"
 )  # three points that are found by their bytes
+_NORMALS = np.array([[0.125, 0.375], [0.625, -0.875], [-0.1875, 0.4375]], "<f4")  # likewise
 _OTHER_LAYOUT = (
     "the middleware's serialised markers are not laid out as ~/parts needs them; set the parameter"
     " markers to false"
@@ -50,23 +51,32 @@ class PartsMessage:
     """The serialised marker array of all bodies; poses are written into it."""
 
     def __init__(
-        self, bodies: Sequence[Body], models: Mapping[str, engine.Model], frame: str
+        self,
+        bodies: Sequence[Body],
+        models: Mapping[str, engine.Model],
+        frame: str,
+        looks: Looks | None = None,
     ) -> None:
         """Build the message; a body is not shown until `place` gives it a pose.
+
+        Args:
+            bodies: in the order of the markers.
+            models: by name of the body.
+            frame: of the poses.
+            looks: those that are known already; None: none.
 
         Raises:
             RuntimeError: the middleware lays messages out in a way that cannot be spliced.
         """
         self._index = {body.name: i for i, body in enumerate(bodies)}
         template = _Template(bodies, frame)
-        corners = [
-            model.display_mesh(ROUNDNESS * model.radius).corners().reshape(-1, 3)
-            for model in (models[body.name] for body in bodies)
-        ]
+        known = Looks() if looks is None else looks
+        every = [known.of(models[body.name]) for body in bodies]
         # Two triangles of each body show whether the splice works, and are read quickly.
-        self._bytes, self._places = template.filled([each[:6] for each in corners])
-        self._prove([each[:6] for each in corners])
-        self._bytes, self._places = template.filled(corners)
+        few = [Look(look.corners[:6], look.normals[:6]) for look in every]
+        self._bytes, self._places = template.filled(few)
+        self._prove(few)
+        self._bytes, self._places = template.filled(every)
         for name in self._index:
             self.place(name, None)
 
@@ -86,7 +96,7 @@ class PartsMessage:
         """Return the message as it is published."""
         return bytes(self._bytes)
 
-    def _prove(self, corners: Sequence[np.ndarray]) -> None:
+    def _prove(self, looks: Sequence[Look]) -> None:
         """Refuse a middleware that lays messages out in another way, before one is published."""
         for i, name in enumerate(self._index):
             pose = np.eye(4)
@@ -96,11 +106,13 @@ class PartsMessage:
         for i, marker in enumerate(read.markers):
             p, q = marker.pose.position, marker.pose.orientation
             points = np.array([(point.x, point.y, point.z) for point in marker.points])
+            normals = np.array([(uv.u, uv.v) for uv in marker.uv_coordinates]).reshape(-1, 2)
             if (
                 marker.action != Marker.ADD
                 or (p.x, p.y, p.z) != (i + 0.25, i + 0.5, i + 0.75)
                 or ((q.x, q.y, q.z, q.w) != (0.0, 0.0, 0.0, 1.0))
-                or not np.array_equal(points, corners[i])
+                or not np.array_equal(points, looks[i].corners)
+                or not np.array_equal(normals, looks[i].normals.astype(np.float32))
             ):
                 raise RuntimeError(_OTHER_LAYOUT)
 
@@ -111,33 +123,38 @@ class _Template:
     def __init__(self, bodies: Sequence[Body], frame: str) -> None:
         markers = [_marker(i, body, frame) for i, body in enumerate(bodies)]
         self._data = bytes(serialize_message(MarkerArray(markers=markers)))
-        self._places, self._counts, self._points = [], [], []
+        self._places, self._lists = [], []
+        """Of each marker where its action and pose stand; and where, in its lists of points and of
+        normals, their number and their first element."""
         at = 0
         for i in range(len(bodies)):
             key = self._found(_KEY.pack(i, Marker.TRIANGLE_LIST, _PENDING), at)
             action, end = key + 8, key + _KEY.size - _ENCAPSULATION
             self._places.append((action, _ENCAPSULATION + (end + 7) // 8 * 8))
-            points = self._found(_PLACEHOLDER.tobytes(), key)
-            # The count stands right before the first point, or four bytes of padding earlier.
-            count = next((at for at in (points - 4, points - 8) if self._number(at) == 3), None)
-            if count is None:
-                raise RuntimeError(_OTHER_LAYOUT)
-            self._counts.append(count)
-            self._points.append(points)
-            at = points
+            at = key
+            for pattern in (_PLACEHOLDER, _NORMALS):
+                at = self._found(pattern.tobytes(), at)
+                # The count stands right before the first one, or four bytes of padding earlier.
+                count = next((each for each in (at - 4, at - 8) if self._number(each) == 3), None)
+                if count is None:
+                    raise RuntimeError(_OTHER_LAYOUT)
+                self._lists.append((count, at))
 
-    def filled(self, corners: Sequence[np.ndarray]) -> tuple[bytearray, list[tuple[int, int]]]:
-        """Return the message with each body's corners, and the places of its actions and poses."""
+    def filled(self, looks: Sequence[Look]) -> tuple[bytearray, list[tuple[int, int]]]:
+        """Return the message with the bodies' looks, and the places of its actions and poses."""
         parts, places, end, longer = [], [], 0, 0
-        for i, points in enumerate(corners):
-            action, pose = self._places[i]
+        lists = iter(self._lists)
+        for look, (action, pose) in zip(looks, self._places, strict=True):
             places.append((action + longer, pose + longer))
-            parts.append(self._data[end : self._counts[i]])
-            parts.append(struct.pack("<I", len(points)))
-            parts.append(self._data[self._counts[i] + 4 : self._points[i]])
-            parts.append(np.ascontiguousarray(points, "<f8").tobytes())
-            end = self._points[i] + _PLACEHOLDER.nbytes
-            longer += points.nbytes - _PLACEHOLDER.nbytes
+            for array, pattern in ((look.corners, _PLACEHOLDER), (look.normals, _NORMALS)):
+                count, first = next(lists)
+                data = np.ascontiguousarray(array, pattern.dtype).tobytes()
+                parts.append(self._data[end:count])
+                parts.append(struct.pack("<I", len(array)))
+                parts.append(self._data[count + 4 : first])
+                parts.append(data)
+                end = first + pattern.nbytes
+                longer += len(data) - pattern.nbytes
         return bytearray(b"".join([*parts, self._data[end:]])), places
 
     def _found(self, pattern: bytes, start: int) -> int:
@@ -158,6 +175,7 @@ def _marker(i: int, body: Body, frame: str) -> Marker:
     marker.color = ColorRGBA(r=r, g=g, b=b, a=a)
     marker.pose.orientation = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
     marker.points = [Point(x=x, y=y, z=z) for x, y, z in _PLACEHOLDER.tolist()]
+    marker.uv_coordinates = [UVCoordinate(u=u, v=v) for u, v in _NORMALS.tolist()]
     return marker
 
 

@@ -14,6 +14,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 
 from proximity_monitor import motion
+from proximity_monitor.ros.clouds import control_topic
 from proximity_monitor.ros.descriptions import Descriptions
 from proximity_monitor.ros.parameters import AS_SCENE, declare_one
 from proximity_monitor.ros.played import as_cloud, as_joint_state, set_pose
@@ -33,10 +34,10 @@ class ProximityPlayer(Node):
 
     These are: the PoseStamped of each driven body or robot's root on its topic or, with ``bulk``,
     one PoseArray on ``poses`` with all moving bodies in the scene's order; a JointState with the
-    driven joints on the topic of their robot; the vertices of each deforming body as PointCloud2 on
-    ``bodies/NAME/vertices``. Bodies that are named in the parameter ``released``, which can change
-    at any time, are left out, because a hand or another node moves them. In bulk that is
-    impossible.
+    driven joints on the topic of their robot; the control points of each deforming body as
+    PointCloud2 on ``bodies/NAME/vertices``, or ``bodies/NAME/control`` unless it is a mesh. Bodies
+    that are named in the parameter ``released``, which can change at any time, are left out,
+    because a hand or another node moves them. In bulk that is impossible.
 
     Parameters that are read at start: ``scene`` (file or bundled name), ``rate_hz`` (messages a
     second and body; -1: the scene's rate, at least `LEAST`), ``speed`` (seconds of motion in a
@@ -147,9 +148,9 @@ class ProximityPlayer(Node):
                 if any(joint.name in joints for joint in robot.kinematics.free)
             }
         }
-        self._vertices = {
-            name: self.create_publisher(PointCloud2, f"bodies/{name}/vertices", LATEST)
-            for name in self._motion.control_points(self._seek_s)
+        self._controls = {
+            name: self.create_publisher(PointCloud2, control_topic(name, called), LATEST)
+            for name, called in self._motion.control_names.items()
         }
 
     def _publish(self) -> None:
@@ -167,10 +168,10 @@ class ProximityPlayer(Node):
             joints = as_joint_state(self._motion.joints(t), stamp)
             for output in self._joints.values():
                 output.publish(joints)
-        if self._vertices:
-            for name, vertices in self._motion.control_points(t).items():
-                cloud = as_cloud(vertices, Header(stamp=stamp, frame_id=name))
-                self._vertices[name].publish(cloud)
+        if self._controls:
+            for name, points in self._motion.control_points(t).items():
+                cloud = as_cloud(points, Header(stamp=stamp, frame_id=name))
+                self._controls[name].publish(cloud)
 
     def _publish_poses(self, t: float, header: Header) -> None:
         poses = self._motion.poses(t)

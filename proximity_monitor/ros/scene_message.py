@@ -2,7 +2,7 @@
 
 JSON because common_interfaces has no type with named things of several kinds. All lengths are in
 metres; `unit` is the one that people read. It is published again when a setting in it changes, or
-when a body's vertices arrive for the first time.
+when a body's control points arrive for the first time.
 
 ==================  ===========================================================================
 ``name``            of the scene file, without its suffix; a bundled scene's is its folder's
@@ -12,7 +12,7 @@ when a body's vertices arrive for the first time.
 ``bodies``          in the scene's order (that of the markers of ``~/parts``): ``name``,
                     ``moving``, ``topic`` (its full name) of its PoseStamped or null where none are
                     taken in, ``point``, whether it is a single point, and ``mesh``, a checksum
-``deforming``       names of the bodies whose vertices have arrived since the start
+``deforming``       names of the bodies whose control points have arrived since the start
 ``pairs``           how many are watched
 ``thresholds``      ``warn``, ``stop`` and ``hysteresis`` of the pairs that have none of their own
 ``own_thresholds``  a list: ``a`` and ``b``, with the same three
@@ -57,7 +57,7 @@ class SceneMessage:
 
         Args:
             settings: in force.
-            deforming: bodies whose vertices have arrived.
+            deforming: bodies whose control points have arrived.
         """
         scene, limits = self._scene, settings.thresholds
         path, unit = scene.path, scene.unit

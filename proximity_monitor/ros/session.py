@@ -82,8 +82,6 @@ class Session:
             [body.name for body in scene.bodies if body.posed],
             settings.frame,
             [robot.name for robot in scene.robots if robot.root is not None],
-            {body.name: "vertices" for body in scene.bodies if body.deforming}
-            | {body.name: "cloud" for body in scene.bodies if body.cloud is not None},
         )
         self._changeable = [body.name for body in scene.bodies if body.moving or body.deforming]
         self._health = Health(node.get_fully_qualified_name().lstrip("/"), settings.frame)
@@ -110,6 +108,10 @@ class Session:
             self._unseen = unseen_containment(scene, models)
         if self._unseen.count:
             node.get_logger().warning(str(self._unseen))
+        self._inputs.expect_shapes(
+            {body.name: models[body.name].control_name for body in scene.bodies if body.deforming}
+            | {body.name: "cloud" for body in scene.bodies if body.cloud is not None}
+        )
         self._outputs.show(models)
         self._sources = Sources(
             node,

@@ -2,9 +2,10 @@
 
 Poses come one body a message on each body's topic, all in one `geometry_msgs/PoseArray` on
 ``poses`` (in the scene's order of moving bodies), by `sensor_msgs/JointState` for robots, whose
-roots may have a topic of their own, or by /tf. The vertices of a deforming body come as
-`sensor_msgs/PointCloud2` on ``bodies/<name>/vertices``, in the model's frame, named like the body
-or not at all, and metres.
+roots may have a topic of their own, or by /tf. What shapes a deforming body comes as
+`sensor_msgs/PointCloud2` in the model's frame, named like the body or not at all, and metres: a
+mesh's vertices on ``bodies/<name>/vertices``, a surface's control points on
+``bodies/<name>/control``.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from sensor_msgs.msg import PointCloud2
 
 from proximity_monitor import engine
 from proximity_monitor.ros.bulk import StampedPose, read_pose, read_pose_array, stamped_pose
-from proximity_monitor.ros.clouds import read_vertices
+from proximity_monitor.ros.clouds import control_topic, read_points
 from proximity_monitor.ros.inputs import FURTHEST, Inputs, Reason
 from proximity_monitor.ros.joints import JointInputs
 from proximity_monitor.ros.qos import LATEST, POSES, TRANSFORMS, Incompatible
@@ -85,8 +86,10 @@ class Sources:
             self.topics.add(made.topic_name)
         for body in scene.bodies:
             if body.deforming:
-                take = partial(self._on_vertices, body.name, len(models[body.name].control_points))
-                self._subscribe(PointCloud2, f"bodies/{body.name}/vertices", take, LATEST)
+                model = models[body.name]
+                take = partial(self._on_points, body.name, len(model.control_points))
+                topic = control_topic(body.name, model.control_name)
+                self._subscribe(PointCloud2, topic, take, LATEST)
         if transforms is not None:
             self._subscribe(transforms, "/tf", self._on_transforms, TRANSFORMS)
         self.joints = None
@@ -147,11 +150,11 @@ class Sources:
         if self._inputs.store_many(*poses):
             self._on_poses()
 
-    def _on_vertices(self, name: str, count: int, message: PointCloud2) -> None:
-        if reason := self._take_vertices(name, count, message):
+    def _on_points(self, name: str, count: int, message: PointCloud2) -> None:
+        if reason := self._take_points(name, count, message):
             self._inputs.refuse(reason)
 
-    def _take_vertices(self, name: str, count: int, message: PointCloud2) -> str | None:
+    def _take_points(self, name: str, count: int, message: PointCloud2) -> str | None:
         """Reshape a body, or return why not."""
         stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         if message.header.frame_id not in ("", name):
@@ -159,17 +162,17 @@ class Sources:
         if reason := self._inputs.judge_shape(name, stamp_ns, self._now_ns()):
             return reason
         try:
-            vertices = read_vertices(message)
+            points = read_points(message)
         except ValueError:
             return Reason.LAYOUT
-        if len(vertices) != count:
+        if len(points) != count:
             return Reason.LENGTH
-        if not np.isfinite(vertices).all():
+        if not np.isfinite(points).all():
             return Reason.NOT_FINITE
-        if not (np.abs(vertices) <= FURTHEST).all():
+        if not (np.abs(points) <= FURTHEST).all():
             return Reason.TOO_FAR
         try:
-            self._deform(name, vertices)
+            self._deform(name, points)
         except ValueError:  # such as a solid that would be open now
             return Reason.SHAPE
         self._inputs.keep_shape(name, stamp_ns)

@@ -133,7 +133,7 @@ class Body:
     deviation: float = 0.0
     """How far the surface of the model may be from that of the thing, metres."""
     deforming: bool = False
-    """Whether its vertices change while the monitor runs."""
+    """Whether its control points change while the monitor runs."""
     part: str | None = None
     """Which part of an assembly its model is, as for `engine.load`; None: all of the file."""
     cloud: Cloud | None = None

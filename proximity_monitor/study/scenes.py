@@ -1,19 +1,19 @@
 """The scenes of benchmark and study, from fixed seeds (Larsen et al. 1999, sections 7.2 and 7.3).
 
-A scene is a set of meshes and, step by step, the poses of the pairs to measure.
+A scene is a set of models and, step by step, the poses of the pairs to measure.
 Lengths are metres, poses (k, 4, 4) from model to world.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from proximity_monitor import motion
+from proximity_monitor import engine, motion
 from proximity_monitor.scene import bundled, load_model, load_scene
 from proximity_monitor.scene.poses import rotations
 
@@ -22,7 +22,7 @@ from . import shapes
 
 @dataclass(frozen=True)
 class Track:
-    """Two meshes, by name, and their poses, (k, 4, 4) each."""
+    """Two models, by name, and their poses, (k, 4, 4) each."""
 
     a: str
     b: str
@@ -32,19 +32,21 @@ class Track:
 
 @dataclass(frozen=True)
 class StudyScene:
-    """Meshes by name, and the pairs of them to measure at every step.
+    """Models by name, and the pairs of them to measure at every step.
 
     Attributes:
         meshes: vertices and faces by name.
         tracks: the pairs; all have the same number of steps.
         block: how many steps in a row one engine answers before the next has its turn.
         quick: how many blocks, spread evenly over the steps, a quick run takes.
+        surfaces: models that are no meshes, by name.
     """
 
     meshes: dict[str, shapes.Mesh]
     tracks: list[Track]
     block: int = 64
     quick: int = 3
+    surfaces: dict[str, engine.Model] = field(default_factory=dict)
 
 
 def rotation_poses(axis: NDArray[np.float64], angle: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,13 +2,16 @@
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
 from urllib.request import ProxyHandler, build_opener
 
+import numpy as np
 import pytest
-from deadlines import START_DEADLINE_S
+from deadlines import DEADLINE_S, START_DEADLINE_S
+from page_hand import TEXTS, button, choose, field, listed, press, row, tab, word
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -75,8 +78,8 @@ def demo(ros_environment, tmp_path, monkeypatch):
     for desktop in ("DISPLAY", "WAYLAND_DISPLAY"):  # where it would open a browser
         monkeypatch.delenv(desktop, raising=False)
 
-    def start(*arguments):
-        command = [sys.executable, "-m", "proximity_monitor", "demo", "--scene", path, *arguments]
+    def start(*arguments, scene=path):
+        command = [sys.executable, "-m", "proximity_monitor", "demo", "--scene", scene, *arguments]
         started.append(Demo(command, tmp_path / f"demo_{len(started)}.log"))
         return started[-1]
 
@@ -100,3 +103,92 @@ def test_the_demo_can_do_without(demo, wait):
     assert process.interrupt() == 0
     assert "Smallest clearance" in process.text
     assert "http" not in process.text
+
+
+# How a part's mesh is drawn: whether flat, its vertices and its triangles.
+DRAWN_AS = """i => {
+  const props = window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props;
+  return [props.flat_shading, props.vertices.byteLength / 12, props.faces.byteLength / 12];
+}"""
+
+
+def on_blade(model, text, body):
+    """The point (3,) of a model that the page's words about a pair name, model frame."""
+    told = re.search(rf"{body}: patch (\d+), u (\d\.\d{{3}}), v (\d\.\d{{3}})", text)
+    assert told, text
+    patch, u, v = told.groups()
+    place = np.array([float(u)]), np.array([float(v)])
+    return model.nets[int(patch)].derivatives(*place, 0)[0, 0, 0]
+
+
+def test_the_turbine_on_the_page(demo, browser, wait, eventually):
+    """Of the bundled scene, which hardly moves here: looks, clearances, features, and a hand."""
+    from proximity_monitor import engine, motion, scene
+    from proximity_monitor.scene.opening import load_models
+
+    described = scene.load_scene(scene.bundled("turbine"))
+    models = load_models(described)
+    poses = {"shroud": np.eye(4)} | motion.from_scene(described, models).poses(0.0)
+
+    def of_engine(pair):
+        a, b = pair.split(" - ")
+        return engine.distance(models[a], poses[a], models[b], poses[b])
+
+    process = demo("--speed", "1e-9", scene="turbine")
+    address = wait(lambda: process.says(BESIDE), "the address", START_DEADLINE_S)
+    page = browser.new_page(viewport={"width": 1200, "height": 800})
+    page.set_default_timeout(1e3 * DEADLINE_S)
+    errors = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+    page.wait_for_selector("#pm-pairs .pm-row", timeout=1e3 * START_DEADLINE_S)
+
+    def clearances():
+        found = listed(page)
+        assert {f"blade_{i} - shroud" for i in range(1, 9)} <= set(found)
+        assert next(iter(found)) == "blade_3 - shroud"
+        for pair, (lower, upper, text) in found.items():
+            true = of_engine(pair)
+            assert lower <= true.upper + 1e-9 and true.lower <= upper + 1e-9, pair
+            assert upper - lower < 2e-7 and f"{1e3 * upper:.3f} mm" in text, text
+        nearest = f"{1e3 * found['blade_3 - shroud'][1]:.3f} mm"
+        labels = page.evaluate(TEXTS, "/distances")
+        assert any(text.startswith("▲ ") and text.endswith(nearest) for text in labels)
+
+    eventually(clearances)
+    for i, body in enumerate(described.bodies):
+        flat, vertices, triangles = page.evaluate(DRAWN_AS, i)
+        assert not flat and vertices < triangles, body.name
+
+    press(page, '[data-pair="blade_3 - shroud"]')
+
+    def features():
+        text = row(page, "blade_3 - shroud")[2]
+        near = of_engine("blade_3 - shroud")
+        for body, point in (("blade_3", near.point_a), ("shroud", near.point_b)):
+            place, pose = on_blade(models[body], text, body), poses[body]
+            np.testing.assert_allclose(pose[:3, :3] @ place, point, atol=3e-4)  # 3 digits of u, v
+
+    eventually(features)
+    press(page, '[data-pair="blade_3 - shroud"]')
+
+    choose(page, "blade_1")  # it points up
+    for height, told in ((0.3, "warn"), (0.6, "CONTACT")):
+        tab(page, "Move")
+        field(page, "Position [mm]", 2).fill(f"{height}")
+        button(page, "Put it there").click()
+        tab(page, "Clearances")
+        poses["blade_1"][2, 3] = 1e-3 * height
+        true = of_engine("blade_1 - shroud")
+        assert (true.lower > 0.0) == (told == "warn")
+
+        def followed(told=told, true=true):
+            found = row(page, "blade_1 - shroud")
+            assert found[1] == pytest.approx(true.upper, abs=2e-7)
+            assert word(page) == told
+            assert told in found[2]
+
+        eventually(followed)
+    page.close()
+    assert errors == []
+    assert process.interrupt() == 0

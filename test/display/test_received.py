@@ -1,6 +1,7 @@
 """Reading the monitor's messages from their bytes, against rclpy's own serialisation."""
 
 import contextlib
+import dataclasses
 
 import numpy as np
 import pytest
@@ -14,9 +15,12 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from proximity_monitor import engine
+from proximity_monitor.cdr import as_octahedral, from_octahedral
 from proximity_monitor.display import state
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.received import read_pairs, read_parts, read_poses
+from proximity_monitor.display.signs import feature
 from proximity_monitor.display.state import LEVELS, STATUSES, SceneInfo, Unit
 from proximity_monitor.ros import messages
 from proximity_monitor.ros.poses_message import PosesMessage
@@ -80,6 +84,31 @@ def test_pairs_are_read_as_the_monitor_writes_them(frame):
     np.testing.assert_array_equal(read.stamp_s, [4.0, 4.0, np.nan, 4.0])
     assert read.silent == ("", "no recent pose of block", "no pose yet of a and b", "")
     np.testing.assert_array_equal(read.touching, [False, False, False, True])
+
+
+def test_features_of_near_pairs_are_read_as_the_monitor_writes_them():
+    near = dataclasses.replace(
+        pair(1, PairStatus.EXACT, 0.1, 0.1),
+        kinds=(engine.Patch, engine.TriangleMesh),
+        elements=(4, 12),
+        parameters=np.array([[1.0, 0.803846512, 0.0], [0.5, 0.5, 0.0]]),
+    )
+    pairs = [pair(0, PairStatus.EXACT, 0.1, 0.1), near]
+    read = read_pairs(told(pairs, {0: Level.CLEAR, 1: Level.WARN}, "world"))[1]
+    assert read.features == {1: ("patch 4 1 0.803846512", "edge 12 0.5 0.5 0")}
+    assert [feature(each) for each in read.features[1]] == [
+        "patch 4, u 1.000, v 0.804",
+        "edge 12, 0.500, 0.500, 0.000",
+    ]
+
+
+def test_unit_vectors_come_back_from_the_octahedron():
+    random = np.random.default_rng(8).normal(size=(1000, 3))
+    random /= np.linalg.norm(random, axis=1, keepdims=True)
+    axes = np.concatenate((np.eye(3), -np.eye(3), np.zeros((1, 3))))
+    vectors = np.concatenate((random, axes, random * (1, 1, 0) / np.hypot(*random.T[:2])[:, None]))
+    told = as_octahedral(vectors).astype(np.float32)
+    np.testing.assert_allclose(from_octahedral(told), vectors, atol=3e-7)
 
 
 def test_a_message_without_pairs_is_read():

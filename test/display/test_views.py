@@ -7,6 +7,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 
 from proximity_monitor.display import serving
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.geometry import borders, smoothed
 from proximity_monitor.display.lines import pattern, shown_rows
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
@@ -54,6 +55,47 @@ def test_a_deforming_body_gets_its_new_shape_and_others_keep_theirs(server):
     views.reshape([Part(POSE, np.ones(4), bent) for _ in bodies], scene.deforming)
     np.testing.assert_array_equal(views["a"].mesh.vertices, CORNERS)
     np.testing.assert_array_equal(views["b"].mesh.vertices, bent)
+
+
+def test_corners_are_shared_where_the_surface_is_smooth_and_creases_stay_sharp():
+    """A strip of three squares: the first two lie in a plane, the third stands on the second."""
+    corners, normals = [], []
+    for at, along, normal in (
+        ((0, 0, 0), (1, 0, 0), (0, 0, 1)), ((1, 0, 0), (1, 0, 0), (0.1, 0, 1)),
+        ((2, 0, 0), (0, 0, 1), (-1, 0, 0)),
+    ):  # fmt: skip
+        a, u, v = np.array(at, float), np.array(along, float), np.array([0, 1.0, 0])
+        corners += [a, a + u, a + u + v, a, a + u + v, a + v]
+        normals += 6 * [np.array(normal) / np.linalg.norm(normal)]
+    corners, normals = np.array(corners), np.array(normals)
+    shared, triangles = smoothed(corners, normals)
+    np.testing.assert_array_equal(shared[triangles.ravel()], corners)
+    assert len(shared) == 4 + 2 + 4  # the first two share an edge
+    edges = shared[borders(triangles)]
+    assert len(edges) == 6 + 4
+    crease = (np.abs(edges[..., 0] - 2.0) < 1e-12) & (np.abs(edges[..., 2]) < 1e-12)
+    assert crease.all(axis=1).sum() == 2  # once of either side
+    flat = np.zeros_like(normals)
+    assert len(smoothed(corners, flat)[0]) == len(corners)
+
+
+def test_edges_that_are_points_are_no_borders():
+    fan = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [0, 0, 1], [2, 2, 2]])
+    assert borders(fan).tolist() == [[1, 2], [1, 3], [2, 3]]
+
+
+def test_a_surface_that_deforms_may_get_other_triangles(server):
+    body = Body("a", True, "a", False, "")
+    scene = SceneInfo(
+        "s", "", "w", Unit("m", 1.0), (body,), frozenset("a"), 0, Thresholds(1, 0, 0), {}, True, {}
+    )
+    up = np.tile([0.0, 0.0, 1.0], (3, 1))
+    views = Parts(server, scene, [Part(POSE, np.ones(4), CORNERS, up)], lambda name: None)
+    assert not views["a"].mesh.flat_shading
+    both = np.concatenate((CORNERS, CORNERS[[1, 0, 2]] * (1, -1, 1)))
+    views.reshape([Part(POSE, np.ones(4), both, np.tile(up, (2, 1)))], scene.deforming)
+    assert views["a"].mesh.vertices.shape == (4, 3)
+    assert views["a"].mesh.faces.shape == (2, 3)
 
 
 @pytest.mark.parametrize("size", [0.003, 0.5, 40.0])

@@ -15,6 +15,7 @@ LEAST = {
     "cave": ("torus - cave", "m", 0.0083),
     "peg": ("peg - block", "mm", 0.0097),
     "probe": ("tip - pebble", "mm", 0.309),
+    "turbine": ("blade_4 - shroud", "mm", 0.2489),
     "arm": ("jaw_2 - panda_leftfinger", "mm", 11.99),
 }
 

@@ -16,8 +16,10 @@ from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from proximity_monitor import engine
+from proximity_monitor.display.received import read_parts
 from proximity_monitor.ros import messages
 from proximity_monitor.ros.diagnostics import Timing
+from proximity_monitor.ros.looks import ROUNDNESS, Looks
 from proximity_monitor.ros.markers import LABELS, NEAREST, ClearanceMarkers
 from proximity_monitor.ros.parts import PartsMessage, to_quaternion
 from proximity_monitor.scene import Body, Unit, pose_matrix
@@ -178,6 +180,36 @@ def test_every_corner_of_every_body_is_in_the_parts():
         assert np.array_equal(points, model.vertices[model.faces].reshape(-1, 3))
         assert marker.pose.position.y == -2.5
         assert (marker.id, marker.action, marker.text) == (i, Marker.ADD, "")
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (1, 2, 0)])
+def test_normals_of_curved_bodies_are_in_the_parts_and_read_by_the_page(order):
+    rng = np.random.default_rng(6)
+    shapes = (
+        engine.TriangleMesh(rng.normal(size=(3, 3)), [[0, 1, 2]]),
+        engine.Patch(rng.normal(size=(4, 3, 3))),
+        engine.Patch(rng.normal(size=(2, 5, 3))),
+    )
+    models = {f"body{i}": shapes[k] for i, k in enumerate(order)}
+    bodies = [Body(name, None, None, 1.0, None, "t", (0.1, 0.2, 0.3, 0.4)) for name in models]
+    told = read_parts(PartsMessage(bodies, models, "world").serialised())
+    for part, model in zip(told, models.values(), strict=True):
+        shown = model.display_mesh(ROUNDNESS * model.radius)
+        np.testing.assert_array_equal(part.corners, shown.corners().reshape(-1, 3))
+        normals = shown.corner_normals()
+        if normals is None:
+            assert part.normals is None
+        else:
+            np.testing.assert_allclose(part.normals, normals.reshape(-1, 3), atol=1e-6)
+
+
+def test_a_look_is_kept_until_the_shape_changes():
+    looks, patch = Looks(), engine.Patch(np.random.default_rng(7).normal(size=(4, 3, 3)))
+    before = looks.of(patch)
+    assert looks.of(patch) is before
+    patch.deform(2.0 * patch.control_points)
+    assert looks.of(patch) is not before
+    assert np.ptp(looks.of(patch).corners) > 1.5 * np.ptp(before.corners)
 
 
 @pytest.mark.parametrize("frame", ["", "w", "world", "a_longer_frame_name"])

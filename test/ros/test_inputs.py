@@ -14,7 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 
 from proximity_monitor.ros.bulk import StampedPose, read_pose, read_pose_array
-from proximity_monitor.ros.clouds import read_vertices
+from proximity_monitor.ros.clouds import read_points
 from proximity_monitor.ros.inputs import Inputs, Reason
 from proximity_monitor.ros.pace import Pace
 from proximity_monitor.scene import pose_matrix
@@ -231,7 +231,7 @@ POINTS = [[0.5, 1.0, -2.0], [3.0, 4.25, 5.0], [6.0, 7.0, 8.0], [9.0, 10.0, 11.5]
 @pytest.mark.parametrize("kind", [PointField.FLOAT32, PointField.FLOAT64])
 @pytest.mark.parametrize("layout", [{}, {"big": True}, {"gap": 5}, {"rows": 2}])
 def test_vertices_are_read_in_any_layout(kind, layout):
-    assert read_vertices(cloud(POINTS, kind=kind, **layout)).tolist() == POINTS
+    assert read_points(cloud(POINTS, kind=kind, **layout)).tolist() == POINTS
 
 
 def test_clouds_that_do_not_fit_their_description_are_refused():
@@ -247,7 +247,7 @@ def test_clouds_that_do_not_fit_their_description_are_refused():
     folded.row_step = 0  # rows that lie upon each other: few bytes would be billions of points
     for bad in (short, narrow, whole, lacking, folded):
         with pytest.raises(ValueError, match="cloud"):
-            read_vertices(bad)
+            read_points(bad)
 
 
 def test_transforms_to_frames_named_like_bodies_are_poses(rclpy_context, world):

@@ -18,8 +18,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState, PointCloud2, PointField
 
-from proximity_monitor import motion
-from proximity_monitor.ros.clouds import read_vertices
+from proximity_monitor import engine, motion
+from proximity_monitor.ros.clouds import read_points
 from proximity_monitor.scene import load_scene
 
 NodeNameNonExistentError = rclpy_implementation.NodeNameNonExistentError
@@ -71,7 +71,7 @@ BLADDER = """
   deform:
     bodies: {bladder: {field: breathe, amplitude: 0.5, frequency_hz: 2}}
 """
-SOFT = "  - {name: bladder, primitive: {sphere: {radius: 9}}, deforming: true, moving: true}\n"
+SOFT = "  - {name: bladder, SHAPE, deforming: true, moving: true}\n"
 
 
 @pytest.fixture
@@ -261,19 +261,30 @@ def test_a_player_that_cannot_play_says_why(scene, play, effects, parameters, to
     assert re.search(told, process.text)
 
 
-def test_vertices_of_a_deforming_body_are_a_cloud_in_its_own_frame(scene, play, listener):
-    path, moves = scene(BLADDER, DOOR, more=SOFT)
+@pytest.mark.parametrize(
+    "shape, topic",
+    [("primitive: {sphere: {radius: 9}}", "vertices"), ("model: sail.json", "control")],
+    ids=["mesh", "surface"],
+)
+def test_points_of_a_deforming_body_are_a_cloud_in_its_own_frame(
+    scene, play, listener, tmp_path, shape, topic
+):
+    x, y = np.meshgrid([0.0, 1.0, 2.0], [0.0, 1.0], indexing="ij")
+    sail = engine.Patch(np.stack((x, y, x * y), axis=-1))
+    engine.save_geomdl(sail, tmp_path / "sail.json")
+    path, moves = scene(BLADDER, DOOR, more=SOFT.replace("SHAPE", shape))
+    topic = f"bodies/bladder/{topic}"
     process = play(path, seek_s=0.1, speed=0.0)
-    listener.subscribe(PointCloud2, "bodies/bladder/vertices")
+    listener.subscribe(PointCloud2, topic)
     listener.subscribe(PoseStamped, "doors/front")
     heard = listener.first(process)
-    (cloud,) = heard["bodies/bladder/vertices"]
+    (cloud,) = heard[topic]
     assert cloud.header.frame_id == "bladder"
     assert [(field.name, field.datatype) for field in cloud.fields] == [
         (name, PointField.FLOAT64) for name in "xyz"
     ]
-    vertices = moves.control_points(0.1)["bladder"]
-    assert (cloud.width, cloud.height, cloud.row_step) == (len(vertices), 1, len(cloud.data))
-    assert np.array_equal(read_vertices(cloud), vertices)
+    points = moves.control_points(0.1)["bladder"]
+    assert (cloud.width, cloud.height, cloud.row_step) == (len(points), 1, len(cloud.data))
+    assert np.array_equal(read_points(cloud), points)
     assert listener.topics(process, *heard) == {f"{listener.namespace}/{topic}" for topic in heard}
     assert "deform: 1 body, breathe at 2 Hz; script: 1 body, 2 s in a loop, " in process.text

@@ -9,8 +9,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from visualization_msgs.msg import Marker
 
 from proximity_monitor import engine
+from proximity_monitor.ros.looks import ROUNDNESS
 from proximity_monitor.ros.markers import COLOURS
-from proximity_monitor.ros.parts import ROUNDNESS
 from proximity_monitor.scene.alerts import Level
 
 TURN = tuple(np.array((0.1, -0.3, 0.2, 0.9)) / np.linalg.norm((0.1, -0.3, 0.2, 0.9)))

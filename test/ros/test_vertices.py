@@ -1,4 +1,4 @@
-"""Bodies whose vertices arrive while the node runs."""
+"""Bodies whose vertices or control points arrive while the node runs."""
 
 import numpy as np
 import pytest
@@ -23,7 +23,26 @@ bodies:
     primitive: {sphere: {radius: 100}}
     pose: {position: [0, 900, 0]}
     deforming: true
+  - {name: deck, model: deck.json, pose: {position: [0, 0, -300]}}
+  - {name: sail, model: sail.json, pose: {position: [0, 0, -100]}, deforming: true}
+pairs:
+  groups: {meshes: [wall, ball, pillar]}
+  watch:
+    - between: [meshes, meshes]
+    - between: [deck, sail]
 """
+PAIRS = {"ball": "wall - ball", "sail": "deck - sail"}
+CALLED = {"ball": "vertices", "sail": "control points"}
+
+
+def lifted(net, height):
+    """A sail whose middle is higher by so many metres.
+
+    Of its nine control points only the inner one is moved, which counts a quarter there.
+    """
+    made = net.reshape(3, 3, 3).copy()
+    made[1, 1, 2] += 4.0 * height
+    return made.reshape(-1, 3)
 
 
 class Soft:
@@ -32,9 +51,9 @@ class Soft:
     def __init__(self, peer, rest):
         self.peer = peer
         self.rest = rest
-        self.shapes = {"ball": rest, "pillar": rest}
+        self.shapes = dict(rest)
         self.publishers = {
-            name: peer.node.create_publisher(PointCloud2, f"bodies/{name}/vertices", 1)
+            name: peer.node.create_publisher(PointCloud2, self.topic(name), 1)
             for name in self.shapes
         }
         peer.hold(ball=(0.2, 0.0, 0.0))
@@ -43,6 +62,9 @@ class Soft:
     def _publish(self):
         for name, shape in self.shapes.items():
             self.send(name, self.cloud(shape))
+
+    def topic(self, name):
+        return f"bodies/{name}/{'control' if name == 'sail' else 'vertices'}"
 
     def send(self, name, message):
         self.publishers[name].publish(message)
@@ -68,11 +90,13 @@ class Soft:
     def pair(self, name="wall - ball"):
         return self.peer.pairs().get(name, {"state": "none", "text": ""})
 
-    def wait_for_gap(self, expected):
+    def wait_for_gap(self, expected, name="ball"):
+        error = 2e-3 if name == "ball" else 1e-9  # a mesh stands for the ball
+
         def told():
-            pair = self.pair()
+            pair = self.pair(PAIRS[name])
             near = pair["state"] == "clear" and pair["age_s"] == "0.0000"
-            return near and float(pair["upper_m"]) == pytest.approx(expected, abs=2e-3)
+            return near and float(pair["upper_m"]) == pytest.approx(expected, abs=error)
 
         self.peer.wait(told, f"a gap of {expected} m", 180.0)
 
@@ -82,14 +106,20 @@ class Soft:
 
 @pytest.fixture(scope="module")
 def soft(launch_for_all, peer_for_all, tmp_path_factory):
+    from proximity_monitor import engine
     from proximity_monitor.scene import load_scene
     from proximity_monitor.scene.opening import load_models
 
     path = tmp_path_factory.mktemp("soft") / "soft.yaml"
     path.write_text(SCENE)
+    for name, count in (("deck", 2), ("sail", 3)):
+        x, y = np.meshgrid(*2 * [np.linspace(-400.0, 400.0, count)], indexing="ij")
+        flat = np.stack((x, y, np.zeros_like(x)), axis=-1)
+        engine.save_geomdl(engine.Patch(flat), path.with_name(f"{name}.json"))
     process = launch_for_all("node", "-r", "__ns:=/soft", scene=path, pose_timeout_s=1.0)
     peer = peer_for_all(process, "soft")
-    yield Soft(peer, load_models(load_scene(path))["ball"].vertices)
+    models = load_models(load_scene(path))
+    yield Soft(peer, {name: models[name].control_points for name in ("ball", "pillar", "sail")})
     process.stop()
 
 
@@ -101,17 +131,33 @@ def test_a_body_without_vertices_is_stale_until_they_come_and_follows_them(soft)
     soft.peer.wait(lambda: "no vertices yet of ball" in soft.pair()["text"], "the reason")
     soft.shapes = shapes
     soft.wait_for_gap(0.2)
-    soft.shapes = {"ball": 0.5 * soft.rest, "pillar": soft.rest}
+    soft.shapes = shapes | {"ball": 0.5 * soft.rest["ball"]}
     soft.wait_for_gap(0.25)
     soft.shapes = shapes
     soft.wait_for_gap(0.2)
+
+
+def test_a_surface_without_control_points_is_stale_until_they_come_and_follows_them(soft):
+    shapes, soft.shapes = soft.shapes, {}
+    stale = "no control points yet of sail", "no recent control points of sail"
+    soft.peer.wait(
+        lambda: any(why in soft.pair("deck - sail")["text"] for why in stale), "the reason"
+    )
+    assert soft.pair("deck - sail")["state"] == "stale"
+    for height in (0.0, -0.15, 0.1, -0.199):  # the corners stay
+        soft.shapes = shapes | {"sail": lifted(soft.rest["sail"], height)}
+        soft.wait_for_gap(0.2 + min(height, 0.0), "sail")
+    told = soft.pair("deck - sail")
+    assert float(told["lower_m"]) == pytest.approx(0.001, abs=1e-9)
+    soft.shapes = shapes
+    soft.wait_for_gap(0.2, "sail")
 
 
 @pytest.mark.parametrize("silent", ["ball", "pillar"])
 def test_vertices_that_fall_silent_make_their_body_stale(soft, silent):
     """Though the ball's poses go on; the pillar, which is fixed, has none."""
     soft.wait_for_gap(0.2)
-    soft.shapes = {name: soft.rest for name in ("ball", "pillar") if name != silent}
+    soft.shapes = {name: rest for name, rest in soft.rest.items() if name != silent}
     pair = "ball - pillar"
     why = f"no recent vertices of {silent}"
     soft.peer.wait(lambda: why in soft.pair(pair)["text"], "the pair to become stale")
@@ -124,52 +170,57 @@ def test_vertices_that_fall_silent_make_their_body_stale(soft, silent):
     )
     assert why in inputs["text"]
     soft.peer.wait(lambda: soft.peer.next("clearance").data == 0.0, "no clearance")
-    soft.shapes = {"ball": soft.rest, "pillar": soft.rest}
+    soft.shapes = dict(soft.rest)
     soft.wait_for_gap(0.2)
 
 
-def test_bad_vertices_are_counted_by_reason_and_keep_nothing_fresh(soft):
-    holed = soft.rest.copy()
+@pytest.mark.parametrize("body", PAIRS)
+def test_bad_points_are_counted_by_reason_and_keep_nothing_fresh(soft, body):
+    rest = soft.rest[body]
+    holed = rest.copy()
     holed[7, 1] = np.nan
     cloud = soft.cloud
     bad = {
-        "wrong length": lambda: cloud(soft.rest[:-1]),
+        "wrong length": lambda: cloud(rest[:-1]),
         "not finite": lambda: cloud(holed),
-        "position out of range": lambda: cloud(soft.rest * 1e12),
-        "other frame": lambda: cloud(soft.rest, frame="nowhere"),
-        "stale stamp": lambda: cloud(soft.rest, late_s=3600.0),
-        "stamp in the future": lambda: cloud(soft.rest, late_s=-3600.0),
-        "stamp out of order": lambda: cloud(soft.rest, late_s=0.5),
+        "position out of range": lambda: cloud(rest * 1e12),
+        "other frame": lambda: cloud(rest, frame="nowhere"),
+        "stale stamp": lambda: cloud(rest, late_s=3600.0),
+        "stamp in the future": lambda: cloud(rest, late_s=-3600.0),
+        "stamp out of order": lambda: cloud(rest, late_s=0.5),
     }
     before = {reason: soft.rejected(reason) for reason in bad}
-    soft.wait_for_gap(0.2)
+    soft.wait_for_gap(0.2, body)
 
     def counted():
         for reason, make in bad.items():
             if soft.rejected(reason) == before[reason]:
-                soft.send("ball", make())
+                soft.send(body, make())
                 soft.peer.executor.spin_once(timeout_sec=0.02)
         return all(soft.rejected(reason) > before[reason] for reason in bad)
 
     soft.peer.wait(counted, "a count of each reason")
-    soft.wait_for_gap(0.2)
+    soft.wait_for_gap(0.2, body)
 
-    soft.shapes = {"ball": holed, "pillar": soft.rest}
-    soft.peer.wait(lambda: soft.pair()["state"] == "stale", "the ball of NaN to become stale")
-    soft.shapes = {"ball": soft.rest, "pillar": soft.rest}
+    soft.shapes = soft.rest | {body: holed}
+    why = f"no recent {CALLED[body]} of {body}"
+    soft.peer.wait(lambda: why in soft.pair(PAIRS[body])["text"], "the NaN to keep nothing fresh")
+    assert soft.pair(PAIRS[body])["state"] == "stale"
+    soft.shapes = dict(soft.rest)
+    unread = soft.rejected("unreadable layout")
 
     def unreadable():
-        soft.send("ball", message)
-        return soft.rejected("unreadable layout") > 0
+        soft.send(body, message)
+        return soft.rejected("unreadable layout") > unread
 
-    message = soft.cloud(soft.rest, frame="ball")
+    message = soft.cloud(rest, frame=body)
     message.fields = []
     soft.peer.wait(unreadable, "an unreadable cloud")
-    soft.wait_for_gap(0.2)
+    soft.wait_for_gap(0.2, body)
 
     best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-    other = soft.peer.node.create_publisher(PointCloud2, "bodies/ball/vertices", best_effort)
-    key = "incompatible QoS: bodies/ball/vertices"
+    other = soft.peer.node.create_publisher(PointCloud2, soft.topic(body), best_effort)
+    key = f"incompatible QoS: {soft.topic(body)}"
     soft.peer.wait(
         lambda: soft.peer.health()["outputs"].get(key) == "1", "the publisher that does not fit"
     )

@@ -5,6 +5,7 @@ from its radii as well.
 """
 
 import filecmp
+import json
 import math
 import os
 import subprocess
@@ -15,6 +16,7 @@ import fcl
 import numpy as np
 import pytest
 import trimesh
+from scipy.interpolate import BSpline
 
 from proximity_monitor import engine, motion, scene
 from proximity_monitor.scene.opening import load_models
@@ -91,7 +93,12 @@ def arm():
         pytest.skip("needs example-robot-data: pip install example-robot-data")
 
 
-@pytest.mark.parametrize("name", ["cave", "peg", "probe"])
+@pytest.fixture(scope="module")
+def turbine():
+    return Played("turbine")
+
+
+@pytest.mark.parametrize("name", ["cave", "peg", "probe", "turbine"])
 def test_the_tool_makes_the_bundled_files_again(name, tmp_path):
     tool = ROOT / "tools" / f"make_{name}_scene.py"
     environment = os.environ | {"PYTHONSAFEPATH": ""}  # the tools import each other
@@ -100,7 +107,7 @@ def test_the_tool_makes_the_bundled_files_again(name, tmp_path):
     )
     bundled = scene.bundled(name).parent
     files = [file.relative_to(tmp_path) for file in tmp_path.rglob("*") if file.is_file()]
-    assert {file.suffix for file in files} <= {".ply", ".csv"}
+    assert {file.suffix for file in files} <= {".ply", ".csv", ".json"}
     same, other, missing = filecmp.cmpfiles(tmp_path, bundled, files, shallow=False)
     assert (set(same), other, missing) == (set(files), [], [])
 
@@ -117,8 +124,8 @@ def test_solids_are_closed_and_face_outwards():
         assert closed(scene.bundled(name).parent / "meshes" / f"{file}.ply"), file
 
 
-def test_every_motion_closes_its_loop(cave, peg, probe, arm):
-    for played in (cave, peg, probe, arm):
+def test_every_motion_closes_its_loop(cave, peg, probe, arm, turbine):
+    for played in (cave, peg, probe, arm, turbine):
         first, last = played.poses(0.0), played.poses(played.motion.period_s - 1e-9)
         for name, pose in first.items():
             np.testing.assert_allclose(pose, last[name], atol=1e-6)
@@ -222,6 +229,55 @@ def test_the_closest_feature_is_that_of_the_pebble(probe):
         corners = pebble.vertices[pebble.faces[found.feature_b.index]]
         np.testing.assert_allclose(found.feature_b.parameters @ corners, found.point_b, atol=1e-12)
         np.testing.assert_allclose(found.point_a, poses["tip"][:3, 3], atol=1e-15)
+
+
+# turbine
+
+
+def tip_edges():
+    """Points of a blade's two sides at its tip, by scipy, in millimetres."""
+    text = (scene.bundled("turbine").parent / "models" / "blade.json").read_text()
+    made = []
+    for patch, end in zip(json.loads(text)["shape"]["data"], (0, -1), strict=False):
+        net = np.array(patch["control_points"]["points"])
+        edge = net.reshape(patch["size_u"], patch["size_v"], 3)[:, end]
+        made.append(BSpline(patch["knotvector_u"], edge, 3)(np.linspace(0.0, 1.0, 2001)))
+    return np.concatenate(made)
+
+
+def to_the_flare(points):
+    """Distances of points (n, 3) in the shroud from its inner wall, millimetres.
+
+    It is 100 + 0.08 x + 0.0005 x² from an axis at y = 0.25 mm.
+    """
+    x, radius = points[:, 0], np.hypot(points[:, 1] - 0.25, points[:, 2])
+    foot = x.copy()
+    for _ in range(50):  # Newton for the foot on a parabola
+        wall, slope = 100.0 + 0.08 * foot + 5e-4 * foot**2, 0.08 + 1e-3 * foot
+        wrong = (foot - x) + (wall - radius) * slope
+        foot -= wrong / (1.0 + slope**2 + (wall - radius) * 1e-3)
+    return np.hypot(foot - x, 100.0 + 0.08 * foot + 5e-4 * foot**2 - radius)
+
+
+def test_a_blade_is_as_near_to_its_shroud_as_its_comment_says(turbine):
+    times = turbine.times(121)
+    found = turbine.clearance("blade_1", "shroud", times)
+    assert found.min() == pytest.approx(0.2490, abs=1e-4)
+    assert found.max() == pytest.approx(0.7474, abs=2e-4)
+    assert turbine.warnings("blade_1", "shroud", found) == 1
+    assert (found <= 0.4).mean() * 360.0 == pytest.approx(138.0, abs=3.0)
+    tip = tip_edges()
+    for t, clearance in zip(times[::10], found[::10], strict=True):
+        turn = turbine.poses(t)["blade_1"][:3, :3]
+        assert to_the_flare(tip @ turn.T).min() == pytest.approx(clearance, abs=1e-5)
+    assert turbine.clearance("blade_1", "blade_2", [0.0])[0] == pytest.approx(29.62, abs=0.005)
+
+
+def test_the_turbine_s_models_close_up_and_face_outwards():
+    for file in sorted((scene.bundled("turbine").parent / "models").iterdir()):
+        shown = engine.load(file, solid=True).display_mesh(1e-3)
+        volume = np.linalg.det(shown.corners()).sum() / 6.0
+        assert volume > 0.0, file
 
 
 # arm

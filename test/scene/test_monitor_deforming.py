@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from crowds import assert_certified, exact, placed, samples, text, walk
+from scipy.interpolate import BSpline
 
 from proximity_monitor import engine
 from proximity_monitor.scene.monitor import Monitor
@@ -42,6 +43,39 @@ def test_bounds_hold_while_bodies_deform(load, body, head, budget_s):
         true = exact(models, poses)
         listed = assert_certified(tick, true)
         assert all(pair in listed or at.upper > 0.3 for pair, at in true.items())
+
+
+@pytest.mark.parametrize("budget_s", [0.0, 2e-4, 1.0])
+def test_bounds_hold_while_the_control_points_of_a_surface_move(load, tmp_path, budget_s):
+    """A sail over a plane that holds the nearest point whatever happens, against scipy's splines.
+
+    Both also swing, so bounds are carried by displacement and by motion at once.
+    """
+    x, y = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 8)], indexing="ij")
+    knots = np.concatenate((np.zeros(3), np.linspace(0.0, 1.0, 6), np.ones(3)))
+    rest = np.stack((x, y, np.zeros_like(x)), axis=-1)
+    engine.save_geomdl(engine.Patch(rest, knots, knots), tmp_path / "sail.json")
+    engine.save_geomdl(engine.Patch(9.0 * rest[::7, ::7]), tmp_path / "deck.json")
+    scene = load(
+        "version: 1\nunit: m\nbodies:\n"
+        "  - {name: deck, model: deck.json, pose: {position: [0, 0, 0]}}\n"
+        "  - {name: sail, model: sail.json, moving: true, deforming: true}\n"
+    )
+    monitor = Monitor(scene, load_models(scene))
+    dense = np.linspace(0.0, 1.0, 201)
+    basis = BSpline(knots, np.eye(8), 3)(dense)
+    at, net = np.eye(4), rest.copy()
+    for k in range(25):
+        net[..., 2] = 0.2 * np.sin(4.0 * x + 0.11 * k) * np.cos(3.0 * y - 0.07 * k)
+        angle = 0.2 * np.sin(0.05 * k)
+        at[1:3, 1:3] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+        at[2, 3] = 0.6 + 0.02 * np.sin(k)
+        monitor.deform("sail", net.reshape(-1, 3))
+        (pair,) = monitor.tick(samples({"sail": at.copy()}), budget_s).pairs
+        shape = np.einsum("iu,jv,uvc->ijc", basis, basis, net)
+        true = (shape @ at[2, :3] + at[2, 3]).min()
+        assert pair.lower <= true and true - 1e-4 <= pair.upper  # true is what was sampled
+        assert budget_s < 1.0 or pair.upper - pair.lower < 1e-9
 
 
 def test_a_deformation_alone_asks_for_a_new_search(load):

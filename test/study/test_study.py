@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,14 @@ import pytest
 
 from proximity_monitor import engine
 from proximity_monitor.study import __main__ as command_line
-from proximity_monitor.study.accuracy import paper, run, tolerance
+from proximity_monitor.study.accuracy import degrees, iterations, paper, run, tolerance
 from proximity_monitor.study.accuracy.certificate import BrokenCertificateError, check
 from proximity_monitor.study.accuracy.data import read_rows
 from proximity_monitor.study.accuracy.findings import findings
+from proximity_monitor.study.accuracy.part import Job, only
 from proximity_monitor.study.accuracy.run import PARTS
 from proximity_monitor.study.accuracy.timing import Timed, blocks
+from proximity_monitor.study.surfaces import SURFACES
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 COMMAND = [sys.executable, "-m", "proximity_monitor.study", "accuracy"]
@@ -189,6 +192,42 @@ def test_a_broken_certificate_is_found():
         check("another distance", other, true)
     with pytest.raises(BrokenCertificateError, match=r"asked for: 0\.1"):
         check("too far", true, other, 0.1)
+
+
+def quickly(part, scene):
+    """What a part measures of a scene of surfaces, from few queries."""
+    made = SURFACES[scene]()
+    return part.measure(Job(scene, replace(made, block=8), True, lambda share: None))
+
+
+def test_surfaces_of_all_degrees_are_asked_about():
+    rows = quickly(degrees, "degrees/16")
+    for question in (degrees.TO_POINT, degrees.TO_PATCH):
+        mine = only(rows, question=question, net="16x16")
+        assert [row["degree"] for row in mine] == list(range(2, 16))
+        assert [row["pieces"] for row in mine] == [(16 - d) ** 2 for d in range(2, 16)]
+        assert min(row["bound_tests"] for row in mine) >= 1.0
+
+
+def test_iterations_lose_nothing_and_end_exact():
+    rows = quickly(iterations, "nets/random")
+    assert [row["iteration"] for row in rows] == list(range(1, len(rows) + 1))
+    for key in ("gap_median", "error_max"):
+        assert (np.diff([row[key] for row in rows]) <= 1e-9).all(), key
+    for key in ("ended", "found", "bound_tests"):
+        assert rows[0][key] < rows[-1][key], key
+    assert rows[-1]["gap_median"] < 1e-9 < rows[0]["gap_median"]
+
+
+@pytest.mark.parametrize(
+    "lower, upper",
+    [([0.0, 0.9, 0.8, 1.0], [2, 1, 1, 1]), ([0, 1.1, 1], [2, 2, 1]), ([0, 1], [0.9, 1])],
+)
+def test_bounds_that_an_iteration_loses_or_contradicts_are_found(lower, upper):
+    course = iterations.Course(lower=lower, upper=upper)
+    with pytest.raises(BrokenCertificateError, match="random: query 3"):
+        iterations.check("random: query 3", course)
+    iterations.check("good", iterations.Course(lower=[0, 0.9, 1], upper=[2, 1, 1]))
 
 
 def test_blocks_are_spread_over_all_steps():

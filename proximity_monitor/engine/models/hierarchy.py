@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.state import DEVIATION, REVISION, SWEPT, MeshTree
-from ..kernels.base.tables import mesh_table
+from ..kernels.base.tables import arrays_of, mesh_table
 from ..kernels.tree.measure import measure
 from ..kernels.tree.ranges import node_ranges
 from ..kernels.tree.spread import spread_corners
@@ -204,4 +204,4 @@ class Hierarchy(ABC):
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:
         """The read-only arrays of what is kept."""
-        return *state["tree"], *state["distinct"]
+        return *arrays_of(state["tree"]), *arrays_of(state["distinct"])

@@ -63,6 +63,7 @@ class TriangleMesh(Model):
     __slots__ = ("_hierarchy", "name")
 
     kind = "mesh"
+    control_name = "vertices"
 
     def __init__(
         self,

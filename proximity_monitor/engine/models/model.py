@@ -47,6 +47,10 @@ class DisplayMesh(NamedTuple):
         """The corners of the faces (m, 3, 3), metres."""
         return self.vertices[self.faces]
 
+    def corner_normals(self) -> NDArray[np.float64] | None:
+        """The surface's unit normals at the corners of the faces (m, 3, 3); None: each is flat."""
+        return None if self.normals is None else self.normals[self.faces]
+
     def welded(self) -> NDArray[np.int32]:
         """The faces (m, 3), where vertices of equal coordinates have the first one's number.
 
@@ -64,12 +68,14 @@ class Model(ABC):
 
     Attributes:
         kind: what the kind is called.
+        control_name: what the points that give it its shape are called.
         name: what messages call this model.
     """
 
     __slots__ = ("__weakref__",)
 
     kind: ClassVar[str]
+    control_name: ClassVar[str] = "control points"
     name: str
 
     _hierarchy: Hierarchy

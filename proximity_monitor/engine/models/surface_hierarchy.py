@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import NET_POINT
-from ..kernels.base.state import CONVERSION, JOINTS
+from ..kernels.base.state import CONVERSION, JOINTS, NONE
 from ..kernels.base.tables import surface_table
 from ..kernels.inside.solids import connected_parts
+from ..kernels.surface.trim import CROSSING
 from ..kernels.surface.trim_entries import nearest_trim_points
-from .checks import ModelError
 from .hierarchy import Hierarchy
 from .nurbs import frozen
 from .solid import plain_sides
@@ -23,7 +23,6 @@ from .trim import joined
 
 if TYPE_CHECKING:
     from ..kernels.base.state import SurfaceTree
-    from ..kernels.surface.trim import Trims
     from .nurbs import Net
     from .solid import Sides
 
@@ -35,7 +34,7 @@ class SurfaceHierarchy(Hierarchy):
 
     KEPT = (*Hierarchy.KEPT, "nets", "order")
 
-    __slots__ = ("_trims", "nets", "order")
+    __slots__ = ("nets", "order")
 
     nets: tuple[Net, ...]
     """Of the patches and curves."""
@@ -47,12 +46,10 @@ class SurfaceHierarchy(Hierarchy):
         """The hierarchy of checked nets; the gaps, metres, are those between a solid's patches.
 
         Raises:
-            ModelError: a patch is trimmed: searches would take what is cut off for a part of it.
+            ModelError: a trimming loop leaves the rectangle of its patch.
         """
-        for i, net in enumerate(nets):
-            if net.trim is not None:
-                raise ModelError(f"patch {i} is trimmed: it can be shown, but not yet asked about")
-        tree, order, depth = build_surface(nets, deviation, gap)
+        trims = joined([net.trim for net in nets])
+        tree, order, depth = build_surface(nets, trims, deviation, gap)
         return cls._made({
             "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation, "solid": solid,
             "tree": tree, "distinct": tree, "depth": depth, "order": order,
@@ -72,16 +69,6 @@ class SurfaceHierarchy(Hierarchy):
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
         return surface_table(tree, self.numbers)
 
-    def _take(self, kept: dict[str, Any]) -> None:
-        super()._take(kept)
-        self._trims: Trims | None = None
-
-    def trims(self) -> Trims:
-        """What is left of the patches, as the kernels see it; made when first needed."""
-        if self._trims is None:
-            self._trims = joined([net.trim for net in self.nets])
-        return self._trims
-
     def _measure(self, error: float = 0.0) -> None:
         super()._measure(error + float(self.tree.scale[CONVERSION]))
 
@@ -89,11 +76,19 @@ class SurfaceHierarchy(Hierarchy):
         return in_threes(projected(self.tree)[0])
 
     def _samples(self) -> NDArray[np.float64]:
-        """Three corners of each piece: where both u and v are low, v alone, and neither."""
+        """Three corners of each piece: where both u and v are low, v alone, and neither.
+
+        An edge has two ends. Where loops cross a piece, an edge's end stands for its corners.
+        """
+        pieces = self.tree.pieces
         points, starts = projected(self.tree)
-        n_v = self.tree.pieces["degree_v"] + 1
         last = starts[1:] - 1
-        places = np.stack((starts[:-1], last - n_v + 1, last), axis=1)
+        places = np.stack((starts[:-1], last - pieces["degree_v"], last), axis=1)
+        crossed, edges = pieces["side"] == CROSSING, np.flatnonzero(pieces["edge"] != NONE)
+        if len(edges):
+            patches, first = np.unique(pieces["patch"][edges], return_index=True)
+            own = np.searchsorted(patches, pieces["patch"][crossed])
+            places[crossed] = starts[edges[first[own]], None]
         return frozen(points[places].reshape(-1, 9))
 
     @property
@@ -121,7 +116,7 @@ class SurfaceHierarchy(Hierarchy):
                 return patch, float(along_u.low[0]), float(along_v.low[0])
         middle = self.nets[0].trim.record["low"] + 0.5 * self.nets[0].trim.record["extent"]
         found = np.empty((1, 2))
-        nearest_trim_points(self.trims(), 0, middle[None], 1.0, 1.0, found)
+        nearest_trim_points(self.tree.trims, 0, middle[None], 1.0, 1.0, found)
         return 0, float(found[0, 0]), float(found[0, 1])
 
     @property

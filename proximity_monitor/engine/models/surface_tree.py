@@ -9,30 +9,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import NET_WIDTH, PIECE, REVISION, SurfaceTree
+from ..kernels.base.state import NET_WIDTH, NONE, PIECE, REVISION, SurfaceTree, Trims
+from ..kernels.base.tables import arrays_of
+from ..kernels.surface.trim import INSIDE
 from ..kernels.tree.build import build_tree
 from ..kernels.tree.fit_surface import fit_surface, project
 from ..kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, STRIDE, WIDTH, first_of, last_of
 from ..kernels.tree.measure import measure
+from .edges import with_edges
 from .nurbs import Net, frozen
 from .tree import TreeError
 
 
 def build_surface(
-    nets: Sequence[Net], deviation: float, gap: float
+    nets: Sequence[Net], trims: Trims, deviation: float, gap: float
 ) -> tuple[SurfaceTree, NDArray[np.int32], int]:
     """The tree over the pieces of nets.
 
     Args:
         nets: of the patches and curves.
+        trims: their loops.
         deviation: metres; how far they may be from what they stand for.
         gap: metres; of a solid, the gaps between patches that were taken for none.
 
     Returns:
         The tree; which piece, in the order of `_cut`, stands where in tree order (m,); and how many
         levels there are.
+
+    Raises:
+        ModelError: a loop leaves the rectangle of its patch.
     """
-    pieces, flat = _cut(nets)
+    pieces, flat, lost = with_edges(*_cut(nets), trims)
     points, starts = project(pieces, flat)
     low = np.minimum.reduceat(points, starts[:-1])
     high = np.maximum.reduceat(points, starts[:-1])
@@ -42,7 +49,8 @@ def build_surface(
     leaves[:, 0] = np.arange(len(pieces))
     children, order, depth = build_tree(stand_ins, leaves, len(pieces))
     children.setflags(write=False)  # as when it is refitted: kernels need no second form
-    tree = _fitted(children, order, pieces, flat, _scale(nets, 0.0, deviation, gap))
+    scale = _scale(nets, lost, 0.0, deviation, gap)
+    tree = _fitted(children, order, pieces, flat, scale, trims)
     return tree, order.astype(np.int32), depth + 1
 
 
@@ -50,8 +58,9 @@ def refit_surface(
     tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net], gap: float
 ) -> SurfaceTree:
     """A tree of the same structure over the pieces of the same nets, whose control points moved."""
-    scale = _scale(nets, tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2], gap)
-    return _fitted(tree.children, order, *_cut(nets), scale)
+    pieces, flat, lost = with_edges(*_cut(nets), tree.trims)
+    scale = _scale(nets, lost, tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2], gap)
+    return _fitted(tree.children, order, pieces, flat, scale, tree.trims)
 
 
 def projected(tree: SurfaceTree) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -76,6 +85,7 @@ def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
         own["points"], own["room"] = points, room
         own["degree_u"], own["degree_v"] = n_u - 1, n_v - 1
         own["rational"], own["patch"] = net.weights is not None, patch
+        own["side"], own["edge"] = INSIDE, NONE
         for end, u, v in (
             ("low", along_u.low, along_v.low),
             ("high", along_u.high, along_v.high),
@@ -84,7 +94,9 @@ def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
         pieces.append(own)
         flat.append(rows.reshape(-1))
         start += rows.size
-    return frozen(np.concatenate(pieces)), frozen(np.concatenate(flat))
+    cut = np.concatenate(pieces)
+    cut["face"] = np.arange(len(cut))
+    return cut, np.concatenate(flat)
 
 
 def _fitted(
@@ -93,17 +105,19 @@ def _fitted(
     pieces: NDArray,
     nets: NDArray[np.float64],
     scale: NDArray[np.float64],
+    trims: Trims,
 ) -> SurfaceTree:
     """A tree of a structure over pieces, which are brought into its order."""
-    pieces = frozen(pieces.take(order))
+    pieces = pieces.take(order)
+    pieces["face"] = np.argsort(order)[pieces["face"]]
     points, starts = project(pieces, nets)
     _, largest, longest = measure(in_threes(points), np.empty(3))
     # A power of two above every coordinate: dividing by it is exact.
     unit = math.ldexp(1.0, math.frexp(largest)[1]) if largest > 1e-300 else 1.0
     scale[:3] = unit, 1.0 / unit, longest * (1.0 + 8.0 * DOUBLE_EPS)
     nodes, centres, sizes = fit_surface(points, starts, children, unit)
-    tree = SurfaceTree(nodes, centres, children, sizes, pieces, nets, scale)
-    for array in tree:
+    tree = SurfaceTree(nodes, centres, children, sizes, pieces, nets, scale, trims)
+    for array in arrays_of(tree):
         frozen(array)
     return tree
 
@@ -116,10 +130,13 @@ def in_threes(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _scale(
-    nets: Sequence[Net], revision: float, deviation: float, gap: float
+    nets: Sequence[Net], lost: float, revision: float, deviation: float, gap: float
 ) -> NDArray[np.float64]:
-    """The numbers of a tree as a whole, but for the first three: see `SurfaceTree`."""
-    error = max(net.error() for net in nets)
+    """The numbers of a tree as a whole, but for the first three: see `SurfaceTree`.
+
+    `lost` metres is how far rounding may move an edge.
+    """
+    error = max(net.error() for net in nets) + lost
     return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error, gap])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.surface.trim import FRAME, SEGMENT, TRIM, Trims
+from ..kernels.base.state import FRAME, SEGMENT, TRIM, Trims
 from .checks import ModelError
 
 if TYPE_CHECKING:
@@ -233,6 +233,13 @@ def hull(curve: TrimCurve) -> Reals:
     net = np.column_stack([curve.control * weights[:, None], weights])
     points = _cutting(degree, 16) @ net
     return (points[..., :2] / points[..., 2:]).reshape(-1, 2)
+
+
+def stretch(control: Reals, begin: float, end: float) -> Reals:
+    """The control points (n, 2) of a stretch of a curve of points (n, 3): x w, y w and w."""
+    degree = len(control) - 1
+    points = np.array([_blossom(degree, begin, end, j) for j in range(degree + 1)]) @ control
+    return points[:, :2] / points[:, 2:]
 
 
 def _bands(points: Reals, ends: Reals) -> Reals:

@@ -1,4 +1,4 @@
-"""`deform`: bodies whose vertices follow a field."""
+"""`deform`: bodies whose control points follow a field."""
 
 from __future__ import annotations
 

@@ -16,7 +16,8 @@ _HEAD = """\
 
 Distances may be exact, or as near as one asks for, or as good as a time budget allows. This page
 shows what each costs: how long queries take, how many tests of bounding volume pairs ("bound
-tests") and of triangle pairs they make, and how far their bounds are apart. One command wrote it,
+tests", of surfaces also those of pairs of parts) and of triangle pairs they make, and how far their
+bounds are apart. One command wrote it,
 with all its numbers and figures. Beside them stand the corresponding figures of the papers: "the
 1999 paper" is Larsen, Gottschalk, Lin and Manocha, *Fast Proximity Queries with Swept Sphere
 Volumes*; "the 1997 paper" is Johnson and Cohen, *A Framework for Efficient Minimum Distance

@@ -1,6 +1,7 @@
-"""What the 1999 paper gives in numbers (Larsen, Gottschalk, Lin and Manocha), to stand beside ours.
+"""What the papers give in numbers, to stand beside ours.
 
-Numbers of tests are totals of a whole benchmark, times are means of one query.
+All but the last are of the 1999 paper (Larsen, Gottschalk, Lin and Manocha): numbers of tests are
+totals of a whole benchmark, times are means of one query.
 """
 
 from __future__ import annotations
@@ -124,3 +125,7 @@ SEQUENCES = {"computation": ("cave/random", 2880), "verification": ("cave/path",
 PQP = {"exact": (3.005e6 / 2398, 0.0932e6 / 2398), "10 %": (2.269e6 / 2398, 0.0302e6 / 2398)}
 """Bound and triangle tests a query that PQP 1.3, the authors' program, makes on the falling tori
 with triangle caching: not the paper's, but said in the description of that data."""
+
+CLOSEST_POINT_HZ, SURFACES_HZ = (10, 50), (2, 20)
+"""Of the 1997 paper (Johnson and Cohen), section 3.1.2: how often a second it finds the point of a
+surface that is closest to a point, to 1e-6 of the parameters; and the distance of two surfaces."""

@@ -31,12 +31,13 @@ class Job:
     quick: bool
     advance: Callable[[float], None]
 
-    def models(self, **settings: str) -> dict[str, engine.TriangleMesh]:
-        """The scene's meshes; `settings` go to TriangleMesh."""
-        return {
+    def models(self, **settings: str) -> dict[str, engine.Model]:
+        """The scene's models; `settings` go to TriangleMesh."""
+        meshes = {
             name: engine.TriangleMesh(*mesh, name=name, **settings)
             for name, mesh in self.scene.meshes.items()
         }
+        return meshes | self.scene.surfaces
 
 
 @dataclass(frozen=True)

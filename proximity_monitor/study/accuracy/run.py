@@ -12,7 +12,18 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from ..recorded import falling_tori, find_falling_tori
 from ..scenes import SCENES, StudyScene, growing_tori
-from . import bounds, budget, growth, orders, spheres, tolerance, volumes_page
+from ..surfaces import SURFACES
+from . import (
+    bounds,
+    budget,
+    degrees,
+    growth,
+    iterations,
+    orders,
+    spheres,
+    tolerance,
+    volumes_page,
+)
 from .certificate import BrokenCertificateError
 from .data import note_run, write_rows
 from .page import render
@@ -26,6 +37,8 @@ PARTS = (
     orders.PART,
     *spheres.PARTS,
     growth.PART,
+    degrees.PART,
+    iterations.PART,
 )
 INTERRUPTED = 130
 """The exit code that shells know for Ctrl-C."""
@@ -40,7 +53,7 @@ def scenes(data: Path | None) -> dict[str, Callable[[], StudyScene]]:
     Raises:
         FileNotFoundError: `data`, or the environment, names a folder without recorded data.
     """
-    makers: dict[str, Callable[[], StudyScene]] = {**SCENES, "growing": growing_tori}
+    makers: dict[str, Callable[[], StudyScene]] = {**SCENES, "growing": growing_tori, **SURFACES}
     folder = find_falling_tori(data, Path("../shared/data"))
     if folder:
         makers["falling-tori"] = lambda: falling_tori(folder)

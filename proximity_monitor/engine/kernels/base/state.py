@@ -30,13 +30,54 @@ be taken for a MeshTree.
 MESHES = MeshTree, BoxTree
 """The trees over triangles."""
 
-SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces nets scale")
+Trims = namedtuple("Trims", "trims rows entries segments nets")
+"""The trimming loops of all patches of a model, as the kernels see them.
+
+trims (patches,) TRIM; rows (int32) where the list of each row of v begins in entries, which are
+(int32) indices of segments (k,) SEGMENT; nets (float64, flat) x w, y w, w of each control point.
+"""
+
+TRIM = np.dtype(
+    [
+        ("low", np.float64, (2,)),  # the patch's rectangle in its u and v
+        ("extent", np.float64, (2,)),
+        ("tangent", np.float64, (2,)),  # of a quarter of an arc's angle
+        ("arcs", np.int32, (2,)),  # equal arcs along that axis; 0: the map is linear
+        ("rows", np.int32),  # rows of v; 0: the whole rectangle belongs to the model
+        ("first_row", np.int32),
+        ("first", np.int32),  # its segments
+        ("end", np.int32),
+        ("slack", np.float64),  # what rounding may do to a point of the unit square
+    ],
+    align=True,
+)
+"""The trim of a patch. An axis of arcs is one along which the surface runs in equal circular arcs,
+each a rational quadratic, and trimming curves are given by the angle."""
+
+SEGMENT = np.dtype(
+    [
+        ("a", np.float64, (2,)),  # its ends, those of its neighbours to the last bit
+        ("b", np.float64, (2,)),
+        ("band", np.float64),  # how far the curve may be from the chord; FRAME
+        ("begin", np.float64),  # where on the Bezier curve it begins and ends
+        ("end", np.float64),
+        ("net", np.int32),  # where the control points begin in `nets`
+        ("degree", np.int32),
+    ],
+    align=True,
+)
+"""A piece of a loop, in the unit square."""
+
+FRAME = -1.0
+"""The band of what lies along a side."""
+
+SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces nets scale trims")
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
-pieces (m,) PIECE in tree order; nets (float64, flat) their control nets. The rest is as in
-MeshTree; scale[2] is the largest norm of a control point, scale[6] how far rounding may have moved
-points of the surface when it was cut into pieces, and scale[7], of a solid, how far from the pieces
-that may be which closes the gaps between patches (see models/closed.py), both in metres.
+pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims. The rest is
+as in MeshTree; scale[2] is the largest norm of a control point, scale[6] how far rounding may have
+moved points of the surface when it was cut into pieces, and scale[7], of a solid, how far from the
+pieces that may be which closes the gaps between patches (see models/closed.py), both in metres.
 """
 
 PIECE = np.dtype(
@@ -48,6 +89,10 @@ PIECE = np.dtype(
         ("degree_v", np.int32),  # 0 of a curve
         ("rational", np.int32),  # 0: all weights are 1
         ("patch", np.int32),  # the patch or curve of the model that it is a piece of
+        ("side", np.int32),  # INSIDE where nothing of it is cut off, else CROSSING
+        ("face", np.int32),  # the piece to begin with; of an edge the one that it lies on
+        ("edge", np.int32),  # the segment on whose curve an edge lies; NONE of what is no edge
+        ("bend", np.float64),  # how far an edge may be from its chord, metres
         ("low", np.float64, (2,)),  # its rectangle in that patch's u and v; v is 0 on a curve
         ("high", np.float64, (2,)),
     ],
@@ -103,6 +148,7 @@ CELL = np.dtype(
         ("child", np.int32),  # the first of those that it is divided into, NONE before
         ("children", np.int32),  # how many they are
         ("splits", np.int32),  # divisions in either direction that made it
+        ("side", np.int32),  # what trimming loops leave of it: INSIDE, OUTSIDE or CROSSING
         ("low", np.float64, (2,)),  # its rectangle in the element's own parameters, 0 to 1
         ("high", np.float64, (2,)),
         ("centre", np.float64, (3,)),  # mean of its corners, metres
@@ -112,6 +158,8 @@ CELL = np.dtype(
         ("bend_v", np.float64),
         ("twist", np.float64),  # ... and its corners from a parallelogram's
         ("margin", np.float64),  # what rounding may have done to its control points
+        ("clip", np.float64, (3,)),  # no more of it is left than where clip_0 s + clip_1 t <=
+        # clip_2, s and t being 0 to 1 over it; all 0: nothing is known
     ],
     align=True,
 )

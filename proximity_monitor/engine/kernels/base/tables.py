@@ -17,6 +17,8 @@ from .state import (
     PIECE,
     PROGRESS,
     QUERY,
+    SEGMENT,
+    TRIM,
     BoxTree,
     BreadthFirst,
     DepthFirst,
@@ -25,6 +27,7 @@ from .state import (
     Priority,
     State,
     SurfaceTree,
+    Trims,
     Waiting,
 )
 
@@ -54,7 +57,8 @@ _OVER_TRIANGLES = _SHARED | {
 }  # fmt: skip
 _OVER_PIECES = _SHARED | {
     "pieces": (PIECE, 0), "nets": (np.float64, 0), "scale": (np.float64, 0),
-    "patches": (np.int32, 0),
+    "trims": (TRIM, 0), "rows": (np.int32, 0), "entries": (np.int32, 0), "segments": (SEGMENT, 0),
+    "curves": (np.float64, 0), "patches": (np.int32, 0),
 }  # fmt: skip
 """What kernels take each array for: its type, and its columns; 0 for one dimension."""
 
@@ -73,7 +77,16 @@ def mesh_table(tree, faces):
 
 def surface_table(tree, patches):
     """The table of a tree over pieces, and the patch of each; otherwise as `mesh_table`."""
-    return _model_table((*tree, patches), _OVER_PIECES)
+    return _model_table((*arrays_of(tree), patches), _OVER_PIECES)
+
+
+def arrays_of(tree):
+    """The arrays of a tree, one after the other."""
+    for each in tree:
+        if isinstance(each, tuple):
+            yield from each
+        else:
+            yield each
 
 
 def _model_table(arrays, expected):
@@ -134,8 +147,15 @@ def _surface_at(kind, model):
         read_only(records_at(at[4], rows[4], PIECE)),
         read_only(rows_at(at[5], rows[5], 0, 0.0)),
         read_only(rows_at(at[6], rows[6], 0, 0.0)),
+        Trims(
+            read_only(records_at(at[7], rows[7], TRIM)),
+            read_only(rows_at(at[8], rows[8], 0, np.int32(0))),
+            read_only(rows_at(at[9], rows[9], 0, np.int32(0))),
+            read_only(records_at(at[10], rows[10], SEGMENT)),
+            read_only(rows_at(at[11], rows[11], 0, 0.0)),
+        ),
     )
-    return tree, rows_at(at[7], rows[7], 0, np.int32(0))
+    return tree, rows_at(at[12], rows[12], 0, np.int32(0))
 
 
 def _open_at(order, at, rows):

@@ -46,6 +46,7 @@ from .pieces import (
     element_of,
     forget,
     has_room,
+    is_left,
     margin_of,
     memory_of,
     push_elements,
@@ -294,7 +295,8 @@ def search_deepest(models, memory, steps):
         )  # fmt: skip
         if at.height > 0:
             return CUT
-        if state.cells[state.order[0]].lane < 0:
+        piece = state.cells[state.order[0]]
+        if piece.lane < 0 and is_left(surface, parts, piece, state.trial[0].weights):
             _keep(surface, parts, state)
         if at.turn > 0:
             at.turn -= 1

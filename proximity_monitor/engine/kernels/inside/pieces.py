@@ -68,6 +68,10 @@ def spot_of(surface, parts, piece, corner):
     """
 
 
+def is_left(surface, parts, piece, weights):
+    """Whether a point of it, by its weights, surely belongs to the surface."""
+
+
 def element_of(surface, parts, piece):
     """The element that it is a piece of."""
 
@@ -179,6 +183,12 @@ def _spot(surface, parts, piece, corner):
         return _corner(piece, corner - 1), unknown
     together = add(add(_corner(piece, 0), _corner(piece, 1)), _corner(piece, 2))
     return scaled(together, 1.0 / 3.0), unknown
+
+
+@implements(is_left, MeshTree)
+@inlined
+def _whole(surface, parts, piece, weights):
+    return True
 
 
 @implements(element_of, MeshTree)

@@ -27,7 +27,7 @@ from ..surface.around import Around
 from ..surface.divide import add_elements, divide_nearest, measure_near
 from ..surface.facing import vector
 from ..surface.room import make_room
-from ..surface.sides import inner_weights, near
+from ..surface.sides import begin_on, near
 from ..tree.layout import WIDTH, first_of, last_of, row
 
 DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, SurfaceTree)
@@ -110,9 +110,9 @@ def _settle(waiting, tree_a, tree_b, state):
 @_implements(stubs.measure)
 @kernel
 def _measure(tree_a, tree_b, state, a, b, bound):
-    return measure_near(
-        tree_a, tree_b, state, a, inner_weights(tree_a, a), b, inner_weights(tree_b, b)
-    )
+    a, from_a = begin_on(tree_a, a)
+    b, from_b = begin_on(tree_b, b)
+    return measure_near(tree_a, tree_b, state, a, from_a, b, from_b)
 
 
 @_implements(stubs.resolve)
@@ -172,10 +172,10 @@ def _guess(tree_a, tree_b, state):
         return
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
-    a = walk(tree_a, middle, found)
-    p = stubs.witness(tree_a, a, inner_weights(tree_a, a))
-    b = walk(tree_b, moved(state.motions[1], p), found)
-    measure_near(tree_a, tree_b, state, a, inner_weights(tree_a, a), b, inner_weights(tree_b, b))
+    a, from_a = begin_on(tree_a, walk(tree_a, middle, found))
+    p = stubs.witness(tree_a, a, from_a)
+    b, from_b = begin_on(tree_b, walk(tree_b, moved(state.motions[1], p), found))
+    measure_near(tree_a, tree_b, state, a, from_a, b, from_b)
 
 
 @_implements(stubs.approach)
@@ -212,7 +212,7 @@ def _near(tree, p, element, weights, steps, slack, stack, bounds, found):
 def _near_triangle(tree, p, element, weights, steps, slack, stack, bounds, found):
     distance, t, top = begin_nearest(tree, p, element, stack, bounds)
     _, t, _, _ = nearest(tree, p, distance, t, top, slack, 0.0, stack, bounds, found, steps)
-    return t, inner_weights(tree, t)
+    return begin_on(tree, t)
 
 
 @_implements(stubs.sample)

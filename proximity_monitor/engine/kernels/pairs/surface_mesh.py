@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
-from ..base.vectors import along, cross, dot, moved, sub, unit
+from ..base.vectors import along, cross, dot, moved, norm, sub, unit
 from ..elements.primitives import corners, mixed
 from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
 from ..surface.certificate import is_certifiable, put_side
 from ..surface.facing import closest_in, parameters_in, vector
+from ..surface.falling import ball_of, falls, is_crossed
 from ..surface.jets import fixed_jet, get, moved_jet, put
 from ..surface.newton import begin_at, derivatives, way_at, weights_at
 from ..surface.sides import (
+    begin_on,
     divide_side,
     element_of,
     facing,
-    inner_weights,
+    is_left,
     least_of,
     margin_of,
     normal_of,
@@ -73,10 +77,37 @@ def _element(tree, cells, index):
     return index
 
 
-@implements(inner_weights, MeshTree)
+@implements(begin_on, MeshTree)
 @inlined
-def _inner(tree, element):
-    return (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
+def _begin_on(tree, element):
+    return np.int64(element), (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)
+
+
+@implements(is_left, MeshTree)
+@inlined
+def _is_left(tree, element, weights):
+    return True
+
+
+@implements(is_crossed, MeshTree)
+@inlined
+def _is_crossed(tree, cells, index):
+    return False
+
+
+@implements(ball_of, MeshTree)
+@kernel
+def _ball(tree, cells, nets, index):
+    a, b, c = corners(tree.triangles, index)
+    centre = mixed((a, b, c), (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0))
+    radius = max(norm(sub(a, centre)), max(norm(sub(b, centre)), norm(sub(c, centre))))
+    return centre, radius * (1.0 + 1e-12)
+
+
+@implements(falls, MeshTree)
+@inlined
+def _falls(tree, cells, nets, index, way, spread):
+    return False
 
 
 @implements(normal_of, MeshTree)

@@ -7,7 +7,7 @@ from ..base.state import BreadthFirst, DepthFirst, Dividing, Priority, SurfaceTr
 from ..search import stubs
 from ..search.search import answer_queries
 from ..surface import jets  # noqa: F401 - it implements what Newton's method asks of surfaces
-from ..surface.evaluate import point_at
+from ..surface.edges import point_on
 from ..surface.facing import parallelograms, parameters_in
 from ..surface.pieces import parameters_of
 from ..surface.sides import facing
@@ -25,13 +25,13 @@ def _facing(tree_a, tree_b, cells_a, cells_b, a, b, motion):
 @implements(stubs.witness, SurfaceTree)
 @kernel
 def _witness(tree, element, weights):
-    return point_at(tree.pieces[element], tree.nets, weights[0], weights[1])
+    return point_on(tree, element, weights[0], weights[1])
 
 
 @implements(stubs.parameters, SurfaceTree)
 @kernel
 def _parameters(tree, element, weights):
-    return parameters_of(tree.pieces[element], weights)
+    return parameters_of(tree, element, weights)
 
 
 def _entry(name, order):

@@ -14,7 +14,7 @@ from ..base.jit import implements, inlined, kernel
 from ..base.vectors import dot, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps
-from .evaluate import point_at
+from .edges import point_on
 from .facing import closest_in
 
 Around = namedtuple("Around", "place slack")
@@ -61,6 +61,6 @@ def _meet(query, tree, t, answer):
         _mean(a, b, c, d, 1.0), _mean(c, d, a, b, -1.0), _mean(b, d, a, c, -1.0), query.place
     )
     u, v = 0.5 + 0.5 * u, (0.5 + 0.5 * v if n > 1 else 0.0)
-    way = sub(point_at(piece, tree.nets, u, v), query.place)
+    way = sub(point_on(tree, t, u, v), query.place)
     distance = np.sqrt(dot(way, way))
     return (distance, np.int64(t), u, v) if distance < answer[0] else answer

@@ -13,7 +13,11 @@ from ..base.jit import inlined, kernel
 from ..base.rounding import NET_SPLIT
 from ..base.state import CONVERSION, NONE
 from ..base.vectors import norm
+from ..elements.errors import points_err
+from .clip import clip_cell
+from .edges import put_edge
 from .subdivide import copy_net, halves_u, halves_v, project
+from .trim import CROSSING, classify_rectangle
 
 MOST_SPLITS = 96
 """Divisions of a cell, in both directions together. Below that its sides are of 2^-48 of an
@@ -39,6 +43,7 @@ def root_cell(tree, element, cells, nets, roots, used):
         return NONE, used
     cell, piece = cells[used], tree.pieces[element]
     cell.element, cell.child, cell.children, cell.splits = element, NONE, 0, 0
+    cell.side = piece.side
     for i in range(2):
         cell.low[i], cell.high[i] = 0.0, 1.0
     if piece.degree_v == 0:
@@ -46,6 +51,8 @@ def root_cell(tree, element, cells, nets, roots, used):
     base = net_of(cells, nets, used)
     copy_net(piece, tree.nets, nets, base)
     _measure(tree, piece, nets, cell, base)
+    if cell.side == CROSSING:
+        clip_cell(tree.trims, piece, cell)
     roots[element] = used
     return used, used + 1
 
@@ -60,6 +67,8 @@ def divide_cell(tree, index, cells, nets, used):
     if cell.child != NONE or cell.splits >= MOST_SPLITS or used + 4 > len(cells):
         return used
     piece = tree.pieces[cell.element]
+    if piece.edge != NONE:
+        return _divide_edge(tree, index, cells, nets, used)
     in_u, in_v = _directions(piece, cell)
     net, step = net_of(cells, nets, index), net_of(cells, nets, 1)
     one = net_of(cells, nets, used)
@@ -95,8 +104,50 @@ def divide_cell(tree, index, cells, nets, used):
         if piece.rational:
             project(piece, nets, one + k * step)
         _measure(tree, piece, nets, child, one + k * step)
+        child.side = cell.side
+        if child.side == CROSSING:
+            child.side = _side(tree, piece, child)
+            if child.side == CROSSING:
+                clip_cell(tree.trims, piece, child)
     cell.child, cell.children = used, count
     return used + count
+
+
+@kernel
+def _side(tree, piece, cell):
+    """What trimming loops leave of a part."""
+    low, width = piece.low, (piece.high[0] - piece.low[0], piece.high[1] - piece.low[1])
+    return classify_rectangle(
+        tree.trims,
+        piece.patch,
+        low[0] + cell.low[0] * width[0],
+        low[1] + cell.low[1] * width[1],
+        low[0] + cell.high[0] * width[0],
+        low[1] + cell.high[1] * width[1],
+    )
+
+
+@kernel
+def _divide_edge(tree, index, cells, nets, used):
+    """Divide a part of an edge at the middle of its parameter."""
+    cell = cells[index]
+    piece = tree.pieces[cell.element]
+    low, high = cell.low[0], cell.high[0]
+    middle = 0.5 * (low + high)
+    for k in range(2):
+        child = cells[used + k]
+        child.element, child.child, child.children = cell.element, NONE, 0
+        child.splits, child.side = cell.splits + 1, cell.side
+        child.low[0] = low if k == 0 else middle
+        child.high[0] = middle if k == 0 else high
+        child.low[1] = child.high[1] = 0.0
+        base = net_of(cells, nets, used + k)
+        bend = 0.25 * cell.bend_u
+        bend = put_edge(tree, piece, child.low[0], child.high[0], bend, nets, base)
+        _measure(tree, piece, nets, child, base)
+        child.bend_u = bend
+    cell.child, cell.children = used, 2
+    return used + 2
 
 
 @kernel
@@ -124,6 +175,8 @@ def _measure(tree, piece, nets, cell, base):
         _shape(nets, base, cell, p, q, room)
     share = NET_SPLIT * (max(p, q) * cell.splits + 1)
     cell.margin = share * tree.scale[2] + tree.scale[CONVERSION]
+    if piece.edge != NONE:  # its net is no curve's, and its points are evaluated
+        cell.margin, cell.bend_u = points_err(tree), piece.bend
 
 
 @inlined

@@ -20,7 +20,7 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import SurfaceTree
+from ..base.state import NONE, SurfaceTree
 from ..base.vectors import along, dot, norm, rotated, scaled
 from .cells import net_of
 from .evaluate import jet_at
@@ -199,7 +199,11 @@ def _row(table, i):
 @inlined
 def _holds(tree, cells, index, element, weights):
     cell = cells[index]
-    if cell.element != element or tree.pieces[element].rational:
+    if (
+        cell.element != element
+        or tree.pieces[element].rational
+        or tree.pieces[element].edge != NONE
+    ):
         return False
     return cell.low[0] <= weights[0] <= cell.high[0] and cell.low[1] <= weights[1] <= cell.high[1]
 

@@ -19,18 +19,21 @@ from ..base.vectors import norm, rotated, scaled
 from ..elements.primitives import keep
 from .certificate import certified
 from .facing import vector
+from .falling import is_crossed, leads_to_edges
 from .heap import add_pair, drop_first
-from .newton import nearest_near
+from .newton import MOST, nearest_near
 from .sides import (
     divide_side,
     element_of,
     facing,
+    is_left,
     least_of,
     margin_of,
     normal_of,
     roughness,
     whole,
 )
+from .trim import OUTSIDE
 
 PAIR_STEPS, DIVISION_STEPS, CERTIFICATE_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
 """Steps of a search that bounding a pair of cells takes as long as, dividing one, a proof that it
@@ -91,6 +94,9 @@ def divide_nearest(tree_a, tree_b, state):
     if certified(tree_a, tree_b, state, a, b) - slack >= progress.limit:
         progress.dividing = drop_first(pairs, progress.dividing)
         return CERTIFICATE_STEPS
+    if leads_to_edges(tree_a, tree_b, state, a, b, slack):
+        progress.dividing = drop_first(pairs, progress.dividing)
+        return CERTIFICATE_STEPS
     if progress.dividing + 4 > len(pairs):
         return NONE
     steps = 0
@@ -105,6 +111,8 @@ def divide_nearest(tree_a, tree_b, state):
         end = least_of(tree_b, cells.cells_b, cells.nets_b, b, _turned(state.motions[0], normal))
         end += _offset(state.motions[0], normal)
         for k in range(count):
+            if cells.cells_a[first + k].side == OUTSIDE:
+                continue
             begin = least_of(tree_a, cells.cells_a, cells.nets_a, first + k, scaled(normal, -1.0))
             steps += bound_pair(
                 tree_a, tree_b, state, first + k, b, bound, normal, begin + end
@@ -121,6 +129,8 @@ def divide_nearest(tree_a, tree_b, state):
         begin += _offset(state.motions[0], normal)
         turned = _turned(state.motions[0], normal)
         for k in range(count):
+            if cells.cells_b[first + k].side == OUTSIDE:
+                continue
             end = least_of(tree_b, cells.cells_b, cells.nets_b, first + k, turned)
             steps += bound_pair(tree_a, tree_b, state, a, first + k, bound, normal, begin + end)
     return steps
@@ -188,7 +198,9 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
         return PAIR_STEPS
     steps = PAIR_STEPS
     share = _NEARER * max(progress.abs_err, progress.distance - progress.enough)
-    if apart + rough < progress.distance - share:
+    # Near points of a cell that loops cross may have been cut off: its parts and edges have others.
+    entire = not (is_crossed(tree_a, cells.cells_a, a) or is_crossed(tree_b, cells.cells_b, b))
+    if entire and apart + rough < progress.distance - share:
         steps += MINIMUM_STEPS
         element_a = element_of(tree_a, cells.cells_a, a)
         element_b = element_of(tree_b, cells.cells_b, b)
@@ -221,13 +233,20 @@ def _along_normals(tree_a, tree_b, state, a, b, slack, bound, normal):
 def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b):
     """Find the local minimum near given points of two elements; keep it where it is the nearest.
 
-    Returns its distance, metres.
+    Returns its distance, metres; infinity where it has been cut off.
     """
     progress = state.progress[0]
     progress.primitive_tests += 1
-    distance, at_a, at_b, way = nearest_near(
-        tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0]
-    )
+    most = MOST
+    while True:
+        distance, at_a, at_b, way = nearest_near(
+            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0], most
+        )
+        if is_left(tree_a, element_a, at_a) and is_left(tree_b, element_b, at_b):
+            break
+        if most == 0:
+            return np.inf
+        most = 0  # there may be something left where the search began
     if distance < progress.distance:
         keep(state, distance, element_a, element_b, at_a, at_b, way)
     return distance

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ..base.jit import implements, inlined, kernel
 from ..base.state import SurfaceTree
 from ..base.vectors import dot, moved, rotated, scaled, sub
-from .evaluate import jet_at
+from .edges import jet_on
 from .newton import begin_at, derivatives, way_at, weights_at
 
 _HALF = 15
@@ -27,7 +27,7 @@ def get(jets, at):
 @kernel
 def fixed_jet(tree, element, u, v, jets):
     """The point of a surface of a at u, v; its derivatives, their signs turned, into `jets`."""
-    point, du, dv, duu, duv, dvv = jet_at(tree.pieces[element], tree.nets, u, v)
+    point, du, dv, duu, duv, dvv = jet_on(tree, element, u, v)
     put(jets, 0, scaled(du, -1.0))
     put(jets, 3, scaled(dv, -1.0))
     put(jets, 6, scaled(duu, -1.0))
@@ -39,7 +39,7 @@ def fixed_jet(tree, element, u, v, jets):
 @kernel
 def moved_jet(tree, element, motion, u, v, jets):
     """The point of a surface of b at u, v and its derivatives, all in a's frame."""
-    point, du, dv, duu, duv, dvv = jet_at(tree.pieces[element], tree.nets, u, v)
+    point, du, dv, duu, duv, dvv = jet_on(tree, element, u, v)
     put(jets, _HALF, rotated(motion, du))
     put(jets, _HALF + 3, rotated(motion, dv))
     put(jets, _HALF + 6, rotated(motion, duu))

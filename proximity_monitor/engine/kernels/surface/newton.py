@@ -16,7 +16,7 @@ from ..base.vectors import dot
 JETS = 40
 """Numbers that an implementation of `way_at` may keep for `derivatives`."""
 
-_MOST = 48
+MOST = 48
 """Iterations at the most: from a point within the valley that leads to a minimum it takes five."""
 
 _DONE = 1e-16
@@ -48,8 +48,10 @@ def begin_at(tree, weights):
 
 
 @shared
-def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion):
+def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, most):
     """Points of two elements that are nearest among those near by, beginning at given weights.
+
+    `most` is the most iterations.
 
     Returns their distance, metres, the weights of both, and the way between them in a's frame.
     """
@@ -67,7 +69,7 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion):
     squared = dot(way, way)
     weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
     damping, fresh = 0.0, True
-    for _ in range(_MOST):
+    for _ in range(most):
         if fresh:
             derivatives(tree_a, tree_b, way, jets, gradient, hessian)
         fresh = False

@@ -14,8 +14,10 @@ from ..inside.ball_cells import push
 from ..inside.ball_state import MORE
 from ..tree.layout import first_of
 from .cells import divide_cell, net_of, root_cell
-from .evaluate import point_at
+from .edges import place_on, point_on
 from .facing import vector
+from .sides import is_left
+from .trim import OUTSIDE
 
 Parts = namedtuple("Parts", "cells nets roots")
 """The cells of a search, as those of `Dividing` are (see base/state.py)."""
@@ -77,7 +79,8 @@ def _divide(surface, parts, state, piece, near, bound):
     if first == NONE:
         return False
     for k in range(count):
-        _push(state, first + k, pieces.PART, near, bound)
+        if parts.cells[first + k].side != OUTSIDE:
+            _push(state, first + k, pieces.PART, near, bound)
     return True
 
 
@@ -122,8 +125,13 @@ def _spot(surface, parts, piece, corner):
     u, v = 0.5 * (cell.low[0] + cell.high[0]), 0.5 * (cell.low[1] + cell.high[1])
     if corner > 0:
         u, v = float((corner - 1) % 2), float((corner - 1) // 2)
-    element = surface.pieces[cell.element]
-    return point_at(element, surface.nets, u, v), (u, v, 0.0)
+    return point_on(surface, cell.element, u, v), (u, v, 0.0)
+
+
+@implements(pieces.is_left, SurfaceTree)
+@inlined
+def _is_left(surface, parts, piece, weights):
+    return is_left(surface, parts.cells[piece.part].element, vector(weights))
 
 
 @implements(pieces.element_of, SurfaceTree)
@@ -136,15 +144,17 @@ def _element(surface, parts, piece):
 @kernel
 def _spot_at(surface, element, best):
     weights = vector(best.weights)
-    return vector(best.place), parameters_of(surface.pieces[element], weights)
+    return vector(best.place), parameters_of(surface, element, weights)
 
 
 @kernel
-def parameters_of(piece, weights):
-    """What `Feature.parameters` says of a piece's u and v, 0 to 1."""
-    u = piece.low[0] + weights[0] * (piece.high[0] - piece.low[0])
+def parameters_of(tree, element, weights):
+    """What `Feature.parameters` says of an element's u and v, 0 to 1."""
+    element, u, v = place_on(tree, element, weights[0], weights[1])
+    piece = tree.pieces[element]
+    u = piece.low[0] + u * (piece.high[0] - piece.low[0])
     of_curve = 1.0 if piece.degree_v == 0 else 0.0
-    v = piece.low[1] + weights[1] * (piece.high[1] - piece.low[1])
+    v = piece.low[1] + v * (piece.high[1] - piece.low[1])
     return (
         min(max(u, piece.low[0]), piece.high[0]),
         min(max(v, piece.low[1]), piece.high[1]),

@@ -6,12 +6,16 @@ number stands for it.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.jit import implements, inlined, kernel
 from ..base.lanes import least_along
-from ..base.state import SurfaceTree
+from ..base.state import NONE, SurfaceTree
 from ..base.vectors import cross
 from .cells import MOST_SPLITS, divide_cell, net_of, root_cell
+from .clip import clipped_least
 from .facing import vector
+from .trim import CROSSING, INSIDE, classify_point
 
 
 def whole(tree, element, cells, nets, roots, used):
@@ -53,8 +57,15 @@ def facing(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     """
 
 
-def inner_weights(tree, element):
-    """The weights of a point inside an element, to begin a local search with."""
+def begin_on(tree, element):
+    """An element and the weights of one of its points, to begin a local search with.
+
+    It is the given one, or of a piece that loops cross perhaps one of their edges.
+    """
+
+
+def is_left(tree, element, weights):
+    """Whether a point of an element surely belongs to the model, as no loop has cut it off."""
 
 
 def near(tree, p, element, weights, steps, slack, stack, bounds, found):
@@ -83,8 +94,12 @@ def _roughness(tree, cells, index):
 @implements(least_of, SurfaceTree)
 @inlined
 def _least(tree, cells, nets, index, n):
-    room = tree.pieces[cells[index].element].room
-    return least_along(nets, net_of(cells, nets, index), room, n[0], n[1], n[2])
+    cell, at = cells[index], net_of(cells, nets, index)
+    piece = tree.pieces[cell.element]
+    least = least_along(nets, at, piece.room, n[0], n[1], n[2])
+    if cell.side == CROSSING and (cell.clip[0] != 0.0 or cell.clip[1] != 0.0):
+        least = max(least, clipped_least(piece, cell, nets, at, n))
+    return least
 
 
 @implements(margin_of, SurfaceTree)
@@ -105,7 +120,21 @@ def _normal(tree, cells, index):
     return cross(vector(cells[index].along_u), vector(cells[index].along_v))
 
 
-@implements(inner_weights, SurfaceTree)
+@implements(begin_on, SurfaceTree)
 @inlined
-def _inner(tree, element):
-    return (0.5, 0.5 if tree.pieces[element].degree_v > 0 else 0.0, 0.0)
+def _begin(tree, element):
+    piece = tree.pieces[element]
+    if piece.edge == NONE:
+        element, piece = np.int64(piece.face), tree.pieces[piece.face]
+    return np.int64(element), (0.5, 0.5 if piece.degree_v > 0 else 0.0, 0.0)
+
+
+@implements(is_left, SurfaceTree)
+@kernel
+def _is_left(tree, element, weights):
+    piece = tree.pieces[element]
+    if piece.side == INSIDE:
+        return True
+    u = piece.low[0] + weights[0] * (piece.high[0] - piece.low[0])
+    v = piece.low[1] + weights[1] * (piece.high[1] - piece.low[1])
+    return classify_point(tree.trims, piece.patch, u, v) == INSIDE

@@ -68,8 +68,8 @@ def _seek(tree, p, k, at, point, stack, reached, found, steps):
 @implements(feet.foot_of, SurfaceTree)
 @kernel
 def _foot(tree, p, k, point):
-    piece, u, v = tree.pieces[point.near[k]], point.spot[k, 0], point.spot[k, 1]
-    return point_at(piece, tree.nets, u, v), parameters_of(piece, (u, v, 0.0))
+    near, u, v = np.int64(point.near[k]), point.spot[k, 0], point.spot[k, 1]
+    return point_at(tree.pieces[near], tree.nets, u, v), parameters_of(tree, near, (u, v, 0.0))
 
 
 @kernel

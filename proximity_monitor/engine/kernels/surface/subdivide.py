@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 
-_PROJECTED = 3
+PROJECTED = 3
 """Rows of a net before its homogeneous ones."""
 
 
@@ -20,7 +20,7 @@ def copy_net(piece, source, nets, cell):
     room = piece.room
     rows, first = 3, 0
     if piece.rational:
-        rows, first = 4, _PROJECTED * room
+        rows, first = 4, PROJECTED * room
     for k in range(rows * room):
         nets[cell + first + k] = source[piece.net + k]
     if piece.rational:
@@ -31,7 +31,7 @@ def copy_net(piece, source, nets, cell):
 def project(piece, nets, cell):
     """Write x, y and z of a rational cell from its homogeneous coordinates."""
     room = piece.room
-    first = _PROJECTED * room
+    first = PROJECTED * room
     for k in range(room):
         w = nets[cell + first + 3 * room + k]
         for axis in range(3):
@@ -41,7 +41,7 @@ def project(piece, nets, cell):
 @kernel
 def _rows(piece):
     """Where the rows of a cell that are divided begin, and how many they are."""
-    return (_PROJECTED, 4) if piece.rational else (0, 3)
+    return (PROJECTED, 4) if piece.rational else (0, 3)
 
 
 @inlined

@@ -17,54 +17,10 @@ their band is FRAME, and rays count them while cells do not touch them.
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-
-import numpy as np
 
 from ..base.jit import kernel
 from ..base.memory import table_on_stack
 from .trim_curve import along, curve_box
-
-Trims = namedtuple("Trims", "trims rows entries segments nets")
-"""The trimming loops of all patches of a model, as the kernels see them.
-
-trims (patches,) TRIM; rows (int32) where the list of each row of v begins in entries, which are
-(int32) indices of segments (k,) SEGMENT; nets (float64, flat) x w, y w, w of each control point.
-"""
-
-TRIM = np.dtype(
-    [
-        ("low", np.float64, (2,)),  # the patch's rectangle in its u and v
-        ("extent", np.float64, (2,)),
-        ("tangent", np.float64, (2,)),  # of a quarter of an arc's angle
-        ("arcs", np.int32, (2,)),  # equal arcs along that axis; 0: the map is linear
-        ("rows", np.int32),  # rows of v; 0: the whole rectangle belongs to the model
-        ("first_row", np.int32),
-        ("first", np.int32),  # its segments
-        ("end", np.int32),
-        ("slack", np.float64),  # what rounding may do to a point of the unit square
-    ],
-    align=True,
-)
-"""The trim of a patch. An axis of arcs is one along which the surface runs in equal circular arcs,
-each a rational quadratic, and trimming curves are given by the angle."""
-
-SEGMENT = np.dtype(
-    [
-        ("a", np.float64, (2,)),  # its ends, those of its neighbours to the last bit
-        ("b", np.float64, (2,)),
-        ("band", np.float64),  # how far the curve may be from the chord; FRAME
-        ("begin", np.float64),  # where on the Bezier curve it begins and ends
-        ("end", np.float64),
-        ("net", np.int32),  # where the control points begin in `nets`
-        ("degree", np.int32),
-    ],
-    align=True,
-)
-"""A piece of a loop, in the unit square."""
-
-FRAME = -1.0
-"""The band of what lies along a side."""
 
 OUTSIDE, INSIDE, CROSSING = 0, 1, 2
 """What is left of a point or a rectangle: surely nothing, surely all, or nobody knows."""
@@ -109,7 +65,7 @@ def classify_point(table, patch, u, v):
     trim = table.trims[patch]
     if trim.rows == 0:
         return INSIDE
-    return _side(table, trim, to_unit(trim, 0, u), to_unit(trim, 1, v))
+    return side_of(table, trim, to_unit(trim, 0, u), to_unit(trim, 1, v))
 
 
 @kernel
@@ -120,28 +76,28 @@ def classify_rectangle(table, patch, low_u, low_v, high_u, high_v):
         return INSIDE
     left, right = to_unit(trim, 0, low_u) - trim.slack, to_unit(trim, 0, high_u) + trim.slack
     lower, upper = to_unit(trim, 1, low_v) - trim.slack, to_unit(trim, 1, high_v) + trim.slack
-    for row in range(_row(trim, lower), _row(trim, upper) + 1):
+    for row in range(row_of(trim, lower), row_of(trim, upper) + 1):
         for entry in range(table.rows[row], table.rows[row + 1]):
             segment = table.segments[table.entries[entry]]
-            if segment.band >= 0.0 and _near(segment, left, lower, right, upper):
+            if segment.band >= 0.0 and is_near(segment, left, lower, right, upper):
                 if segment.degree == 1:
                     return CROSSING
                 if _touches(table, segment, trim.slack, left, lower, right, upper):
                     return CROSSING
-    return _side(table, trim, 0.5 * (left + right), 0.5 * (lower + upper))
+    return side_of(table, trim, 0.5 * (left + right), 0.5 * (lower + upper))
 
 
 @kernel
-def _row(trim, share):
+def row_of(trim, share):
     """Which row a share of v lies in."""
     return trim.first_row + min(max(int(share * trim.rows), 0), trim.rows - 1)
 
 
 @kernel
-def _side(table, trim, x, y):
+def side_of(table, trim, x, y):
     """On which side of the loops a point of the unit square lies: rays to the right are counted."""
     odd = 0
-    row = _row(trim, y)
+    row = row_of(trim, y)
     for entry in range(table.rows[row], table.rows[row + 1]):
         segment = table.segments[table.entries[entry]]
         ax, ay, bx, by = segment.a[0], segment.a[1], segment.b[0], segment.b[1]
@@ -215,7 +171,7 @@ def _crossings(table, segment, slack, x, y):
 
 
 @kernel
-def _near(segment, left, lower, right, upper):
+def is_near(segment, left, lower, right, upper):
     """Whether a segment's band may touch a rectangle: three separating axes."""
     dx, dy = segment.b[0] - segment.a[0], segment.b[1] - segment.a[1]
     x, y = 0.5 * (left + right), 0.5 * (lower + upper)

@@ -34,14 +34,20 @@ def _taken(nets, segment, points):
 
 
 @kernel
-def curve_box(nets, segment, begin, end, slack):
-    """The box (left, lower, right, upper) of a stretch of a curve, by its control points."""
-    points = table_on_stack(16, 3, 0.0)
+def restricted(nets, segment, begin, end, points):
+    """Write the control points (n, 3) of a stretch of a segment's curve: x w, y w and w."""
     _taken(nets, segment, points)
     if end < 1.0:
         _halves(points, segment.degree, end, True)
     if begin > 0.0:
         _halves(points, segment.degree, begin / end, False)
+
+
+@kernel
+def curve_box(nets, segment, begin, end, slack):
+    """The box (left, lower, right, upper) of a stretch of a curve, by its control points."""
+    points = table_on_stack(16, 3, 0.0)
+    restricted(nets, segment, begin, end, points)
     left, lower, right, upper = math.inf, math.inf, -math.inf, -math.inf
     for i in range(segment.degree + 1):
         x, y = points[i, 0] / points[i, 2], points[i, 1] / points[i, 2]

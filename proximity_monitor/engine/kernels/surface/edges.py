@@ -1,0 +1,196 @@
+"""Edges of trimmed patches: curves on pieces, elements of their own beside what is left of these.
+
+A nearest point of a trimmed patch lies within it, or on an edge. An edge X(t) = S(u(t), v(t)) over
+t of 0..1 is within max |X''| / 8 of its chord, and a part of length h within h² of that. So edges
+are divided at the middle of t, and the control points of a part are its ends and the corners of a
+box around its chord, which is as thick as the edge bends in each direction.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import entry, inlined, kernel
+from ..base.memory import on_stack, table_on_stack
+from ..base.state import NONE
+from ..base.vectors import add, along, cross, dot, scaled, sub, unit
+from .edge_bend import find_bends
+from .evaluate import jet_at, point_at
+from .trim_edge import trim_point
+
+EDGE_POINTS = 10
+"""Control points of an edge: the first and the last are its ends."""
+
+_CURVED = 1e-3
+"""Share of an edge's chord by which it may bend before that is worth a closer look."""
+
+_TINY = 1e-5
+"""Step in t over which derivatives of a trimming curve are compared for its second ones."""
+
+
+@kernel
+def place_on(tree, element, u, v):
+    """The piece that a point of an element lies on, and its u and v there, 0 to 1."""
+    piece = tree.pieces[element]
+    if piece.edge == NONE:
+        return element, u, v
+    t = piece.low[0] + u * (piece.high[0] - piece.low[0])
+    at_u, at_v, _, _ = trim_point(tree.trims, piece.patch, piece.edge, t)
+    face = tree.pieces[piece.face]
+    return np.int64(piece.face), _share(face, 0, at_u), _share(face, 1, at_v)
+
+
+@inlined
+def _share(face, axis, value):
+    """Where a parameter of the patch lies on a piece of it, 0 to 1."""
+    share = (value - face.low[axis]) / (face.high[axis] - face.low[axis])
+    return min(max(share, 0.0), 1.0)
+
+
+@kernel
+def point_on(tree, element, u, v):
+    """The point of an element, a piece or an edge, at u and v of 0..1, metres."""
+    element, u, v = place_on(tree, element, u, v)
+    return point_at(tree.pieces[element], tree.nets, u, v)
+
+
+@kernel
+def jet_on(tree, element, u, v):
+    """As `jet_at`, of any element; an edge has derivatives by u alone."""
+    piece = tree.pieces[element]
+    if piece.edge == NONE:
+        return jet_at(piece, tree.nets, u, v)
+    face = tree.pieces[piece.face]
+    stretch = piece.high[0] - piece.low[0]
+    t = piece.low[0] + u * stretch
+    at_u, at_v, du, dv = trim_point(tree.trims, piece.patch, piece.edge, t)
+    _, _, du_0, dv_0 = trim_point(tree.trims, piece.patch, piece.edge, t - _TINY)
+    _, _, du_1, dv_1 = trim_point(tree.trims, piece.patch, piece.edge, t + _TINY)
+    scale_u = stretch / (face.high[0] - face.low[0])
+    scale_v = stretch / (face.high[1] - face.low[1])
+    bend_u = (du_1 - du_0) / (2.0 * _TINY) * stretch * scale_u
+    bend_v = (dv_1 - dv_0) / (2.0 * _TINY) * stretch * scale_v
+    du, dv = du * scale_u, dv * scale_v
+    point, s_u, s_v, s_uu, s_uv, s_vv = jet_at(
+        face, tree.nets, _share(face, 0, at_u), _share(face, 1, at_v)
+    )
+    first = along(scaled(s_u, du), s_v, dv)
+    second = along(scaled(s_uu, du * du), s_uv, 2.0 * du * dv)
+    second = along(along(along(second, s_vv, dv * dv), s_u, bend_u), s_v, bend_v)
+    none = (0.0, 0.0, 0.0)
+    return point, first, none, second, none, none
+
+
+@kernel
+def put_edge(tree, piece, low, high, bend, nets, at):
+    """Write the control points of the part of an edge from `low` to `high`, of 0..1.
+
+    Returns how far it may be from its chord, metres. `bend` is what is known of that; where it is
+    not little already, a closer look tells in which direction.
+    """
+    face = tree.pieces[piece.face]
+    return _put_edge(tree.trims, tree.nets, piece, face, low, high, bend, nets, at)
+
+
+@kernel
+def _put_edge(table, sources, piece, face, low, high, bend, nets, at):
+    first = _point(table, sources, piece, face, low)
+    last = _point(table, sources, piece, face, high)
+    frame, bends = table_on_stack(3, 3, 0.0), on_stack(4, 0.0)
+    _put_frame(frame, first, last, _point(table, sources, piece, face, 0.5 * (low + high)))
+    bends[0] = bends[1] = bends[2] = bend
+    way = sub(last, first)
+    if bend > _CURVED * np.sqrt(dot(way, way)):
+        stretch = piece.high[0] - piece.low[0]
+        begin, end = piece.low[0] + low * stretch, piece.low[0] + high * stretch
+        find_bends(table, sources, piece, face, begin, end, frame, bends)
+        for i in range(3):
+            bends[i] = min(bends[i], bend)
+    room = np.int64(piece.room)
+    _put(nets, at, room, first)
+    for k in range(8):
+        corner = first if k < 4 else last
+        for i in range(3):
+            sign = 1.0 if k & (4 >> i) else -1.0
+            corner = along(corner, _row(frame, i), sign * bends[i] * (1.0 + 1e-12))
+        _put(nets, at + 1 + k, room, corner)
+    for k in range(EDGE_POINTS - 1, room):
+        _put(nets, at + k, room, last)
+    return max(bends[0], max(bends[1], bends[2]))
+
+
+@kernel
+def _point(table, nets, piece, face, share):
+    """The point of an edge at a share of its part of the curve."""
+    t = piece.low[0] + share * (piece.high[0] - piece.low[0])
+    u, v, _, _ = trim_point(table, piece.patch, piece.edge, t)
+    return point_at(face, nets, _share(face, 0, u), _share(face, 1, v))
+
+
+@kernel
+def _put_frame(frame, first, last, middle):
+    """Write three axes: along the chord, to where the curve bends, and across both."""
+    way = unit(sub(last, first))
+    if not dot(way, way) > 0.5:
+        way = (1.0, 0.0, 0.0)
+    beside = sub(middle, scaled(add(first, last), 0.5))
+    beside = unit(along(beside, way, -dot(beside, way)))
+    beside = unit(along(beside, way, -dot(beside, way)))
+    if not dot(beside, beside) > 0.5:  # it is straight
+        least = (0.0, 1.0, 0.0) if abs(way[0]) > abs(way[1]) else (1.0, 0.0, 0.0)
+        beside = unit(cross(way, least))
+    above = cross(way, beside)
+    for i in range(3):
+        frame[0, i], frame[1, i], frame[2, i] = way[i], beside[i], above[i]
+
+
+@inlined
+def _row(table, i):
+    return (table[i, 0], table[i, 1], table[i, 2])
+
+
+@inlined
+def _put(nets, at, room, point):
+    nets[at], nets[at + room], nets[at + 2 * room] = point
+
+
+@entry
+def fit_edges(pieces, nets, table):
+    """Write bends and control points of all edges among pieces; returns what rounding may do.
+
+    That is how far, metres, an edge's point may be from that of the exact curve on the surface.
+
+    Args:
+        pieces: (m,) PIECE; an edge's patch, face, edge, low and high count.
+        nets: their control nets; those of edges are written.
+        table: Trims of the model.
+    """
+    lost = 0.0
+    frame, bends = table_on_stack(3, 3, 0.0), on_stack(4, 0.0)
+    for i in range(3):
+        for j in range(3):
+            frame[i, j] = 1.0 if i == j else 0.0
+    for i in range(len(pieces)):
+        piece = pieces[i]
+        if piece.edge != NONE:
+            face = pieces[piece.face]
+            find_bends(table, nets, piece, face, piece.low[0], piece.high[0], frame, bends)
+            lost = max(lost, bends[3])
+            for k in range(piece.room):
+                nets[piece.net + 3 * piece.room + k] = 1.0
+            most = _extent(face, nets)
+            piece.bend = _put_edge(table, nets, piece, face, 0.0, 1.0, most, nets, piece.net)
+    return lost
+
+
+@kernel
+def _extent(face, nets):
+    """No less than the distance of any two points of a piece, metres."""
+    square = 0.0
+    for axis in range(3):
+        low, high = np.inf, -np.inf
+        for k in range(face.net, face.net + face.points):
+            value = nets[k + axis * face.room] / nets[k + 3 * face.room]
+            low, high = min(low, value), max(high, value)
+        square += (high - low) * (high - low)
+    return np.sqrt(square) * (1.0 + 1e-9)

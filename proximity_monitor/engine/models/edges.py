@@ -1,0 +1,151 @@
+"""The edges of trimmed patches, and which pieces their loops leave: elements of the tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base.state import NET_WIDTH, PIECE, Trims
+from ..kernels.surface.edges import EDGE_POINTS, fit_edges
+from ..kernels.surface.trim import INSIDE, OUTSIDE, to_unit
+from ..kernels.surface.trim_entries import classify_points, classify_rectangles
+from .checks import ModelError
+from .trim import stretch
+
+Reals = NDArray[np.float64]
+
+_ROOTS = 1e-9
+"""How far from a parameter of 0 to 1 a root may be, and from the real axis, to be looked at."""
+_DEEP = 50
+"""Halvings of a stretch whose middle and end lie on different pieces, but for rounding."""
+
+
+def with_edges(pieces: NDArray, nets: Reals, trims: Trims) -> tuple[NDArray, Reals, float]:
+    """Leave out pieces of which nothing is left, and add the edges.
+
+    Args:
+        pieces: (m,) PIECE of all patches, one patch after the other.
+        nets: their control nets.
+        trims: the loops.
+
+    Returns:
+        The pieces and edges, their nets, and how far rounding may move an edge, metres.
+
+    Raises:
+        ModelError: a loop leaves the rectangle of its patch.
+    """
+    if not trims.trims["rows"].any():
+        return pieces, nets, 0.0
+    pieces = pieces.copy()
+    for patch in np.flatnonzero(trims.trims["rows"]):
+        of = np.flatnonzero(pieces["patch"] == patch)
+        corners = np.hstack([pieces["low"][of], pieces["high"][of]])
+        pieces["side"][of] = _sides(classify_rectangles, trims, patch, corners)
+    pieces = pieces[pieces["side"] != OUTSIDE]
+    pieces["face"] = np.arange(len(pieces))
+    edges = np.zeros(0, PIECE)
+    for patch in np.flatnonzero(trims.trims["rows"]):
+        of = np.flatnonzero(pieces["patch"] == patch)
+        own = _edges_of(trims, patch, pieces, of)
+        middles = 0.5 * (pieces["low"][of] + pieces["high"][of])
+        cut_off = _sides(classify_points, trims, patch, middles) != INSIDE
+        pieces["face"][of[cut_off]] = len(pieces) + len(edges)  # any edge serves to begin on
+        edges = np.concatenate([edges, own])
+    room = 4 * NET_WIDTH
+    edges["net"] = len(nets) + room * np.arange(len(edges))
+    pieces = np.concatenate([pieces, edges])
+    nets = np.concatenate([nets, np.zeros(room * len(edges))])
+    return pieces, nets, float(fit_edges(pieces, nets, trims))
+
+
+def _sides(classify, trims: Trims, patch: int, places: Reals) -> NDArray[np.int8]:
+    found = np.empty(len(places), np.int8)
+    classify(trims, int(patch), np.ascontiguousarray(places), found)
+    return found
+
+
+def _edges_of(trims: Trims, patch: int, pieces: NDArray, of: NDArray[np.int64]) -> NDArray:
+    """The edges of a patch, but for their nets; `of` are the numbers of its pieces."""
+    trim = trims.trims.view(np.recarray)[patch]
+    low = [_unit(trim, axis, pieces["low"][of, axis]) for axis in range(2)]
+    high = [_unit(trim, axis, pieces["high"][of, axis]) for axis in range(2)]
+    knots = [np.unique(np.concatenate([low[axis], high[axis]])) for axis in range(2)]
+    slack = float(trim.slack)
+    made: list[tuple] = []
+    first, end = int(trim.first), int(trim.end)
+    segments = trims.segments[first:end]
+    curves = np.flatnonzero(segments["band"] >= 0.0)
+    _, begins = np.unique(segments["net"][curves], return_index=True)
+    for k in curves[begins]:
+        degree, net = int(segments["degree"][k]), int(segments["net"][k])
+        control = trims.nets[net : net + 3 * (degree + 1)].reshape(-1, 3)
+        breaks = _breaks(control, knots)
+        for begin, stop in pairwise(breaks):
+            for a, b, middle, box in _stretches(control, begin, stop, low, high, slack, 0):
+                if (box[0] < -_ROOTS).any() or (box[1] > 1.0 + _ROOTS).any():
+                    raise ModelError(f"patch {patch}: a trimming loop leaves its rectangle")
+                on = (low[0] <= middle[0]) & (middle[0] <= high[0])
+                on &= (low[1] <= middle[1]) & (middle[1] <= high[1])
+                if on.any():  # else rounding puts it onto a piece of which nothing is left
+                    made.append((first + int(k), int(of[on.argmax()]), a, b))
+    edges = np.zeros(len(made), PIECE)
+    edges["patch"], edges["side"], edges["points"] = patch, INSIDE, EDGE_POINTS
+    edges["room"], edges["degree_u"] = NET_WIDTH, EDGE_POINTS - 1
+    for edge, (segment, face, a, b) in zip(edges, made, strict=True):
+        edge["edge"], edge["face"], edge["low"][0], edge["high"][0] = segment, face, a, b
+    return edges
+
+
+def _unit(trim: np.record, axis: int, values: Reals) -> Reals:
+    return np.array([to_unit.py_func(trim, axis, value) for value in values])
+
+
+def _breaks(control: Reals, knots: list[Reals]) -> Reals:
+    """Where, from 0 to 1, a curve passes from piece to piece: its ends and those between."""
+    found = [0.0, 1.0]
+    degree = len(control) - 1
+    power = _to_powers(degree)
+    for axis in range(2):
+        values = control[:, axis] / control[:, 2]
+        low, high = values.min(), values.max()
+        for knot in knots[axis][(knots[axis] > low) & (knots[axis] < high)]:
+            crossing = power @ (control[:, axis] - knot * control[:, 2])
+            roots = np.polynomial.polynomial.polyroots(np.trim_zeros(crossing, "b"))
+            real = roots.real[np.abs(roots.imag) < _ROOTS]
+            found += [t for t in real if 0.0 < t < 1.0]
+    return np.unique(found)
+
+
+def _to_powers(degree: int) -> Reals:
+    """What makes the coefficients of powers from Bernstein's, ascending."""
+    rows = np.eye(degree + 1)
+    made, scale = np.empty((degree + 1, degree + 1)), 1.0
+    for k in range(degree + 1):
+        made[k] = scale * rows[0]
+        scale *= (degree - k) / (k + 1)
+        rows = np.diff(rows, axis=0)
+    return made
+
+
+def _stretches(
+    control: Reals, a: float, b: float, low: list[Reals], high: list[Reals], slack: float, deep: int
+) -> Iterator[tuple[float, float, Reals, tuple[Reals, Reals]]]:
+    """Parts of a curve from a to b, each on one piece but for rounding.
+
+    Yields where each begins and ends, its middle, and the corners of a box around it.
+    """
+    points = stretch(control, a, b)
+    middle = stretch(control, 0.5 * (a + b), b)[0]
+    box = points.min(axis=0), points.max(axis=0)
+    inside = np.ones(len(low[0]), bool)
+    for axis in range(2):
+        inside &= (low[axis] - slack <= box[0][axis]) & (box[1][axis] <= high[axis] + slack)
+    t = 0.5 * (a + b)
+    if inside.any() or deep == _DEEP or not a < t < b:
+        yield a, b, middle, box
+        return
+    yield from _stretches(control, a, t, low, high, slack, deep + 1)
+    yield from _stretches(control, t, b, low, high, slack, deep + 1)

@@ -1,0 +1,48 @@
+"""What bodies look like: the triangles that ~/parts shows, and normals where they are curved."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from proximity_monitor import engine
+from proximity_monitor.cdr import as_octahedral
+
+ROUNDNESS = 0.005
+"""How far the triangles that show a body may be from its surface, in radii of the body."""
+
+
+class Look(NamedTuple):
+    """The triangles of a body."""
+
+    corners: np.ndarray
+    """(3 n, 3) of the triangles, metres, model frame."""
+    normals: np.ndarray
+    """(3 n, 2) the surface's normals there as `cdr.as_octahedral`; (0, 2) where all is flat."""
+
+
+class Looks:
+    """Looks by model: one that several bodies share, or that keeps its shape, is drawn once."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._kept: WeakKeyDictionary[engine.Model, tuple[int, Look]] = WeakKeyDictionary()
+
+    def of(self, model: engine.Model) -> Look:
+        """Return how a model looks now."""
+        revision, look = self._kept.get(model, (-1, None))
+        if look is None or revision != model.revision:
+            look = _drawn(model)
+            self._kept[model] = model.revision, look
+        return look
+
+
+def _drawn(model: engine.Model) -> Look:
+    shown = model.display_mesh(ROUNDNESS * model.radius)
+    normals = shown.corner_normals()
+    return Look(
+        shown.corners().reshape(-1, 3),
+        np.empty((0, 2)) if normals is None else as_octahedral(normals.reshape(-1, 3)),
+    )

@@ -1,0 +1,85 @@
+"""The parametric surfaces of benchmark and study, from fixed seeds; lengths in metres."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from proximity_monitor import engine
+from proximity_monitor.engine.models.nurbs import HIGHEST_DEGREE
+
+from .scenes import StudyScene, Track, identities, random_rotations, rotation_poses
+
+POINT = "point"
+"""The name of the point that patches are asked about with."""
+_STEPS = 192
+
+
+def wavy(seed: int, count: int, height: float = 0.1, degree: int = 3) -> engine.Patch:
+    """A net of count x count points over the unit square, with uniform knots and waves."""
+    rng = np.random.default_rng(seed)
+    x, y = np.meshgrid(*2 * [np.linspace(0.0, 1.0, count)], indexing="ij")
+    inner = np.linspace(0.0, 1.0, count + 1 - degree)
+    knots = np.concatenate((np.zeros(degree), inner, np.ones(degree)))
+    control = np.stack((x, y, height * rng.normal(size=x.shape)), axis=-1)
+    return engine.Patch(control, knots, knots)
+
+
+def degrees(count: int) -> StudyScene:
+    """Two nets at each degree that they allow: a point about the one, and the other at random.
+
+    As the 1997 paper takes one net of 10 x 10 points at different orders (section 3.1.2).
+    """
+    random = np.random.default_rng(1997)
+    points = identities(_STEPS)
+    points[:, :3, 3] = random.uniform((-0.5, -0.5, -1.0), (1.5, 1.5, 1.0), (_STEPS, 3))
+    poses = _apart(random)
+    surfaces: dict[str, engine.Model] = {POINT: engine.points(np.zeros((1, 3)))}
+    tracks = []
+    for degree in range(2, min(count - 1, HIGHEST_DEGREE) + 1):
+        a, b = f"{degree} a", f"{degree} b"
+        surfaces[a], surfaces[b] = wavy(1, count, degree=degree), wavy(2, count, degree=degree)
+        tracks += [Track(POINT, a, points, identities(_STEPS)),
+                   Track(a, b, identities(_STEPS), poses)]  # fmt: skip
+    return StudyScene({}, tracks, block=32, quick=1, surfaces=surfaces)
+
+
+def random_nets() -> StudyScene:
+    """Two bicubic nets of 10 x 10 points at random poses, apart."""
+    poses = _apart(np.random.default_rng(11))
+    return _two(wavy(1, 10), wavy(2, 10), poses)
+
+
+def parallel_nets() -> StudyScene:
+    """Two flat bicubic nets of 30 x 30 points, one above the other and nearly parallel to it."""
+    random = np.random.default_rng(12)
+    tilt = random.normal(size=(_STEPS, 3)) * (1.0, 1.0, 0.0)
+    tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)
+    poses = rotation_poses(tilt, random.uniform(0.0, 0.02, _STEPS))
+    poses[:, 2, 3] = random.uniform(0.13, 0.2, _STEPS)
+    return _two(wavy(3, 30, 0.02), wavy(4, 30, 0.02), poses)
+
+
+def _two(a: engine.Patch, b: engine.Patch, poses: NDArray[np.float64]) -> StudyScene:
+    track = Track("a", "b", identities(len(poses)), poses)
+    return StudyScene({}, [track], block=32, quick=1, surfaces={"a": a, "b": b})
+
+
+def _apart(random: np.random.Generator) -> NDArray[np.float64]:
+    """Poses of a net over the unit square that keep it off another one at the origin."""
+    poses, middle = random_rotations(random, _STEPS), np.array([0.5, 0.5, 0.0])
+    way = random.normal(size=(_STEPS, 3))
+    way *= random.uniform(1.2, 2.0, (_STEPS, 1)) / np.linalg.norm(way, axis=1, keepdims=True)
+    poses[:, :3, 3] = middle + way - poses[:, :3, :3] @ middle
+    return poses
+
+
+SURFACES: dict[str, Callable[[], StudyScene]] = {
+    **{f"degrees/{count}": partial(degrees, count) for count in (10, 16)},
+    "nets/random": random_nets,
+    "nets/parallel": parallel_nets,
+}
+"""The makers of scenes by name; the word before the slash is a family."""
