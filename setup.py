@@ -35,6 +35,7 @@ checks = [
     "geomdl>=5.3",
     "mpmath>=1.3",
     "playwright>=1.45",
+    *cad,
     "ruff>=0.17,<0.18",
     *bag,
     *display,

@@ -104,15 +104,14 @@ def _questions(scene: StudyScene) -> Iterator[tuple[str, Ask]]:
     yield "signed", lambda k, s: pair.signed_distance(pa[k], pb[k], budget_s=s)
     yield "signed, inside", lambda k, s: pair.signed_distance(inside[k], pb[k], budget_s=s)
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (_POINTS, 3)) * a.radius
+    around = {k: points + pa[k, :3, 3] for k in _steps(scene, _CALLS)}
     yield (
         "closest points",
-        lambda k, s: engine.closest_points(a, pa[k], points + pa[k, :3, 3], budget_s=s),
+        lambda k, s: engine.closest_points(a, pa[k], around[k], budget_s=s),
     )
     yield (
         "points, signed",
-        lambda k, s: engine.closest_points(
-            a, pa[k], points + pa[k, :3, 3], signed=True, budget_s=s
-        ),
+        lambda k, s: engine.closest_points(a, pa[k], around[k], signed=True, budget_s=s),
     )
 
     def part(k: int) -> slice:

@@ -7,7 +7,7 @@ everything that holds real numbers becomes an array of one kind; anything else i
 from __future__ import annotations
 
 import operator
-from typing import SupportsFloat
+from typing import SupportsFloat, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -81,6 +81,8 @@ def as_reals(
     Raises:
         error: they are not `what`.
     """
+    if _is_plain(values, np.float64):
+        return values
     try:
         array = np.asarray(values)
         if array.dtype.kind == "O":  # fractions, or what is no number at all
@@ -91,6 +93,11 @@ def as_reals(
     if array.dtype.kind not in _REAL_KINDS:
         raise error(f"{name}: not {what}: dtype {array.dtype}, expected real numbers")
     return np.require(array, np.float64, "CAWE")
+
+
+def _is_plain(values: ArrayLike, kind: type[np.generic]) -> TypeGuard[NDArray]:
+    """Whether it is already such an array: to ask numpy for one takes a microsecond."""
+    return type(values) is np.ndarray and values.dtype == kind and values.flags.carray
 
 
 def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64] | float:
@@ -111,15 +118,19 @@ def as_tolerances(value: ArrayLike, name: str, count: int) -> NDArray[np.float64
     return given
 
 
-def as_integers(values: ArrayLike, name: str, columns: int) -> NDArray[np.int32]:
-    """Whole numbers as an int32 array (k, columns) that is C-contiguous and writable.
+def as_integers(
+    values: ArrayLike, name: str, columns: int, kind: type[np.integer] = np.int32
+) -> NDArray[np.integer]:
+    """Whole numbers as an array (k, columns) of a kind that is C-contiguous and writable.
 
     Raises:
-        ValueError: not whole numbers of this shape, or beyond int32.
+        ValueError: not whole numbers of this shape, or beyond that kind.
     """
     given = _whole(values, name, (columns,))
-    array = np.require(given, np.int32, "CAWE")
-    if array is not given and (array != given).any():
+    if _is_plain(given, kind):
+        return given
+    array = np.require(given, kind, "CAWE")
+    if (array != given).any():
         first = int(np.flatnonzero((array != given).any(axis=1))[0])
         raise ValueError(f"{name}[{first}] = {given[first].tolist()}: beyond what an index can be")
     return array

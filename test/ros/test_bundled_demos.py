@@ -15,6 +15,7 @@ LEAST = {
     "cave": ("torus - cave", "m", 0.0083),
     "peg": ("peg - block", "mm", 0.0097),
     "probe": ("tip - pebble", "mm", 0.309),
+    "gearbox": ("gearbox_pinion - gearbox_wheel", "mm", 0.118),
     "turbine": ("blade_4 - shroud", "mm", 0.2489),
     "arm": ("jaw_2 - panda_leftfinger", "mm", 11.99),
 }
@@ -32,6 +33,8 @@ def installed(package):
 def test_a_bundled_scene_runs(ros_environment, name):
     if name == "arm" and not installed("example-robot-data"):
         pytest.skip("needs example-robot-data: pip install example-robot-data")
+    if name == "gearbox" and not installed("cadquery-ocp"):
+        pytest.skip("needs OpenCASCADE: pip install cadquery-ocp")
     pair, unit, least = LEAST[name]
     # A domain apart from the other tests' monitors, which have the same names.
     domain = str(int(os.environ["ROS_DOMAIN_ID"]) % 100 + 1)

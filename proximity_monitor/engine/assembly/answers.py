@@ -22,6 +22,10 @@ from ..questions.witness import surface_points
 _UNKNOWN = (math.nan, math.nan, math.nan, -1.0)
 """The feature of an unknown point: parameters and element."""
 
+_NOTHING = np.full(index.ANSWER, math.nan)
+_NOTHING[[index.LOWER, index.UPPER]] = 0.0, math.inf
+"""The row of no answer."""
+
 
 class CertifiedIntervals(NamedTuple):
     """Of k pairs at the present poses: ``lower <= true distance <= upper``."""
@@ -38,28 +42,11 @@ class CertifiedIntervals(NamedTuple):
     """(k,) neither body moved at all, so the bounds are exactly those of the answer."""
 
 
-def no_answers(signed: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Rows (k, ANSWER) of pairs that no search has begun, of signed distances where `signed`."""
-    rows = np.full((len(signed), index.ANSWER), np.nan)
-    rows[:, index.LOWER], rows[:, index.UPPER] = 0.0, np.inf
-    rows[signed, index.LOWER] = -np.inf
+def no_answers(count: int) -> NDArray[np.float64]:
+    """Rows (count, ANSWER) of pairs that no search has begun, whose distances are not signed."""
+    rows = np.empty((count, index.ANSWER))
+    rows[:] = _NOTHING
     return rows
-
-
-def queries_of(
-    pairs: NDArray[np.int32], wanted: NDArray[np.float64], hints: NDArray[np.int32] | None
-) -> NDArray:
-    """Queries (k,) of pairs (k, 2) of bodies; `wanted` and `hints` as for `Assembly.rows`."""
-    made = np.zeros(len(pairs), index.QUERY)
-    made["bodies"] = made["poses"] = pairs
-    made["nearest"] = index.UNKNOWN
-    if hints is not None:
-        known = (hints >= 0).all(axis=1)
-        made["nearest"][known] = hints[known]
-    made["rel_err"], made["abs_err"], clearances = wanted.T
-    made["stop"] = np.where(clearances < np.inf, clearances, 0.0)
-    made["limit"] = np.nextafter(clearances, np.inf)
-    return made
 
 
 class Answers:

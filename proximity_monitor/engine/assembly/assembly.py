@@ -12,21 +12,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import as_count, as_integers, as_tolerances, check_tolerance
+from ..arguments import as_count, as_integers, check_tolerance
+from ..kernels.assembly.questions import (
+    QUERY_NUMBERS,
+    begin_questions,
+    signs_open,
+)
 from ..kernels.base import state as index
-from ..kernels.base.tables import table
 from ..kernels.inside.contain import Insides, settle_signs
 from ..kernels.surface.contain import MixedInsides
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
+from ..models.solid import insides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
-from .answers import no_answers, queries_of
-from .insides import insides_of
+from .answers import no_answers
+from .asked import checked_pairs, checked_tolerances
 from .long_searches import BEGIN_S, LongSearches, Single
+
+_NO_HINTS = np.empty((0, 2), np.int32)
 
 
 class Assembly:
@@ -122,25 +129,23 @@ class Assembly:
         poses = as_poses(poses, "poses")
         if len(poses) != len(self.models):
             raise ValueError(f"{len(poses)} poses of {len(self.models)} bodies")
-        chosen = self._checked_pairs(pairs)
+        # Where signed distances are asked for, they are those of pairs with a solid.
+        solid = np.array([model.is_solid if signed else False for model in self.models])
+        chosen, of_solids = checked_pairs(pairs, solid)
         k = len(chosen)
-        wanted = np.empty((k, 3))
-        tolerances = rel_err, abs_err, np.inf if clearance is None else clearance
-        for column, (name, value) in enumerate(
-            zip(("rel_err", "abs_err", "clearance"), tolerances, strict=True)
-        ):
-            wanted[:, column] = as_tolerances(value, name, k)
+        tolerances = {"rel_err": rel_err, "abs_err": abs_err}
+        tolerances["clearance"] = np.inf if clearance is None else clearance
+        wanted = checked_tolerances(tolerances, k)
         if hints is not None:
             hints = as_integers(hints, "hints", 2)
             if len(hints) != k:
                 raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
         asked = poses, chosen, wanted, hints
-        if not signed:
-            return Distances(self.rows(*asked, np.zeros(k, np.bool_), deadline, threads))
-        solid = np.array([model.is_solid for model in self.models])[chosen]
-        return Distances(
-            self._signed_rows(*asked, solid[:, 0] | solid[:, 1], depth_err, deadline, threads)
-        )
+        if signed:
+            rows = self._signed_rows(*asked, of_solids, depth_err, deadline, threads)
+        else:
+            rows = self.rows(*asked, of_solids, deadline, threads)
+        return Distances(rows)
 
     def rows(
         self,
@@ -158,17 +163,21 @@ class Assembly:
         signed distance, or has -inf as lower bound if the bodies may overlap. A pair that is not
         searched has NaN as status. The deadline is one of perf_counter.
         """
-        answers = no_answers(signed)
-        threads = max(1, min(threads, len(pairs)))
+        count = len(pairs)
+        threads = max(1, min(threads, count))
         self._tabulate(threads)
-        queries = queries_of(pairs, wanted, hints)
+        queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
+        answers = np.empty((count, index.ANSWER))
+        known = _NO_HINTS if hints is None else hints
+        begin_questions(pairs, wanted, known, signed, queries, answers)
+        asked = queries[:2].reshape(2, 1)
         searches = self._allot(threads, poses, pairs, wanted)
         settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
             code, at = self._run(
-                search, fresh, self._runs(pairs, first, threads), poses, queries, threads,
+                search, fresh, self._runs(pairs, first, threads), poses, pairs, asked, threads,
                 deadline, stopped, answers, settle,
             )  # fmt: skip
             if code == index.CUT:
@@ -197,8 +206,8 @@ class Assembly:
             return self._question(poses, pairs[k], wanted[k]), depth_err
 
         def unmoved(asked: Any) -> bool:
-            pair, where = asked[0][:2]
-            return poses[np.frombuffer(pair, np.int32)].tobytes() == where
+            a, b, at_a, at_b = asked[0][:4]
+            return poses[a].tobytes() == at_a and poses[b].tobytes() == at_b
 
         def single(k: int) -> Single:
             models = tuple(self.models[body] for body in pairs[k].tolist())
@@ -211,8 +220,11 @@ class Assembly:
             reached = np.flatnonzero(~np.isnan(found[:, index.STATUS]))
             answers[np.asarray(chosen)[reached]] = found[reached]
 
-        answers, end = no_answers(signed), math.inf if deadline is None else deadline
+        end = math.inf if deadline is None else deadline
         begun = self._depths.resumed(question, len(pairs), unmoved)
+        if begun:
+            answers = no_answers(len(pairs))
+            answers[signed, index.LOWER] = -np.inf
         if 0 in begun:
             depths([0])
             if perf_counter() >= end:
@@ -228,31 +240,21 @@ class Assembly:
             answers = self.rows(poses, pairs, wanted, hints, signed, deadline, threads)
         in_time = perf_counter() + BEGIN_S < end
         first = answers if in_time else answers[:1]
-        upper, clearance = first[:, index.UPPER], wanted[: len(first), 2]
-        open_ = (first[:, index.LOWER] == -np.inf) & ~np.isnan(first[:, index.STATUS])
-        open_ &= (upper > clearance) | (clearance == np.inf)
-        open_[[k for k in begun if k < len(first)]] = True
+        open_ = np.empty(len(first), np.bool_)
+        count = signs_open(first, wanted[:, 2], open_)
+        if not (count or begun):
+            return answers
+        if begun:
+            open_[[k for k in begun if k < len(first)]] = True
         if self._cut:  # there the search of the surfaces must end first
             open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
         open_[:1] &= 0 not in begun
-        chosen = np.flatnonzero(open_)
+        (chosen,) = open_.nonzero()
         if in_time and len(chosen):
             depths(chosen)
         elif len(chosen):  # the next call begins with it, so that all come to an end
             self._depths.resume(question(0))
         return answers
-
-    def _checked_pairs(self, pairs: ArrayLike) -> NDArray[np.int32]:
-        given = as_integers(pairs, "pairs", 2)
-        # A number below 0 is a large one without its sign.
-        if given.view(np.uint32).max(initial=0) >= len(self.models):
-            bad = (given < 0) | (given >= len(self.models))
-            first = int(np.flatnonzero(bad.any(axis=1))[0])
-            raise ValueError(
-                f"pairs[{first}] = {given[first].tolist()}: there are {len(self.models)} bodies, "
-                "numbered from 0"
-            )
-        return given
 
     def _pose_name(self, body: int) -> str:
         """The name of a body's pose in errors."""
@@ -273,18 +275,16 @@ class Assembly:
             both = (self._deepest,) * 2
             self._searches.append(Search(*both, coherent=False, among=self.models))
 
-    def _enclosed(self) -> Insides | MixedInsides:
-        """The spaces that the bodies enclose as they are now."""
-        if self._insides is None:
-            self._insides = insides_of(self.models, self._shapes)
-        return self._insides
-
     def _question(
         self, poses: NDArray[np.float64], pair: NDArray[np.int32], wanted: NDArray[np.float64]
     ) -> Hashable:
         """Everything that an answer depends on."""
-        shapes = tuple(self.models[body].revision for body in pair)
-        return pair.tobytes(), poses[pair].tobytes(), wanted.tobytes(), shapes
+        a, b = pair.tolist()
+        models = self.models
+        return (
+            a, b, poses[a].tobytes(), poses[b].tobytes(), wanted.tobytes(),
+            models[a].revision, models[b].revision,
+        )  # fmt: skip
 
     def _allot(
         self, threads: int, poses: NDArray[np.float64], pairs: NDArray[np.int32],
@@ -329,15 +329,19 @@ class Assembly:
         fresh: bool,
         runs: list[tuple[Callable, int, int]],
         poses: NDArray[np.float64],
-        queries: NDArray,
+        pairs: NDArray[np.int32],
+        asked: NDArray[np.int64],
         every: int,
         deadline: float | None,
         stopped: Event | None,
         answers: NDArray[np.float64],
         settle: Callable[[int, int, int], int],
     ) -> tuple[int, int]:
-        """Answer every so many of the queries, in runs, into `answers`; how it ended, and where."""
-        stacked, asked, flat = poses.reshape(-1, 4), table((queries,)), answers.ravel()
+        """Answer every so many of the queries, in runs, into `answers`; how it ended, and where.
+
+        `asked` is the table of the queries about `pairs`.
+        """
+        stacked, flat = poses.reshape(-1, 4), answers.ravel()
         slices = slices_until(deadline)
         code, at = index.ENDED, 0
         for entry, at, last in runs:
@@ -349,7 +353,7 @@ class Assembly:
                 )  # fmt: skip
                 fresh = code != index.CUT
                 if code in (index.BAD_POSE_A, index.BAD_POSE_B):
-                    body = int(queries["poses"][at, code - index.BAD_POSE_A])
+                    body = int(pairs[at, code - index.BAD_POSE_A])
                     check_pose(poses[body], self._pose_name(body))
                 found = at + (code == index.CUT)
                 done = settle(done, found, slices.steps)
@@ -378,7 +382,9 @@ class Assembly:
         """
         if not signed.any():
             return lambda first, last, steps: last
-        insides, clearances = self._enclosed(), np.ascontiguousarray(wanted[:, 2])
+        if self._insides is None:
+            self._insides = insides_of(self.models)
+        insides, clearances = self._insides, np.ascontiguousarray(wanted[:, 2])
         room = 1 + 15 * self._deepest._hierarchy.depth
         progress = np.zeros((every, 2, 2), np.int64)  # for each thread
         scratch = np.empty((every, 2, 2, room), np.int32)

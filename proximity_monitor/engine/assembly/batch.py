@@ -89,7 +89,7 @@ def distances(
             rel_err=rel_err, abs_err=abs_err, clearance=clearance, signed=True,
             depth_err=depth_err, budget_s=budget_s, threads=threads,
         )  # fmt: skip
-    rows = no_answers(np.zeros(count, np.bool_))
+    rows = no_answers(count)
     # As `within` and `collide` ask it.
     stop = 0.0 if clearance == math.inf else clearance
     limit = math.nextafter(clearance, math.inf)

@@ -68,6 +68,9 @@ class Hierarchy(ABC):
     radius: float
     """Metres: radius of a sphere around `centre` that holds all the model stands for."""
 
+    cell_width: int = 0
+    """Numbers that the control points of a part of an element take; 0: none is ever divided."""
+
     @classmethod
     def _made(cls, kept: dict[str, Any]) -> Self:
         """A hierarchy of what is kept."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -10,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.base.state import SurfaceTree
 from ..kernels.inside import solids
 from ..kernels.inside.angles import MOMENTS, moments_of
+from ..kernels.inside.contain import Insides
 from ..kernels.inside.solid_table import solid_table
 from ..kernels.inside.solids import HALF, NOWHERE, WHOLE, Region
+from ..kernels.surface.contain import MixedInsides
 from .tree import build, weld
 
 if TYPE_CHECKING:
@@ -52,6 +56,26 @@ class Sides:
 def sides_of(model: Model) -> Sides:
     """Where a model has an inside; found once a shape and remembered."""
     return model._hierarchy.sides()
+
+
+def insides_of(models: Sequence[Model]) -> Insides | MixedInsides:
+    """The spaces that bodies with these models enclose; several may share one."""
+    shapes = tuple({id(model): model for model in models}.values())
+    regions = [sides_of(model).region for model in shapes]
+    starts = np.cumsum([0, *(len(each.samples) for each in regions)])
+    place = {id(model): k for k, model in enumerate(shapes)}
+    of = np.array([place[id(model)] for model in models])
+    insides = Insides(
+        np.array([each.inside for each in regions], np.int8)[of],
+        np.stack((starts[of], starts[of + 1]), axis=1),
+        np.concatenate([each.samples for each in regions]),
+        np.stack([model._hierarchy.sampled()[1] for model in models]),
+    )
+    divided = np.array([isinstance(model._hierarchy.tree, SurfaceTree) for model in models])
+    if not (divided & (insides.where == WHOLE)).any():
+        return insides
+    holders = np.stack([model._hierarchy.table_of_all for model in models])
+    return MixedInsides(*insides, holders, divided)
 
 
 def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:

@@ -28,13 +28,16 @@ if TYPE_CHECKING:
 
 _AS_TOLD = "it is to be taken for a surface (solid=False)"
 
+_ROWS, _RATIONAL_ROWS = 3, 7
+"""Rows of a cell's control points: x, y and z; of a rational one, homogeneous ones as well."""
+
 
 class SurfaceHierarchy(Hierarchy):
     """Volumes around the Bezier pieces of patches and curves."""
 
     KEPT = (*Hierarchy.KEPT, "nets", "order")
 
-    __slots__ = ("nets", "order")
+    __slots__ = ("cell_width", "nets", "order")
 
     nets: tuple[Net, ...]
     """Of the patches and curves."""
@@ -68,6 +71,12 @@ class SurfaceHierarchy(Hierarchy):
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
         return surface_table(tree, self.numbers)
+
+    def _take(self, kept: dict[str, Any]) -> None:
+        super()._take(kept)
+        pieces = self.tree.pieces
+        rows = np.where(pieces["rational"] != 0, _RATIONAL_ROWS, _ROWS)
+        self.cell_width = int((rows * pieces["room"]).max())
 
     def _measure(self, error: float = 0.0) -> None:
         super()._measure(error + float(self.tree.scale[CONVERSION]))

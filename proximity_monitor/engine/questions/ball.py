@@ -7,59 +7,36 @@ deepest point of a surface in a solid, and for models that are nothing but swept
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.state import CUT
-from ..kernels.inside.ball_seeds import NONE
-from ..kernels.inside.ball_state import CELL, FULL, PIECE, POINT, SEARCH, Ball, ball_table
+from ..kernels.inside.ball_state import FULL, NONE, ball_table
 from ..kernels.inside.solids import HALF
 from ..kernels.pairs.balls import BALLS
 from ..kernels.pairs.depths import DEPTHS
-from ..models.hierarchy import Hierarchy
 from ..models.model import Model
+from .ball_memory import BallKind, BallMemory
 from .contact_surface import are_divided
+from .memory import give_back, take
 from .slices import slices_until
-from .waiting import cells_for
 
-_CELLS = 64
-"""The number of cells that there is room for at first."""
+if TYPE_CHECKING:
+    from ..models.hierarchy import Hierarchy
 
 _MOST_CELLS = 4096
 """The most cells that are looked into if a solid has holes. Right behind a hole a point counts as
 deep as it is far from the faces, so no cell there gets a better bound, however small it is."""
-
-_PARTS = 256
-"""The number of cells of patches and curves that there is room for at first, besides whole ones."""
 
 _MOST_PIECES = 1 << 15
 """The most pieces of patches and curves that are looked into, or cells of space where a solid is
 made of patches. Where a whole region of a surface is deepest, or as far from the centre of a ball,
 nothing ends the search for more digits than these tell."""
 
-_SEEDS = 32
-"""The most points that a search may begin with."""
-
 _NO_ROW = np.empty(0)
-
-
-def _memory(hierarchies: tuple[Hierarchy, ...], cell: np.dtype) -> Ball:
-    descent = 1 + max(each.depth for each in hierarchies) * 15
-    points = np.zeros(3, POINT)
-    return Ball(
-        np.zeros(1, SEARCH),
-        np.zeros((2, 12)),
-        np.zeros((_SEEDS, 3)),
-        points[:1],
-        points[1:2],
-        points[2:],
-        np.empty(_CELLS),
-        np.arange(_CELLS, dtype=np.int32),
-        np.empty(_CELLS, cell),
-        np.empty(descent, np.int32),
-        np.empty(descent),
-    )
 
 
 class BallSearch:
@@ -68,39 +45,38 @@ class BallSearch:
     Args:
         a: first solid.
         b: second solid.
+        surface: the one of them that is none, but a surface in the other.
     """
 
     __slots__ = (
         "_at", "_ball", "_entries", "_first", "_hierarchies", "_models", "_more", "_most", "_order",
-        "_poses", "_table", "_tables", "given_up",
+        "_own", "_poses", "_table", "_tables", "given_up",
     )  # fmt: skip
 
     given_up: bool
     """Whether the search ended before the bounds were as close as was asked for."""
 
-    _CELL = CELL
-
-    def __init__(self, a: Model, b: Model) -> None:
+    def __init__(self, a: Model, b: Model, surface: Model | None = None) -> None:
         self._models = a, b
         # Which model the kernels take first, and so in which order they take both.
         self._first = self._choose()
         self._order = slice(None, None, -1 if self._first else 1)
         self._hierarchies: tuple[Hierarchy, ...] = ()
-        self._more: tuple[NDArray, ...] = ()
-        self._keep(_memory((a._hierarchy, b._hierarchy), self._CELL))
+        self._own = own = take(BallMemory, BallKind.of(a, b, surface))
+        self._ball, self._more, self._table = own.ball, own.more, own.table
+        self._at = own.ball.at[0]
         self._most, self.given_up = math.inf, False
+
+    def __del__(self, give_back: Callable[[BallMemory], None] = give_back) -> None:
+        """As of a `Search`."""
+        if hasattr(self, "_own"):
+            give_back(self._own)
 
     def _choose(self) -> int:
         """Choose the kernels for both kinds of models; returns which model these take first."""
         a, b = (are_divided(model._hierarchy) for model in self._models)
         self._entries = BALLS[a or b, a and b]
         return int(b and not a)
-
-    def _keep(self, ball: Ball, more: tuple[NDArray, ...] = ()) -> None:
-        """Take the arrays of a search, and make the table by which kernels find them."""
-        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
-        table = ball_table(ball, more)
-        self._ball, self._more, self._table, self._at = ball, more, table, ball.at[0]
 
     def begin(
         self,
@@ -165,14 +141,17 @@ class BallSearch:
     def _make_room(self) -> None:
         old = self._ball
         count = len(old.order)
-        self._keep(
-            old._replace(
-                bounds=np.resize(old.bounds, 2 * count),
-                order=np.concatenate((old.order, np.arange(count, 2 * count, dtype=np.int32))),
-                cells=np.concatenate((old.cells, np.empty(count, self._CELL))),
-            ),
-            self._more,
+        # The new table is there before the old arrays are gone: Ctrl-C may come at any moment.
+        ball = old._replace(
+            bounds=np.resize(old.bounds, 2 * count),
+            order=np.concatenate((old.order, np.arange(count, 2 * count, dtype=np.int32))),
+            cells=np.concatenate((old.cells, np.empty(count, old.cells.dtype))),
         )
+        cells, nets, roots = self._more
+        # What is behind the first half is written before it is read.
+        more = np.resize(cells, 2 * len(cells)), np.resize(nets, 2 * len(nets)), roots
+        made = ball_table(ball, more)
+        self._ball, self._more, self._table = ball, more, made
 
     @property
     def found(self) -> bool:
@@ -220,11 +199,8 @@ class DeepestSearch(BallSearch):
 
     __slots__ = ("_begin", "_go_on", "_write")
 
-    _CELL = PIECE
-
     def __init__(self, a: Model, b: Model) -> None:
-        super().__init__(a, b)
-        self._keep(self._ball, cells_for(self._models[1 - self._first], _PARTS))
+        super().__init__(a, b, b if a.is_solid else a)
 
     def _choose(self) -> int:
         first = 0 if self._models[0].is_solid else 1  # the solid
@@ -256,14 +232,6 @@ class DeepestSearch(BallSearch):
 
     def _slice(self, seeds_alone: bool, steps: int) -> int:
         return self._go_on(self._tables, self._table, steps)
-
-    def _make_room(self) -> None:
-        super()._make_room()
-        cells, nets, roots = self._more
-        # What is behind the first half is written before it is read.
-        self._keep(
-            self._ball, (np.resize(cells, 2 * len(cells)), np.resize(nets, 2 * len(nets)), roots)
-        )
 
     @property
     def bounds(self) -> tuple[float, float]:

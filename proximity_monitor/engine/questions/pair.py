@@ -139,7 +139,9 @@ class Pair:
         pose_a, pose_b = check_pose(pose_a, "pose_a"), check_pose(pose_b, "pose_b")
         if self._signed is None:
             # With searches of its own: questions of either kind leave those of the other alone.
-            self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b).distance)
+            _, coherent, _ = self._begin_with
+            apart = Pair(self.a, self.b, coherent=coherent)
+            self._signed = SignedSearch(self.a, self.b, apart.distance)
         return self._signed.ask(start, pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
 
     def within(

@@ -63,7 +63,7 @@ def distance(
         NotImplementedError: a manifold where a model is a parametric surface.
     """
     start = perf_counter()
-    pair = Pair(a, b)
+    pair = Pair(a, b, coherent=False)
     return pair.distance(
         pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=_left(budget_s, start),
         order=order, manifold=manifold,
@@ -98,7 +98,7 @@ def within(
         ValueError: a pose that is no rigid motion, a clearance or budget that is negative or NaN.
     """
     start = perf_counter()
-    pair = Pair(a, b)
+    pair = Pair(a, b, coherent=False)
     return pair.within(pose_a, pose_b, clearance, budget_s=_left(budget_s, start))
 
 
@@ -131,7 +131,7 @@ def collide(
         NotImplementedError: all contacts where a model is a parametric surface.
     """
     start = perf_counter()
-    pair = Pair(a, b)
+    pair = Pair(a, b, coherent=False)
     budget_s = _left(budget_s, start)
     return pair.collide(pose_a, pose_b, all_contacts=all_contacts, budget_s=budget_s)
 
@@ -212,7 +212,7 @@ def signed_distance(
         ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
     """
     start = perf_counter()
-    pair = Pair(a, b)
+    pair = Pair(a, b, coherent=False)
     return pair.signed_distance(
         pose_a, pose_b,
         rel_err=rel_err, abs_err=abs_err, depth_err=depth_err, budget_s=_left(budget_s, start),

@@ -5,23 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from threading import Event
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.state import KEPT
-from ..kernels.base.tables import state_table, table
+from ..kernels.base.tables import state_table
 from ..kernels.pairs.entries import ENTRIES
-from ..kernels.search.queue import QUEUE
 from ..models.model import Model
 from ..poses import check_pose
+from .memory import give_back, take
+from .search_memory import Order, SearchKind, SearchMemory
 from .slices import slices_until
-from .waiting import waiting_for
-
-Order = Literal["depth_first", "priority", "breadth_first"]
-"""The order in which a search visits pairs of volumes; the answer is the same."""
 
 _ORDERS = {
     "depth_first": index.DepthFirst,
@@ -29,16 +25,11 @@ _ORDERS = {
     "breadth_first": index.BreadthFirst,
 }
 
-_LIST = 1 << 20
-"""Pairs that a search level by level has room for, a power of two: 16 MB, of which the system
-provides only the part that is used."""
-
-_COHERENT = 1024
-"""Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
-
 _BLOCK = 4096
 """Rows of a block of collected pairs. A full block is set aside and never copied again, so a slice
 takes no longer when much has been collected."""
+
+_NO_ANSWER = np.empty(0)
 
 
 def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
@@ -95,8 +86,8 @@ class Search:
     """
 
     __slots__ = (
-        "_asked", "_blocks", "_collecting", "_entry", "_known", "_models", "_numbers", "_query",
-        "_wanted", "answer", "kinds", "memory", "models", "order", "progress", "state",
+        "_blocks", "_collecting", "_entry", "_known", "_own", "_wanted", "answer", "kinds",
+        "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -114,47 +105,19 @@ class Search:
         self.kinds = type(a), type(b)
         self.order = order
         self._entry = entry_for(a, b, order)
-        self._query = queries(1)
-        self._asked = table((self._query,))
-        self._numbers = memoryview(self._query.view(np.float64))[-4:]
-        self._wanted: tuple[float, ...] = ()  # what these numbers are
+        self._own = own = take(SearchMemory, SearchKind.of(a, b, order, coherent, among))
+        self._wanted: tuple[float, ...] = ()  # the numbers of its query
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
-        # Opening a volume replaces one pair by at most sixteen, once for each level of either
-        # model; a priority queue that is full besides leaves all its pairs below. A list of levels
-        # is full while there is still room for a search depth first (see levels.py).
-        levels = a._hierarchy.depth + b._hierarchy.depth
-        capacity = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
-        if order == "breadth_first":
-            capacity = _LIST
-        record = np.zeros(1, index.PROGRESS)
-        self.progress = record[0]
-        self.progress["element_a"], self.progress["element_b"] = nearest
-        if nearest != (0, 0):  # how near they were is not known, but it is no guess
-            self.progress["distance"] = math.inf
-        self.progress["full"] = capacity - 15 * levels - 16
-        pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
-        no_corners = np.empty((0, KEPT), np.int32)
-        open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
-        if order == "priority":
-            open_pairs = index.Priority(pairs, bounds, np.zeros(levels + 1, np.int64))
-        elif order == "breadth_first":
-            open_pairs = index.BreadthFirst(pairs, bounds, no_corners, no_corners)
-        keys = np.empty(_COHERENT if coherent else 0, np.int64)
-        keys.fill(-1)
-        self._keep(
-            index.State(
-                np.zeros((2, 12)),
-                record,
-                open_pairs,
-                waiting_for(among or (a,), among or (b,)),
-                np.empty((0, 3)),
-                keys,
-                np.empty(len(keys)),
-            )
-        )
-        self.answer = np.empty(0)  # (ANSWER,) the last one about a single pose
+        self.progress, self.state, self.memory = own.progress, own.state, own.table
+        own.begin_at(nearest)
+        self.answer = _NO_ANSWER  # (ANSWER,) the last one about a single pose
         self._blocks: list[NDArray[np.float64]] = []
         self._collecting = False
+
+    def __del__(self, give_back: Callable[[SearchMemory], None] = give_back) -> None:
+        """Give the memory back; this may happen in any thread and while the program ends."""
+        if hasattr(self, "_own"):  # else its making failed
+            give_back(self._own)
 
     @property
     def coherent(self) -> bool:
@@ -212,8 +175,8 @@ class Search:
         tables = (a.table_of_all, b.table_of_all) if collect else (a.table, b.table)
         known = self._known
         if tables[0] is not known[0] or tables[1] is not known[1]:  # a model was deformed
-            self._models = np.empty((2, *tables[0].shape), np.int64)
-            self._models[0], self._models[1] = self._known = tables
+            models = self._own.models
+            models[0], models[1] = self._known = tables
         collected = self._collecting
         if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
             self.state.keys.fill(-1)  # too far were those pairs that it looked at
@@ -229,21 +192,18 @@ class Search:
         count = len(poses_a) // 4
         # Of one row no view is made: each takes a tenth of a microsecond.
         self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
-        asked, wanted = self._asked, (rel_err, abs_err, stop, limit)
-        if count > 1:
-            many = queries(count)
-            many["poses"] = np.arange(count)[:, None]
-            many["rel_err"], many["abs_err"], many["stop"], many["limit"] = wanted
-            asked = table((many,))
-        elif wanted != self._wanted:
-            self._numbers[0], self._numbers[1], self._numbers[2], self._numbers[3] = wanted
+        own = self._own
+        wanted = rel_err, abs_err, stop, limit
+        if wanted != self._wanted:
+            numbers = own.numbers
+            numbers[0], numbers[1], numbers[2], numbers[3] = wanted
             self._wanted = wanted
         row = 0
         # At least one slice, so that asking again and again comes to an end.
         slices = slices_until(deadline)
         while True:
             code, row = self._entry(
-                self._models, self.memory, poses_a, poses_b, asked, row, count, 1, slices.steps,
+                own.models, self.memory, poses_a, poses_b, own.asked, row, count, 1, slices.steps,
                 fresh, flat,
             )  # fmt: skip
             if code == index.ENDED:
@@ -296,10 +256,3 @@ class Search:
             np.concatenate((pairs[where], lanes[waiting])),
             np.concatenate((bounds[where], lower[waiting])),
         )
-
-
-def queries(count: int) -> NDArray:
-    """Queries (count,) about the bodies 0 and 1 that begin at the elements nearest last."""
-    made = np.zeros(count, index.QUERY)
-    made["bodies"], made["nearest"] = (0, 1), index.KEEP
-    return made

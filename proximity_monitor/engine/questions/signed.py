@@ -184,7 +184,7 @@ class SignedSearch:
         _, deep = depth.bounds
         if apart.lower > 0.0 and (self._inside_other is False or deep == 0.0):
             if self._inside_other is False:
-                self._clear = *self._relative(), apart.lower, self._shapes()
+                self._clear = self._poses, apart.lower, self._shapes()
             return self._with_tests(apart.row.copy(), apart.lower, apart.upper, apart.status)
         status = Status.INTERSECTING if ended else Status.OUT_OF_TIME
         return self._with_tests(apart.row.copy(), -deep - self._deviation, apart.upper, status)
@@ -209,22 +209,16 @@ class SignedSearch:
         surfaces come nearer by no more than it moves, so they never met. The norm of the rotations'
         difference holds for poses that are not quite rigid, too.
         """
-        if self._clear is None or self._clear[3] != self._shapes():
+        if self._clear is None or self._clear[2] != self._shapes():
             return False
-        then, there, clear, _ = self._clear
-        turn, place = self._relative()
+        poses, clear, _ = self._clear
         b = self._models[1]
+        then, there = _relative(*poses, b.centre)
+        turn, place = _relative(*self._poses, b.centre)
         moved = math.sqrt(((place - there) ** 2).sum())
         moved += math.sqrt(((turn - then) ** 2).sum()) * b.radius
         size = abs(place).sum() + abs(there).sum() + sum(model.radius for model in self._models)
         return bool(moved + 1e-12 * size < 0.9 * clear)
-
-    def _relative(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The rotation of b in a's frame, and the centre of its ball there."""
-        (pose_a, pose_b), b = self._poses, self._models[1]
-        turn = pose_a[:3, :3].T @ pose_b[:3, :3]
-        place = pose_a[:3, :3].T @ (pose_b[:3, 3] - pose_a[:3, 3]) + turn @ b.centre
-        return turn, place
 
     def _shapes(self) -> tuple[int, ...]:
         """How often the models were refitted."""
@@ -253,7 +247,8 @@ class SignedSearch:
         """The answer if the models overlap for certain, apart from what they may deviate."""
         depth = self._depth
         shallow, deep = depth.bounds
-        row = np.full(state.ANSWER, -1.0)  # its triangles are no hints where to search
+        row = np.empty(state.ANSWER)
+        row.fill(-1.0)  # its triangles are no hints where to search
         depth.fill(row)
         status = Status.OUT_OF_TIME
         if ended:
@@ -273,3 +268,12 @@ class SignedSearch:
         row[state.STATUS] = STATUSES.index(status)
         row[state.TESTS], row[state.TESTS + 1] = bound_tests + points, primitive_tests + points
         return row
+
+
+def _relative(
+    pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], centre: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The rotation of b in a's frame, and its centre there."""
+    turn = pose_a[:3, :3].T @ pose_b[:3, :3]
+    place = pose_a[:3, :3].T @ (pose_b[:3, 3] - pose_a[:3, 3]) + turn @ centre
+    return turn, place

@@ -21,8 +21,8 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.state import CUT, ENDED, MeshTree, SurfaceTree
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
-from .ball_frame import axis_of, common_box, take_axes
-from .ball_point import possible_depth, sound, sound_some
+from .ball_frame import axis_of, common_box, in_a_frame, take_axes
+from .ball_point import certain_depth, possible_depth, sound, sound_some
 from .ball_rows import bound_of
 from .ball_state import CELL, CELL_CENTRE, CLIMB, FULL, IDLE, SEED, ball_at
 from .ball_tangents import tangent
@@ -38,6 +38,10 @@ surface is of use."""
 
 _CELL_STEPS = 8
 """What a cell costs beside its descents, in steps of these."""
+
+_MIDDLE_STEPS = 128
+"""Steps that the middle of both models may take. Nearly all of a ball's surface is nearest to its
+centre, and to look at it all would take longer than to compare the surfaces."""
 
 
 # What follows is asked of one of two solids. Where their hierarchies are of one type it is one of
@@ -184,14 +188,8 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
 @kernel
 def _try_centre(state, task, centre, near, inherited):
     """Make the centre of a cell, in the search's frame, the trial point."""
-    axes = state.at[0].axes
-    try_point(
-        state, task,
-        axes[0, 0] * centre[0] + axes[1, 0] * centre[1] + axes[2, 0] * centre[2],
-        axes[0, 1] * centre[0] + axes[1, 1] * centre[1] + axes[2, 1] * centre[2],
-        axes[0, 2] * centre[0] + axes[1, 2] * centre[1] + axes[2, 2] * centre[2],
-        near, inherited, 0.0,
-    )  # fmt: skip
+    x, y, z = in_a_frame(state.at[0].axes, centre)
+    try_point(state, task, x, y, z, near, inherited, 0.0)
 
 
 @kernel
@@ -295,8 +293,13 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
         if steps <= 0:
             return steps
         k = first if at.turn == 0 else 1 - first
-        steps = _sound_trial(tree_a, tree_b, region_a, region_b, k, state, steps)
+        given = min(steps, at.patience)
+        used = given - _sound_trial(tree_a, tree_b, region_a, region_b, k, state, given)
+        steps -= used
+        at.patience -= used
         if at.height > 0:
+            if at.patience <= 0:
+                at.task = IDLE
             return steps
         at.turn += 1
         if at.task == CELL_CENTRE and at.turn == 1:
@@ -307,6 +310,11 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
                 at.dropped = max(at.dropped, bound)
                 at.task = IDLE
                 return steps - _CELL_STEPS
+        elif (
+            at.task == SEED and not certain_depth(state.trial[0], k, at.swept, at.slack) > at.radius
+        ):
+            at.task = IDLE  # it is the centre of no larger ball, whatever the other depth
+            return steps
     task = at.task
     at.task = IDLE
     if task == CLIMB:
@@ -349,6 +357,8 @@ def search_ball(solids, memory, seeds_alone, steps):
             seeds, i = state.seeds, at.seed
             at.seed += 1
             try_point(state, SEED, seeds[i, 0], seeds[i, 1], seeds[i, 2], state.best[0], False, 0.0)
+            if i == at.middle:
+                at.patience = _MIDDLE_STEPS
         elif seeds_alone:
             return ENDED
         elif not at.begun and at.radius > 0.0 and at.ceiling <= limit_of(at):

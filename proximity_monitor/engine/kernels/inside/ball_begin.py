@@ -11,8 +11,8 @@ from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from ..base.state import SWEPT, MeshTree
 from ..base.vectors import dot, moved, sub
 from ..elements.errors import joints_err, points_err
-from .ball_frame import take_axes
-from .ball_state import CELL, IDLE, LOOSEST, ball_at
+from .ball_frame import common_box, in_a_frame, take_axes
+from .ball_state import CELL, IDLE, LOOSEST, NONE, ball_at
 from .solid_table import solid_at
 from .solids import HALF, NOWHERE
 
@@ -32,6 +32,9 @@ KIND_A = KIND_B = MeshTree
 @entry
 def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     """Start a search; the centre of the ball that the last one found is its first seed.
+
+    The next is the middle of what both models share. Mostly it lies inside both where they overlap,
+    so that their surfaces need not be compared.
 
     `solids` (2, 2, n) are tables of both (see solid_table.py), `memory` that of the search.
     """
@@ -61,10 +64,16 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     apart = np.sqrt(dot(way, way)) * (1.0 - 1e-12) - 4.0 * at.slack
     at.dropped = at.ceiling = _largest(region_a, region_b, at, apart)
     at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
-    at.task, at.turn, at.height = IDLE, 0, 0
+    at.task, at.turn, at.height, at.middle = IDLE, 0, 0, NONE
     at.framed = at.begun = False
     if last:
         add_seed(state, (best.place[0], best.place[1], best.place[2]))
+    if at.ceiling > 0.0:
+        take_axes(at.axes, way)
+        middle, half = on_stack(3, 0.0), on_stack(3, 0.0)
+        if common_box(tree_a, tree_b, state, middle, half):
+            at.middle = at.seeds
+            add_seed(state, in_a_frame(at.axes, middle))
     take_axes(at.axes, (1.0, 0.0, 0.0))
     for k in range(2):
         best.near[k] = max(best.near[k], 0)

@@ -33,6 +33,16 @@ def _axis(axes, i):
 
 
 @kernel
+def in_a_frame(axes, v):
+    """A point of the search's frame in a's."""
+    return (
+        axes[0, 0] * v[0] + axes[1, 0] * v[1] + axes[2, 0] * v[2],
+        axes[0, 1] * v[0] + axes[1, 1] * v[1] + axes[2, 1] * v[2],
+        axes[0, 2] * v[0] + axes[1, 2] * v[1] + axes[2, 2] * v[2],
+    )
+
+
+@kernel
 def take_axes(axes, way):
     """Make the first axis that of a vector, and the others perpendicular."""
     first = unit(way)

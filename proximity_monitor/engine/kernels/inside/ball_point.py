@@ -96,15 +96,17 @@ def sound(tree, region, motion, k, at, point, stack, reached):
 
 
 @kernel
+def certain_depth(point, k, swept, slack):
+    """How deep a point certainly lies in solid k, metres; at most 0 where it may lie outside."""
+    if point.side[k] == 0:  # it counts as outside
+        return swept[k] - point.away[k] - slack
+    return point.depth[k] - slack
+
+
+@kernel
 def certain_radius(point, swept, slack):
     """Radius, metres, of a ball around a point that both solids certainly hold; or below 0."""
-    radius = np.inf
-    for k in range(2):
-        depth = point.depth[k]
-        if point.side[k] == 0:  # it counts as outside
-            depth = swept[k] - point.away[k]
-        radius = min(radius, depth - slack)
-    return radius
+    return min(certain_depth(point, 0, swept, slack), certain_depth(point, 1, swept, slack))
 
 
 @kernel

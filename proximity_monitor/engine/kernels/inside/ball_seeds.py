@@ -9,11 +9,9 @@ from ..base.state import SWEPT, TREE_A, TREE_B, MeshTree
 from ..base.vectors import add, along, dot, scaled, sub
 from .ball_begin import add_seed
 from .ball_point import turned_back
-from .ball_state import CELL, ball_at
+from .ball_state import CELL, NONE, ball_at
 from .feet import corner_of, middle_of, spot_of_row
 from .solid_table import solid_at
-
-NONE = -1
 
 _SHARES = (0.1, 1e-3, 1e-5)
 """How far beside a contact is tried, as shares of the elements' size."""

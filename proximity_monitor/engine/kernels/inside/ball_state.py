@@ -79,6 +79,8 @@ SEARCH = np.dtype(
         ("height", np.int64),  # of the stack of a descent that was cut, else 0
         ("seed", np.int64),  # which seed is next
         ("seeds", np.int64),  # how many there are
+        ("middle", np.int64),  # which is the middle of what both models share, NONE where none is
+        ("patience", np.int64),  # steps that the trial point may still take
         ("points", np.int64),  # points whose depth was asked for
         ("cells", np.int64),  # cells that were looked into
         ("parts", np.int64),  # cells of a surface's elements that were made
@@ -86,6 +88,8 @@ SEARCH = np.dtype(
     align=True,
 )
 """A search."""
+
+NONE = -1
 
 IDLE, SEED, CLIMB, CELL_CENTRE = 0, 1, 2, 3
 """What the trial point is for: nothing, or it is a seed, a step of the ascent, a cell's centre."""

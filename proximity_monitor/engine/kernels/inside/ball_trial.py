@@ -12,6 +12,7 @@ from ..base.memory import on_stack
 from .ball_cells import limit_of
 from .ball_point import certain_radius
 from .ball_state import CLIMB
+from .visit import TO_THE_END
 
 _CLIMBS, _FAILED = 32, 3
 """Steps of an ascent, at the most; and how many more one counts as that led to a smaller ball."""
@@ -48,7 +49,7 @@ def keep(state):
 def try_point(state, task, x, y, z, near, inherited, moved):
     """Make a point the trial point; where `inherited`, sides are those of a point so far away."""
     at, trial = state.at[0], state.trial[0]
-    at.task, at.turn, at.height = task, 0, 0
+    at.task, at.turn, at.height, at.patience = task, 0, 0, TO_THE_END
     at.points += 1
     trial.place[0], trial.place[1], trial.place[2] = x, y, z
     for k in range(2):

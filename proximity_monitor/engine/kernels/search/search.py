@@ -183,8 +183,8 @@ def answer_queries(
         memory: that of a state whose room suffices for any two of them.
         poses_a: (4 n, 4) model to world, one below the other.
         poses_b: the same of the second models; the two may be one array.
-        asked: the table of one array (k,) QUERY. Where elements to begin with do not exist, they
-            are UNKNOWN.
+        asked: the table of one array (k,) QUERY; or (1,), asked about each next pair of poses.
+            Where elements to begin with do not exist, they are UNKNOWN.
         first: where to begin; if not `fresh`, with the search that the state holds.
         last: one after the last query.
         every: how far apart the queries of this call are.
@@ -201,11 +201,12 @@ def answer_queries(
     progress = state.progress[0]
     left = steps
     for k in range(first, last, every):
-        query = queries[k]
+        ahead = k if len(queries) == 1 else 0
+        query = queries[k - ahead]
         tree_a, labels_a = tree_at(KIND_A, models[query.bodies[0]])
         tree_b, labels_b = tree_at(KIND_B, models[query.bodies[1]])
-        pose_a = poses_a[4 * query.poses[0] : 4 * query.poses[0] + 4]
-        pose_b = poses_b[4 * query.poses[1] : 4 * query.poses[1] + 4]
+        at_a, at_b = 4 * (query.poses[0] + ahead), 4 * (query.poses[1] + ahead)
+        pose_a, pose_b = poses_a[at_a : at_a + 4], poses_b[at_b : at_b + 4]
         if fresh or k > first:
             if left <= 0:
                 return CUT_BETWEEN, k

@@ -15,7 +15,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
-from ..base.vectors import norm, rotated, scaled
+from ..base.vectors import dot, norm, rotated, scaled
 from ..elements.primitives import keep
 from .certificate import certified
 from .facing import vector
@@ -193,7 +193,7 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     rough = max(roughness(tree_a, cells.cells_a, a), 0.0)
     rough += max(roughness(tree_b, cells.cells_b, b), 0.0)
     if rough > _ROUGH * apart and bound < progress.limit:
-        bound, normal = _along_normals(tree_a, tree_b, state, a, b, slack, bound, normal)
+        bound, normal = _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal)
     if bound >= progress.limit:
         return PAIR_STEPS
     steps = PAIR_STEPS
@@ -212,17 +212,19 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
 
 
 @kernel
-def _along_normals(tree_a, tree_b, state, a, b, slack, bound, normal):
-    """Improve a bound by the gaps along either cell's normal, in both senses."""
+def _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal):
+    """Improve a bound by the gaps along either cell's normal, in the sense of the way from a to b.
+
+    In the other sense one of the two near points already lies behind the other.
+    """
     cells = state.waiting
     own = _shortened(normal_of(tree_a, cells.cells_a, a))
     other = _shortened(rotated(state.motions[0], normal_of(tree_b, cells.cells_b, b)))
-    for sign in (1.0, -1.0):
-        n = scaled(own, sign)
-        gap = _gap(tree_a, tree_b, state, a, b, n) - slack
-        if gap > bound:
-            bound, normal = gap, n
-        n = scaled(other, sign)
+    for k in range(2):
+        n = own if k == 0 else other
+        if dot(n, n) == 0.0:
+            continue
+        n = scaled(n, 1.0 if dot(n, way) >= 0.0 else -1.0)
         gap = _gap(tree_a, tree_b, state, a, b, n) - slack
         if gap > bound:
             bound, normal = gap, n

@@ -1,0 +1,81 @@
+"""What an assembly's call does besides its searches, row by row of its pairs.
+
+Each of these takes a dozen calls of numpy otherwise. After a pause, when the processor's caches
+hold other programs, those took longer than a short budget lasts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import entry
+from ..base.memory import addresses, records_at
+from ..base.state import LOWER, QUERY, STATUS, UNKNOWN, UPPER
+
+QUERY_NUMBERS = QUERY.itemsize // 8
+"""A QUERY in numbers of eight bytes: Python takes longer to hand over records."""
+
+
+@entry
+def take_pairs(given, solid, pairs, signed):
+    """Write pairs (k, 2) as int32, and which of them (k,) are of a body that is `solid` (n,).
+
+    Returns the first pair that names none of these bodies, or k.
+    """
+    for k in range(len(given)):
+        a, b = given[k, 0], given[k, 1]
+        if not (0 <= a < len(solid) and 0 <= b < len(solid)):
+            return k
+        pairs[k, 0], pairs[k, 1] = a, b
+        signed[k] = solid[a] or solid[b]
+    return len(given)
+
+
+@entry
+def begin_questions(pairs, wanted, hints, signed, queries, answers):
+    """Write the queries about pairs (k, 2) of bodies, and their answers before any search.
+
+    Args:
+        pairs: (k, 2) int32.
+        wanted: (k, 3) rel_err, abs_err and clearance.
+        hints: (k, 2) elements to begin with, in tree order, where they are not negative; or (0, 2).
+        signed: (k,) whether the signed distance is asked for, whose lower bound may be negative.
+        queries: (2 + k QUERY_NUMBERS,) int64, written: the table (2, 1) of the queries, and then
+            these as (k,) QUERY. So whoever keeps the table keeps them.
+        answers: (k, ANSWER) written.
+    """
+    at, _ = addresses((queries[2:],))
+    queries[0], queries[1] = at, len(pairs)
+    made = records_at(at, len(pairs), QUERY)
+    for k in range(len(pairs)):
+        query, clearance = made[k], wanted[k, 2]
+        for side in range(2):
+            query.bodies[side] = query.poses[side] = pairs[k, side]
+            query.nearest[side] = UNKNOWN
+        if len(hints) and hints[k, 0] >= 0 and hints[k, 1] >= 0:
+            query.nearest[0], query.nearest[1] = hints[k, 0], hints[k, 1]
+        query.rel_err, query.abs_err = wanted[k, 0], wanted[k, 1]
+        query.stop = clearance if clearance < np.inf else 0.0
+        query.limit = np.nextafter(clearance, np.inf)
+        for i in range(answers.shape[1]):
+            answers[k, i] = np.nan
+        answers[k, LOWER] = -np.inf if signed[k] else 0.0
+        answers[k, UPPER] = np.inf
+
+
+@entry
+def signs_open(answers, clearances, found):
+    """Write which answers (k, ANSWER) leave open whether bodies overlap, and a clearance, too.
+
+    Returns how many of these (k,) do.
+    """
+    count = 0
+    for k in range(len(answers)):
+        upper, clearance = answers[k, UPPER], clearances[k]
+        found[k] = (
+            answers[k, LOWER] == -np.inf
+            and not np.isnan(answers[k, STATUS])
+            and (upper > clearance or clearance == np.inf)
+        )
+        count += found[k]
+    return count

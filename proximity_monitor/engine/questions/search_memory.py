@@ -1,0 +1,165 @@
+"""The memory of a search for a distance: what is open, what waits, what it remembers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base import state as index
+from ..kernels.base.state import CELL, CELL_PAIR, KEPT, Dividing, Waiting
+from ..kernels.base.tables import MODEL_COLUMNS, state_table, table
+from ..kernels.search.descent import WAITING_ROOM
+from ..kernels.search.queue import QUEUE
+from ..models.hierarchy import Hierarchy
+from ..models.model import Model
+from .memory import Memory
+
+Order = Literal["depth_first", "priority", "breadth_first"]
+"""The order in which a search visits pairs of volumes; the answer is the same."""
+
+_LIST = 1 << 20
+"""Pairs that a search level by level has room for, a power of two: 16 MB, of which the system
+provides only the part that is used."""
+
+_COHERENT = 1024
+"""Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
+
+_LEVELS = 16
+"""The stack has room for a multiple of so many levels: that serves models of most sizes."""
+
+_PAIRS, _CELLS, _FEWEST, _BYTES = 1 << 15, 1 << 12, 1 << 8, 1 << 25
+"""Pairs of cells that there is room for; cells of a model, at most and at least, and bytes of their
+control points between these. Of all that the system provides only the part that is used."""
+
+
+class CellRoom(NamedTuple):
+    """How much memory the cells of a model take whose elements are divided."""
+
+    cells: int
+    width: int
+    """Numbers of a cell's control points."""
+    whole: int
+    """How many of the cells may be whole elements."""
+
+    @classmethod
+    def of(cls, hierarchies: Iterable[Hierarchy], parts: int = _CELLS) -> CellRoom | None:
+        """Room for any one of them, and for so many parts of elements if that is not too much.
+
+        None if no elements are divided.
+        """
+        divided = [each for each in hierarchies if each.cell_width]
+        if not divided:
+            return None
+        width = max([each.cell_width for each in divided])
+        whole = max([len(each.numbers) for each in divided])
+        # All whole elements must find room besides the parts of some.
+        return cls(min(parts, max(_BYTES // (8 * width), _FEWEST)) + whole, width, whole)
+
+
+def cells_for(room: CellRoom | None) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
+    """Cells, their control points, and which of them are whole elements."""
+    if room is None:
+        return np.empty(0, CELL), np.empty(0), np.empty(0, np.int32)
+    cells, width, whole = room
+    return np.empty(cells, CELL), np.empty(cells * width), np.empty(whole, np.int32)
+
+
+class SearchKind(NamedTuple):
+    """All that the sizes of a search's arrays depend on."""
+
+    order: Order
+    coherent: bool
+    levels: int
+    """Of both models together."""
+    pairs: int
+    """Pairs of volumes that may be open."""
+    cells_a: CellRoom | None
+    cells_b: CellRoom | None
+
+    @classmethod
+    def of(
+        cls, a: Model, b: Model, order: Order, coherent: bool, among: Iterable[Model]
+    ) -> SearchKind:
+        """The kind of a search over two models, or over any two of others no deeper than these."""
+        first, second = a._hierarchy, b._hierarchy
+        levels = -(-(first.depth + second.depth) // _LEVELS) * _LEVELS
+        # Opening a volume replaces one pair by at most sixteen, once for each level of either
+        # model; a priority queue that is full besides leaves all its pairs below.
+        pairs = 1 + levels * (15 if order == "depth_first" else 15 + QUEUE)
+        if order == "breadth_first":
+            pairs = _LIST
+        if among:
+            either = CellRoom.of([model._hierarchy for model in among])
+            return cls(order, coherent, levels, pairs, either, either)
+        # Of meshes nothing is divided; to hear it from `CellRoom.of` takes a microsecond.
+        cells_a = CellRoom.of((first,)) if first.cell_width else None
+        cells_b = CellRoom.of((second,)) if second.cell_width else None
+        return cls(order, coherent, levels, pairs, cells_a, cells_b)
+
+
+class SearchMemory(Memory):
+    """The arrays of a search, with the tables by which kernels find them."""
+
+    __slots__ = ("asked", "models", "numbers", "progress", "query", "state", "table")
+
+    kind: SearchKind
+    models: NDArray[np.int64]
+    """(2, 2, MODEL_COLUMNS) room for the tables of two models."""
+    numbers: memoryview
+    """The four numbers of the one query, about the bodies 0 and 1."""
+    asked: NDArray[np.int64]
+    """The table of that query."""
+    progress: np.void
+    """`State.progress`."""
+    state: index.State
+    table: NDArray[np.int64]
+    """Of the state."""
+
+    def __init__(self, kind: SearchKind) -> None:
+        super().__init__(kind)
+        self.query = np.zeros(1, index.QUERY)
+        self.query["bodies"], self.query["nearest"] = (0, 1), index.KEEP
+        self.asked = table((self.query,))
+        self.numbers = memoryview(self.query.view(np.float64))[-4:]
+        self.models = np.empty((2, 2, MODEL_COLUMNS), np.int64)
+        order, coherent, levels, capacity, *cells = kind
+        record = np.zeros(1, index.PROGRESS)
+        # A list of levels is full while there is still room for a search depth first (levels.py).
+        record["full"] = capacity - 15 * levels - 16
+        self.progress = record[0]
+        pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
+        no_corners = np.empty((0, KEPT), np.int32)
+        open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
+        if order == "priority":
+            open_pairs = index.Priority(pairs, bounds, np.empty(levels + 1, np.int64))
+        elif order == "breadth_first":
+            open_pairs = index.BreadthFirst(pairs, bounds, no_corners, no_corners)
+        waiting: tuple[NDArray, ...] = Waiting(
+            np.empty((WAITING_ROOM, 2), np.int32), np.empty(WAITING_ROOM)
+        )
+        if cells != [None, None]:
+            waiting = Dividing(
+                *waiting, np.empty(_PAIRS, CELL_PAIR), *cells_for(cells[0]), *cells_for(cells[1])
+            )
+        motions, keys = np.zeros((2, 12)), np.empty(_COHERENT if coherent else 0, np.int64)
+        keys.fill(-1)
+        self.state = index.State(
+            motions, record, open_pairs, waiting, np.empty((0, 3)), keys, np.empty(len(keys))
+        )
+        self.table = state_table(self.state)
+        self._keep((*open_pairs, *waiting, keys, self.state.reaches), record, motions)
+
+    def clear(self) -> None:
+        """As `Memory.clear`; nothing is remembered as too far."""
+        super().clear()
+        self.state.keys.fill(-1)
+
+    def begin_at(self, nearest: tuple[int, int]) -> None:
+        """Let the first search begin at two elements, in tree order."""
+        if nearest != (0, 0):
+            self.progress["element_a"], self.progress["element_b"] = nearest
+            self.progress["distance"] = math.inf  # how near they were is not known

@@ -1,0 +1,225 @@
+"""Memory that outlives its search: it is used again, never by two at once, and holds no traces."""
+
+import gc
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import trimesh
+from engine_bodies import IDENTITY, translation
+from engine_surfaces import bumps
+
+from proximity_monitor import engine
+from proximity_monitor.engine.questions import ball, memory, run
+from proximity_monitor.engine.questions.result import Status
+
+ICO = trimesh.creation.icosphere(3)
+BALL = engine.TriangleMesh(ICO.vertices, ICO.faces)
+OTHER = engine.TriangleMesh(0.9 * ICO.vertices, ICO.faces)
+NET, TURNED = bumps(1), bumps(2)
+APART, INTO = translation(2.1, 0.1, 0.2), translation(1.2, 0.3, 0.1)
+ABOVE = translation(0.1, 0.2, 0.5)
+CROWD = [translation(x, 0.2, 0.1) for x in np.linspace(2.5, 1.8, 9)]
+
+QUESTIONS = {
+    "distance": lambda: engine.distance(BALL, IDENTITY, OTHER, APART).row,
+    "priority": lambda: engine.distance(BALL, IDENTITY, OTHER, APART, order="priority").row,
+    "within": lambda: engine.within(BALL, IDENTITY, OTHER, APART, 0.5).row,
+    "collide": lambda: engine.collide(BALL, IDENTITY, OTHER, INTO).contacts,
+    "all contacts": lambda: engine.collide(BALL, IDENTITY, OTHER, INTO, all_contacts=True).contacts,
+    "manifold": lambda: engine.distance(BALL, IDENTITY, BALL, APART, manifold=True).manifold.lower,
+    "depth": lambda: engine.signed_distance(BALL, IDENTITY, OTHER, INTO, depth_err=1e-4).row,
+    "clear": lambda: engine.signed_distance(BALL, IDENTITY, OTHER, APART).row,
+    "surfaces": lambda: engine.distance(NET, IDENTITY, TURNED, ABOVE).row,
+    "surface and mesh": lambda: engine.distance(NET, IDENTITY, BALL, APART).row,
+    "deepest point": lambda: engine.signed_distance(NET, IDENTITY, BALL, INTO).row,
+    "batch": lambda: np.array(
+        engine.distances(BALL, np.tile(IDENTITY, (9, 1, 1)), OTHER, CROWD).lower
+    ),
+    "nearest points": lambda: engine.closest_points(NET, IDENTITY, [[0.1, 0.2, 0.7]]).points,
+}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def others_are_gone() -> None:
+    """No search of other tests gives its memory back later on."""
+    gc.collect()
+
+
+@pytest.fixture(autouse=True)
+def none_kept() -> Iterator[None]:
+    """Each test begins with no memory but that of its own searches."""
+    memory._kept.clear()
+    yield
+    memory._kept.clear()
+
+
+@pytest.fixture
+def made(monkeypatch) -> list[memory.Memory]:
+    """The memories that were made."""
+    found = []
+    begin = memory.Memory.__init__
+
+    def note(self, kind):
+        begin(self, kind)
+        found.append(self)
+
+    monkeypatch.setattr(memory.Memory, "__init__", note)
+    return found
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_a_question_uses_the_memory_of_the_one_before(name, made):
+    QUESTIONS[name]()
+    count = len(made)
+    assert 0 < count <= 2 and set(memory._kept) == set(made)
+    for _ in range(3):
+        QUESTIONS[name]()
+    assert len(made) == count
+
+
+def arrays(kept: memory.Memory) -> list[np.ndarray]:
+    """All that a search writes to, or that is remembered of it."""
+    if hasattr(kept, "ball"):
+        return [*kept.ball, *kept.more]
+    state = kept.state
+    return [state.motions, state.progress, *state.open, *state.waiting, state.keys, state.reaches]
+
+
+def spoil(kept: memory.Memory) -> None:
+    """Write to all of it what no search can use: not numbers, or elements that do not exist."""
+    for array in arrays(kept):
+        array.reshape(-1).view(np.uint8)[:] = 0xFF
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_no_search_finds_anything_in_the_memory_of_another(name):
+    expected = np.array(QUESTIONS[name]())
+    assert memory._kept
+    for kept in memory._kept:
+        spoil(kept)
+    np.testing.assert_array_equal(QUESTIONS[name](), expected)
+
+
+def test_models_of_other_sizes_and_questions_of_all_kinds_take_turns():
+    expected = {name: np.array(ask()) for name, ask in QUESTIONS.items()}
+    rng = np.random.default_rng(0)
+    for name in rng.choice(list(QUESTIONS), 40):
+        np.testing.assert_array_equal(QUESTIONS[name](), expected[name])
+
+
+def span(array: np.ndarray) -> tuple[int, int]:
+    """Where an array begins and ends."""
+    begin = array.__array_interface__["data"][0]
+    return begin, begin + array.nbytes
+
+
+def owned(*pairs: engine.Pair) -> list[np.ndarray]:
+    """The arrays of their searches that hold anything."""
+    searches = [each for pair in pairs for each in (pair._search, pair._signed) if each]
+    kept = [each._own if hasattr(each, "_own") else each._depth._own for each in searches]
+    return [array for each in kept for array in arrays(each) if array.nbytes]
+
+
+def test_searches_that_can_go_on_share_nothing_with_others():
+    pairs = [engine.Pair(BALL, OTHER) for _ in range(3)]
+    poses = [translation(2.0 + 0.05 * k, 0.1, 0.2) for k in range(3)]
+    whole = [engine.distance(BALL, IDENTITY, OTHER, pose) for pose in poses]
+    found = [None] * 3
+    while not all(each and each.status is Status.EXACT for each in found):
+        for k, pair in enumerate(pairs):
+            found[k] = pair.distance(IDENTITY, poses[k], budget_s=0.0)
+            pair.signed_distance(IDENTITY, INTO, budget_s=0.0)
+            QUESTIONS["distance"]()
+            QUESTIONS["depth"]()
+    for each, alone in zip(found, whole, strict=True):
+        assert each.lower == pytest.approx(alone.lower, abs=1e-12)
+        assert each.upper == pytest.approx(alone.upper, abs=1e-12)
+    free = [array for each in memory._kept for array in arrays(each) if array.nbytes]
+    spans = sorted(map(span, (*owned(*pairs), *free)))
+    assert len(spans) > 50
+    assert all(end <= begin for (_, end), (begin, _) in pairwise(spans))
+
+
+def test_a_pair_keeps_what_it_remembers_while_others_come_and_go():
+    pair, alone = engine.Pair(BALL, OTHER), engine.Pair(BALL, OTHER)
+    tests = {pair: 0, alone: 0}
+    for pose in CROWD:
+        for asked in (pair, alone):
+            tests[asked] += asked.distance(IDENTITY, pose).bound_tests
+        for name in ("distance", "within", "clear"):
+            QUESTIONS[name]()
+    assert tests[pair] == tests[alone]
+
+
+def test_memory_comes_back_when_nobody_can_go_on_with_the_search():
+    pair = engine.Pair(BALL, OTHER)
+    cut = pair.distance(IDENTITY, APART, budget_s=0.0)
+    assert cut.status is Status.OUT_OF_TIME and not memory._kept
+    own = pair._search._own
+    del pair
+    assert [*memory._kept] == [own]
+    listed = engine.collide(BALL, IDENTITY, OTHER, INTO, all_contacts=True)
+    contacts = engine.collide(BALL, IDENTITY, OTHER, INTO, all_contacts=True).contacts
+    for kept in memory._kept:
+        spoil(kept)
+    np.testing.assert_array_equal(listed.contacts, contacts)
+
+
+def test_memory_comes_back_from_a_question_that_is_refused(made):
+    bad = 2.0 * IDENTITY
+    for _ in range(3):
+        with pytest.raises(ValueError, match="pose_b"):
+            engine.distance(BALL, IDENTITY, OTHER, bad)
+    with pytest.raises(ValueError, match="order"):
+        engine.distance(BALL, IDENTITY, OTHER, APART, order="none")
+    gc.collect()  # an error and the frames that it came through may hold each other
+    QUESTIONS["within"]()
+    assert len(made) == len(memory._kept) <= 2
+
+
+def test_what_is_kept_is_bounded():
+    engine.distance(BALL, IDENTITY, OTHER, APART, order="breadth_first")
+    assert not memory._kept, "a list of a million pairs is too large"
+    pairs = [engine.Pair(BALL, OTHER) for _ in range(40)]
+    for pair in pairs:
+        pair.distance(IDENTITY, APART)
+    last = pair._search._own
+    del pair
+    while pairs:
+        del pairs[0]
+    assert len(memory._kept) == memory._MOST and memory._kept[0] is last
+    assert sum(each.size for each in memory._kept) <= memory._MOST * memory._LARGEST
+
+
+def test_threads_never_own_the_same_memory(monkeypatch):
+    """And their answers are those of one thread alone."""
+    names = ["distance", "within", "depth", "clear", "surfaces", "batch"]
+    expected = {name: np.array(QUESTIONS[name]()) for name in names}
+    busy: set[int] = set()
+    taken = memory.take
+
+    def take(made, kind):
+        found = taken(made, kind)
+        assert id(found) not in busy, "two searches own it"
+        busy.add(id(found))
+        return found
+
+    def give_back(kept):
+        busy.remove(id(kept))
+        memory.give_back(kept)
+
+    for module, kind in ((run, run.Search), (ball, ball.BallSearch)):
+        monkeypatch.setattr(module, "take", take)
+        monkeypatch.setattr(kind.__del__, "__defaults__", (give_back,))
+
+    def ask(seed: int) -> None:
+        for name in np.random.default_rng(seed).choice(names, 40):
+            np.testing.assert_array_equal(QUESTIONS[name](), expected[name])
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(ask, range(8)))
+    gc.collect()
+    assert not busy
