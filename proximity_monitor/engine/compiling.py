@@ -25,14 +25,16 @@ __all__ = ["WATCHING", "Progress", "cross", "dot", "entry", "helper"]
 
 WATCHING = frozenset(
     {
-        "assembly.carry.place", "assembly.schedule.commit", "assembly.schedule.pending",
+        "assembly.carry.place", "assembly.questions.begin_questions",
+        "assembly.questions.signs_open", "assembly.questions.take_pairs",
+        "assembly.schedule.commit", "assembly.schedule.pending",
         "assembly.schedule.query", "assembly.schedule.report", "assembly.schedule.update",
         "assembly.sweep.sweep", "base.motion.pose_deviation",
         "base.motion.relative_motion_pair", "base.tables._fill",
         "elements.primitives.measure_triangles",
         "inside.angles.surely_outside", "inside.ball._begin_cells", "inside.ball._end_cell",
-        "inside.ball._plane", "inside.ball._go_on", "inside.ball_begin.begin_ball",
-        "inside.ball_feet.write_ball", "inside.ball_seeds.add_seeds", "inside.ball.search_ball",
+        "inside.ball._plane_of_alike", "inside.ball._go_on", "inside.ball_begin.begin_ball",
+        "inside.ball_feet.write_ball", "inside.ball.search_ball",
         "inside.ball_caps._one_way",
         "inside.ball_caps.cap_height", "inside.ball_caps.plane", "inside.ball_frame.common_box",
         "inside.ball_point.sound_some", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",

@@ -3,7 +3,8 @@
 import gc
 
 import numpy as np
-from engine_bodies import IDENTITY, ORDERS, box, pose, soup, sphere, torus
+from engine_bodies import IDENTITY, ORDERS, box, pose, soup, sphere, torus, translation
+from engine_surfaces import sphere_patches
 from triangle_cases import KINDS
 
 from proximity_monitor import engine
@@ -112,6 +113,13 @@ for a in surfaces:
                 pair.distance(pose(rng, far), IDENTITY, rel_err=1e-3, budget_s=budget)
         engine.signed_distance(solids[1], IDENTITY, a, pose(rng, 0.1))
     engine.closest_points(a, IDENTITY, rng.normal(size=(20, 3)), normals=True)
+
+closed = engine.ParametricSurface(sphere_patches(), solid=True)
+pair = engine.Pair(closed, closed)
+for far in (0.0, 0.5, 1.99, 3.0):
+    for budget in (0.0, 2e-5, None):
+        pair.signed_distance(translation(far), IDENTITY, budget_s=budget)
+engine.closest_points(closed, IDENTITY, rng.normal(size=(20, 3)), signed=True)
 
 # The check is on: a child that is no triangle is found.
 hierarchy = models[0]._hierarchy

@@ -118,7 +118,9 @@ CLOSED = {
 @pytest.mark.parametrize("scale", [1.0, 1e6])
 def test_patches_that_close_up_may_be_a_solid(make, scale):
     model = ParametricSurface(make(), solid=True)
+    assert model.is_solid
     model.deform(model.control_points * scale + scale)
+    assert model.is_solid
     assert model.revision == 1
 
 

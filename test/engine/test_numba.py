@@ -221,7 +221,7 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
 def test_tables_of_solids_and_of_balls_lead_to_their_arrays():
     @run
     def read(solid, memory):
-        tree, faces, region = solid_at(solid)
+        tree, faces, region = solid_at(MeshTree, solid)
         ball = ball_at(CELL, memory)
         ball.at[0].height, ball.motions[1, 11], ball.seeds[2, 2] = 1, 2.0, 3.0
         ball.best[0].near[1], ball.trial[0].near[1], ball.probe[0].near[1] = 4, 5, 6

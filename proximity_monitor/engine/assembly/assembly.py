@@ -20,6 +20,7 @@ from ..kernels.assembly.questions import (
 )
 from ..kernels.base import state as index
 from ..kernels.inside.contain import Insides, settle_signs
+from ..kernels.surface.contain import MixedInsides
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from ..models.solid import insides_of
@@ -58,7 +59,7 @@ class Assembly:
         self._hierarchies: list[Hierarchy] = []
         self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches: list[Search] = []
-        self._insides: Insides | None = None
+        self._insides: Insides | MixedInsides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question that they were asked
         self._depths = LongSearches(coherent=False)
 

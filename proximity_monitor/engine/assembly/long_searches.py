@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from itertools import combinations_with_replacement, product
 from threading import Event
 from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..models.model import Model
+from ..questions.contact_surface import are_divided
 from ..questions.pair import Pair
 from ..questions.sharing import share
 from ..questions.slices import deadline_of
@@ -191,14 +193,16 @@ def prepare(assembly: Assembly) -> None:
     }
     for pair in one_each.values() or [(0, 0)]:
         assembly.distances(apart, [pair], clearance=0.0, signed=True, budget_s=1.0)
-    chosen = next((model for model in models if model.is_solid), models[0])
-    pair = Pair(chosen, chosen)
-    pair.distance(near, far, rel_err=0.5, budget_s=1.0)
-    if chosen.is_solid:
+    # One solid of meshes and one of parametric surfaces, where there are any.
+    solids = {are_divided(m._hierarchy): m for m in reversed(models) if m.is_solid}
+    chosen = next(iter(solids.values()), models[0])
+    Pair(chosen, chosen).distance(near, far, rel_err=0.5, budget_s=1.0)
+    # Depths have kernels of their own, for each pair of kinds, and those of surfaces others yet.
+    surfaces = {k: m for k, m in zip(kinds, models, strict=True) if not m.is_solid}
+    for solid, other in combinations_with_replacement(solids.values(), 2):
+        pair = Pair(solid, other)
         pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
-        # Depths have kernels of their own, those of surfaces others than a solid's.
         pair.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
-        surfaces = {k: m for k, m in zip(kinds, models, strict=True) if not m.is_solid}
-        for surface in surfaces.values():
-            part = Pair(chosen, surface)
-            part.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
+    for solid, surface in product(solids.values(), surfaces.values()):
+        pair = Pair(solid, surface)
+        pair.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)

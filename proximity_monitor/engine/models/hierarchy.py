@@ -140,6 +140,11 @@ class Hierarchy(ABC):
         """Where that point lies: three parameters and the number of an element."""
 
     @property
+    def error(self) -> float:
+        """Metres: what points of its elements err by, and what closes the gaps of a solid."""
+        return 0.0
+
+    @property
     def revision(self) -> int:
         """How often it was refitted."""
         return int(self.tree.scale[REVISION])

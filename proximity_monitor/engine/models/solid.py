@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.base.state import SurfaceTree
 from ..kernels.inside import solids
 from ..kernels.inside.angles import MOMENTS, moments_of
 from ..kernels.inside.contain import Insides
 from ..kernels.inside.solid_table import solid_table
 from ..kernels.inside.solids import HALF, NOWHERE, WHOLE, Region
+from ..kernels.surface.contain import MixedInsides
 from .tree import build, weld
 
 if TYPE_CHECKING:
@@ -56,19 +58,24 @@ def sides_of(model: Model) -> Sides:
     return model._hierarchy.sides()
 
 
-def insides_of(models: Sequence[Model]) -> Insides:
+def insides_of(models: Sequence[Model]) -> Insides | MixedInsides:
     """The spaces that bodies with these models enclose; several may share one."""
     shapes = tuple({id(model): model for model in models}.values())
     regions = [sides_of(model).region for model in shapes]
     starts = np.cumsum([0, *(len(each.samples) for each in regions)])
     place = {id(model): k for k, model in enumerate(shapes)}
     of = np.array([place[id(model)] for model in models])
-    return Insides(
+    insides = Insides(
         np.array([each.inside for each in regions], np.int8)[of],
         np.stack((starts[of], starts[of + 1]), axis=1),
         np.concatenate([each.samples for each in regions]),
         np.stack([model._hierarchy.sampled()[1] for model in models]),
     )
+    divided = np.array([isinstance(model._hierarchy.tree, SurfaceTree) for model in models])
+    if not (divided & (insides.where == WHOLE)).any():
+        return insides
+    holders = np.stack([model._hierarchy.table_of_all for model in models])
+    return MixedInsides(*insides, holders, divided)
 
 
 def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
@@ -116,13 +123,14 @@ def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
     return _sides(mesh, first, part, proper, opening, region, reason)
 
 
-def no_sides(
+def plain_sides(
     hierarchy: Hierarchy, proper: bool, reason: str, samples: NDArray[np.int32]
 ) -> Sides:  # fmt: skip
-    """What is known of a model that has no inside, whatever its elements are."""
+    """What is known of a model without vertices: it closes up, unless there is a reason."""
     nothing = np.empty(0, np.int32)
     ball = np.array([*hierarchy.centre, hierarchy.core_radius])
-    region = Region(NOWHERE, samples, ball, 0.0, _no_rim(), _NO_MOMENTS)
+    inside = NOWHERE if reason else WHOLE
+    region = Region(inside, samples, ball, 0.0, _no_rim(), _NO_MOMENTS)
     return _sides(hierarchy, nothing, nothing, proper, None, region, reason)
 
 

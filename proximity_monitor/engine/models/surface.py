@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_reals
 from ..kernels.base.cache import KERNELS
+from ..kernels.base.state import JOINTS
 from .checks import ModelError, checked_length, checked_vertices
-from .closed import find_opening
+from .closed import find_joints
 from .mesh import largest_norm
 from .model import DisplayMesh, Feature, Model
 from .nurbs import Net
@@ -27,7 +28,7 @@ class Surface(Model):
     Their bounding volume hierarchy is made when it is first needed.
     """
 
-    __slots__ = ("_deviation", "_made", "_solid", "name", "nets")
+    __slots__ = ("_deviation", "_gap", "_made", "_solid", "name", "nets")
 
     nets: tuple[Net, ...]
     """Control points, weights and knots of its patches and curves. `deform` puts others in their
@@ -41,30 +42,29 @@ class Surface(Model):
         self.name = name
         self._deviation = checked_length(deviation, name, "deviation")
         self._solid = solid
-        self.nets = self._checked(nets)
+        self.nets, self._gap = tuple(nets), self._checked(nets)
         self._made: SurfaceHierarchy | None = None
 
-    def _checked(self, nets: Sequence[Net]) -> tuple[Net, ...]:
-        """The nets, unless they do not close up though they must."""
+    def _checked(self, nets: Sequence[Net]) -> float:
+        """The gaps that are left between nets (see closed.py), unless they do not close up.
+
+        Those of what need not be a solid are of no interest, and 0.
+        """
         if not self._solid:
-            return tuple(nets)
-        curves = all(net.is_curve for net in nets)
-        if (
-            reason := "it consists of curves alone"
-            if curves
-            else find_opening(nets, self.deviation)
-        ):
+            return 0.0
+        reason, gap = find_joints(nets, self.deviation)
+        if reason:
             raise ModelError(
                 f"{self.name}: no solid: {reason}; close it, give it a deviation as large as its "
                 "gaps, or solid=False, which takes it for a surface"
             )
-        return tuple(nets)
+        return gap
 
     @property
     def _hierarchy(self) -> SurfaceHierarchy:
         if self._made is None:
             self._made = SurfaceHierarchy.of(
-                self.nets, deviation=self._deviation, solid=self._solid
+                self.nets, deviation=self._deviation, solid=self._solid, gap=self._gap
             )
         return self._made
 
@@ -92,9 +92,10 @@ class Surface(Model):
             )
         ends = np.cumsum([len(net.points) for net in self.nets])[:-1]
         parts = np.split(moved, ends)
-        moved_nets = (net.moved(part) for net, part in zip(self.nets, parts, strict=True))
-        self._made = self._hierarchy.refitted(self._checked(tuple(moved_nets)))
-        self.nets = self._made.nets
+        nets = tuple(net.moved(part) for net, part in zip(self.nets, parts, strict=True))
+        gap = self._checked(nets)
+        self._made = self._hierarchy.refitted(nets, gap)
+        self.nets, self._gap = nets, gap
         return largest_norm(moved - before)
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
@@ -160,7 +161,7 @@ class Surface(Model):
         self._made = SurfaceHierarchy.__new__(SurfaceHierarchy)
         self._made.__setstate__(state["hierarchy"])
         self.nets, self._deviation = self._made.nets, self._made.deviation
-        self._solid = self._made.solid
+        self._solid, self._gap = self._made.solid, float(self._made.tree.scale[JOINTS])
 
     def _parameters(self, *given: ArrayLike) -> list[NDArray[np.float64]]:
         """Parameters of the only patch or curve, of one shape.
@@ -189,11 +190,12 @@ class ParametricSurface(Surface):
         name: what messages call it.
         deviation: metres; how far the surface may be from that of the thing it stands for. If one
             of the patches has a larger one, that counts.
-        solid: whether the patches must close up, which is checked here and at every `deform`: each
-            of their edges lies on one or several others that go the other way, as normals point
-            outward, no farther apart than the deviation and 1e-12 of the largest coordinate. Edges
-            that are points, such as poles, count for nothing. Patches may meet with unlike knots
-            and degrees, and several beside one.
+        solid: whether it is a solid, inside of which distances are negative. Then the patches must
+            close up, which is checked here and at every `deform`: each of their edges lies on one
+            or several others that go the other way, no farther apart than the deviation and 1e-12
+            of the largest coordinate. So all normals point outward, or all inward. Edges that are
+            points, such as poles, count for nothing. Patches may meet with unlike knots and
+            degrees, and several beside one. None of them may be trimmed.
 
     Raises:
         ModelError: no patches, or what is none; a deviation that is no length; open edges though

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import CONVERSION, NONE
+from ..kernels.base.rounding import NET_POINT
+from ..kernels.base.state import CONVERSION, JOINTS, NONE
 from ..kernels.base.tables import surface_table
 from ..kernels.inside.solids import connected_parts
 from ..kernels.surface.trim import CROSSING
 from ..kernels.surface.trim_entries import nearest_trim_points
-from .closed import find_opening
 from .hierarchy import Hierarchy
 from .nurbs import frozen
-from .solid import no_sides
+from .solid import plain_sides
 from .surface_tree import build_surface, in_threes, projected, refit_surface
 from .tree import weld
 from .trim import joined
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from .solid import Sides
 
 _AS_TOLD = "it is to be taken for a surface (solid=False)"
-# A closed surface passes the check that `solid=True` demands, but no kernel tells its sides yet.
-_UNTOLD = "it is a surface that closes up, whose sides are not told apart yet"
 
 _ROWS, _RATIONAL_ROWS = 3, 7
 """Rows of a cell's control points: x, y and z; of a rational one, homogeneous ones as well."""
@@ -47,26 +45,26 @@ class SurfaceHierarchy(Hierarchy):
     """(m,) which piece, counted patch by patch, stands where in tree order."""
 
     @classmethod
-    def of(cls, nets: Sequence[Net], *, deviation: float, solid: bool) -> Self:
-        """The hierarchy of checked nets.
+    def of(cls, nets: Sequence[Net], *, deviation: float, solid: bool, gap: float) -> Self:
+        """The hierarchy of checked nets; the gaps, metres, are those between a solid's patches.
 
         Raises:
             ModelError: a trimming loop leaves the rectangle of its patch.
         """
         trims = joined([net.trim for net in nets])
-        tree, order, depth = build_surface(nets, trims, deviation)
+        tree, order, depth = build_surface(nets, trims, deviation, gap)
         return cls._made({
             "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation, "solid": solid,
             "tree": tree, "distinct": tree, "depth": depth, "order": order,
             "numbers": np.ascontiguousarray(tree.pieces["patch"]),
         })  # fmt: skip
 
-    def refitted(self, nets: Sequence[Net]) -> Self:
+    def refitted(self, nets: Sequence[Net], gap: float) -> Self:
         """A hierarchy of the same structure over the same nets, whose control points moved.
 
         Its revision is one more.
         """
-        tree = refit_surface(self.tree, self.order, nets)
+        tree = refit_surface(self.tree, self.order, nets, gap)
         made = self._made(self._kept() | {"nets": tuple(nets), "tree": tree, "distinct": tree})
         made._ranges = self._ranges
         return made
@@ -130,10 +128,16 @@ class SurfaceHierarchy(Hierarchy):
         nearest_trim_points(self.tree.trims, 0, middle[None], 1.0, 1.0, found)
         return 0, float(found[0, 0]), float(found[0, 1])
 
+    @property
+    def error(self) -> float:
+        """See `Hierarchy.error`."""
+        scale = self.tree.scale
+        return float(NET_POINT * scale[2] + scale[CONVERSION] + scale[JOINTS])
+
     def _find_sides(self) -> Sides:
         proper = not all(net.is_curve for net in self.nets)
-        reason = find_opening(self.nets, self.deviation) if self.solid else _AS_TOLD
-        return no_sides(self, proper, reason or _UNTOLD, self._parts())
+        reason = "" if self.solid else _AS_TOLD  # that it closes up was found when it was made
+        return plain_sides(self, proper, reason, self._parts())
 
     def _parts(self) -> NDArray[np.int32]:
         """One piece of each connected part, as `Region.samples`.

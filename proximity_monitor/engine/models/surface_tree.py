@@ -26,7 +26,7 @@ around smaller ones are thinner. Against a mesh that leaves an eighth of the pai
 
 
 def build_surface(
-    nets: Sequence[Net], trims: Trims, deviation: float
+    nets: Sequence[Net], trims: Trims, deviation: float, gap: float
 ) -> tuple[SurfaceTree, NDArray[np.int32], int]:
     """The tree over the pieces of nets.
 
@@ -34,6 +34,7 @@ def build_surface(
         nets: of the patches and curves.
         trims: their loops.
         deviation: metres; how far they may be from what they stand for.
+        gap: metres; of a solid, the gaps between patches that were taken for none.
 
     Returns:
         The tree; which piece, in the order of `_cut`, stands where in tree order (m,); and how many
@@ -52,15 +53,17 @@ def build_surface(
     leaves[:, 0] = np.arange(len(pieces))
     children, order, depth = build_tree(stand_ins, leaves, len(pieces))
     children.setflags(write=False)  # as when it is refitted: kernels need no second form
-    scale = _scale(nets, lost, 0.0, deviation)
+    scale = _scale(nets, lost, 0.0, deviation, gap)
     tree = _fitted(children, order, pieces, flat, scale, trims)
     return tree, order.astype(np.int32), depth + 1
 
 
-def refit_surface(tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net]) -> SurfaceTree:
+def refit_surface(
+    tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net], gap: float
+) -> SurfaceTree:
     """A tree of the same structure over the pieces of the same nets, whose control points moved."""
     pieces, flat, lost = with_edges(*_cut(nets), tree.trims)
-    scale = _scale(nets, lost, tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2])
+    scale = _scale(nets, lost, tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2], gap)
     return _fitted(tree.children, order, pieces, flat, scale, tree.trims)
 
 
@@ -138,7 +141,7 @@ def in_threes(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _scale(
-    nets: Sequence[Net], lost: float, revision: float, deviation: float
+    nets: Sequence[Net], lost: float, revision: float, deviation: float, gap: float
 ) -> NDArray[np.float64]:
     """The numbers of a tree as a whole, but for the first three: see `SurfaceTree`.
 
@@ -146,7 +149,7 @@ def _scale(
     """
     parts = _parts(nets)
     error = max(net.error(parts) for net in nets) + lost
-    return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error])
+    return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error, gap])
 
 
 def check_surface_tree(tree: SurfaceTree) -> None:

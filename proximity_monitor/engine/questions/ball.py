@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.state import CUT
-from ..kernels.inside import ball as kernel
-from ..kernels.inside import ball_begin, ball_feet, ball_seeds
-from ..kernels.inside.ball_state import FULL, ball_table
+from ..kernels.inside.ball_state import FULL, NONE, ball_table
 from ..kernels.inside.solids import HALF
+from ..kernels.pairs.balls import BALLS
 from ..kernels.pairs.depths import DEPTHS
 from ..models.model import Model
 from .ball_memory import BallKind, BallMemory
+from .contact_surface import are_divided
 from .memory import give_back, take
 from .slices import slices_until
 
@@ -32,8 +32,9 @@ _MOST_CELLS = 4096
 deep as it is far from the faces, so no cell there gets a better bound, however small it is."""
 
 _MOST_PIECES = 1 << 15
-"""The most pieces of patches and curves that are looked into. Where a whole region of a surface is
-deepest, nothing ends the search for more digits than these tell."""
+"""The most pieces of patches and curves that are looked into, or cells of space where a solid is
+made of patches. Where a whole region of a surface is deepest, or as far from the centre of a ball,
+nothing ends the search for more digits than these tell."""
 
 _NO_ROW = np.empty(0)
 
@@ -48,16 +49,18 @@ class BallSearch:
     """
 
     __slots__ = (
-        "_at", "_ball", "_hierarchies", "_models", "_more", "_most", "_order", "_own", "_poses",
-        "_table", "_tables", "given_up",
+        "_at", "_ball", "_entries", "_first", "_hierarchies", "_models", "_more", "_most", "_order",
+        "_own", "_poses", "_table", "_tables", "given_up",
     )  # fmt: skip
 
     given_up: bool
-    """Whether the search ended at a hole, before the bounds were as close as was asked for."""
+    """Whether the search ended before the bounds were as close as was asked for."""
 
     def __init__(self, a: Model, b: Model, surface: Model | None = None) -> None:
         self._models = a, b
-        self._order = slice(None)  # in which order the kernels take the models
+        # Which model the kernels take first, and so in which order they take both.
+        self._first = self._choose()
+        self._order = slice(None, None, -1 if self._first else 1)
         self._hierarchies: tuple[Hierarchy, ...] = ()
         self._own = own = take(BallMemory, BallKind.of(a, b, surface))
         self._ball, self._more, self._table = own.ball, own.more, own.table
@@ -69,6 +72,12 @@ class BallSearch:
         if hasattr(self, "_own"):
             give_back(self._own)
 
+    def _choose(self) -> int:
+        """Choose the kernels for both kinds of models; returns which model these take first."""
+        a, b = (are_divided(model._hierarchy) for model in self._models)
+        self._entries = BALLS[a or b, a and b]
+        return int(b and not a)
+
     def begin(
         self,
         pose_a: NDArray[np.float64],
@@ -78,7 +87,8 @@ class BallSearch:
     ) -> None:
         """Start a search; the first seed is the centre of the ball that the last one found."""
         self._take(pose_a, pose_b)
-        ball_begin.begin_ball(self._tables, self._table, *self._poses, depth_err, 0.5 * abs_err)
+        begin = self._entries.begin
+        begin(self._tables, self._table, *self._poses, depth_err, 0.5 * abs_err)
 
     def _take(self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64]) -> None:
         """Take the poses, and the models as they are now."""
@@ -91,14 +101,17 @@ class BallSearch:
             self._tables, self._hierarchies = np.array(tables), hierarchies
         holes = any(each.sides().region.inside == HALF for each in hierarchies)
         self._most, self.given_up = _MOST_CELLS if holes else math.inf, False
+        if are_divided(*hierarchies):
+            self._most = min(self._most, _MOST_PIECES)
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
         """Add seeds about the nearest points of an answer (ANSWER,)."""
-        ball_seeds.add_seeds(self._tables, self._table, row, 0, ball_seeds.NONE)
+        self._entries.add_seeds(self._tables, self._table, row, self._first, 0, NONE)
 
-    def seed_part(self, body: int, triangle: int) -> None:
-        """Add seeds about a triangle of one of the models that lies in the other."""
-        ball_seeds.add_seeds(self._tables, self._table, _NO_ROW, body, triangle)
+    def seed_part(self, body: int, element: int) -> None:
+        """Add seeds about an element of one of the models that lies in the other."""
+        body = abs(body - self._first)
+        self._entries.add_seeds(self._tables, self._table, _NO_ROW, self._first, body, element)
 
     def seek(self, deadline: float) -> bool:
         """Try the seeds until one is the centre of a ball, or to the deadline and return False."""
@@ -123,7 +136,7 @@ class BallSearch:
                 return False
 
     def _slice(self, seeds_alone: bool, steps: int) -> int:
-        return kernel.search_ball(self._tables, self._table, seeds_alone, steps)
+        return self._entries.search(self._tables, self._table, seeds_alone, steps)
 
     def _make_room(self) -> None:
         old = self._ball
@@ -173,7 +186,7 @@ class BallSearch:
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write into an answer (ANSWER,) where the surfaces are nearest to the ball's centre."""
-        ball_feet.write_ball(self._tables, self._table, *self._poses, row)
+        self._entries.write(self._tables, self._table, *self._poses, row, self._first)
 
 
 class DeepestSearch(BallSearch):
@@ -184,14 +197,17 @@ class DeepestSearch(BallSearch):
         b: second model; one of the two is a solid.
     """
 
-    __slots__ = ("_begin", "_go_on", "_solid", "_write")
+    __slots__ = ("_begin", "_go_on", "_write")
 
     def __init__(self, a: Model, b: Model) -> None:
-        surface = b if a.is_solid else a
-        super().__init__(a, b, surface)
-        self._solid = 0 if a.is_solid else 1
-        self._order = slice(None, None, 1 if a.is_solid else -1)  # the solid first
-        self._begin, self._go_on, self._write = DEPTHS[type(surface._hierarchy.tree)]
+        super().__init__(a, b, b if a.is_solid else a)
+
+    def _choose(self) -> int:
+        first = 0 if self._models[0].is_solid else 1  # the solid
+        solid, surface = self._models[first], self._models[1 - first]
+        kinds = are_divided(solid._hierarchy), are_divided(surface._hierarchy)
+        self._begin, self._go_on, self._write = DEPTHS[kinds]
+        return first
 
     def begin(
         self,
@@ -202,14 +218,12 @@ class DeepestSearch(BallSearch):
     ) -> None:
         """Start a search."""
         self._take(pose_a, pose_b)
-        if len(self._more[0]):
-            self._most = min(self._most, _MOST_PIECES)
         self._begin(self._tables, self._table, *self._poses, depth_err, abs_err)
 
     def seed_contact(self, row: NDArray[np.float64]) -> None:
         """Do nothing: points beside a surface are not on it."""
 
-    def seed_part(self, body: int, triangle: int) -> None:
+    def seed_part(self, body: int, element: int) -> None:
         """Do nothing, either."""
 
     def seek(self, deadline: float) -> bool:
@@ -227,4 +241,4 @@ class DeepestSearch(BallSearch):
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write into an answer (ANSWER,) the deepest point, and the solid's nearest to it."""
-        self._write(self._tables, self._table, self._solid, *self._poses, row)
+        self._write(self._tables, self._table, self._first, *self._poses, row)

@@ -135,7 +135,7 @@ def closest_points(
     chosen = directions if normals else None
     answer_made = Nearest(hierarchy.numbers, bounds, nearest, triangles, chosen, ends, nothing)
     if isinstance(model, Surface):
-        surface = SurfacePoints(model, pose, max_distance, deadline)
+        surface = SurfacePoints(model, pose, max_distance, deadline, region is not None)
 
         def answer_surface(first: int, stopped: Event) -> None:
             part = slice(first, first + _POINTS)

@@ -10,12 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
+from ..kernels.inside.visit import ROOM
+from ..kernels.surface.side import sides_of_surface
 from ..models.shapes import points as points_model
 from ..models.surface import Surface
 from ..models.surface_mesh import unit_normals
 from .run import Search
+from .slices import slices_until
 
 _A = slice(index.POINT_A, index.POINT_A + 3)
+_TELLING = 1e-6
+"""As in kernels/inside/closest.py."""
+
 _PARAMETERS = slice(index.FEATURE_A, index.FEATURE_A + 2)
 
 
@@ -27,12 +33,14 @@ class SurfacePoints:
         pose: (4, 4) model to world, metres.
         max_distance: metres, beyond which nothing more is asked.
         deadline: of perf_counter, or None.
+        signed: whether distances are negative inside; the model is a solid then.
     """
 
     def __init__(
-        self, model: Surface, pose: NDArray[np.float64], max_distance: float, deadline: float | None
-    ) -> None:
-        self._model, self._pose = model, pose
+        self, model: Surface, pose: NDArray[np.float64], max_distance: float,
+        deadline: float | None, signed: bool,
+    ) -> None:  # fmt: skip
+        self._model, self._pose, self._signed = model, pose, signed
         self._limit, self._deadline = max_distance, deadline
         self._point = points_model(np.zeros((1, 3)))
 
@@ -45,16 +53,18 @@ class SurfacePoints:
 
         `first` is the number of the first. Its normals are written where there is room for any.
         """
-        if first and self._deadline is not None and perf_counter() >= self._deadline:
+        if first and self._is_over():
             return 0
-        count = len(given)
+        count, limit = len(given), self._limit
+        if self._signed:  # a side is told where the surface is known to be far enough
+            limit = max(limit, _TELLING * float(self._model._hierarchy.tree.scale[2]))
         poses = np.zeros((count, 4, 4))
         poses[:] = np.eye(4)
         poses[:, :3, 3] = given
         rows = np.full((count, index.ANSWER), np.nan)
         Search(self._model, self._point).run(
             np.tile(self._pose, (count, 1)), poses.reshape(-1, 4),
-            limit=self._limit, deadline=self._deadline, first=first, stopped=stopped, answers=rows,
+            limit=limit, deadline=self._deadline, first=first, stopped=stopped, answers=rows,
         )  # fmt: skip
         begun = int(np.count_nonzero(~np.isnan(rows[:, index.STATUS])))
         rows = rows[:begun]
@@ -65,7 +75,24 @@ class SurfacePoints:
         elements[:begun] = np.where(near, rows[:, index.TREE_A], -1)
         if len(normals):
             self._normals(rows, normals)
-        return begun
+        return self._sides(given, begun, stopped, bounds) if self._signed else begun
+
+    def _is_over(self) -> bool:
+        return self._deadline is not None and perf_counter() >= self._deadline
+
+    def _sides(
+        self, given: NDArray[np.float64], count: int, stopped: Event, bounds: NDArray[np.float64]
+    ) -> int:
+        """Make the first bounds signed ones; returns how many are done, at least one."""
+        hierarchy = self._model._hierarchy
+        stack, slices, done = np.empty(ROOM, np.int32), slices_until(self._deadline), 0
+        while done < count and not stopped.is_set():
+            done = sides_of_surface(
+                hierarchy.tree, self._pose, given, done, count, slices.steps, stack, bounds
+            )
+            if slices.over():
+                break
+        return done
 
     def _normals(self, rows: NDArray[np.float64], normals: NDArray[np.float64]) -> None:
         """The surface's unit normals in the world, at the points of rows."""

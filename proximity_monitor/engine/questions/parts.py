@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.motion import relative_motion_pair
+from ..kernels.base.state import SurfaceTree
 from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
+from ..kernels.surface import crossing  # noqa: F401 - where a model is a surface
 from ..models.model import Model
 from .slices import slices_until
 
@@ -24,7 +26,8 @@ class PartSearch:
     """
 
     __slots__ = (
-        "_cores", "_motions", "_progress", "_regions", "_scratch", "_slack", "_trees", "part",
+        "_cores", "_holders", "_motions", "_progress", "_regions", "_scratch", "_slack", "_trees",
+        "part",
     )  # fmt: skip
 
     part: tuple[int, int] | None
@@ -38,10 +41,15 @@ class PartSearch:
     ) -> None:
         self._cores = [model._hierarchy for model in models]
         self._trees = [core.sampled()[0] for core in self._cores]
+        self._holders = [
+            core.tree if isinstance(core.tree, SurfaceTree) else tree
+            for core, tree in zip(self._cores, self._trees, strict=True)
+        ]
         self._regions = regions
         self._motions = np.empty((2, 12))
         sizes = [float(tree.scale[2]) for tree in self._trees]
         self._slack = relative_motion_pair(*poses, *sizes, self._motions)
+        self._slack += sum(core.error for core in self._cores)
         self._progress = np.zeros((2, 2), np.int64)
         room = 1 + max(core.depth for core in self._cores) * 15
         self._scratch = np.empty((2, 2, room), np.int32)
@@ -69,7 +77,7 @@ class PartSearch:
                 continue
             while True:
                 t = contain.look_for_part(
-                    self._trees[1 - body], self._trees[body], self._regions[body].samples,
+                    self._holders[1 - body], self._trees[body], self._regions[body].samples,
                     motion, self._slack, apart, self._progress[body], *self._scratch[body],
                     slices.steps,
                 )  # fmt: skip

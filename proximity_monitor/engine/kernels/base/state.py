@@ -75,8 +75,9 @@ SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces net
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
 pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims. The rest is
-as in MeshTree; scale[2] is the largest norm of a control point, and scale[6] how far rounding may
-have moved points of the surface when it was cut into pieces, metres.
+as in MeshTree; scale[2] is the largest norm of a control point, scale[6] how far rounding may have
+moved points of the surface when it was cut into pieces, and scale[7], of a solid, how far from the
+pieces that may be which closes the gaps between patches (see models/closed.py), both in metres.
 """
 
 PIECE = np.dtype(
@@ -103,8 +104,8 @@ each control point, where the weights w are positive; the last point is repeated
 NET_WIDTH = 16
 """Control points are bounded so many at a time."""
 
-REVISION, SWEPT, DEVIATION, CONVERSION = 3, 4, 5, 6
-"""Of a tree's `scale`; the last of a SurfaceTree's alone."""
+REVISION, SWEPT, DEVIATION, CONVERSION, JOINTS = 3, 4, 5, 6, 7
+"""Of a tree's `scale`; the last two of a SurfaceTree's alone."""
 
 DepthFirst = namedtuple("DepthFirst", "pairs bounds")
 """The pairs of volumes still to be looked at (int32, n × 2), as lanes 16 node + lane, and their

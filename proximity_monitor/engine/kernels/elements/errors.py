@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from ..base.jit import implements, inlined
 from ..base.rounding import NET_POINT
-from ..base.state import CONVERSION, MeshTree, SurfaceTree
+from ..base.state import CONVERSION, JOINTS, MeshTree, SurfaceTree
 
 
 def points_err(tree):
     """What a point of an element errs by, metres."""
+
+
+def joints_err(tree):
+    """How far from the elements that may be which closes a solid where they do not meet, metres."""
 
 
 @implements(points_err, MeshTree)
@@ -21,3 +25,15 @@ def _corners_err(tree):
 @inlined
 def _evaluation_errs(tree):
     return NET_POINT * tree.scale[2] + tree.scale[CONVERSION]
+
+
+@implements(joints_err, MeshTree)
+@inlined
+def _they_meet(tree):
+    return 0.0
+
+
+@implements(joints_err, SurfaceTree)
+@inlined
+def _gaps(tree):
+    return tree.scale[JOINTS]

@@ -23,16 +23,17 @@ import math
 
 import numpy as np
 
-from ..base.jit import allocating_entry, kernel, shared
+from ..base.jit import allocating_entry, implements, kernel, shared
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
+from ..base.state import MeshTree
 from ..base.vectors import cross, dot, norm, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
 from .nearest import begin_nearest, nearest
 from .solids import HALF
 from .visit import ROOM, TO_THE_END
-from .winding import RAY_STEPS, UNKNOWN, winding_number
+from .winding import UNKNOWN, ray_steps, winding_number
 
 AREA, RADIUS, LOST, MOMENTS = 6, 7, 8, 9
 """Moments of what is under a lane: centre and area vector, three each; its area; the radius of a
@@ -136,6 +137,15 @@ def _from_rim(region, p):
     return away * (1.0 - 1e-2), TO_THE_END - left
 
 
+def is_outside(tree, region, p, radius, q, slack, stack):
+    """As `surely_outside`: a stub, as only meshes have holes."""
+
+
+def half_side(tree, region, p, least, slack, stack):
+    """As `side_of` where the inside is HALF: a stub."""
+
+
+@implements(is_outside, MeshTree)
 @shared
 def surely_outside(tree, region, p, radius, q, slack, stack):
     """Whether q lies outside a solid with holes, as does all near p on q's side; and the steps.
@@ -158,9 +168,10 @@ def surely_outside(tree, region, p, radius, q, slack, stack):
     return False, steps
 
 
+@implements(half_side, MeshTree)
 @kernel
 def _half(tree, region, p, least, slack, stack):
-    """As `side_of` where the inside is HALF."""
+    """As `side_of` says."""
     ball = region.ball
     from_centre = (p[0] - ball[0], p[1] - ball[1], p[2] - ball[2])
     beyond = norm(from_centre) - ball[3]
@@ -189,7 +200,7 @@ def _half(tree, region, p, least, slack, stack):
 
 @kernel
 def side_of(tree, region, p, least, slack, stack, gaps):
-    """On which side of a mesh a point lies, and how far around it all points do.
+    """On which side of a surface a point lies, and how far around it all points do.
 
     Args:
         tree: its hierarchy.
@@ -205,11 +216,11 @@ def side_of(tree, region, p, least, slack, stack, gaps):
         took.
     """
     if region.inside == HALF:
-        return _half(tree, region, p, least, slack, stack)
+        return half_side(tree, region, p, least, slack, stack)
     winding = winding_number(tree, p, slack, stack, gaps)
     if winding == UNKNOWN:
-        return 0, 0.0, RAY_STEPS
-    return (-1 if winding == 0 else 1), least, RAY_STEPS
+        return 0, 0.0, ray_steps(tree)
+    return (-1 if winding == 0 else 1), least, ray_steps(tree)
 
 
 @allocating_entry

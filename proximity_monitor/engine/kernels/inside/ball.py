@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import entry, kernel, shared
+from ..base.jit import entry, implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import CUT, ENDED
+from ..base.state import CUT, ENDED, MeshTree, SurfaceTree
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, in_a_frame, take_axes
@@ -44,15 +44,32 @@ _MIDDLE_STEPS = 128
 centre, and to look at it all would take longer than to compare the surfaces."""
 
 
-@shared
+# What follows is asked of one of two solids. Where their hierarchies are of one type it is one of
+# these that is chosen; else there are two calls, each with the one twice.
+
+
 def _plane(
     tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
 ):  # fmt: skip
-    """Find a plane of solid k for a cell, as `plane` does, seen from a point.
+    """Find a plane of solid k for a cell, as `plane` does, seen from a point: a stub.
 
     Or from a point so far behind that one that the other face of what is thin, too thin for a
     larger ball, is nearer than this one.
     """
+
+
+def _sound_trial(tree_a, tree_b, region_a, region_b, k, state, steps):
+    """Go on to find the trial point's depth in solid k; returns how many steps are left: a stub."""
+
+
+def _tangent(tree_a, tree_b, k, state, centre, half, row):
+    """Find a row for the cell around the trial point, as `tangent` does: a stub."""
+
+
+@shared
+def _plane_of_alike(
+    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
+):  # fmt: skip
     at = state.at[0]
     limit, steps = limit_of(at), 0
     if k == 0:
@@ -80,6 +97,60 @@ def _plane(
         tree, region, motion, k, at, point, centre, half, spare, most, row, state.stack
     )
     return found, steps + cost
+
+
+@inlined
+def _plane_of_unlike(
+    tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
+):  # fmt: skip
+    if k == 0:
+        return _plane_of_alike(
+            tree_a, tree_a, region_a, region_a, k, behind, point, centre, half, spare, state, row
+        )
+    return _plane_of_alike(
+        tree_b, tree_b, region_b, region_b, k, behind, point, centre, half, spare, state, row
+    )
+
+
+@inlined
+def _sound_alike(tree_a, tree_b, region_a, region_b, k, state, steps):
+    if k == 0:
+        tree, region = tree_a, region_a
+    else:
+        tree, region = tree_b, region_b
+    return sound_some(
+        tree, region, state.motions[k], k, state.at[0], state.trial[0], state.stack,
+        state.reached, steps,
+    )  # fmt: skip
+
+
+@inlined
+def _sound_unlike(tree_a, tree_b, region_a, region_b, k, state, steps):
+    if k == 0:
+        return _sound_alike(tree_a, tree_a, region_a, region_a, k, state, steps)
+    return _sound_alike(tree_b, tree_b, region_b, region_b, k, state, steps)
+
+
+@inlined
+def _tangent_alike(tree_a, tree_b, k, state, centre, half, row):
+    tree = tree_a if k == 0 else tree_b
+    return tangent(tree, state.motions[k], k, state.at[0], state.trial[0], centre, half, row)
+
+
+@inlined
+def _tangent_unlike(tree_a, tree_b, k, state, centre, half, row):
+    if k == 0:
+        return _tangent_alike(tree_a, tree_a, k, state, centre, half, row)
+    return _tangent_alike(tree_b, tree_b, k, state, centre, half, row)
+
+
+for _kind in (MeshTree, SurfaceTree):
+    implements(_plane, _kind, _kind)(_plane_of_alike)
+    implements(_sound_trial, _kind, _kind)(_sound_alike)
+    implements(_tangent, _kind, _kind)(_tangent_alike)
+implements(_plane, SurfaceTree, MeshTree)(_plane_of_unlike)
+implements(_sound_trial, SurfaceTree, MeshTree)(_sound_unlike)
+implements(_tangent, SurfaceTree, MeshTree)(_tangent_unlike)
 
 
 @shared
@@ -180,8 +251,7 @@ def _end_cell(tree_a, tree_b, region_a, region_b, state):
     for attempt in range(5):
         k = 1 - shallow if attempt & 1 else shallow
         if attempt == 2 or attempt == 3:
-            tree = tree_a if k == 0 else tree_b
-            found = tangent(tree, state.motions[k], k, at, trial, centre, half, rows[count])
+            found = _tangent(tree_a, tree_b, k, state, centre, half, rows[count])
             steps += 1
         else:
             found, cost = _plane(
@@ -223,15 +293,8 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
         if steps <= 0:
             return steps
         k = first if at.turn == 0 else 1 - first
-        if k == 0:
-            tree, region = tree_a, region_a
-        else:
-            tree, region = tree_b, region_b
         given = min(steps, at.patience)
-        used = given - sound_some(
-            tree, region, state.motions[k], k, at, state.trial[0], state.stack, state.reached,
-            given,
-        )  # fmt: skip
+        used = given - _sound_trial(tree_a, tree_b, region_a, region_b, k, state, given)
         steps -= used
         at.patience -= used
         if at.height > 0:
@@ -265,6 +328,10 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
     return steps
 
 
+KIND_A = KIND_B = MeshTree
+"""The kinds of both trees: others in other entries (see pairs/balls.py)."""
+
+
 @entry
 def search_ball(solids, memory, seeds_alone, steps):
     """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL.
@@ -272,8 +339,8 @@ def search_ball(solids, memory, seeds_alone, steps):
     `solids` (2, 2, n) are tables of two (see solid_table.py), `memory` that of the search. With
     `seeds_alone` it ends when a ball is found, or no seed is left.
     """
-    tree_a, _, region_a = solid_at(solids[0])
-    tree_b, _, region_b = solid_at(solids[1])
+    tree_a, _, region_a = solid_at(KIND_A, solids[0])
+    tree_b, _, region_b = solid_at(KIND_B, solids[1])
     state = ball_at(CELL, memory)
     at = state.at[0]
     while True:

@@ -8,8 +8,9 @@ from ..base.jit import entry, kernel
 from ..base.memory import on_stack
 from ..base.motion import deviation, relative_motions
 from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
-from ..base.state import SWEPT
+from ..base.state import SWEPT, MeshTree
 from ..base.vectors import dot, moved, sub
+from ..elements.errors import joints_err, points_err
 from .ball_frame import common_box, in_a_frame, take_axes
 from .ball_state import CELL, IDLE, LOOSEST, NONE, ball_at
 from .solid_table import solid_at
@@ -24,6 +25,10 @@ _TRUSTED = 0.5
 with; else it may lie far from the largest ball, as where bodies slid along each other."""
 
 
+KIND_A = KIND_B = MeshTree
+"""The kinds of both trees: others in other entries (see pairs/balls.py)."""
+
+
 @entry
 def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     """Start a search; the centre of the ball that the last one found is its first seed.
@@ -33,8 +38,8 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
 
     `solids` (2, 2, n) are tables of both (see solid_table.py), `memory` that of the search.
     """
-    tree_a, _, region_a = solid_at(solids[0])
-    tree_b, _, region_b = solid_at(solids[1])
+    tree_a, _, region_a = solid_at(KIND_A, solids[0])
+    tree_b, _, region_b = solid_at(KIND_B, solids[1])
     state = ball_at(CELL, memory)
     at, motions, best = state.at[0], state.motions, state.best[0]
     last = at.radius > 0.0
@@ -44,10 +49,11 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     for i in range(12):
         motions[0, i] = 1.0 if i == 0 or i == 4 or i == 8 else 0.0
     size = abs(b_to_a[9]) + abs(b_to_a[10]) + abs(b_to_a[11])
-    for tree in (tree_a, tree_b):
-        size += tree.scale[2] + 2.0 * tree.scale[SWEPT]
+    size += tree_a.scale[2] + 2.0 * tree_a.scale[SWEPT]
+    size += tree_b.scale[2] + 2.0 * tree_b.scale[SWEPT]
     error = deviation(pose_a) + deviation(pose_b)
     at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
+    at.slack += points_err(tree_a) + joints_err(tree_a) + points_err(tree_b) + joints_err(tree_b)
     holes = region_a.inside == HALF or region_b.inside == HALF
     at.floor = _TELLING * size if holes else 0.0
     at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)

@@ -31,6 +31,7 @@ from numba import float32, uint64
 
 from ..base.jit import implements, inlined, kernel, loop16, shared
 from ..base.memory import on_stack
+from ..base.state import MeshTree
 from ..base.vectors import along, dot, moved, norm, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import (
@@ -49,12 +50,12 @@ from ..tree.layout import (
     WIDTH,
 )
 from . import visit
-from .angles import surely_outside
+from .angles import is_outside
 from .ball_point import turned
 from .nearest import point_triangle
 from .solids import HALF, WHOLE
 from .visit import BEYOND, ROOM, at_root, descend
-from .winding import RAY_STEPS, winding_number
+from .winding import ray_steps, winding_number
 
 PLANE = 8.0
 """Slacks by which a plane is raised."""
@@ -66,9 +67,20 @@ _CLEAR = 16.0
 """Slacks above a plane at which its side is asked for."""
 
 
-Cap = namedtuple("Cap", "place slack normal radius near top")
+Cap = namedtuple("Cap", "place slack normal radius near top spare")
 """The query how high along a unit vector over its place the surface reaches within a radius, metres
-and, float32, node units; the answer is the height, metres. Above `top` it does not matter."""
+and, float32, node units; the answer is the height, metres. Above `top` it does not matter, nor
+whether it is less than `spare`."""
+
+
+def leaf_steps(tree):
+    """Steps that what a step meets takes as long as, on average: a stub."""
+
+
+@implements(leaf_steps, MeshTree)
+@inlined
+def _one(tree):
+    return 1
 
 
 @loop16
@@ -116,7 +128,7 @@ def _limit(query, answer):
     return -np.inf if answer > query.top else -answer
 
 
-@implements(visit.meet, Cap)
+@implements(visit.meet, Cap, MeshTree)
 @inlined
 def _meet(query, tree, t, answer):
     o, n = query.place, query.normal
@@ -135,11 +147,12 @@ def cap_height(tree, o, n, radius, height, top, slack, stack):
     """
     bounds, gaps = on_stack(ROOM, 0.0), on_stack(WIDTH, np.float32(0.0))
     near = float32(min(radius / tree.scale[0] * (1.0 + 1e-6), 1e29))
-    query = Cap(o, slack, n, radius, near, top)
+    query = Cap(o, slack, n, radius, near, top, height)
     height, left, steps = descend(
         query, tree, height, at_root(stack, bounds), stack, bounds, gaps, _STEPS
     )
-    return np.inf if left > 0 or height > top else height, _STEPS - steps
+    steps = (_STEPS - steps) * leaf_steps(tree)
+    return np.inf if left > 0 or height > top else height, steps
 
 
 @kernel
@@ -211,11 +224,11 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     q = along(o, n, height + clear)
     if region.inside == WHOLE and not (side < 0 and height + clear < -low < radius - clear):
         gaps = on_stack(WIDTH, np.float32(0.0))
-        steps += RAY_STEPS
+        steps += ray_steps(tree)
         if winding_number(tree, q, slack, stack, gaps) != 0:
             return False, steps
     elif region.inside == HALF:
-        outside, cost = surely_outside(tree, region, o, max(radius, far), q, slack, stack)
+        outside, cost = is_outside(tree, region, o, max(radius, far), q, slack, stack)
         steps += cost
         if not outside:
             return False, steps

@@ -3,42 +3,55 @@
 from __future__ import annotations
 
 from ..base.jit import entry, kernel
-from ..base.state import FEATURE_A, FEATURE_B, POINT_A, POINT_B, RADIUS_A, RADIUS_B, SWEPT
+from ..base.state import (
+    FEATURE_A,
+    FEATURE_B,
+    POINT_A,
+    POINT_B,
+    RADIUS_A,
+    RADIUS_B,
+    SWEPT,
+    MeshTree,
+)
 from ..base.vectors import dot, moved, sub
-from ..elements.primitives import corners, mixed
 from .ball_point import place_of
 from .ball_state import CELL, ball_at
-from .nearest import point_triangle
+from .feet import foot_of
 from .solid_table import solid_at
 
 _POINTS, _FEATURES = (POINT_A, POINT_B), (FEATURE_A, FEATURE_B)
 
 
+KIND_A = KIND_B = MeshTree
+"""The kinds of both trees: others in other entries (see pairs/balls.py)."""
+
+
 @entry
-def write_ball(solids, memory, pose_a, pose_b, row):
-    """Write the boundary points of both solids nearest to the centre into an answer (ANSWER,)."""
-    tree_a, faces_a, _ = solid_at(solids[0])
-    tree_b, faces_b, _ = solid_at(solids[1])
+def write_ball(solids, memory, pose_a, pose_b, row, first):
+    """Write the boundary points of both solids nearest to the centre into an answer (ANSWER,).
+
+    The first solid is that model of the answer, 0 or 1.
+    """
+    tree_a, labels_a, _ = solid_at(KIND_A, solids[0])
+    tree_b, labels_b, _ = solid_at(KIND_B, solids[1])
     state = ball_at(CELL, memory)
-    write_foot(tree_a, faces_a, state, 0, pose_a, row, 0)
-    write_foot(tree_b, faces_b, state, 1, pose_b, row, 1)
+    write_foot(tree_a, labels_a, state, 0, pose_a, row, first)
+    write_foot(tree_b, labels_b, state, 1, pose_b, row, 1 - first)
     best = state.best[0]
     centre = in_world(pose_a, place_of(best))
-    a = (row[POINT_A], row[POINT_A + 1], row[POINT_A + 2])
-    b = (row[POINT_B], row[POINT_B + 1], row[POINT_B + 2])
-    row[RADIUS_A] = _aimed(centre, a, b, best.side[0]) * tree_a.scale[SWEPT]
-    row[RADIUS_B] = _aimed(centre, b, a, best.side[1]) * tree_b.scale[SWEPT]
+    at, other = _POINTS[first], _POINTS[1 - first]
+    a = (row[at], row[at + 1], row[at + 2])
+    b = (row[other], row[other + 1], row[other + 2])
+    row[RADIUS_A + first] = _aimed(centre, a, b, best.side[0]) * tree_a.scale[SWEPT]
+    row[RADIUS_B - first] = _aimed(centre, b, a, best.side[1]) * tree_b.scale[SWEPT]
 
 
 @kernel
-def write_foot(tree, faces, state, k, pose, row, side):
-    """Write the point of the nearest triangle of solid k that is nearest to the best point."""
+def write_foot(tree, labels, state, k, pose, row, side):
+    """Write the point of the nearest element of solid k that is nearest to the best point."""
     best = state.best[0]
-    t = best.near[k]
-    a, b, c = corners(tree.triangles, t)
-    _, v, w = point_triangle(moved(state.motions[k], place_of(best)), a, b, c)
-    weights = (max(1.0 - v - w, 0.0), v, w)
-    write_point(pose, mixed((a, b, c), weights), weights, faces[t], row, side)
+    place, parameters = foot_of(tree, moved(state.motions[k], place_of(best)), k, best)
+    write_point(pose, place, parameters, labels[best.near[k]], row, side)
 
 
 @kernel

@@ -1,7 +1,7 @@
 """How deep a point lies in a solid: its signed distance to the surface, positive inside.
 
-The depth of x in a solid is f(x) = g(x) + r: g is the distance of x to the surface of its core, the
-triangles, positive inside and negative outside, and r the radius that sweeps it. Where the core is
+The depth of x in a solid is f(x) = g(x) + r: g is the distance of x to the surface of its core, its
+elements, positive inside and negative outside, and r the radius that sweeps it. Where the core is
 closed, g changes by no more than x moves, as the surface lies between two points of different
 sides. Where the core has no inside, g is minus the distance.
 """
@@ -12,11 +12,10 @@ import numpy as np
 
 from ..base.jit import kernel, shared
 from ..base.memory import on_stack
-from ..base.vectors import face_normal, moved, scaled, sub, unit
-from ..elements.primitives import corners, mixed
+from ..base.vectors import moved, scaled, sub, unit
 from ..tree.layout import WIDTH
 from .angles import side_of
-from .nearest import begin_nearest, nearest, point_triangle
+from .feet import foot_of, normal_at, seek
 from .solids import HALF, NOWHERE, WHOLE
 from .visit import TO_THE_END
 
@@ -58,37 +57,32 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
     slack, swept = at.slack, at.swept[k]
     found = on_stack(WIDTH, np.float32(0.0))
     p = moved(motion, place_of(point))
-    away, near, top = point.away[k], point.near[k], at.height
-    if top == 0:
-        away, near, top = begin_nearest(tree, p, near, stack, reached)
-    away, near, top, steps = nearest(
-        tree, p, away, near, top, slack, 0.0, stack, reached, found, steps
-    )
-    point.away[k], point.near[k], at.height = away, near, top
-    if top > 0:
+    steps = seek(tree, p, k, at, point, stack, reached, found, steps)
+    if at.height > 0:
         return steps
+    away = point.away[k]
+    least = away - point.loose[k]
     side, clear = point.side[k], point.clear[k]
     if region.inside == NOWHERE:
         side, clear = -1, np.inf
-    elif away <= 2.0 * slack:
+    elif least <= 2.0 * slack:
         side, clear = 0, 0.0
     elif side == 0:
-        side, clear, cost = side_of(tree, region, p, away - slack, slack, stack, found)
+        side, clear, cost = side_of(tree, region, p, least - slack, slack, stack, found)
         steps -= cost
         if region.inside == WHOLE:
-            clear = away - 2.0 * slack if side != 0 else 0.0
+            clear = least - 2.0 * slack if side != 0 else 0.0
     elif region.inside == WHOLE:
-        clear = away - 2.0 * slack
+        clear = least - 2.0 * slack
     else:
-        clear = min(clear, away - 2.0 * slack)
+        clear = min(clear, least - 2.0 * slack)
     point.side[k], point.clear[k] = side, clear
-    point.depth[k] = (away if side == 0 else side * away) + swept
-    a, b, c = corners(tree.triangles, near)
-    _, v, w = point_triangle(p, a, b, c)
-    foot = mixed((a, b, c), (max(1.0 - v - w, 0.0), v, w))
+    depth = -away if side < 0 else away
+    point.depth[k] = (least if side > 0 else depth) + swept
+    foot, _ = foot_of(tree, p, k, point)
     way = scaled(sub(p, foot), 1.0 if side > 0 else -1.0)
     if not away > 4.0 * slack and region.inside == WHOLE:
-        way = scaled(face_normal((a, b, c)), -1.0)  # what is left of the difference is rounding
+        way = scaled(normal_at(tree, k, point), -1.0)  # what is left of the difference is rounding
     way = turned_back(motion, unit(way))
     point.way[k, 0], point.way[k, 1], point.way[k, 2] = way
     return steps
@@ -97,8 +91,8 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
 @kernel
 def sound(tree, region, motion, k, at, point, stack, reached):
     """As `sound_some`, to the end; returns how many steps that took."""
-    left = sound_some(tree, region, motion, k, at, point, stack, reached, TO_THE_END)
-    return TO_THE_END - left
+    most = np.int64(TO_THE_END)  # a number of the type of all others: no second form is compiled
+    return most - sound_some(tree, region, motion, k, at, point, stack, reached, most)
 
 
 @kernel
@@ -119,5 +113,5 @@ def certain_radius(point, swept, slack):
 def possible_depth(point, k, inside, swept, radius, slack):
     """Bound, metres, of the depth in solid k of all within `radius` of a point."""
     if point.side[k] < 0 and (inside != HALF or point.clear[k] > radius):
-        return swept - point.away[k] + radius + slack
+        return swept - point.away[k] + point.loose[k] + radius + slack
     return swept + point.away[k] + radius + slack

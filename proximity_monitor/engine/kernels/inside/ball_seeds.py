@@ -5,47 +5,54 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, kernel
-from ..base.state import FEATURE_A, FEATURE_B, SWEPT, TREE_A, TREE_B
-from ..base.vectors import add, along, cross, dot, scaled, sub, unit
-from ..elements.primitives import corners, mixed
+from ..base.state import SWEPT, TREE_A, TREE_B, MeshTree
+from ..base.vectors import add, along, dot, scaled, sub
 from .ball_begin import add_seed
 from .ball_point import turned_back
 from .ball_state import CELL, NONE, ball_at
+from .feet import corner_of, middle_of, spot_of_row
 from .solid_table import solid_at
 
 _SHARES = (0.1, 1e-3, 1e-5)
-"""How far beside a contact is tried, as shares of the triangles' size."""
+"""How far beside a contact is tried, as shares of the elements' size."""
+
+
+KIND_A = KIND_B = MeshTree
+"""The kinds of both trees: others in other entries (see pairs/balls.py)."""
 
 
 @entry
-def add_seeds(solids, memory, row, body, triangle):
-    """Begin a search at points about a contact, or about a triangle of one solid, too.
+def add_seeds(solids, memory, row, first, body, element):
+    """Begin a search at points about a contact, or about an element of one solid, too.
 
     Args:
         solids: (2, 2, n), as for `begin_ball`.
         memory: as for it.
         row: (ANSWER,) the answer about the distance of the cores, whose nearest points are the
-            contact; not read where there is a triangle.
-        body: of which solid the triangle is, 0 or 1.
-        triangle: in tree order, or NONE. Its first corner lies inside the other solid; beside it
+            contact; not read where there is an element.
+        first: which model of the answer the first solid is, 0 or 1.
+        body: of which solid the element is, 0 or 1.
+        element: in tree order, or NONE. Its first corner lies inside the other solid; beside it
             are points inside both.
     """
-    tree_a, _, _ = solid_at(solids[0])
-    tree_b, _, _ = solid_at(solids[1])
+    tree_a, _, _ = solid_at(KIND_A, solids[0])
+    tree_b, _, _ = solid_at(KIND_B, solids[1])
     state = ball_at(CELL, memory)
-    if triangle == NONE:
-        _add_at_contact(tree_a, tree_b, state, row)
+    if element == NONE:
+        _add_at_contact(tree_a, tree_b, state, row, first)
     elif body == 0:
-        _add_at_triangle(tree_a, state.motions[0], triangle, state)
+        _add_at_element(tree_a, state.motions[0], element, state)
     else:
-        _add_at_triangle(tree_b, state.motions[1], triangle, state)
+        _add_at_element(tree_b, state.motions[1], element, state)
 
 
 @kernel
-def _add_at_contact(tree_a, tree_b, state, row):
-    ta, tb = np.int64(row[TREE_A]), np.int64(row[TREE_B])
-    p = _point(tree_a, state.motions[0], ta, row, FEATURE_A)
-    q = _point(tree_b, state.motions[1], tb, row, FEATURE_B)
+def _add_at_contact(tree_a, tree_b, state, row, first):
+    ta, tb = np.int64(row[TREE_A + first]), np.int64(row[TREE_B - first])
+    p, n, size = spot_of_row(tree_a, ta, row, first)
+    q, m, other = spot_of_row(tree_b, tb, row, 1 - first)
+    p, n = _in_a(state.motions[0], p), turned_back(state.motions[0], n)
+    q, m = _in_a(state.motions[1], q), turned_back(state.motions[1], m)
     way = sub(q, p)
     apart = np.sqrt(dot(way, way))
     a, b = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
@@ -57,8 +64,6 @@ def _add_at_contact(tree_a, tree_b, state, row):
         for at in (middle, middle + over, -0.5 * over, 0.0, apart, apart + 0.5 * over, 0.5 * apart):
             add_seed(state, along(p, way, at))
         return
-    n, size = _normal(tree_a, state.motions[0], ta)
-    m, other = _normal(tree_b, state.motions[1], tb)
     size = min(size, other)
     middle = scaled(add(p, q), 0.5)
     for share in _SHARES:
@@ -70,36 +75,17 @@ def _add_at_contact(tree_a, tree_b, state, row):
 
 
 @kernel
-def _add_at_triangle(tree, motion, triangle, state):
-    a, b, c = corners(tree.triangles, triangle)
-    n, size = _normal(tree, motion, triangle)
+def _add_at_element(tree, motion, element, state):
+    middle, n, size = middle_of(tree, element)
     if size > 0.0:
-        middle = _in_a(motion, scaled(add(add(a, b), c), 1.0 / 3.0))
+        middle, n = _in_a(motion, middle), turned_back(motion, n)
         for share in _SHARES:
             add_seed(state, along(middle, n, -share * size))
             add_seed(state, along(middle, n, share * size))
-    add_seed(state, _in_a(motion, a))
+    add_seed(state, _in_a(motion, corner_of(tree, element)))
 
 
 @kernel
 def _in_a(motion, v):
     """A point of a solid's frame in a's; `motion` leads the other way."""
     return turned_back(motion, sub(v, (motion[9], motion[10], motion[11])))
-
-
-@kernel
-def _point(tree, motion, triangle, row, at):
-    """The point of a triangle whose weights stand in an answer from `at` on, in a's frame."""
-    weights = (row[at], row[at + 1], row[at + 2])
-    return _in_a(motion, mixed(corners(tree.triangles, triangle), weights))
-
-
-@kernel
-def _normal(tree, motion, triangle):
-    """The unit normal of a triangle in a's frame, or zero; and how large it is, metres."""
-    a, b, c = corners(tree.triangles, triangle)
-    n = cross(sub(b, a), sub(c, a))
-    length = np.sqrt(dot(n, n))
-    if not length > 0.0:
-        return (0.0, 0.0, 0.0), 0.0
-    return turned_back(motion, unit(n)), np.sqrt(length)

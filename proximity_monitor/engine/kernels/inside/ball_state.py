@@ -16,11 +16,14 @@ ROWS = 6
 POINT = np.dtype(
     [
         ("place", np.float64, (3,)),  # metres, in a's frame
-        ("depth", np.float64, (2,)),  # metres, right to the slack: where the side is unknown, |it|
-        ("away", np.float64, (2,)),  # metres from the surface of the core
+        ("depth", np.float64, (2,)),  # metres, no more than it is, but for the slack; where the
+        # side is unknown, |it|
+        ("away", np.float64, (2,)),  # metres from the nearest point found of the core's surface
         ("side", np.int64, (2,)),  # of the core: 1 inside, -1 outside, 0 unknown
         ("clear", np.float64, (2,)),  # metres around the point where all points are on that side
-        ("near", np.int64, (2,)),  # the nearest triangles, in tree order
+        ("near", np.int64, (2,)),  # the nearest elements, in tree order
+        ("spot", np.float64, (2, 2)),  # where on them, if `feet.foot_of` needs that
+        ("loose", np.float64, (2,)),  # metres that the surface may be nearer; 0 of triangles
         ("way", np.float64, (2, 3)),  # unit vectors, a's frame, along which the depths grow
         ("weights", np.float64, (3,)),  # of a surface's deepest point: where on its element it is
     ],

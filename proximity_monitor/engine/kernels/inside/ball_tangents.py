@@ -1,4 +1,4 @@
-"""Linear bounds of a depth in a cell of space, from the nearest triangle.
+"""Linear bounds of a depth in a cell of space, from the nearest triangle, or point of a surface.
 
 No point is deeper than it is far from some triangle T, and the distance from T is a convex function
 d. Let c be the centre of the cell and g the gradient of d there. Then d(y) - d(c) - g · (y - c) is
@@ -16,8 +16,8 @@ import numpy as np
 
 from ..base.jit import shared
 from ..base.vectors import moved
-from ..elements.primitives import corners
 from .ball_caps import PLANE
+from .feet import facet_of
 from .nearest import point_triangle
 
 
@@ -30,7 +30,7 @@ def tangent(tree, motion, k, at, point, centre, half, row):
     """
     if point.side[k] < 0 or not point.away[k] > 8.0 * at.slack:
         return False
-    a, b, c = corners(tree.triangles, point.near[k])
+    a, b, c = facet_of(tree, k, point)
     sign = 1.0 if point.side[k] > 0 else -1.0
     axes = at.axes
     x, y, z = 0.0, 0.0, 0.0

@@ -26,6 +26,7 @@ def _copy(point, other):
     for k in range(2):
         other.depth[k], other.away[k], other.side[k] = point.depth[k], point.away[k], point.side[k]
         other.clear[k], other.near[k] = point.clear[k], point.near[k]
+        other.spot[k, 0], other.spot[k, 1] = point.spot[k, 0], point.spot[k, 1]
         for i in range(3):
             other.way[k, i] = point.way[k, i]
     for i in range(3):

@@ -53,7 +53,7 @@ def closest_points(
     for k in range(first, points.shape[0]):
         if steps <= 0:
             return k
-        p, slack = _image(tree, pose, points, k)
+        p, slack = image_of(tree, pose, points, k)
         beyond = farthest + 2.0 * slack  # less one slack it is beyond, whatever rounding does
         distance, nearby, top = going[0], np.int64(going[1]), np.int64(going[2])
         if top == 0:
@@ -96,7 +96,7 @@ def sides(
         if steps <= 0:
             return k
         steps -= _SIDE
-        p, slack = _image(tree, pose, points, k)
+        p, slack = image_of(tree, pose, points, k)
         low, high = bounds[k, 0], bounds[k, 1]
         side = -1
         if region.inside != NOWHERE:
@@ -112,7 +112,7 @@ def sides(
 
 
 @kernel
-def _image(tree, pose, points, k):
+def image_of(tree, pose, points, k):
     """Point k in the model's frame, and what rounding may do to it and to its distance, metres."""
     d = (points[k, 0] - pose[0, 3], points[k, 1] - pose[1, 3], points[k, 2] - pose[2, 3])
     p = (

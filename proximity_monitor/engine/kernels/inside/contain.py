@@ -12,7 +12,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from ..base.jit import entry, kernel, shared
+from ..base.jit import entry, implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.motion import deviation, relative_motions, slack_of_bounds
 from ..base.state import LOWER, OUT_OF_TIME, STATUS, UPPER, MeshTree
@@ -22,7 +22,7 @@ from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
 from .solids import HALF, WHOLE
 from .volumes import sphere_of
-from .winding import RAY_STEPS, winding_number
+from .winding import ray_steps, winding_number
 
 Insides = namedtuple("Insides", "where spans samples tables")
 """What n bodies enclose: where (int8, n), their Region.inside; samples (int32, k) of all of them;
@@ -56,7 +56,7 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
                 return UNDECIDED, steps
             t = samples[progress[0]] // 3
             progress[0] += 1
-            steps -= RAY_STEPS
+            steps -= ray_steps(holder)
             if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
                 return t, steps
         return NONE, steps
@@ -88,7 +88,7 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
                 child = body.children[child * WIDTH]
             last = first_of(child) if small else last_of(child)
             for t in range(first_of(child), last + 1):
-                steps -= RAY_STEPS
+                steps -= ray_steps(holder)
                 if _holds_triangle(holder, body, t, motion, slack, scratch, gaps):
                     return t, steps
     return NONE, steps
@@ -112,6 +112,35 @@ def _holds_triangle(holder, body, t, motion, slack, stack, gaps):
     return winding_number(holder, p, slack, stack, gaps) != 0  # or unknown
 
 
+def look_in(
+    insides, number, holder, body, samples, motion, slack, apart, progress, scratch, steps
+):  # fmt: skip
+    """As `part_inside`, in the body of that number, whose hierarchy over triangles is `holder`.
+
+    A stub: surfaces have another hierarchy besides, that of their own elements.
+    """
+
+
+def errors_of(insides, i, j):
+    """What points of two bodies err by, and what closes their gaps, metres: a stub."""
+
+
+@implements(look_in, Insides)
+@inlined
+def _look_in_mesh(
+    insides, number, holder, body, samples, motion, slack, apart, progress, scratch, steps
+):  # fmt: skip
+    return part_inside(
+        holder, body, samples, motion, slack, apart, progress, scratch[0], scratch[1], steps
+    )
+
+
+@implements(errors_of, Insides)
+@inlined
+def _exact(insides, i, j):
+    return 0.0
+
+
 @kernel
 def _one_in_the_other(insides, i, j, motions, slack, apart, progress, scratch, steps):
     """As `part_inside`, of body i or j, whose surfaces are so far apart, in the other."""
@@ -120,17 +149,17 @@ def _one_in_the_other(insides, i, j, motions, slack, apart, progress, scratch, s
     tree_b, _ = tree_at(MeshTree, insides.tables[j])
     if where[j] == WHOLE:
         samples = insides.samples[spans[i, 0] : spans[i, 1]]
-        found, steps = part_inside(
-            tree_b, tree_a, samples, motions[1], slack, apart, progress[0], scratch[0, 0],
-            scratch[0, 1], steps,
+        found, steps = look_in(
+            insides, j, tree_b, tree_a, samples, motions[1], slack, apart, progress[0], scratch[0],
+            steps,
         )  # fmt: skip
         if found != NONE:
             return found, steps
     if where[i] == WHOLE:
         samples = insides.samples[spans[j, 0] : spans[j, 1]]
-        return part_inside(
-            tree_a, tree_b, samples, motions[0], slack, apart, progress[1], scratch[1, 0],
-            scratch[1, 1], steps,
+        return look_in(
+            insides, i, tree_a, tree_b, samples, motions[0], slack, apart, progress[1], scratch[1],
+            steps,
         )  # fmt: skip
     return NONE, steps
 
@@ -166,6 +195,7 @@ def settle_signs(
             tree_b, _ = tree_at(MeshTree, insides.tables[j])
             error = deviation(pose_a) + deviation(pose_b)
             slack = slack_of_bounds(tree_a.scale[2], tree_b.scale[2], apart, error)
+            slack += errors_of(insides, i, j)
             certain = answer[LOWER] > 4.0 * slack
             if certain and (where[i] == WHOLE or where[j] == WHOLE):
                 found = UNDECIDED

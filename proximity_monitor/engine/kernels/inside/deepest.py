@@ -19,7 +19,7 @@ from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
 from ..base.state import CUT, ENDED, RADIUS_A, RADIUS_B, SWEPT
 from ..base.tables import tree_at
 from ..base.vectors import along, cross, dot, sub, unit
-from ..elements.errors import points_err
+from ..elements.errors import joints_err, points_err
 from ..tree.layout import (
     EMPTY,
     HALF_U,
@@ -66,8 +66,8 @@ _STEPS = 8
 """What a piece costs beside its descents, in steps of these."""
 
 
-SURFACE = None
-"""The kind of the surface's tree: another one in each entry (see pairs/depths.py)."""
+SOLID = SURFACE = None
+"""The kinds of both trees: others in each entry (see pairs/depths.py)."""
 
 
 def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
@@ -76,7 +76,7 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     `models` (2, 2, n) are tables of the solid and of the surface (see solid_table.py), and `memory`
     that of a Ball whose cells are PIECE; its motion is from the surface's frame to the solid's.
     """
-    tree, _, region = solid_at(models[0])
+    tree, _, region = solid_at(SOLID, models[0])
     surface, _ = tree_at(SURFACE, models[1])
     around = region_at(models[1])
     state = ball_at(PIECE, memory)
@@ -89,6 +89,7 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     size += tree.scale[2] + surface.scale[2] + 2.0 * tree.scale[SWEPT]
     error = deviation(pose) + deviation(pose_surface)
     at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR + points_err(surface)
+    at.slack += points_err(tree) + joints_err(tree)
     at.floor = 0.0
     at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)
     at.swept[0], at.swept[1] = tree.scale[SWEPT], np.inf
@@ -128,6 +129,7 @@ def _keep(surface, parts, state):
     if depth > at.radius:
         at.radius = depth
         best.near[0] = trial.near[0]
+        best.spot[0, 0], best.spot[0, 1] = trial.spot[0, 0], trial.spot[0, 1]
         best.near[1] = element_of(surface, parts, state.cells[state.order[0]])
         for i in range(3):
             best.place[i], best.weights[i] = trial.place[i], trial.weights[i]
@@ -274,7 +276,7 @@ def _end_piece(tree, region, surface, parts, state, piece, bound):
 
 def search_deepest(models, memory, steps):
     """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL."""
-    tree, _, region = solid_at(models[0])
+    tree, _, region = solid_at(SOLID, models[0])
     surface, _ = tree_at(SURFACE, models[1])
     state, parts = ball_at(PIECE, memory), memory_of(surface, memory)
     at = state.at[0]
@@ -322,13 +324,13 @@ def write_deepest(models, memory, solid, pose, pose_surface, row):
         pose_surface: (4, 4) the surface's.
         row: (ANSWER,) written.
     """
-    tree, faces, _ = solid_at(models[0])
+    tree, names, _ = solid_at(SOLID, models[0])
     surface, labels = tree_at(SURFACE, models[1])
     state = ball_at(PIECE, memory)
     best = state.best[0]
     element = best.near[1]
     place, parameters = spot_at(surface, element, best)
-    write_foot(tree, faces, state, 0, pose, row, solid)
+    write_foot(tree, names, state, 0, pose, row, solid)
     write_point(pose_surface, place, parameters, labels[element], row, 1 - solid)
     row[RADIUS_A] = row[RADIUS_B] = 0.0
     row[RADIUS_A + solid] = -tree.scale[SWEPT]

@@ -6,7 +6,6 @@ import numpy as np
 
 from ..base.jit import inlined
 from ..base.memory import read_only, rows_at
-from ..base.state import MeshTree
 from ..base.tables import MODEL_COLUMNS, mesh_tree_at, table, tree_at
 from .angles import MOMENTS
 from .solids import Region
@@ -30,10 +29,10 @@ def solid_table(model, region, extent):
 
 
 @inlined
-def solid_at(solid):
-    """The tree, the faces of its triangles and the Region of a table."""
-    tree, faces = tree_at(MeshTree, solid)
-    return tree, faces, region_at(solid)
+def solid_at(kind, solid):
+    """The tree, which is of that type, the labels of its elements and the Region of a table."""
+    tree, labels = tree_at(kind, solid)
+    return tree, labels, region_at(solid)
 
 
 @inlined

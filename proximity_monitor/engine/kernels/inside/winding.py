@@ -1,5 +1,8 @@
 """How often a closed surface winds around a point, as a certified integer.
 
+This is the way of a ray through any hierarchy, and its crossings of triangles; those of surfaces
+are counted in surface/crossing.py.
+
 The winding number of a closed mesh (Jacobson et al. 2013, section 3) is the sum of its triangles'
 solid angles over 4 pi, and, what serves here, the number of triangles that leave along any ray from
 the point less the number that enter. Solid angles need a tolerance; crossings need only signs, and
@@ -22,6 +25,8 @@ from ..base.jit import implements, inlined, kernel, loop16
 from ..base.memory import on_stack
 from ..base.precise import orientation
 from ..base.rounding import DOUBLE_EPS, SINGLE_LIMIT
+from ..base.state import MeshTree
+from ..elements.errors import joints_err
 from ..tree.layout import (
     CENTRE_X,
     CENTRE_Y,
@@ -46,8 +51,8 @@ Ray = namedtuple("Ray", "place slack alpha beta forth")
 UNKNOWN = -(2**31)
 """Winding number of a point whose every ray grazes an edge. Its vertices widen the bounds."""
 
-RAY_STEPS = 12
-"""Steps that a winding number takes as long as."""
+_STEPS = 12
+"""Steps that the winding number of a mesh takes as long as."""
 
 _SLOPES = (
     (0.2939453125, 0.1845703125),
@@ -116,8 +121,18 @@ def _ray_gaps(nodes, base, x, y, z, alpha, beta, forth, margin, gaps):
         gaps[k] = BEYOND if missed else _ZERO
 
 
+def ray_steps(tree):
+    """Steps that a winding number takes as long as: a stub."""
+
+
+@implements(ray_steps, MeshTree)
+@inlined
+def _ray_steps(tree):
+    return _STEPS
+
+
 @kernel
-def _side(ay, az, by, bz):
+def side_of_origin(ay, az, by, bz):
     """Sign of a × b in the plane, both differences of rounded coordinates; 0 where uncertain.
 
     3 u (1 + 6 u) of the terms suffices (Shewchuk 1997, section 4.3); 4 u is simpler.
@@ -151,7 +166,10 @@ def _crossing(triangles, t, p, alpha, beta, forth):
     ay, az = a[1] - p[1], a[2] - p[2]
     by, bz = b[1] - p[1], b[2] - p[2]
     cy, cz = c[1] - p[1], c[2] - p[2]
-    ab, bc, ca = _side(ay, az, by, bz), _side(by, bz, cy, cz), _side(cy, cz, ay, az)
+    ab, bc, ca = (
+        side_of_origin(ay, az, by, bz), side_of_origin(by, bz, cy, cz),
+        side_of_origin(cy, cz, ay, az),
+    )  # fmt: skip
     low, high = min(ab, min(bc, ca)), max(ab, max(bc, ca))
     if low < 0 and high > 0:
         return 0
@@ -179,7 +197,7 @@ def _limit(query, answer):
     return -np.inf if answer == UNKNOWN else np.inf
 
 
-@implements(visit.meet, Ray)
+@implements(visit.meet, Ray, MeshTree)
 @inlined
 def _meet(query, tree, t, answer):
     p, alpha, beta = query.place, query.alpha, query.beta
@@ -190,11 +208,13 @@ def _meet(query, tree, t, answer):
 
 @kernel
 def winding_number(tree, p, slack, stack, gaps):
-    """Winding number of a closed mesh around p, both in the model's frame, metres; or UNKNOWN.
+    """Winding number of a closed surface around p, both in the model's frame, metres; or UNKNOWN.
 
     Proven for every point within `slack` of p where the surface is farther than 2 `slack`, slack
-    being at least 16 u of the largest coordinates.
+    being at least 16 u of the largest coordinates; and as far again as `joints_err`, where that is
+    not 0.
     """
+    slack += joints_err(tree)
     unit = tree.scale[0]
     x = p[0] / unit - tree.centres[0, 0]
     y = p[1] / unit - tree.centres[0, 1]

@@ -1,26 +1,28 @@
-"""Which compiled entries find how deep a surface reaches into a solid, by the surface's kind."""
+"""Which compiled entries find how deep a surface reaches into a solid, by the kinds of both."""
 
 from __future__ import annotations
 
 from ..base.jit import entry, specialised
-from ..base.state import BoxTree, MeshTree, SurfaceTree
+from ..base.state import MeshTree, SurfaceTree
 from ..inside.deepest import begin_deepest, search_deepest, write_deepest
-from ..surface import pieces  # noqa: F401 - it implements what pieces of surfaces are asked for
+from ..surface import pieces, solid  # noqa: F401 - they implement what surfaces are asked for
 from . import mesh_mesh, surface_surface  # noqa: F401 - the same for points of elements
 
 
-def _entries(kind, name):
+def _entries(kind_solid, kind_surface, name):
+    kinds = {"SOLID": kind_solid, "SURFACE": kind_surface}
     return tuple(
-        entry(specialised(each, f"{each.__name__}_{name}", __name__=__name__, SURFACE=kind))
+        entry(specialised(each, f"{each.__name__}_{name}", __name__=__name__, **kinds))
         for each in (begin_deepest, search_deepest, write_deepest)
     )
 
 
-_OVER_TRIANGLES = _entries(MeshTree, "triangles")
-
 DEPTHS = {
-    MeshTree: _OVER_TRIANGLES,
-    BoxTree: _OVER_TRIANGLES,  # whatever the volumes are: boxes may be taken for swept spheres
-    SurfaceTree: _entries(SurfaceTree, "cells"),
+    (False, False): _entries(MeshTree, MeshTree, "triangles"),
+    (False, True): _entries(MeshTree, SurfaceTree, "cells"),
+    (True, False): _entries(SurfaceTree, MeshTree, "triangles_in_surface"),
+    (True, True): _entries(SurfaceTree, SurfaceTree, "cells_in_surface"),
 }
-"""What begins a search, goes on with it, and writes what it found."""
+"""What begins a search, goes on with it, and writes what it found, by whether the solid and the
+surface are parametric surfaces. Whatever its volumes are, any mesh's are taken for swept spheres.
+"""

@@ -130,8 +130,8 @@ def _foot(p, triangle):
     """The weights of the point of a triangle that is nearest to p."""
     if triangle[0] == triangle[1] and triangle[0] == triangle[2]:
         return (1.0, 0.0, 0.0)  # a point: it is known at once
-    # Where the foot lies within the face, an edge beside it may be as near but for rounding. The way
-    # to that would be tilted, and the bound along it worse by that times the triangle's size.
+    # Where the foot lies within the face, an edge beside it may be as near but for rounding. The
+    # way to that would be tilted, and the bound along it worse by the tilt times the triangle.
     e, f = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])
     n = accurate_cross(e, f)
     nn = dot(n, n)

@@ -1,0 +1,41 @@
+"""Whether a part of a body lies inside another, where some bodies are surfaces that close up."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+from ..base.jit import implements, inlined
+from ..base.state import SurfaceTree
+from ..base.tables import tree_at
+from ..elements.errors import joints_err, points_err
+from ..inside.contain import Insides, errors_of, look_in, part_inside
+from . import crossing  # noqa: F401 - it implements what a winding number needs
+
+MixedInsides = namedtuple("MixedInsides", (*Insides._fields, "holders", "divided"))
+"""Insides, and of each body the table of its own hierarchy (int64, n × 2 × k), and whether that is
+a SurfaceTree (bool, n)."""
+
+
+@implements(look_in, MixedInsides)
+@inlined
+def _look_in(
+    insides, number, holder, body, samples, motion, slack, apart, progress, scratch, steps
+):  # fmt: skip
+    stack, waiting = scratch[0], scratch[1]
+    if insides.divided[number]:
+        surface, _ = tree_at(SurfaceTree, insides.holders[number])
+        return part_inside(
+            surface, body, samples, motion, slack, apart, progress, stack, waiting, steps
+        )
+    return part_inside(holder, body, samples, motion, slack, apart, progress, stack, waiting, steps)
+
+
+@implements(errors_of, MixedInsides)
+@inlined
+def _errors(insides, i, j):
+    found = 0.0
+    for k in (i, j):
+        if insides.divided[k]:
+            surface, _ = tree_at(SurfaceTree, insides.holders[k])
+            found += points_err(surface) + joints_err(surface)
+    return found

@@ -1,0 +1,198 @@
+"""How often a ray passes through an element of a surface, as a certified integer.
+
+The ray runs along x, forth or back, in space sheared by its slope, as for meshes (see winding.py);
+its start p is the origin. A part of the surface whose control points lie on one side of a plane
+through p does not pass p. If that plane has the ray on its other side, or in it, the ray misses the
+part. Else the opposite half of its line does, so the ray passes through the part as often as the
+whole line. That is the degree of the part's projection along the line: how often its boundary winds
+around the origin. Each of the four boundary curves lies in the hull of its control points. Where
+that hull misses the origin, the curve can be drawn straight without passing over it: so the
+boundary winds as often as the quadrilateral of the corners. What is not told so is divided.
+
+All hulls are kept off the line by a margin: rounding, the slack of p, and what is open between
+patches. So surfaces that close these gaps miss the line as well, and all crossings together are the
+winding number of a closed surface (see models/closed.py).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel, shared
+from ..base.memory import on_stack, table_on_stack
+from ..base.state import SurfaceTree
+from ..base.vectors import cross, dot, norm, scaled, sub
+from ..inside import visit
+from ..inside.angles import half_side, is_outside
+from ..inside.winding import UNKNOWN, Ray, ray_steps, side_of_origin
+from .parts import (
+    EACH,
+    MOST,
+    NUMBERS,
+    corner_of,
+    divide,
+    extents_of,
+    least_along,
+    lines_of,
+    margin_of,
+    place_of,
+    room_of,
+    take_whole,
+)
+
+_DIVISIONS = 384
+"""Divisions of an element for one ray: then another ray is tried."""
+
+_STEPS = 24
+"""Steps that a winding number takes as long as."""
+
+_MISSED, _AHEAD, _OPEN = 0, 1, 2
+"""A part that the ray misses, one that the other half of its line misses, and one not known yet."""
+
+_AROUND = 0, 2, 3, 1, 0
+"""The corners of a part in the order of its boundary."""
+
+_STRETCH = 1.25
+"""As in inside/winding.py: what the shear may lengthen."""
+
+
+@implements(ray_steps, SurfaceTree)
+@inlined
+def _ray_steps(tree):
+    return _STEPS
+
+
+@implements(half_side, SurfaceTree)
+@inlined
+def _no_half(tree, region, p, least, slack, stack):
+    return 0, 0.0, 1
+
+
+@implements(is_outside, SurfaceTree)
+@inlined
+def _not_known(tree, region, p, radius, q, slack, stack):
+    return False, 1
+
+
+@kernel
+def _shear(piece, parts, alpha, beta):
+    for i in range(np.int64(piece.points)):
+        k = EACH * i
+        parts[k + 1] -= alpha * parts[k]
+        parts[k + 2] -= beta * parts[k]
+
+
+@kernel
+def _is_beside(parts, at, step, count, margin):
+    """Whether control points lie beside the line by more than a margin, all on one side.
+
+    The side is the bisector of the two outermost as the origin sees them.
+    """
+    ly = ry = parts[at + 1]
+    lz = rz = parts[at + 2]
+    for i in range(1, count):
+        a, b = parts[at + i * step + 1], parts[at + i * step + 2]
+        if ry * b - rz * a < 0.0:
+            ry, rz = a, b
+        if ly * b - lz * a > 0.0:
+            ly, lz = a, b
+    left, right = np.sqrt(ly * ly + lz * lz), np.sqrt(ry * ry + rz * rz)
+    if not (left > 0.0 and right > 0.0):
+        return False
+    ny, nz = ly / left + ry / right, lz / left + rz / right
+    size = np.sqrt(ny * ny + nz * nz)
+    if not size > 0.0:
+        return False
+    ny, nz = ny / size, nz / size
+    for i in range(count):
+        k = at + i * step
+        if not ny * parts[k + 1] + nz * parts[k + 2] > margin * parts[k + 3]:
+            return False
+    return True
+
+
+@kernel
+def _where(piece, parts, at, forth, margin):
+    """Whether the ray misses a part, or the other half of its line does, or neither is certain."""
+    n = (forth, 0.0, 0.0)
+    if _is_beside(parts, at, EACH, np.int64(piece.points), margin):
+        return _MISSED
+    # Across the ray, both ways; then about parallel to the part: near its surface no other plane
+    # has all of it on one side.
+    for attempt in range(3):
+        if attempt == 1:
+            n = (-forth, 0.0, 0.0)
+        elif attempt == 2:
+            a, b = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
+            c, d = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
+            n = cross(sub(d, a), sub(c, b))
+            if dot(n, a) + dot(n, d) < 0.0:
+                n = scaled(n, -1.0)
+        if least_along(piece, parts, at, n) > margin * norm(n):
+            return _AHEAD if forth * n[0] > 0.0 else _MISSED
+    return _OPEN
+
+
+@kernel
+def _degree(piece, parts, at, margin):
+    """How often a part's boundary winds around the line, from y to z; or UNKNOWN."""
+    for edge in range(4):
+        lines, apart, step, count = lines_of(piece, edge < 2)
+        first = at + (apart * (lines - 1) if edge % 2 == 1 else 0)
+        if not _is_beside(parts, first, step, count, margin):
+            return UNKNOWN
+    winding = 0
+    for k in range(4):
+        a = corner_of(piece, parts, at, _AROUND[k])
+        b = corner_of(piece, parts, at, _AROUND[k + 1])
+        up, down = a[2] <= 0.0 < b[2], b[2] <= 0.0 < a[2]
+        if up or down:
+            side = side_of_origin(a[1], a[2], b[1], b[2])
+            if side == 0:
+                return UNKNOWN
+            if up and side > 0:
+                winding += 1
+            elif down and side < 0:
+                winding -= 1
+    return winding
+
+
+@implements(visit.meet, Ray, SurfaceTree)
+@shared
+def _crossings(query, tree, t, answer):
+    """The winding number when an element has been counted as well, or UNKNOWN."""
+    piece = tree.pieces[t]
+    if answer == UNKNOWN or piece.degree_v == 0:
+        return answer  # a curve bounds nothing
+    p, slack, forth = query.place, query.slack, query.forth
+    parts, splits = on_stack(NUMBERS, 0.0), on_stack(MOST, np.int64(0))
+    extents = table_on_stack(MOST, 2, 0.0)
+    take_whole(piece, tree.nets, p, parts)
+    _shear(piece, parts, query.alpha, query.beta)
+    splits[0] = 0
+    extents[0, 0], extents[0, 1], left = extents_of(piece, parts, True)
+    top, total, divisions, room = 1, 0, 0, room_of(piece)
+    while top > 0:
+        k = top - 1
+        at = place_of(piece, k)
+        margin = 2.0 * _STRETCH * (margin_of(tree, piece, p, splits[k]) + slack)
+        found = _where(piece, parts, at, float(forth), margin)
+        if found == _AHEAD:
+            winding = _degree(piece, parts, at, margin)
+            if winding != UNKNOWN:
+                total += winding
+                found = _MISSED  # by what is left to look at
+        if found == _MISSED:
+            top -= 1
+            continue
+        if top >= room or divisions >= _DIVISIONS:
+            return UNKNOWN
+        in_u = extents[k, 0] >= extents[k, 1]
+        divide(piece, parts, at, place_of(piece, top), in_u)
+        extents[k, 0 if in_u else 1] *= left
+        extents[top, 0], extents[top, 1] = extents[k, 0], extents[k, 1]
+        divisions += 1
+        splits[k] += 1
+        splits[top] = splits[k]
+        top += 1
+    return answer + total * forth

@@ -1,0 +1,143 @@
+"""Parts of one element while it is looked at from a single point: a stack of control nets.
+
+A part is named by where its net begins in `parts`: x w, y w, z w and w of each control point, one
+point after the other. The origin is the point that looks. As all weights w are positive, a plane
+through the origin has a control point on the same side as its homogeneous coordinates; so nothing
+is divided where signs alone matter.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.rounding import NET_SPLIT
+from ..base.state import CONVERSION
+
+EACH = 4
+"""Numbers of a control point."""
+
+NUMBERS = 1 << 15
+"""Room for nets: 64 parts of degrees up to 10 and 10, 32 of 15 and 15."""
+
+MOST = 64
+"""Parts at the most. Each division adds one, so a part is of 2^-32 of an element's parameters."""
+
+_FLATTER = 1e-3
+"""Share of its length below which an element's bends do not tell how it is to be divided."""
+
+
+@inlined
+def room_of(piece):
+    """The parts that there is room for."""
+    return min(MOST, NUMBERS // (EACH * np.int64(piece.points)))
+
+
+@inlined
+def place_of(piece, k):
+    """Where the net of part k begins."""
+    return k * EACH * np.int64(piece.points)
+
+
+@kernel
+def take_whole(piece, nets, origin, parts):
+    """Make the whole element part 0."""
+    room, at = np.int64(piece.room), piece.net
+    for k in range(np.int64(piece.points)):
+        w = nets[at + 3 * room + k]
+        parts[EACH * k] = nets[at + k] - origin[0] * w
+        parts[EACH * k + 1] = nets[at + room + k] - origin[1] * w
+        parts[EACH * k + 2] = nets[at + 2 * room + k] - origin[2] * w
+        parts[EACH * k + 3] = w
+
+
+@kernel
+def margin_of(tree, piece, origin, splits):
+    """What rounding may do to a part's control points, and had done to the element's, metres.
+
+    Moving the origin by o errs by 2 u (P + |o|) for each coordinate, P being the largest norm of a
+    control point, and a product with a unit vector by 3 u of its terms: 8 NET_SPLIT is more.
+    """
+    size = tree.scale[2] + abs(origin[0]) + abs(origin[1]) + abs(origin[2])
+    degree = max(piece.degree_u, piece.degree_v)
+    return NET_SPLIT * (degree * splits + 8) * size + tree.scale[CONVERSION]
+
+
+@inlined
+def lines_of(piece, in_u):
+    """The lines of control points along a parameter: their number, both strides, and their points.
+
+    The strides, in numbers, are those from line to line, and from point to point.
+    """
+    p, n = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1
+    return (n, EACH, EACH * n, p + 1) if in_u else (p + 1, EACH * n, EACH, n)
+
+
+@kernel
+def divide(piece, parts, at, high, in_u):
+    """Divide a part: its low half takes its place, and the high half is written to `high`."""
+    lines, apart, step, count = lines_of(piece, in_u)
+    for line in range(lines):
+        one, other = at + line * apart, high + line * apart
+        for i in range(count):
+            for c in range(EACH):
+                parts[other + i * step + c] = parts[one + i * step + c]
+        # The first points of each level of midpoints are points of the low half.
+        for level in range(1, count):
+            for i in range(count - level):
+                k = other + i * step
+                for c in range(EACH):
+                    parts[k + c] = 0.5 * (parts[k + c] + parts[k + step + c])
+            for c in range(EACH):
+                parts[one + level * step + c] = parts[other + c]
+
+
+@inlined
+def corner_of(piece, parts, at, i):
+    """The corner 0 to 3 of a part: u is low in the first two, v in the first and third."""
+    n, p = np.int64(piece.degree_v) + 1, np.int64(piece.degree_u)
+    k = at + EACH * ((p * n if i >= 2 else 0) + (n - 1 if i % 2 == 1 else 0))
+    inverse = 1.0 / parts[k + 3]
+    return (parts[k] * inverse, parts[k + 1] * inverse, parts[k + 2] * inverse)
+
+
+@kernel
+def extents_of(piece, parts, by_length):
+    """How much the whole element extends along u and along v, and the share that a division leaves.
+
+    A part is divided where it extends more. What counts is how much it bends, of which a quarter is
+    left; or how long it is, where that is asked for, or it bends little.
+    """
+    u = v = long_u = long_v = 0.0
+    for parameter in range(2):
+        lines, apart, step, count = lines_of(piece, parameter == 1)
+        bend = length = 0.0
+        for line in range(lines):
+            reach = 0.0
+            for i in range(count - 1):
+                k = line * apart + i * step
+                first = second = 0.0
+                for c in range(3):
+                    change = parts[k + step + c] - parts[k + c]
+                    first += abs(change)
+                    if i + 2 < count:
+                        second += abs(parts[k + 2 * step + c] - parts[k + step + c] - change)
+                reach += first / parts[k + 3]
+                bend = max(bend, second / parts[k + 3])
+            length = max(length, reach)
+        v, long_v = u, long_u
+        u, long_u = 0.125 * count * count * bend, length
+    if by_length or max(u, v) < _FLATTER * max(long_u, long_v):
+        return long_u, long_v, 0.5
+    return u, v, 0.25
+
+
+@kernel
+def least_along(piece, parts, at, n):
+    """The least product of a vector with a control point: no point of the part has a smaller."""
+    least, points = np.inf, np.int64(piece.points)
+    for i in range(points):
+        k = at + EACH * i
+        value = n[0] * parts[k] + n[1] * parts[k + 1] + n[2] * parts[k + 2]
+        least = min(least, value / parts[k + 3])
+    return least

@@ -1,0 +1,118 @@
+"""Surfaces that close up as solids: what the searches for balls and deepest points ask of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel
+from ..base.state import FEATURE_A, SurfaceTree
+from ..base.vectors import cross, dot, unit
+from ..inside import feet
+from ..inside.visit import at_root, descend
+from ..tree.layout import leaf
+from . import crossing, height  # noqa: F401 - each implements stubs for surfaces
+from .evaluate import jet_at, point_at
+from .foot import Foot, enough
+from .pieces import parameters_of
+
+_FAR = 1e150
+"""Metres: farther than anything is."""
+
+_SHARE, _LARGEST_SHARE = 0.2, 0.01
+"""Share of what a depth may err by that a point's distance may err by, and of itself at most."""
+
+
+_TURN, _DIVISION = 4, 2
+"""Steps of a descent until what its elements took is counted; and those that a division takes."""
+
+
+@kernel
+def _share_of(at):
+    """The share of itself by which a distance may err."""
+    tolerated = at.rel_err
+    if at.radius > 0.0:
+        tolerated = max(tolerated, at.abs_err / at.radius)
+    return min(_SHARE * tolerated, _LARGEST_SHARE)
+
+
+@implements(feet.seek, SurfaceTree)
+@inlined
+def _seek(tree, p, k, at, point, stack, reached, found, steps):
+    query = Foot(p, at.slack, _share_of(at))
+    top = at.height
+    if top == 0:
+        answer = (_FAR, np.int64(-1), 0.0, 0.0, np.inf, np.int64(0))
+        top = at_root(stack, reached)
+        stack[top], reached[top] = leaf(point.near[k], 1), -np.inf  # it comes first
+        top += 1
+    else:
+        spot = point.spot[k]
+        near, least = np.int64(point.near[k]), point.loose[k]
+        answer = point.away[k], near, spot[0], spot[1], least, np.int64(0)
+    while top > 0 and steps > 0:  # by turns, as an element takes steps that are known afterwards
+        turn, before = min(steps, _TURN), answer[5]
+        answer, top, left = descend(query, tree, answer, top, stack, reached, found, turn)
+        steps -= turn - left + _DIVISION * (answer[5] - before)
+    steps = max(steps, 0)
+    distance, least = answer[0], answer[4]
+    point.away[k], point.near[k], at.height = distance, answer[1], top
+    point.spot[k, 0], point.spot[k, 1] = answer[2], answer[3]
+    if top > 0:
+        point.loose[k] = least  # until the end what the search goes on with
+    else:
+        least = max(min(least, enough(distance, query.share, query.slack)), 0.0)
+        point.loose[k] = max(distance - least, 0.0)
+    return steps
+
+
+@implements(feet.foot_of, SurfaceTree)
+@kernel
+def _foot(tree, p, k, point):
+    near, u, v = np.int64(point.near[k]), point.spot[k, 0], point.spot[k, 1]
+    return point_at(tree.pieces[near], tree.nets, u, v), parameters_of(tree, near, (u, v, 0.0))
+
+
+@kernel
+def _normal_in(tree, element, u, v):
+    """A point of an element, its unit normal or zero, and about the element's size, metres."""
+    place, along_u, along_v, _, _, _ = jet_at(tree.pieces[element], tree.nets, u, v)
+    n = cross(along_u, along_v)
+    return place, unit(n), np.sqrt(np.sqrt(dot(n, n)))
+
+
+@implements(feet.normal_at, SurfaceTree)
+@kernel
+def _normal_at(tree, k, point):
+    _, n, _ = _normal_in(tree, point.near[k], point.spot[k, 0], point.spot[k, 1])
+    return n
+
+
+@implements(feet.facet_of, SurfaceTree)
+@kernel
+def _facet(tree, k, point):
+    q, _ = _foot(tree, (0.0, 0.0, 0.0), k, point)
+    return q, q, q
+
+
+@implements(feet.spot_of_row, SurfaceTree)
+@kernel
+def _spot(tree, element, row, side):
+    piece, at = tree.pieces[element], FEATURE_A + 4 * side
+    u = (row[at] - piece.low[0]) / (piece.high[0] - piece.low[0])
+    v = 0.0
+    if piece.degree_v > 0:
+        v = (row[at + 1] - piece.low[1]) / (piece.high[1] - piece.low[1])
+    return _normal_in(tree, element, min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0))
+
+
+@implements(feet.middle_of, SurfaceTree)
+@kernel
+def _middle(tree, element):
+    v = 0.5 if tree.pieces[element].degree_v > 0 else 0.0
+    return _normal_in(tree, element, 0.5, v)
+
+
+@implements(feet.corner_of, SurfaceTree)
+@inlined
+def _corner(tree, element):
+    return point_at(tree.pieces[element], tree.nets, 0.0, 0.0)
