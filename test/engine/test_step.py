@@ -158,7 +158,7 @@ def test_parts_have_names_places_and_colours():
     ]  # fmt: skip
     assert placed["pinion"].colour == pytest.approx((0.85, 0.65, 0.20, 1.0), abs=1e-6)
     assert placed["bolt 3"].model == "bolt 1"
-    assert placed["bolt 3"].pose[:3, 3] == pytest.approx([0.06, 0.03, 0.0203])
+    assert placed["bolt 3"].pose[:3, 3] == pytest.approx([0.066, 0.03, 0.0203])
     turn = placed["bolt 3"].pose[:3, :3]
     assert turn[0] == pytest.approx([math.cos(math.pi / 4), -math.sin(math.pi / 4), 0.0])
 
