@@ -85,15 +85,16 @@ def jet_on(tree, element, u, v):
 def put_edge(tree, piece, low, high, bend, nets, at):
     """Write the control points of the part of an edge from `low` to `high`, of 0..1.
 
-    Returns how far it may be from its chord, metres. `bend` is what is known of that; where it is
-    not little already, a closer look tells in which direction.
+    Returns an eighth of the largest second derivative, metres: it is no farther from its chord.
+    `bend` is what is known of that; where it is not little, a closer look tells in which direction.
     """
     face = tree.pieces[piece.face]
-    return _put_edge(tree.trims, tree.nets, piece, face, low, high, bend, nets, at)
+    return _put_edge(tree.trims, tree.nets, piece, face, low, high, bend, np.inf, nets, at)
 
 
 @kernel
-def _put_edge(table, sources, piece, face, low, high, bend, nets, at):
+def _put_edge(table, sources, piece, face, low, high, bend, most, nets, at):
+    """As `put_edge`; no two points of the edge are farther apart than `most`."""
     first = _point(table, sources, piece, face, low)
     last = _point(table, sources, piece, face, high)
     frame, bends = table_on_stack(3, 3, 0.0), on_stack(4, 0.0)
@@ -104,19 +105,22 @@ def _put_edge(table, sources, piece, face, low, high, bend, nets, at):
         stretch = piece.high[0] - piece.low[0]
         begin, end = piece.low[0] + low * stretch, piece.low[0] + high * stretch
         find_bends(table, sources, piece, face, begin, end, frame, bends)
+        square = 0.0
         for i in range(3):
             bends[i] = min(bends[i], bend)
+            square += bends[i] * bends[i]
+        bend = min(bend, np.sqrt(square) * (1.0 + 1e-12))  # in any direction, as parts have others
     room = np.int64(piece.room)
     _put(nets, at, room, first)
     for k in range(8):
         corner = first if k < 4 else last
         for i in range(3):
             sign = 1.0 if k & (4 >> i) else -1.0
-            corner = along(corner, _row(frame, i), sign * bends[i] * (1.0 + 1e-12))
+            corner = along(corner, _row(frame, i), sign * min(bends[i], most) * (1.0 + 1e-12))
         _put(nets, at + 1 + k, room, corner)
     for k in range(EDGE_POINTS - 1, room):
         _put(nets, at + k, room, last)
-    return max(bends[0], max(bends[1], bends[2]))
+    return bend
 
 
 @kernel
@@ -179,7 +183,9 @@ def fit_edges(pieces, nets, table):
             for k in range(piece.room):
                 nets[piece.net + 3 * piece.room + k] = 1.0
             most = _extent(face, nets)
-            piece.bend = _put_edge(table, nets, piece, face, 0.0, 1.0, most, nets, piece.net)
+            piece.bend = _put_edge(
+                table, nets, piece, face, 0.0, 1.0, np.inf, most, nets, piece.net
+            )
     return lost
 
 
