@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from engine_bodies import box
 from engine_surfaces import revolved
+from numba import njit
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from test_trim import CENTRE, HOLE, RADIUS, circle, frame, polygon
 
 from proximity_monitor import engine
+from proximity_monitor.engine.kernels.surface.edges import point_on, put_edge
 from proximity_monitor.engine.kernels.surface.trim import INSIDE
 from proximity_monitor.engine.kernels.surface.trim_entries import classify_points
 from proximity_monitor.engine.models.trim import Trim, joined
@@ -138,6 +140,39 @@ def test_no_sample_of_what_is_left_is_nearer_than_the_bounds(seed):
             u, v = feature.parameters
             own = patch.evaluate(u, v) @ place[:3, :3].T + place[:3, 3]
             np.testing.assert_allclose(own, point, atol=1e-12)
+
+
+@njit
+def parts_of(tree, element, levels, nets, points, told):
+    """Control points (k, 10, 3) of an edge's parts, level by level; five points of each; bends."""
+    bends, flat = np.empty(1 << levels), np.empty(3 * 16)
+    bends[0] = tree.pieces[element].bend
+    k = 0
+    for level in range(1, levels + 1):
+        count = 1 << level
+        for i in range(count - 1, -1, -1):
+            low, high = i / count, (i + 1) / count
+            piece = tree.pieces[element]
+            bends[i] = put_edge(tree, piece, low, high, 0.25 * bends[i // 2], flat, 0)
+            nets[k], told[k] = flat.reshape(3, 16)[:, :10].T, bends[i]
+            for j in range(5):
+                at = point_on(tree, element, low + (high - low) * (j + 0.5) / 5.0, 0.0)
+                points[k, j, 0], points[k, j, 1], points[k, j, 2] = at
+            k += 1
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_boxes_around_parts_of_edges_hold_the_curve(seed):
+    """However the first bend is bounded, and whatever direction a part's chord has."""
+    random = np.random.default_rng(seed)
+    tree = random_patch(random, seed % 2 == 0)._hierarchy.tree
+    ways = random.normal(size=(40, 3))
+    for element in np.flatnonzero(tree.pieces["edge"] >= 0):
+        nets, points, told = np.empty((62, 10, 3)), np.empty((62, 5, 3)), np.empty(62)
+        parts_of(tree, element, 5, nets, points, told)
+        assert ((points @ ways.T).max(axis=1) <= (nets @ ways.T).max(axis=1) + 1e-13).all()
+        second = 25.0 * np.linalg.norm(np.diff(points, 2, axis=1), axis=-1)
+        assert (second.max(axis=1) / 8.0 <= told * (1.0 + 1e-6) + 1e-12).all()
 
 
 def test_a_deformed_patch_keeps_its_loops():
