@@ -13,11 +13,12 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
+from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
-from ..base.vectors import dot, norm, rotated, scaled
+from ..base.vectors import dot, norm, rotated, scaled, turned_back
 from ..elements.primitives import keep
-from .certificate import certified
+from .certificate import is_done
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
 from .heap import add_pair, drop_first
@@ -35,7 +36,7 @@ from .sides import (
 )
 from .trim import OUTSIDE
 
-PAIR_STEPS, DIVISION_STEPS, CERTIFICATE_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
+PAIR_STEPS, DIVISION_STEPS, FALLING_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
 """Steps of a search that bounding a pair of cells takes as long as, dividing one, a proof that it
 is done with, and a search for a local minimum."""
 
@@ -91,15 +92,14 @@ def divide_nearest(tree_a, tree_b, state):
         return 0
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
-    if certified(tree_a, tree_b, state, a, b) - slack >= progress.limit:
+    done, steps = is_done(tree_a, tree_b, state, a, b, slack)
+    if not done and leads_to_edges(tree_a, tree_b, state, a, b, slack):
+        done, steps = True, steps + FALLING_STEPS
+    if done:
         progress.dividing = drop_first(pairs, progress.dividing)
-        return CERTIFICATE_STEPS
-    if leads_to_edges(tree_a, tree_b, state, a, b, slack):
-        progress.dividing = drop_first(pairs, progress.dividing)
-        return CERTIFICATE_STEPS
+        return steps
     if progress.dividing + 4 > len(pairs):
         return NONE
-    steps = 0
     if rough_a >= rough_b:
         before = progress.cells_a
         progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before)
@@ -108,7 +108,9 @@ def divide_nearest(tree_a, tree_b, state):
         if first == NONE:
             return NONE
         progress.dividing = drop_first(pairs, progress.dividing)
-        end = least_of(tree_b, cells.cells_b, cells.nets_b, b, _turned(state.motions[0], normal))
+        end = least_of(
+            tree_b, cells.cells_b, cells.nets_b, b, turned_back(state.motions[0], normal)
+        )
         end += _offset(state.motions[0], normal)
         for k in range(count):
             if cells.cells_a[first + k].side == OUTSIDE:
@@ -127,23 +129,13 @@ def divide_nearest(tree_a, tree_b, state):
         progress.dividing = drop_first(pairs, progress.dividing)
         begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(normal, -1.0))
         begin += _offset(state.motions[0], normal)
-        turned = _turned(state.motions[0], normal)
+        turned = turned_back(state.motions[0], normal)
         for k in range(count):
             if cells.cells_b[first + k].side == OUTSIDE:
                 continue
             end = least_of(tree_b, cells.cells_b, cells.nets_b, first + k, turned)
             steps += bound_pair(tree_a, tree_b, state, a, first + k, bound, normal, begin + end)
     return steps
-
-
-@inlined
-def _turned(motion, n):
-    """A direction of a's frame in b's: the motion's matrix transposed, so that products agree."""
-    return (
-        motion[0] * n[0] + motion[3] * n[1] + motion[6] * n[2],
-        motion[1] * n[0] + motion[4] * n[1] + motion[7] * n[2],
-        motion[2] * n[0] + motion[5] * n[1] + motion[8] * n[2],
-    )
 
 
 @inlined
@@ -156,7 +148,7 @@ def _gap(tree_a, tree_b, state, a, b, n):
     """How far b's control points begin beyond the end of a's along n, metres, in a's frame."""
     cells, motion = state.waiting, state.motions[0]
     begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(n, -1.0))
-    end = least_of(tree_b, cells.cells_b, cells.nets_b, b, _turned(motion, n))
+    end = least_of(tree_b, cells.cells_b, cells.nets_b, b, turned_back(motion, n))
     return begin + (end + _offset(motion, n))
 
 
@@ -239,11 +231,15 @@ def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b):
     """
     progress = state.progress[0]
     progress.primitive_tests += 1
+    lows, highs = on_stack(4, 0.0), on_stack(4, 0.0)
+    for i in range(4):
+        lows[i], highs[i] = 0.0, 1.0
     most = MOST
     while True:
         distance, at_a, at_b, way = nearest_near(
-            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0], most
-        )
+            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0],
+            lows, highs, most,
+        )  # fmt: skip
         if is_left(tree_a, element_a, at_a) and is_left(tree_b, element_b, at_b):
             break
         if most == 0:
