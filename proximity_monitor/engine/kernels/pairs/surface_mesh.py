@@ -13,7 +13,7 @@ from ..elements.primitives import corners, mixed
 from ..elements.triangles import point_face
 from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
-from ..surface.certificate import can_be_proven, holds, put_extent, put_side, splits_of
+from ..surface.certificate import can_be_proven, find_in, put_side
 from ..surface.facing import closest_in, parameters_in, vector
 from ..surface.falling import ball_of, falls, is_crossed
 from ..surface.jets import fixed_jet, get, moved_jet, put
@@ -33,8 +33,8 @@ from ..surface.sides import (
 from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
 
 _ROUNDS = 2
-"""Projections onto a triangle and back to a cell. One onto the triangle ends them: it is as large as
-ever beside a small cell, and the way to it must not be tilted along it."""
+"""Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
+cell it is as large as ever, and the way to it must not be tilted along it."""
 
 _WEIGHTS, _EDGE = 30, 33
 """Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
@@ -165,23 +165,17 @@ def _can_be_proven(tree, cells, index):
     return True
 
 
-@implements(holds, MeshTree)
-@inlined
-def _holds(tree, cells, index, element, weights):
-    return index == element
-
-
-@implements(splits_of, MeshTree)
-@inlined
-def _splits(tree, cells, index):
-    return 0
-
-
-@implements(put_extent, MeshTree)
-@inlined
-def _put_extent(tree, cells, index, lows, highs, first):
-    for i in range(2):
-        lows[first + i] = highs[first + i] = 0.0  # its point is found by that of the surface
+@implements(find_in, MeshTree)
+@kernel
+def _find_in(tree, cells, index, element, weights):
+    if index == element:
+        return True, weights
+    if weights[0] > 0.0 and weights[1] > 0.0 and weights[2] > 0.0:
+        return False, weights
+    p = mixed(corners(tree.triangles, element), weights)
+    weights = _foot(p, corners(tree.triangles, index))
+    away = norm(sub(mixed(corners(tree.triangles, index), weights), p))
+    return away <= 8.0 * DOUBLE_EPS * tree.scale[2], weights
 
 
 @implements(put_side, MeshTree)

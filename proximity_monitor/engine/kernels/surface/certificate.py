@@ -1,4 +1,4 @@
-"""A proof that nothing in two cells is nearer than the limit: convexity around near points.
+"""A proof that nothing in two cells is nearer than the limit: convexity around the nearest points.
 
 For a unit vector n and the way D(p) between two points, with p the parameters of both, let
 tau = D - n (n D) be the part of D across n. Where |D| <= U, |D| - n D = tau^2 / (|D| + n D) is at
@@ -6,15 +6,15 @@ least tau^2 / 2U, so for any m of 0 to 1/U
 
     F(p) = n D + m tau^2 / 2
 
-is a lower bound of |D|. At near points p0, with n along D and m = 1/U, its Hessian is that of |D|
-itself. Where it is positive all over two cells, F is at least F(p0) + F'(p0) (p - p0) there: so
-both cells are done with. That is so in cells of a fixed size however near the surfaces are, as m
-may be less than 1/U; a bound of the gap alone would have cells divided until they are as small as
-the square root of what the answer may err by.
+is a lower bound of |D|. At the nearest points p0, with n along D and m = 1/U, its Hessian is that
+of |D| itself. Where it is positive all over two cells that hold these points, F is at least
+F(p0) + F'(p0) (p - p0) there: so both cells are done with. That is so in cells of a fixed size
+however near the surfaces are, as m may be less than 1/U; a bound of the gap alone would have cells
+divided until they are as small as the square root of what the answer may err by.
 
-Where p0 is farther than the limit, the Hessian may be as negative as that allows over the cells'
-extent. So where the nearest points form a line or a surface, cells end at about the cubic root of a
-tolerance.
+Where a tolerance leaves room below |D(p0)|, the Hessian may be as negative as that allows over the
+cells' extent. Points of joints and of edges between triangles lie in several cells: each has its
+own proof.
 """
 
 from __future__ import annotations
@@ -25,38 +25,30 @@ from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE, SurfaceTree
-from ..base.vectors import along, dot, norm, rotated, scaled, turned_back
+from ..base.vectors import along, dot, moved, norm, rotated, scaled, sub, turned_back
+from ..search.stubs import witness
 from .cells import net_of
 from .evaluate import jet_at
 from .facing import vector
-from .newton import MOST, nearest_near
 from .ranges import errors_of, ranges_of, slope_error
-from .sides import element_of, facing
+from .sides import element_of
 
-PROOF_STEPS, SEARCH_STEPS = 4, 40
-"""Steps of a search that a proof takes as long as, and finding the points to begin one from."""
+PROOF_STEPS = 4
+"""Steps of a search that a proof takes as long as."""
 
 _ROUNDING = 1e-9
 """Share of the Hessian's diagonal that is left out, for all that rounding does to it."""
-
-_EVERY = 4
-"""Divisions after which a proof around their own nearest points is tried."""
 
 
 def can_be_proven(tree, cells, index):
     """Whether a cell can be taken in such a proof: a stub."""
 
 
-def holds(tree, cells, index, element, weights):
-    """Whether a cell holds a point of an element: a stub."""
+def find_in(tree, cells, index, element, weights):
+    """Whether a cell holds a point of an element, perhaps of a neighbour, and where: a stub.
 
-
-def splits_of(tree, cells, index):
-    """How many divisions made a cell: a stub."""
-
-
-def put_extent(tree, cells, index, lows, highs, first):
-    """Write how far a cell's two parameters go, from place `first` on: a stub."""
+    As weights of the cell's own element.
+    """
 
 
 def put_side(tree, cells, nets, index, weights, d, side):
@@ -82,50 +74,34 @@ _OUTWEIGHING = 4.0
 def is_done(tree_a, tree_b, state, a, b, slack):
     """Whether nothing in two cells is nearer than the limit, and the steps that it took to know.
 
-    Around the nearest points found so far, where the cells hold them. Else around their own, where
-    these seem to be hardly farther than the limit, so that only the bounds of very small parts
-    would tell. `slack` is what a bound of the two may err by.
+    Only where both hold the nearest points found so far. `slack` is what their bound may err by.
     """
     progress, waiting, motion = state.progress[0], state.waiting, state.motions[0]
-    distance = progress.distance
     if not (
-        distance > progress.slack
+        progress.distance > progress.slack
         and can_be_proven(tree_a, waiting.cells_a, a)
         and can_be_proven(tree_b, waiting.cells_b, b)
     ):
         return False, 0
     at_a, at_b = vector(progress.weights_a), vector(progress.weights_b)
-    if holds(tree_a, waiting.cells_a, a, progress.element_a, at_a) and holds(
-        tree_b, waiting.cells_b, b, progress.element_b, at_b
-    ):
-        n = vector(progress.normal_a)
-        return _is_proven(tree_a, tree_b, state, a, b, at_a, at_b, n, distance, slack), PROOF_STEPS
-    splits = splits_of(tree_a, waiting.cells_a, a) + splits_of(tree_b, waiting.cells_b, b)
-    if splits == 0 or splits % _EVERY > 1:
+    found, at_a = find_in(tree_a, waiting.cells_a, a, progress.element_a, at_a)
+    if not found:
         return False, 0
-    _, at_a, at_b = facing(tree_a, tree_b, waiting.cells_a, waiting.cells_b, a, b, motion)
-    lows, highs = on_stack(4, 0.0), on_stack(4, 0.0)
-    put_extent(tree_a, waiting.cells_a, a, lows, highs, 0)
-    put_extent(tree_b, waiting.cells_b, b, lows, highs, 2)
-    progress.primitive_tests += 1
-    distance, at_a, at_b, way = nearest_near(
-        tree_a, tree_b, element_of(tree_a, waiting.cells_a, a),
-        element_of(tree_b, waiting.cells_b, b), at_a, at_b, motion, lows, highs, MOST,
-    )  # fmt: skip
+    found, at_b = find_in(tree_b, waiting.cells_b, b, progress.element_b, at_b)
+    if not found:
+        return False, 0
+    p = witness(tree_a, element_of(tree_a, waiting.cells_a, a), at_a)
+    q = witness(tree_b, element_of(tree_b, waiting.cells_b, b), at_b)
+    way = sub(moved(motion, q), p)
+    distance = norm(way)
     if not distance - slack > progress.limit:
-        return False, SEARCH_STEPS
+        return False, 1
     n = scaled(way, (1.0 - 4.0 * DOUBLE_EPS) / distance)
-    return _is_proven(tree_a, tree_b, state, a, b, at_a, at_b, n, distance, slack), SEARCH_STEPS
-
-
-@kernel
-def _is_proven(tree_a, tree_b, state, a, b, at_a, at_b, n, distance, slack):
-    """What `is_done` says, around given points and along the way n between them."""
-    progress, waiting, motion = state.progress[0], state.waiting, state.motions[0]
     sides = table_on_stack(2, _SIDE, 0.0)
     put_side(tree_a, waiting.cells_a, waiting.nets_a, a, at_a, n, sides[0])
     put_side(tree_b, waiting.cells_b, waiting.nets_b, b, at_b, turned_back(motion, n), sides[1])
-    return _surpasses(sides, n, motion, distance, progress.slack, progress.limit + slack)
+    limit = progress.limit + slack
+    return _surpasses(sides, n, motion, distance, progress.slack, limit), PROOF_STEPS
 
 
 @shared
@@ -268,27 +244,29 @@ def _can_be_proven(tree, cells, index):
     return tree.pieces[cells[index].element].edge == NONE
 
 
-@implements(holds, SurfaceTree)
-@inlined
-def _holds(tree, cells, index, element, weights):
+@implements(find_in, SurfaceTree)
+@kernel
+def _find_in(tree, cells, index, element, weights):
     cell = cells[index]
     if cell.element != element:
-        return False
-    return cell.low[0] <= weights[0] <= cell.high[0] and cell.low[1] <= weights[1] <= cell.high[1]
+        one, other = tree.pieces[element], tree.pieces[cell.element]
+        if one.patch != other.patch or one.edge != NONE:
+            return False, weights
+        u = _carried(weights[0], one.low[0], one.high[0], other.low[0], other.high[0])
+        v = _carried(weights[1], one.low[1], one.high[1], other.low[1], other.high[1])
+        weights = (u, v, 0.0)
+    low, high = cell.low, cell.high
+    found = low[0] <= weights[0] <= high[0] and low[1] <= weights[1] <= high[1]
+    return found, weights
 
 
-@implements(splits_of, SurfaceTree)
 @inlined
-def _splits(tree, cells, index):
-    return cells[index].splits
-
-
-@implements(put_extent, SurfaceTree)
-@inlined
-def _put_extent(tree, cells, index, lows, highs, first):
-    cell = cells[index]
-    for i in range(2):
-        lows[first + i], highs[first + i] = cell.low[i], cell.high[i]
+def _carried(t, low, high, other_low, other_high):
+    """A parameter of one piece as that of another; exact where it is where both end."""
+    at = high if t == 1.0 else low + t * (high - low)
+    if at == other_high:
+        return 1.0
+    return (at - other_low) / (other_high - other_low) if other_high > other_low else 0.0
 
 
 @implements(put_side, SurfaceTree)

@@ -13,7 +13,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
 from ..base.vectors import dot, norm, rotated, scaled, turned_back
@@ -231,15 +230,11 @@ def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b):
     """
     progress = state.progress[0]
     progress.primitive_tests += 1
-    lows, highs = on_stack(4, 0.0), on_stack(4, 0.0)
-    for i in range(4):
-        lows[i], highs[i] = 0.0, 1.0
     most = MOST
     while True:
         distance, at_a, at_b, way = nearest_near(
-            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0],
-            lows, highs, most,
-        )  # fmt: skip
+            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0], most
+        )
         if is_left(tree_a, element_a, at_a) and is_left(tree_b, element_b, at_b):
             break
         if most == 0:

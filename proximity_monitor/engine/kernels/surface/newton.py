@@ -48,10 +48,10 @@ def begin_at(tree, weights):
 
 
 @shared
-def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, lows, highs, most):
+def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, most):
     """Points of two elements that are nearest among those near by, beginning at given weights.
 
-    The four parameters stay from `lows` to `highs`; `most` is the most iterations.
+    `most` is the most iterations.
 
     Returns their distance, metres, the weights of both, and the way between them in a's frame.
     """
@@ -65,8 +65,6 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, l
     jets = on_stack(JETS, 0.0)
     x[0], x[1] = begin_at(tree_a, from_a)
     x[2], x[3] = begin_at(tree_b, from_b)
-    for i in range(4):
-        x[i] = min(max(x[i], lows[i]), highs[i])
     way = way_at(tree_a, tree_b, element_a, element_b, motion, x, jets)
     squared = dot(way, way)
     weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
@@ -75,14 +73,14 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, l
         if fresh:
             derivatives(tree_a, tree_b, way, jets, gradient, hessian)
         fresh = False
-        if not _solve(x, lows, highs, gradient, hessian, damping, factor, step):
+        if not _solve(x, gradient, hessian, damping, factor, step):
             damping = max(_FIRST, _MORE * damping)
             if damping > _LARGEST:
                 break
             continue
         gain = 0.0
         for i in range(4):
-            trial[i] = min(max(x[i] + step[i], lows[i]), highs[i])
+            trial[i] = min(max(x[i] + step[i], 0.0), 1.0)
             gain -= gradient[i] * (trial[i] - x[i])
         if not gain > _DONE * squared:
             break
@@ -102,20 +100,20 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, l
 
 
 @inlined
-def _is_held(x, lows, highs, gradient, i):
+def _is_held(x, gradient, i):
     """Whether a parameter stands at an end of its range, and the gradient presses it outwards."""
-    return (x[i] <= lows[i] and gradient[i] >= 0.0) or (x[i] >= highs[i] and gradient[i] <= 0.0)
+    return (x[i] <= 0.0 and gradient[i] >= 0.0) or (x[i] >= 1.0 and gradient[i] <= 0.0)
 
 
 @kernel
-def _solve(x, lows, highs, gradient, hessian, damping, factor, step):
+def _solve(x, gradient, hessian, damping, factor, step):
     """Newton's step over the parameters that are free; False where the Hessian is not positive.
 
     By Cholesky's factors. One that is held has a row and a column of the unit matrix.
     """
     scale = 0.0
     for i in range(4):
-        step[i] = 0.0 if _is_held(x, lows, highs, gradient, i) else 1.0
+        step[i] = 0.0 if _is_held(x, gradient, i) else 1.0
         if step[i] > 0.0:
             scale = max(scale, abs(hessian[i, i]))
     for i in range(4):
