@@ -24,7 +24,9 @@ Reals = NDArray[np.float64]
 _DEEP = 30
 """Halvings of a stretch."""
 _SMALL = 1e-9
-"""A share of the rectangle: what is no larger beside a cusp may cross."""
+"""A share of the rectangle: what is no larger is a point."""
+_CUSP = 1e-6
+"""The same: what is no larger beside a cusp may cross, for rounding hides whether it does."""
 
 _OUTSIDE = 0.5
 """How far outside the rectangle, at least, what stands for a side lies (see trim.py)."""
@@ -70,7 +72,7 @@ def examine(trim: Trim) -> Loops:
             blur = max(blur, _joined(b, a, slack, _DEEP))
         elif not _apart(a, b, slack, _DEEP):
             blur = np.inf
-    if blur > 4.0 * _SMALL + slack:
+    if blur > _CUSP:
         return Loops("its loops cross or touch", [], 0.0)
     turned = []
     for i, loop in enumerate(loops):

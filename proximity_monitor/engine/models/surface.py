@@ -54,8 +54,8 @@ class Surface(Model):
         joints = find_joints(nets, self.deviation)
         if joints.reason and self._solid:
             raise ModelError(
-                f"{self.name}: no solid: {joints.reason}; close it, give it a deviation as large as "
-                "its gaps, or solid=False, which takes it for a surface"
+                f"{self.name}: no solid: {joints.reason}; close it, give it a deviation as large "
+                "as its gaps, or solid=False, which takes it for a surface"
             )
         return joints
 
@@ -119,7 +119,9 @@ class Surface(Model):
     def digest(self) -> str:
         """Of control points, weights, knots, trims, the deviation, whether it must be a solid."""
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
-        found.update(struct.pack("<db", self._deviation, -1 if self._solid is None else self._solid))
+        found.update(
+            struct.pack("<db", self._deviation, -1 if self._solid is None else self._solid)
+        )
         for net in self.nets:
             n_u, n_v, _ = net.control.shape
             found.update(struct.pack("<5q", n_u, n_v, *net.degrees, net.weights is not None))

@@ -58,8 +58,8 @@ class SurfaceHierarchy(Hierarchy):
         trims = joined([net.trim for net in nets])
         tree, order, depth = build_surface(nets, trims, deviation, joints.gap)
         return cls._made({
-            "joints": joints, "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation, "solid": solid,
-            "tree": tree, "distinct": tree, "depth": depth, "order": order,
+            "joints": joints, "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation,
+            "solid": solid, "tree": tree, "distinct": tree, "depth": depth, "order": order,
             "numbers": np.ascontiguousarray(tree.pieces["patch"]),
         })  # fmt: skip
 
