@@ -90,6 +90,26 @@ def test_largest_balls_in_a_drilled_block():
         check(engine.signed_distance(ball(radius), translation(*place), block, IDENTITY), expected)
 
 
+def test_how_deep_a_sheet_reaches_into_a_drilled_block():
+    block = ParametricSurface(drilled(), solid=True)
+    for side, depth in ((0.19, 0.0), (0.6, 0.15), (2.0, 0.15)):  # not the corners of the hole
+        half = 0.5 * side
+        sheet = [[[x, y, 0.5] for y in (0.5 - half, 0.5 + half)] for x in (0.5 - half, 0.5 + half)]
+        found = engine.signed_distance(block, IDENTITY, engine.Patch(sheet), IDENTITY)
+        if depth == 0.0:
+            check(found, BORE - math.hypot(half, half))
+        else:
+            assert found.upper <= -depth
+            check(found, -deepest(half))
+
+
+def deepest(half):
+    """The depth in the block of a square's deepest point, in its middle plane."""
+    x, y = np.meshgrid(*2 * [np.linspace(0.5 - half, 0.5 + half, 801)])
+    points = np.stack((x.ravel(), y.ravel(), np.full(x.size, 0.5)), axis=1)
+    return -phi_drilled(points).min()
+
+
 def test_gaps_are_charged_or_refused_with_their_place():
     wide = drilled(BORE + 1e-3)
     with pytest.raises(ModelError, match=r"do not close up: .*, 0.001 m from the nearest other"):

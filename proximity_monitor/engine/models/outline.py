@@ -22,6 +22,8 @@ Reals = NDArray[np.float64]
 
 _FLAT = 1e-12
 """How far, as a share of its size, a patch of degree 1 may be from a parallelogram."""
+_BEYOND = 1e-9
+"""How far beyond its patch's rectangle, as a share of that, a loop may run (see edges.py)."""
 _LOOKS = 9
 """Points that tell how far an edge on a surface extends."""
 
@@ -186,11 +188,14 @@ def outline(net: Net, patch: int) -> Outline:
     blur = (loops.blur + 8.0 * float(net.trim.record["slack"])) * float(chart.first.sum())
     if flat is not None:
         blur += _FLAT * float(np.abs(net.points).max())
-    edges = []
+    edges, beyond = [], 0.0
     for loop, turned in zip(net.trim.loops, loops.turned, strict=True):
         for part in loop:
+            points = part.edge[:, :2] / part.edge[:, 2:]
+            beyond = max(beyond, float(-points.min()), float(points.max()) - 1.0)
             curve = part.edge[::-1] if turned else part.edge
             edges += [Edge.of(each, patch) for each in _lifted(chart, flat, curve)]
+    blur += 2.0 * min(beyond, _BEYOND) * float(chart.first.sum())
     return Outline(edges, blur, "")
 
 

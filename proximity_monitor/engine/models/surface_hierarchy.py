@@ -92,20 +92,24 @@ class SurfaceHierarchy(Hierarchy):
     def _samples(self) -> NDArray[np.float64]:
         """Three corners of each piece: where both u and v are low, v alone, and neither.
 
-        An edge has two ends. Where loops cross a piece, the end of an edge stands for its corners,
-        of one that lies on it where there is any.
+        An edge has two ends. Where loops cross a piece, the end of an edge on it stands for its
+        corners; if there is none its middle, where that is left, or else another edge of its patch.
         """
         pieces = self.tree.pieces
         points, starts = projected(self.tree)
         last = starts[1:] - 1
         places = np.stack((starts[:-1], last - pieces["degree_v"], last), axis=1)
-        crossed, edges = pieces["side"] == CROSSING, np.flatnonzero(pieces["edge"] != NONE)
-        if len(edges):
-            patches, first = np.unique(pieces["patch"][edges], return_index=True)
-            own = np.searchsorted(patches, pieces["patch"][crossed])
-            places[crossed] = starts[edges[first[own]], None]
-            places[pieces["face"][edges]] = starts[edges, None]
-        return frozen(points[places].reshape(-1, 9))
+        made = points[places]
+        crossed = np.flatnonzero(pieces["side"] == CROSSING)
+        edges = np.flatnonzero(pieces["edge"] != NONE)
+        if len(crossed):
+            made[crossed] = points[starts[pieces["face"][crossed]], None]
+            for i in crossed[pieces["face"][crossed] == crossed]:
+                middle = 0.5 * (pieces["low"][i] + pieces["high"][i])
+                net = self.nets[pieces["patch"][i]]
+                made[i] = net.derivatives(middle[:1], middle[1:], 0)[0, 0, 0]
+            made[pieces["face"][edges]] = points[starts[edges], None]
+        return frozen(made.reshape(-1, 9))
 
     @property
     def some_point(self) -> NDArray[np.float64]:
