@@ -2,7 +2,9 @@
 
 Parts of elements are bounded by the gap between the point and their control points, along the way
 to a near point of the parallelogram that stands for a part. What may hold a point that is nearer by
-more than is tolerated is divided. Newton's method makes the upper bound.
+more than is tolerated is divided. Newton's method makes the upper bound. Where loops cross a part,
+either its distance falls all over it, so that only its edges count, which are elements of their
+own, or it is divided.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from .evaluate import jet_at
 from .facing import closest_in
 from .parts import (
     ABOUT,
+    EACH,
     HIGH_U,
     HIGH_V,
     LOW_U,
@@ -33,6 +36,7 @@ from .parts import (
     corner_of,
     halve,
     least_along,
+    lines_of,
     margin_of,
     place_of,
     room_of,
@@ -192,6 +196,9 @@ def foot_in(query, tree, t, answer):
             if side == OUTSIDE:
                 bounds[k] = np.inf
                 continue
+            if side == CROSSING and _leads_to_edges(piece, parts, place_of(piece, k), row, margin):
+                bounds[k] = np.inf
+                continue
             # A point is looked for where a corner says that there is a nearer one.
             if divisions > 0 and (side != INSIDE or near > distance - _NEARER * (distance - below)):
                 continue
@@ -218,17 +225,58 @@ def foot_in(query, tree, t, answer):
 
 
 @kernel
-def _foot_on_edge(query, tree, t, answer):
-    """The same of an edge, for the upper bound: parts of its patch bound what lies on it as well.
+def _leads_to_edges(piece, parts, at, row, margin):
+    """Whether every point of a part can be moved on its piece so that it comes nearer.
 
-    A part of length h, of 0..1, lies within h² of `bend` of its chord.
+    Then no inner point of what loops leave of it is the nearest (see falling.py). About the part's
+    centre c, w r' = N' - w' (r - c) with N = w (P - c), as there.
     """
+    centre = (0.0, 0.0, 0.0)
+    for i in range(4):
+        centre = along(centre, corner_of(piece, parts, at, i), 0.25)
+    square, heavy = 0.0, 0.0
+    for i in range(np.int64(piece.points)):
+        k = at + EACH * i
+        w = parts[k + 3]
+        d = sub((parts[k] / w, parts[k + 1] / w, parts[k + 2] / w), centre)
+        square, heavy = max(square, dot(d, d)), max(heavy, w)
+    radius = np.sqrt(square) * (1.0 + 1e-12) + margin
+    length = norm(centre) + radius
+    for parameter in range(2):
+        lines, apart, step, count = lines_of(piece, parameter == 0)
+        low, high, turn = np.inf, -np.inf, 0.0
+        for line in range(lines):
+            for i in range(count - 1):
+                k = at + line * apart + i * step
+                of_w = parts[k + step + 3] - parts[k + 3]
+                d = (
+                    parts[k + step] - parts[k] - of_w * centre[0],
+                    parts[k + step + 1] - parts[k + 1] - of_w * centre[1],
+                    parts[k + step + 2] - parts[k + 2] - of_w * centre[2],
+                )
+                loss = norm(d) * (radius + 1e-12 * length) + 4.0 * heavy * margin * length
+                product = dot(d, centre)
+                low, high = min(low, product - loss), max(high, product + loss)
+                turn = max(turn, abs(of_w))
+        loss = turn * radius * length * (1.0 + 1e-9)
+        first = LOW_U if parameter == 0 else LOW_V
+        if low > loss and row[first] > 0.0:
+            return True
+        if high < -loss and row[first + 1] < 1.0:
+            return True
+    return False
+
+
+@kernel
+def _foot_on_edge(query, tree, t, answer):
+    """The same of an edge. A part of length h, of 0..1, lies within h² of `bend` of its chord."""
     distance, nearest, best_u, best_v, least, cost = answer
     piece, p = tree.pieces[t], query.place
+    margin = margin_of(tree, piece, p, 0)
     stack = table_on_stack(_CHORDS, 2, 0.0)
     stack[0, 0], stack[0, 1] = 0.0, 1.0
     top, looks = 1, 0
-    while top > 0 and looks < _LOOKS:
+    while top > 0:
         top -= 1
         looks += 1
         low, high = stack[top, 0], stack[top, 1]
@@ -237,19 +285,21 @@ def _foot_on_edge(query, tree, t, answer):
         square = dot(way, way)
         s = min(max(-dot(first, way) / square, 0.0), 1.0) if square > 0.0 else 0.0
         bend = piece.bend * (high - low) * (high - low)
-        below = enough(distance, query.share, query.slack)
-        if norm(along(first, way, s)) - bend >= below:
+        bound = norm(along(first, way, s)) - bend - margin
+        if bound >= enough(distance, query.share, query.slack):
             continue
         u = low + s * (high - low)
         found = norm(sub(point_on(tree, t, u, 0.0), p))
         if found < distance:
             distance, nearest, best_u, best_v = found, np.int64(t), u, 0.0
-            below = enough(distance, query.share, query.slack)
-        if bend > _NEARER * (distance - below) and top + 2 <= _CHORDS:
+        tolerated = distance - enough(distance, query.share, query.slack)
+        if bend > _NEARER * tolerated and top + 2 <= _CHORDS and looks < _LOOKS:
             middle = 0.5 * (low + high)
             # The half that is nearer is looked at first.
             turn = 0 if s > 0.5 else 1
             stack[top + turn, 0], stack[top + turn, 1] = low, middle
             stack[top + 1 - turn, 0], stack[top + 1 - turn, 1] = middle, high
             top += 2
+        else:
+            least = min(least, bound)
     return distance, nearest, best_u, best_v, least, cost + looks // 4

@@ -26,7 +26,7 @@ from .parts import (
     side_of_part,
     take_whole,
 )
-from .trim import INSIDE, OUTSIDE
+from .trim import CROSSING, INSIDE, OUTSIDE
 
 _DIVISIONS = 256
 """Divisions of an element: what is open then counts with its control points."""
@@ -82,7 +82,10 @@ def _height(query, tree, t, answer):
                     seen = max(seen, dot(n, corner))
         if seen > top:
             return np.inf
-        if high <= seen + fine or count >= room or divisions >= _DIVISIONS:
+        enough = seen
+        if side == CROSSING:  # all of it is so high, whatever is left
+            enough = max(enough, least_along(piece, parts, at, n))
+        if high <= enough + fine or count >= room or divisions >= _DIVISIONS:
             answer = max(answer, min(high, radius))
             if answer > top:
                 return np.inf
