@@ -182,7 +182,7 @@ def test_what_tears_when_it_is_deformed_stays_as_it_was():
     assert ParametricSurface(torus_patches()).deform(points) > 0.0
 
 
-@pytest.mark.parametrize("solid", [None, "robust", 1])
-def test_whether_it_is_a_solid_is_yes_or_no(solid):
-    with pytest.raises(ModelError, match=r"surface: solid = .*: must be True or False"):
+@pytest.mark.parametrize("solid", ["robust", 1])
+def test_whether_it_is_a_solid_is_yes_or_no_or_found_out(solid):
+    with pytest.raises(ModelError, match=r"surface: solid = .*: must be True, False or None"):
         ParametricSurface(cube(), solid=solid)

@@ -83,8 +83,8 @@ def test_geomdl_reads_what_is_written(tmp_path):
         patch(4, decades=8.0),
         patch(5),
         curve(6, decades=2.0),
-        engine.ParametricSurface([patch(7), patch(8, (5, 5), (4, 4), decades=1.0)]),
-        engine.ParametricSurface([curve(7), curve(8)]),
+        engine.ParametricSurface([patch(7), patch(8, (5, 5), (4, 4), decades=1.0)], solid=None),
+        engine.ParametricSurface([curve(7), curve(8)], solid=None),
     ],
     ids=repr,
 )

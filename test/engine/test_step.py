@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ball_oracle import winding_numbers
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.surface.trim import INSIDE
@@ -240,3 +241,70 @@ def test_other_files_have_no_parts(tmp_path):
     assert engine.load_placements(file) == []
     with pytest.raises(engine.ModelError, match="there is none; there are 'housing'"):
         engine.load(GEARBOX, part="lid")
+
+
+def test_parts_that_close_up_are_solids():
+    random = np.random.default_rng(2)
+    shapes = {each.model for each in engine.load_placements(GEARBOX)}
+    assert len(shapes) == 10
+    for name in sorted(shapes):
+        part = engine.load(GEARBOX, part=name)
+        assert part.is_solid, part.not_solid
+        assert part._hierarchy.joints.gap < 1e-6
+        corners = part.display_mesh(3e-4).corners()
+        near = corners[random.integers(len(corners), size=20)].mean(axis=1)
+        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        points = np.concatenate(
+            (random.uniform(low, high, (40, 3)), near + 2e-3 * random.normal(size=(20, 3)))
+        )
+        found = engine.closest_points(part, np.eye(4), points, signed=True)
+        far = engine.closest_points(part, np.eye(4), points).lower > 5e-4
+        inside = np.abs(winding_numbers(points[far], corners)) > 0.5
+        assert far.sum() > 25
+        assert (found.upper[far][inside] < 0.0).all()
+        assert (found.lower[far][~inside] > 0.0).all()
+
+
+def test_how_deep_parts_are_pushed_into_each_other_is_that_of_their_meshes():
+    error = 3e-4
+    parts = {
+        name: engine.load(GEARBOX, part=name)
+        for name in ("bolt 1", "input shaft", "bearing 1", "seal 1", "wheel")
+    }
+    meshes = {}
+    for name, part in parts.items():
+        shown = part.display_mesh(error)
+        meshes[name] = engine.TriangleMesh(
+            shown.vertices, shown.welded(), deviation=error, solid="robust"
+        )
+    deep = 0
+    for a, b, place in (
+        ("bolt 1", "bolt 1", (0.004, 0.002, 0.003)),
+        ("input shaft", "bearing 1", (0.006, 0.0, 0.01)),
+        ("wheel", "seal 1", (0.03, 0.0, 0.0)),
+        ("input shaft", "bolt 1", (0.03, 0.0, 0.0)),
+    ):
+        at = np.eye(4)
+        at[:3, 3] = place
+        found = engine.signed_distance(parts[a], np.eye(4), parts[b], at, depth_err=0.05)
+        other = engine.signed_distance(
+            meshes[a], np.eye(4), meshes[b], at, depth_err=0.1, budget_s=0.5
+        )
+        assert found.lower <= other.upper + 1e-12
+        assert other.lower <= found.upper + 1e-12
+        deep += found.upper < 0.0
+    assert deep >= 3
+
+
+def test_a_part_that_is_open_stays_a_surface_and_says_why(tmp_path):
+    box = BRepPrimAPI_MakeBox(10.0, 20.0, 30.0).Shape()
+    lid, builder = TopoDS_Compound(), BRep_Builder()
+    builder.MakeCompound(lid)
+    for face in list(shapes_in(box, "Face"))[1:]:
+        builder.Add(lid, face)
+    assert engine.load(written(box, tmp_path / "box.step")).is_solid
+    part = engine.load(written(lid, tmp_path / "open.step"))
+    assert not part.is_solid
+    assert "4 open edges" in part.not_solid
+    with pytest.raises(engine.ModelError, match=r"open\.step: no solid: .* 4 open edges"):
+        engine.load(tmp_path / "open.step", solid=True)

@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 from test_closed import cube, moved, replaced, swapped
 
 from proximity_monitor import engine
-from proximity_monitor.engine import ModelError, ParametricSurface, Status
-from proximity_monitor.engine.models.trim import Trim, TrimCurve
+from proximity_monitor.engine import ParametricSurface, Status
 
 TIGHT = 1e-12
 NORMAL = np.array([1e-3, 1e-9, -1e-9])
@@ -346,12 +345,3 @@ def test_a_solid_stays_one_when_it_is_deformed_and_pickled():
     model.deform(2.0 * model.control_points)
     found = engine.closest_points(model, IDENTITY, [[0.1, 0.0, 0.0]], signed=True)
     assert found.upper[0] == pytest.approx(-0.9, abs=1e-11)
-
-
-def test_trimmed_patches_are_refused():
-    whole, corners = cube(), np.array([[0.2, 0.2], [0.8, 0.2], [0.5, 0.8]])
-    ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    trim = Trim([[TrimCurve(np.array(each)) for each in ends]], (0.0, 0.0), (1.0, 1.0))
-    whole[2] = engine.Patch(whole[2].control, trim=trim)
-    with pytest.raises(ModelError, match="no solid: patch 2 is trimmed"):
-        ParametricSurface(whole, solid=True)

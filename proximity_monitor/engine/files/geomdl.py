@@ -56,7 +56,7 @@ def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
     if len(made) == 1 and not how.solid:
         return made[0]
     return ParametricSurface(
-        made, name=str(file), deviation=how.deviation, solid=how.solid is True
+        made, name=str(file), deviation=how.deviation, solid=how.solid
     )  # fmt: skip
 
 

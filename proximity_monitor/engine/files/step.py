@@ -51,15 +51,13 @@ def read_step(data: bytes, file: Path, how: Reading) -> ParametricSurface:
             known = ", ".join(repr(part.name) for part in parts)
             raise FormatError(f"part = {how.part!r}: there is none; there are {known}")
         parts = [own[0]._replace(pose=np.eye(4))]
-    if how.solid and any(face.trim for part in parts for face in part.shape.faces):
-        raise FormatError("solid = True: whether trimmed faces close up is not known yet")
     metres = _MILLIMETRE * how.scale
     patches = [
         _patch(face, part.pose, metres, f"{part.name}, face {i}", how.deviation)
         for part in parts
         for i, face in enumerate(part.shape.faces, 1)
     ]
-    return ParametricSurface(patches, name=str(file), solid=how.solid is True)
+    return ParametricSurface(patches, name=str(file), solid=how.solid)
 
 
 def step_placements(data: bytes, file: Path, scale: float) -> list[Placement]:

@@ -5,6 +5,10 @@ otherwise, s = l t / (1 - t + l t), as the weights w_i l^i in place of w_i make 
 the derivatives where they begin. Then their difference is a rational Bezier curve as well, and no
 longer than the longest of its control points. Where edges meet others in between, as beside smaller
 patches or other knots, they are cut.
+
+An edge that a trimming loop makes on a curved patch is no rational curve. Then points along the one
+and those of the other next to them tell: between two such points each is no farther from its chord
+than its second derivative allows, and the chords are nowhere farther apart than at their ends.
 """
 
 from __future__ import annotations
@@ -19,9 +23,19 @@ from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
 from .nurbs import Net
+from .outline import ChartCurve, Edge, RationalCurve, outline
+
+Curve = RationalCurve | ChartCurve
 
 _SIZE_SHARE = 1e-12
 """How far apart edges may be that coincide, as a share of the largest coordinate."""
+
+_TRIMMED_SHARE = 1e-6
+"""The same where patches are trimmed: such curves only come near to where surfaces intersect."""
+
+_BEND_SHARE, _MOST_CHORDS = 1e-8, 4096
+"""How far an edge on a curved patch may be from chords, as a share of the largest coordinate, or by
+a tenth of the gap that is allowed, where so many chords suffice."""
 
 _ROUNDING = 512.0 * DOUBLE_EPS
 """What is added to the gaps that were measured, as a share of the largest coordinate P.
@@ -29,11 +43,12 @@ _ROUNDING = 512.0 * DOUBLE_EPS
 Two edges of degree 15 have a difference whose coefficients are sums of at most 16 products of three
 numbers, each term of no more than 2 P times what the weights' products are: 40 u P in all. The
 weights of the one were multiplied by powers up to the 15th, which errs by 17 u of each and moves
-its points by 34 u P. Cutting an edge in two errs by 2 u P for each degree.
+its points by 34 u P. Cutting an edge in two errs by 2 u P for each degree, a point of a patch by
+some 100 u P.
 """
 
 _SAMPLES = np.linspace(0.0, 1.0, 65)
-_NEWTON = 20
+_NEWTON, _STEP = 20, 1e-6
 
 
 class Joints(NamedTuple):
@@ -46,32 +61,15 @@ class Joints(NamedTuple):
 
     A strip between two edges that coincide is no wider than these are apart. What is open besides
     are closed ways along the ends of strips and along edges that are taken for points: each stays
-    near one corner.
+    near one corner. What trimming loops leave may be unlike what they bound as far as they blur.
     """
-
-
-class _Edge(NamedTuple):
-    """A directed edge, on whose left its patch lies, seen from where the normal points to."""
-
-    curve: NDArray[np.float64]
-    """(n, 4) control points in homogeneous coordinates."""
-    patch: int
-
-    @property
-    def points(self) -> NDArray[np.float64]:
-        """(n, 3) the control points in space."""
-        return self.curve[:, :3] / self.curve[:, 3:]
-
-    def turned(self) -> _Edge:
-        """The other way."""
-        return self._replace(curve=self.curve[::-1])
 
 
 def find_joints(nets: Sequence[Net], deviation: float) -> Joints:
     """How patches close up, and why not. Curves beside them are passed over.
 
     Edges coincide if they are as near to each other as the deviation, metres, and 1e-12 of the
-    largest coordinate allow.
+    largest coordinate allow; where patches are trimmed, twice the deviation and 1e-6.
     """
     reason, gap = _opening(nets, deviation)
     return Joints(reason, gap)
@@ -81,14 +79,17 @@ def _opening(nets: Sequence[Net], deviation: float) -> tuple[str, float]:
     """Why they do not close up, and the gap that is left where they do."""
     if all(net.is_curve for net in nets):
         return "it consists of curves alone", 0.0
-    trimmed = [i for i, net in enumerate(nets) if net.trim is not None]
-    if trimmed:
-        text = "the inside of trimmed patches is not known yet"
-        return f"patch {trimmed[0]} is trimmed, and {text}", 0.0
     size = max(float(np.abs(net.points).max()) for net in nets)
-    gap = deviation + _SIZE_SHARE * size
-    widths = _Widths()
-    edges = [edge for i, net in enumerate(nets) for edge in _outline(net, i)]
+    trimmed = any(net.trim is not None for net in nets)
+    gap = 2.0 * deviation + _TRIMMED_SHARE * size if trimmed else deviation + _SIZE_SHARE * size
+    widths = _Widths(max(0.1 * gap, _BEND_SHARE * size))
+    edges: list[Edge] = []
+    for i, net in enumerate(nets):
+        found = outline(net, i)
+        if found.reason:
+            return f"patch {i}: {found.reason}", 0.0
+        edges += found.edges
+        widths.blur = max(widths.blur, found.blur)
     edges = _unmatched(_proper(edges, gap, widths), gap, widths)
     edges = _unmatched(_proper(_cut(edges, gap), gap, widths), gap, widths)
     if not edges:
@@ -99,42 +100,34 @@ def _opening(nets: Sequence[Net], deviation: float) -> tuple[str, float]:
     turned = edges[:1] + [edge.turned() for edge in edges[1:]]
     if len(_unmatched(turned, gap, widths)) < len(turned):
         return f"its patches are of unlike orientation at {len(edges)} edges, {where}", 0.0
+    wide = _opening_at(edges)
+    where += f", {wide:.3g} m from the nearest other one" if wide < np.inf else ""
     return f"its patches do not close up: {len(edges)} open edges, {where}", 0.0
+
+
+def _opening_at(edges: Sequence[Edge]) -> float:
+    """About how far the middle of the first edge is from the nearest other one, metres."""
+    middle = edges[0].curve.at(np.array([0.5]))
+    found = [np.linalg.norm(each.curve.at(_SAMPLES) - middle, axis=1).min() for each in edges[1:]]
+    return float(min(found, default=np.inf))
 
 
 class _Widths:
     """How wide the gaps are that were taken for none, metres."""
 
-    def __init__(self) -> None:
+    def __init__(self, bend: float) -> None:
+        self.bend = bend  # that is allowed between the points of edges on curved patches
         self.strip = 0.0  # between edges that coincide
         self.corner = 0.0  # between ends that are together
         self.point = 0.0  # of edges that are taken for points
+        self.blur = 0.0  # between edges and what they bound
 
     def total(self) -> float:
         """No strip is wider, nor is what is open at any corner."""
-        return self.strip + self.corner + self.point
+        return self.strip + self.corner + self.point + 2.0 * self.blur
 
 
-def _outline(net: Net, patch: int) -> list[_Edge]:
-    """The edges of a patch's pieces that are not also those of the piece beside."""
-    if net.is_curve:
-        return []
-    made = net.pieces()
-    edges = []
-    for turned in (False, True):
-        # The second time as if u were v, which turns all directions.
-        each = made.transpose(1, 0, 3, 2, 4) if turned else made
-        low, high = each[:, :, :, 0], each[:, :, :, -1]
-        torn = (low[:, 1:] != high[:, :-1]).any(axis=(2, 3))
-        always = np.ones((len(each), 1), np.bool_)
-        begins = low[np.concatenate((always, torn), axis=1)]
-        ends = high[np.concatenate((torn, always), axis=1)]
-        edges += [_Edge(curve[:: -1 if turned else 1], patch) for curve in begins]
-        edges += [_Edge(curve[:: 1 if turned else -1], patch) for curve in ends]
-    return edges
-
-
-def _proper(edges: list[_Edge], gap: float, widths: _Widths) -> list[_Edge]:
+def _proper(edges: list[Edge], gap: float, widths: _Widths) -> list[Edge]:
     """Those that are more than a point."""
     found = []
     for edge in edges:
@@ -146,7 +139,7 @@ def _proper(edges: list[_Edge], gap: float, widths: _Widths) -> list[_Edge]:
     return found
 
 
-def _unmatched(edges: list[_Edge], gap: float, widths: _Widths) -> list[_Edge]:
+def _unmatched(edges: list[Edge], gap: float, widths: _Widths) -> list[Edge]:
     """The edges that lie on no other one that goes the other way; each serves one other."""
     points = np.array([edge.points[[0, -1]] for edge in edges]).reshape(-1, 3)
     ends = _welded(points, gap)
@@ -157,8 +150,11 @@ def _unmatched(edges: list[_Edge], gap: float, widths: _Widths) -> list[_Edge]:
     for i, (begin, end) in enumerate(ends.reshape(-1, 2).tolist()):
         others = left[end, begin]
         for j in others:
-            if j != i and (apart := _apart(edges[i].turned(), edges[j])) <= gap:
-                widths.strip = max(widths.strip, apart)
+            if i == j:
+                continue
+            apart, bends = _apart(edges[i].turned().curve, edges[j].curve, widths.bend)
+            if apart <= gap:
+                widths.strip = max(widths.strip, apart + bends)
                 others.remove(j)
                 break
         else:
@@ -192,19 +188,60 @@ def _first(group: NDArray[np.int64], i: int) -> int:
     return i
 
 
-def _apart(a: _Edge, b: _Edge) -> float:
-    """An upper bound of how far each of two edges is from the other."""
-    ways = [edge.points[1] - edge.points[0] for edge in (a, b)]
-    speeds = [
-        np.linalg.norm(way) * (len(edge.curve) - 1) * edge.curve[1, 3] / edge.curve[0, 3]
-        for way, edge in zip(ways, (a, b), strict=True)
-    ]
-    ends = [
-        (edge.curve[0, 3] / edge.curve[-1, 3]) ** (1.0 / (len(edge.curve) - 1)) for edge in (a, b)
-    ]
+def _apart(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
+    """Two numbers whose sum is no less than how far each of two edges is from the other.
+
+    The second is what they may differ by between the points that are compared, about `bend`.
+    """
+    if isinstance(a, ChartCurve) or isinstance(b, ChartCurve):
+        return _apart_at_points(a, b, bend)
+    speeds = []
+    for edge in (a, b):
+        way = np.linalg.norm(edge.points[1] - edge.points[0])
+        speeds.append(way * (len(edge.net) - 1) * edge.net[1, 3] / edge.net[0, 3])
+    ends = [(each.net[0, 3] / each.net[-1, 3]) ** (1.0 / (len(each.net) - 1)) for each in (a, b)]
     # Where curves begin with a cusp, the other choice is that both end with the same weight.
     found = [speeds[0] / speeds[1]] if min(speeds) > 0.0 else []
-    return min(_difference(a.curve, b.curve, each) for each in (*found, ends[1] / ends[0]))
+    return min(_difference(a.net, b.net, each) for each in (*found, ends[1] / ends[0])), 0.0
+
+
+def _apart_at_points(a: Curve, b: Curve, bend: float) -> tuple[float, float]:
+    """As `_apart`, from points of both that follow each other in the same order."""
+    if _far(a, b):
+        return np.inf, 0.0
+    bends = a.bend(), b.bend()
+    count = min(max(int(np.sqrt(max(bends) / (8.0 * bend))) + 1, 16), _MOST_CHORDS)
+    t = np.linspace(0.0, 1.0, count + 1)
+    coarse = np.linspace(0.0, 1.0, 17)
+    along = _near(b, a.at(coarse), coarse, _NEWTON)
+    points = a.at(t)
+    along = _near(b, points, np.interp(t, coarse, along), 2)
+    along[0], along[-1] = 0.0, 1.0
+    along = np.maximum.accumulate(along)  # any order that is the same on both will do
+    apart = float(np.linalg.norm(points - b.at(along), axis=1).max())
+    steps = 1.0 / count, float(np.diff(along).max())
+    return apart, sum(0.125 * each * step * step for each, step in zip(bends, steps, strict=True))
+
+
+def _far(a: Curve, b: Curve) -> bool:
+    """Whether the middles of two edges with common ends are farther apart than is worth a look."""
+    here, there = a.at(_SAMPLES[::8]), b.at(_SAMPLES[::8])
+    length = np.linalg.norm(np.diff(here, axis=0), axis=1).sum()
+    apart = np.linalg.norm(here[len(here) // 2] - there, axis=1).min()
+    return bool(apart > 0.25 * length)
+
+
+def _near(curve: Curve, points: NDArray[np.float64], t: NDArray[np.float64], rounds: int):
+    """Parameters (k,) where a curve is nearest to points (k, 3), from some nearby (Newton)."""
+    for _ in range(rounds):
+        low, here, high = np.split(curve.at(np.concatenate([t - _STEP, t, t + _STEP])), 3)
+        slope = (high - low) / (2.0 * _STEP)
+        steep = (slope * slope).sum(axis=1)
+        step = (slope * (points - here)).sum(axis=1) / np.where(steep > 0.0, steep, np.inf)
+        t = np.clip(t + step, 0.0, 1.0)
+        if (np.abs(step) <= 1e-12).all():
+            break
+    return t
 
 
 def _difference(a: NDArray[np.float64], b: NDArray[np.float64], faster: float) -> float:
@@ -229,58 +266,37 @@ def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float
     return np.stack(columns, axis=1) / [[float(math.comb(size, k))] for k in range(size + 1)]
 
 
-def _cut(edges: list[_Edge], gap: float) -> list[_Edge]:
+def _cut(edges: list[Edge], gap: float) -> list[Edge]:
     """The edges, cut where others begin or end."""
     corners = np.array([edge.points[[0, -1]] for edge in edges]).reshape(-1, 3)
     made = []
     for edge in edges:
-        inside = (corners >= edge.points.min(axis=0) - gap) & (
-            corners <= edge.points.max(axis=0) + gap
-        )
+        points = edge.points
+        inside = (corners >= points.min(axis=0) - gap) & (corners <= points.max(axis=0) + gap)
         curve, begin = edge.curve, 0.0
         for t in _parameters(curve, corners[inside.all(axis=1)], gap):
-            first, curve = _halves(curve, (t - begin) / (1.0 - begin))
-            made.append(_Edge(first, edge.patch))
+            first, curve = curve.halved((t - begin) / (1.0 - begin))
+            made.append(Edge.of(first, edge.patch))
             begin = t
-        made.append(_Edge(curve, edge.patch))
+        made.append(edge if begin == 0.0 else Edge.of(curve, edge.patch))
     return made
 
 
-def _parameters(curve: NDArray[np.float64], points: NDArray[np.float64], gap: float) -> list[float]:
+def _parameters(curve: Curve, points: NDArray[np.float64], gap: float) -> list[float]:
     """Where points (k, 3) lie on a curve between its ends, in ascending order, each once."""
+    ends = curve.at(np.array([0.0, 1.0]))
+    points = points[(np.linalg.norm(points[:, None] - ends, axis=2) > gap).all(axis=1)]
+    if not len(points):
+        return []
+    samples = curve.at(_SAMPLES)
+    away = np.linalg.norm(samples[:, None] - points, axis=2)
+    t = _near(curve, points, _SAMPLES[away.argmin(axis=0)], _NEWTON)
+    here = curve.at(t)
+    near = np.linalg.norm(here - points, axis=1) <= gap
     found: list[float] = []
-    samples = _at(curve, _SAMPLES)
-    for point in points:
-        t = float(_SAMPLES[np.linalg.norm(samples - point, axis=1).argmin()])
-        for _ in range(_NEWTON):
-            step = 1e-6
-            low, here, high = _at(curve, np.array([t - step, t, t + step]))
-            slope = (high - low) / (2.0 * step)
-            if not (steep := float(slope @ slope)) > 0.0:
-                break
-            t = min(max(t + float(slope @ (point - here)) / steep, 0.0), 1.0)
-        here = _at(curve, np.array([0.0, t, 1.0, *found]))
-        apart = np.linalg.norm(here - here[1], axis=1)
-        if np.linalg.norm(here[1] - point) <= gap and np.delete(apart, 1).min() > gap:
-            found.append(t)
+    places = list(ends)
+    for place, at in zip(here[near], t[near].tolist(), strict=True):
+        if np.linalg.norm(np.array(places) - place, axis=1).min() > gap:
+            found.append(at)
+            places.append(place)
     return sorted(found)
-
-
-def _at(curve: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The points (k, 3) of homogeneous control points at parameters (k,)."""
-    level = np.broadcast_to(curve[:, None], (len(curve), len(t), 4))
-    while len(level) > 1:
-        level = (1.0 - t[:, None]) * level[:-1] + t[:, None] * level[1:]
-    return level[0, :, :3] / level[0, :, 3:]
-
-
-def _halves(
-    curve: NDArray[np.float64], t: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The curves before and behind a parameter (de Casteljau)."""
-    first, last = [curve[0]], [curve[-1]]
-    while len(curve) > 1:
-        curve = (1.0 - t) * curve[:-1] + t * curve[1:]
-        first.append(curve[0])
-        last.append(curve[-1])
-    return np.array(first), np.array(last[::-1])

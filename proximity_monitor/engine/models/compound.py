@@ -85,9 +85,7 @@ def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
         nets += [net.swapped() for net in placed] if math.prod(scale) < 0.0 else placed
     own = max(model.deviation * float(np.abs(scale).max()) for model, _, scale in parts)
     deviation = own + how.get("deviation", 0.0)
-    return ParametricSurface.of(
-        nets, name=name, deviation=deviation, solid=how.get("solid") is True
-    )  # fmt: skip
+    return ParametricSurface.of(nets, name=name, deviation=deviation, solid=how.get("solid"))
 
 
 def _both_ways(faces: NDArray[np.int32]) -> NDArray[np.int32]:

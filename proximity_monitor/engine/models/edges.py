@@ -82,8 +82,8 @@ def _edges_of(trims: Trims, patch: int, pieces: NDArray, of: NDArray[np.int64]) 
     for k in curves[begins]:
         degree, net = int(segments["degree"][k]), int(segments["net"][k])
         control = trims.nets[net : net + 3 * (degree + 1)].reshape(-1, 3)
-        breaks = _breaks(control, knots)
-        for begin, stop in pairwise(breaks):
+        found = breaks(control, knots)
+        for begin, stop in pairwise(found):
             for a, b, middle, box in _stretches(control, begin, stop, low, high, slack, 0):
                 if (box[0] < -_ROOTS).any() or (box[1] > 1.0 + _ROOTS).any():
                     raise ModelError(f"patch {patch}: a trimming loop leaves its rectangle")
@@ -103,7 +103,7 @@ def _unit(trim: np.record, axis: int, values: Reals) -> Reals:
     return np.array([to_unit.py_func(trim, axis, value) for value in values])
 
 
-def _breaks(control: Reals, knots: list[Reals]) -> Reals:
+def breaks(control: Reals, knots: list[Reals]) -> Reals:
     """Where, from 0 to 1, a curve passes from piece to piece: its ends and those between."""
     found = [0.0, 1.0]
     degree = len(control) - 1

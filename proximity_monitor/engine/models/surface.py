@@ -12,14 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_reals
 from ..kernels.base.cache import KERNELS
-from ..kernels.base.state import JOINTS
 from .checks import ModelError, checked_length, checked_vertices
-from .closed import find_joints
+from .closed import Joints, find_joints
 from .mesh import largest_norm
 from .model import DisplayMesh, Feature, Model
 from .nurbs import Net
 from .surface_hierarchy import SurfaceHierarchy
 from .surface_mesh import tessellated_surface
+
+_AS_TOLD = "it is to be taken for a surface (solid=False)"
 
 
 class Surface(Model):
@@ -28,7 +29,7 @@ class Surface(Model):
     Their bounding volume hierarchy is made when it is first needed.
     """
 
-    __slots__ = ("_deviation", "_gap", "_made", "_solid", "name", "nets")
+    __slots__ = ("_deviation", "_joints", "_made", "_solid", "name", "nets")
 
     nets: tuple[Net, ...]
     """Control points, weights and knots of its patches and curves. `deform` puts others in their
@@ -37,34 +38,34 @@ class Surface(Model):
     kind = "surface"
 
     def __init__(
-        self, nets: Sequence[Net], name: str, deviation: float, solid: bool = False
+        self, nets: Sequence[Net], name: str, deviation: float, solid: bool | None = False
     ) -> None:
         self.name = name
         self._deviation = checked_length(deviation, name, "deviation")
         self._solid = solid
-        self.nets, self._gap = tuple(nets), self._checked(nets)
+        self.nets = tuple(nets)
+        self._joints = self._checked(nets) if solid else None
         self._made: SurfaceHierarchy | None = None
 
-    def _checked(self, nets: Sequence[Net]) -> float:
-        """The gaps that are left between nets (see closed.py), unless they do not close up.
-
-        Those of what need not be a solid are of no interest, and 0.
-        """
-        if not self._solid:
-            return 0.0
-        reason, gap = find_joints(nets, self.deviation)
-        if reason:
+    def _checked(self, nets: Sequence[Net]) -> Joints:
+        """How nets close up (see closed.py), if they must or may; else why there is no inside."""
+        if self._solid is False:
+            return Joints(_AS_TOLD, 0.0)
+        joints = find_joints(nets, self.deviation)
+        if joints.reason and self._solid:
             raise ModelError(
-                f"{self.name}: no solid: {reason}; close it, give it a deviation as large as its "
-                "gaps, or solid=False, which takes it for a surface"
+                f"{self.name}: no solid: {joints.reason}; close it, give it a deviation as large "
+                "as its gaps, or solid=False, which takes it for a surface"
             )
-        return gap
+        return joints
 
     @property
     def _hierarchy(self) -> SurfaceHierarchy:
         if self._made is None:
+            if self._joints is None:
+                self._joints = self._checked(self.nets)
             self._made = SurfaceHierarchy.of(
-                self.nets, deviation=self._deviation, solid=self._solid, gap=self._gap
+                self.nets, deviation=self._deviation, solid=self._solid, joints=self._joints
             )
         return self._made
 
@@ -93,9 +94,9 @@ class Surface(Model):
         ends = np.cumsum([len(net.points) for net in self.nets])[:-1]
         parts = np.split(moved, ends)
         nets = tuple(net.moved(part) for net, part in zip(self.nets, parts, strict=True))
-        gap = self._checked(nets)
-        self._made = self._hierarchy.refitted(nets, gap)
-        self.nets, self._gap = nets, gap
+        joints = self._checked(nets)
+        self._made = self._hierarchy.refitted(nets, joints)
+        self.nets, self._joints = nets, joints
         return largest_norm(moved - before)
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
@@ -118,7 +119,9 @@ class Surface(Model):
     def digest(self) -> str:
         """Of control points, weights, knots, trims, the deviation, whether it must be a solid."""
         found = hashlib.blake2b(self.kind.encode(), digest_size=8)
-        found.update(struct.pack("<d?", self._deviation, self._solid))
+        found.update(
+            struct.pack("<db", self._deviation, -1 if self._solid is None else self._solid)
+        )
         for net in self.nets:
             n_u, n_v, _ = net.control.shape
             found.update(struct.pack("<5q", n_u, n_v, *net.degrees, net.weights is not None))
@@ -161,7 +164,7 @@ class Surface(Model):
         self._made = SurfaceHierarchy.__new__(SurfaceHierarchy)
         self._made.__setstate__(state["hierarchy"])
         self.nets, self._deviation = self._made.nets, self._made.deviation
-        self._solid, self._gap = self._made.solid, float(self._made.tree.scale[JOINTS])
+        self._solid, self._joints = self._made.solid, self._made.joints
 
     def _parameters(self, *given: ArrayLike) -> list[NDArray[np.float64]]:
         """Parameters of the only patch or curve, of one shape.
@@ -195,7 +198,10 @@ class ParametricSurface(Surface):
             or several others that go the other way, no farther apart than the deviation and 1e-12
             of the largest coordinate. So all normals point outward, or all inward. Edges that are
             points, such as poles, count for nothing. Patches may meet with unlike knots and
-            degrees, and several beside one. None of them may be trimmed.
+            degrees, and several beside one. Edges of trimmed patches are those of their loops,
+            which must not cross; then twice the deviation and 1e-6 of the largest coordinate are
+            allowed. None: it is one if they close up, which is found out with its hierarchy;
+            `not_solid` says why it is none.
 
     Raises:
         ModelError: no patches, or what is none; a deviation that is no length; open edges though
@@ -210,7 +216,7 @@ class ParametricSurface(Surface):
         *,
         name: str = "surface",
         deviation: float = 0.0,
-        solid: bool = False,
+        solid: bool | None = False,
     ) -> None:
         given = tuple(patches)
         for i, patch in enumerate(given):
@@ -220,14 +226,14 @@ class ParametricSurface(Surface):
                 )
         if not given:
             raise ModelError(f"{name}: patches: there are none")
-        if not isinstance(solid, bool):
-            raise ModelError(f"{name}: solid = {solid!r}: must be True or False")
+        if not (solid is None or isinstance(solid, bool)):
+            raise ModelError(f"{name}: solid = {solid!r}: must be True, False or None")
         deviation = checked_length(deviation, name, "deviation")
         deviation = max(deviation, *(patch.deviation for patch in given))
         super().__init__([patch.nets[0] for patch in given], name, deviation, solid)
 
     @classmethod
-    def of(cls, nets: Sequence[Net], *, name: str, deviation: float, solid: bool) -> Self:
+    def of(cls, nets: Sequence[Net], *, name: str, deviation: float, solid: bool | None) -> Self:
         """The surface of checked nets."""
         made = cls.__new__(cls)
         Surface.__init__(made, nets, name, deviation, solid)

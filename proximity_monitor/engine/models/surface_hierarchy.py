@@ -23,10 +23,9 @@ from .trim import joined
 
 if TYPE_CHECKING:
     from ..kernels.base.state import SurfaceTree
+    from .closed import Joints
     from .nurbs import Net
     from .solid import Sides
-
-_AS_TOLD = "it is to be taken for a surface (solid=False)"
 
 _ROWS, _RATIONAL_ROWS = 3, 7
 """Rows of a cell's control points: x, y and z; of a rational one, homogeneous ones as well."""
@@ -35,9 +34,12 @@ _ROWS, _RATIONAL_ROWS = 3, 7
 class SurfaceHierarchy(Hierarchy):
     """Volumes around the Bezier pieces of patches and curves."""
 
-    KEPT = (*Hierarchy.KEPT, "nets", "order")
+    KEPT = (*Hierarchy.KEPT, "joints", "nets", "order")
 
-    __slots__ = ("cell_width", "nets", "order")
+    __slots__ = ("cell_width", "joints", "nets", "order")
+
+    joints: Joints
+    """How the patches close up, or why there is no inside."""
 
     nets: tuple[Net, ...]
     """Of the patches and curves."""
@@ -45,27 +47,30 @@ class SurfaceHierarchy(Hierarchy):
     """(m,) which piece, counted patch by patch, stands where in tree order."""
 
     @classmethod
-    def of(cls, nets: Sequence[Net], *, deviation: float, solid: bool, gap: float) -> Self:
-        """The hierarchy of checked nets; the gaps, metres, are those between a solid's patches.
+    def of(
+        cls, nets: Sequence[Net], *, deviation: float, solid: bool | None, joints: Joints
+    ) -> Self:
+        """The hierarchy of checked nets, which close up so.
 
         Raises:
             ModelError: a trimming loop leaves the rectangle of its patch.
         """
         trims = joined([net.trim for net in nets])
-        tree, order, depth = build_surface(nets, trims, deviation, gap)
+        tree, order, depth = build_surface(nets, trims, deviation, joints.gap)
         return cls._made({
-            "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation, "solid": solid,
-            "tree": tree, "distinct": tree, "depth": depth, "order": order,
+            "joints": joints, "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation,
+            "solid": solid, "tree": tree, "distinct": tree, "depth": depth, "order": order,
             "numbers": np.ascontiguousarray(tree.pieces["patch"]),
         })  # fmt: skip
 
-    def refitted(self, nets: Sequence[Net], gap: float) -> Self:
+    def refitted(self, nets: Sequence[Net], joints: Joints) -> Self:
         """A hierarchy of the same structure over the same nets, whose control points moved.
 
         Its revision is one more.
         """
-        tree = refit_surface(self.tree, self.order, nets, gap)
-        made = self._made(self._kept() | {"nets": tuple(nets), "tree": tree, "distinct": tree})
+        tree = refit_surface(self.tree, self.order, nets, joints.gap)
+        changed = {"joints": joints, "nets": tuple(nets), "tree": tree, "distinct": tree}
+        made = self._made(self._kept() | changed)
         made._ranges = self._ranges
         return made
 
@@ -87,18 +92,24 @@ class SurfaceHierarchy(Hierarchy):
     def _samples(self) -> NDArray[np.float64]:
         """Three corners of each piece: where both u and v are low, v alone, and neither.
 
-        An edge has two ends. Where loops cross a piece, an edge's end stands for its corners.
+        An edge has two ends. Where loops cross a piece, the end of an edge on it stands for its
+        corners; if there is none its middle, where that is left, or else another edge of its patch.
         """
         pieces = self.tree.pieces
         points, starts = projected(self.tree)
         last = starts[1:] - 1
         places = np.stack((starts[:-1], last - pieces["degree_v"], last), axis=1)
-        crossed, edges = pieces["side"] == CROSSING, np.flatnonzero(pieces["edge"] != NONE)
-        if len(edges):
-            patches, first = np.unique(pieces["patch"][edges], return_index=True)
-            own = np.searchsorted(patches, pieces["patch"][crossed])
-            places[crossed] = starts[edges[first[own]], None]
-        return frozen(points[places].reshape(-1, 9))
+        made = points[places]
+        crossed = np.flatnonzero(pieces["side"] == CROSSING)
+        edges = np.flatnonzero(pieces["edge"] != NONE)
+        if len(crossed):
+            made[crossed] = points[starts[pieces["face"][crossed]], None]
+            for i in crossed[pieces["face"][crossed] == crossed]:
+                middle = 0.5 * (pieces["low"][i] + pieces["high"][i])
+                net = self.nets[pieces["patch"][i]]
+                made[i] = net.derivatives(middle[:1], middle[1:], 0)[0, 0, 0]
+            made[pieces["face"][edges]] = points[starts[edges], None]
+        return frozen(made.reshape(-1, 9))
 
     @property
     def some_point(self) -> NDArray[np.float64]:
@@ -136,8 +147,7 @@ class SurfaceHierarchy(Hierarchy):
 
     def _find_sides(self) -> Sides:
         proper = not all(net.is_curve for net in self.nets)
-        reason = "" if self.solid else _AS_TOLD  # that it closes up was found when it was made
-        return plain_sides(self, proper, reason, self._parts())
+        return plain_sides(self, proper, self.joints.reason, self._parts())
 
     def _parts(self) -> NDArray[np.int32]:
         """One piece of each connected part, as `Region.samples`.

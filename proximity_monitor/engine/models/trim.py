@@ -59,9 +59,10 @@ class Trim:
         whole: whether nothing is cut off: the patch needs no trim.
         snapped: (2,) how far the loops were moved onto the rectangle's sides, in u and in v. Who
             made them widens the model's deviation by what that is worth.
+        loops: the curves of each, as `Part` has them.
     """
 
-    __slots__ = ("nets", "record", "segments", "snapped", "whole")
+    __slots__ = ("loops", "nets", "record", "segments", "snapped", "whole")
 
     def __init__(
         self,
@@ -88,9 +89,12 @@ class Trim:
         rows: list[tuple] = []
         nets: list[Reals] = []
         room = 0
-        for loop in loops:
-            curves = [self._in_unit_square(curve, low, extent) for curve in loop]
-            for part in _closed(curves, slack):
+        self.loops = tuple(
+            _closed([self._in_unit_square(curve, low, extent) for curve in loop], slack)
+            for loop in loops
+        )
+        for loop in self.loops:
+            for part in loop:
                 rows += [(*row, room) for row in part.rows]
                 nets.append(part.net)
                 room += part.net.size
@@ -154,14 +158,20 @@ class Trim:
         return True
 
 
-class _Part(NamedTuple):
-    """A curve's segments, all but where their net lies."""
+class Part(NamedTuple):
+    """A curve of a loop, in the unit square. Control points are x w, y w and w."""
 
     rows: list[tuple]
+    """Its segments, all but where their net lies."""
     net: Reals
+    """(n, 3) its control points, or none where it lies along a side."""
+    outline: list[Reals]
+    """It, or where it lies along a side, the polyline outside that stands for it."""
+    edge: Reals
+    """(n, 3) it, as it bounds what is left: along a side from end to end."""
 
 
-def _closed(curves: list[Reals], slack: float) -> list[_Part]:
+def _closed(curves: list[Reals], slack: float) -> list[Part]:
     """The segments of a loop, whose ends are those of their neighbours to the last bit."""
     chain: list[Reals] = []
     for curve, following in zip(curves, [*curves[1:], curves[0]], strict=True):
@@ -177,7 +187,8 @@ def _closed(curves: list[Reals], slack: float) -> list[_Part]:
         if framed[i]:
             before = [] if framed[i - 1] else [here]
             after = [] if framed[following] else [there]
-            parts.append(_frame([*before, _pushed(here), _pushed(there), *after]))
+            edge = np.column_stack([np.clip([here, there], 0.0, 1.0), np.ones(2)])
+            parts.append(_frame([*before, _pushed(here), _pushed(there), *after], edge))
         else:
             parts.append(_curved_part(curve, here, there, slack))
     return parts
@@ -196,15 +207,16 @@ def _pushed(point: tuple[float, float]) -> tuple[float, ...]:
     )
 
 
-def _frame(points: list[tuple[float, float]]) -> _Part:
+def _frame(points: list[tuple[float, float]], edge: Reals) -> Part:
     """A polyline outside the rectangle, whose curve nobody asks for."""
     rows = [(a, b, FRAME, 0.0, 1.0, 1) for a, b in pairwise(points) if a != b]
-    return _Part(rows, np.zeros(0))
+    outline = [np.array([(*a, 1.0), (*b, 1.0)]) for a, b, *_ in rows]
+    return Part(rows, np.zeros(0), outline, edge)
 
 
 def _curved_part(
     curve: Reals, here: tuple[float, float], there: tuple[float, float], slack: float
-) -> _Part:
+) -> Part:
     """A curve as segments whose bands are narrow, as far as few segments can make them so."""
     degree = len(curve) - 1
     net = np.column_stack([curve[:, :2] * curve[:, 2:], curve[:, 2]])
@@ -221,7 +233,7 @@ def _curved_part(
         (tuple(ends[i]), tuple(ends[i + 1]), float(bands[i]), i / count, (i + 1) / count, degree)
         for i in range(count)
     ]
-    return _Part(rows, net)
+    return Part(rows, net, [net], net)
 
 
 def hull(curve: TrimCurve) -> Reals:

@@ -12,6 +12,9 @@ boundary winds as often as the quadrilateral of the corners. What is not told so
 All hulls are kept off the line by a margin: rounding, the slack of p, and what is open between
 patches. So surfaces that close these gaps miss the line as well, and all crossings together are the
 winding number of a closed surface (see models/closed.py).
+
+Of a trimmed patch those parts count of which nothing is cut off. One that loops cross is divided
+until the line misses it: then it misses the edge in it by that margin as well.
 """
 
 from __future__ import annotations
@@ -26,19 +29,24 @@ from ..inside import visit
 from ..inside.angles import half_side, is_outside
 from ..inside.winding import UNKNOWN, Ray, ray_steps, side_of_origin
 from .parts import (
+    ABOUT,
     EACH,
     MOST,
     NUMBERS,
+    SIDE,
+    SPLITS,
+    begin_parts,
     corner_of,
-    divide,
-    extents_of,
+    halve,
     least_along,
     lines_of,
     margin_of,
     place_of,
     room_of,
+    side_of_part,
     take_whole,
 )
+from .trim import INSIDE, OUTSIDE
 
 _DIVISIONS = 384
 """Divisions of an element for one ray: then another ray is tried."""
@@ -163,21 +171,22 @@ def _crossings(query, tree, t, answer):
     """The winding number when an element has been counted as well, or UNKNOWN."""
     piece = tree.pieces[t]
     if answer == UNKNOWN or piece.degree_v == 0:
-        return answer  # a curve bounds nothing
+        return answer  # a curve bounds nothing, nor does an edge
     p, slack, forth = query.place, query.slack, query.forth
-    parts, splits = on_stack(NUMBERS, 0.0), on_stack(MOST, np.int64(0))
-    extents = table_on_stack(MOST, 2, 0.0)
+    parts, about = on_stack(NUMBERS, 0.0), table_on_stack(MOST, ABOUT, 0.0)
     take_whole(piece, tree.nets, p, parts)
     _shear(piece, parts, query.alpha, query.beta)
-    splits[0] = 0
-    extents[0, 0], extents[0, 1], left = extents_of(piece, parts, True)
+    left = begin_parts(piece, parts, True, about)
     top, total, divisions, room = 1, 0, 0, room_of(piece)
     while top > 0:
         k = top - 1
         at = place_of(piece, k)
-        margin = 2.0 * _STRETCH * (margin_of(tree, piece, p, splits[k]) + slack)
+        splits = np.int64(about[k, SPLITS])
+        margin = 2.0 * _STRETCH * (margin_of(tree, piece, p, splits) + slack)
         found = _where(piece, parts, at, float(forth), margin)
-        if found == _AHEAD:
+        if found != _MISSED and side_of_part(tree, piece, about, k) == OUTSIDE:
+            found = _MISSED  # by what is left of it
+        if found == _AHEAD and about[k, SIDE] == INSIDE:
             winding = _degree(piece, parts, at, margin)
             if winding != UNKNOWN:
                 total += winding
@@ -187,12 +196,7 @@ def _crossings(query, tree, t, answer):
             continue
         if top >= room or divisions >= _DIVISIONS:
             return UNKNOWN
-        in_u = extents[k, 0] >= extents[k, 1]
-        divide(piece, parts, at, place_of(piece, top), in_u)
-        extents[k, 0 if in_u else 1] *= left
-        extents[top, 0], extents[top, 1] = extents[k, 0], extents[k, 1]
+        halve(piece, parts, about, left, k, top)
         divisions += 1
-        splits[k] += 1
-        splits[top] = splits[k]
         top += 1
     return answer + total * forth

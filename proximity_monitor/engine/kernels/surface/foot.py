@@ -2,7 +2,9 @@
 
 Parts of elements are bounded by the gap between the point and their control points, along the way
 to a near point of the parallelogram that stands for a part. What may hold a point that is nearer by
-more than is tolerated is divided. Newton's method makes the upper bound.
+more than is tolerated is divided. Newton's method makes the upper bound. Where loops cross a part,
+either its distance falls all over it, so that only its edges count, which are elements of their
+own, or it is divided.
 """
 
 from __future__ import annotations
@@ -13,23 +15,36 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
+from ..base.state import NONE
 from ..base.vectors import add, along, cross, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps
+from .edges import point_on
 from .evaluate import jet_at
 from .facing import closest_in
 from .parts import (
+    ABOUT,
+    EACH,
+    HIGH_U,
+    HIGH_V,
+    LOW_U,
+    LOW_V,
     MOST,
     NUMBERS,
+    SPLITS,
+    begin_parts,
     corner_of,
-    divide,
-    extents_of,
+    halve,
     least_along,
+    lines_of,
     margin_of,
     place_of,
     room_of,
+    side_of_part,
     take_whole,
 )
+from .sides import is_left
+from .trim import CROSSING, INSIDE, OUTSIDE
 
 Foot = namedtuple("Foot", "place slack share")
 """The query: nothing is looked into that is nearer by less than a share, or some slacks. The answer
@@ -41,6 +56,12 @@ _DIVISIONS = 4096
 
 _NEARER = 0.25
 """Share of what is tolerated that a part's corner must be nearer by to begin a local search."""
+
+_LOOKS, _CHORDS = 256, 64
+"""Looks at parts of an edge, and how many of them may wait."""
+
+FAR = 1e150
+"""Metres: farther than anything is."""
 
 _NEWTON = 16
 _LEAST_STEP = 1e-15
@@ -146,37 +167,46 @@ def _by_newton(piece, nets, p, u, v, below):
 def foot_in(query, tree, t, answer):
     """The answer when an element has been looked into as well."""
     distance, nearest, best_u, best_v, least, cost = answer
-    if t == nearest:
-        return answer  # it was looked into
     piece, nets, p, share, slack = (
         tree.pieces[t], tree.nets, query.place, query.share, query.slack
     )  # fmt: skip
+    if piece.edge != NONE:
+        return _foot_on_edge(query, tree, t, answer)
+    if t == nearest:
+        return answer  # it was looked into
+    if distance >= FAR and piece.side == CROSSING:  # any of its points is better than none
+        nearest = np.int64(piece.face)
+        best_u, best_v = 0.5, (0.5 if tree.pieces[nearest].degree_v > 0 else 0.0)
+        distance = norm(sub(point_on(tree, nearest, best_u, best_v), p))
     parts, bounds = on_stack(NUMBERS, 0.0), on_stack(MOST, 0.0)
-    splits, spans = on_stack(MOST, np.int64(0)), table_on_stack(MOST, 4, 0.0)
-    extents = table_on_stack(MOST, 2, 0.0)
+    about = table_on_stack(MOST, ABOUT, 0.0)
     take_whole(piece, nets, p, parts)
-    extents[0, 0], extents[0, 1], left = extents_of(piece, parts, False)
-    spans[0, 0] = spans[0, 2] = 0.0
-    spans[0, 1], spans[0, 3] = 1.0, (1.0 if piece.degree_v > 0 else 0.0)
-    splits[0] = 0
+    left = begin_parts(piece, parts, False, about)
     top, room, divisions, fresh = 1, room_of(piece), 0, 1
     while top > 0:
         # Those that were not yet bounded: the whole, or both halves of what was divided.
         for k in range(top - fresh, top):
-            span = spans[k]
-            margin = margin_of(tree, piece, p, splits[k])
+            row = about[k]
+            margin = margin_of(tree, piece, p, np.int64(row[SPLITS]))
             bounds[k], a, b, near = away_from(piece, parts, place_of(piece, k), margin)
             below = enough(distance, share, slack)
-            # A point is looked for where a corner says that there is a nearer one.
-            if bounds[k] >= below or (
-                divisions > 0 and near > distance - _NEARER * (distance - below)
-            ):
+            if bounds[k] >= below:
                 continue
-            u = 0.5 * ((span[0] + span[1]) + a * (span[1] - span[0]))
-            v = 0.5 * ((span[2] + span[3]) + b * (span[3] - span[2]))
+            side = side_of_part(tree, piece, about, k)
+            if side == OUTSIDE:
+                bounds[k] = np.inf
+                continue
+            if side == CROSSING and _leads_to_edges(piece, parts, place_of(piece, k), row, margin):
+                bounds[k] = np.inf
+                continue
+            # A point is looked for where a corner says that there is a nearer one.
+            if divisions > 0 and (side != INSIDE or near > distance - _NEARER * (distance - below)):
+                continue
+            u = 0.5 * ((row[LOW_U] + row[HIGH_U]) + a * (row[HIGH_U] - row[LOW_U]))
+            v = 0.5 * ((row[LOW_V] + row[HIGH_V]) + b * (row[HIGH_V] - row[LOW_V]))
             u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
             found, u, v = _by_newton(piece, nets, p, u, v, distance)
-            if found < distance:
+            if found < distance and is_left(tree, t, (u, v, 0.0)):
                 distance, nearest, best_u, best_v = found, np.int64(t), u, v
         fresh = 0
         k = top - 1
@@ -187,19 +217,89 @@ def foot_in(query, tree, t, answer):
             least = min(least, bounds[k])
             top -= 1
             continue
-        at = place_of(piece, k)
-        in_u = extents[k, 0] >= extents[k, 1]
-        divide(piece, parts, at, place_of(piece, top), in_u)
-        extents[k, 0 if in_u else 1] *= left
-        extents[top, 0], extents[top, 1] = extents[k, 0], extents[k, 1]
+        halve(piece, parts, about, left, k, top)
         divisions += 1
-        splits[k] += 1
-        splits[top] = splits[k]
-        for i in range(4):
-            spans[top, i] = spans[k, i]
-        first = 0 if in_u else 2
-        middle = 0.5 * (spans[k, first] + spans[k, first + 1])
-        spans[k, first + 1] = spans[top, first] = middle
         top += 1
         fresh = 2
     return distance, nearest, best_u, best_v, least, cost + divisions
+
+
+@kernel
+def _leads_to_edges(piece, parts, at, row, margin):
+    """Whether every point of a part can be moved on its piece so that it comes nearer.
+
+    Then no inner point of what loops leave of it is the nearest (see falling.py). About the part's
+    centre c, w r' = N' - w' (r - c) with N = w (P - c), as there.
+    """
+    centre = (0.0, 0.0, 0.0)
+    for i in range(4):
+        centre = along(centre, corner_of(piece, parts, at, i), 0.25)
+    square, heavy = 0.0, 0.0
+    for i in range(np.int64(piece.points)):
+        k = at + EACH * i
+        w = parts[k + 3]
+        d = sub((parts[k] / w, parts[k + 1] / w, parts[k + 2] / w), centre)
+        square, heavy = max(square, dot(d, d)), max(heavy, w)
+    radius = np.sqrt(square) * (1.0 + 1e-12) + margin
+    length = norm(centre) + radius
+    for parameter in range(2):
+        lines, apart, step, count = lines_of(piece, parameter == 0)
+        low, high, turn = np.inf, -np.inf, 0.0
+        for line in range(lines):
+            for i in range(count - 1):
+                k = at + line * apart + i * step
+                of_w = parts[k + step + 3] - parts[k + 3]
+                d = (
+                    parts[k + step] - parts[k] - of_w * centre[0],
+                    parts[k + step + 1] - parts[k + 1] - of_w * centre[1],
+                    parts[k + step + 2] - parts[k + 2] - of_w * centre[2],
+                )
+                loss = norm(d) * (radius + 1e-12 * length) + 4.0 * heavy * margin * length
+                product = dot(d, centre)
+                low, high = min(low, product - loss), max(high, product + loss)
+                turn = max(turn, abs(of_w))
+        loss = turn * radius * length * (1.0 + 1e-9)
+        first = LOW_U if parameter == 0 else LOW_V
+        if low > loss and row[first] > 0.0:
+            return True
+        if high < -loss and row[first + 1] < 1.0:
+            return True
+    return False
+
+
+@kernel
+def _foot_on_edge(query, tree, t, answer):
+    """The same of an edge. A part of length h, of 0..1, lies within h² of `bend` of its chord."""
+    distance, nearest, best_u, best_v, least, cost = answer
+    piece, p = tree.pieces[t], query.place
+    margin = margin_of(tree, piece, p, 0)
+    stack = table_on_stack(_CHORDS, 2, 0.0)
+    stack[0, 0], stack[0, 1] = 0.0, 1.0
+    top, looks = 1, 0
+    while top > 0:
+        top -= 1
+        looks += 1
+        low, high = stack[top, 0], stack[top, 1]
+        first = sub(point_on(tree, t, low, 0.0), p)
+        way = sub(sub(point_on(tree, t, high, 0.0), p), first)
+        square = dot(way, way)
+        s = min(max(-dot(first, way) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        bend = piece.bend * (high - low) * (high - low)
+        bound = norm(along(first, way, s)) - bend - margin
+        if bound >= enough(distance, query.share, query.slack):
+            continue
+        u = low + s * (high - low)
+        found = norm(sub(point_on(tree, t, u, 0.0), p))
+        if found < distance:
+            distance, nearest, best_u, best_v = found, np.int64(t), u, 0.0
+        tolerated = distance - enough(distance, query.share, query.slack)
+        if bend > _NEARER * tolerated and top + 2 <= _CHORDS and looks < _LOOKS:
+            middle = 0.5 * (low + high)
+            # The half that is nearer is looked at first.
+            turn = 0 if s > 0.5 else 1
+            stack[top + turn, 0], stack[top + turn, 1] = low, middle
+            stack[top + 1 - turn, 0], stack[top + 1 - turn, 1] = middle, high
+            top += 2
+        else:
+            least = min(least, bound)
+    return distance, nearest, best_u, best_v, least, cost + looks // 4

@@ -6,23 +6,27 @@ import numpy as np
 
 from ..base.jit import implements, inlined, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import SurfaceTree
+from ..base.state import NONE, SurfaceTree
 from ..base.vectors import dot, scaled
 from ..inside import visit
 from ..inside.ball_caps import Cap, leaf_steps
 from .foot import away_from
 from .parts import (
+    ABOUT,
     MOST,
     NUMBERS,
+    SPLITS,
+    begin_parts,
     corner_of,
-    divide,
-    extents_of,
+    halve,
     least_along,
     margin_of,
     place_of,
     room_of,
+    side_of_part,
     take_whole,
 )
+from .trim import CROSSING, INSIDE, OUTSIDE
 
 _DIVISIONS = 256
 """Divisions of an element: what is open then counts with its control points."""
@@ -48,17 +52,17 @@ def _height(query, tree, t, answer):
     """The height when an element has been looked into as well."""
     o, n, radius, top, spare = query.place, query.normal, query.radius, query.top, query.spare
     piece, down = tree.pieces[t], scaled(n, -1.0)
-    parts, splits = on_stack(NUMBERS, 0.0), on_stack(MOST, np.int64(0))
+    if piece.edge != NONE:
+        return answer  # it lies on parts of its patch
+    parts, about = on_stack(NUMBERS, 0.0), table_on_stack(MOST, ABOUT, 0.0)
     take_whole(piece, tree.nets, o, parts)
-    extents = table_on_stack(MOST, 2, 0.0)
-    splits[0] = 0
-    extents[0, 0], extents[0, 1], left = extents_of(piece, parts, False)
+    left = begin_parts(piece, parts, False, about)
     count, room, divisions = 1, room_of(piece), 0
     fine, seen, square = max(_FINE_SPARE * spare, _FINE_TOP * top), spare, radius * radius
     while count > 0:
         k = count - 1
         at = place_of(piece, k)
-        margin = margin_of(tree, piece, o, splits[k])
+        margin = margin_of(tree, piece, o, np.int64(about[k, SPLITS]))
         high = margin - least_along(piece, parts, at, down)
         if high <= answer:
             count -= 1
@@ -67,24 +71,27 @@ def _height(query, tree, t, answer):
         if bound >= radius:
             count -= 1
             continue
-        for i in range(4):
-            corner = corner_of(piece, parts, at, i)
-            if dot(corner, corner) < square:
-                seen = max(seen, dot(n, corner))
+        side = side_of_part(tree, piece, about, k)
+        if side == OUTSIDE:
+            count -= 1
+            continue
+        if side == INSIDE:
+            for i in range(4):
+                corner = corner_of(piece, parts, at, i)
+                if dot(corner, corner) < square:
+                    seen = max(seen, dot(n, corner))
         if seen > top:
             return np.inf
-        if high <= seen + fine or count >= room or divisions >= _DIVISIONS:
+        enough = seen
+        if side == CROSSING:  # all of it is so high, whatever is left
+            enough = max(enough, least_along(piece, parts, at, n))
+        if high <= enough + fine or count >= room or divisions >= _DIVISIONS:
             answer = max(answer, min(high, radius))
             if answer > top:
                 return np.inf
             count -= 1
             continue
-        in_u = extents[k, 0] >= extents[k, 1]
-        divide(piece, parts, at, place_of(piece, count), in_u)
-        extents[k, 0 if in_u else 1] *= left
-        extents[count, 0], extents[count, 1] = extents[k, 0], extents[k, 1]
+        halve(piece, parts, about, left, k, count)
         divisions += 1
-        splits[k] += 1
-        splits[count] = splits[k]
         count += 1
     return answer

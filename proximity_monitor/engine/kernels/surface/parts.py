@@ -4,6 +4,8 @@ A part is named by where its net begins in `parts`: x w, y w, z w and w of each 
 point after the other. The origin is the point that looks. As all weights w are positive, a plane
 through the origin has a control point on the same side as its homogeneous coordinates; so nothing
 is divided where signs alone matter.
+
+What is known of a part beside its net is a row of `about`.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.rounding import NET_SPLIT
 from ..base.state import CONVERSION
+from .trim import CROSSING, classify_rectangle
 
 EACH = 4
 """Numbers of a control point."""
@@ -22,6 +25,11 @@ NUMBERS = 1 << 15
 
 MOST = 64
 """Parts at the most. Each division adds one, so a part is of 2^-32 of an element's parameters."""
+
+EXTENT_U, EXTENT_V, SPLITS, SIDE, LOW_U, HIGH_U, LOW_V, HIGH_V, ABOUT = range(9)
+"""A row of `about`: how much the part extends (see `extents_of`); divisions that made it; what
+trimming loops leave of it, or of a larger part, INSIDE, OUTSIDE or CROSSING; and where it lies on
+its element, 0 to 1. The last is the length of a row."""
 
 _FLATTER = 1e-3
 """Share of its length below which an element's bends do not tell how it is to be divided."""
@@ -141,3 +149,43 @@ def least_along(piece, parts, at, n):
         value = n[0] * parts[k] + n[1] * parts[k + 1] + n[2] * parts[k + 2]
         least = min(least, value / parts[k + 3])
     return least
+
+
+@kernel
+def begin_parts(piece, parts, by_length, about):
+    """Write what is known of part 0, which is the whole; returns what `halve` has to know."""
+    about[0, EXTENT_U], about[0, EXTENT_V], left = extents_of(piece, parts, by_length)
+    about[0, SPLITS], about[0, SIDE] = 0.0, float(piece.side)
+    about[0, LOW_U] = about[0, LOW_V] = 0.0
+    about[0, HIGH_U], about[0, HIGH_V] = 1.0, (1.0 if piece.degree_v > 0 else 0.0)
+    return left
+
+
+@kernel
+def halve(piece, parts, about, left, k, top):
+    """Divide part k where it extends more: it becomes the low half, part `top` the high one."""
+    in_u = about[k, EXTENT_U] >= about[k, EXTENT_V]
+    divide(piece, parts, place_of(piece, k), place_of(piece, top), in_u)
+    about[k, EXTENT_U if in_u else EXTENT_V] *= left
+    about[k, SPLITS] += 1.0
+    for i in range(ABOUT):
+        about[top, i] = about[k, i]
+    low = LOW_U if in_u else LOW_V
+    middle = 0.5 * (about[k, low] + about[k, low + 1])
+    about[k, low + 1] = about[top, low] = middle
+
+
+@kernel
+def side_of_part(tree, piece, about, k):
+    """What trimming loops leave of part k."""
+    if about[k, SIDE] == CROSSING and about[k, SPLITS] > 0.0:
+        wide_u, wide_v = piece.high[0] - piece.low[0], piece.high[1] - piece.low[1]
+        about[k, SIDE] = classify_rectangle(
+            tree.trims,
+            piece.patch,
+            piece.low[0] + about[k, LOW_U] * wide_u,
+            piece.low[1] + about[k, LOW_V] * wide_v,
+            piece.low[0] + about[k, HIGH_U] * wide_u,
+            piece.low[1] + about[k, HIGH_V] * wide_v,
+        )
+    return about[k, SIDE]

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import FEATURE_A, SurfaceTree
+from ..base.state import FEATURE_A, NONE, SurfaceTree
 from ..base.vectors import cross, dot, unit
 from ..inside import feet
 from ..inside.visit import at_root, descend
 from ..tree.layout import leaf
 from . import crossing, height  # noqa: F401 - each implements stubs for surfaces
-from .evaluate import jet_at, point_at
-from .foot import Foot, enough
+from .edges import place_on, point_on
+from .evaluate import jet_at
+from .foot import FAR, Foot, enough
 from .pieces import parameters_of
-
-_FAR = 1e150
-"""Metres: farther than anything is."""
+from .sides import begin_on
+from .trim import INSIDE
 
 _SHARE, _LARGEST_SHARE = 0.2, 0.01
 """Share of what a depth may err by that a point's distance may err by, and of itself at most."""
@@ -41,7 +41,7 @@ def _seek(tree, p, k, at, point, stack, reached, found, steps):
     query = Foot(p, at.slack, _share_of(at))
     top = at.height
     if top == 0:
-        answer = (_FAR, np.int64(-1), 0.0, 0.0, np.inf, np.int64(0))
+        answer = (FAR, np.int64(-1), 0.0, 0.0, np.inf, np.int64(0))
         top = at_root(stack, reached)
         stack[top], reached[top] = leaf(point.near[k], 1), -np.inf  # it comes first
         top += 1
@@ -69,12 +69,13 @@ def _seek(tree, p, k, at, point, stack, reached, found, steps):
 @kernel
 def _foot(tree, p, k, point):
     near, u, v = np.int64(point.near[k]), point.spot[k, 0], point.spot[k, 1]
-    return point_at(tree.pieces[near], tree.nets, u, v), parameters_of(tree, near, (u, v, 0.0))
+    return point_on(tree, near, u, v), parameters_of(tree, near, (u, v, 0.0))
 
 
 @kernel
 def _normal_in(tree, element, u, v):
     """A point of an element, its unit normal or zero, and about the element's size, metres."""
+    element, u, v = place_on(tree, element, u, v)
     place, along_u, along_v, _, _, _ = jet_at(tree.pieces[element], tree.nets, u, v)
     n = cross(along_u, along_v)
     return place, unit(n), np.sqrt(np.sqrt(dot(n, n)))
@@ -98,6 +99,9 @@ def _facet(tree, k, point):
 @kernel
 def _spot(tree, element, row, side):
     piece, at = tree.pieces[element], FEATURE_A + 4 * side
+    if piece.edge != NONE:
+        element = np.int64(piece.face)
+        piece = tree.pieces[element]
     u = (row[at] - piece.low[0]) / (piece.high[0] - piece.low[0])
     v = 0.0
     if piece.degree_v > 0:
@@ -108,11 +112,14 @@ def _spot(tree, element, row, side):
 @implements(feet.middle_of, SurfaceTree)
 @kernel
 def _middle(tree, element):
-    v = 0.5 if tree.pieces[element].degree_v > 0 else 0.0
-    return _normal_in(tree, element, 0.5, v)
+    element, middle = begin_on(tree, element)
+    return _normal_in(tree, element, middle[0], middle[1])
 
 
 @implements(feet.corner_of, SurfaceTree)
 @inlined
 def _corner(tree, element):
-    return point_at(tree.pieces[element], tree.nets, 0.0, 0.0)
+    element, place = begin_on(tree, element)
+    if tree.pieces[element].side == INSIDE and tree.pieces[element].edge == NONE:
+        place = (0.0, 0.0, 0.0)
+    return point_on(tree, element, place[0], place[1])

@@ -1,0 +1,242 @@
+"""Which way trimming loops run around what they leave, and a proof that they do not cross.
+
+What is left of a patch is inside an odd number of loops. As a surface it has the loops for its
+boundary only if these neither cross nor touch themselves or each other: then they bound it with all
+of it on one side. That is proven by lines between the hulls of their stretches, which are halved
+until there is one. Where a stretch begins at the end of another, a line through that point must
+part them; at a cusp it does not, and what is left there undecided is only small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .trim import Trim
+
+Reals = NDArray[np.float64]
+
+_DEEP = 30
+"""Halvings of a stretch."""
+_SMALL = 1e-9
+"""A share of the rectangle: what is no larger is a point."""
+_CUSP = 1e-6
+"""The same: what is no larger beside a cusp may cross, for rounding hides whether it does."""
+
+_OUTSIDE = 0.5
+"""How far outside the rectangle, at least, what stands for a side lies (see trim.py)."""
+
+
+class Loops(NamedTuple):
+    """What is known of the loops of a trim."""
+
+    reason: str
+    """Why they bound nothing; empty where they do."""
+    turned: list[bool]
+    """Of each loop, whether what is left of the patch lies on its right."""
+    blur: float
+    """A share of the rectangle: how far from the loops it may be unlike what they bound."""
+
+
+def examine(trim: Trim) -> Loops:
+    """Find out how loops run."""
+    slack = 4.0 * float(trim.record["slack"])
+    loops, blur = [], slack
+    for loop in trim.loops:
+        stretches, moved = _fine(list(chain(*(part.outline for part in loop))))
+        loops.append(stretches)
+        blur = max(blur, slack + moved)
+    if not all(loops):
+        return Loops("one of its loops is a point", [], 0.0)
+    for loop in loops:
+        for stretch in loop:
+            blur = max(blur, _alone(stretch, slack, _DEEP))
+    stretches = list(chain(*loops))
+    of = np.repeat(np.arange(len(loops)), [len(loop) for loop in loops])
+    first = np.searchsorted(of, of)
+    number = np.arange(len(of))
+    following = np.where(np.append(of[1:], -1) == of, number + 1, first)
+    low = np.array([_hull(each).min(axis=0) for each in stretches]) - slack
+    high = np.array([_hull(each).max(axis=0) for each in stretches]) + slack
+    meet = ((low[:, None] <= high) & (low <= high[:, None])).all(axis=2)
+    for i, j in np.argwhere(np.triu(meet, 1)).tolist():
+        a, b = stretches[i], stretches[j]
+        if following[i] == j:
+            blur = max(blur, _joined(a, b, slack, _DEEP))
+        elif following[j] == i:
+            blur = max(blur, _joined(b, a, slack, _DEEP))
+        elif not _apart(a, b, slack, _DEEP):
+            blur = np.inf
+    if blur > _CUSP:
+        return Loops("its loops cross or touch", [], 0.0)
+    turned = []
+    for i, loop in enumerate(loops):
+        place = _hull(loop[0])[0]
+        odd = sum(_holds(other, place, slack) for j, other in enumerate(loops) if j != i) % 2
+        turned.append((_area(loop) > 0.0) == (odd == 1))
+    return Loops("", turned, blur)
+
+
+def _fine(stretches: list[Reals]) -> tuple[list[Reals], float]:
+    """At least three stretches, none of which is nearly a point, each from the end of another.
+
+    Returns them, and how far they were moved for that.
+    """
+    found, moved = _without_folds(each for each in stretches if _size(each) > _SMALL), 0.0
+    for before, each in zip([*found[-1:], *found[:-1]], found, strict=True):
+        end = before[-1, :2] / before[-1, 2]
+        moved = max(moved, float(np.abs(_hull(each)[0] - end).max()))
+        each[0, :2] = end * each[0, 2]
+    while 0 < len(found) < 3:
+        found = list(chain(*map(halved, found)))
+    return found, moved
+
+
+def _without_folds(stretches: Iterable[Reals]) -> list[Reals]:
+    """The stretches, those that follow each other on one line outside the rectangle as one.
+
+    What leaves the rectangle and comes back at once is left out.
+    """
+    found: list[Reals] = []
+    for each in stretches:
+        if found and len(found[-1]) == len(each) == 2:
+            points = np.concatenate([found[-1], each])[:, :2]
+            if np.abs(points[3] - points[0]).max() <= _SMALL:
+                found.pop()
+                continue
+            outside = ((points <= -_OUTSIDE) | (points >= 1.0 + _OUTSIDE)).all(axis=0)
+            if (outside & (np.ptp(points, axis=0) == 0.0)).any():
+                found[-1][1] = each[1]
+                continue
+        found.append(each.copy())
+    return [each for each in found if _size(each) > _SMALL]
+
+
+def _hull(net: Reals) -> Reals:
+    """The control points (n, 2) of one that is homogeneous."""
+    return net[:, :2] / net[:, 2:]
+
+
+def halved(net: Reals, t: float = 0.5) -> tuple[Reals, Reals]:
+    """The curves before and behind a parameter (de Casteljau), of homogeneous control points."""
+    first, last = [net[0]], [net[-1]]
+    while len(net) > 1:
+        net = (1.0 - t) * net[:-1] + t * net[1:]
+        first.append(net[0])
+        last.append(net[-1])
+    return np.array(first), np.array(last[::-1])
+
+
+def _size(net: Reals) -> float:
+    return float(np.ptp(_hull(net), axis=0).max())
+
+
+def _alone(net: Reals, slack: float, deep: int) -> float:
+    """How large a part of a stretch is that may cross itself."""
+    if len(net) == 2:
+        return 0.0
+    points = _hull(net)
+    if (np.diff(points, axis=0) @ (points[-1] - points[0]) > 0.0).all():
+        return 0.0
+    if deep == 0 or _size(net) <= slack:
+        return _size(net)
+    a, b = halved(net)
+    joined = _joined(a, b, slack, deep - 1)
+    return max(_alone(a, slack, deep - 1), _alone(b, slack, deep - 1), joined)
+
+
+def _joined(a: Reals, b: Reals, slack: float, deep: int) -> float:
+    """How large those parts of two stretches are that may meet elsewhere than where b begins."""
+    p, q = _hull(a), _hull(b)
+    before, behind = _unit(p[-1] - p[:-1][::-1]), _unit(q[1:] - q[0])
+    n = before + behind
+    if ((p - p[-1])[:-1] @ n < 0.0).all() and ((q - q[0])[1:] @ n > 0.0).all():
+        return 0.0
+    size = max(_size(a), _size(b))
+    if len(a) == len(b) == 2:
+        return np.inf  # they fold back
+    if deep == 0 or size <= slack:
+        return size
+    (a, near_a), (near_b, b) = halved(a), halved(b)
+    if not (_apart(a, near_b, slack, deep) and _apart(near_a, b, slack, deep)):
+        return size
+    if not _apart(a, b, slack, deep):
+        return size
+    return _joined(near_a, near_b, slack, deep - 1)
+
+
+def _unit(ways: Reals) -> Reals:
+    """The unit vector along the first (k, 2) that is not 0."""
+    lengths = np.hypot(*ways.T)
+    first = int(np.argmax(lengths > 0.0))
+    return ways[first] / max(lengths[first], 1e-300)
+
+
+def _apart(a: Reals, b: Reals, slack: float, deep: int) -> bool:
+    """Whether two stretches surely do not meet."""
+    p, q = _hull(a), _hull(b)
+    along = np.array([p[-1] - p[0], q[-1] - q[0]])
+    ways = np.concatenate([along, along[:, ::-1] * (1.0, -1.0), np.eye(2)])
+    one, other = p @ ways.T, q @ ways.T
+    margin = slack * np.hypot(*ways.T)
+    if (one.max(axis=0) + margin < other.min(axis=0)).any():
+        return True
+    if (other.max(axis=0) + margin < one.min(axis=0)).any():
+        return True
+    if deep == 0 or len(a) == len(b) == 2:
+        return False
+    if len(b) == 2 or (len(a) > 2 and _size(a) > _size(b)):
+        return all(_apart(half, b, slack, deep - 1) for half in halved(a))
+    return all(_apart(a, half, slack, deep - 1) for half in halved(b))
+
+
+def _holds(loop: Sequence[Reals], place: Reals, slack: float) -> bool:
+    """Whether a loop runs around a point that does not lie on it: crossings of a ray to the right.
+
+    As in kernels/surface/trim.py: away from its hull a stretch counts as its chord.
+    """
+    odd, waiting = False, [(each, _DEEP) for each in loop]
+    while waiting:
+        net, deep = waiting.pop()
+        points = _hull(net)
+        low, high = points.min(axis=0) - slack, points.max(axis=0) + slack
+        if not (low[1] <= place[1] <= high[1] and place[0] <= high[0]):
+            continue
+        (ax, ay), (bx, by) = points[0], points[-1]
+        if place[0] >= low[0] and len(net) > 2 and deep > 0:
+            waiting += [(half, deep - 1) for half in halved(net)]
+        elif (ay <= place[1]) != (by <= place[1]):
+            at = ax + (place[1] - ay) / (by - ay) * (bx - ax)
+            odd ^= place[0] < low[0] or bool(place[0] < at)
+    return odd
+
+
+def _area(loop: Sequence[Reals]) -> float:
+    """Twice the area that a loop bounds, positive where it lies on the left; its sign is proven."""
+    for _ in range(_DEEP):
+        ends = np.array([_hull(each)[0] for each in loop])
+        there = np.roll(ends, -1, axis=0)
+        area = float((ends[:, 0] * there[:, 1] - ends[:, 1] * there[:, 0]).sum())
+        # Between a curve and its chord there is no more than their hull, twice.
+        missing = sum(4.0 * _hull_area(each) for each in loop)
+        if abs(area) > missing + 1e-12:
+            break
+        loop = list(chain(*(halved(each) if len(each) > 2 else (each,) for each in loop)))
+    return area
+
+
+def _hull_area(net: Reals) -> float:
+    """No less than the area of the hull of control points."""
+    points = _hull(net) - _hull(net)[0]
+    way = points[-1]
+    length = float(np.hypot(*way))
+    if len(net) == 2 or length == 0.0:
+        return 0.0 if len(net) == 2 else _size(net) ** 2
+    along = points @ way / length
+    across = points @ (way[::-1] * (-1.0, 1.0)) / length
+    return float(np.ptp(along) * np.ptp(across))
