@@ -1,17 +1,17 @@
-"""The solution manifold of a search: all pairs that may hold the minimum, as triangle ranges."""
+"""The solution manifold of a search: all pairs that may hold the minimum, as ranges of elements."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.elements.swept import lower_of, reach_of, upper_of
-from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy
+from .regions import Ranges, Regions, groups_of, regions_of
 from .result import Manifold
-from .run import Search, least
+from .run import Cells, Search, least
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +28,21 @@ class Candidates:
     """Rows of `State.collected`."""
     pending: tuple[NDArray[np.int32], NDArray[np.float64]]
     """Pairs of volumes that the search did not look into: lanes (k, 2), bounds (k,) in metres."""
+    cells: Cells | None
+    """Pairs of parts of elements; None where none are divided."""
     motion: NDArray[np.float64]
     """(12,) from b to a."""
     progress: np.void
     """How far the search was, as PROGRESS."""
+    made: list[Regions] = field(default_factory=list)
+    """Of both models, once they were needed."""
 
     def manifold(self) -> Manifold:
         """Every pair whose lower bound is not above the upper bound of the search.
 
-        Those are the pairs of triangles whose distance was found, the pairs of volumes that were
-        left alone, and, if the search was cut, those that it did not reach.
+        Those are the pairs of triangles whose distance was found, the pairs of parts of surfaces
+        and of volumes that were left alone, and, if the search was cut, those that it did not
+        reach.
         """
         progress = self.progress
         slack, offsets = progress["slack"], (progress["radii"], progress["deviations"])
@@ -49,31 +54,53 @@ class Candidates:
         lanes, bounds = self.pending
         near = bounds <= reach
         lanes = np.concatenate((~rows[~tested, :2].astype(np.int32), lanes[near]))
+        lower = [distances - slack, rows[~tested, 2], bounds[near]]
+        sides = self._sides()
         ranges = [
-            np.concatenate((_one(triangles[:, side]), _under(mesh, lanes[:, side])))
-            for side, mesh in enumerate(self.hierarchies)
+            [side.own(triangles[:, k]), side.under(lanes[:, k])] for k, side in enumerate(sides)
         ]
-        lower = np.concatenate((distances - slack, rows[~tested, 2], bounds[near]))
-        upper = np.concatenate((distances, self._apart(ranges, len(triangles)))) + slack
+        if self.cells is not None:
+            near = self.cells.bounds <= reach
+            lower.append(self.cells.bounds[near])
+            for side, own, numbers in zip(sides, ranges, self.cells.numbers, strict=True):
+                own.append(side.own(numbers[near]))
+        of_a, of_b = (np.concatenate(own) for own in ranges)
+        upper = np.concatenate((distances, self._apart(of_a, of_b, len(triangles)))) + slack
         return Manifold(
-            np.maximum(lower_of.py_func(lower, *offsets), 0.0),
+            np.maximum(lower_of.py_func(np.concatenate(lower), *offsets), 0.0),
             upper_of.py_func(upper, *offsets),
-            *ranges,
-            *(mesh.numbers for mesh in self.hierarchies),
+            of_a,
+            of_b,
+            *(side.elements for side in sides),
+            *(side.rectangles for side in sides),
         )
 
-    def _apart(self, ranges: list[NDArray[np.int32]], first: int) -> NDArray[np.float64]:
-        """Distances of the first vertices of the pairs from `first` on, metres.
+    def solution_set(self, manifold: Manifold) -> tuple[Manifold, ...]:
+        """The groups of its pairs that are certainly apart, those of the least bounds first."""
+        if not len(manifold):
+            return ()
+        groups = groups_of(self._sides(), (manifold.ranges_a, manifold.ranges_b))
+        groups.sort(key=lambda own: manifold.lower[own].min())
+        return tuple(manifold.taken(own) for own in groups)
 
-        The nearest points of a pair are no farther apart, so this bounds their distance from above.
-        It errs by no more than the distances of triangles (MARGIN_A).
+    def _sides(self) -> tuple[Regions, Regions]:
+        if not self.made:
+            parts = (None, None) if self.cells is None else self.cells.parts
+            self.made.extend(map(regions_of, self.hierarchies, parts))
+        a, b = self.made
+        return a, b
+
+    def _apart(self, of_a: Ranges, of_b: Ranges, first: int) -> NDArray[np.float64]:
+        """Distances of a point of either region of the pairs from `first` on, metres.
+
+        The nearest points of a pair are no farther apart, so this bounds their distance from above;
+        it is infinite where no point is known. It errs by no more than the distances of elements.
         """
-        p, q = (
-            mesh.tree.triangles[each[first:, 0], :3]
-            for mesh, each in zip(self.hierarchies, ranges, strict=True)
-        )
+        a, b = self._sides()
+        p, q = a.points(of_a[first:]), b.points(of_b[first:])
         moved = q @ self.motion[:9].reshape(3, 3).T + self.motion[9:]
-        return np.sqrt(((p - moved) ** 2).sum(axis=1))
+        apart = np.sqrt(((p - moved) ** 2).sum(axis=1))
+        return np.where(np.isnan(apart), np.inf, apart)
 
 
 def candidates(search: Search) -> Candidates:
@@ -83,19 +110,7 @@ def candidates(search: Search) -> Candidates:
         (a._hierarchy, b._hierarchy),
         search.collected(),
         search.pending(),
+        search.divided(),
         search.state.motions[0].copy(),
         search.progress_now(),
     )
-
-
-def _one(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Ranges of one triangle each."""
-    return np.stack((triangles, triangles + np.int32(1)), axis=1)
-
-
-def _under(mesh: Hierarchy, lanes: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Ranges of the triangles under volumes."""
-    children = mesh.tree.children[lanes]
-    leaves = children < 0
-    own = np.stack((first_of.py_func(children), last_of.py_func(children) + 1), axis=1)
-    return np.where(leaves[:, None], own, mesh.ranges()[np.where(leaves, 0, children)])

@@ -76,18 +76,23 @@ class Pair:
         budget_s: float | None = None,
         order: Order = "depth_first",
         manifold: bool = False,
+        param_err: float | None = None,
     ) -> Distance:
         """Minimum distance at two poses; see `engine.distance`."""
         start = perf_counter()
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        if manifold:
-            self._refuse_surfaces("manifold")
+        most = math.inf
+        if param_err is not None:
+            most, manifold = self._checked_param_err(param_err), True
         search = self._search
         if search is None or search.order != order:
             search = self._begin_search(order)
-        self._run(search, start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
+        self._run(
+            search, start, budget_s, pose_a, pose_b, rel_err, abs_err,
+            collect=manifold, param_err=most,
+        )  # fmt: skip
         held = candidates(search) if manifold else None
         return distance_of(search.answer, start, held, search.kinds)
 
@@ -179,14 +184,13 @@ class Pair:
         code = self._run(search, start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
         return Collision(search.answer, met(search, pose_a), code == index.ENDED)
 
-    def _refuse_surfaces(self, wanted: str) -> None:
-        """Refuse what lists pairs of elements: parts of surfaces are not told apart in it yet."""
-        for name, model in (("a", self.a), ("b", self.b)):
-            if are_divided(model._hierarchy):
-                raise NotImplementedError(
-                    f"{wanted}=True: {name} is {model.name!r}, a parametric surface; so far only "
-                    "the nearest pair, or one contact, is found where surfaces take part"
-                )
+    def _checked_param_err(self, param_err: float) -> float:
+        if not are_divided(self.a._hierarchy, self.b._hierarchy):
+            raise ValueError(
+                f"param_err = {param_err!r}: neither {self.a.name!r} nor {self.b.name!r} is a "
+                "parametric surface, so there are no parameters"
+            )
+        return check_tolerance("param_err", param_err)
 
     def _run(
         self,
@@ -200,6 +204,7 @@ class Pair:
         stop: float = 0.0,
         limit: float = math.inf,
         collect: bool = False,
+        param_err: float = math.inf,
     ) -> int:
         """Search as `Search.run` does, within a budget that began at `start` of perf_counter.
 
@@ -209,12 +214,12 @@ class Pair:
         if budget_s is not None:
             deadline = deadline_of(start, budget_s)
             shapes = self.a._hierarchy, self.b._hierarchy
-            wanted = rel_err, abs_err, stop, limit, collect, search.order
+            wanted = rel_err, abs_err, stop, limit, collect, param_err, search.order
             asked = (pose_a.tobytes(), pose_b.tobytes(), wanted, shapes)
             fresh = asked != self._asked
         self._asked = None
         code = search.run(
-            pose_a, pose_b, rel_err, abs_err, stop, limit, deadline, fresh, collect
+            pose_a, pose_b, rel_err, abs_err, stop, limit, deadline, fresh, collect, param_err
         )  # by name it would take a tenth of a microsecond more
         self._asked = asked
         return code

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from threading import Event
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,9 @@ _BLOCK = 4096
 takes no longer when much has been collected."""
 
 _NO_ANSWER = np.empty(0)
+
+Parts = tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]
+"""Elements (m,) in tree order, and from where (m, 2) to where in their parameters, 0 to 1."""
 
 
 def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
@@ -63,6 +66,17 @@ def check_models(models: Iterable[Model]) -> tuple[Model, ...]:
 def least(rows: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
     """Lower bounds (k,) of the distances of cores, metres, of rows (k, 3) of `State.collected`."""
     return rows[:, 2] - np.where(rows[:, 0] >= 0.0, slack, 0.0)
+
+
+class Cells(NamedTuple):
+    """Pairs of parts of elements that may hold the minimum."""
+
+    bounds: NDArray[np.float64]
+    """(k,) metres; lower bounds of their distances."""
+    numbers: tuple[NDArray[np.int32], NDArray[np.int32]]
+    """(k,) of either model which part; or which element, if its elements are not divided."""
+    parts: tuple[Parts, Parts]
+    """Of either model; none if its elements are not divided."""
 
 
 class Search:
@@ -150,6 +164,7 @@ class Search:
         deadline: float | None = None,
         fresh: bool = True,
         collect: bool = False,
+        param_err: float = math.inf,
         *,
         first: int | None = None,
         stopped: Event | None = None,
@@ -161,7 +176,7 @@ class Search:
 
         Unless `fresh`, the search of the last run goes on. With `collect`, for one pose alone, it
         collects every pair that may be as near as the upper bound, and ends only when it has them
-        all. `first` is the number of the first pose among many, for error messages. At least one
+        all; parts of surfaces are divided until none is longer than `param_err` in u or v. `first` is the number of the first pose among many, for error messages. At least one
         slice is searched. Returns ENDED; CUT if the deadline (of perf_counter) came first; or
         another code if `stopped` was set meanwhile.
 
@@ -193,10 +208,10 @@ class Search:
         # Of one row no view is made: each takes a tenth of a microsecond.
         self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
         own = self._own
-        wanted = rel_err, abs_err, stop, limit
+        wanted = rel_err, abs_err, stop, limit, param_err
         if wanted != self._wanted:
             numbers = own.numbers
-            numbers[0], numbers[1], numbers[2], numbers[3] = wanted
+            numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = wanted
             self._wanted = wanted
         row = 0
         # At least one slice, so that asking again and again comes to an end.
@@ -243,6 +258,20 @@ class Search:
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
         return *self._blocks, self.state.collected[: self.progress["collected"]]
+
+    def divided(self) -> Cells | None:
+        """The pairs of cells that may hold the minimum: a copy; None where nothing is divided."""
+        waiting = self.state.waiting
+        if not isinstance(waiting, index.Dividing):
+            return None
+        progress, pairs = self.progress, waiting.pairs
+        left = pairs[: progress["dividing"]], pairs[len(pairs) - int(progress["aside"]) :]
+        made = [np.concatenate([each[name] for each in left]) for name in ("bound", "a", "b")]
+        sides = []
+        for cells, used in ((waiting.cells_a, "cells_a"), (waiting.cells_b, "cells_b")):
+            own = cells[: progress[used]] if len(cells) else cells
+            sides.append(tuple(own[name].copy() for name in ("element", "low", "high")))
+        return Cells(made[0], (made[1], made[2]), (sides[0], sides[1]))
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""

@@ -20,6 +20,7 @@ from ..base.state import (
 )
 from ..base.vectors import moved, norm, scaled, sub
 from ..elements.errors import points_err
+from ..elements.primitives import collect
 from ..inside.nearest import begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
@@ -75,7 +76,7 @@ def _resolution(waiting, tree_a, tree_b, slack):
 @kernel
 def _prepare(cells, tree_a, tree_b, state):
     progress = state.progress[0]
-    progress.dividing, progress.least_cells = 0, np.inf
+    progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
     # Cells stand in their model's own frame: they serve again while the models are the same.
     same = state.keys.shape[0] > 0
     shapes = tree_a.scale[REVISION], tree_b.scale[REVISION]
@@ -133,9 +134,19 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
                 taken = add_elements(tree_a, tree_b, state, a, b, bound)
             if taken == NONE:
                 progress.least_cells = min(progress.least_cells, bound)
+                if state.collected.shape[0] > 0:
+                    collect(state, ~waiting.lanes[n, 0], ~waiting.lanes[n, 1], bound)
                 taken = 1
             steps -= min(steps, taken)
     return n, steps
+
+
+@implements(stubs.compare, Dividing)
+@kernel
+def _compare(waiting, tree_a, tree_b, state, a, b):
+    if add_elements(tree_a, tree_b, state, a, b, -np.inf) == NONE:
+        make_room(state)
+        add_elements(tree_a, tree_b, state, a, b, -np.inf)
 
 
 @implements(stubs.divide, Dividing)
@@ -151,7 +162,7 @@ def _divide(waiting, tree_a, tree_b, state, steps):
                 return CELLS_FULL, steps
             taken = ROOM_STEPS
         steps -= min(steps, taken)
-    if progress.least_cells < progress.limit and progress.distance - progress.slack > progress.stop:
+    if progress.least_cells < progress.enough and progress.distance - progress.slack > progress.stop:
         return CELLS_FULL, steps
     return ENDED, steps
 

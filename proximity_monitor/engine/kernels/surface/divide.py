@@ -20,13 +20,14 @@ from ..elements.primitives import keep
 from .certificate import certified
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
-from .heap import add_pair, drop_first
+from .heap import add_pair, drop_first, set_aside
 from .newton import MOST, nearest_near
 from .sides import (
     divide_side,
     element_of,
     facing,
     is_left,
+    is_short,
     least_of,
     margin_of,
     normal_of,
@@ -57,7 +58,7 @@ def add_elements(tree_a, tree_b, state, a, b, bound):
     Or NONE where there is no room for it.
     """
     progress, cells = state.progress[0], state.waiting
-    if progress.dividing >= len(cells.pairs):
+    if progress.dividing + progress.aside >= len(cells.pairs):
         return NONE
     first, progress.cells_a = whole(
         tree_a, a, cells.cells_a, cells.nets_a, cells.roots_a, progress.cells_a
@@ -79,30 +80,78 @@ def divide_nearest(tree_a, tree_b, state):
     progress, cells = state.progress[0], state.waiting
     pairs = cells.pairs
     a, b, bound = np.int64(pairs[0].a), np.int64(pairs[0].b), pairs[0].bound
-    normal = vector(pairs[0].normal)
     if bound >= progress.limit:
         progress.dividing = 0
         return 0
+    collects = state.collected.shape[0] > 0
+    if collects and (bound >= progress.enough or progress.distance - progress.slack <= progress.radii):
+        return _shorten(tree_a, tree_b, state, a, b, bound)
     rough_a = roughness(tree_a, cells.cells_a, a)
     rough_b = roughness(tree_b, cells.cells_b, b)
     if rough_a < 0.0 and rough_b < 0.0:
         progress.least_cells = min(progress.least_cells, bound)
-        progress.dividing = drop_first(pairs, progress.dividing)
+        _put_aside(state, bound)
         return 0
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
-    if certified(tree_a, tree_b, state, a, b) - slack >= progress.limit:
+    proven = certified(tree_a, tree_b, state, a, b) - slack
+    if proven >= progress.enough:
+        normal = vector(pairs[0].normal)
         progress.dividing = drop_first(pairs, progress.dividing)
+        if collects and proven < progress.limit:
+            progress.dividing = add_pair(pairs, progress.dividing, a, b, proven, normal)
         return CERTIFICATE_STEPS
     if leads_to_edges(tree_a, tree_b, state, a, b, slack):
         progress.dividing = drop_first(pairs, progress.dividing)
         return CERTIFICATE_STEPS
-    if progress.dividing + 4 > len(pairs):
+    return _divide_first(tree_a, tree_b, state, a, b, bound, rough_a >= rough_b, np.inf)
+
+
+@kernel
+def _put_aside(state, bound):
+    """Put the first pair aside, with a bound; leave it out where such pairs are not asked for."""
+    progress, pairs = state.progress[0], state.waiting.pairs
+    if state.collected.shape[0] > 0:
+        progress.dividing = set_aside(pairs, progress.dividing, progress.aside, bound)
+        progress.aside += 1
+    else:
+        progress.dividing = drop_first(pairs, progress.dividing)
+
+
+@kernel
+def _shorten(tree_a, tree_b, state, a, b, bound):
+    """Put the first pair aside, which may hold the minimum, or divide what is too long of it."""
+    cells, most = state.waiting, state.progress[0].param_err
+    long_a = not is_short(tree_a, cells.cells_a, a, most)
+    long_b = not is_short(tree_b, cells.cells_b, b, most)
+    rough_a = roughness(tree_a, cells.cells_a, a) if long_a else -1.0
+    rough_b = roughness(tree_b, cells.cells_b, b) if long_b else -1.0
+    slack = state.progress[0].slack + margin_of(tree_a, cells.cells_a, a)
+    slack += margin_of(tree_b, cells.cells_b, b)
+    if leads_to_edges(tree_a, tree_b, state, a, b, slack):
+        state.progress[0].dividing = drop_first(cells.pairs, state.progress[0].dividing)
+        return CERTIFICATE_STEPS
+    if rough_a < 0.0 and rough_b < 0.0:
+        _put_aside(state, bound)
+        return PAIR_STEPS
+    return _divide_first(tree_a, tree_b, state, a, b, bound, rough_a >= rough_b, most)
+
+
+@kernel
+def _divide_first(tree_a, tree_b, state, a, b, bound, of_a, most):
+    """Divide a cell of the first pair, that of a or of b; returns what `divide_nearest` does.
+
+    `most` is how long its parts may be in their parameters; or infinite.
+    """
+    progress, cells = state.progress[0], state.waiting
+    pairs = cells.pairs
+    normal = vector(pairs[0].normal)
+    if progress.dividing + progress.aside + 4 > len(pairs):
         return NONE
     steps = 0
-    if rough_a >= rough_b:
+    if of_a:
         before = progress.cells_a
-        progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before)
+        progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before, most)
         steps += DIVISION_STEPS if progress.cells_a > before else 0
         first, count = np.int64(cells.cells_a[a].child), np.int64(cells.cells_a[a].children)
         if first == NONE:
@@ -119,7 +168,7 @@ def divide_nearest(tree_a, tree_b, state):
             )  # fmt: skip
     else:
         before = progress.cells_b
-        progress.cells_b = divide_side(tree_b, b, cells.cells_b, cells.nets_b, before)
+        progress.cells_b = divide_side(tree_b, b, cells.cells_b, cells.nets_b, before, most)
         steps += DIVISION_STEPS if progress.cells_b > before else 0
         first, count = np.int64(cells.cells_b[b].child), np.int64(cells.cells_b[b].children)
         if first == NONE:
