@@ -23,6 +23,7 @@ from .rows import distance_of
 from .run import Order, Search, check_model
 from .signed import SignedSearch
 from .slices import deadline_of
+from .touching import PieceSearch
 
 
 class Pair:
@@ -46,7 +47,7 @@ class Pair:
         TypeError: a model that is none.
     """
 
-    __slots__ = ("_asked", "_begin_with", "_search", "_signed", "a", "b")
+    __slots__ = ("_asked", "_begin_with", "_pieces", "_search", "_signed", "a", "b")
 
     def __init__(self, a: Model, b: Model, *, coherent: bool = True) -> None:
         self._remember("depth_first", coherent)
@@ -57,6 +58,7 @@ class Pair:
         self._begin_with = order, coherent, nearest
         self._search: Search | None = None
         self._asked: tuple[object, ...] | None = None
+        self._pieces: PieceSearch | None = None
         self._signed: SignedSearch | None = None
 
     def __reduce__(self) -> tuple[Callable[..., Pair], tuple[Any, ...]]:
@@ -177,12 +179,22 @@ class Pair:
         """Whether the surfaces touch or cross; see `engine.collide`."""
         start = perf_counter()
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        if all_contacts:
-            self._refuse_surfaces("all_contacts")
         limit = math.ulp(0.0)
         search = self._search or self._begin_search()
         code = self._run(search, start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
-        return Collision(search.answer, met(search, pose_a), code == index.ENDED)
+        first = met(search, pose_a)
+        if not (all_contacts and search.answer[index.LOWER] == 0.0 and code != index.CUT):
+            return Collision(search.answer, first, code == index.ENDED)
+        if not are_divided(self.a._hierarchy, self.b._hierarchy):
+            return Collision(search.answer, first, code == index.ENDED)
+        pieces = self._pieces
+        if pieces is None or self._asked is None or pieces.question != self._asked:
+            pieces = self._pieces = PieceSearch(search, (pose_a, pose_b), self._asked)
+        deadline = None if budget_s is None else deadline_of(start, budget_s)
+        ended = pieces.run(deadline)
+        found = pieces.met(first)
+        complete = ended and code == index.ENDED and found.decided
+        return Collision(search.answer, found, complete)
 
     def _checked_param_err(self, param_err: float) -> float:
         if not are_divided(self.a._hierarchy, self.b._hierarchy):

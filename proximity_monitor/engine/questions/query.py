@@ -126,7 +126,8 @@ def collide(
         pose_a: (4, 4) model to world, metres.
         b: second model.
         pose_b: (4, 4) model to world, metres.
-        all_contacts: find every pair of touching triangles, else one. Of meshes alone.
+        all_contacts: find every pair of touching triangles, or pieces of parametric surfaces, else
+            one; see `Collision.contacts`.
         budget_s: as for `distance`. If it ends before anything is known, `Collision.decided` is
             False and `colliding` is True; if it ends before all contacts are found, `complete` is
             False.
@@ -134,7 +135,6 @@ def collide(
     Raises:
         TypeError: a model that is none, a budget that is no real number.
         ValueError: a pose that is no rigid motion, a budget that is negative or NaN.
-        NotImplementedError: all contacts where a model is a parametric surface.
     """
     start = perf_counter()
     pair = Pair(a, b, coherent=False)

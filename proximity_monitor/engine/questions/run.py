@@ -239,6 +239,35 @@ class Search:
             check_pose(poses[4 * row : 4 * row + 4], name)
         return code
 
+    def run_queries(
+        self,
+        asked: NDArray[np.int64],
+        count: int,
+        row: int,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        deadline: float | None,
+        fresh: bool,
+        answers: NDArray[np.float64],
+    ) -> tuple[int, int]:
+        """Answer the queries `row` and after it of a table of `count`, at one pose, in slices.
+
+        Unless `fresh`, the search about the first of them goes on. Returns ENDED and `count`; or
+        another code, and the number of the query that is not answered yet.
+        """
+        a, b = self.models
+        models = self._own.models
+        models[0], models[1] = self._known = a._hierarchy.table_of_all, b._hierarchy.table_of_all
+        slices = slices_until(deadline)
+        flat = answers.ravel()
+        while True:
+            code, row = self._entry(
+                models, self.memory, pose_a, pose_b, asked, row, count, 1, slices.steps, fresh, flat
+            )
+            if code == index.ENDED or slices.over():
+                return code, row
+            fresh = code == index.CUT_BETWEEN
+
     def _make_room(self) -> None:
         """Set aside the rows of the full block that still matter, and begin another."""
         progress = self.progress
