@@ -12,7 +12,7 @@ from ..kernels.elements import contacts as kernel
 from ..kernels.elements.swept import lower_of, reach_of
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from .contact_surface import are_divided, contact_of
+from .contact_surface import are_divided, contacts_of
 from .run import Search, least
 
 Touching = tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]
@@ -63,7 +63,7 @@ class Met:
         a, b = self.hierarchies
         progress = self.progress
         if are_divided(a, b):
-            return contact_of(self.row, (a, b), self.poses, float(progress["slack"]))
+            return contacts_of(self.row[None], (a, b), self.poses, float(progress["slack"]))
         reach = reach_of.py_func(0.0, progress["radii"], progress["deviations"])
         rows = np.concatenate(
             [each[least(each, progress["slack"]) <= reach] for each in self.blocks]

@@ -192,6 +192,8 @@ class Pair:
             pieces = self._pieces = PieceSearch(search, (pose_a, pose_b), self._asked)
         deadline = None if budget_s is None else deadline_of(start, budget_s)
         ended = pieces.run(deadline)
+        if ended:
+            self._pieces = None
         found = pieces.met(first)
         complete = ended and code == index.ENDED and found.decided
         return Collision(search.answer, found, complete)

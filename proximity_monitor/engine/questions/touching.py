@@ -18,7 +18,7 @@ from ..kernels.base.state import NONE, SurfaceTree
 from ..kernels.base.tables import table
 from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy
-from .contact_surface import contact_of
+from .contact_surface import contacts_of
 from .contacts import Met, Touching, no_contacts
 from .run import Search
 
@@ -96,13 +96,9 @@ class MetPieces:
         keys = np.stack([self._pieces(rows, side) for side in range(2)], axis=1)
         _, kept = np.unique(keys, axis=0, return_index=True)
         slack = float(self.first.progress["slack"])
-        made = [
-            contact_of(row, self.first.hierarchies, self.first.poses, slack) for row in rows[kept]
-        ]
-        if not made:
+        if not len(kept):
             return no_contacts()
-        pairs, points, normals = zip(*made, strict=True)
-        return np.concatenate(pairs), np.concatenate(points), np.concatenate(normals)
+        return contacts_of(rows[kept], self.first.hierarchies, self.first.poses, slack)
 
     def _touching(self) -> Reals:
         return self.answers[self.answers[:, index.LOWER] == 0.0]
