@@ -98,22 +98,22 @@ def on_tori():
             yield *grid(of_a + np.arange(4), u, v_a), *grid(of_b + np.arange(4), u, v_b)
 
 
-def alike(patches, u, v, shift=0.0):
-    """The same parameters on both, but for a shift of v."""
+def alike(patches, u, v, shift=(0.0, 0.0)):
+    """The same parameters on both, but for a shift."""
     p, at = grid(patches, u, v)
-    yield p, at, p, at - (0.0, shift)
+    yield p, at - shift, p, at
 
 
 EVEN = np.linspace(0.0, 1.0, 23)
 CONTINUA = {
     "parallel planes": (
         SQUARE, SQUARE, moved(0.2, 0.3, 0.5), {}, 0.5,
-        lambda: [(p, at + (0.2, 0.3), p, at) for p, at in [grid([0], 0.8 * EVEN, 0.7 * EVEN)]],
+        lambda: alike([0], 0.8 * EVEN, 0.7 * EVEN, (-0.2, -0.3)),
     ),
     "coaxial tori": (TORUS, TORUS, moved(0.0, 0.0, 1.0), {}, 0.4, on_tori),
     "concentric cylinders": (
         cylinder(1.0), cylinder(0.5), moved(0.0, 0.0, 0.5), {"rel_err": 1e-2}, 0.5,
-        lambda: alike(range(4), EVEN, 0.25 + 0.75 * EVEN, 0.25),
+        lambda: alike(range(4), EVEN, 0.75 * EVEN, (0.0, -0.25)),
     ),
     "offset spheres": (
         SPHERE, scaled(SPHERE, 0.75), HERE, {"rel_err": 0.2}, 0.25,
@@ -157,13 +157,14 @@ def test_regions_shrink_with_the_tolerance_and_with_that_of_parameters():
         ]
         return (sizes[0] * sizes[1]).sum()
 
-    shares = [share(rel_err=tolerance) for tolerance in (0.1, 0.01, 0.001)]
-    assert shares[2] < 0.5 * shares[1] < 0.5 * shares[0]
-    assert share(rel_err=0.1, param_err=0.05) < 0.5 * shares[0]
+    shares = [share(rel_err=tolerance) for tolerance in (0.01, 1e-3, 2e-4)]
+    assert shares[2] < 0.6 * shares[1] < 0.3 * shares[0]
+    assert share(rel_err=0.01, param_err=0.05) < 0.5 * shares[0]
     long = engine.distance(TORUS, HERE, TORUS, moved(0, 0, 1.0), rel_err=0.1, manifold=True)
     short = engine.distance(TORUS, HERE, TORUS, moved(0, 0, 1.0), rel_err=0.1, param_err=0.05)
     assert len(long.manifold) < 10 < len(short.manifold)
-    assert np.ptp(short.manifold.rectangles_a[short.manifold.ranges_a[:, 0]], axis=1).max() <= 0.05
+    rectangles = short.manifold.rectangles_a[short.manifold.ranges_a[:, 0]]
+    assert np.ptp(rectangles, axis=1).max() <= 0.05 + 1e-12
     for sample in on_tori():
         assert covers(long.manifold, *sample).all()
         assert covers(short.manifold, *sample).all()
@@ -176,13 +177,13 @@ def test_a_nearest_pair_that_stands_alone_is_known_to_its_parameters(pair):
     plain = engine.distance(a, HERE, b, pose_b)
     assert plain.manifold is None
     assert plain.solution_set is None
-    for param_err in (1e-3, 1e-6):
+    for param_err in (1e-3, 1e-5):
         found = engine.distance(a, HERE, b, pose_b, param_err=param_err)
         assert found.status is Status.EXACT
         assert max(found.lower, plain.lower) <= min(found.upper, plain.upper)
         assert found.bound_tests < 4 * plain.bound_tests
         (alone,) = found.solution_set
-        assert len(alone) == len(found.manifold) < 100
+        assert len(alone) == len(found.manifold) < 200
         check_bounds(found, a, b, pose_b)
         for extents, feature in zip(
             alone.extents(), (found.feature_a, found.feature_b), strict=True
@@ -331,7 +332,8 @@ def test_triangles_and_pieces_that_meet():
     pose = moved(0.52, 0.49, 0.02)
     found = engine.collide(SQUARE, HERE, cube, pose, all_contacts=True)
     turned = engine.collide(cube, pose, SQUARE, HERE, all_contacts=True)
-    sheet = engine.TriangleMesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    sheet = engine.TriangleMesh(corners, [[0, 1, 2], [0, 2, 3]])
     truth = engine.collide(sheet, HERE, cube, pose, all_contacts=True)
     assert found.complete
     assert set(found.contacts[:, 1]) == set(turned.contacts[:, 0]) == set(truth.contacts[:, 1])

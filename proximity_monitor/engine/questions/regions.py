@@ -128,15 +128,22 @@ def regions_of(hierarchy: Hierarchy, parts: Parts | None) -> Regions:
 def groups_of(sides: tuple[Regions, Regions], ranges: tuple[Ranges, Ranges]) -> list[NDArray]:
     """The pairs of regions (k,), by their places, in groups that certainly do not touch.
 
-    Two pairs touch where boxes around their regions do, on both models.
+    Two pairs are in one group where boxes around their regions, widened by their own lengths, touch
+    on both models: what is left around one nearest pair may have gaps as large as its regions.
     """
-    boxes = [side.boxes(own) for side, own in zip(sides, ranges, strict=True)]
+    boxes = [_widened(side.boxes(own)) for side, own in zip(sides, ranges, strict=True)]
     spread = np.ptp(boxes[0][:, :3], axis=0)
     axis = int(spread.argmax())
     groups = np.empty(len(boxes[0]), np.int64)
     join_boxes(boxes[0], boxes[1], boxes[0][:, axis].argsort(), axis, groups)
     order = groups.argsort(kind="stable")
     return np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+
+
+def _widened(boxes: Reals) -> Reals:
+    """Boxes (k, 6) that reach beyond others by the longest of their sides."""
+    length = (boxes[:, 3:] - boxes[:, :3]).max(axis=1, keepdims=True)
+    return np.concatenate((boxes[:, :3] - length, boxes[:, 3:] + length), axis=1)
 
 
 def _one(numbers: NDArray[np.int32]) -> Ranges:

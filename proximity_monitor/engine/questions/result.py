@@ -153,10 +153,10 @@ class Distance:
     def solution_set(self) -> tuple[Manifold, ...] | None:
         """The manifold in groups: one of each nearest pair that stands alone, and each continuum.
 
-        Pairs are in one group where boxes around their parts touch on both models, in space, so
-        that pairs of different groups are certainly apart; what is in one group may not be
-        connected. The one with the least bound is first. None where no manifold was asked for. It
-        is made when it is first read.
+        Pairs are in one group where their parts are about as near to each other as they are long,
+        on both models, in space. So pairs of different groups are certainly apart; what is in one
+        group may not be connected. The one with the least bound is first. None where no manifold
+        was asked for. It is made when it is first read.
         """
         if self.candidates is None or self.manifold is None:
             return None

@@ -176,8 +176,9 @@ class Search:
 
         Unless `fresh`, the search of the last run goes on. With `collect`, for one pose alone, it
         collects every pair that may be as near as the upper bound, and ends only when it has them
-        all; parts of surfaces are divided until none is longer than `param_err` in u or v. `first` is the number of the first pose among many, for error messages. At least one
-        slice is searched. Returns ENDED; CUT if the deadline (of perf_counter) came first; or
+        all; parts of surfaces are divided until none is longer than `param_err` in u or v. `first`
+        is the number of the first pose among many, for error messages. At least one slice is
+        searched. Returns ENDED; CUT if the deadline (of perf_counter) came first; or
         another code if `stopped` was set meanwhile.
 
         Raises:

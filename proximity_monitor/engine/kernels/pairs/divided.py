@@ -162,9 +162,8 @@ def _divide(waiting, tree_a, tree_b, state, steps):
                 return CELLS_FULL, steps
             taken = ROOM_STEPS
         steps -= min(steps, taken)
-    if progress.least_cells < progress.enough and progress.distance - progress.slack > progress.stop:
-        return CELLS_FULL, steps
-    return ENDED, steps
+    apart = progress.distance - progress.slack > progress.stop
+    return (CELLS_FULL if apart and progress.least_cells < progress.enough else ENDED), steps
 
 
 @implements(stubs.least_undivided, Dividing)

@@ -84,7 +84,9 @@ def divide_nearest(tree_a, tree_b, state):
         progress.dividing = 0
         return 0
     collects = state.collected.shape[0] > 0
-    if collects and (bound >= progress.enough or progress.distance - progress.slack <= progress.radii):
+    meet = progress.distance - progress.slack <= progress.radii
+    if collects and (meet or bound >= progress.enough):
+        # Nothing nearer is to be found: no answer is better for it.
         return _shorten(tree_a, tree_b, state, a, b, bound)
     rough_a = roughness(tree_a, cells.cells_a, a)
     rough_b = roughness(tree_b, cells.cells_b, b)
