@@ -194,6 +194,18 @@ def test_a_nearest_pair_that_stands_alone_is_known_to_its_parameters(pair):
             assert (high - low <= 6.0 * param_err).all()
 
 
+def test_surfaces_that_cross_do_so_in_the_solution_set():
+    upright = Patch(np.array([[[0.5, 0, -0.5], [0.5, 1, -0.5]], [[0.5, 0, 0.5], [0.5, 1, 0.5]]]))
+    found = engine.distance(SQUARE, HERE, upright, HERE, param_err=0.03)
+    assert found.status is Status.INTERSECTING
+    (line,) = found.solution_set
+    v = np.linspace(0.0, 1.0, 50)
+    at = np.column_stack((0.5 + 0.0 * v, v))
+    assert covers(line, 0 * v, at, 0 * v, at).all()
+    for extents in line.extents():
+        assert np.ptp(extents[0], axis=0)[0] < 0.1
+
+
 def test_equal_minima_are_groups_of_their_own():
     two = engine.points([[0.25, 0.25, 0.5], [0.7, 0.8, 0.5]])
     for a, b in ((SQUARE, two), (two, SQUARE)):
