@@ -124,11 +124,11 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     bound = waiting.bounds[n]
     if bound >= progress.limit:
         return n, steps
-    leaf_a = np.int64(tree_a.children[waiting.lanes[n, 0]])
-    leaf_b = np.int64(tree_b.children[waiting.lanes[n, 1]])
     # A leaf of a mesh may hold two triangles.
-    for a in range(first_of(leaf_a), last_of(leaf_a) + 1):
-        for b in range(first_of(leaf_b), last_of(leaf_b) + 1):
+    first_a, last_a = _elements(tree_a, waiting.lanes[n, 0])
+    first_b, last_b = _elements(tree_b, waiting.lanes[n, 1])
+    for a in range(first_a, last_a + 1):
+        for b in range(first_b, last_b + 1):
             taken = add_elements(tree_a, tree_b, state, a, b, bound)
             if taken == NONE and make_room(state):
                 taken = add_elements(tree_a, tree_b, state, a, b, bound)
@@ -141,12 +141,20 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     return n, steps
 
 
+@inlined
+def _elements(tree, lane):
+    """The elements of a leaf, the first and the last; an element that waits alone is ~lane."""
+    if lane < 0:
+        return np.int64(~lane), np.int64(~lane)
+    leaf = np.int64(tree.children[lane])
+    return first_of(leaf), last_of(leaf)
+
+
 @implements(stubs.compare, Dividing)
-@kernel
+@inlined
 def _compare(waiting, tree_a, tree_b, state, a, b):
-    if add_elements(tree_a, tree_b, state, a, b, -np.inf) == NONE:
-        make_room(state)
-        add_elements(tree_a, tree_b, state, a, b, -np.inf)
+    waiting.lanes[0, 0], waiting.lanes[0, 1], waiting.bounds[0] = ~a, ~b, -np.inf
+    state.progress[0].waiting = 1
 
 
 @implements(stubs.divide, Dividing)

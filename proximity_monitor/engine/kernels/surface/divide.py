@@ -20,7 +20,7 @@ from ..elements.primitives import keep
 from .certificate import certified
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
-from .heap import add_pair, drop_first, set_aside
+from .heap import add_pair, drop_first, put_aside
 from .newton import MOST, nearest_near
 from .sides import (
     divide_side,
@@ -80,78 +80,41 @@ def divide_nearest(tree_a, tree_b, state):
     progress, cells = state.progress[0], state.waiting
     pairs = cells.pairs
     a, b, bound = np.int64(pairs[0].a), np.int64(pairs[0].b), pairs[0].bound
+    normal = vector(pairs[0].normal)
     if bound >= progress.limit:
         progress.dividing = 0
         return 0
-    collects = state.collected.shape[0] > 0
-    meet = progress.distance - progress.slack <= progress.radii
-    if collects and (meet or bound >= progress.enough):
-        # Nothing nearer is to be found: no answer is better for it.
-        return _shorten(tree_a, tree_b, state, a, b, bound)
-    rough_a = roughness(tree_a, cells.cells_a, a)
-    rough_b = roughness(tree_b, cells.cells_b, b)
-    if rough_a < 0.0 and rough_b < 0.0:
-        progress.least_cells = min(progress.least_cells, bound)
-        _put_aside(state, bound)
-        return 0
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
-    proven = certified(tree_a, tree_b, state, a, b) - slack
-    if proven >= progress.enough:
-        normal = vector(pairs[0].normal)
+    # Where pairs are collected and nothing nearer is to be found, only what is too long is divided.
+    collects, most = state.collected.shape[0] > 0, np.inf
+    meet = progress.distance - progress.slack <= progress.radii
+    settled = collects and (meet or bound >= progress.enough)
+    if not settled:
+        proven = certified(tree_a, tree_b, state, a, b) - slack
+        if proven >= progress.limit:
+            progress.dividing = drop_first(pairs, progress.dividing)
+            return CERTIFICATE_STEPS
+        if proven >= progress.enough:
+            bound, settled = proven, True
+    rough_a = roughness(tree_a, cells.cells_a, a)
+    rough_b = roughness(tree_b, cells.cells_b, b)
+    if settled:
+        most = progress.param_err
+        rough_a = -1.0 if is_short(tree_a, cells.cells_a, a, most) else rough_a
+        rough_b = -1.0 if is_short(tree_b, cells.cells_b, b, most) else rough_b
+    on_edges = leads_to_edges(tree_a, tree_b, state, a, b, slack)
+    if on_edges or (rough_a < 0.0 and rough_b < 0.0):
         progress.dividing = drop_first(pairs, progress.dividing)
-        if collects and proven < progress.limit:
-            progress.dividing = add_pair(pairs, progress.dividing, a, b, proven, normal)
+        if not on_edges and not settled:
+            progress.least_cells = min(progress.least_cells, bound)
+        if not on_edges and collects:
+            progress.aside = put_aside(pairs, progress.aside, a, b, bound)
         return CERTIFICATE_STEPS
-    if leads_to_edges(tree_a, tree_b, state, a, b, slack):
-        progress.dividing = drop_first(pairs, progress.dividing)
-        return CERTIFICATE_STEPS
-    return _divide_first(tree_a, tree_b, state, a, b, bound, rough_a >= rough_b, np.inf)
-
-
-@kernel
-def _put_aside(state, bound):
-    """Put the first pair aside, with a bound; leave it out where such pairs are not asked for."""
-    progress, pairs = state.progress[0], state.waiting.pairs
-    if state.collected.shape[0] > 0:
-        progress.dividing = set_aside(pairs, progress.dividing, progress.aside, bound)
-        progress.aside += 1
-    else:
-        progress.dividing = drop_first(pairs, progress.dividing)
-
-
-@kernel
-def _shorten(tree_a, tree_b, state, a, b, bound):
-    """Put the first pair aside, which may hold the minimum, or divide what is too long of it."""
-    cells, most = state.waiting, state.progress[0].param_err
-    long_a = not is_short(tree_a, cells.cells_a, a, most)
-    long_b = not is_short(tree_b, cells.cells_b, b, most)
-    rough_a = roughness(tree_a, cells.cells_a, a) if long_a else -1.0
-    rough_b = roughness(tree_b, cells.cells_b, b) if long_b else -1.0
-    slack = state.progress[0].slack + margin_of(tree_a, cells.cells_a, a)
-    slack += margin_of(tree_b, cells.cells_b, b)
-    if leads_to_edges(tree_a, tree_b, state, a, b, slack):
-        state.progress[0].dividing = drop_first(cells.pairs, state.progress[0].dividing)
-        return CERTIFICATE_STEPS
-    if rough_a < 0.0 and rough_b < 0.0:
-        _put_aside(state, bound)
-        return PAIR_STEPS
-    return _divide_first(tree_a, tree_b, state, a, b, bound, rough_a >= rough_b, most)
-
-
-@kernel
-def _divide_first(tree_a, tree_b, state, a, b, bound, of_a, most):
-    """Divide a cell of the first pair, that of a or of b; returns what `divide_nearest` does.
-
-    `most` is how long its parts may be in their parameters; or infinite.
-    """
-    progress, cells = state.progress[0], state.waiting
-    pairs = cells.pairs
-    normal = vector(pairs[0].normal)
     if progress.dividing + progress.aside + 4 > len(pairs):
         return NONE
     steps = 0
-    if of_a:
+    if rough_a >= rough_b:
         before = progress.cells_a
         progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before, most)
         steps += DIVISION_STEPS if progress.cells_a > before else 0

@@ -43,13 +43,11 @@ def drop_first(pairs, count):
 
 
 @kernel
-def set_aside(pairs, count, aside, bound):
-    """Move the first pair to those that are set aside, with a bound; returns how many are left."""
-    a, b = pairs[0].a, pairs[0].b
-    count = drop_first(pairs, count)
+def put_aside(pairs, aside, a, b, bound):
+    """Add a pair to those that are set aside; returns how many they are then."""
     pair = pairs[len(pairs) - 1 - aside]
     pair.a, pair.b, pair.bound = a, b, bound
-    return count
+    return aside + 1
 
 
 @inlined
