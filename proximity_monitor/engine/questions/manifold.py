@@ -60,10 +60,11 @@ class Candidates:
             [side.own(triangles[:, k]), side.under(lanes[:, k])] for k, side in enumerate(sides)
         ]
         if self.cells is not None:
-            near = self.cells.bounds <= reach
-            lower.append(self.cells.bounds[near])
-            for side, own, numbers in zip(sides, ranges, self.cells.numbers, strict=True):
-                own.append(side.own(numbers[near]))
+            pairs = self.cells.pairs
+            pairs = pairs[pairs["bound"] <= reach]
+            lower.append(pairs["bound"])
+            for side, own, which in zip(sides, ranges, "ab", strict=True):
+                own.append(side.own(pairs[which]))
         of_a, of_b = (np.concatenate(own) for own in ranges)
         upper = np.concatenate((distances, self._apart(of_a, of_b, len(triangles)))) + slack
         return Manifold(
@@ -85,8 +86,8 @@ class Candidates:
 
     def _sides(self) -> tuple[Regions, Regions]:
         if not self.made:
-            parts = (None, None) if self.cells is None else self.cells.parts
-            self.made.extend(map(regions_of, self.hierarchies, parts))
+            cells = (None, None) if self.cells is None else self.cells.sides
+            self.made.extend(map(regions_of, self.hierarchies, cells))
         a, b = self.made
         return a, b
 

@@ -12,7 +12,6 @@ from ..kernels.surface.regions import describe_parts, join_boxes
 from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy
 from ..models.surface_hierarchy import SurfaceHierarchy
-from .run import Parts
 
 Reals = NDArray[np.float64]
 Ranges = NDArray[np.int32]
@@ -88,18 +87,18 @@ class SurfaceParts(Regions):
 
     Args:
         hierarchy: of the model.
-        parts: those that a search made.
+        cells: (m,) CELL, those that a search made.
     """
 
-    def __init__(self, hierarchy: SurfaceHierarchy, parts: Parts) -> None:
+    def __init__(self, hierarchy: SurfaceHierarchy, cells: NDArray) -> None:
         super().__init__(hierarchy)
         pieces = hierarchy.tree.pieces
         count = len(pieces)
         curved = (pieces["degree_v"] > 0) & (pieces["edge"] == NONE)
         whole = np.stack((np.ones(count), curved.astype(float)), axis=1)
-        elements = np.concatenate((np.arange(count, dtype=np.int32), parts[0]))
-        low = np.concatenate((np.zeros((count, 2)), parts[1]))
-        high = np.concatenate((whole, parts[2]))
+        elements = np.concatenate((np.arange(count, dtype=np.int32), cells["element"]))
+        low = np.concatenate((np.zeros((count, 2)), cells["low"]))
+        high = np.concatenate((whole, cells["high"]))
         found = np.empty((len(elements), 4))
         self._points, self._found = np.empty((len(elements), 3)), np.empty((len(elements), 6))
         describe_parts(hierarchy.table, elements, low, high, found, self._points, self._found)
@@ -118,10 +117,10 @@ class SurfaceParts(Regions):
         return self._found
 
 
-def regions_of(hierarchy: Hierarchy, parts: Parts | None) -> Regions:
-    """Those of a model, some of whose elements a search has divided into parts."""
-    if isinstance(hierarchy, SurfaceHierarchy) and parts is not None:
-        return SurfaceParts(hierarchy, parts)
+def regions_of(hierarchy: Hierarchy, cells: NDArray | None) -> Regions:
+    """Those of a model, some of whose elements a search has divided into cells."""
+    if isinstance(hierarchy, SurfaceHierarchy) and cells is not None:
+        return SurfaceParts(hierarchy, cells)
     return Triangles(hierarchy)
 
 

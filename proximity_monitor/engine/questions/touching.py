@@ -122,13 +122,11 @@ def _pairs_of(search: Search) -> Pairs:
     found = []
     cells = search.divided()
     if cells is not None:
-        near = cells.bounds <= search.progress["limit"]
+        near = cells.pairs[cells.pairs["bound"] <= search.progress["limit"]]
         sides = []
-        for numbers, (elements, *_), model in zip(
-            cells.numbers, cells.parts, search.models, strict=True
-        ):
+        for which, own, model in zip("ab", cells.sides, search.models, strict=True):
             divided = isinstance(model._hierarchy.tree, SurfaceTree)
-            sides.append(elements[numbers[near]] if divided else numbers[near])
+            sides.append(own["element"][near[which]] if divided else near[which])
         found.append(np.stack(sides, axis=1))
     for block in search.collected():  # there was no room for these
         leaves = ~block[:, :2].astype(np.int64)
