@@ -134,8 +134,9 @@ class Collision:
 
         Pushing b along it separates the two. Where balls touch, it is the line of their centres.
         Else it is the outward normal of a's triangle or the inward normal of b's, whichever parts
-        the two triangles sooner; the order of their corners says which way is outward. For segments
-        that cross it is perpendicular to both, and for points that coincide it is zero.
+        the two triangles sooner; the order of their corners says which way is outward. A piece of a
+        surface has the normal of that point for it. For segments and curves that cross it is
+        perpendicular to both, and for points that coincide it is zero.
         """
         return self._found[2]
 

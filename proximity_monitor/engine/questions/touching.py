@@ -87,7 +87,7 @@ class MetPieces:
     @property
     def decided(self) -> bool:
         """Whether of every pair it is known whether it touches."""
-        return not len(self._touching()) or self._are_decided(self._touching()).all()
+        return bool(self._are_decided(self._touching()).all())
 
     def contacts(self) -> Touching:
         """A contact of each two pieces that touch; where that is not decided, as well."""

@@ -141,7 +141,8 @@ pairs (n,) CELL_PAIR, a heap with the least bound first, and from the end backwa
 are set aside: they may hold the minimum, where these are asked for, and are not divided any
 further; of either model cells (k,) CELL, nets
 (float64, flat) the control points of each, and roots (int32) the cell of each whole element, NONE
-where it has none. A model whose elements are not divided has none of the three.
+where it has none. A model whose elements are not divided has none of the three. Of two elements
+that are asked about alone, lanes hold ~element.
 """
 
 CELL = np.dtype(

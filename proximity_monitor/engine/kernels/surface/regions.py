@@ -113,13 +113,15 @@ def join_boxes(boxes_a, boxes_b, order, axis, groups):
         groups[k] = k
     for first in range(len(order)):
         i = order[first]
-        for next_one in range(first + 1, len(order)):
-            j = order[next_one]
+        own = _root(groups, i)
+        for later in range(first + 1, len(order)):
+            j = order[later]
             if boxes_a[j, axis] > boxes_a[i, 3 + axis]:
                 break
-            if _touch(boxes_a, i, j) and _touch(boxes_b, i, j):
-                one, other = _root(groups, i), _root(groups, j)
-                groups[max(one, other)] = min(one, other)
+            if groups[j] != own and _touch(boxes_a, i, j) and _touch(boxes_b, i, j):
+                other = _root(groups, j)
+                own, other = min(own, other), max(own, other)
+                groups[other] = groups[i] = groups[j] = own
     for k in range(len(groups)):
         groups[k] = _root(groups, k)
 
