@@ -369,3 +369,12 @@ def test_contacts_of_what_loops_leave():
     angle = np.abs(np.arctan2(away[:, 1], away[:, 0] - 0.3))
     assert angle.max() == pytest.approx(reach, abs=0.2)
     assert found.complete
+
+
+def test_balls_touch_all_pieces_that_they_reach():
+    ball = engine.points([[0.5, 0.5, 0.3]], radius=0.5)
+    found = engine.collide(SQUARE, HERE, ball, HERE, all_contacts=True)
+    begin = np.arange(8) / 8.0  # the square is cut into eight by eight
+    away = np.maximum(np.maximum(begin - 0.5, 0.5 - (begin + 0.125)), 0.0)
+    assert len(found.contacts) == (np.hypot(*np.meshgrid(away, away)) <= 0.4).sum()
+    assert found.complete

@@ -82,7 +82,7 @@ class Candidates:
             return ()
         groups = groups_of(self._sides(), (manifold.ranges_a, manifold.ranges_b))
         groups.sort(key=lambda own: manifold.lower[own].min())
-        return tuple(manifold.taken(own) for own in groups)
+        return tuple(manifold.subset(own) for own in groups)
 
     def _sides(self) -> tuple[Regions, Regions]:
         if not self.made:

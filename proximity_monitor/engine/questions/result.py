@@ -92,7 +92,7 @@ class Manifold:
             _extents(self.ranges_b, self.faces_b, self.rectangles_b),
         )
 
-    def taken(self, pairs: NDArray[np.int64]) -> Manifold:
+    def subset(self, pairs: NDArray[np.int64]) -> Manifold:
         """Some of its pairs, by their places."""
         return replace(
             self,
