@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from .witness import witness_points
 
 if TYPE_CHECKING:
     from .closest import Nearest
-    from .manifold import Candidates
+    from .manifold import Candidates, Manifold
 
 
 class Status(Enum):
@@ -35,93 +35,6 @@ class Status(Enum):
 
 STATUSES = tuple(Status)
 """By the numbers that kernels have for them."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Manifold:
-    """Every pair of parts of two models that may hold their minimum distance: none is missing.
-
-    A part is one triangle; a rectangle of parameters of a patch, or an interval of a curve's; or
-    all under a volume that the search did not look into because the budget was over or the
-    tolerance did not require it (Johnson and Cohen 1997, section 3.1.3). So rectangles are no
-    larger than the tolerances demand, and a continuum is covered by many (section 3.1.2, figure 9).
-
-    Attributes:
-        lower: (k,) metres; certified lower bound of each pair's distance.
-        upper: (k,) metres; certified upper bound of it. Infinite where no point is known to be left
-            of a part by trimming loops.
-        ranges_a: (k, 2) int32; the part of a of each pair: first, and one after the last, among
-            `faces_a`.
-        ranges_b: (k, 2) int32; the same of b.
-        faces_a: (m,) int32; a's faces by index, those of a part in a row. Of a surface, its patches
-            and curves.
-        faces_b: (n,) int32; the same of b.
-        rectangles_a: (m, 2, 2); of a surface, the lowest u and v and the highest of each row, in
-            the parameters of its patch. Of a curve v is 0; where trimming loops cross a rectangle,
-            what they leave counts. None of a mesh.
-        rectangles_b: (n, 2, 2) or None; the same of b.
-    """
-
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    ranges_a: NDArray[np.int32]
-    ranges_b: NDArray[np.int32]
-    faces_a: NDArray[np.int32]
-    faces_b: NDArray[np.int32]
-    rectangles_a: NDArray[np.float64] | None = None
-    rectangles_b: NDArray[np.float64] | None = None
-
-    def __len__(self) -> int:
-        """How many pairs there are."""
-        return len(self.lower)
-
-    def faces(self, i: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Which faces of a and which of b make up pair i."""
-        (first_a, last_a), (first_b, last_b) = self.ranges_a[i], self.ranges_b[i]
-        return self.faces_a[first_a:last_a], self.faces_b[first_b:last_b]
-
-    def extents(self) -> tuple[dict[int, NDArray[np.float64]], dict[int, NDArray[np.float64]]]:
-        """How far all parts reach in the parameters of each patch or curve of a, and of b.
-
-        Returns:
-            For either model, by the patch: (2, 2), the lowest u and v and the highest. Of a mesh
-            none.
-        """
-        return (
-            _extents(self.ranges_a, self.faces_a, self.rectangles_a),
-            _extents(self.ranges_b, self.faces_b, self.rectangles_b),
-        )
-
-    def subset(self, pairs: NDArray[np.int64]) -> Manifold:
-        """Some of its pairs, by their places."""
-        return replace(
-            self,
-            lower=self.lower[pairs],
-            upper=self.upper[pairs],
-            ranges_a=self.ranges_a[pairs],
-            ranges_b=self.ranges_b[pairs],
-        )
-
-
-def _extents(
-    ranges: NDArray[np.int32], faces: NDArray[np.int32], rectangles: NDArray[np.float64] | None
-) -> dict[int, NDArray[np.float64]]:
-    """What `Manifold.extents` returns of one model."""
-    if rectangles is None or not len(ranges):
-        return {}
-    # A row takes part where more ranges have begun than ended.
-    begun = np.bincount(ranges[:, 0], minlength=len(faces) + 1)
-    rows = np.flatnonzero(np.cumsum(begun - np.bincount(ranges[:, 1], minlength=len(begun)))[:-1])
-    own = faces[rows]
-    return {
-        int(face): np.stack(
-            (
-                rectangles[rows[own == face], 0].min(axis=0),
-                rectangles[rows[own == face], 1].max(axis=0),
-            )
-        )
-        for face in np.unique(own)
-    }
 
 
 @dataclass(frozen=True, eq=False, repr=False)
