@@ -57,8 +57,9 @@ def distance(
         param_err: of parametric surfaces: go on until no part in the manifold, which this implies,
             is longer than that in u or v, in the units of its patch's knots; such parts are all
             that is left of both surfaces. So the parameters of a nearest pair that stands alone
-            are known to a few times that: `Manifold.extents` says how well. A continuum is
-            covered by parts of that size, while there is room for them.
+            are known to a few times that, or some dozens where one is worth little, as near a pole:
+            `Manifold.extents` says how well. A continuum is covered by parts of that size, while
+            there is room for them.
 
     Returns:
         The bounds, in metres, witness points and why the search stopped.

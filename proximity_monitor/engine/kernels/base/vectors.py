@@ -75,6 +75,16 @@ def rotated(r, v):
 
 
 @kernel
+def turned_back(r, v):
+    """The transpose of that matrix times a vector: a direction after the motion, before it."""
+    return (
+        r[0] * v[0] + r[3] * v[1] + r[6] * v[2],
+        r[1] * v[0] + r[4] * v[1] + r[7] * v[2],
+        r[2] * v[0] + r[5] * v[1] + r[8] * v[2],
+    )
+
+
+@kernel
 def moved(r, v):
     """Rotation and then translation: r holds twelve numbers, the translation last."""
     return (

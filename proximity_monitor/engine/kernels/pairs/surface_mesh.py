@@ -6,13 +6,14 @@ import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.precise import accurate_cross
+from ..base.rounding import DOUBLE_EPS
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
-from ..base.vectors import along, cross, dot, moved, norm, sub, unit
+from ..base.vectors import along, cross, dot, moved, norm, sub, turned_back, unit
 from ..elements.primitives import corners, mixed
 from ..elements.triangles import point_face
 from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
-from ..surface.certificate import is_certifiable, put_side
+from ..surface.certificate import can_be_proven, find_in, put_side
 from ..surface.facing import closest_in, parameters_in, vector
 from ..surface.falling import ball_of, falls, is_crossed
 from ..surface.jets import fixed_jet, get, moved_jet, put
@@ -32,8 +33,9 @@ from ..surface.sides import (
 )
 from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
 
-_ROUNDS = 3
-"""Projections from the one onto the other and back."""
+_ROUNDS = 2
+"""Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
+cell it is as large as ever, and the way to it must not be tilted along it."""
 
 _WEIGHTS, _EDGE = 30, 33
 """Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
@@ -164,19 +166,58 @@ def _point_of(cell, place):
     return along(p, vector(cell.along_v), place[1])
 
 
-@implements(is_certifiable, MeshTree)
+@implements(can_be_proven, MeshTree)
 @inlined
-def _is_point(tree, cells, index, element, weights):
-    """A point is certain; what a triangle's nearest point does as it follows is left out."""
-    a, b, c = corners(tree.triangles, index)
-    return index == element and a == b and a == c
+def _can_be_proven(tree, cells, index):
+    return True
+
+
+@implements(find_in, MeshTree)
+@kernel
+def _find_in(tree, cells, index, element, weights):
+    if index == element:
+        return True, weights
+    if weights[0] > 0.0 and weights[1] > 0.0 and weights[2] > 0.0:
+        return False, weights
+    p = mixed(corners(tree.triangles, element), weights)
+    weights = _foot(p, corners(tree.triangles, index))
+    away = norm(sub(mixed(corners(tree.triangles, index), weights), p))
+    return away <= 8.0 * DOUBLE_EPS * tree.scale[2], weights
 
 
 @implements(put_side, MeshTree)
-@inlined
-def _put_point(tree, cells, nets, index, weights, d, side):
+@kernel
+def _put_side(tree, cells, nets, index, weights, d, side):
     for i in range(len(side)):
         side[i] = 0.0
+    corner = corners(tree.triangles, index)
+    # From the corner with the largest weight to the other two, that with the least one last: so a
+    # point on an edge or at a corner stands at the end of the parameters that lead away.
+    first, second, third = 0, 1, 2
+    if weights[second] > weights[first]:
+        first, second = second, first
+    if weights[third] > weights[second]:
+        second, third = third, second
+    if weights[second] > weights[first]:
+        first, second = second, first
+    e, f = sub(corner[second], corner[first]), sub(corner[third], corner[first])
+    if e == f:
+        f = (0.0, 0.0, 0.0)  # a segment: its two equal corners count once
+    s, t = weights[second], weights[third]
+    if norm(f) == 0.0:
+        t = 0.0
+    elif norm(e) == 0.0:
+        e, f, s, t = f, e, t, 0.0
+    side[29] = 1.0
+    error = 4.0 * DOUBLE_EPS * tree.scale[2]
+    for i in range(3):
+        side[i] = side[8 + i] = e[i]
+        side[3 + i] = side[11 + i] = f[i]
+    for k in range(2):
+        way, at = (e, s) if k == 0 else (f, t)
+        if norm(way) > 0.0:
+            side[6 + k], side[27 + k] = error, 2.0
+            side[14 + 2 * k], side[15 + 2 * k] = -at, 1.0 - at
 
 
 @implements(facing, SurfaceTree, MeshTree)
@@ -184,14 +225,11 @@ def _put_point(tree, cells, nets, index, weights, d, side):
 def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     cell, triangle = cells_a[a], _placed(tree_b, b, motion)
     p, place = vector(cell.centre), (0.0, 0.0)
-    weights = (0.0, 0.0, 0.0)
-    q = p
     for _ in range(_ROUNDS):
-        weights = _foot(p, triangle)
-        q = mixed(triangle, weights)
-        place = _place_in(cell, q)
+        place = _place_in(cell, mixed(triangle, _foot(p, triangle)))
         p = _point_of(cell, place)
-    return sub(q, p), parameters_in(cell, place), weights
+    weights = _foot(p, triangle)
+    return sub(mixed(triangle, weights), p), parameters_in(cell, place), weights
 
 
 @implements(facing, MeshTree, SurfaceTree)
@@ -201,13 +239,10 @@ def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     # In b's frame: the motion's matrix is a rotation, up to what no direction depends on.
     back = _back(motion, triangle[0]), _back(motion, triangle[1]), _back(motion, triangle[2])
     q, place = vector(cell.centre), (0.0, 0.0)
-    weights = (0.0, 0.0, 0.0)
-    p = q
     for _ in range(_ROUNDS):
-        weights = _foot(q, back)
-        p = mixed(back, weights)
-        place = _place_in(cell, p)
+        place = _place_in(cell, mixed(back, _foot(q, back)))
         q = _point_of(cell, place)
+    weights = _foot(q, back)
     way = sub(moved(motion, q), mixed(triangle, weights))
     return way, weights, parameters_in(cell, place)
 
@@ -215,12 +250,7 @@ def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
 @kernel
 def _back(motion, p):
     """A point of a's frame in b's."""
-    d = (p[0] - motion[9], p[1] - motion[10], p[2] - motion[11])
-    return (
-        motion[0] * d[0] + motion[3] * d[1] + motion[6] * d[2],
-        motion[1] * d[0] + motion[4] * d[1] + motion[7] * d[2],
-        motion[2] * d[0] + motion[5] * d[1] + motion[8] * d[2],
-    )
+    return turned_back(motion, (p[0] - motion[9], p[1] - motion[10], p[2] - motion[11]))
 
 
 @implements(begin_at, MeshTree)

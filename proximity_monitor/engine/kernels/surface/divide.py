@@ -15,9 +15,9 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
-from ..base.vectors import dot, norm, rotated, scaled
+from ..base.vectors import dot, norm, rotated, scaled, turned_back
 from ..elements.primitives import keep
-from .certificate import certified
+from .certificate import is_done
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
 from .heap import add_pair, drop_first, put_aside
@@ -36,7 +36,7 @@ from .sides import (
 )
 from .trim import OUTSIDE
 
-PAIR_STEPS, DIVISION_STEPS, CERTIFICATE_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
+PAIR_STEPS, DIVISION_STEPS, FALLING_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
 """Steps of a search that bounding a pair of cells takes as long as, dividing one, a proof that it
 is done with, and a search for a local minimum."""
 
@@ -89,14 +89,14 @@ def divide_nearest(tree_a, tree_b, state):
     # Where pairs are collected and nothing nearer is to be found, only what is too long is divided.
     collects, most = state.collected.shape[0] > 0, np.inf
     meet = progress.distance - progress.slack <= progress.radii
-    settled = collects and (meet or bound >= progress.enough)
+    settled, steps = collects and (meet or bound >= progress.enough), 0
     if not settled:
-        proven = certified(tree_a, tree_b, state, a, b) - slack
-        if proven >= progress.limit:
+        done, steps = is_done(tree_a, tree_b, state, a, b, slack)
+        if done and not collects:
             progress.dividing = drop_first(pairs, progress.dividing)
-            return CERTIFICATE_STEPS
-        if proven >= progress.enough:
-            bound, settled = proven, True
+            return steps
+        if done:
+            bound, settled = progress.enough, True
     rough_a = roughness(tree_a, cells.cells_a, a)
     rough_b = roughness(tree_b, cells.cells_b, b)
     if settled:
@@ -110,10 +110,9 @@ def divide_nearest(tree_a, tree_b, state):
             progress.least_cells = min(progress.least_cells, bound)
         if not on_edges and collects:
             progress.aside = put_aside(pairs, progress.aside, a, b, bound)
-        return CERTIFICATE_STEPS
+        return steps + FALLING_STEPS
     if progress.dividing + progress.aside + 4 > len(pairs):
         return NONE
-    steps = 0
     if rough_a >= rough_b:
         before = progress.cells_a
         progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before, most)
@@ -122,7 +121,9 @@ def divide_nearest(tree_a, tree_b, state):
         if first == NONE:
             return NONE
         progress.dividing = drop_first(pairs, progress.dividing)
-        end = least_of(tree_b, cells.cells_b, cells.nets_b, b, _turned(state.motions[0], normal))
+        end = least_of(
+            tree_b, cells.cells_b, cells.nets_b, b, turned_back(state.motions[0], normal)
+        )
         end += _offset(state.motions[0], normal)
         for k in range(count):
             if cells.cells_a[first + k].side == OUTSIDE:
@@ -141,23 +142,13 @@ def divide_nearest(tree_a, tree_b, state):
         progress.dividing = drop_first(pairs, progress.dividing)
         begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(normal, -1.0))
         begin += _offset(state.motions[0], normal)
-        turned = _turned(state.motions[0], normal)
+        turned = turned_back(state.motions[0], normal)
         for k in range(count):
             if cells.cells_b[first + k].side == OUTSIDE:
                 continue
             end = least_of(tree_b, cells.cells_b, cells.nets_b, first + k, turned)
             steps += bound_pair(tree_a, tree_b, state, a, first + k, bound, normal, begin + end)
     return steps
-
-
-@inlined
-def _turned(motion, n):
-    """A direction of a's frame in b's: the motion's matrix transposed, so that products agree."""
-    return (
-        motion[0] * n[0] + motion[3] * n[1] + motion[6] * n[2],
-        motion[1] * n[0] + motion[4] * n[1] + motion[7] * n[2],
-        motion[2] * n[0] + motion[5] * n[1] + motion[8] * n[2],
-    )
 
 
 @inlined
@@ -170,7 +161,7 @@ def _gap(tree_a, tree_b, state, a, b, n):
     """How far b's control points begin beyond the end of a's along n, metres, in a's frame."""
     cells, motion = state.waiting, state.motions[0]
     begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(n, -1.0))
-    end = least_of(tree_b, cells.cells_b, cells.nets_b, b, _turned(motion, n))
+    end = least_of(tree_b, cells.cells_b, cells.nets_b, b, turned_back(motion, n))
     return begin + (end + _offset(motion, n))
 
 

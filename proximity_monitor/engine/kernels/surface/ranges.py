@@ -1,7 +1,8 @@
 """Ranges of a cell's derivatives, from the differences of its control points.
 
 The derivatives of a Bezier surface are Bezier surfaces again, so each lies in the convex hull of
-its own control points. Parameters run from 0 to 1 over the cell.
+its own control points. Parameters run from 0 to 1 over the cell. Of a rational one these are the
+derivatives of numerator and weight, from which those of the quotient follow.
 """
 
 from __future__ import annotations
@@ -10,7 +11,10 @@ from collections import namedtuple
 
 import numpy as np
 
-from ..base.jit import kernel
+from ..base.jit import kernel, shared
+from ..base.memory import on_stack
+from ..base.vectors import dot, norm, scaled
+from .subdivide import PROJECTED
 
 Ranges = namedtuple(
     "Ranges", "along_u spread_u along_v spread_v middle_uu half_uu most_uu"
@@ -66,10 +70,59 @@ def _second(nets, at, room, p, n, step, other, count_i, count_j, factor, d):
     return 0.5 * factor * (low + high), 0.5 * factor * (high - low), factor * np.sqrt(most)
 
 
+_RATIONAL = 32.0
+"""How many times a rational cell's derivatives may err by what others do: see `_quotients`."""
+
+_MOST_WEIGHTS = 2.0
+"""The ratio of a cell's weights from which on its ranges are left infinite."""
+
+_NET, _NUMERATOR = 256, 768
+"""Control points, of degree 15 in both directions, and their coordinates."""
+
+
+@shared
+def ranges_of(piece, nets, at, d, centre):
+    """The ranges of a cell of a piece whose net is at `at`; d is a direction in its frame.
+
+    `centre` is a point near the cell. What rounding did to the control points is left out.
+    """
+    p, q = np.int64(piece.degree_u), np.int64(piece.degree_v)
+    if piece.rational:
+        return _quotients(piece, nets, at, d, centre)
+    return _of_net(nets, at, np.int64(piece.room), p, q, d)
+
+
 @kernel
-def ranges_of(piece, nets, at, d):
-    """The ranges of a cell of a piece that is not rational; d is a direction in its frame."""
-    p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
+def errors_of(piece, margin):
+    """What first and second derivatives may err by where control points err by `margin`, metres.
+
+    Times the degree, or the product of both degrees.
+    """
+    share = _RATIONAL if piece.rational else 1.0
+    # Differences of two control points, or of four.
+    return 2.0 * share * margin, 4.0 * share * margin
+
+
+@kernel
+def slope_error(piece, nets):
+    """How many times what points err by a derivative at one may err by, for each degree.
+
+    The derivative's control points are differences of two. That of a rational piece is
+    (N_u - w_u S) / w, so the largest weight counts by the least one: twice for N_u, and for w_u by
+    what its product with S, and then S itself, err by.
+    """
+    if not piece.rational:
+        return 2.0
+    low, high = np.inf, 0.0
+    for k in range(piece.points):
+        w = nets[piece.net + 3 * piece.room + k]
+        low, high = min(low, w), max(high, w)
+    return 6.0 * high / low
+
+
+@kernel
+def _of_net(nets, at, room, p, q, d):
+    """The ranges of a net of so many degrees."""
     n = q + 1
     none = (0.0, 0.0, 0.0)
     along_u, spread_u = _first(nets, at, room, p, n, 1, 0, float(p))
@@ -83,3 +136,105 @@ def ranges_of(piece, nets, at, d):
         along_u, spread_u, along_v, spread_v,
         uu[0], uu[1], uu[2], uv[0], uv[1], uv[2], vv[0], vv[1], vv[2],
     )  # fmt: skip
+
+
+@kernel
+def _quotients(piece, nets, at, d, c):
+    """The ranges of a rational cell, by the quotient rule.
+
+    With the numerator N, the weight w and M = N - c w, and S the surface, S - c = M / w and
+
+        S_u = (M_u - (S - c) w_u) / w
+        S_uv = (M_uv - S_u w_v - S_v w_u - (S - c) w_uv) / w
+
+    The middles are those of M_u and of M_uv - S_u w_v - S_v w_u over a mean weight. What is left
+    out of them is as much smaller as the cell, for so are S - c and the derivatives of w.
+
+    Rounding: if the projected points err by e, a coordinate of N or c w errs by no more than e
+    times the largest weight, and w by e / P of that, for points of length P. The products and the
+    quotient repeat that: S_u errs by 2 p e 4 W, and S_uv by 4 p q e 9 W, where W, the largest
+    weight's ratio to the mean one and what the others add to it, is below 3.
+    """
+    p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
+    n = q + 1
+    points = (p + 1) * n
+    numerator, weights = on_stack(_NUMERATOR, 0.0), on_stack(_NET, 0.0)
+    first = at + PROJECTED * room
+    low, high = np.inf, 0.0
+    reach = reach_along = 0.0
+    for k in range(points):
+        w = nets[first + 3 * room + k]
+        weights[k] = w
+        low, high = min(low, w), max(high, w)
+        along = squared = 0.0
+        for axis in range(3):
+            numerator[axis * _NET + k] = nets[first + axis * room + k] - c[axis] * w
+            away = nets[at + axis * room + k] - c[axis]
+            squared += away * away
+            along += away * d[axis]
+        reach, reach_along = max(reach, squared), max(reach_along, abs(along))
+    reach = np.sqrt(reach)
+    of = _of_net(numerator, 0, _NET, p, q, d)
+    if not high < _MOST_WEIGHTS * low:
+        return Ranges(
+            of.along_u, np.inf, of.along_v, np.inf,
+            0.0, np.inf, np.inf, 0.0, np.inf, np.inf, 0.0, np.inf, np.inf,
+        )  # fmt: skip
+    inverse, error = 0.5 * (1.0 / low + 1.0 / high), (high - low) / (high + low)
+    wu, half_wu = _weight(weights, p, n, n, n, p, n, 0, float(p))
+    wv, half_wv = _weight(weights, p, n, 1, 1, p + 1, q, 0, float(q))
+    most_u, most_v = abs(wu) + half_wu, abs(wv) + half_wv
+    wuu, half = _weight(weights, p, n, n, n, p - 1, n, 1, p * (p - 1.0))
+    most_uu = abs(wuu) + half
+    wuv, half = _weight(weights, p, n, n, 1, p, q, 1, float(p * q))
+    most_uv = abs(wuv) + half
+    wvv, half = _weight(weights, p, n, 1, 1, p + 1, q - 1, 1, q * (q - 1.0))
+    most_vv = abs(wvv) + half
+    more = 1.0 + error
+    u, spread_u = _over(of.along_u, of.spread_u, reach * most_u, inverse, error)
+    v, spread_v = _over(of.along_v, of.spread_v, reach * most_v, inverse, error)
+    du, dv = dot(u, d), dot(v, d)
+    size_u, size_v = norm(u) + spread_u, norm(v) + spread_v
+    middle_uu = of.middle_uu - 2.0 * du * wu
+    half_uu = of.half_uu + 2.0 * (abs(du) * half_wu + spread_u * most_u) + reach_along * most_uu
+    middle_uv = of.middle_uv - du * wv - dv * wu
+    half_uv = of.half_uv + abs(du) * half_wv + spread_u * most_v + abs(dv) * half_wu
+    half_uv += spread_v * most_u + reach_along * most_uv
+    middle_vv = of.middle_vv - 2.0 * dv * wv
+    half_vv = of.half_vv + 2.0 * (abs(dv) * half_wv + spread_v * most_v) + reach_along * most_vv
+    return Ranges(
+        u, spread_u, v, spread_v,
+        inverse * middle_uu, inverse * (more * half_uu + error * abs(middle_uu)),
+        inverse * more * (of.most_uu + 2.0 * size_u * most_u + reach * most_uu),
+        inverse * middle_uv, inverse * (more * half_uv + error * abs(middle_uv)),
+        inverse * more * (of.most_uv + size_u * most_v + size_v * most_u + reach * most_uv),
+        inverse * middle_vv, inverse * (more * half_vv + error * abs(middle_vv)),
+        inverse * more * (of.most_vv + 2.0 * size_v * most_v + reach * most_vv),
+    )  # fmt: skip
+
+
+@kernel
+def _over(middle, spread, more, inverse, error):
+    """A derivative of the quotient: what it may differ by from the numerator's over a mean weight.
+
+    `more` bounds the term with the weight's derivative; weights differ by a share `error` from the
+    mean, the inverse of `inverse`.
+    """
+    u = scaled(middle, inverse)
+    return u, inverse * (1.0 + error) * (spread + more) + error * norm(u)
+
+
+@kernel
+def _weight(weights, p, n, step, other, count_i, count_j, second, factor):
+    """Middle and half length of the range of a derivative of the weight."""
+    low, high = np.inf, -np.inf
+    for i in range(count_i):
+        for j in range(count_j):
+            k = i * n + j
+            x = weights[k + step] - weights[k]
+            if second:
+                x = (weights[k + step + other] - weights[k + other]) - x
+            low, high = min(low, x), max(high, x)
+    if high < low:
+        return 0.0, 0.0
+    return 0.5 * factor * (low + high), 0.5 * factor * (high - low)
