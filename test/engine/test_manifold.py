@@ -186,3 +186,16 @@ def test_ordinary_questions_have_none():
     again = pair.distance(IDENTITY, translation(3.0), budget_s=1.0)
     assert again.manifold is None
     assert pair.ideal(IDENTITY, translation(3.0)).manifold is None
+
+
+def test_ties_that_are_apart_are_groups_of_their_own():
+    """Two tops above a plate, and each of them between some triangles that meet below it."""
+    tops = engine.points([[0.26, 0.24, 0.5], [0.74, 0.76, 0.5]])
+    found = engine.distance(plate(8), IDENTITY, tops, IDENTITY, manifold=True)
+    assert found.solution_set is not None
+    first, second = found.solution_set
+    assert len(first) + len(second) == len(found.manifold)
+    assert {int(group.faces(0)[1][0]) for group in (first, second)} == {0, 1}
+    whole = engine.distance(plate(8), IDENTITY, plate(8), translation(0, 0, 0.2), manifold=True)
+    assert [len(group) for group in whole.solution_set] == [len(whole.manifold)]
+    assert engine.distance(plate(8), IDENTITY, tops, IDENTITY).solution_set is None

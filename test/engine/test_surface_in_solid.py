@@ -276,11 +276,3 @@ def test_crossing_curves_are_parted_along_the_normal_of_both():
     found = engine.collide(a, IDENTITY, b, IDENTITY)
     assert np.allclose(found.points, 0.0, atol=1e-12)
     assert np.allclose(np.abs(found.normals), [[0.0, 0.0, 1.0]], atol=1e-12)
-
-
-def test_lists_of_pairs_are_refused_rather_than_empty():
-    for a, b in ((SHEET, BOX), (BOX, SHEET), (SHEET, SHEET)):
-        with pytest.raises(NotImplementedError, match=r"all_contacts=True: . is 'patch', a param"):
-            engine.collide(a, IDENTITY, b, IDENTITY, all_contacts=True)
-        with pytest.raises(NotImplementedError, match="manifold=True"):
-            engine.distance(a, IDENTITY, b, IDENTITY, manifold=True)

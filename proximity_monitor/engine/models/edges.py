@@ -52,7 +52,11 @@ def with_edges(pieces: NDArray, nets: Reals, trims: Trims) -> tuple[NDArray, Rea
         own = _edges_of(trims, patch, pieces, of)
         middles = 0.5 * (pieces["low"][of] + pieces["high"][of])
         cut_off = _sides(classify_points, trims, patch, middles) != INSIDE
-        pieces["face"][of[cut_off]] = len(pieces) + len(edges)  # any edge serves to begin on
+        # Searches begin on an edge then: one of its own, if there is any.
+        first = len(pieces) + len(edges)
+        pieces["face"][of[cut_off]] = first
+        on_these = np.isin(own["face"], of[cut_off])
+        pieces["face"][own["face"][on_these]] = first + np.flatnonzero(on_these)
         edges = np.concatenate([edges, own])
     room = 4 * NET_WIDTH
     edges["net"] = len(nets) + room * np.arange(len(edges))

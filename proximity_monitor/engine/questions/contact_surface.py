@@ -1,10 +1,13 @@
-"""The contact of two models of which one at least is a parametric surface.
+"""Contacts of two models of which one at least is a parametric surface: points and normals.
 
 The rule is that of triangles (kernels/elements/contacts.py), with the surface's own normal where it
 touches, and the control points of its piece in place of a triangle's corners.
 """
 
 from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,70 +30,123 @@ def are_divided(*hierarchies: Hierarchy) -> bool:
     return any(isinstance(each.tree, SurfaceTree) for each in hierarchies)
 
 
-def contact_of(
-    row: Reals, hierarchies: tuple[Hierarchy, Hierarchy], poses: tuple[Reals, Reals], slack: float
+def contacts_of(
+    rows: Reals, hierarchies: tuple[Hierarchy, Hierarchy], poses: tuple[Reals, Reals], slack: float
 ) -> tuple[NDArray[np.int32], Reals, Reals]:
-    """The contact (1, 2), its point (1, 3) and its normal (1, 3), as in `Collision`.
+    """Contacts (k, 2), their points (k, 3) and normals (k, 3), as in `Collision`.
 
     Args:
-        row: (ANSWER,) whose nearest points touch.
+        rows: (k, ANSWER), of each of which the nearest points touch.
         hierarchies: of both models.
         poses: two (4, 4), model to world.
         slack: metres; what rounding may do to the distance of these points.
     """
-    found = [
-        _Side(hierarchy, pose, row, side)
+    a, b = (
+        (_Pieces if isinstance(hierarchy, SurfaceHierarchy) else _Triangles)(
+            hierarchy, pose, rows, side
+        )
         for side, (hierarchy, pose) in enumerate(zip(hierarchies, poses, strict=True))
-    ]
-    way = row[index.POINT_B : index.POINT_B + 3] - row[index.POINT_A : index.POINT_A + 3]
-    length = float(np.linalg.norm(way))
-    normal = way / length if length > _NOISE * slack else _parting(*found)
-    numbers = np.array([[each.number for each in found]], np.int32)
-    return numbers, witness_points(row)[0][None].copy(), normal[None]
+    )
+    way = rows[:, index.POINT_B : index.POINT_B + 3] - rows[:, index.POINT_A : index.POINT_A + 3]
+    length = np.linalg.norm(way, axis=1)
+    apart = length > _NOISE * slack
+    normals = np.where(apart[:, None], _unit(way), _parting(a, b))
+    return np.stack((a.numbers, b.numbers), axis=1), witness_points(rows)[0].copy(), normals
 
 
-class _Side:
-    """An element in the world, at the point that an answer names."""
+class _Side(ABC):
+    """Elements in the world, at the points that answers name."""
 
-    __slots__ = ("hull", "normal", "number", "tangent")
+    __slots__ = ("_elements", "_hierarchy", "_pose", "normals", "numbers", "tangents")
 
-    hull: Reals
-    """(k, 3) points in whose convex hull it lies."""
-    number: int
-    normal: Reals
-    """(3,) unit; 0 where there is none."""
-    tangent: Reals
-    """(3,) along it, of any length."""
+    numbers: NDArray[np.int32]
+    normals: Reals
+    """(k, 3) unit; 0 where there is none."""
+    tangents: Reals
+    """(k, 3) along each, of any length."""
 
-    def __init__(self, hierarchy: Hierarchy, pose: Reals, row: Reals, side: int) -> None:
-        element = int(row[(index.TREE_A, index.TREE_B)[side]])
-        feature = (index.FEATURE_A, index.FEATURE_B)[side]
-        self.number = int(hierarchy.numbers[element])
-        tree = hierarchy.tree
-        if isinstance(hierarchy, SurfaceHierarchy):
-            piece = tree.pieces[element]
-            rows = tree.nets[piece["net"] :][: 4 * piece["room"]].reshape(4, -1)
-            hull = (rows[:3] / rows[3]).T[: piece["points"]]
-            net, (u, v) = hierarchy.nets[self.number], row[feature : feature + 2, None]
-            normal, tangent = unit_normals(net, u, v)[0], net.derivatives(u, v, 1)[0, 1, 0]
-        else:
-            hull = tree.triangles[element].reshape(3, 3)
-            edges = np.roll(hull, -1, axis=0) - hull
-            normal, tangent = np.cross(edges[0], edges[1]), max(edges, key=np.linalg.norm)
-        turn = pose[:3, :3].T
-        self.hull = hull @ turn + pose[:3, 3]
-        self.normal, self.tangent = _unit(normal) @ turn, tangent @ turn
+    def __init__(self, hierarchy: Hierarchy, pose: Reals, rows: Reals, side: int) -> None:
+        self._hierarchy, self._pose = hierarchy, pose
+        self._elements = rows[:, (index.TREE_A, index.TREE_B)[side]].astype(np.int64)
+        self.numbers = hierarchy.numbers[self._elements]
+        first = (index.FEATURE_A, index.FEATURE_B)[side]
+        normals, tangents = self._directions(rows[:, first : first + 2])
+        self.normals = _unit(normals) @ pose[:3, :3].T
+        self.tangents = tangents @ pose[:3, :3].T
+
+    @abstractmethod
+    def _directions(self, parameters: Reals) -> tuple[Reals, Reals]:
+        """Normals and tangents (k, 3) at points (k, 2) of the elements, model frame."""
+
+    @abstractmethod
+    def _products(self, n: Reals) -> Iterator[tuple[NDArray[np.int64], Reals]]:
+        """Of some contacts, directions n (k, 3) times points around whose hull is each element."""
+
+    def ends(self, n: Reals) -> tuple[Reals, Reals]:
+        """Where each element begins and ends along directions (k, 3) of the world, metres."""
+        begins, ends = np.empty(len(n)), np.empty(len(n))
+        for contacts, products in self._products(n @ self._pose[:3, :3]):
+            begins[contacts], ends[contacts] = products.min(axis=1), products.max(axis=1)
+        offset = n @ self._pose[:3, 3]
+        return begins + offset, ends + offset
 
 
-def _unit(vector: Reals) -> Reals:
-    length = float(np.linalg.norm(vector))
-    return vector / length if length > 0.0 else np.zeros(3)
+class _Triangles(_Side):
+    """Of a mesh."""
+
+    __slots__ = ()
+
+    def _corners(self) -> Reals:
+        return self._hierarchy.tree.triangles[self._elements].reshape(-1, 3, 3)
+
+    def _directions(self, parameters: Reals) -> tuple[Reals, Reals]:
+        corners = self._corners()
+        edges = np.roll(corners, -1, axis=1) - corners
+        longest = np.linalg.norm(edges, axis=2).argmax(axis=1)
+        return np.cross(edges[:, 0], edges[:, 1]), edges[np.arange(len(edges)), longest]
+
+    def _products(self, n: Reals) -> Iterator[tuple[NDArray[np.int64], Reals]]:
+        yield np.arange(len(n)), np.einsum("kij,kj->ki", self._corners(), n)
+
+
+class _Pieces(_Side):
+    """Of a surface: Bezier pieces, each within the hull of its control points."""
+
+    __slots__ = ()
+
+    def _directions(self, parameters: Reals) -> tuple[Reals, Reals]:
+        normals, tangents = np.empty((2, len(parameters), 3))
+        for patch in np.unique(self.numbers):
+            own = np.flatnonzero(self.numbers == patch)
+            net, (u, v) = self._hierarchy.nets[patch], parameters[own].T
+            normals[own] = unit_normals(net, u, v)
+            tangents[own] = net.derivatives(u, v, 1)[:, 1, 0]
+        return normals, tangents
+
+    def _products(self, n: Reals) -> Iterator[tuple[NDArray[np.int64], Reals]]:
+        tree = self._hierarchy.tree
+        pieces = tree.pieces[self._elements]
+        sizes = pieces["points"] * 2**16 + pieces["room"]
+        for size in np.unique(sizes):
+            own = np.flatnonzero(sizes == size)
+            count, room = int(pieces["points"][own[0]]), int(pieces["room"][own[0]])
+            places = np.arange(4)[:, None] * room + np.arange(count)
+            rows = tree.nets[pieces["net"][own, None, None] + places]
+            yield own, np.einsum("kip,ki->kp", rows[:, :3] / rows[:, 3:], n[own])
+
+
+def _unit(vectors: Reals) -> Reals:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
 
 
 def _parting(a: _Side, b: _Side) -> Reals:
-    """The direction along which b has to go less far until the elements are apart."""
-    ways = [each for each in (a.normal, -b.normal) if each.any()]
-    if not ways:
-        across = _unit(np.cross(a.tangent, b.tangent))
-        ways = [across, -across]
-    return min(ways, key=lambda n: (a.hull @ n).max() - (b.hull @ n).min())
+    """The directions (k, 3) along which b has to go less far until the elements are apart."""
+    across = _unit(np.cross(a.tangents, b.tangents))
+    neither = ~(a.normals.any(axis=1) | b.normals.any(axis=1))[:, None]
+    one, other = np.where(neither, across, a.normals), np.where(neither, -across, -b.normals)
+    overlaps = []
+    for n in (one, other):
+        none = ~n.any(axis=1) & ~neither[:, 0]
+        overlaps.append(np.where(none, np.inf, a.ends(n)[1] - b.ends(n)[0]))
+    return np.where((overlaps[0] <= overlaps[1])[:, None], one, other)

@@ -12,7 +12,7 @@ from ..kernels.elements import contacts as kernel
 from ..kernels.elements.swept import lower_of, reach_of
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from .contact_surface import are_divided, contact_of
+from .contact_surface import are_divided, contacts_of
 from .run import Search, least
 
 Touching = tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.float64]]
@@ -45,6 +45,13 @@ class Met:
     """`State.motions`, and how far the search was, as PROGRESS."""
 
     @property
+    def poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Both models', (4, 4); that of b as it is seen from a."""
+        pose_b = np.eye(4)
+        pose_b[:3, :3], pose_b[:3, 3] = self.motions[0, :9].reshape(3, 3), self.motions[0, 9:]
+        return self.pose_a, self.pose_a @ pose_b
+
+    @property
     def touching(self) -> bool:
         """Whether the nearest triangles that were found touch or cross, or rounding hides it."""
         progress = self.progress
@@ -56,10 +63,7 @@ class Met:
         a, b = self.hierarchies
         progress = self.progress
         if are_divided(a, b):
-            pose_b = np.eye(4)
-            pose_b[:3, :3], pose_b[:3, 3] = self.motions[0, :9].reshape(3, 3), self.motions[0, 9:]
-            poses = self.pose_a, self.pose_a @ pose_b
-            return contact_of(self.row, (a, b), poses, float(progress["slack"]))
+            return contacts_of(self.row[None], (a, b), self.poses, float(progress["slack"]))
         reach = reach_of.py_func(0.0, progress["radii"], progress["deviations"])
         rows = np.concatenate(
             [each[least(each, progress["slack"]) <= reach] for each in self.blocks]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from .contacts import Met, Touching, no_contacts
+from .touching import MetPieces
 from .witness import witness_points
 
 
@@ -85,13 +86,14 @@ class Collision:
 
     Attributes:
         row: (ANSWER,) the answer as numbers in a row, as a search writes them.
-        met: the triangles that touch or cross; contacts are made of them when they are read.
-        complete: whether the search came to an end before its budget did. Then the answer is
-            decided and, if all contacts were wanted, none is missing.
+        met: the elements that touch or cross; contacts are made of them when they are read.
+        complete: whether the search came to an end before its budget did, or the room for parts of
+            surfaces. Then the answer is decided and, if all contacts were wanted, none is missing
+            and each is one.
     """
 
     row: NDArray[np.float64]
-    met: Met
+    met: Met | MetPieces
     complete: bool
 
     @property
@@ -109,9 +111,12 @@ class Collision:
 
     @property
     def contacts(self) -> NDArray[np.int32]:
-        """(k, 2) int32; elements of a and of b, such as triangles, that touch or cross.
+        """(k, 2) int32; elements of a and of b that touch or cross: triangles, patches, curves.
 
-        One pair, or every pair where all of them were asked for and the answer is `complete`.
+        One pair, or every pair where all of them were asked for and the answer is `complete`. Of a
+        surface, which is cut into some 512 Bezier pieces or more, every pair of pieces counts: two
+        patches that cross along a curve are named once for each two pieces that meet on it, with
+        one of their points. So are pieces of which the room for parts did not suffice to tell.
         """
         return self._found[0]
 
@@ -129,8 +134,9 @@ class Collision:
 
         Pushing b along it separates the two. Where balls touch, it is the line of their centres.
         Else it is the outward normal of a's triangle or the inward normal of b's, whichever parts
-        the two triangles sooner; the order of their corners says which way is outward. For segments
-        that cross it is perpendicular to both, and for points that coincide it is zero.
+        the two triangles sooner; the order of their corners says which way is outward. A piece of a
+        surface has the normal of that point for it. For segments and curves that cross it is
+        perpendicular to both, and for points that coincide it is zero.
         """
         return self._found[2]
 

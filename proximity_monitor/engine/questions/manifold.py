@@ -1,17 +1,103 @@
-"""The solution manifold of a search: all pairs that may hold the minimum, as triangle ranges."""
+"""The solution manifold of a search: all pairs that may hold the minimum, as ranges of elements."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.elements.swept import lower_of, reach_of, upper_of
-from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy
-from .result import Manifold
-from .run import Search, least
+from .regions import Ranges, Regions, groups_of, regions_of
+from .run import Cells, Search, least
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Manifold:
+    """Every pair of parts of two models that may hold their minimum distance: none is missing.
+
+    A part is one triangle; a rectangle of parameters of a patch, or an interval of a curve's; or
+    all under a volume that the search did not look into because the budget was over or the
+    tolerance did not require it (Johnson and Cohen 1997, section 3.1.3). So rectangles are no
+    larger than the tolerances demand, and a continuum is covered by many (section 3.1.2, figure 9).
+
+    Attributes:
+        lower: (k,) metres; certified lower bound of each pair's distance.
+        upper: (k,) metres; certified upper bound of it. Infinite where no point is known to be left
+            of a part by trimming loops.
+        ranges_a: (k, 2) int32; the part of a of each pair: first, and one after the last, among
+            `faces_a`.
+        ranges_b: (k, 2) int32; the same of b.
+        faces_a: (m,) int32; a's faces by index, those of a part in a row. Of a surface, its patches
+            and curves.
+        faces_b: (n,) int32; the same of b.
+        rectangles_a: (m, 2, 2); of a surface, the lowest u and v and the highest of each row, in
+            the parameters of its patch. Of a curve v is 0; where trimming loops cross a rectangle,
+            what they leave counts. None of a mesh.
+        rectangles_b: (n, 2, 2) or None; the same of b.
+    """
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    ranges_a: NDArray[np.int32]
+    ranges_b: NDArray[np.int32]
+    faces_a: NDArray[np.int32]
+    faces_b: NDArray[np.int32]
+    rectangles_a: NDArray[np.float64] | None = None
+    rectangles_b: NDArray[np.float64] | None = None
+
+    def __len__(self) -> int:
+        """How many pairs there are."""
+        return len(self.lower)
+
+    def faces(self, i: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Which faces of a and which of b make up pair i."""
+        (first_a, last_a), (first_b, last_b) = self.ranges_a[i], self.ranges_b[i]
+        return self.faces_a[first_a:last_a], self.faces_b[first_b:last_b]
+
+    def extents(self) -> tuple[dict[int, NDArray[np.float64]], dict[int, NDArray[np.float64]]]:
+        """How far all parts reach in the parameters of each patch or curve of a, and of b.
+
+        Returns:
+            For either model, by the patch: (2, 2), the lowest u and v and the highest. Of a mesh
+            none.
+        """
+        return (
+            _extents(self.ranges_a, self.faces_a, self.rectangles_a),
+            _extents(self.ranges_b, self.faces_b, self.rectangles_b),
+        )
+
+    def subset(self, pairs: NDArray[np.int64]) -> Manifold:
+        """Some of its pairs, by their places."""
+        return replace(
+            self,
+            lower=self.lower[pairs],
+            upper=self.upper[pairs],
+            ranges_a=self.ranges_a[pairs],
+            ranges_b=self.ranges_b[pairs],
+        )
+
+
+def _extents(
+    ranges: NDArray[np.int32], faces: NDArray[np.int32], rectangles: NDArray[np.float64] | None
+) -> dict[int, NDArray[np.float64]]:
+    """What `Manifold.extents` returns of one model."""
+    if rectangles is None or not len(ranges):
+        return {}
+    # A row takes part where more ranges have begun than ended.
+    begun = np.bincount(ranges[:, 0], minlength=len(faces) + 1)
+    rows = np.flatnonzero(np.cumsum(begun - np.bincount(ranges[:, 1], minlength=len(begun)))[:-1])
+    own = faces[rows]
+    return {
+        int(face): np.stack(
+            (
+                rectangles[rows[own == face], 0].min(axis=0),
+                rectangles[rows[own == face], 1].max(axis=0),
+            )
+        )
+        for face in np.unique(own)
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,16 +114,21 @@ class Candidates:
     """Rows of `State.collected`."""
     pending: tuple[NDArray[np.int32], NDArray[np.float64]]
     """Pairs of volumes that the search did not look into: lanes (k, 2), bounds (k,) in metres."""
+    cells: Cells | None
+    """Pairs of parts of elements; None where none are divided."""
     motion: NDArray[np.float64]
     """(12,) from b to a."""
     progress: np.void
     """How far the search was, as PROGRESS."""
+    made: list[Regions] = field(default_factory=list)
+    """Of both models, once they were needed."""
 
     def manifold(self) -> Manifold:
         """Every pair whose lower bound is not above the upper bound of the search.
 
-        Those are the pairs of triangles whose distance was found, the pairs of volumes that were
-        left alone, and, if the search was cut, those that it did not reach.
+        Those are the pairs of triangles whose distance was found, the pairs of parts of surfaces
+        and of volumes that were left alone, and, if the search was cut, those that it did not
+        reach.
         """
         progress = self.progress
         slack, offsets = progress["slack"], (progress["radii"], progress["deviations"])
@@ -49,31 +140,54 @@ class Candidates:
         lanes, bounds = self.pending
         near = bounds <= reach
         lanes = np.concatenate((~rows[~tested, :2].astype(np.int32), lanes[near]))
+        lower = [distances - slack, rows[~tested, 2], bounds[near]]
+        sides = self._sides()
         ranges = [
-            np.concatenate((_one(triangles[:, side]), _under(mesh, lanes[:, side])))
-            for side, mesh in enumerate(self.hierarchies)
+            [side.own(triangles[:, k]), side.under(lanes[:, k])] for k, side in enumerate(sides)
         ]
-        lower = np.concatenate((distances - slack, rows[~tested, 2], bounds[near]))
-        upper = np.concatenate((distances, self._apart(ranges, len(triangles)))) + slack
+        if self.cells is not None:
+            pairs = self.cells.pairs
+            pairs = pairs[pairs["bound"] <= reach]
+            lower.append(pairs["bound"])
+            for side, own, which in zip(sides, ranges, "ab", strict=True):
+                own.append(side.own(pairs[which]))
+        of_a, of_b = (np.concatenate(own) for own in ranges)
+        upper = np.concatenate((distances, self._apart(of_a, of_b, len(triangles)))) + slack
         return Manifold(
-            np.maximum(lower_of.py_func(lower, *offsets), 0.0),
+            np.maximum(lower_of.py_func(np.concatenate(lower), *offsets), 0.0),
             upper_of.py_func(upper, *offsets),
-            *ranges,
-            *(mesh.numbers for mesh in self.hierarchies),
+            of_a,
+            of_b,
+            *(side.elements for side in sides),
+            *(side.rectangles for side in sides),
         )
 
-    def _apart(self, ranges: list[NDArray[np.int32]], first: int) -> NDArray[np.float64]:
-        """Distances of the first vertices of the pairs from `first` on, metres.
+    def solution_set(self, manifold: Manifold) -> tuple[Manifold, ...]:
+        """The groups of its pairs that are certainly apart, those of the least bounds first."""
+        if not len(manifold):
+            return ()
+        groups = groups_of(self._sides(), (manifold.ranges_a, manifold.ranges_b))
+        groups.sort(key=lambda own: manifold.lower[own].min())
+        return tuple(manifold.subset(own) for own in groups)
 
-        The nearest points of a pair are no farther apart, so this bounds their distance from above.
-        It errs by no more than the distances of triangles (MARGIN_A).
+    def _sides(self) -> tuple[Regions, Regions]:
+        if not self.made:
+            cells = (None, None) if self.cells is None else self.cells.sides
+            self.made.extend(map(regions_of, self.hierarchies, cells))
+        a, b = self.made
+        return a, b
+
+    def _apart(self, of_a: Ranges, of_b: Ranges, first: int) -> NDArray[np.float64]:
+        """Distances of a point of either region of the pairs from `first` on, metres.
+
+        The nearest points of a pair are no farther apart, so this bounds their distance from above;
+        it is infinite where no point is known. It errs by no more than the distances of elements.
         """
-        p, q = (
-            mesh.tree.triangles[each[first:, 0], :3]
-            for mesh, each in zip(self.hierarchies, ranges, strict=True)
-        )
+        a, b = self._sides()
+        p, q = a.points(of_a[first:]), b.points(of_b[first:])
         moved = q @ self.motion[:9].reshape(3, 3).T + self.motion[9:]
-        return np.sqrt(((p - moved) ** 2).sum(axis=1))
+        apart = np.sqrt(((p - moved) ** 2).sum(axis=1))
+        return np.where(np.isnan(apart), np.inf, apart)
 
 
 def candidates(search: Search) -> Candidates:
@@ -83,19 +197,7 @@ def candidates(search: Search) -> Candidates:
         (a._hierarchy, b._hierarchy),
         search.collected(),
         search.pending(),
+        search.divided(),
         search.state.motions[0].copy(),
         search.progress_now(),
     )
-
-
-def _one(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Ranges of one triangle each."""
-    return np.stack((triangles, triangles + np.int32(1)), axis=1)
-
-
-def _under(mesh: Hierarchy, lanes: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Ranges of the triangles under volumes."""
-    children = mesh.tree.children[lanes]
-    leaves = children < 0
-    own = np.stack((first_of.py_func(children), last_of.py_func(children) + 1), axis=1)
-    return np.where(leaves[:, None], own, mesh.ranges()[np.where(leaves, 0, children)])

@@ -23,6 +23,7 @@ from .rows import distance_of
 from .run import Order, Search, check_model
 from .signed import SignedSearch
 from .slices import deadline_of
+from .touching import PieceSearch
 
 
 class Pair:
@@ -46,7 +47,7 @@ class Pair:
         TypeError: a model that is none.
     """
 
-    __slots__ = ("_asked", "_begin_with", "_search", "_signed", "a", "b")
+    __slots__ = ("_asked", "_begin_with", "_pieces", "_search", "_signed", "a", "b")
 
     def __init__(self, a: Model, b: Model, *, coherent: bool = True) -> None:
         self._remember("depth_first", coherent)
@@ -57,6 +58,7 @@ class Pair:
         self._begin_with = order, coherent, nearest
         self._search: Search | None = None
         self._asked: tuple[object, ...] | None = None
+        self._pieces: PieceSearch | None = None
         self._signed: SignedSearch | None = None
 
     def __reduce__(self) -> tuple[Callable[..., Pair], tuple[Any, ...]]:
@@ -76,18 +78,23 @@ class Pair:
         budget_s: float | None = None,
         order: Order = "depth_first",
         manifold: bool = False,
+        param_err: float | None = None,
     ) -> Distance:
         """Minimum distance at two poses; see `engine.distance`."""
         start = perf_counter()
         rel_err = check_tolerance("rel_err", rel_err)
         abs_err = check_tolerance("abs_err", abs_err)
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        if manifold:
-            self._refuse_surfaces("manifold")
+        most = math.inf
+        if param_err is not None:
+            most, manifold = self._checked_param_err(param_err), True
         search = self._search
         if search is None or search.order != order:
             search = self._begin_search(order)
-        self._run(search, start, budget_s, pose_a, pose_b, rel_err, abs_err, collect=manifold)
+        self._run(
+            search, start, budget_s, pose_a, pose_b, rel_err, abs_err,
+            collect=manifold, param_err=most,
+        )  # fmt: skip
         held = candidates(search) if manifold else None
         return distance_of(search.answer, start, held, search.kinds)
 
@@ -172,21 +179,32 @@ class Pair:
         """Whether the surfaces touch or cross; see `engine.collide`."""
         start = perf_counter()
         pose_a, pose_b = as_pose(pose_a, "pose_a"), as_pose(pose_b, "pose_b")
-        if all_contacts:
-            self._refuse_surfaces("all_contacts")
         limit = math.ulp(0.0)
         search = self._search or self._begin_search()
         code = self._run(search, start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
-        return Collision(search.answer, met(search, pose_a), code == index.ENDED)
+        first = met(search, pose_a)
+        if not (all_contacts and search.answer[index.LOWER] == 0.0 and code != index.CUT):
+            return Collision(search.answer, first, code == index.ENDED)
+        if not are_divided(self.a._hierarchy, self.b._hierarchy):
+            return Collision(search.answer, first, code == index.ENDED)
+        pieces = self._pieces
+        if pieces is None or self._asked is None or pieces.question != self._asked:
+            pieces = self._pieces = PieceSearch(search, (pose_a, pose_b), self._asked)
+        deadline = None if budget_s is None else deadline_of(start, budget_s)
+        ended = pieces.run(deadline)
+        if ended:
+            self._pieces = None
+        found = pieces.met(first)
+        complete = ended and code == index.ENDED and found.decided
+        return Collision(search.answer, found, complete)
 
-    def _refuse_surfaces(self, wanted: str) -> None:
-        """Refuse what lists pairs of elements: parts of surfaces are not told apart in it yet."""
-        for name, model in (("a", self.a), ("b", self.b)):
-            if are_divided(model._hierarchy):
-                raise NotImplementedError(
-                    f"{wanted}=True: {name} is {model.name!r}, a parametric surface; so far only "
-                    "the nearest pair, or one contact, is found where surfaces take part"
-                )
+    def _checked_param_err(self, param_err: float) -> float:
+        if not are_divided(self.a._hierarchy, self.b._hierarchy):
+            raise ValueError(
+                f"param_err = {param_err!r}: neither {self.a.name!r} nor {self.b.name!r} is a "
+                "parametric surface, so there are no parameters"
+            )
+        return check_tolerance("param_err", param_err)
 
     def _run(
         self,
@@ -200,6 +218,7 @@ class Pair:
         stop: float = 0.0,
         limit: float = math.inf,
         collect: bool = False,
+        param_err: float = math.inf,
     ) -> int:
         """Search as `Search.run` does, within a budget that began at `start` of perf_counter.
 
@@ -209,12 +228,12 @@ class Pair:
         if budget_s is not None:
             deadline = deadline_of(start, budget_s)
             shapes = self.a._hierarchy, self.b._hierarchy
-            wanted = rel_err, abs_err, stop, limit, collect, search.order
+            wanted = rel_err, abs_err, stop, limit, collect, param_err, search.order
             asked = (pose_a.tobytes(), pose_b.tobytes(), wanted, shapes)
             fresh = asked != self._asked
         self._asked = None
         code = search.run(
-            pose_a, pose_b, rel_err, abs_err, stop, limit, deadline, fresh, collect
+            pose_a, pose_b, rel_err, abs_err, stop, limit, deadline, fresh, collect, param_err
         )  # by name it would take a tenth of a microsecond more
         self._asked = asked
         return code

@@ -26,6 +26,7 @@ def distance(
     budget_s: float | None = None,
     order: Order = "depth_first",
     manifold: bool = False,
+    param_err: float | None = None,
 ) -> Distance:
     """Minimum distance between two surfaces, with certified bounds and witness points.
 
@@ -49,24 +50,30 @@ def distance(
             next (Johnson and Cohen 1997, section 3.1.1), so its lower bound rises, and a manifold
             shrinks, everywhere alike. Its first question about a mesh chooses some vertices
             beforehand, which takes 5 ms for 100,000 triangles and which no budget cuts.
-        manifold: give every pair of triangles that may hold the minimum, with all ties and, where
-            surfaces intersect, all contacts: `Distance.manifold`. If the search is cut, or leaves
-            pairs of volumes alone because of a tolerance, these pairs are in it as well. Of meshes
-            alone.
+        manifold: give every pair of triangles, or of parts of parametric surfaces, that may hold
+            the minimum, with all ties and, where surfaces intersect, all contacts:
+            `Distance.manifold`, and in groups `Distance.solution_set`. If the search is cut, or
+            leaves pairs of volumes alone because of a tolerance, these pairs are in it as well.
+        param_err: of parametric surfaces: go on until no part in the manifold, which this implies,
+            is longer than that in u or v, in the units of its patch's knots; such parts are all
+            that is left of both surfaces. So the parameters of a nearest pair that stands alone
+            are known to a few times that, or some dozens where one is worth little, as near a pole:
+            `Manifold.extents` says how well. A continuum is covered by parts of that size, while
+            there is room for them.
 
     Returns:
         The bounds, in metres, witness points and why the search stopped.
 
     Raises:
         TypeError: a model that is none, a tolerance or budget that is no real number.
-        ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN.
-        NotImplementedError: a manifold where a model is a parametric surface.
+        ValueError: a pose that is no rigid motion, a tolerance or budget that is negative or NaN, a
+            `param_err` though neither model is a parametric surface.
     """
     start = perf_counter()
     pair = Pair(a, b, coherent=False)
     return pair.distance(
         pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=_left(budget_s, start),
-        order=order, manifold=manifold,
+        order=order, manifold=manifold, param_err=param_err,
     )  # fmt: skip
 
 
@@ -120,7 +127,8 @@ def collide(
         pose_a: (4, 4) model to world, metres.
         b: second model.
         pose_b: (4, 4) model to world, metres.
-        all_contacts: find every pair of touching triangles, else one. Of meshes alone.
+        all_contacts: find every pair of touching triangles, or pieces of parametric surfaces, else
+            one; see `Collision.contacts`.
         budget_s: as for `distance`. If it ends before anything is known, `Collision.decided` is
             False and `colliding` is True; if it ends before all contacts are found, `complete` is
             False.
@@ -128,7 +136,6 @@ def collide(
     Raises:
         TypeError: a model that is none, a budget that is no real number.
         ValueError: a pose that is no rigid motion, a budget that is negative or NaN.
-        NotImplementedError: all contacts where a model is a parametric surface.
     """
     start = perf_counter()
     pair = Pair(a, b, coherent=False)

@@ -16,7 +16,7 @@ from .witness import witness_points
 
 if TYPE_CHECKING:
     from .closest import Nearest
-    from .manifold import Candidates
+    from .manifold import Candidates, Manifold
 
 
 class Status(Enum):
@@ -35,40 +35,6 @@ class Status(Enum):
 
 STATUSES = tuple(Status)
 """By the numbers that kernels have for them."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Manifold:
-    """Every pair of parts of two surfaces that may hold their minimum distance: none is missing.
-
-    A part is one triangle, or all under a volume that the search did not look into because the
-    budget was over or the tolerance did not require it (Johnson and Cohen 1997, section 3.1.3).
-
-    Attributes:
-        lower: (k,) metres; certified lower bound of each pair's distance.
-        upper: (k,) metres; certified upper bound of it.
-        ranges_a: (k, 2) int32; the part of a of each pair: first, and one after the last, among
-            `faces_a`.
-        ranges_b: (k, 2) int32; the same of b.
-        faces_a: (m,) int32; a's faces by index, those of a part in a row.
-        faces_b: (n,) int32; the same of b.
-    """
-
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    ranges_a: NDArray[np.int32]
-    ranges_b: NDArray[np.int32]
-    faces_a: NDArray[np.int32]
-    faces_b: NDArray[np.int32]
-
-    def __len__(self) -> int:
-        """How many pairs there are."""
-        return len(self.lower)
-
-    def faces(self, i: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Which faces of a and which of b make up pair i."""
-        (first_a, last_a), (first_b, last_b) = self.ranges_a[i], self.ranges_b[i]
-        return self.faces_a[first_a:last_a], self.faces_b[first_b:last_b]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,6 +61,19 @@ class Distance:
         It is made when it is first read, outside any budget: a millisecond for 20,000 pairs.
         """
         return None if self.candidates is None else self.candidates.manifold()
+
+    @cached_property
+    def solution_set(self) -> tuple[Manifold, ...] | None:
+        """The manifold in groups: one of each nearest pair that stands alone, and each continuum.
+
+        Pairs are in one group where their parts are about as near to each other as they are long,
+        on both models, in space. So pairs of different groups are certainly apart; what is in one
+        group may not be connected. The one with the least bound is first. None where no manifold
+        was asked for. It is made when it is first read.
+        """
+        if self.candidates is None or self.manifold is None:
+            return None
+        return self.candidates.solution_set(self.manifold)
 
     @property
     def lower(self) -> float:

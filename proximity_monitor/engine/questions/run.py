@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from threading import Event
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +63,15 @@ def check_models(models: Iterable[Model]) -> tuple[Model, ...]:
 def least(rows: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
     """Lower bounds (k,) of the distances of cores, metres, of rows (k, 3) of `State.collected`."""
     return rows[:, 2] - np.where(rows[:, 0] >= 0.0, slack, 0.0)
+
+
+class Cells(NamedTuple):
+    """Pairs of parts of elements that may hold the minimum, and the parts."""
+
+    pairs: NDArray
+    """(k,) CELL_PAIR."""
+    sides: tuple[NDArray, NDArray]
+    """(m,) CELL of either model; none if its elements are not divided."""
 
 
 class Search:
@@ -150,6 +159,7 @@ class Search:
         deadline: float | None = None,
         fresh: bool = True,
         collect: bool = False,
+        param_err: float = math.inf,
         *,
         first: int | None = None,
         stopped: Event | None = None,
@@ -161,8 +171,9 @@ class Search:
 
         Unless `fresh`, the search of the last run goes on. With `collect`, for one pose alone, it
         collects every pair that may be as near as the upper bound, and ends only when it has them
-        all. `first` is the number of the first pose among many, for error messages. At least one
-        slice is searched. Returns ENDED; CUT if the deadline (of perf_counter) came first; or
+        all; parts of surfaces are divided until none is longer than `param_err` in u or v. `first`
+        is the number of the first pose among many, for error messages. At least one slice is
+        searched. Returns ENDED; CUT if the deadline (of perf_counter) came first; or
         another code if `stopped` was set meanwhile.
 
         Raises:
@@ -193,10 +204,10 @@ class Search:
         # Of one row no view is made: each takes a tenth of a microsecond.
         self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
         own = self._own
-        wanted = rel_err, abs_err, stop, limit
+        wanted = rel_err, abs_err, stop, limit, param_err
         if wanted != self._wanted:
             numbers = own.numbers
-            numbers[0], numbers[1], numbers[2], numbers[3] = wanted
+            numbers[0], numbers[1], numbers[2], numbers[3], numbers[4] = wanted
             self._wanted = wanted
         row = 0
         # At least one slice, so that asking again and again comes to an end.
@@ -224,6 +235,35 @@ class Search:
             check_pose(poses[4 * row : 4 * row + 4], name)
         return code
 
+    def run_queries(
+        self,
+        asked: NDArray[np.int64],
+        count: int,
+        row: int,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        deadline: float | None,
+        fresh: bool,
+        answers: NDArray[np.float64],
+    ) -> tuple[int, int]:
+        """Answer the queries `row` and after it of a table of `count`, at one pose, in slices.
+
+        Unless `fresh`, the search about the first of them goes on. Returns ENDED and `count`; or
+        another code, and the number of the query that is not answered yet.
+        """
+        a, b = self.models
+        models = self._own.models
+        models[0], models[1] = self._known = a._hierarchy.table_of_all, b._hierarchy.table_of_all
+        slices = slices_until(deadline)
+        flat = answers.ravel()
+        while True:
+            code, row = self._entry(
+                models, self.memory, pose_a, pose_b, asked, row, count, 1, slices.steps, fresh, flat
+            )
+            if code == index.ENDED or slices.over():
+                return code, row
+            fresh = code == index.CUT_BETWEEN
+
     def _make_room(self) -> None:
         """Set aside the rows of the full block that still matter, and begin another."""
         progress = self.progress
@@ -243,6 +283,18 @@ class Search:
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
         return *self._blocks, self.state.collected[: self.progress["collected"]]
+
+    def divided(self) -> Cells | None:
+        """The pairs of cells that may hold the minimum: a copy; None where nothing is divided."""
+        waiting = self.state.waiting
+        if not isinstance(waiting, index.Dividing):
+            return None
+        progress, pairs = self.progress, waiting.pairs
+        heap, aside = pairs[: progress["dividing"]], pairs[len(pairs) - int(progress["aside"]) :]
+        used = waiting.cells_a[: progress["cells_a"]], waiting.cells_b[: progress["cells_b"]]
+        # As bytes: numpy copies records field by field, which takes ten times as long.
+        a, b = (np.frombuffer(each.tobytes(), index.CELL) for each in used)
+        return Cells(np.frombuffer(heap.tobytes() + aside.tobytes(), index.CELL_PAIR), (a, b))
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""

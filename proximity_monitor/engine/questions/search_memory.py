@@ -110,7 +110,7 @@ class SearchMemory(Memory):
     models: NDArray[np.int64]
     """(2, 2, MODEL_COLUMNS) room for the tables of two models."""
     numbers: memoryview
-    """The four numbers of the one query, about the bodies 0 and 1."""
+    """The five numbers of the one query, about the bodies 0 and 1."""
     asked: NDArray[np.int64]
     """The table of that query."""
     progress: np.void
@@ -124,7 +124,7 @@ class SearchMemory(Memory):
         self.query = np.zeros(1, index.QUERY)
         self.query["bodies"], self.query["nearest"] = (0, 1), index.KEEP
         self.asked = table((self.query,))
-        self.numbers = memoryview(self.query.view(np.float64))[-4:]
+        self.numbers = memoryview(self.query.view(np.float64))[-5:]
         self.models = np.empty((2, 2, MODEL_COLUMNS), np.int64)
         order, coherent, levels, capacity, *cells = kind
         record = np.zeros(1, index.PROGRESS)

@@ -54,7 +54,8 @@ def begin_questions(pairs, wanted, hints, signed, queries, answers):
             query.nearest[side] = UNKNOWN
         if len(hints) and hints[k, 0] >= 0 and hints[k, 1] >= 0:
             query.nearest[0], query.nearest[1] = hints[k, 0], hints[k, 1]
-        query.rel_err, query.abs_err = wanted[k, 0], wanted[k, 1]
+        query.alone = 0
+        query.rel_err, query.abs_err, query.param_err = wanted[k, 0], wanted[k, 1], np.inf
         query.stop = clearance if clearance < np.inf else 0.0
         query.limit = np.nextafter(clearance, np.inf)
         for i in range(answers.shape[1]):

@@ -137,9 +137,12 @@ Dividing = namedtuple(
 )
 """The same, where elements are divided until they are small enough (see search/stubs.py, `divide`).
 
-pairs (n,) CELL_PAIR, a heap with the least bound first; of either model cells (k,) CELL, nets
+pairs (n,) CELL_PAIR, a heap with the least bound first, and from the end backwards the pairs that
+are set aside: they may hold the minimum, where these are asked for, and are not divided any
+further; of either model cells (k,) CELL, nets
 (float64, flat) the control points of each, and roots (int32) the cell of each whole element, NONE
-where it has none. A model whose elements are not divided has none of the three.
+where it has none. A model whose elements are not divided has none of the three. Of two elements
+that are asked about alone, lanes hold ~element.
 """
 
 CELL = np.dtype(
@@ -184,10 +187,12 @@ QUERY = np.dtype(
         ("bodies", np.int32, (2,)),
         ("poses", np.int32, (2,)),
         ("nearest", np.int32, (2,)),  # elements to begin with, in tree order; both KEEP or UNKNOWN
+        ("alone", np.int32),  # whether these two elements alone are asked about
         ("rel_err", np.float64),
         ("abs_err", np.float64),
         ("stop", np.float64),  # metres: a distance at which the search may end
         ("limit", np.float64),  # metres: nothing is asked about what is farther
+        ("param_err", np.float64),  # how long in its parameters a part that is collected may be
     ],
     align=True,
 )
@@ -208,6 +213,7 @@ PROGRESS = np.dtype(
         ("rel_err", np.float64),
         ("abs_err", np.float64),
         ("stop", np.float64),  # the distance at which the search may end
+        ("param_err", np.float64),  # parts of elements that are collected are no longer than that
         ("radii", np.float64),  # both models' swept radii together
         ("deviations", np.float64),  # both deviations
         ("normal_a", np.float64, (3,)),  # unit vector from the nearest point of a to that of b,
@@ -231,6 +237,7 @@ PROGRESS = np.dtype(
         ("open", np.int64),  # how many pairs of volumes are open: where the next stands
         ("waiting", np.int64),  # how many pairs of leaves wait
         ("dividing", np.int64),  # how many pairs of cells
+        ("aside", np.int64),  # how many besides are set aside
         ("cells_a", np.int64),  # how many cells there are of either model
         ("cells_b", np.int64),
         ("least_cells", np.float64),  # the least bound of pairs that cannot be divided any more

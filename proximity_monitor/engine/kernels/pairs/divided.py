@@ -20,6 +20,7 @@ from ..base.state import (
 )
 from ..base.vectors import moved, norm, scaled, sub
 from ..elements.errors import points_err
+from ..elements.primitives import collect
 from ..inside.nearest import begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
@@ -75,7 +76,7 @@ def _resolution(waiting, tree_a, tree_b, slack):
 @kernel
 def _prepare(cells, tree_a, tree_b, state):
     progress = state.progress[0]
-    progress.dividing, progress.least_cells = 0, np.inf
+    progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
     # Cells stand in their model's own frame: they serve again while the models are the same.
     same = state.keys.shape[0] > 0
     shapes = tree_a.scale[REVISION], tree_b.scale[REVISION]
@@ -123,19 +124,37 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     bound = waiting.bounds[n]
     if bound >= progress.limit:
         return n, steps
-    leaf_a = np.int64(tree_a.children[waiting.lanes[n, 0]])
-    leaf_b = np.int64(tree_b.children[waiting.lanes[n, 1]])
     # A leaf of a mesh may hold two triangles.
-    for a in range(first_of(leaf_a), last_of(leaf_a) + 1):
-        for b in range(first_of(leaf_b), last_of(leaf_b) + 1):
+    first_a, last_a = _elements(tree_a, waiting.lanes[n, 0])
+    first_b, last_b = _elements(tree_b, waiting.lanes[n, 1])
+    for a in range(first_a, last_a + 1):
+        for b in range(first_b, last_b + 1):
             taken = add_elements(tree_a, tree_b, state, a, b, bound)
             if taken == NONE and make_room(state):
                 taken = add_elements(tree_a, tree_b, state, a, b, bound)
             if taken == NONE:
                 progress.least_cells = min(progress.least_cells, bound)
+                if state.collected.shape[0] > 0:
+                    collect(state, ~waiting.lanes[n, 0], ~waiting.lanes[n, 1], bound)
                 taken = 1
             steps -= min(steps, taken)
     return n, steps
+
+
+@inlined
+def _elements(tree, lane):
+    """The elements of a leaf, the first and the last; an element that waits alone is ~lane."""
+    if lane < 0:
+        return np.int64(~lane), np.int64(~lane)
+    leaf = np.int64(tree.children[lane])
+    return first_of(leaf), last_of(leaf)
+
+
+@implements(stubs.compare, Dividing)
+@inlined
+def _compare(waiting, tree_a, tree_b, state, a, b):
+    waiting.lanes[0, 0], waiting.lanes[0, 1], waiting.bounds[0] = ~a, ~b, -np.inf
+    state.progress[0].waiting = 1
 
 
 @implements(stubs.divide, Dividing)
@@ -151,9 +170,8 @@ def _divide(waiting, tree_a, tree_b, state, steps):
                 return CELLS_FULL, steps
             taken = ROOM_STEPS
         steps -= min(steps, taken)
-    if progress.least_cells < progress.limit and progress.distance - progress.slack > progress.stop:
-        return CELLS_FULL, steps
-    return ENDED, steps
+    apart = progress.distance - progress.slack > progress.stop
+    return (CELLS_FULL if apart and progress.least_cells < progress.enough else ENDED), steps
 
 
 @implements(stubs.least_undivided, Dividing)

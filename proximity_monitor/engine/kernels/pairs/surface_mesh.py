@@ -24,6 +24,7 @@ from ..surface.sides import (
     element_of,
     facing,
     is_left,
+    is_short,
     least_of,
     margin_of,
     normal_of,
@@ -52,8 +53,14 @@ def _whole(tree, element, cells, nets, roots, used):
 
 @implements(divide_side, MeshTree)
 @inlined
-def _divide(tree, index, cells, nets, used):
+def _divide(tree, index, cells, nets, used, most):
     return used
+
+
+@implements(is_short, MeshTree)
+@inlined
+def _is_short(tree, cells, index, most):
+    return True
 
 
 @implements(roughness, MeshTree)

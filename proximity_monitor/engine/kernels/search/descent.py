@@ -147,7 +147,8 @@ def advance(tree_a, tree_b, state):
             continue
         steps -= 1
         a, b, bound = np.int64(pairs[at, 0]), np.int64(pairs[at, 1]), bounds[at]
-        if room > 0 and bound >= progress.enough + 3.0 * progress.slack:
+        near = room > 0 and bound >= progress.enough + 3.0 * progress.slack
+        if near and progress.param_err == np.inf:
             # It may hold the minimum, and that is all that was asked: without tolerances this
             # is LIMIT, and only pairs of triangles are collected.
             collect(state, ~a, ~b, bound)

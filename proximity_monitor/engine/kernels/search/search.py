@@ -50,6 +50,7 @@ from .approach import begin_near
 from .coherence import travel
 from .descent import advance
 from .stubs import (
+    compare,
     least_open,
     least_undivided,
     measure,
@@ -99,7 +100,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.deviations = tree_a.scale[DEVIATION] + tree_b.scale[DEVIATION]
     progress.rel_err = query.rel_err
     progress.abs_err = max(query.abs_err, resolution(state.waiting, tree_a, tree_b, progress.slack))
-    progress.stop = query.stop + progress.radii
+    progress.stop, progress.param_err = query.stop + progress.radii, query.param_err
     limit = core_of(query.limit, progress.radii, progress.deviations)
     progress.limit, progress.enough = limit, limit
     progress.bound_tests, progress.primitive_tests, progress.collected = 0, 0, 0
@@ -121,7 +122,11 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     else:
         progress.primitive_tests = 1
         measure(tree_a, tree_b, state, ta, tb, 0.0)
-    begin_near(tree_a, tree_b, state, last)
+    if query.alone:
+        progress.open = 0
+        compare(state.waiting, tree_a, tree_b, state, ta, tb)
+    else:
+        begin_near(tree_a, tree_b, state, last)
     return CUT
 
 

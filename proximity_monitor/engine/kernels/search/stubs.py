@@ -105,9 +105,14 @@ def settle(waiting, tree_a, tree_b, state):
     """
 
 
+def compare(waiting, tree_a, tree_b, state, a, b):
+    """Take up two elements, whose nearest points are asked for alone; they have been measured."""
+
+
 def divide(waiting, tree_a, tree_b, state, steps):
     """Compare the parts of elements that are divided, when all other pairs are dealt with.
 
+    Where all that may be nearest is collected, these pairs stay.
     Returns ENDED, CUT or CELLS_FULL, and how many of the steps are left.
     """
 

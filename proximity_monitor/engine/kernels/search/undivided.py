@@ -27,6 +27,12 @@ def _settle(waiting, tree_a, tree_b, state):
     pass
 
 
+@implements(stubs.compare, Waiting)
+@inlined
+def _compare(waiting, tree_a, tree_b, state, a, b):
+    pass
+
+
 @implements(stubs.divide, Waiting)
 @inlined
 def _divide(waiting, tree_a, tree_b, state, steps):

@@ -58,10 +58,11 @@ def root_cell(tree, element, cells, nets, roots, used):
 
 
 @kernel
-def divide_cell(tree, index, cells, nets, used):
+def divide_cell(tree, index, cells, nets, used, most):
     """Divide a cell in two or four, unless it is; returns how many cells are in use then.
 
-    As many as before where it is too small, or there is no room: it has no child then.
+    Where `most` is finite, in the parameters in which it is longer than that; else as its shape
+    demands. As many as before where it is too small, or there is no room: it has no child then.
     """
     cell = cells[index]
     if cell.child != NONE or cell.splits >= MOST_SPLITS or used + 4 > len(cells):
@@ -69,7 +70,7 @@ def divide_cell(tree, index, cells, nets, used):
     piece = tree.pieces[cell.element]
     if piece.edge != NONE:
         return _divide_edge(tree, index, cells, nets, used)
-    in_u, in_v = _directions(piece, cell)
+    in_u, in_v = _directions(piece, cell, most)
     net, step = net_of(cells, nets, index), net_of(cells, nets, 1)
     one = net_of(cells, nets, used)
     if in_u and in_v:
@@ -150,9 +151,17 @@ def _divide_edge(tree, index, cells, nets, used):
     return used + 2
 
 
+@inlined
+def length_in(piece, cell, axis):
+    """How long a cell of a piece is in a parameter of the patch."""
+    return (cell.high[axis] - cell.low[axis]) * (piece.high[axis] - piece.low[axis])
+
+
 @kernel
-def _directions(piece, cell):
+def _directions(piece, cell, most):
     """Whether a cell is to be divided in u, and in v."""
+    if most < np.inf:
+        return length_in(piece, cell, 0) > most, length_in(piece, cell, 1) > most
     if piece.degree_v == 0:
         return True, False
     u, v = cell.bend_u, cell.bend_v

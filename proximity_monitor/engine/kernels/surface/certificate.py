@@ -72,7 +72,7 @@ _OUTWEIGHING = 4.0
 
 @kernel
 def is_done(tree_a, tree_b, state, a, b, slack):
-    """Whether nothing in two cells is nearer than the limit, and the steps that it took to know.
+    """Whether nothing in two cells improves the answer, and the steps that it took to know.
 
     Only where both hold the nearest points found so far. `slack` is what their bound may err by.
     """
@@ -94,13 +94,13 @@ def is_done(tree_a, tree_b, state, a, b, slack):
     q = witness(tree_b, element_of(tree_b, waiting.cells_b, b), at_b)
     way = sub(moved(motion, q), p)
     distance = norm(way)
-    if not distance - slack > progress.limit:
+    if not distance - slack > progress.enough:
         return False, 1
     n = scaled(way, (1.0 - 4.0 * DOUBLE_EPS) / distance)
     sides = table_on_stack(2, _SIDE, 0.0)
     put_side(tree_a, waiting.cells_a, waiting.nets_a, a, at_a, n, sides[0])
     put_side(tree_b, waiting.cells_b, waiting.nets_b, b, at_b, turned_back(motion, n), sides[1])
-    limit = progress.limit + slack
+    limit = progress.enough + slack
     return _surpasses(sides, n, motion, distance, progress.slack, limit), PROOF_STEPS
 
 

@@ -20,13 +20,14 @@ from ..elements.primitives import keep
 from .certificate import is_done
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
-from .heap import add_pair, drop_first
+from .heap import add_pair, drop_first, put_aside
 from .newton import MOST, nearest_near
 from .sides import (
     divide_side,
     element_of,
     facing,
     is_left,
+    is_short,
     least_of,
     margin_of,
     normal_of,
@@ -57,7 +58,7 @@ def add_elements(tree_a, tree_b, state, a, b, bound):
     Or NONE where there is no room for it.
     """
     progress, cells = state.progress[0], state.waiting
-    if progress.dividing >= len(cells.pairs):
+    if progress.dividing + progress.aside >= len(cells.pairs):
         return NONE
     first, progress.cells_a = whole(
         tree_a, a, cells.cells_a, cells.nets_a, cells.roots_a, progress.cells_a
@@ -83,25 +84,38 @@ def divide_nearest(tree_a, tree_b, state):
     if bound >= progress.limit:
         progress.dividing = 0
         return 0
-    rough_a = roughness(tree_a, cells.cells_a, a)
-    rough_b = roughness(tree_b, cells.cells_b, b)
-    if rough_a < 0.0 and rough_b < 0.0:
-        progress.least_cells = min(progress.least_cells, bound)
-        progress.dividing = drop_first(pairs, progress.dividing)
-        return 0
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
-    done, steps = is_done(tree_a, tree_b, state, a, b, slack)
-    if not done and leads_to_edges(tree_a, tree_b, state, a, b, slack):
-        done, steps = True, steps + FALLING_STEPS
-    if done:
+    # Where pairs are collected and nothing nearer is to be found, only what is too long is divided.
+    collects, most = state.collected.shape[0] > 0, np.inf
+    meet = progress.distance - progress.slack <= progress.radii
+    settled, steps = collects and (meet or bound >= progress.enough), 0
+    if not settled:
+        done, steps = is_done(tree_a, tree_b, state, a, b, slack)
+        if done and not collects:
+            progress.dividing = drop_first(pairs, progress.dividing)
+            return steps
+        if done:
+            bound, settled = progress.enough, True
+    rough_a = roughness(tree_a, cells.cells_a, a)
+    rough_b = roughness(tree_b, cells.cells_b, b)
+    if settled:
+        most = progress.param_err
+        rough_a = -1.0 if is_short(tree_a, cells.cells_a, a, most) else rough_a
+        rough_b = -1.0 if is_short(tree_b, cells.cells_b, b, most) else rough_b
+    on_edges = leads_to_edges(tree_a, tree_b, state, a, b, slack)
+    if on_edges or (rough_a < 0.0 and rough_b < 0.0):
         progress.dividing = drop_first(pairs, progress.dividing)
-        return steps
-    if progress.dividing + 4 > len(pairs):
+        if not on_edges and not settled:
+            progress.least_cells = min(progress.least_cells, bound)
+        if not on_edges and collects:
+            progress.aside = put_aside(pairs, progress.aside, a, b, bound)
+        return steps + FALLING_STEPS
+    if progress.dividing + progress.aside + 4 > len(pairs):
         return NONE
     if rough_a >= rough_b:
         before = progress.cells_a
-        progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before)
+        progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before, most)
         steps += DIVISION_STEPS if progress.cells_a > before else 0
         first, count = np.int64(cells.cells_a[a].child), np.int64(cells.cells_a[a].children)
         if first == NONE:
@@ -120,7 +134,7 @@ def divide_nearest(tree_a, tree_b, state):
             )  # fmt: skip
     else:
         before = progress.cells_b
-        progress.cells_b = divide_side(tree_b, b, cells.cells_b, cells.nets_b, before)
+        progress.cells_b = divide_side(tree_b, b, cells.cells_b, cells.nets_b, before, most)
         steps += DIVISION_STEPS if progress.cells_b > before else 0
         first, count = np.int64(cells.cells_b[b].child), np.int64(cells.cells_b[b].children)
         if first == NONE:

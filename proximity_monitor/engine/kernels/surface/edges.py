@@ -16,6 +16,8 @@ from ..base.state import NONE
 from ..base.vectors import add, along, cross, dot, scaled, sub, unit
 from .edge_bend import find_bends
 from .evaluate import jet_at, point_at
+from .trim import from_unit
+from .trim_curve import curve_box
 from .trim_edge import trim_point
 
 EDGE_POINTS = 10
@@ -45,6 +47,22 @@ def _share(face, axis, value):
     """Where a parameter of the patch lies on a piece of it, 0 to 1."""
     share = (value - face.low[axis]) / (face.high[axis] - face.low[axis])
     return min(max(share, 0.0), 1.0)
+
+
+@kernel
+def rectangle_of(tree, piece, low, high):
+    """A rectangle of the patch's parameters around the part of an edge from `low` to `high`, 0..1.
+
+    Returns its low u, low v, high u and high v.
+    """
+    stretch = piece.high[0] - piece.low[0]
+    begin, end = piece.low[0] + low * stretch, piece.low[0] + high * stretch
+    trim, segment = tree.trims.trims[piece.patch], tree.trims.segments[piece.edge]
+    left, lower, right, upper = curve_box(tree.trims.nets, segment, begin, end, trim.slack)
+    return (
+        from_unit(trim, 0, left), from_unit(trim, 1, lower),
+        from_unit(trim, 0, right), from_unit(trim, 1, upper),
+    )  # fmt: skip
 
 
 @kernel

@@ -43,6 +43,20 @@ def drop_first(pairs, count):
 
 
 @kernel
+def put_aside(pairs, aside, a, b, bound):
+    """Add a pair to those that are set aside; returns how many they are then."""
+    pair = pairs[len(pairs) - 1 - aside]
+    pair.a, pair.b, pair.bound = a, b, bound
+    return aside + 1
+
+
+@inlined
+def place(pairs, count, k):
+    """Where the k-th pair stands of the `count` of the heap and those set aside after them."""
+    return k if k < count else len(pairs) - 1 - (k - count)
+
+
+@kernel
 def rebuilt(pairs, count, limit):
     """Leave out the pairs whose bound is not below a limit; returns how many are left."""
     kept = 0
@@ -51,6 +65,17 @@ def rebuilt(pairs, count, limit):
         if pair.bound < limit:
             normal = (pair.normal[0], pair.normal[1], pair.normal[2])
             kept = add_pair(pairs, kept, pair.a, pair.b, pair.bound, normal)
+    return kept
+
+
+@kernel
+def kept_aside(pairs, aside, limit):
+    """The same of those that are set aside."""
+    kept = 0
+    for k in range(aside):
+        if pairs[place(pairs, 0, k)].bound < limit:
+            _copy(pairs, place(pairs, 0, k), place(pairs, 0, kept))
+            kept += 1
     return kept
 
 

@@ -74,7 +74,7 @@ def _push_element(surface, parts, state, leaf, near, bound):
 @kernel
 def _divide(surface, parts, state, piece, near, bound):
     at, cell = state.at[0], piece.part
-    at.parts = divide_cell(surface, cell, parts.cells, parts.nets, at.parts)
+    at.parts = divide_cell(surface, cell, parts.cells, parts.nets, at.parts, np.inf)
     first, count = np.int64(parts.cells[cell].child), np.int64(parts.cells[cell].children)
     if first == NONE:
         return False

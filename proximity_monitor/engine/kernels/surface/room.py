@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..base.jit import kernel
 from ..base.state import NONE
-from .heap import rebuilt
+from .heap import kept_aside, place, rebuilt
 
 _SPARE = 0.75
 """Share of the room that may be in use afterwards; with more, it would soon be full again."""
@@ -16,24 +16,25 @@ def make_room(state):
     progress, waiting = state.progress[0], state.waiting
     pairs = waiting.pairs
     progress.dividing = rebuilt(pairs, progress.dividing, progress.limit)
-    count = progress.dividing
+    progress.aside = kept_aside(pairs, progress.aside, progress.limit)
+    count, aside = progress.dividing, progress.aside
     for side in range(2):
         cells = waiting.cells_a if side == 0 else waiting.cells_b
         nets = waiting.nets_a if side == 0 else waiting.nets_b
         roots = waiting.roots_a if side == 0 else waiting.roots_b
         used = progress.cells_a if side == 0 else progress.cells_b
-        used = _compacted(cells, nets, roots, used, pairs, count, side)
+        used = _compacted(cells, nets, roots, used, pairs, count, aside, side)
         if side == 0:
             progress.cells_a = used
         else:
             progress.cells_b = used
-    fits = count <= _SPARE * len(pairs)
+    fits = count + aside <= _SPARE * len(pairs)
     fits = fits and progress.cells_a <= _SPARE * len(waiting.cells_a)
     return fits and progress.cells_b <= _SPARE * len(waiting.cells_b)
 
 
 @kernel
-def _compacted(cells, nets, roots, used, pairs, count, side):
+def _compacted(cells, nets, roots, used, pairs, count, aside, side):
     """Keep the cells of one model that pairs name, one after the other; returns how many.
 
     A cell's parts are forgotten: where they are needed again, they are made again.
@@ -42,18 +43,20 @@ def _compacted(cells, nets, roots, used, pairs, count, side):
         return used
     for i in range(used):
         cells[i].child, cells[i].children = NONE, 0
-    for k in range(count):
-        cells[pairs[k].a if side == 0 else pairs[k].b].child = 0
+    for k in range(count + aside):
+        pair = pairs[place(pairs, count, k)]
+        cells[pair.a if side == 0 else pair.b].child = 0
     kept = 0
     for i in range(used):
         if cells[i].child != NONE:
             cells[i].children = kept  # its new place, for now
             kept += 1
-    for k in range(count):
+    for k in range(count + aside):
+        pair = pairs[place(pairs, count, k)]
         if side == 0:
-            pairs[k].a = cells[pairs[k].a].children
+            pair.a = cells[pair.a].children
         else:
-            pairs[k].b = cells[pairs[k].b].children
+            pair.b = cells[pair.b].children
     for element in range(len(roots)):
         at = roots[element]
         if at != NONE:

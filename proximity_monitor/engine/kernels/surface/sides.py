@@ -12,8 +12,9 @@ from ..base.jit import implements, inlined, kernel
 from ..base.lanes import least_along
 from ..base.state import NONE, SurfaceTree
 from ..base.vectors import cross
-from .cells import MOST_SPLITS, divide_cell, net_of, root_cell
+from .cells import MOST_SPLITS, divide_cell, length_in, net_of, root_cell
 from .clip import clipped_least
+from .edges import rectangle_of
 from .facing import vector
 from .trim import CROSSING, INSIDE, classify_point
 
@@ -22,8 +23,15 @@ def whole(tree, element, cells, nets, roots, used):
     """The cell of a whole element, and how many are in use then; NONE where there is no room."""
 
 
-def divide_side(tree, index, cells, nets, used):
-    """Divide a cell unless it is; returns how many are in use then."""
+def divide_side(tree, index, cells, nets, used, most):
+    """Divide a cell unless it is; returns how many are in use then.
+
+    Where `most` is finite, so that its parts become no longer than that in their parameters.
+    """
+
+
+def is_short(tree, cells, index, most):
+    """Whether a cell is no longer than `most` in the parameters of its patch or curve."""
 
 
 def roughness(tree, cells, index):
@@ -77,6 +85,19 @@ def near(tree, p, element, weights, steps, slack, stack, bounds, found):
 
 implements(whole, SurfaceTree)(root_cell)
 implements(divide_side, SurfaceTree)(divide_cell)
+
+
+@implements(is_short, SurfaceTree)
+@kernel
+def _is_short(tree, cells, index, most):
+    if most == np.inf:
+        return True
+    cell = cells[index]
+    piece = tree.pieces[cell.element]
+    if piece.edge == NONE:
+        return length_in(piece, cell, 0) <= most and length_in(piece, cell, 1) <= most
+    low_u, low_v, high_u, high_v = rectangle_of(tree, piece, cell.low[0], cell.high[0])
+    return high_u - low_u <= most and high_v - low_v <= most
 
 
 @implements(roughness, SurfaceTree)

@@ -1,0 +1,143 @@
+"""Where parts of elements lie: in the parameters of their patch, and in space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import entry, kernel
+from ..base.memory import on_stack
+from ..base.state import CONVERSION, NONE, SurfaceTree
+from ..base.tables import tree_at
+from .edges import point_on, rectangle_of
+from .sides import is_left
+
+_ROWS = 4
+"""Coordinates of a control point."""
+
+_WIDER = 1e-12
+"""Share of the model's size by which boxes are widened, for all that rounding does to them."""
+
+
+@entry
+def describe_parts(model, elements, low, high, rectangles, points, boxes):
+    """Describe k parts of a surface's elements.
+
+    Args:
+        model: the table of a SurfaceTree.
+        elements: (k,) int32, in tree order.
+        low: (k, 2) where each part begins in the element's own u and v, 0 to 1.
+        high: (k, 2) where it ends.
+        rectangles: (k, 4) written: low u, low v, high u, high v in its patch's own parameters.
+        points: (k, 3) written: one of its points, metres; NaN where that may have been cut off.
+        boxes: (k, 6) written: the least x, y, z and the largest of a box that holds it, metres.
+    """
+    tree, _ = tree_at(SurfaceTree, model)
+    net = on_stack(1024, 0.0)  # of degree 15 in u and v
+    for k in range(len(elements)):
+        element = np.int64(elements[k])
+        piece = tree.pieces[element]
+        middle = 0.5 * (low[k, 0] + high[k, 0]), 0.5 * (low[k, 1] + high[k, 1]), 0.0
+        points[k, 0] = points[k, 1] = points[k, 2] = np.nan
+        if is_left(tree, element, middle):
+            x, y, z = point_on(tree, element, middle[0], middle[1])
+            points[k, 0], points[k, 1], points[k, 2] = x, y, z
+        own = rectangles[k]
+        if piece.edge == NONE:
+            for axis in range(2):
+                width = piece.high[axis] - piece.low[axis]
+                own[axis] = piece.low[axis] + low[k, axis] * width
+                own[2 + axis] = min(piece.low[axis] + high[k, axis] * width, piece.high[axis])
+            _write_box(tree, piece, low[k], high[k], net, boxes[k])
+            continue
+        own[0], own[1], own[2], own[3] = rectangle_of(tree, piece, low[k, 0], high[k, 0])
+        face = tree.pieces[piece.face]
+        begin, end = on_stack(2, 0.0), on_stack(2, 0.0)
+        for axis in range(2):
+            width = face.high[axis] - face.low[axis]
+            begin[axis] = min(max((own[axis] - face.low[axis]) / width, 0.0), 1.0)
+            end[axis] = min(max((own[2 + axis] - face.low[axis]) / width, 0.0), 1.0)
+        _write_box(tree, face, begin, end, net, boxes[k])
+
+
+@kernel
+def _write_box(tree, piece, low, high, net, box):
+    """Write the box of the control points of a piece's part."""
+    p, n = np.int64(piece.degree_u), np.int64(piece.degree_v) + 1
+    room = np.int64(piece.room)
+    for k in range(_ROWS * room):
+        net[k] = tree.nets[piece.net + k]
+    for row in range(_ROWS):
+        for j in range(n):
+            _restrict(net, row * room + j, n, p, low[0], high[0])
+        for i in range(p + 1):
+            _restrict(net, row * room + i * n, 1, n - 1, low[1], high[1])
+    margin = _WIDER * tree.scale[2] + tree.scale[CONVERSION]
+    for axis in range(3):
+        box[axis], box[3 + axis] = np.inf, -np.inf
+        for k in range(np.int64(piece.points)):
+            value = net[axis * room + k] / net[3 * room + k]
+            box[axis] = min(box[axis], value - margin)
+            box[3 + axis] = max(box[3 + axis], value + margin)
+
+
+@kernel
+def _restrict(net, at, step, degree, low, high):
+    """Keep of a Bezier polynomial what lies between two parameters: de Casteljau, twice."""
+    if high < 1.0:
+        for level in range(1, degree + 1):
+            for i in range(degree, level - 1, -1):
+                k = at + i * step
+                net[k] = (1.0 - high) * net[k - step] + high * net[k]
+    if low > 0.0:
+        share = min(low / high, 1.0)
+        for level in range(1, degree + 1):
+            for i in range(degree + 1 - level):
+                k = at + i * step
+                net[k] = (1.0 - share) * net[k] + share * net[k + step]
+
+
+@entry
+def join_boxes(boxes_a, boxes_b, order, axis, groups):
+    """Number k pairs of boxes (k, 6) so that those have one number which touch on both sides.
+
+    Pairs that are joined by others have one number, too: the least place of all of them.
+
+    Args:
+        boxes_a: the first of each pair, least x, y, z and largest, metres.
+        boxes_b: the second.
+        order: (k,) int64, the pairs by the least coordinate of the first box along an axis.
+        axis: which.
+        groups: (k,) int64, written.
+    """
+    for k in range(len(groups)):
+        groups[k] = k
+    for first in range(len(order)):
+        i = order[first]
+        own = _root(groups, i)
+        for later in range(first + 1, len(order)):
+            j = order[later]
+            if boxes_a[j, axis] > boxes_a[i, 3 + axis]:
+                break
+            if groups[j] != own and _touch(boxes_a, i, j) and _touch(boxes_b, i, j):
+                other = _root(groups, j)
+                own, other = min(own, other), max(own, other)
+                groups[other] = groups[i] = groups[j] = own
+    for k in range(len(groups)):
+        groups[k] = _root(groups, k)
+
+
+@kernel
+def _touch(boxes, i, j):
+    for axis in range(3):
+        if boxes[i, axis] > boxes[j, 3 + axis] or boxes[j, axis] > boxes[i, 3 + axis]:
+            return False
+    return True
+
+
+@kernel
+def _root(groups, k):
+    """The first of a group; the way there is halved (path halving, Tarjan and van Leeuwen 1984)."""
+    while groups[k] != k:
+        groups[k] = groups[groups[k]]
+        k = groups[k]
+    return k

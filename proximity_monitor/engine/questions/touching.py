@@ -1,0 +1,143 @@
+"""All contacts of two models of which one at least is a parametric surface.
+
+The search for all pairs that may be nearest ends, where models touch, with pairs of pieces whose
+control points do not part them. Each of these is asked about alone, by the same search.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base import state as index
+from ..kernels.base.state import NONE, SurfaceTree
+from ..kernels.base.tables import table
+from ..kernels.tree.layout import first_of, last_of
+from ..models.hierarchy import Hierarchy
+from .contact_surface import contacts_of
+from .contacts import Met, Touching, no_contacts
+from .run import Search
+
+Reals = NDArray[np.float64]
+Pairs = NDArray[np.int64]
+
+
+class PieceSearch:
+    """Decides which pairs of elements touch, in slices.
+
+    Args:
+        search: one that has collected all pairs that may touch, and is over.
+        poses: both models', (4, 4), model to world.
+        asked: the question, by which it is known again.
+    """
+
+    __slots__ = ("_asked", "_fresh", "_poses", "_queries", "_row", "_search", "answers", "question")
+
+    answers: Reals
+    """(k, ANSWER) about each pair."""
+
+    def __init__(self, search: Search, poses: tuple[Reals, Reals], asked: object) -> None:
+        self.question = asked
+        pairs = _pairs_of(search)
+        queries = np.zeros(len(pairs), index.QUERY)
+        queries["bodies"], queries["nearest"], queries["alone"] = (0, 1), pairs, 1
+        queries["limit"], queries["param_err"] = math.ulp(0.0), math.inf
+        self._queries, self._asked = queries, table((queries,))
+        self._search = Search(*search.models, coherent=False)
+        self._poses = poses[0].copy(), poses[1].copy()
+        self._row, self._fresh = 0, True
+        self.answers = np.empty((len(pairs), index.ANSWER))
+
+    def run(self, deadline: float | None) -> bool:
+        """Go on until a deadline, of perf_counter; returns whether all pairs are answered."""
+        if self._row < len(self._queries):
+            code, self._row = self._search.run_queries(
+                self._asked, len(self._queries), self._row, *self._poses, deadline, self._fresh,
+                self.answers,
+            )  # fmt: skip
+            self._fresh = code == index.CUT_BETWEEN
+        return self._row == len(self._queries)
+
+    def met(self, first: Met) -> MetPieces:
+        """The contacts so far; `first` is what the search before knows."""
+        return MetPieces(first, self.answers[: self._row].copy())
+
+
+@dataclass(frozen=True, slots=True)
+class MetPieces:
+    """The pieces that touch or cross, as searches answered about each pair of them.
+
+    As of triangles, points and normals are made when they are read.
+    """
+
+    first: Met
+    """What the search for all of them knows."""
+    answers: Reals
+    """(k, ANSWER), one about each pair of elements."""
+
+    @property
+    def touching(self) -> bool:
+        """Whether the nearest elements that were found touch or cross, or rounding hides it."""
+        return self.first.touching
+
+    @property
+    def decided(self) -> bool:
+        """Whether of every pair it is known whether it touches."""
+        return bool(self._are_decided(self._touching()).all())
+
+    def contacts(self) -> Touching:
+        """A contact of each two pieces that touch; where that is not decided, as well."""
+        rows = self._touching()
+        rows = rows[(~self._are_decided(rows)).argsort(kind="stable")]
+        keys = np.stack([self._pieces(rows, side) for side in range(2)], axis=1)
+        _, kept = np.unique(keys, axis=0, return_index=True)
+        slack = float(self.first.progress["slack"])
+        if not len(kept):
+            return no_contacts()
+        return contacts_of(rows[kept], self.first.hierarchies, self.first.poses, slack)
+
+    def _touching(self) -> Reals:
+        return self.answers[self.answers[:, index.LOWER] == 0.0]
+
+    @staticmethod
+    def _are_decided(rows: Reals) -> NDArray[np.bool_]:
+        return rows[:, index.STATUS] != index.OUT_OF_TIME
+
+    def _pieces(self, rows: Reals, side: int) -> Pairs:
+        """The pieces, or triangles, on which the nearest points lie: an edge's is its face."""
+        elements = rows[:, (index.TREE_A, index.TREE_B)[side]].astype(np.int64)
+        tree = self.first.hierarchies[side].tree
+        if not isinstance(tree, SurfaceTree):
+            return elements
+        pieces = tree.pieces[elements]
+        return np.where(pieces["edge"] == NONE, elements, pieces["face"])
+
+
+def _pairs_of(search: Search) -> Pairs:
+    """The pairs of elements (k, 2), in tree order, that may touch as far as a search knows."""
+    found = []
+    cells = search.divided()
+    if cells is not None:
+        near = cells.pairs[cells.pairs["bound"] <= search.progress["limit"]]
+        sides = []
+        for which, own, model in zip("ab", cells.sides, search.models, strict=True):
+            divided = isinstance(model._hierarchy.tree, SurfaceTree)
+            sides.append(own["element"][near[which]] if divided else near[which])
+        found.append(np.stack(sides, axis=1))
+    for block in search.collected():  # there was no room for these
+        leaves = ~block[:, :2].astype(np.int64)
+        a, b = (model._hierarchy for model in search.models)
+        for one, other in leaves:
+            found.append(np.array([[i, j] for i in _under(a, one) for j in _under(b, other)]))
+    pairs = np.concatenate([each.astype(np.int64).reshape(-1, 2) for each in found])
+    return np.unique(pairs, axis=0)
+
+
+def _under(hierarchy: Hierarchy, lane: int) -> Iterator[int]:
+    """The elements of a leaf."""
+    child = int(hierarchy.tree.children[lane])
+    return iter(range(first_of.py_func(child), last_of.py_func(child) + 1))
