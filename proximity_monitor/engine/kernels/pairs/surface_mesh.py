@@ -175,14 +175,14 @@ def _can_be_proven(tree, cells, index):
 @implements(find_in, MeshTree)
 @kernel
 def _find_in(tree, cells, index, element, weights):
-    if index == element:
-        return True, weights
-    if weights[0] > 0.0 and weights[1] > 0.0 and weights[2] > 0.0:
-        return False, weights
     p = mixed(corners(tree.triangles, element), weights)
+    if index == element:
+        return True, weights, p
+    if weights[0] > 0.0 and weights[1] > 0.0 and weights[2] > 0.0:
+        return False, weights, p
     weights = _foot(p, corners(tree.triangles, index))
-    away = norm(sub(mixed(corners(tree.triangles, index), weights), p))
-    return away <= 8.0 * DOUBLE_EPS * tree.scale[2], weights
+    q = mixed(corners(tree.triangles, index), weights)
+    return norm(sub(q, p)) <= 8.0 * DOUBLE_EPS * tree.scale[2], weights, q
 
 
 @implements(put_side, MeshTree)

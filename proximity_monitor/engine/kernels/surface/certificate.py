@@ -26,12 +26,10 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE, SurfaceTree
 from ..base.vectors import along, dot, moved, norm, rotated, scaled, sub, turned_back
-from ..search.stubs import witness
 from .cells import net_of
-from .evaluate import jet_at
+from .evaluate import jet_at, point_at
 from .facing import vector
 from .ranges import errors_of, ranges_of, slope_error
-from .sides import element_of
 
 PROOF_STEPS = 4
 """Steps of a search that a proof takes as long as."""
@@ -45,9 +43,9 @@ def can_be_proven(tree, cells, index):
 
 
 def find_in(tree, cells, index, element, weights):
-    """Whether a cell holds a point of an element, perhaps of a neighbour, and where: a stub.
+    """Whether a cell holds a point of an element, perhaps of a neighbour: a stub.
 
-    As weights of the cell's own element.
+    Returns also its weights on the cell's own element, and the point, metres, in its model's frame.
     """
 
 
@@ -84,14 +82,12 @@ def is_done(tree_a, tree_b, state, a, b, slack):
     ):
         return False, 0
     at_a, at_b = vector(progress.weights_a), vector(progress.weights_b)
-    found, at_a = find_in(tree_a, waiting.cells_a, a, progress.element_a, at_a)
+    found, at_a, p = find_in(tree_a, waiting.cells_a, a, progress.element_a, at_a)
     if not found:
         return False, 0
-    found, at_b = find_in(tree_b, waiting.cells_b, b, progress.element_b, at_b)
+    found, at_b, q = find_in(tree_b, waiting.cells_b, b, progress.element_b, at_b)
     if not found:
         return False, 0
-    p = witness(tree_a, element_of(tree_a, waiting.cells_a, a), at_a)
-    q = witness(tree_b, element_of(tree_b, waiting.cells_b, b), at_b)
     way = sub(moved(motion, q), p)
     distance = norm(way)
     if not distance - slack > progress.enough:
@@ -251,13 +247,14 @@ def _find_in(tree, cells, index, element, weights):
     if cell.element != element:
         one, other = tree.pieces[element], tree.pieces[cell.element]
         if one.patch != other.patch or one.edge != NONE:
-            return False, weights
+            return False, weights, (0.0, 0.0, 0.0)
         u = _carried(weights[0], one.low[0], one.high[0], other.low[0], other.high[0])
         v = _carried(weights[1], one.low[1], one.high[1], other.low[1], other.high[1])
         weights = (u, v, 0.0)
     low, high = cell.low, cell.high
-    found = low[0] <= weights[0] <= high[0] and low[1] <= weights[1] <= high[1]
-    return found, weights
+    if not (low[0] <= weights[0] <= high[0] and low[1] <= weights[1] <= high[1]):
+        return False, weights, (0.0, 0.0, 0.0)
+    return True, weights, point_at(tree.pieces[cell.element], tree.nets, weights[0], weights[1])
 
 
 @inlined
