@@ -23,6 +23,7 @@ from numba.core import event
 from numba.core.typing.templates import infer, infer_global, make_overload_template
 
 from .cache import CACHE_DIRECTORY, KernelCache, refused
+from .linking import HELPER, ROOT
 
 _PACKAGE = __package__.partition(".")[0] + "."
 
@@ -63,6 +64,7 @@ def _entry(function, counted, wrapped=True):
         no_cfunc_wrapper=True,
         error_model="numpy",
         _nrt=counted,
+        pipeline_class=ROOT,
     )(function)
     compiled._cache = KernelCache(function)
     return compiled
@@ -85,7 +87,13 @@ def allocating_entry(function):
 
 # What only other compiled code calls needs nothing that Python could call: a third of the time that
 # compiling takes.
-_helper = partial(njit, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_helper = partial(
+    njit,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    pipeline_class=HELPER,
+)
 
 kernel = _helper(_nrt=False)
 """Compile a helper of the entries."""
