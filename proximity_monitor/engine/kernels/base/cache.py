@@ -25,7 +25,7 @@ import numba
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
-from . import ahead, claims, linking
+from . import ahead, claims
 
 _KERNELS = Path(__file__).parents[1]
 _CHECK = 4
@@ -116,7 +116,7 @@ class KernelCache:
     """
 
     def __init__(self, function) -> None:
-        self._label, self._function = kernel_name(function), function
+        self._label = kernel_name(function)
         source = _digest(Path(inspect.getfile(function)))
         versions = numba.__version__, sys.implementation.cache_tag, sys.abiflags
         self._about = function.__module__, function.__qualname__, source, versions
@@ -139,8 +139,6 @@ class KernelCache:
                 kept = self._load(name, target)
             if kept is not None:
                 claims.release(CACHE_DIRECTORY / name)
-        if kept is not None:
-            linking.needs(kept.library, self._function, signature)
         return kept
 
     def is_wanting(self, signature, target) -> bool:
@@ -164,7 +162,6 @@ class KernelCache:
 
     def save_overload(self, signature, compiled) -> None:
         """Keep what was compiled, if that is possible."""
-        linking.needs(compiled.library, self._function, compiled.signature.args)
         if CACHE_DIRECTORY is None:
             return
         name = self._name(signature, compiled.codegen)

@@ -118,8 +118,7 @@ def specialised(function, name, **constants):
     """The same function under another name, with constants of its own for some of its globals.
 
     Numba takes globals for constants, types among them, so a copy is compiled for these. A call
-    with types for arguments would do the same; but LLVM optimises what a function calls with every
-    function that calls it, so each function in between takes as long to compile as all below.
+    with types for arguments would do the same, by one more function to compile.
     """
     copy = FunctionType(function.__code__, {**function.__globals__, **constants}, name)
     copy.__qualname__ = name  # by which its code is kept
@@ -135,7 +134,7 @@ def implements(stub, *kinds):
     A stub is a function of this package that does nothing but say what it is for.
 
     It is `numba.extending.overload`, but for a kernel that is already there: of a function it would
-    make another kernel around it, which takes as long to compile as all below (see `specialised`).
+    make another kernel around it, and have numba compile that as its own (see linking.py).
     """
 
     def fits(argument, kind):
