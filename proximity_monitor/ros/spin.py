@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from types import FrameType
 from typing import Any
 
 import rclpy
@@ -33,10 +34,11 @@ class Stop:
         self.asked = False
         self.by = ""
         """The signal's name."""
-        self.cut = False
-        """Whether it interrupted a computation."""
+        self.cut: list[FrameType | None] = []
+        """The frames of computations that it interrupted. Kept, so that nothing in them is ever
+        destroyed: see `_leave`."""
 
-    def on_signal(self, number: int, *_: object) -> None:
+    def on_signal(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
         self.asked = True
         if number != signal.SIGALRM:
@@ -44,7 +46,7 @@ class Stop:
         if _computing:
             # And again soon: an import under `except BaseException` swallows the interrupt.
             signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
-            self.cut = True
+            self.cut.append(frame)
             raise KeyboardInterrupt
 
 
@@ -117,7 +119,10 @@ def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
 def _leave() -> None:
     """End the process without destroying its objects.
 
-    Where an interrupt cut the constructor of an object of LLVM, its destructor may crash.
+    Python handles a signal that comes during a call into LLVM when that call returns, before
+    llvmlite has noted what it did. A module that was linked into another is then freed twice: the
+    process crashes when the frame that holds it goes, which is before this function is called. So
+    a cut frame is kept, and with it those that called it.
     """
     sys.stdout.flush()
     sys.stderr.flush()

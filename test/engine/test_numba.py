@@ -108,6 +108,35 @@ def test_kernels_do_without_reference_counts():
     assert "NRT_incref" not in code, broken("compiles without reference counts (_nrt=False)")
 
 
+def test_helpers_are_linked_where_they_are_called():
+    """Machine code is made of them there alone: see linking.py."""
+
+    @jit.kernel
+    def below(x):
+        return x + 1
+
+    @jit.kernel
+    def helper(x):
+        return below(x) * below(x + 2)
+
+    @jit.shared
+    def shared(x):
+        return helper(x) + below(x)
+
+    shared._cache = NullCache()
+
+    @run
+    def kept(x):
+        return shared(x) + below(x) - helper(2 * x)
+
+    assert kept(3) == (24 + 4) + 4 - 63, broken("links functions by their libraries (linking.py)")
+    for each in (below, helper):
+        (compiled,) = each.overloads.values()
+        assert not compiled.codegen._engine.is_symbol_defined(compiled.fndesc.mangled_name), broken(
+            "lets a library do without machine code (linking.py)"
+        )
+
+
 def test_lanes_become_masks():
     @run
     def masks(values):

@@ -23,6 +23,7 @@ from numba.core import event
 from numba.core.typing.templates import infer, infer_global, make_overload_template
 
 from .cache import CACHE_DIRECTORY, KernelCache, refused
+from .linking import HELPER, ROOT
 
 _PACKAGE = __package__.partition(".")[0] + "."
 
@@ -63,6 +64,7 @@ def _entry(function, counted, wrapped=True):
         no_cfunc_wrapper=True,
         error_model="numpy",
         _nrt=counted,
+        pipeline_class=ROOT,
     )(function)
     compiled._cache = KernelCache(function)
     return compiled
@@ -85,7 +87,13 @@ def allocating_entry(function):
 
 # What only other compiled code calls needs nothing that Python could call: a third of the time that
 # compiling takes.
-_helper = partial(njit, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_helper = partial(
+    njit,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    pipeline_class=HELPER,
+)
 
 kernel = _helper(_nrt=False)
 """Compile a helper of the entries."""
@@ -110,8 +118,7 @@ def specialised(function, name, **constants):
     """The same function under another name, with constants of its own for some of its globals.
 
     Numba takes globals for constants, types among them, so a copy is compiled for these. A call
-    with types for arguments would do the same; but LLVM optimises what a function calls with every
-    function that calls it, so each function in between takes as long to compile as all below.
+    with types for arguments would do the same, by one more function to compile.
     """
     copy = FunctionType(function.__code__, {**function.__globals__, **constants}, name)
     copy.__qualname__ = name  # by which its code is kept
@@ -127,7 +134,7 @@ def implements(stub, *kinds):
     A stub is a function of this package that does nothing but say what it is for.
 
     It is `numba.extending.overload`, but for a kernel that is already there: of a function it would
-    make another kernel around it, which takes as long to compile as all below (see `specialised`).
+    make another kernel around it, and have numba compile that as its own (see linking.py).
     """
 
     def fits(argument, kind):

@@ -1,0 +1,111 @@
+"""How compiled kernels are put together: each helper is linked in once, and optimised where it is.
+
+Numba would optimise every function with all that it calls, make machine code of both, and do so
+again in each function that calls it: a kernel would take as long to compile as it is deep times
+large. Here a helper is nothing but LLVM's code, as numba's front end writes it. A kernel that is
+kept is a root: it is linked with all helpers below it, and then optimised and made machine code of.
+Roots that are `shared` are linked into others as they are, and optimised once more with these: that
+pays, as only then does LLVM keep in registers what it unrolled at the end of the first time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from llvmlite.binding import ModuleRef
+from numba.core.codegen import CodeLibrary, JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.environment import lookup_environment
+
+_OBJECTS = "_ZN08NumbaEnv"
+"""How the names begin by which code finds its function's Python objects."""
+
+
+class _Unset:
+    """The code generator, but for what it does with machine code that is not there."""
+
+    def __init__(self, codegen: Any) -> None:
+        self._codegen = codegen
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._codegen, name)
+
+    def set_env(self, *_: Any) -> None:
+        """Leave a function's Python objects to the roots that it is linked into."""
+
+
+class _Helper(JITCodeLibrary):
+    """A function that is linked into roots."""
+
+    @property
+    def codegen(self) -> Any:
+        """The code generator."""
+        return _Unset(self._codegen)
+
+    def finalize(self) -> None:
+        """Leave it as it is."""
+        self._raise_if_finalized()
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def _get_module_for_linking(self) -> ModuleRef:
+        """What is linked into a root: even where nothing there calls it yet."""
+        self._ensure_finalized()
+        return self._final_module
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """No machine code."""
+        self._ensure_finalized()
+        return 0
+
+
+class _Root(JITCodeLibrary):
+    """A kernel with all helpers below it."""
+
+    def finalize(self) -> None:
+        """Link and optimise."""
+        below = list(_below(self, set()))
+        helpers = [each for each in below if type(each) is _Helper]
+        # Others last, roots and numba's own: LLVM takes no code of them that nothing calls so far.
+        others = [each for each in below if type(each) is not _Helper]
+        self._linking_libraries = helpers + others
+        self._helpers = {f.name for each in helpers for f in each.get_defined_functions()}
+        super().finalize()
+        for each in self._final_module.global_variables:
+            if each.name.startswith(_OBJECTS) and (objects := lookup_environment(each.name)):
+                self._codegen.set_env(each.name, objects)
+
+    def _optimize_final_module(self) -> None:
+        """Optimise; a helper that is called no more after that is left out."""
+        for function in self._final_module.functions:
+            if function.name in self._helpers:
+                function.linkage = "linkonce_odr"  # other roots have it, too
+        super()._optimize_final_module()
+
+
+def _below(library: CodeLibrary, seen: set[int]) -> Iterator[CodeLibrary]:
+    """What a library calls, and what the helpers among that call."""
+    for each in library._linking_libraries:
+        if id(each) in seen:
+            continue
+        seen.add(id(each))
+        yield each
+        if type(each) is _Helper:
+            yield from _below(each, seen)
+
+
+def _compiler(kind: type[JITCodeLibrary]) -> type[Compiler]:
+    """Numba's compiler with a library of that kind."""
+
+    class Made(Compiler):
+        def __init__(self, typing: Any, target: Any, library: Any, *given: Any) -> None:
+            library = kind(target.codegen(), kind.__name__)
+            library.enable_object_caching()
+            super().__init__(typing, target, library, *given)
+
+    return Made
+
+
+HELPER, ROOT = _compiler(_Helper), _compiler(_Root)
+"""For `njit(pipeline_class=...)`."""
