@@ -11,6 +11,7 @@ import trimesh
 from numba import njit
 
 from proximity_monitor import engine
+from proximity_monitor.engine.kernels.base.linking import ROOT
 from proximity_monitor.engine.models import tree
 from proximity_monitor.engine.questions import run
 
@@ -162,7 +163,7 @@ class Fcl:
 def from_python(kernel):
     """A kernel that only other compiled code can call, as Python can."""
 
-    @njit
+    @njit(pipeline_class=ROOT)
     def call(*arguments):
         return kernel(*arguments)
 

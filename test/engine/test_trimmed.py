@@ -142,7 +142,7 @@ def test_no_sample_of_what_is_left_is_nearer_than_the_bounds(seed):
             np.testing.assert_allclose(own, point, atol=1e-12)
 
 
-@njit
+@njit(pipeline_class=ROOT)
 def parts_of(tree, element, levels, nets, points, told):
     """Control points (k, 10, 3) of an edge's parts, level by level; five points of each; bends."""
     bends, flat = np.empty(1 << levels), np.empty(3 * 16)
