@@ -34,11 +34,7 @@ def checked_tolerances(given: dict[str, ArrayLike], count: int) -> NDArray[np.fl
         TypeError: no real number.
         ValueError: neither a number nor (count,), or one that is negative or NaN.
     """
-    columns = [as_tolerances(value, name, count) for name, value in given.items()]
-    wanted = np.empty((count, len(columns)))
-    if all(type(each) is float for each in columns):
-        wanted[:] = columns
-        return wanted
-    for column, each in enumerate(columns):
-        wanted[:, column] = each
+    wanted = np.empty((count, len(given)))
+    for column, (name, value) in enumerate(given.items()):
+        wanted[:, column] = as_tolerances(value, name, count)
     return wanted

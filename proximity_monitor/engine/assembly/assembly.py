@@ -61,8 +61,6 @@ class Assembly:
         self._searches: list[Search] = []
         self._insides: Insides | MixedInsides | None = None
         self._cut: dict[Hashable, Search] = {}  # by the question that they were asked
-        self._cut_at: list[int] = []  # and where in the last call of `rows`
-        self._none_solid = np.zeros(len(self.models), np.bool_)
         self._depths = LongSearches(coherent=False)
 
     def __reduce__(self) -> tuple[type[Assembly], tuple[Any, ...]]:
@@ -132,9 +130,7 @@ class Assembly:
         if len(poses) != len(self.models):
             raise ValueError(f"{len(poses)} poses of {len(self.models)} bodies")
         # Where signed distances are asked for, they are those of pairs with a solid.
-        solid = self._none_solid
-        if signed:
-            solid = np.array([model.is_solid for model in self.models])
+        solid = np.array([model.is_solid if signed else False for model in self.models])
         chosen, of_solids = checked_pairs(pairs, solid)
         k = len(chosen)
         tolerances = {"rel_err": rel_err, "abs_err": abs_err}
@@ -173,10 +169,10 @@ class Assembly:
         queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
         answers = np.empty((count, index.ANSWER))
         known = _NO_HINTS if hints is None else hints
-        count_signed = begin_questions(pairs, wanted, known, signed, queries, answers)
+        begin_questions(pairs, wanted, known, signed, queries, answers)
         asked = queries[:2].reshape(2, 1)
         searches = self._allot(threads, poses, pairs, wanted)
-        settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads, count_signed)
+        settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
 
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
@@ -185,7 +181,6 @@ class Assembly:
                 deadline, stopped, answers, settle,
             )  # fmt: skip
             if code == index.CUT:
-                self._cut_at.append(at)
                 self._cut[self._question(poses, pairs[at], wanted[at])] = search
 
         if threads == 1:
@@ -226,7 +221,6 @@ class Assembly:
             answers[np.asarray(chosen)[reached]] = found[reached]
 
         end = math.inf if deadline is None else deadline
-        searched: NDArray[np.int64] | None = None  # those for `rows`, where not all are
         begun = self._depths.resumed(question, len(pairs), unmoved)
         if begun:
             answers = no_answers(len(pairs))
@@ -238,7 +232,6 @@ class Assembly:
         if begun:
             rest = np.ones(len(pairs), np.bool_)
             rest[begun] = False
-            (searched,) = rest.nonzero()
             answers[rest] = self.rows(
                 poses, pairs[rest], wanted[rest], None if hints is None else hints[rest],
                 signed[rest], deadline, threads,
@@ -248,15 +241,13 @@ class Assembly:
         in_time = perf_counter() + BEGIN_S < end
         first = answers if in_time else answers[:1]
         open_ = np.empty(len(first), np.bool_)
-        count = signs_open(first, wanted, open_)
+        count = signs_open(first, wanted[:, 2], open_)
         if not (count or begun):
             return answers
         if begun:
             open_[[k for k in begun if k < len(first)]] = True
-        for at in self._cut_at:  # there the search of the surfaces must end first
-            k = at if searched is None else searched[at]
-            if k < len(open_):
-                open_[k] = False
+        if self._cut:  # there the search of the surfaces must end first
+            open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
         open_[:1] &= 0 not in begun
         (chosen,) = open_.nonzero()
         if in_time and len(chosen):
@@ -304,7 +295,7 @@ class Assembly:
         It goes on where it was cut if the thread's first question is the one that it was cut in.
         """
         free, cut = self._searches[:], self._cut
-        self._cut, self._cut_at = {}, []
+        self._cut = {}
         found = []
         for k in range(min(threads, len(pairs)) if cut else 0):
             search = cut.get(self._question(poses, pairs[k], wanted[k]))
@@ -384,25 +375,23 @@ class Assembly:
         signed: NDArray[np.bool_],
         answers: NDArray[np.float64],
         every: int,
-        count: int,
     ) -> Callable[[int, int, int], int]:
         """What makes every so many answers, from one to before another, signed ones.
 
-        `count` of all are `signed`.
         It takes so many steps, and returns to where it came: see `settle_signs`.
         """
-        if not count:
+        if not signed.any():
             return lambda first, last, steps: last
         if self._insides is None:
             self._insides = insides_of(self.models)
-        insides = self._insides
+        insides, clearances = self._insides, np.ascontiguousarray(wanted[:, 2])
         room = 1 + 15 * self._deepest._hierarchy.depth
         progress = np.zeros((every, 2, 2), np.int64)  # for each thread
         scratch = np.empty((every, 2, 2, room), np.int32)
 
         def settle(first: int, last: int, steps: int) -> int:
             return settle_signs(
-                insides, poses, pairs, wanted, signed, first, last, every, steps,
+                insides, poses, pairs, clearances, signed, first, last, every, steps,
                 progress[first % every], scratch[first % every], answers,
             )  # fmt: skip
 

@@ -43,10 +43,7 @@ def begin_questions(pairs, wanted, hints, signed, queries, answers):
         queries: (2 + k QUERY_NUMBERS,) int64, written: the table (2, 1) of the queries, and then
             these as (k,) QUERY. So whoever keeps the table keeps them.
         answers: (k, ANSWER) written.
-
-    Returns how many are signed.
     """
-    count = 0
     at, _ = addresses((queries[2:],))
     queries[0], queries[1] = at, len(pairs)
     made = records_at(at, len(pairs), QUERY)
@@ -65,21 +62,17 @@ def begin_questions(pairs, wanted, hints, signed, queries, answers):
             answers[k, i] = np.nan
         answers[k, LOWER] = -np.inf if signed[k] else 0.0
         answers[k, UPPER] = np.inf
-        count += signed[k]
-    return count
 
 
 @entry
-def signs_open(answers, wanted, found):
+def signs_open(answers, clearances, found):
     """Write which answers (k, ANSWER) leave open whether bodies overlap, and a clearance, too.
-
-    `wanted` is (k, 3) rel_err, abs_err and clearance, or has more rows.
 
     Returns how many of these (k,) do.
     """
     count = 0
     for k in range(len(answers)):
-        upper, clearance = answers[k, UPPER], wanted[k, 2]
+        upper, clearance = answers[k, UPPER], clearances[k]
         found[k] = (
             answers[k, LOWER] == -np.inf
             and not np.isnan(answers[k, STATUS])
