@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from test_trim import CENTRE, HOLE, RADIUS, circle, frame, polygon
 
 from proximity_monitor import engine
+from proximity_monitor.engine.kernels.base.linking import ROOT
 from proximity_monitor.engine.kernels.surface.edges import point_on, put_edge
 from proximity_monitor.engine.kernels.surface.trim import INSIDE
 from proximity_monitor.engine.kernels.surface.trim_entries import classify_points
