@@ -18,6 +18,7 @@ from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base import state as index
 from proximity_monitor.engine.kernels.base import tables
 from proximity_monitor.engine.kernels.base.jit import implements, inlined, kernel, specialised
+from proximity_monitor.engine.kernels.base.linking import ROOT
 from proximity_monitor.engine.kernels.base.memory import read_only, rows_at
 from proximity_monitor.engine.kernels.base.state import MESHES, DepthFirst, MeshTree
 from proximity_monitor.engine.kernels.base.vectors import add, along, dot, moved, scaled, sub
@@ -224,7 +225,7 @@ def _measure(tree_a, tree_b, state, a, b, bound):
 
 def entry_of(kind_a, kind_b):
     kinds = {"KIND_A": kind_a, "KIND_B": kind_b, "ORDER": DepthFirst, "WAITING": index.Waiting}
-    compiled = njit(error_model="numpy", no_cfunc_wrapper=True, _nrt=False)
+    compiled = njit(error_model="numpy", no_cfunc_wrapper=True, _nrt=False, pipeline_class=ROOT)
     return compiled(specialised(answer_queries, f"search_{kind_a.__name__}", **kinds))
 
 
