@@ -15,6 +15,7 @@ from .models.checks import ModelError
 from .models.mesh import TriangleMesh
 from .models.model import Model
 from .models.patch import Curve, Patch
+from .models.revolution import SolidOfRevolution
 from .models.shapes import points, polyline
 from .models.surface import ParametricSurface
 from .questions.closest import closest_points
@@ -32,6 +33,7 @@ __all__ = [
     "ParametricSurface",
     "Patch",
     "Placement",
+    "SolidOfRevolution",
     "Status",
     "TriangleMesh",
     "closest_points",

@@ -93,11 +93,15 @@ class Surface(Model):
             )
         ends = np.cumsum([len(net.points) for net in self.nets])[:-1]
         parts = np.split(moved, ends)
-        nets = tuple(net.moved(part) for net, part in zip(self.nets, parts, strict=True))
+        self._refit([net.moved(part) for net, part in zip(self.nets, parts, strict=True)])
+        return largest_norm(moved - before)
+
+    def _refit(self, moved: Sequence[Net]) -> None:
+        """Take the same nets, whose control points moved."""
+        nets = tuple(moved)
         joints = self._checked(nets)
         self._made = self._hierarchy.refitted(nets, joints)
         self.nets, self._joints = nets, joints
-        return largest_norm(moved - before)
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
         """A tessellation with the surface's own normals; curves are degenerate triangles.

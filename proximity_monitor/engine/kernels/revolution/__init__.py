@@ -1,0 +1,1 @@
+"""Solids of revolution: circles in space, the arcs of profiles, and the tori that these sweep."""

@@ -1,0 +1,212 @@
+"""Solids of revolution as models: what they accept, what they are, against every other kind."""
+
+import itertools
+import math
+import pickle
+
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY, box, pose, translation
+
+from proximity_monitor import engine
+from proximity_monitor.engine import Curve, ModelError, SolidOfRevolution
+
+HALF = math.sqrt(0.5)
+RIM = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
+
+
+def ball(radius=1.0, **how):
+    """A ball around the origin."""
+    low = Curve([[0, -radius], [radius, -radius], [radius, 0]], weights=[1, HALF, 1])
+    high = Curve([[radius, 0], [radius, radius], [0, radius]], weights=[1, HALF, 1])
+    return SolidOfRevolution([low, high], **how)
+
+
+def cylinder(radius, height, **how):
+    """A cylinder about the axis, from z = 0 up."""
+    corners = [[0, 0], [radius, 0], [radius, height], [0, height]]
+    return SolidOfRevolution([Curve(ends) for ends in itertools.pairwise(corners)], **how)
+
+
+def torus(large, small, **how):
+    """A torus about the axis."""
+    knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
+    control = [[large + small * x, small * y] for x, y in RIM]
+    return SolidOfRevolution([Curve(control, knots, [1, HALF] * 4 + [1])], **how)
+
+
+def vase(bulge=0.6):
+    """A hollow profile of a spline, open at the top, with a wall."""
+    outside = [[0, 0], [0.5, 0], [bulge, 0.4], [0.2, 0.8], [0.4, 1.2]]
+    inside = [[0.35, 1.2], [0.15, 0.8], [bulge - 0.1, 0.45], [0.3, 0.1], [0, 0.1]]
+    knots = [0, 0, 0, 0, 0.5, 1, 1, 1, 1]
+    return SolidOfRevolution(
+        [Curve(outside, knots), Curve([outside[-1], inside[0]]), Curve(inside, knots)], name="vase"
+    )
+
+
+def test_points_of_patches_are_those_of_the_profile():
+    made = vase()
+    t, v = np.linspace(0.0, 1.0, 7), np.array([0.0, 0.3, 1.0, 2.7, 3.99])
+    u, v = (each.ravel() for each in np.meshgrid(t, v))
+    for net, own in zip(made.nets, made.profile.nets, strict=True):
+        points = net.derivatives(u, v, 0)[:, 0, 0]
+        rho, z, _ = own.derivatives(u, 0 * u, 0)[:, 0, 0].T
+        theta = [made.feature(0, np.array([0.0, each, 0.0])).parameters[1] for each in v]
+        expected = np.column_stack((rho * np.cos(theta), rho * np.sin(theta), z))
+        assert np.abs(points - expected).max() < 1e-15
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1), (1, 0, 0), (0, -2, 0), (1, 2, 3)])
+def test_axis_and_origin(axis):
+    made = ball(1.0, origin=(1, 2, 3), axis=axis)
+    assert made.is_solid
+    found = engine.distance(made, IDENTITY, engine.points([[4.0, 2, 3]]), IDENTITY)
+    assert found.lower <= 2.0 <= found.upper < 2.0 + 1e-12
+    long = cylinder(0.1, 5.0, axis=axis)
+    tip = 5.0 * np.array(axis) / np.linalg.norm(axis)
+    found = engine.closest_points(long, IDENTITY, [1.2 * tip])
+    assert abs(found.upper[0] - 1.0) < 1e-12
+
+
+def test_signs():
+    ring = torus(2.0, 0.5)
+    found = engine.closest_points(ring, IDENTITY, [[2.0, 0, 0], [0, 0, 0], [0, -3, 0]], signed=True)
+    assert np.allclose(found.upper, [-0.5, 1.5, 0.5], atol=1e-12)
+    found = engine.closest_points(vase(), IDENTITY, [[0.0, 0, 0.05], [0, 0, 0.5]], signed=True)
+    assert found.upper[0] < 0.0 < found.lower[1]  # in its bottom, in its hollow
+
+
+KINDS = {
+    "revolution": vase(),
+    "mesh": box((0.4, 0.5, 0.6)),
+    "ball": engine.points([[0, 0, 0]], radius=0.2),
+    "points": engine.points([[0, 0, 0], [0.3, 0, 0]]),
+    "polyline": engine.polyline([[0, 0, 0], [0.3, 0, 0], [0.3, 0.4, 0]]),
+    "patch": engine.Patch([[[0, 0, 0], [0, 1, 0.2]], [[1, 0, 0], [1, 1, 0]]]),
+    "curve": Curve([[0, 0, 0], [0.5, 0.5, 0], [0, 1, 0]]),
+}
+
+
+@pytest.mark.parametrize("other", KINDS)
+def test_against_every_kind(other):
+    """As near as a fine tessellation of both is, within what that errs by."""
+    tolerance = 1e-3
+    models = vase(), KINDS[other]
+    meshes = []
+    for model in models:
+        shown = model.display_mesh(tolerance)
+        solid = None if model.is_solid else False
+        meshes.append(
+            engine.TriangleMesh(shown.vertices, shown.faces, deviation=tolerance, solid=solid)
+        )
+    rng = np.random.default_rng(3)
+    for place in (0.3, 0.8, 5.0):
+        poses = pose(rng), pose(rng, place)
+        for a, b in ((0, 1), (1, 0)):
+            found = engine.distance(models[a], poses[a], models[b], poses[b])
+            about = engine.distance(meshes[a], poses[a], meshes[b], poses[b])
+            assert about.lower - 1e-12 <= found.upper
+            assert found.lower <= about.upper + 1e-12
+            assert found.upper - found.lower <= 1e-9
+            ends = (found.point_a, found.feature_a, a), (found.point_b, found.feature_b, b)
+            for point, feature, k in ends:
+                if isinstance(models[k], SolidOfRevolution):
+                    assert feature.kind == "profile"
+                    net = models[k].profile.nets[feature.index]
+                    t, theta = feature.parameters
+                    rho, z, _ = net.derivatives(np.array([t]), np.zeros(1), 0)[0, 0, 0]
+                    own = np.array([rho * math.cos(theta), rho * math.sin(theta), z])
+                    placed = poses[k][:3, :3] @ own + poses[k][:3, 3]
+                    assert np.abs(placed - point).max() < 1e-12
+        signed = engine.signed_distance(models[0], poses[0], models[1], poses[1])
+        assert signed.lower <= about.upper + 1e-12
+
+
+def test_deform():
+    made = vase()
+    pair = engine.Pair(made, engine.points([[2.0, 0, 0.4]]))
+    before = pair.distance(IDENTITY, IDENTITY).upper
+    moved = made.deform(vase(0.9).control_points)
+    assert moved == pytest.approx(0.3)
+    assert pair.distance(IDENTITY, IDENTITY).upper < before - 0.05
+    assert made.revision == 1
+    again = made.deform(vase().control_points[:, [0, 2]])
+    assert again == pytest.approx(0.3)
+    assert pair.distance(IDENTITY, IDENTITY).upper == pytest.approx(before, abs=1e-12)
+    with pytest.raises(ModelError, match="off the half-plane"):
+        made.deform(made.control_points + np.array([0, 0.1, 0]))
+    with pytest.raises(ModelError, match="crosses the axis"):
+        made.deform(made.control_points - np.array([0.3, 0, 0]))
+    assert made.revision == 2
+
+
+def test_pickled():
+    made = pickle.loads(pickle.dumps(vase()))
+    assert made.digest() == vase().digest() != vase(0.7).digest()
+    assert made.profile.nets[0].control.shape == (5, 1, 3)
+    assert "3 curves" in repr(made)
+    at = translation(2.0)
+    assert engine.distance(made, IDENTITY, made, at).upper == pytest.approx(
+        engine.distance(vase(), IDENTITY, vase(), at).upper, abs=1e-15
+    )
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_normals_to_show_point_outward(up):
+    ends = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    curves = [Curve(each) for each in itertools.pairwise(ends if up else ends[::-1])]
+    shown = SolidOfRevolution(curves).display_mesh(0.01)
+    from_middle = shown.corners().mean(axis=1) - [0, 0, 0.5]
+    a, b, c = shown.corners().transpose(1, 0, 2)
+    assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), from_middle) >= -1e-12).all()
+    assert (np.einsum("ij,ij->i", shown.normals, shown.vertices - [0, 0, 0.5]) > 0.0).all()
+
+
+LINE = Curve([[0, 0], [1, 0]])
+
+
+@pytest.mark.parametrize(
+    ("curves", "message"),
+    [
+        ([], "there are none"),
+        ([box()], r"curves\[0\]: expected Curve"),
+        ([LINE], "no area|off the axis"),
+        ([Curve([[0, 0], [1, 0], [1, 1]])], "ends at .* off the axis"),
+        ([Curve([[1, 0], [1, 1], [0, 1]])], "begins at .* off the axis"),
+        ([LINE, Curve([[1, 0.1], [0, 1]])], r"curves\[1\] begins at .* 0.1 m from"),
+        ([LINE, Curve([[0, 1], [1, 0]])], r"turn curves\[1\] around"),
+        ([Curve([[0, 0], [-1, 0.5], [0, 1]])], "crosses the axis: rho = -0.5"),
+        ([Curve([[0, 0, 0], [1, 0.5, 1], [0, 1, 0]])], "not in the plane"),
+        ([Curve([[0, 0], [0, 1]])], "no area"),
+        (
+            [Curve([[0, 0], [1, 1]]), Curve([[1, 1], [1, 0]]), Curve([[1, 0], [0, 1]])],
+            r"curves\[0\] and curves\[2\] cross near",
+        ),
+    ],
+)
+def test_what_is_refused(curves, message):
+    with pytest.raises(ModelError, match=message):
+        SolidOfRevolution(curves, name="part")
+
+
+def test_walls_may_be_thin():
+    """Two curves that are near each other do not cross."""
+    wave = np.column_stack((1.0 + 0.3 * np.sin(np.arange(8)), np.arange(8) / 7))
+    knots = [0, 0, 0, 0, 1, 2, 3, 4, 5, 5, 5, 5]
+    out, back = Curve(wave, knots), Curve((wave - [1e-6, 0])[::-1], knots)
+    ends = wave[[0, -1]]
+    rims = [Curve([ends[1], ends[1] - [1e-6, 0]]), Curve([ends[0] - [1e-6, 0], ends[0]])]
+    assert SolidOfRevolution([out, rims[0], back, rims[1]]).profile.closed
+    with pytest.raises(ModelError, match="cross near"):
+        shifted = Curve(
+            (wave - [1e-6, 0] + [[2e-6, 0]] * (np.arange(8) == 4)[:, None])[::-1], knots
+        )
+        SolidOfRevolution([out, rims[0], shifted, rims[1]])
+
+
+def test_refused_axis():
+    with pytest.raises(ModelError, match="has no length"):
+        ball(axis=(0, 0, 0))
+    with pytest.raises(ModelError, match="three finite metres"):
+        ball(origin=(0, math.nan, 0))
