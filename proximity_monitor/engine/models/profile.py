@@ -174,10 +174,17 @@ def _cross(a: Net, span_a: Reals, b: Net, span_b: Reals, looks: int) -> bool:
     """Whether parts of two curves cross, whose chords do: looked at so many times as closely."""
     if looks == 0:
         return True
-    t, s = (np.linspace(*span, _LEAST + 1) for span in (span_a, span_b))
+    t, s = _beyond(a, span_a), _beyond(b, span_b)
     at_a, at_b = _at(a, t), _at(b, s)
     crossed = np.argwhere(_crossings(at_a[:-1], at_a[1:], at_b[:-1], at_b[1:]))
     return any(_cross(a, t[i : i + 2], b, s[j : j + 2], looks - 1) for i, j in crossed[:4])
+
+
+def _beyond(net: Net, span: Reals) -> Reals:
+    """Parameters on a part of a curve and beside it: it may cross where its chord does not."""
+    along, _ = net.spans
+    low, high = 1.5 * span - 0.5 * span[::-1]
+    return np.linspace(max(low, along.low[0]), min(high, along.high[-1]), 2 * _LEAST + 1)
 
 
 def _crossings(a: Reals, b: Reals, c: Reals, d: Reals) -> NDArray[np.bool_]:

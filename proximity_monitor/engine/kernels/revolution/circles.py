@@ -120,7 +120,7 @@ def circle_distance(turn, enough):
         if bound < beyond and depth < _HALVINGS:
             half *= 0.5
             dc, ds = np.cos(half), np.sin(half)
-            for side in range(2):
+            for _ in range(2):
                 cells[count, 0], cells[count, 1] = at * dc - up * ds, up * dc + at * ds
                 cells[count, 2], cells[count, 3] = half * _WIDER, depth + 1.0
                 count, ds = count + 1, -ds
