@@ -135,7 +135,7 @@ def _chords(nets: Sequence[Net], size: float) -> _Chords:
     begin, end, curve, span = [], [], [], []
     for i, net in enumerate(nets):
         along, _ = net.spans
-        for k, piece in enumerate(net.pieces()[:, 0]):
+        for k, piece in enumerate(net.pieces()[:, 0, :, 0]):
             points = piece[:, :2] / piece[:, 3:]
             bend = float(np.abs(np.diff(points, 2, axis=0)).max(initial=0.0)) * len(points) ** 2
             count = int(min(max(math.sqrt(bend / (8.0 * _FLAT * size)), _LEAST), _MOST))
