@@ -18,7 +18,10 @@ MAX_LINES = 400
 # Constants are a room of their own, because kernels take them and know nothing else of the engine.
 # Rooms from the ground up: each knows itself and those below it that it names.
 KERNELS = "engine/kernels"
-_FLOORS = ["base", "tree", "bounds", "elements", "inside", "surface", "search", "pairs", "assembly"]
+_FLOORS = [
+    "base", "tree", "bounds", "elements", "inside", "surface", "revolution", "search", "pairs",
+    "assembly",
+]  # fmt: skip
 _KERNEL_ROOMS = {
     f"{KERNELS}/{room}": {f"{KERNELS}/{below}" for below in _FLOORS[: i + 1]}
     for i, room in enumerate(_FLOORS)

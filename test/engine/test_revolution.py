@@ -1,6 +1,7 @@
 """Solids of revolution as models: what they accept, what they are, against every other kind."""
 
 import itertools
+import json
 import math
 import pickle
 
@@ -161,6 +162,50 @@ def test_normals_to_show_point_outward(up):
     a, b, c = shown.corners().transpose(1, 0, 2)
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), from_middle) >= -1e-12).all()
     assert (np.einsum("ij,ij->i", shown.normals, shown.vertices - [0, 0, 0.5]) > 0.0).all()
+
+
+def test_written_and_read(tmp_path):
+    made = SolidOfRevolution(
+        [Curve(net.points[:, :2], net.knots_u) for net in vase().profile.nets],
+        origin=(0.1, 0.2, 0.3),
+        axis=(0, 3, 4),
+    )
+    engine.save_geomdl(made, tmp_path / "vase.json")
+    again = engine.load(tmp_path / "vase.json")
+    assert isinstance(again, SolidOfRevolution)
+    assert np.array_equal(again.control_points, made.control_points)
+    assert again.digest() == made.digest()
+    half = engine.load(tmp_path / "vase.json", unit=0.001, scale=500.0)
+    assert np.allclose(half.control_points, 0.5 * made.control_points, atol=1e-16)
+    flat = engine.load(tmp_path / "vase.json", solid=False)
+    assert isinstance(flat, engine.ParametricSurface)
+    assert not flat.is_solid
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"profile": 3}, r"revolution.profile: expected list, got int"),
+        ({"profile": [3]}, r"revolution.profile\[0\]: expected an object"),
+        ({"axis": {"direction": [0, 0, 0]}}, "axis = .* has no length"),
+        ({"axis": {"origin": ["x"]}}, "revolution.axis.origin: not numbers"),
+        ({"axis": []}, "revolution.axis: expected dict, got list"),
+        ({"profile": []}, "there are none"),
+    ],
+)
+def test_files_that_are_refused(tmp_path, change, message):
+    file = tmp_path / "part.json"
+    engine.save_geomdl(vase(), file)
+    tree = json.loads(file.read_text())
+    tree["revolution"] |= change
+    file.write_text(json.dumps(tree))
+    with pytest.raises(ModelError, match=message) as caught:
+        engine.load(file)
+    assert "part.json" in str(caught.value)
+    engine.save_geomdl(vase(), file)
+    file.write_text(file.read_text().replace("0.5,\n", "-0.5,\n", 1))
+    with pytest.raises(ModelError, match=r"revolution.profile\[0\]"):
+        engine.load(file)
 
 
 LINE = Curve([[0, 0], [1, 0]])

@@ -1,7 +1,9 @@
-"""geomdl JSON (NURBS-Python): curves or surfaces, read and written.
+"""geomdl JSON (NURBS-Python): curves or surfaces, read and written; and solids of revolution.
 
 Control points stand there without their weights, those along v together. Volumes and trimmed
-surfaces are refused: what a trim cuts off would still be there.
+surfaces are refused: what a trim cuts off would still be there. A solid of revolution is an object
+``revolution`` of its own, with a ``profile``, a list of such curves whose points are (rho, z), and
+perhaps an ``axis``, its ``origin`` and its ``direction``.
 """
 
 from __future__ import annotations
@@ -16,11 +18,13 @@ import numpy as np
 
 from ..models.checks import ModelError
 from ..models.patch import Curve, Patch
+from ..models.revolution import SolidOfRevolution
 from ..models.surface import ParametricSurface, Surface
 from .text import without_mark
 from .triangles import FormatError, Reals
 
 if TYPE_CHECKING:
+    from ..models.nurbs import Net
     from .readers import Reading
 
 _KINDS = {"curve": ("",), "surface": ("_u", "_v")}
@@ -28,7 +32,7 @@ _KINDS = {"curve": ("",), "surface": ("_u", "_v")}
 
 
 def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
-    """Read a geomdl JSON file: a patch or a curve, or several as one surface."""
+    """Read a geomdl JSON file: a patch or a curve, several as one surface; a revolution."""
     if how.volume != "rss":
         raise FormatError(
             f"volume = {how.volume!r}: parametric surfaces have rectangle swept spheres alone"
@@ -39,25 +43,50 @@ def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
         tree = json.loads(without_mark(data), parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
         raise FormatError(f"its JSON is damaged: {error}") from None
+    if isinstance(tree, dict) and "revolution" in tree:
+        return _revolution(_need(tree, "revolution", dict, ""), file, how)
     shape = _need(tree, "shape", dict, "")
     kind = _need(shape, "type", str, "shape.")
     if kind not in _KINDS:
         raise FormatError(f"shape.type = {kind!r}: read are {' and '.join(map(repr, _KINDS))}")
-    items = _need(shape, "data", list, "shape.")
-    made = []
-    for i, item in enumerate(items):
-        name = f"shape.data[{i}]"
-        if not isinstance(item, dict):
-            raise FormatError(f"{name}: expected an object, got {type(item).__name__}")
-        try:
-            made.append(_shape(item, _KINDS[kind], name, how))
-        except ModelError as error:
-            raise FormatError(str(error)) from None
+    made = _shapes(shape, "data", _KINDS[kind], "shape", how)
     if len(made) == 1 and not how.solid:
         return made[0]
     return ParametricSurface(
         made, name=str(file), deviation=how.deviation, solid=how.solid
     )  # fmt: skip
+
+
+def _revolution(item: dict[str, Any], file: Path, how: Reading) -> Surface:
+    """The solid of revolution that an object describes; a surface where it must be no solid."""
+    curves = _shapes(item, "profile", _KINDS["curve"], "revolution", how)
+    axis, place = _need({"axis": {}} | item, "axis", dict, "revolution."), {}
+    for key, name, factor in (("origin", "origin", how.unit * how.scale), ("direction", "axis", 1)):
+        if key in axis:
+            place[name] = _reals(axis[key], f"revolution.axis.{key}", 1) * factor
+    try:
+        made = SolidOfRevolution(curves, **place, name=str(file), deviation=how.deviation)
+    except ModelError as error:
+        raise FormatError(str(error).replace("curves[", "revolution.profile[")) from None
+    if how.solid is not False:
+        return made
+    return ParametricSurface.of(made.nets, name=made.name, deviation=made.deviation, solid=False)
+
+
+def _shapes(
+    item: dict[str, Any], key: str, ends: tuple[str, ...], at: str, how: Reading
+) -> list[Surface]:
+    """The patches or the curves in a list of objects."""
+    made = []
+    for i, each in enumerate(_need(item, key, list, f"{at}.")):
+        name = f"{at}.{key}[{i}]"
+        if not isinstance(each, dict):
+            raise FormatError(f"{name}: expected an object, got {type(each).__name__}")
+        try:
+            made.append(_shape(each, ends, name, how))
+        except ModelError as error:
+            raise FormatError(str(error)) from None
+    return made
 
 
 def _shape(item: dict[str, Any], ends: tuple[str, ...], name: str, how: Reading) -> Surface:
@@ -125,10 +154,11 @@ def _no_number(word: str) -> float:
 
 
 def save_geomdl(model: Surface, path: str | PathLike[str]) -> None:
-    """Write a `Patch`, a `Curve` or a `ParametricSurface` to a geomdl JSON file, in metres.
+    """Write a `Patch`, a `Curve`, a `ParametricSurface` or a `SolidOfRevolution`, in metres.
 
-    Knots and control points come back exactly, weights but for a common factor. The file has no
-    place for a deviation.
+    The file is geomdl JSON; that of a solid of revolution is one of this package's own, with its
+    profile's curves in that form. Knots and control points come back exactly, weights but for a
+    common factor. The file has no place for a deviation.
 
     Raises:
         TypeError: another kind of model.
@@ -137,27 +167,33 @@ def save_geomdl(model: Surface, path: str | PathLike[str]) -> None:
     """
     if not isinstance(model, Surface):
         raise TypeError(f"model: expected a parametric surface, got {type(model).__name__}")
-    nets = model.nets
-    if len({net.is_curve for net in nets}) > 1:
-        raise ModelError(f"{model.name}: a geomdl JSON file holds either patches or curves")
-    is_curve = nets[0].is_curve
-    items = []
-    for net in nets:
-        points: dict[str, Any] = {"points": net.points.tolist()}
-        if net.weights is not None:
-            points["weights"] = net.weights.ravel().tolist()
-        item = {
-            "type": "spline", "rational": net.weights is not None, "dimension": 3,
-            "control_points": points,
-        }  # fmt: skip
-        directions = zip(
-            _KINDS["curve" if is_curve else "surface"], net.degrees, (net.knots_u, net.knots_v),
-            net.control.shape, strict=False,
-        )  # fmt: skip
-        for end, degree, knots, size in directions:
-            item |= {f"degree{end}": degree, f"knotvector{end}": knots.tolist()}
-            item |= {} if is_curve else {f"size{end}": size}
-        items.append(item)
-    kind = "curve" if is_curve else "surface"
-    text = json.dumps({"shape": {"type": kind, "count": len(items), "data": items}}, indent=1)
-    Path(path).write_text(text, encoding="utf-8")
+    if isinstance(model, SolidOfRevolution):
+        axis = {"origin": model.origin.tolist(), "direction": model.axis.tolist()}
+        profile = [_item(net, 2) for net in model.profile.nets]
+        tree: dict[str, Any] = {"revolution": {"profile": profile, "axis": axis}}
+    else:
+        if len({net.is_curve for net in model.nets}) > 1:
+            raise ModelError(f"{model.name}: a geomdl JSON file holds either patches or curves")
+        kind = "curve" if model.nets[0].is_curve else "surface"
+        items = [_item(net, 3) for net in model.nets]
+        tree = {"shape": {"type": kind, "count": len(items), "data": items}}
+    Path(path).write_text(json.dumps(tree, indent=1), encoding="utf-8")
+
+
+def _item(net: Net, dimension: int) -> dict[str, Any]:
+    """The object of a patch or a curve, with so many coordinates of each control point."""
+    points: dict[str, Any] = {"points": net.points[:, :dimension].tolist()}
+    if net.weights is not None:
+        points["weights"] = net.weights.ravel().tolist()
+    item = {
+        "type": "spline", "rational": net.weights is not None, "dimension": dimension,
+        "control_points": points,
+    }  # fmt: skip
+    directions = zip(
+        _KINDS["curve" if net.is_curve else "surface"], net.degrees, (net.knots_u, net.knots_v),
+        net.control.shape, strict=False,
+    )  # fmt: skip
+    for end, degree, knots, size in directions:
+        item |= {f"degree{end}": degree, f"knotvector{end}": knots.tolist()}
+        item |= {} if net.is_curve else {f"size{end}": size}
+    return item

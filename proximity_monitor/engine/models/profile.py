@@ -13,22 +13,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.revolution.crossing import first_crossing
 from .checks import ModelError
-from .nurbs import Net, frozen
+from .nurbs import HIGHEST_DEGREE, Net, frozen
 
 Reals = NDArray[np.float64]
 
 JOINED = 1e-12
 """How far apart two ends may be that coincide, and an end from the axis that it lies on, as a share
 of the profile's size."""
-
-_LEAST, _MOST, _FLAT, _LOOKS = 16, 256, 1e-4, 4
-"""Where it is asked whether a profile crosses itself: chords of a span, at least and at most; how
-far it may be from them, as a share of the size; and how often chords that cross are looked at more
-closely."""
-
-_ASIDE = 0.1234
-"""Share of a chord by which its ends are moved: lines of few digits would cross at ends of both."""
 
 
 class Profile(NamedTuple):
@@ -58,10 +51,8 @@ def checked_profile(nets: Sequence[Net], name: str) -> Profile:
     for i, net in enumerate(nets):
         _check_axis(net, near, f"{name}: curves[{i}]")
     closed = _check_ends(nets, near, name)
-    chords = _chords(nets, size)
-    _check_simple(nets, chords, closed, name)
-    rho, z = chords.begin.T
-    area = 0.5 * float((rho * np.roll(z, -1) - z * np.roll(rho, -1)).sum())
+    _check_simple(nets, size, name)
+    area = _area(nets)
     if not abs(area) > near * size:
         raise ModelError(f"{name}: curves: they enclose no area, so there is no solid")
     return Profile(tuple(nets), closed, size, area > 0.0)
@@ -118,86 +109,38 @@ def _ends(net: Net) -> tuple[Reals, Reals]:
     return first, last
 
 
-class _Chords(NamedTuple):
-    """Chords of a profile, one after the other."""
-
-    begin: Reals
-    """(n, 2) rho and z."""
-    end: Reals
-    curve: NDArray[np.int64]
-    """(n,) to which curve each belongs."""
-    span: Reals
-    """(n, 2) from which parameter of the curve to which."""
-
-
-def _chords(nets: Sequence[Net], size: float) -> _Chords:
-    """Chords of which the curves are nearly made up."""
-    begin, end, curve, span = [], [], [], []
-    for i, net in enumerate(nets):
-        along, _ = net.spans
-        for k, piece in enumerate(net.pieces()[:, 0, :, 0]):
-            points = piece[:, :2] / piece[:, 3:]
-            bend = float(np.abs(np.diff(points, 2, axis=0)).max(initial=0.0)) * len(points) ** 2
-            count = int(min(max(math.sqrt(bend / (8.0 * _FLAT * size)), _LEAST), _MOST))
-            share = np.linspace(0.0, 1.0, count + 1)
-            share[1:-1] += _ASIDE / count
-            t = along.low[k] + (along.high[k] - along.low[k]) * share
-            places = _at(net, t)
-            begin.append(places[:-1])
-            end.append(places[1:])
-            curve.append(np.full(count, i))
-            span.append(np.column_stack((t[:-1], t[1:])))
-    return _Chords(*map(np.concatenate, (begin, end, curve, span)))
-
-
 def _at(net: Net, t: Reals) -> Reals:
     """The points (k, 2) of a curve at parameters (k,)."""
     return net.derivatives(t, np.zeros(len(t)), 0)[:, 0, 0, :2]
 
 
-def _check_simple(nets: Sequence[Net], chords: _Chords, closed: bool, name: str) -> None:
-    """Refuse a profile of which two chords cross that are no neighbours."""
-    crossed = _crossings(chords.begin, chords.end, chords.begin, chords.end)
-    n = len(crossed)
-    if closed:
-        crossed[0, n - 1] = False
-    for i, j in np.argwhere(np.triu(crossed, 2)):
-        a, b = chords.curve[i], chords.curve[j]
-        if _cross(nets[a], chords.span[i], nets[b], chords.span[j], _LOOKS):
-            raise ModelError(
-                f"{name}: curves[{a}] and curves[{b}] cross near {chords.begin[i].tolist()}; "
-                "a profile must not cross itself"
-            )
+def _check_simple(nets: Sequence[Net], size: float, name: str) -> None:
+    """Refuse a profile that crosses itself."""
+    pieces = [piece for net in nets for piece in net.pieces()[:, 0, :, 0]]
+    curves = np.repeat(np.arange(len(nets)), [len(net.spans[0].low) for net in nets])
+    padded = np.ones((len(pieces), HIGHEST_DEGREE + 1, 3))
+    for row, piece in zip(padded, pieces, strict=True):
+        row[: len(piece)] = piece[:, [0, 1, 3]]
+    degrees = np.array([len(piece) - 1 for piece in pieces])
+    i, j, rho, z = first_crossing(padded, degrees, size)
+    if i >= 0:
+        raise ModelError(
+            f"{name}: curves[{curves[i]}] and curves[{curves[j]}] cross near [{rho:.6g}, {z:.6g}]; "
+            "a profile must not cross itself"
+        )
 
 
-def _cross(a: Net, span_a: Reals, b: Net, span_b: Reals, looks: int) -> bool:
-    """Whether parts of two curves cross, whose chords do: looked at so many times as closely."""
-    if looks == 0:
-        return True
-    t, s = _beyond(a, span_a), _beyond(b, span_b)
-    at_a, at_b = _at(a, t), _at(b, s)
-    crossed = np.argwhere(_crossings(at_a[:-1], at_a[1:], at_b[:-1], at_b[1:]))
-    return any(_cross(a, t[i : i + 2], b, s[j : j + 2], looks - 1) for i, j in crossed[:4])
-
-
-def _beyond(net: Net, span: Reals) -> Reals:
-    """Parameters on a part of a curve and beside it: it may cross where its chord does not."""
-    along, _ = net.spans
-    low, high = 1.5 * span - 0.5 * span[::-1]
-    return np.linspace(max(low, along.low[0]), min(high, along.high[-1]), 2 * _LEAST + 1)
-
-
-def _crossings(a: Reals, b: Reals, c: Reals, d: Reals) -> NDArray[np.bool_]:
-    """Which segments from a to b (n, 2) cross which from c to d (m, 2), as (n, m)."""
-    side_c, side_d = _side(a, b, c), _side(a, b, d)
-    side_a, side_b = _side(c, d, a).T, _side(c, d, b).T
-    return (side_c * side_d <= 0.0) & (side_a * side_b <= 0.0) & (side_c != side_d)
-
-
-def _side(a: Reals, b: Reals, c: Reals) -> Reals:
-    """On which side of the line from a to b (n, 2) points (m, 2) lie, as (n, m)."""
-    way, off = (b - a)[:, None], c[None] - a[:, None]
-    return way[..., 0] * off[..., 1] - way[..., 1] * off[..., 0]
+def _area(nets: Sequence[Net]) -> float:
+    """About the area to the left of the curves, closed along the axis, square metres."""
+    found = 0.0
+    for net in nets:
+        along, _ = net.spans
+        ends = np.append(along.low, along.high[-1])
+        spans = np.arange(len(ends))
+        points = _at(net, np.interp(np.linspace(0.0, spans[-1], 8 * len(ends)), spans, ends))
+        (rho, z), (rho_next, z_next) = points[:-1].T, points[1:].T
+        found += 0.5 * float((rho * z_next - z * rho_next).sum())
+    return found
 
 
 _RIM = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]])

@@ -1,1 +1,1 @@
-"""Solids of revolution: circles in space, the arcs of profiles, and the tori that these sweep."""
+"""Solids of revolution: their profiles in the half-plane (rho, z)."""
