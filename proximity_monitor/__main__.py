@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import atexit
 import itertools
 import math
 import os
@@ -12,6 +13,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from types import FrameType
+
     from proximity_monitor import engine
     from proximity_monitor.scene import Unit
 
@@ -70,11 +73,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code: 130 after a Ctrl-C while Python still imports, because a later one ends a
         command in good order; 2, by `SystemExit`, for a wrong command line.
     """
-    interrupted = False
+    cut: list[FrameType | None] = []  # what was interrupted, if anything was
 
-    def interrupt(*_: object) -> None:
-        nonlocal interrupted
-        interrupted = True
+    def interrupt(_: int, frame: FrameType | None) -> None:
+        if not cut:
+            atexit.register(_leave, cut)
+        cut.append(frame)
         raise KeyboardInterrupt
 
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
@@ -93,7 +97,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except Exception as error:
         # Numba's compiler and readers of files take an interrupt for a fault in their input.
-        if interrupted:
+        if cut:
             return 130
         if isinstance(error, chosen.told):
             print(error, file=sys.stderr)
@@ -102,6 +106,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         if signal.getsignal(signal.SIGINT) is interrupt:
             signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _leave(kept: list[FrameType | None]) -> None:
+    """End an interrupted process while the frames that it cut are kept.
+
+    A module that LLVM was just linking would be freed twice: see the same in ros/spin.py.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(130)
 
 
 def _run(chosen: argparse.Namespace) -> int:

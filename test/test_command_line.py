@@ -167,6 +167,28 @@ def test_an_interrupt_that_comes_up_as_another_error_is_no_fault_of_the_scene(tm
     assert (run.returncode, run.stderr) == (130, "")
 
 
+def test_what_an_interrupt_cut_is_never_destroyed():
+    """The destructor of an object of LLVM crashes where its constructor or owner was cut."""
+    code = (
+        "import os, signal, sys\n"
+        "class Fragile:\n"
+        "    def __del__(self, end=os._exit):\n"
+        "        end(7)\n"
+        "class CtrlC:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'jsonschema':\n"
+        "            module = Fragile()\n"
+        "            os.kill(os.getpid(), signal.SIGINT)\n"
+        "            while True:\n"
+        "                pass\n"
+        "sys.meta_path.insert(0, CtrlC())\n"
+        "from proximity_monitor.__main__ import main\n"
+        "sys.exit(main(['scene', 'check', 'none.yaml']))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (run.returncode, run.stderr) == (130, "")
+
+
 def test_a_reader_that_goes_away_ends_a_command_quietly():
     code = (
         "import os, sys; from proximity_monitor.__main__ import main\n"
