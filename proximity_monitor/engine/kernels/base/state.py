@@ -95,6 +95,9 @@ PIECE = np.dtype(
         ("bend", np.float64),  # how far an edge may be from its chord, metres
         ("low", np.float64, (2,)),  # its rectangle in that patch's u and v; v is 0 on a curve
         ("high", np.float64, (2,)),
+        ("slope", np.float64),  # how many times what its points err by derivatives may err by, for
+        # each degree
+        ("derivatives", np.float64, (30,)),  # where these are: see surface/derivatives.py
     ],
     align=True,
 )

@@ -67,8 +67,14 @@ def margin_of(tree, piece, origin, splits):
     control point, and a product with a unit vector by 3 u of its terms: 8 NET_SPLIT is more.
     """
     size = tree.scale[2] + abs(origin[0]) + abs(origin[1]) + abs(origin[2])
+    return margin_about(tree.scale, piece, size, splits)
+
+
+@inlined
+def margin_about(scale, piece, size, splits):
+    """The same, from a tree's scale and the sum of all sizes, metres."""
     degree = max(piece.degree_u, piece.degree_v)
-    return NET_SPLIT * (degree * splits + 8) * size + tree.scale[CONVERSION]
+    return NET_SPLIT * (degree * splits + 8) * size + scale[CONVERSION]
 
 
 @inlined
