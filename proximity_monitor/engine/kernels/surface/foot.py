@@ -25,7 +25,7 @@ from ..inside.visit import descend
 from .derivatives import derivatives_of, derivatives_of_part
 from .edges import point_on
 from .facing import closest_in
-from .minimum import everywhere, minimum_in, proven
+from .minimum import minimum_in, rectangle_of
 from .parts import (
     ABOUT,
     EACH,
@@ -56,15 +56,12 @@ the distance. The answer is (distance, piece, u, v, least, cost): the surface is
 least of what was left, and it took so many divisions and proofs. A piece that has not been looked
 into yet, because the search began with one of its points, is ~piece."""
 
-_PATIENCE = 256
-"""What a search may cost until it tolerates twice as much: around the centre of a sphere all of it
-is about as near, and no tolerance but a large one ends that."""
-
-_DIVISIONS = 1024
-"""Divisions of an element."""
+_PATIENCE, _GROWTH = 1024, 8
+"""What a search may cost until it tolerates more, and with which power of its cost that grows. So
+every search ends: around the centre of a sphere all of it is about as near."""
 
 _NEARER = 0.25
-"""Share of what is tolerated that a part's corner must be nearer by to begin a local search."""
+"""Share of what is tolerated from which on an edge's bend is worth a division."""
 
 _LOOKS, _CHORDS = 256, 64
 """Looks at parts of an edge, and how many of them may wait."""
@@ -80,7 +77,7 @@ _TURN, _LOOK = 4, 2
 @inlined
 def _times(cost):
     """How many times what the query tolerates is tolerated."""
-    return float(1 << min(np.int64(cost) // _PATIENCE, 60))
+    return max(cost / _PATIENCE, 1.0) ** _GROWTH
 
 
 @inlined
@@ -129,11 +126,9 @@ def away_from(piece, parts, at, margin):
     """A lower bound of how far a part is from the origin, and where on it about it is nearest.
 
     That is told by places from -1 to 1 along the half axes of the parallelogram that stands for it.
-    The last number is how far its nearest corner is.
     """
     p, q = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
     r, s = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
-    near = np.sqrt(min(min(dot(p, p), dot(q, q)), min(dot(r, r), dot(s, s))))
     low, high, right, left = add(p, q), add(r, s), add(q, s), add(p, r)
     centre = scaled(add(low, high), 0.25)
     e, f = scaled(sub(high, low), 0.25), scaled(sub(right, left), 0.25)
@@ -152,7 +147,7 @@ def away_from(piece, parts, at, margin):
             bound = max(bound, least_along(piece, parts, at, n) - margin)
         if bound > 0.5 * size:
             break
-    return bound, a, b, near
+    return bound, a, b
 
 
 @implements(visit.meet, Foot)
@@ -171,7 +166,7 @@ def foot_in(query, tree, t, answer):
         done, answer = _look_at_whole(query, tree, t, answer)
         if not done:
             answer = _look_at_parts(query, tree, t, answer)
-    if answer[5] >= _PATIENCE:  # more is tolerated than the query knows
+    if answer[5] > _PATIENCE:  # more is tolerated than the query knows
         distance, nearest, u, v, least, cost = answer
         answer = distance, nearest, u, v, min(least, enough(query, answer)), cost
     return answer
@@ -206,15 +201,9 @@ def _look_at_whole(query, tree, t, answer):
         plane = dot(n, p) + (max(below, 0.0) + margin_of(tree, piece, p, 0))
         if least_beyond(nets, piece.net, np.int64(piece.room), n[0], n[1], n[2], -plane) >= 0.0:
             return True, answer
-    at = everywhere(piece)
-    at = proven(whole, at.low_u, at.high_u, at.low_v, at.high_v, query.slack)
-    known = at.bend_u > 0.0
-    if piece.side == INSIDE or known:
-        if not known:
-            at = everywhere(piece)
-        bound, answer = _improved(query, tree, t, answer, at, 0.5 + 0.5 * a, 0.5 + 0.5 * b)
-        return bound >= enough(query, answer), answer
-    return False, answer
+    at = rectangle_of(whole, 0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0, query.slack)
+    bound, answer = _improved(query, tree, t, answer, at, 0.5 + 0.5 * a, 0.5 + 0.5 * b)
+    return bound >= enough(query, answer), answer
 
 
 @kernel
@@ -229,20 +218,19 @@ def _look_at_parts(query, tree, t, answer):
         piece, parts, 0, about[0], margin_of(tree, piece, p, 0)
     ):
         return answer
-    top, room, divisions = 1, room_of(piece), 0
+    top, room = 1, room_of(piece)
     bounds[0] = -np.inf
     while top > 0:
         k = top - 1
         if bounds[k] >= enough(query, answer):
             top -= 1
             continue
-        if top >= room or divisions >= _DIVISIONS:
+        if top >= room:
             distance, nearest, u, v, least, cost = answer
             answer = distance, nearest, u, v, min(least, bounds[k]), cost
             top -= 1
             continue
         halve(piece, parts, about, left, k, top)
-        divisions += 1
         top += 1
         for half in range(k, top):
             bounds[half], answer = _look_at_part(query, tree, t, answer, parts, about, half)
@@ -254,9 +242,8 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
     """A lower bound of the distance to a part, infinity where it is done with; and the answer."""
     piece, row, at = tree.pieces[t], about[k], place_of(tree.pieces[t], k)
     margin = margin_of(tree, piece, query.place, np.int64(row[SPLITS]))
-    bound, a, b, near = away_from(piece, parts, at, margin)
-    below = enough(query, answer)
-    if bound >= below:
+    bound, a, b = away_from(piece, parts, at, margin)
+    if bound >= enough(query, answer):
         return bound, answer
     side = side_of_part(tree, piece, about, k)
     if side == OUTSIDE:
@@ -264,13 +251,7 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
     if side == CROSSING and _leads_to_edges(piece, parts, at, row, margin):
         return np.inf, answer
     part = derivatives_of_part(piece, parts, at, margin)
-    place = proven(part, row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V], query.slack)
-    if not place.bend_u > 0.0:
-        # A point is looked for where a corner says that there is a nearer one.
-        if side != INSIDE or near > answer[0] - _NEARER * (answer[0] - below):
-            distance, nearest, u, v, least, cost = answer
-            return bound, (distance, nearest, u, v, least, cost + 1)
-        place = everywhere(piece)
+    place = rectangle_of(part, row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V], query.slack)
     u = 0.5 * ((row[LOW_U] + row[HIGH_U]) + a * (row[HIGH_U] - row[LOW_U]))
     v = 0.5 * ((row[LOW_V] + row[HIGH_V]) + b * (row[HIGH_V] - row[LOW_V]))
     other, answer = _improved(query, tree, t, answer, place, u, v)
