@@ -95,9 +95,12 @@ PIECE = np.dtype(
         ("bend", np.float64),  # how far an edge may be from its chord, metres
         ("low", np.float64, (2,)),  # its rectangle in that patch's u and v; v is 0 on a curve
         ("high", np.float64, (2,)),
-        ("slope", np.float64),  # how many times what its points err by derivatives may err by, for
-        # each degree
-        ("derivatives", np.float64, (30,)),  # where these are: see surface/derivatives.py
+        ("centre", np.float64, (3,)),  # mean of its corners, metres
+        ("along_u", np.float64, (3,)),  # from there to the middle of the side where u is largest
+        ("along_v", np.float64, (3,)),
+        ("thirds", np.float64, (4,)),  # no less than its third derivatives, by uuu, uuv, uvv, vvv
+        ("slope", np.float64),  # how many times what a point errs by a derivative may err by, for
+        # each degree; of edges nothing of all these is known
     ],
     align=True,
 )

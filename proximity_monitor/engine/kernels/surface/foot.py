@@ -22,10 +22,9 @@ from ..base.vectors import add, along, cross, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps
 from ..inside.visit import descend
-from .derivatives import derivatives_of, derivatives_of_part
 from .edges import point_on
-from .facing import closest_in
-from .minimum import minimum_in, rectangle_of
+from .facing import closest_in, vector
+from .minimum import Rectangle, half_of, minimum_in
 from .parts import (
     ABOUT,
     EACH,
@@ -48,6 +47,7 @@ from .parts import (
     take_whole,
 )
 from .sides import is_left
+from .thirds import thirds_in, thirds_of, thirds_of_part
 from .trim import CROSSING, INSIDE, OUTSIDE
 
 Foot = namedtuple("Foot", "place slack spare share")
@@ -62,6 +62,9 @@ every search ends: around the centre of a sphere all of it is about as near."""
 
 _NEARER = 0.25
 """Share of what is tolerated from which on an edge's bend is worth a division."""
+
+_RECTANGLES = 32
+"""Rectangles of a piece that are looked at before its control points are divided."""
 
 _LOOKS, _CHORDS = 256, 64
 """Looks at parts of an edge, and how many of them may wait."""
@@ -173,37 +176,64 @@ def foot_in(query, tree, t, answer):
 
 
 @kernel
-def _improved(query, tree, t, answer, at, u, v):
-    """Look for a minimum in a rectangle of piece t: the answer, and the bound of all of that."""
+def _improved(query, tree, t, answer, thirds, at, u, v):
+    """Look for a minimum in a rectangle of piece t: the answer, and what is known of that.
+
+    Namely the bound, where the search has led to, and whether it bends more in u.
+    """
     distance, nearest, best_u, best_v, least, cost = answer
     times = _times(cost)
-    share, spare = times * query.share, times * query.spare
-    found, u, v, bound = minimum_in(
-        tree.pieces[t], tree.nets, query.place, at, u, v, distance, share, spare, query.slack
-    )
+    found, u, v, bound, in_u = minimum_in(
+        tree.pieces[t], tree.nets, thirds, query.place, at, u, v, distance,
+        times * query.share, times * query.spare, query.slack,
+    )  # fmt: skip
     if found < distance and is_left(tree, t, (u, v, 0.0)):
-        return bound, (found, np.int64(t), u, v, least, cost + 1)
-    return bound, (distance, nearest, best_u, best_v, least, cost + 1)
+        distance, nearest, best_u, best_v = found, np.int64(t), u, v
+    return bound, u, v, in_u, (distance, nearest, best_u, best_v, least, cost + 1)
 
 
 @kernel
 def _look_at_whole(query, tree, t, answer):
-    """Whether a piece is done with, by what is known of it, and the answer then."""
-    piece, nets, p = tree.pieces[t], tree.nets, query.place
+    """Whether a piece is done with, without a division of control points, and the answer then."""
+    piece, p = tree.pieces[t], query.place
     below = enough(query, answer)
-    whole = derivatives_of(piece, p)
-    centre, e, f = whole.place.middle, scaled(whole.u.middle, 0.5), scaled(whole.v.middle, 0.5)
+    centre, e, f = sub(vector(piece.centre), p), vector(piece.along_u), vector(piece.along_v)
     a, b = closest_in(centre, e, f, (0.0, 0.0, 0.0))
     way = along(along(centre, e, a), f, b)
     length = norm(way)
     if below < FAR and length > 0.0:
         n = scaled(way, (1.0 - 4.0 * DOUBLE_EPS) / length)
         plane = dot(n, p) + (max(below, 0.0) + margin_of(tree, piece, p, 0))
-        if least_beyond(nets, piece.net, np.int64(piece.room), n[0], n[1], n[2], -plane) >= 0.0:
+        room = np.int64(piece.room)
+        if least_beyond(tree.nets, piece.net, room, n[0], n[1], n[2], -plane) >= 0.0:
             return True, answer
-    at = rectangle_of(whole, 0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0, query.slack)
-    bound, answer = _improved(query, tree, t, answer, at, 0.5 + 0.5 * a, 0.5 + 0.5 * b)
-    return bound >= enough(query, answer), answer
+    thirds, stack = thirds_of(piece), table_on_stack(_RECTANGLES, 6, 0.0)
+    _put(stack, 0, Rectangle(0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0))
+    stack[0, 4], stack[0, 5] = 0.5 + 0.5 * a, 0.5 + 0.5 * b
+    top = looks = 1
+    while top > 0:
+        top -= 1
+        row = stack[top]
+        at = Rectangle(row[0], row[1], row[2], row[3])
+        bound, u, v, in_u, answer = _improved(query, tree, t, answer, thirds, at, row[4], row[5])
+        if bound >= enough(query, answer):
+            continue
+        if piece.side == CROSSING or looks >= _RECTANGLES:
+            return False, answer
+        low = (u <= 0.5 * (at.low_u + at.high_u)) if in_u else (v <= 0.5 * (at.low_v + at.high_v))
+        _put(stack, top, half_of(at, 1 if low else 0, in_u))
+        _put(stack, top + 1, half_of(at, 0 if low else 1, in_u))  # it comes first
+        stack[top + 1, 4], stack[top + 1, 5] = u, v
+        top += 2
+        looks += 2
+    return True, answer
+
+
+@inlined
+def _put(stack, k, at):
+    """Write a rectangle, and its middle."""
+    stack[k, 0], stack[k, 1], stack[k, 2], stack[k, 3] = at.low_u, at.high_u, at.low_v, at.high_v
+    stack[k, 4], stack[k, 5] = 0.5 * (at.low_u + at.high_u), 0.5 * (at.low_v + at.high_v)
 
 
 @kernel
@@ -250,11 +280,12 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
         return np.inf, answer
     if side == CROSSING and _leads_to_edges(piece, parts, at, row, margin):
         return np.inf, answer
-    part = derivatives_of_part(piece, parts, at, margin)
-    place = rectangle_of(part, row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V], query.slack)
-    u = 0.5 * ((row[LOW_U] + row[HIGH_U]) + a * (row[HIGH_U] - row[LOW_U]))
-    v = 0.5 * ((row[LOW_V] + row[HIGH_V]) + b * (row[HIGH_V] - row[LOW_V]))
-    other, answer = _improved(query, tree, t, answer, place, u, v)
+    low_u, high_u, low_v, high_v = row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V]
+    thirds = thirds_in(thirds_of_part(piece, parts, at, margin), high_u - low_u, high_v - low_v)
+    u = 0.5 * ((low_u + high_u) + a * (high_u - low_u))
+    v = 0.5 * ((low_v + high_v) + b * (high_v - low_v))
+    place = Rectangle(low_u, high_u, low_v, high_v)
+    other, u, v, in_u, answer = _improved(query, tree, t, answer, thirds, place, u, v)
     return max(bound, other), answer
 
 

@@ -1,21 +1,22 @@
 """The nearest point of a part to a given one: Newton's method, and a proof that none is nearer.
 
-Let F = |S - p|² / 2 for a point p and the points S of a part. With g its gradient and
+Let F = |S - p|² / 2 for a point p and the points S of a rectangle of a piece, g its gradient and H
+its Hessian at one of its points:
 
-    F_uu = S_u² + (S - p) S_uu,   F_uv = S_u S_v + (S - p) S_uv,
+    F_u = (S - p) S_u,   F_uu = S_u² + (S - p) S_uu,   F_uv = S_u S_v + (S - p) S_uv,
+    F_uuu = 3 S_u S_uu + (S - p) S_uuu,   F_uuv = 2 S_u S_uv + S_uu S_v + (S - p) S_uuv,
 
-balls around the part's points and derivatives bound both all over it (see derivatives.py).
+and the like. Where no step from that point within the rectangle is longer than k in u and l in v,
+Taylor's formula says of steps (x, y)
 
-- Where F_u has one sign, F is least where u ends: then u is held there, and v alone is left.
-- Where F_uu >= a, F_vv >= b and |F_uv| <= h, the Hessian is at least diag(a - h t, b - h / t) for
-  any t > 0, as 2 |x y| <= t x² + y² / t. So from one point of the part to any other, by steps d,
+    F >= F_0 + g_u x + g_v y + (a x² + b y²) / 2
+    a = F_uu - |F_uv| t - (k max |F_uuu| / 3 + l max |F_uuv|),   b = F_vv - |F_uv| / t - ...
 
-      F >= F_0 + sum of g_i d_i + a_i d_i² / 2,
-
-  of which each term has a least value in closed form. If these a_i are positive, that is F itself
-  at the minimum, but for e² / 2 a where the gradient errs by e: so such a part needs no division,
-  however near p is. Where another point is nearer than the part, the first step often tells, even
-  if the a_i are negative.
+for any t > 0, as 2 |x y| <= t x² + y² / t, and |x²y| <= l x². Each term has a least value in closed
+form. If a and b are positive, F is that at the minimum itself, but for e² / 2 a where g errs by e:
+so such a part needs no division, however near p is. Where another point is nearer than the part, any
+of its points often tells. Third derivatives are bounded from what is known of the piece: see
+thirds.py.
 """
 
 from __future__ import annotations
@@ -25,76 +26,21 @@ from collections import namedtuple
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.vectors import dot, sub
+from ..base.vectors import dot, norm, sub
 from .evaluate import jet_at
 
-Rectangle = namedtuple("Rectangle", "low_u high_u low_v high_v bend_u bend_v")
-"""Where a minimum is looked for, in a piece's parameters. The Hessian of F is no less than the
-diagonal matrix of both bends."""
+Rectangle = namedtuple("Rectangle", "low_u high_u low_v high_v")
+"""Where a minimum is looked for, in a piece's parameters."""
 
 _NEWTON = 16
 _LEAST_STEP = 1e-15
 """Iterations; and the share of the squared distance below which a step's gain is nothing."""
 
+_FLAT = 1e-3
+"""Share of a rectangle's length that counts as a bend, so that flat ones are halved where long."""
+
 _NEARER = 0.25
-"""Share of what is tolerated that a point must be nearer by for a search from there on, where the
-Hessian may be negative."""
-
-_LOSS = 1e-9
-"""Share of a Hessian's bounds by which rounding may have changed them."""
-
-
-@inlined
-def _slopes(place, away, reach, ball):
-    """The middle of a product's range, that of vectors to a place with those of a ball; its half.
-
-    The vectors are as long as `away`, and within `reach`.
-    """
-    middle = dot(place.middle, ball.middle)
-    return middle, away * ball.spread + reach * (ball.length + ball.spread)
-
-
-@kernel
-def rectangle_of(part, low_u, high_u, low_v, high_v, error):
-    """The rectangle of a part whose derivatives are `part`, its place as seen from a point.
-
-    Or no more of it than what holds its nearest point. `error` is what rounding did to its place.
-    """
-    place, u, v = part.place, part.u, part.v
-    away, reach = place.length, place.spread + error
-    wide_u, wide_v = high_u - low_u, high_v - low_v
-    flat_u, flat_v = False, wide_v == 0.0
-    slope, loss = _slopes(place, away, reach, u)
-    if slope > loss:
-        high_u, flat_u = low_u, True
-    elif slope < -loss:
-        low_u, flat_u = high_u, True
-    if not flat_v:
-        slope, loss = _slopes(place, away, reach, v)
-        if slope > loss:
-            high_v, flat_v = low_v, True
-        elif slope < -loss:
-            low_v, flat_v = high_v, True
-    a = b = 0.0
-    if not flat_u:
-        least = max(u.length * (1.0 - 4.0 * _LOSS) - u.spread, 0.0)
-        bend, loss = _slopes(place, away, reach, part.uu)
-        a = least * least + bend - loss
-    if not flat_v:
-        least = max(v.length * (1.0 - 4.0 * _LOSS) - v.spread, 0.0)
-        bend, loss = _slopes(place, away, reach, part.vv)
-        b = least * least + bend - loss
-    if not (flat_u or flat_v):
-        bend, loss = _slopes(place, away, reach, part.uv)
-        h = abs(dot(u.middle, v.middle) + bend) + loss
-        h += u.length * v.spread + v.length * u.spread + u.spread * v.spread
-        t = np.sqrt(a / b) if a > 0.0 and b > 0.0 else 1.0
-        a, b = a - h * t - _LOSS * (abs(a) + h * t), b - h / t - _LOSS * (abs(b) + h / t)
-    if not flat_u:
-        a /= wide_u * wide_u
-    if not flat_v:
-        b /= wide_v * wide_v
-    return Rectangle(low_u, high_u, low_v, high_v, a, b)
+"""Share of what is tolerated that a point must be nearer by for a search from there on."""
 
 
 @inlined
@@ -111,57 +57,99 @@ def _least_rise(slope, error, bend, low, high):
 
 
 @kernel
-def bound_at(piece, at, u, v, squared, gu, gv, aa, cc, slack):
-    """A lower bound of the distance to all of a rectangle from what is known at one of its points.
+def bound_at(piece, thirds, jet, way, at, u, v, slack):
+    """A lower bound of the distance to a rectangle from the jet at one of its points u, v.
 
-    A derivative errs by no more than `piece.slope` times its degree times what a point does, which
-    is within `slack`; that is doubled for what products and sums lose.
+    `way` leads there, and points err by no more than the slack. First derivatives err by
+    `piece.slope` times their degree of that; second ones by twice the square of `slope`: control
+    points are differences of four, and the quotient rule takes two more products with ratios of
+    weights. Errors of first ones are doubled for what rounding does to sums of products here.
     """
-    if not (at.bend_u > -np.inf and at.bend_v > -np.inf):
+    _, du, dv, duu, duv, dvv = jet
+    p, q = float(piece.degree_u), float(piece.degree_v)
+    once = 2.0 * piece.slope * slack
+    twice = piece.slope * once
+    k, m = max(u - at.low_u, at.high_u - u), max(v - at.low_v, at.high_v - v)
+    distance, size_u, size_v = norm(way), norm(du), norm(dv)
+    size_uu, size_uv, size_vv = norm(duu), norm(duv), norm(dvv)
+    # How much derivatives may differ from those at the point.
+    uu = thirds.uuu * k + thirds.uuv * m + twice * p * p
+    uv = thirds.uuv * k + thirds.uvv * m + twice * p * q
+    vv = thirds.uvv * k + thirds.vvv * m + twice * q * q
+    of_u = (size_uu + 0.5 * uu) * k + (size_uv + 0.5 * uv) * m + once * p
+    of_v = (size_uv + 0.5 * uv) * k + (size_vv + 0.5 * vv) * m + once * q
+    far = distance + (size_u + of_u) * k + (size_v + of_v) * m + slack
+    uuu = 3.0 * (abs(dot(du, duu)) + _more(size_u, of_u, size_uu, uu)) + far * thirds.uuu
+    uuv = abs(dot(duu, dv) + 2.0 * dot(du, duv)) + far * thirds.uuv
+    uuv += _more(size_v, of_v, size_uu, uu) + 2.0 * _more(size_u, of_u, size_uv, uv)
+    uvv = abs(dot(dvv, du) + 2.0 * dot(dv, duv)) + far * thirds.uvv
+    uvv += _more(size_u, of_u, size_vv, vv) + 2.0 * _more(size_v, of_v, size_uv, uv)
+    vvv = 3.0 * (abs(dot(dv, dvv)) + _more(size_v, of_v, size_vv, vv)) + far * thirds.vvv
+    # What F's derivatives at the point err by.
+    error_u, error_v = once * p, once * q
+    slope_u = 2.0 * slack * size_u + distance * error_u
+    slope_v = 2.0 * slack * size_v + distance * error_v
+    a = dot(du, du) + dot(way, duu)
+    a -= (2.0 * size_u + error_u) * error_u + distance * twice * p * p + slack * size_uu
+    b = dot(dv, dv) + dot(way, dvv)
+    b -= (2.0 * size_v + error_v) * error_v + distance * twice * q * q + slack * size_vv
+    h = abs(dot(du, dv) + dot(way, duv)) + _more(size_u, error_u, size_v, error_v)
+    h += distance * twice * p * q + slack * size_uv
+    a -= uuu * k * (1.0 / 3.0) + uuv * m
+    b -= uvv * k + vvv * m * (1.0 / 3.0)
+    gu, gv = dot(way, du), dot(way, dv)
+    if h > 0.0 and m > 0.0:
+        t = 1.0
+        if a > 0.0 and b > 0.0 and a * b > h * h:
+            t = np.sqrt(a / b)
+        elif b > 0.0 and not (a > 0.0 and abs(gu) * k < abs(gv) * m):
+            t = 2.0 * h / b
+        elif a > 0.0:
+            t = a / (2.0 * h)
+        a, b = a - h * t, b - h / t
+    less = _least_rise(gu, slope_u, a, at.low_u - u, at.high_u - u)
+    less += _least_rise(gv, slope_v, b, at.low_v - v, at.high_v - v)
+    if not less > -np.inf:
         return -np.inf
-    distance = np.sqrt(squared)
-    turn = 2.0 * slack * distance * piece.slope
-    error_u = 2.0 * slack * np.sqrt(aa) + turn * piece.degree_u
-    error_v = 2.0 * slack * np.sqrt(cc) + turn * piece.degree_v
-    less = _least_rise(gu, error_u, at.bend_u, at.low_u - u, at.high_u - u)
-    less += _least_rise(gv, error_v, at.bend_v, at.low_v - v, at.high_v - v)
-    return np.sqrt(max(squared + 2.0 * less, 0.0)) - slack
+    return np.sqrt(max(distance * distance + 2.0 * less, 0.0)) - slack
+
+
+@inlined
+def _more(one, of_one, other, of_other):
+    """By how much the product of two vectors may change where these do."""
+    return one * of_other + of_one * other + of_one * of_other
 
 
 @kernel
-def minimum_in(piece, nets, p, at, u, v, distance, share, spare, slack):
+def minimum_in(piece, nets, thirds, p, at, u, v, distance, share, spare, slack):
     """The distance from p, metres, and the parameters, of a point nearest among those near by.
 
-    It is looked for in a rectangle of a piece, from u and v on. The last number is a lower bound of
-    the distance to all of that. The search ends where nothing in it is nearer than `distance`, or
-    than its result, by more than a share of that and what is spared, metres.
+    It is looked for in a rectangle of a piece, from u and v on. Then comes a lower bound of the
+    distance to all of that, and whether it bends more in u. The search ends where nothing in it is
+    nearer than `distance`, or than its result, by more than a share of that and what is spared.
     """
     u, v = min(max(u, at.low_u), at.high_u), min(max(v, at.low_v), at.high_v)
     squared, damping, bound = np.inf, 0.0, -np.inf
     gu = gv = a = b = c = aa = cc = 0.0
     new_u, new_v = u, v
-    convex = (at.bend_u > 0.0 or at.low_u == at.high_u) and (
-        at.bend_v > 0.0 or at.low_v == at.high_v
-    )
     beyond = distance - _NEARER * max(share * distance, spare)
     for turn in range(_NEWTON):
-        place, du, dv, duu, duv, dvv = jet_at(piece, nets, new_u, new_v)
+        jet = jet_at(piece, nets, new_u, new_v)
+        place, du, dv, duu, duv, dvv = jet
         way = sub(place, p)
         new_squared = dot(way, way)
         if new_squared < squared:
             u, v, squared = new_u, new_v, new_squared
-            gu, gv, aa, cc = dot(way, du), dot(way, dv), dot(du, du), dot(dv, dv)
-            a, b, c = aa + dot(way, duu), dot(du, dv) + dot(way, duv), cc + dot(way, dvv)
-            damping = 0.1 * damping if damping > 1e-6 else 0.0
             found = np.sqrt(squared)
-            if turn == 0 and not (convex or found < beyond):
-                return found, u, v, bound_at(piece, at, u, v, squared, gu, gv, aa, cc, slack)
             least = min(distance, found)
             least -= max(share * least, spare)
             done = bound >= least or found >= beyond  # else it is made better by one more step
-            bound = max(bound, bound_at(piece, at, u, v, squared, gu, gv, aa, cc, slack))
-            if done and bound >= least:
+            bound = max(bound, bound_at(piece, thirds, jet, way, at, u, v, slack))
+            if done and (bound >= least or turn > 0):
                 break
+            gu, gv, aa, cc = dot(way, du), dot(way, dv), dot(du, du), dot(dv, dv)
+            a, b, c = aa + dot(way, duu), dot(du, dv) + dot(way, duv), cc + dot(way, dvv)
+            damping = 0.1 * damping if damping > 1e-6 else 0.0
         else:
             damping = max(1e-3, 10.0 * damping)
         held_u = (u <= at.low_u and gu >= 0.0) or (u >= at.high_u and gu <= 0.0)
@@ -185,4 +173,19 @@ def minimum_in(piece, nets, p, at, u, v, distance, share, spare, slack):
         gain = -gu * (new_u - u) - gv * (new_v - v)
         if not gain > _LEAST_STEP * squared:
             break
-    return np.sqrt(squared), u, v, bound
+    wide_u, wide_v = at.high_u - at.low_u, at.high_v - at.low_v
+    bend_u = wide_u * (wide_u * norm(duu) + _FLAT * norm(du))
+    bend_v = wide_v * (wide_v * norm(dvv) + _FLAT * norm(dv))
+    return np.sqrt(squared), u, v, bound, bend_u >= bend_v
+
+
+@inlined
+def half_of(at, half, in_u):
+    """A half of a rectangle, 0 or 1."""
+    if in_u:
+        u = 0.5 * (at.low_u + at.high_u)
+        low, high = (at.low_u, u) if half == 0 else (u, at.high_u)
+        return Rectangle(low, high, at.low_v, at.high_v)
+    v = 0.5 * (at.low_v + at.high_v)
+    low, high = (at.low_v, v) if half == 0 else (v, at.high_v)
+    return Rectangle(at.low_u, at.high_u, low, high)

@@ -73,7 +73,7 @@ def _second(nets, at, room, p, n, step, other, count_i, count_j, factor, d):
 _RATIONAL = 32.0
 """How many times a rational cell's derivatives may err by what others do: see `_quotients`."""
 
-MOST_WEIGHTS = 2.0
+_MOST_WEIGHTS = 2.0
 """The ratio of a cell's weights from which on its ranges are left infinite."""
 
 _NET, _NUMERATOR = 256, 768
@@ -175,7 +175,7 @@ def _quotients(piece, nets, at, d, c):
         reach, reach_along = max(reach, squared), max(reach_along, abs(along))
     reach = np.sqrt(reach)
     of = _of_net(numerator, 0, _NET, p, q, d)
-    if not high < MOST_WEIGHTS * low:
+    if not high < _MOST_WEIGHTS * low:
         return Ranges(
             of.along_u, np.inf, of.along_v, np.inf,
             0.0, np.inf, np.inf, 0.0, np.inf, np.inf, 0.0, np.inf, np.inf,
