@@ -98,7 +98,7 @@ PIECE = np.dtype(
         ("centre", np.float64, (3,)),  # mean of its corners, metres
         ("along_u", np.float64, (3,)),  # from there to the middle of the side where u is largest
         ("along_v", np.float64, (3,)),
-        ("thirds", np.float64, (4,)),  # no less than its third derivatives, by uuu, uuv, uvv, vvv
+        ("limits", np.float64, (13,)),  # of its derivatives: see surface/limits.py
         ("slope", np.float64),  # how many times what a point errs by a derivative may err by, for
         # each degree; of edges nothing of all these is known
     ],

@@ -24,6 +24,7 @@ from ..inside.nearest import point_gaps
 from ..inside.visit import descend
 from .edges import point_on
 from .facing import closest_in, vector
+from .limits import limits_in, limits_of, limits_of_part
 from .minimum import Rectangle, half_of, minimum_in
 from .parts import (
     ABOUT,
@@ -47,7 +48,6 @@ from .parts import (
     take_whole,
 )
 from .sides import is_left
-from .thirds import thirds_in, thirds_of, thirds_of_part
 from .trim import CROSSING, INSIDE, OUTSIDE
 
 Foot = namedtuple("Foot", "place slack spare share")
@@ -176,20 +176,20 @@ def foot_in(query, tree, t, answer):
 
 
 @kernel
-def _improved(query, tree, t, answer, thirds, at, u, v):
+def _improved(query, tree, t, answer, limits, at, u, v):
     """Look for a minimum in a rectangle of piece t: the answer, and what is known of that.
 
-    Namely the bound, where the search has led to, and whether it bends more in u.
+    Namely the bound, where the search has led to, what is left, and whether that bends more in u.
     """
     distance, nearest, best_u, best_v, least, cost = answer
     times = _times(cost)
-    found, u, v, bound, in_u = minimum_in(
-        tree.pieces[t], tree.nets, thirds, query.place, at, u, v, distance,
+    found, u, v, bound, at, in_u = minimum_in(
+        tree.pieces[t], tree.nets, limits, query.place, at, u, v, distance,
         times * query.share, times * query.spare, query.slack,
     )  # fmt: skip
     if found < distance and is_left(tree, t, (u, v, 0.0)):
         distance, nearest, best_u, best_v = found, np.int64(t), u, v
-    return bound, u, v, in_u, (distance, nearest, best_u, best_v, least, cost + 1)
+    return bound, u, v, at, in_u, (distance, nearest, best_u, best_v, least, cost + 1)
 
 
 @kernel
@@ -207,7 +207,7 @@ def _look_at_whole(query, tree, t, answer):
         room = np.int64(piece.room)
         if least_beyond(tree.nets, piece.net, room, n[0], n[1], n[2], -plane) >= 0.0:
             return True, answer
-    thirds, stack = thirds_of(piece), table_on_stack(_RECTANGLES, 6, 0.0)
+    limits, stack = limits_of(piece), table_on_stack(_RECTANGLES, 6, 0.0)
     _put(stack, 0, Rectangle(0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0))
     stack[0, 4], stack[0, 5] = 0.5 + 0.5 * a, 0.5 + 0.5 * b
     top = looks = 1
@@ -215,7 +215,9 @@ def _look_at_whole(query, tree, t, answer):
         top -= 1
         row = stack[top]
         at = Rectangle(row[0], row[1], row[2], row[3])
-        bound, u, v, in_u, answer = _improved(query, tree, t, answer, thirds, at, row[4], row[5])
+        bound, u, v, at, in_u, answer = _improved(
+            query, tree, t, answer, limits, at, row[4], row[5]
+        )
         if bound >= enough(query, answer):
             continue
         if piece.side == CROSSING or looks >= _RECTANGLES:
@@ -281,11 +283,11 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
     if side == CROSSING and _leads_to_edges(piece, parts, at, row, margin):
         return np.inf, answer
     low_u, high_u, low_v, high_v = row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V]
-    thirds = thirds_in(thirds_of_part(piece, parts, at, margin), high_u - low_u, high_v - low_v)
+    limits = limits_in(limits_of_part(piece, parts, at, margin), high_u - low_u, high_v - low_v)
     u = 0.5 * ((low_u + high_u) + a * (high_u - low_u))
     v = 0.5 * ((low_v + high_v) + b * (high_v - low_v))
     place = Rectangle(low_u, high_u, low_v, high_v)
-    other, u, v, in_u, answer = _improved(query, tree, t, answer, thirds, place, u, v)
+    other, _, _, _, _, answer = _improved(query, tree, t, answer, limits, place, u, v)
     return max(bound, other), answer
 
 

@@ -15,8 +15,9 @@ Taylor's formula says of steps (x, y)
 for any t > 0, as 2 |x y| <= t x² + y² / t, and |x²y| <= l x². Each term has a least value in closed
 form. If a and b are positive, F is that at the minimum itself, but for e² / 2 a where g errs by e:
 so such a part needs no division, however near p is. Where another point is nearer than the part, any
-of its points often tells. Third derivatives are bounded from what is known of the piece: see
-thirds.py.
+of its points often tells. And where F_u has one sign all over the rectangle, F is least where u
+ends, and only v is left: the same formula, without steps in u. Third derivatives are bounded by what
+is known of the piece: see limits.py.
 """
 
 from __future__ import annotations
@@ -57,8 +58,10 @@ def _least_rise(slope, error, bend, low, high):
 
 
 @kernel
-def bound_at(piece, thirds, jet, way, at, u, v, slack):
+def bound_at(piece, limits, jet, way, at, u, v, slack):
     """A lower bound of the distance to a rectangle from the jet at one of its points u, v.
+
+    And how much of the rectangle is left that may hold its nearest point; then the bound is of that.
 
     `way` leads there, and points err by no more than the slack. First derivatives err by
     `piece.slope` times their degree of that; second ones by twice the square of `slope`: control
@@ -67,38 +70,35 @@ def bound_at(piece, thirds, jet, way, at, u, v, slack):
     """
     _, du, dv, duu, duv, dvv = jet
     p, q = float(piece.degree_u), float(piece.degree_v)
-    once = 2.0 * piece.slope * slack
-    twice = piece.slope * once
+    error_u, error_v = 2.0 * piece.slope * p * slack, 2.0 * piece.slope * q * slack
     k, m = max(u - at.low_u, at.high_u - u), max(v - at.low_v, at.high_v - v)
-    distance, size_u, size_v = norm(way), norm(du), norm(dv)
-    size_uu, size_uv, size_vv = norm(duu), norm(duv), norm(dvv)
-    # How much derivatives may differ from those at the point.
-    uu = thirds.uuu * k + thirds.uuv * m + twice * p * p
-    uv = thirds.uuv * k + thirds.uvv * m + twice * p * q
-    vv = thirds.uvv * k + thirds.vvv * m + twice * q * q
-    of_u = (size_uu + 0.5 * uu) * k + (size_uv + 0.5 * uv) * m + once * p
-    of_v = (size_uv + 0.5 * uv) * k + (size_vv + 0.5 * vv) * m + once * q
-    far = distance + (size_u + of_u) * k + (size_v + of_v) * m + slack
-    uuu = 3.0 * (abs(dot(du, duu)) + _more(size_u, of_u, size_uu, uu)) + far * thirds.uuu
-    uuv = abs(dot(duu, dv) + 2.0 * dot(du, duv)) + far * thirds.uuv
-    uuv += _more(size_v, of_v, size_uu, uu) + 2.0 * _more(size_u, of_u, size_uv, uv)
-    uvv = abs(dot(dvv, du) + 2.0 * dot(dv, duv)) + far * thirds.uvv
-    uvv += _more(size_u, of_u, size_vv, vv) + 2.0 * _more(size_v, of_v, size_uv, uv)
-    vvv = 3.0 * (abs(dot(dv, dvv)) + _more(size_v, of_v, size_vv, vv)) + far * thirds.vvv
-    # What F's derivatives at the point err by.
-    error_u, error_v = once * p, once * q
-    slope_u = 2.0 * slack * size_u + distance * error_u
-    slope_v = 2.0 * slack * size_v + distance * error_v
-    a = dot(du, du) + dot(way, duu)
-    a -= (2.0 * size_u + error_u) * error_u + distance * twice * p * p + slack * size_uu
-    b = dot(dv, dv) + dot(way, dvv)
-    b -= (2.0 * size_v + error_v) * error_v + distance * twice * q * q + slack * size_vv
-    h = abs(dot(du, dv) + dot(way, duv)) + _more(size_u, error_u, size_v, error_v)
-    h += distance * twice * p * q + slack * size_uv
-    a -= uuu * k * (1.0 / 3.0) + uuv * m
-    b -= uvv * k + vvv * m * (1.0 / 3.0)
+    distance = norm(way)
+    far = distance + limits.u * k + limits.v * m + slack
+    # No less than F's third derivatives; its gradient and Hessian, and what these err by.
+    uuu, uuv = limits.of_uuu + far * limits.uuu, limits.of_uuv + far * limits.uuv
+    uvv, vvv = limits.of_uvv + far * limits.uvv, limits.of_vvv + far * limits.vvv
     gu, gv = dot(way, du), dot(way, dv)
-    if h > 0.0 and m > 0.0:
+    slope_u = 2.0 * slack * limits.u + distance * error_u
+    slope_v = 2.0 * slack * limits.v + distance * error_v
+    a, b = dot(du, du) + dot(way, duu), dot(dv, dv) + dot(way, dvv)
+    less_a = (2.0 * limits.u + error_u + distance * piece.slope * p) * error_u + slack * limits.uu
+    less_b = (2.0 * limits.v + error_v + distance * piece.slope * q) * error_v + slack * limits.vv
+    h = abs(dot(du, dv) + dot(way, duv)) + limits.u * error_v + limits.v * error_u
+    h += (error_u + distance * piece.slope * p) * error_v + slack * limits.uv
+    change = (abs(a) + less_a + 0.5 * uuu * k) * k + (h + uuv * k + 0.5 * uvv * m) * m
+    low_u, high_u, low_v, high_v = at
+    if abs(gu) > change + slope_u:
+        low_u = high_u = low_u if gu > 0.0 else high_u
+    change = (abs(b) + less_b + 0.5 * vvv * m) * m + (h + uvv * m + 0.5 * uuv * k) * k
+    if abs(gv) > change + slope_v:
+        low_v = high_v = low_v if gv > 0.0 else high_v
+    left = Rectangle(low_u, high_u, low_v, high_v)
+    if low_u <= u <= high_u and low_v <= v <= high_v:
+        at = left
+        k, m = max(u - low_u, high_u - u), max(v - low_v, high_v - v)
+    a -= less_a + uuu * k * (1.0 / 3.0) + uuv * m
+    b -= less_b + uvv * k + vvv * m * (1.0 / 3.0)
+    if k > 0.0 and m > 0.0 and h > 0.0:
         t = 1.0
         if a > 0.0 and b > 0.0 and a * b > h * h:
             t = np.sqrt(a / b)
@@ -110,25 +110,26 @@ def bound_at(piece, thirds, jet, way, at, u, v, slack):
     less = _least_rise(gu, slope_u, a, at.low_u - u, at.high_u - u)
     less += _least_rise(gv, slope_v, b, at.low_v - v, at.high_v - v)
     if not less > -np.inf:
-        return -np.inf
-    return np.sqrt(max(distance * distance + 2.0 * less, 0.0)) - slack
+        return -np.inf, at
+    return np.sqrt(max(distance * distance + 2.0 * less, 0.0)) - slack, left
 
 
 @inlined
-def _more(one, of_one, other, of_other):
-    """By how much the product of two vectors may change where these do."""
-    return one * of_other + of_one * other + of_one * of_other
+def _within(at, u, v):
+    """The place in a rectangle that is nearest to u, v."""
+    return min(max(u, at.low_u), at.high_u), min(max(v, at.low_v), at.high_v)
 
 
 @kernel
-def minimum_in(piece, nets, thirds, p, at, u, v, distance, share, spare, slack):
+def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
     """The distance from p, metres, and the parameters, of a point nearest among those near by.
 
     It is looked for in a rectangle of a piece, from u and v on. Then comes a lower bound of the
-    distance to all of that, and whether it bends more in u. The search ends where nothing in it is
-    nearer than `distance`, or than its result, by more than a share of that and what is spared.
+    distance to all of that, how much of it may hold its nearest point, and whether that bends more
+    in u. The search ends where nothing in it is nearer than `distance`, or than its result, by more
+    than a share of that and what is spared, metres.
     """
-    u, v = min(max(u, at.low_u), at.high_u), min(max(v, at.low_v), at.high_v)
+    u, v = _within(at, u, v)
     squared, damping, bound = np.inf, 0.0, -np.inf
     gu = gv = a = b = c = aa = cc = 0.0
     new_u, new_v = u, v
@@ -144,7 +145,8 @@ def minimum_in(piece, nets, thirds, p, at, u, v, distance, share, spare, slack):
             least = min(distance, found)
             least -= max(share * least, spare)
             done = bound >= least or found >= beyond  # else it is made better by one more step
-            bound = max(bound, bound_at(piece, thirds, jet, way, at, u, v, slack))
+            here, at = bound_at(piece, limits, jet, way, at, u, v, slack)
+            bound = max(bound, here)
             if done and (bound >= least or turn > 0):
                 break
             gu, gv, aa, cc = dot(way, du), dot(way, dv), dot(du, du), dot(dv, dv)
@@ -168,15 +170,14 @@ def minimum_in(piece, nets, thirds, p, at, u, v, distance, share, spare, slack):
                 damping = max(1e-3, 10.0 * damping)
                 continue
             break
-        new_u = min(max(u + step_u, at.low_u), at.high_u)
-        new_v = min(max(v + step_v, at.low_v), at.high_v)
+        new_u, new_v = _within(at, u + step_u, v + step_v)
         gain = -gu * (new_u - u) - gv * (new_v - v)
         if not gain > _LEAST_STEP * squared:
             break
     wide_u, wide_v = at.high_u - at.low_u, at.high_v - at.low_v
     bend_u = wide_u * (wide_u * norm(duu) + _FLAT * norm(du))
     bend_v = wide_v * (wide_v * norm(dvv) + _FLAT * norm(dv))
-    return np.sqrt(squared), u, v, bound, bend_u >= bend_v
+    return np.sqrt(squared), u, v, bound, at, bend_u >= bend_v
 
 
 @inlined
