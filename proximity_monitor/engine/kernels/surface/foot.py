@@ -56,15 +56,15 @@ the distance. The answer is (distance, piece, u, v, least, cost): the surface is
 least of what was left, and it took so many divisions and proofs. A piece that has not been looked
 into yet, because the search began with one of its points, is ~piece."""
 
-_PATIENCE, _GROWTH = 1024, 8
+_PATIENCE, _GROWTH = 2048, 12
 """What a search may cost until it tolerates more, and with which power of its cost that grows. So
 every search ends: around the centre of a sphere all of it is about as near."""
 
 _NEARER = 0.25
 """Share of what is tolerated from which on an edge's bend is worth a division."""
 
-_RECTANGLES = 32
-"""Rectangles of a piece that are looked at before its control points are divided."""
+_RECTANGLES = 16
+"""Rectangles of a part that are looked at before its control points are divided."""
 
 _LOOKS, _CHORDS = 256, 64
 """Looks at parts of an edge, and how many of them may wait."""
@@ -179,7 +179,7 @@ def foot_in(query, tree, t, answer):
 def _improved(query, tree, t, answer, limits, at, u, v):
     """Look for a minimum in a rectangle of piece t: the answer, and what is known of that.
 
-    Namely the bound, where the search has led to, what is left, and whether that bends more in u.
+    Namely the bound, where the search has led to, what is left, whether it is to be halved in u.
     """
     distance, nearest, best_u, best_v, least, cost = answer
     times = _times(cost)
@@ -207,9 +207,20 @@ def _look_at_whole(query, tree, t, answer):
         room = np.int64(piece.room)
         if least_beyond(tree.nets, piece.net, room, n[0], n[1], n[2], -plane) >= 0.0:
             return True, answer
-    limits, stack = limits_of(piece), table_on_stack(_RECTANGLES, 6, 0.0)
-    _put(stack, 0, Rectangle(0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0))
-    stack[0, 4], stack[0, 5] = 0.5 + 0.5 * a, 0.5 + 0.5 * b
+    whole = Rectangle(0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0)
+    u, v = 0.5 + 0.5 * a, 0.5 + 0.5 * b
+    return _look_at_rectangle(query, tree, t, answer, limits_of(piece), whole, u, v, piece.side)
+
+
+@kernel
+def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, side):
+    """The same of a rectangle of a piece, which is halved some times where nothing is cut off.
+
+    Minima are looked for from u, v on.
+    """
+    stack = table_on_stack(_RECTANGLES, 6, 0.0)
+    _put(stack, 0, at)
+    stack[0, 4], stack[0, 5] = u, v
     top = looks = 1
     while top > 0:
         top -= 1
@@ -220,7 +231,7 @@ def _look_at_whole(query, tree, t, answer):
         )
         if bound >= enough(query, answer):
             continue
-        if piece.side == CROSSING or looks >= _RECTANGLES:
+        if side == CROSSING or looks >= _RECTANGLES:
             return False, answer
         low = (u <= 0.5 * (at.low_u + at.high_u)) if in_u else (v <= 0.5 * (at.low_v + at.high_v))
         _put(stack, top, half_of(at, 1 if low else 0, in_u))
@@ -287,8 +298,8 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
     u = 0.5 * ((low_u + high_u) + a * (high_u - low_u))
     v = 0.5 * ((low_v + high_v) + b * (high_v - low_v))
     place = Rectangle(low_u, high_u, low_v, high_v)
-    other, _, _, _, _, answer = _improved(query, tree, t, answer, limits, place, u, v)
-    return max(bound, other), answer
+    done, answer = _look_at_rectangle(query, tree, t, answer, limits, place, u, v, side)
+    return np.inf if done else bound, answer
 
 
 @kernel

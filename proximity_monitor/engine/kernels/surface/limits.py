@@ -65,10 +65,11 @@ def _differences(parts, at, c, count_i, count_j, in_u, in_v, one, other, third, 
 
     Its control points are differences of points `one` numbers apart, or of such differences that
     are `other`, and then `third` numbers apart, where these are not 0. Returns middle and half
-    diagonal, and middle and half length.
+    diagonal, middle and half length, and the largest length of all.
     """
     x_low = y_low = z_low = w_low = np.inf
     x_high = y_high = z_high = w_high = -np.inf
+    square = 0.0
     for i in range(count_i):
         for j in range(count_j):
             k = at + i * in_u + j * in_v
@@ -85,12 +86,14 @@ def _differences(parts, at, c, count_i, count_j, in_u, in_v, one, other, third, 
             y_low, y_high = min(y_low, y), max(y_high, y)
             z_low, z_high = min(z_low, z), max(z_high, z)
             w_low, w_high = min(w_low, w), max(w_high, w)
+            square = max(square, x * x + y * y + z * z)
     if x_high < x_low:
-        return (0.0, 0.0, 0.0), 0.0, 0.0, 0.0
+        return (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0
     half = 0.5 * factor
     middle = half * (x_low + x_high), half * (y_low + y_high), half * (z_low + z_high)
     spread = half * norm((x_high - x_low, y_high - y_low, z_high - z_low))
-    return middle, spread, half * (w_low + w_high), half * (w_high - w_low)
+    longest = factor * np.sqrt(square)
+    return middle, spread, half * (w_low + w_high), half * (w_high - w_low), longest
 
 
 @inlined
@@ -133,24 +136,24 @@ def limits_of_part(piece, parts, at, margin):
     error = 8.0 * margin  # third derivatives are differences of eight points
     if piece.rational:
         error *= _RATIONAL * (high / low) ** 3.0
-    m, r, wu, wu_half = _differences(parts, at, c, p, n, in_u, in_v, in_u, 0, 0, s)
+    m, r, wu, wu_half, _ = _differences(parts, at, c, p, n, in_u, in_v, in_u, 0, 0, s)
     most_wu = abs(wu) + wu_half
     u = _over(m, r + reach * most_wu, inverse, ratio, error * s)
-    m, r, wv, wv_half = _differences(parts, at, c, p + 1, q, in_u, in_v, in_v, 0, 0, t)
+    m, r, wv, wv_half, _ = _differences(parts, at, c, p + 1, q, in_u, in_v, in_v, 0, 0, t)
     most_wv = abs(wv) + wv_half
     v = _over(m, r + reach * most_wv, inverse, ratio, error * t)
-    m, r, w, half = _differences(
+    m, r, w, half, _ = _differences(
         parts, at, c, p - 1, n, in_u, in_v, in_u, in_u, 0, s * (s - 1.0)
     )
     w_uu = abs(w) + half
     r += 2.0 * (u.length * wu_half + u.spread * most_wu) + reach * w_uu
     uu = _over(along(m, u.middle, -2.0 * wu), r, inverse, ratio, error * s * s)
-    m, r, w, half = _differences(parts, at, c, p, q, in_u, in_v, in_u, in_v, 0, s * t)
+    m, r, w, half, _ = _differences(parts, at, c, p, q, in_u, in_v, in_u, in_v, 0, s * t)
     w_uv = abs(w) + half
     r += u.length * wv_half + u.spread * most_wv + v.length * wu_half + v.spread * most_wu
     m = along(along(m, u.middle, -wv), v.middle, -wu)
     uv = _over(m, r + reach * w_uv, inverse, ratio, error * s * t)
-    m, r, w, half = _differences(
+    m, r, w, half, _ = _differences(
         parts, at, c, p + 1, q - 1, in_u, in_v, in_v, in_v, 0, t * (t - 1.0)
     )
     w_vv = abs(w) + half
@@ -158,24 +161,24 @@ def limits_of_part(piece, parts, at, margin):
     vv = _over(along(m, v.middle, -2.0 * wv), r, inverse, ratio, error * t * t)
     size_u, size_v = _most(u), _most(v)
     size_uu, size_uv, size_vv = _most(uu), _most(uv), _most(vv)
-    m, r, w, half = _differences(
+    _, _, w, half, most = _differences(
         parts, at, c, p - 2, n, in_u, in_v, in_u, in_u, in_u, s * (s - 1.0) * (s - 2.0)
     )
-    uuu = norm(m) + r + 3.0 * (size_uu * most_wu + size_u * w_uu) + reach * (abs(w) + half)
-    m, r, w, half = _differences(
+    uuu = most + 3.0 * (size_uu * most_wu + size_u * w_uu) + reach * (abs(w) + half)
+    _, _, w, half, most = _differences(
         parts, at, c, p - 1, q, in_u, in_v, in_u, in_u, in_v, s * (s - 1.0) * t
     )
-    uuv = norm(m) + r + 2.0 * (size_uv * most_wu + size_u * w_uv) + size_uu * most_wv
+    uuv = most + 2.0 * (size_uv * most_wu + size_u * w_uv) + size_uu * most_wv
     uuv += size_v * w_uu + reach * (abs(w) + half)
-    m, r, w, half = _differences(
+    _, _, w, half, most = _differences(
         parts, at, c, p, q - 1, in_u, in_v, in_v, in_v, in_u, s * t * (t - 1.0)
     )
-    uvv = norm(m) + r + 2.0 * (size_uv * most_wv + size_v * w_uv) + size_vv * most_wu
+    uvv = most + 2.0 * (size_uv * most_wv + size_v * w_uv) + size_vv * most_wu
     uvv += size_u * w_vv + reach * (abs(w) + half)
-    m, r, w, half = _differences(
+    _, _, w, half, most = _differences(
         parts, at, c, p + 1, q - 2, in_u, in_v, in_v, in_v, in_v, t * (t - 1.0) * (t - 2.0)
     )
-    vvv = norm(m) + r + 3.0 * (size_vv * most_wv + size_v * w_vv) + reach * (abs(w) + half)
+    vvv = most + 3.0 * (size_vv * most_wv + size_v * w_vv) + reach * (abs(w) + half)
     of_uuu, more = _product(u, uu)
     of_uuu = 3.0 * (abs(of_uuu) + more)
     one, more = _product(u, uv)

@@ -37,9 +37,6 @@ _NEWTON = 16
 _LEAST_STEP = 1e-15
 """Iterations; and the share of the squared distance below which a step's gain is nothing."""
 
-_FLAT = 1e-3
-"""Share of a rectangle's length that counts as a bend, so that flat ones are halved where long."""
-
 _NEARER = 0.25
 """Share of what is tolerated that a point must be nearer by for a search from there on."""
 
@@ -61,7 +58,8 @@ def _least_rise(slope, error, bend, low, high):
 def bound_at(piece, limits, jet, way, at, u, v, slack):
     """A lower bound of the distance to a rectangle from the jet at one of its points u, v.
 
-    And how much of the rectangle is left that may hold its nearest point; then the bound is of that.
+    Also how much of the rectangle may hold its nearest point, which the bound is of; and whether
+    the bound is as low as it is rather because of steps in u.
 
     `way` leads there, and points err by no more than the slack. First derivatives err by
     `piece.slope` times their degree of that; second ones by twice the square of `slope`: control
@@ -96,6 +94,9 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
     if low_u <= u <= high_u and low_v <= v <= high_v:
         at = left
         k, m = max(u - low_u, high_u - u), max(v - low_v, high_v - v)
+    # How much is lost by steps in u, and in v, that a half as long would gain back.
+    lost_u = (uuu * k + 0.25 * uuv * m + max(-3.0 * a, 0.0)) * k * k
+    lost_v = (vvv * m + 0.25 * uvv * k + max(-3.0 * b, 0.0)) * m * m
     a -= less_a + uuu * k * (1.0 / 3.0) + uuv * m
     b -= less_b + uvv * k + vvv * m * (1.0 / 3.0)
     if k > 0.0 and m > 0.0 and h > 0.0:
@@ -110,8 +111,9 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
     less = _least_rise(gu, slope_u, a, at.low_u - u, at.high_u - u)
     less += _least_rise(gv, slope_v, b, at.low_v - v, at.high_v - v)
     if not less > -np.inf:
-        return -np.inf, at
-    return np.sqrt(max(distance * distance + 2.0 * less, 0.0)) - slack, left
+        return -np.inf, at, lost_u >= lost_v
+    bound = np.sqrt(max(distance * distance + 2.0 * less, 0.0)) - slack
+    return bound, left, lost_u >= lost_v
 
 
 @inlined
@@ -125,13 +127,14 @@ def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
     """The distance from p, metres, and the parameters, of a point nearest among those near by.
 
     It is looked for in a rectangle of a piece, from u and v on. Then comes a lower bound of the
-    distance to all of that, how much of it may hold its nearest point, and whether that bends more
-    in u. The search ends where nothing in it is nearer than `distance`, or than its result, by more
+    distance to all of that, how much of it may hold its nearest point, and whether that is better
+    halved in u. The search ends where nothing in it is nearer than `distance`, or than its result, by more
     than a share of that and what is spared, metres.
     """
     u, v = _within(at, u, v)
     squared, damping, bound = np.inf, 0.0, -np.inf
     gu = gv = a = b = c = aa = cc = 0.0
+    in_u = True
     new_u, new_v = u, v
     beyond = distance - _NEARER * max(share * distance, spare)
     for turn in range(_NEWTON):
@@ -145,7 +148,7 @@ def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
             least = min(distance, found)
             least -= max(share * least, spare)
             done = bound >= least or found >= beyond  # else it is made better by one more step
-            here, at = bound_at(piece, limits, jet, way, at, u, v, slack)
+            here, at, in_u = bound_at(piece, limits, jet, way, at, u, v, slack)
             bound = max(bound, here)
             if done and (bound >= least or turn > 0):
                 break
@@ -174,10 +177,9 @@ def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
         gain = -gu * (new_u - u) - gv * (new_v - v)
         if not gain > _LEAST_STEP * squared:
             break
-    wide_u, wide_v = at.high_u - at.low_u, at.high_v - at.low_v
-    bend_u = wide_u * (wide_u * norm(duu) + _FLAT * norm(du))
-    bend_v = wide_v * (wide_v * norm(dvv) + _FLAT * norm(dv))
-    return np.sqrt(squared), u, v, bound, at, bend_u >= bend_v
+    if at.low_u == at.high_u or at.low_v == at.high_v:
+        in_u = at.low_u < at.high_u
+    return np.sqrt(squared), u, v, bound, at, in_u
 
 
 @inlined
