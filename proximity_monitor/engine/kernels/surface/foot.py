@@ -56,7 +56,7 @@ the distance. The answer is (distance, piece, u, v, least, cost): the surface is
 least of what was left, and it took so many divisions and proofs. A piece that has not been looked
 into yet, because the search began with one of its points, is ~piece."""
 
-_PATIENCE, _GROWTH = 2048, 12
+_PATIENCE, _GROWTH = 4096, 12
 """What a search may cost until it tolerates more, and with which power of its cost that grows. So
 every search ends: around the centre of a sphere all of it is about as near."""
 
@@ -231,7 +231,7 @@ def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, side):
         )
         if bound >= enough(query, answer):
             continue
-        if side == CROSSING or looks >= _RECTANGLES:
+        if side == CROSSING or looks >= _RECTANGLES or bound == -np.inf:
             return False, answer
         low = (u <= 0.5 * (at.low_u + at.high_u)) if in_u else (v <= 0.5 * (at.low_v + at.high_v))
         _put(stack, top, half_of(at, 1 if low else 0, in_u))

@@ -38,6 +38,9 @@ _Ball = namedtuple("_Ball", "middle length spread")
 _MORE = 1.0 + 1e-9
 """By what lengths are increased, for all that rounding does to sums."""
 
+_MOST_WEIGHTS = 4.0
+"""The ratio of a part's weights from which on nothing is known of it."""
+
 _RATIONAL = 512.0
 """How many times what control points err by, times the degrees, a rational derivative may err by:
 derivatives are sums of up to seven products of others with weights, of two factors each; a ratio of
@@ -130,6 +133,9 @@ def limits_of_part(piece, parts, at, margin):
         w = parts[k + 3]
         x, y, z = parts[k] / w - c[0], parts[k + 1] / w - c[1], parts[k + 2] / w - c[2]
         low, high, square = min(low, w), max(high, w), max(square, x * x + y * y + z * z)
+    if not high < _MOST_WEIGHTS * low:
+        x = np.inf
+        return Limits(x, x, x, x, x, x, x, x, x, x, x, x, x)
     reach = np.sqrt(square) * _MORE + margin
     inverse, ratio = 0.5 * (1.0 / low + 1.0 / high), (high - low) / (high + low)
     worst = inverse * (1.0 + ratio)

@@ -37,6 +37,10 @@ _NEWTON = 16
 _LEAST_STEP = 1e-15
 """Iterations; and the share of the squared distance below which a step's gain is nothing."""
 
+_HOPELESS = 16.0
+"""How many times the squared distance, or size of a rectangle, a bound of the former may be negative
+for halves to be worth a look: a division of both parameters makes that four to eight times less."""
+
 _NEARER = 0.25
 """Share of what is tolerated that a point must be nearer by for a search from there on."""
 
@@ -110,8 +114,9 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
         a, b = a - h * t, b - h / t
     less = _least_rise(gu, slope_u, a, at.low_u - u, at.high_u - u)
     less += _least_rise(gv, slope_v, b, at.low_v - v, at.high_v - v)
-    if not less > -np.inf:
-        return -np.inf, at, lost_u >= lost_v
+    across_u, across_v = limits.u * k, limits.v * m
+    if not less > -_HOPELESS * (distance * distance + across_u * across_u + across_v * across_v):
+        return -np.inf, left, lost_u >= lost_v
     bound = np.sqrt(max(distance * distance + 2.0 * less, 0.0)) - slack
     return bound, left, lost_u >= lost_v
 
@@ -127,7 +132,7 @@ def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
     """The distance from p, metres, and the parameters, of a point nearest among those near by.
 
     It is looked for in a rectangle of a piece, from u and v on. Then comes a lower bound of the
-    distance to all of that, how much of it may hold its nearest point, and whether that is better
+    distance to all of that, minus infinity where that is too poor to go on from; how much of it may hold its nearest point, and whether that is better
     halved in u. The search ends where nothing in it is nearer than `distance`, or than its result, by more
     than a share of that and what is spared, metres.
     """
@@ -150,7 +155,7 @@ def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
             done = bound >= least or found >= beyond  # else it is made better by one more step
             here, at, in_u = bound_at(piece, limits, jet, way, at, u, v, slack)
             bound = max(bound, here)
-            if done and (bound >= least or turn > 0):
+            if done and (bound >= least or turn > 0 or bound == -np.inf):
                 break
             gu, gv, aa, cc = dot(way, du), dot(way, dv), dot(du, du), dot(dv, dv)
             a, b, c = aa + dot(way, duu), dot(du, dv) + dot(way, duv), cc + dot(way, dvv)
