@@ -49,9 +49,10 @@ def closest_points(
     for k in range(first, points.shape[0]):
         if steps <= 0:
             return k
-        p, slack = image_of(tree, pose, points, k)
-        slack += points_err(tree)
-        spare = RESOLUTION * tree.scale[2] + 3.0 * slack
+        # Bounds include what the surface's points err by; that of the point itself is left.
+        p, moved = image_of(tree, pose, points, k)
+        slack = moved + points_err(tree)
+        spare = RESOLUTION * tree.scale[2] + 2.0 * slack
         query = Foot(p, slack, spare, 0.0)
         beyond = min(farthest + spare + 2.0 * slack, FAR)  # less both it is beyond `farthest`
         top = np.int64(going[6])
@@ -73,7 +74,7 @@ def closest_points(
         if top > 0:
             return k
         nearest, least = bounded(query, answer)
-        bounds[k, 0] = max(lower_of(least - slack, 0.0, deviation), 0.0)
+        bounds[k, 0] = max(lower_of(least - moved, 0.0, deviation), 0.0)
         bounds[k, 1], elements[k] = np.inf, NONE
         if distance < beyond:
             near, near_u, near_v = nearest, u, v

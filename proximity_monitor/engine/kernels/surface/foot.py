@@ -48,7 +48,7 @@ from .parts import (
     take_whole,
 )
 from .sides import is_left
-from .trim import CROSSING, INSIDE, OUTSIDE
+from .trim import CROSSING, OUTSIDE
 
 Foot = namedtuple("Foot", "place slack spare share")
 """The query: nothing is looked into that is nearer by less than is spared, metres, or a share of
@@ -256,7 +256,7 @@ def _look_at_parts(query, tree, t, answer):
     parts, bounds = on_stack(NUMBERS, 0.0), on_stack(MOST, 0.0)
     about = table_on_stack(MOST, ABOUT, 0.0)
     take_whole(piece, tree.nets, p, parts)
-    left = begin_parts(piece, parts, False, about)
+    left = begin_parts(piece, parts, piece.side == CROSSING, about)
     if piece.side == CROSSING and _leads_to_edges(
         piece, parts, 0, about[0], margin_of(tree, piece, p, 0)
     ):

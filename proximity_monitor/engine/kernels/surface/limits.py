@@ -207,9 +207,7 @@ def limits_of_part(piece, parts, at, margin):
 def limits_of(piece):
     """Of a whole piece."""
     f = piece.limits
-    return Limits(
-        f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8], f[9], f[10], f[11], f[12]
-    )
+    return Limits(f[0], f[1], f[2], f[3], f[4], f[5], f[6], f[7], f[8], f[9], f[10], f[11], f[12])
 
 
 @kernel

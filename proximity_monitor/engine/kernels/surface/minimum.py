@@ -16,8 +16,8 @@ for any t > 0, as 2 |x y| <= t x² + y² / t, and |x²y| <= l x². Each term has
 form. If a and b are positive, F is that at the minimum itself, but for e² / 2 a where g errs by e:
 so such a part needs no division, however near p is. Where another point is nearer than the part, any
 of its points often tells. And where F_u has one sign all over the rectangle, F is least where u
-ends, and only v is left: the same formula, without steps in u. Third derivatives are bounded by what
-is known of the piece: see limits.py.
+ends, and only v is left: the same formula, without steps in u. Third derivatives are bounded by
+what is known of the piece: see limits.py.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _LEAST_STEP = 1e-15
 """Iterations; and the share of the squared distance below which a step's gain is nothing."""
 
 _HOPELESS = 16.0
-"""How many times the squared distance, or size of a rectangle, a bound of the former may be negative
-for halves to be worth a look: a division of both parameters makes that four to eight times less."""
+"""A bound of the squared distance may be negative by so many times that, or a rectangle's size, for
+its halves to be worth a look: a division of both parameters makes that four to eight times less."""
 
 _NEARER = 0.25
 """Share of what is tolerated that a point must be nearer by for a search from there on."""
@@ -132,9 +132,10 @@ def minimum_in(piece, nets, limits, p, at, u, v, distance, share, spare, slack):
     """The distance from p, metres, and the parameters, of a point nearest among those near by.
 
     It is looked for in a rectangle of a piece, from u and v on. Then comes a lower bound of the
-    distance to all of that, minus infinity where that is too poor to go on from; how much of it may hold its nearest point, and whether that is better
-    halved in u. The search ends where nothing in it is nearer than `distance`, or than its result, by more
-    than a share of that and what is spared, metres.
+    distance to all of that, minus infinity where it is too poor to go on from; how much of it may
+    hold its nearest point, and whether that is better halved in u. The search ends where nothing in
+    it is nearer than `distance`, or than its result, by more than a share of that and what is
+    spared, metres.
     """
     u, v = _within(at, u, v)
     squared, damping, bound = np.inf, 0.0, -np.inf
