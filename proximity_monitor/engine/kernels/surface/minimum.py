@@ -14,8 +14,8 @@ Taylor's formula says of steps (x, y)
 
 for any t > 0, as 2 |x y| <= t x² + y² / t, and |x²y| <= l x². Each term has a least value in closed
 form. If a and b are positive, F is that at the minimum itself, but for e² / 2 a where g errs by e:
-so such a part needs no division, however near p is. Where another point is nearer than the part, any
-of its points often tells. And where F_u has one sign all over the rectangle, F is least where u
+so such a part needs no division, however near p is. Where another point is nearer than the part,
+any of its points often tells. And where F_u has one sign all over the rectangle, F is least where u
 ends, and only v is left: the same formula, without steps in u. Third derivatives are bounded by
 what is known of the piece: see limits.py.
 """
