@@ -2,8 +2,8 @@
 
 A piece is bounded by the gap between the point and its control points, along the way to a near
 point of the parallelogram that stands for it. What may hold a point that is nearer by more than is
-tolerated is done with by Newton's method, where its squared distance is convex, as most are (see
-minimum.py); else it is divided, and so are its parts. Where loops cross a part, either its distance
+tolerated is mostly done with by Newton's method and Taylor's formula (see minimum.py); else its
+control points are divided. Where loops cross a part, either its distance
 falls all over it, so that only its edges count, which are elements of their own, or it is divided.
 """
 
@@ -29,6 +29,8 @@ from .minimum import Rectangle, half_of, minimum_in
 from .parts import (
     ABOUT,
     EACH,
+    EXTENT_U,
+    EXTENT_V,
     HIGH_U,
     HIGH_V,
     LOW_U,
@@ -38,6 +40,7 @@ from .parts import (
     SPLITS,
     begin_parts,
     corner_of,
+    extents_of,
     halve,
     least_along,
     lines_of,
@@ -256,7 +259,7 @@ def _look_at_parts(query, tree, t, answer):
     parts, bounds = on_stack(NUMBERS, 0.0), on_stack(MOST, 0.0)
     about = table_on_stack(MOST, ABOUT, 0.0)
     take_whole(piece, tree.nets, p, parts)
-    left = begin_parts(piece, parts, piece.side == CROSSING, about)
+    begin_parts(piece, parts, True, about)
     if piece.side == CROSSING and _leads_to_edges(
         piece, parts, 0, about[0], margin_of(tree, piece, p, 0)
     ):
@@ -273,6 +276,10 @@ def _look_at_parts(query, tree, t, answer):
             answer = distance, nearest, u, v, min(least, bounds[k]), cost
             top -= 1
             continue
+        # Each where it is longer itself: all about a pole are as near it, however thin they are.
+        about[k, EXTENT_U], about[k, EXTENT_V], left = extents_of(
+            piece, parts, place_of(piece, k), True
+        )
         halve(piece, parts, about, left, k, top)
         top += 1
         for half in range(k, top):
