@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.state import NET_WIDTH, NONE, PIECE, REVISION, SurfaceTree, Trims
 from ..kernels.base.tables import arrays_of
+from ..kernels.surface.limits import fit_limits
 from ..kernels.surface.trim import INSIDE
 from ..kernels.tree.build import build_tree
 from ..kernels.tree.fit_surface import fit_surface, project
@@ -127,6 +128,7 @@ def _fitted(
     unit = math.ldexp(1.0, math.frexp(largest)[1]) if largest > 1e-300 else 1.0
     scale[:3] = unit, 1.0 / unit, longest * (1.0 + 8.0 * DOUBLE_EPS)
     nodes, centres, sizes = fit_surface(points, starts, children, unit)
+    fit_limits(pieces, nets, scale)
     tree = SurfaceTree(nodes, centres, children, sizes, pieces, nets, scale, trims)
     for array in arrays_of(tree):
         frozen(array)

@@ -110,6 +110,9 @@ inlined = _helper(_nrt=False, forceinline=True)
 """Compile into the caller's own code: where a call would pass dozens of array fields. LLVM does it;
 numba's own inlining compiles each copy anew, and the code is a tenth slower."""
 
+fused = _helper(_nrt=False, forceinline=True, fastmath={"contract"})
+"""The same, where a product may be rounded together with the sum that it is a part of."""
+
 inlined16 = _helper(_nrt=False, forceinline=True, fastmath=_FREE)
 """Compile into a `loop16`, which must see through it."""
 

@@ -68,15 +68,8 @@ def smallest(typingctx, values, first, mask):
     return types.float32(values, types.int64, types.int64), codegen
 
 
-@intrinsic
-def least_along(typingctx, points, first, room, x, y, z):
-    """The least product of a direction, no number of which is NaN, with any of the points.
-
-    Their coordinates are three rows of `room` float64, a multiple of 16, that begin at
-    points[first].
-    """
-    if not (isinstance(points, types.Array) and points.dtype == types.float64):
-        return None
+def _least(signature):
+    """Code for the least sum of products of some numbers with the rows of points."""
     vector = ir.VectorType(ir.DoubleType(), 16)
     step = 16
 
@@ -115,10 +108,36 @@ def least_along(typingctx, points, first, room, x, y, z):
         )
         return builder.call(function, [builder.load(least)], fastmath=("nnan",))
 
-    signature = types.float64(
-        points, types.int64, types.int64, types.float64, types.float64, types.float64
-    )
     return signature, codegen
+
+
+def _over_rows(points, coordinates):
+    """The signature of such an intrinsic, or None where the points are none."""
+    if not (isinstance(points, types.Array) and points.dtype == types.float64):
+        return None
+    return types.float64(points, types.int64, types.int64, *[types.float64] * coordinates)
+
+
+@intrinsic
+def least_along(typingctx, points, first, room, x, y, z):
+    """The least product of a direction, no number of which is NaN, with any of the points.
+
+    Their coordinates are three rows of `room` float64, a multiple of 16, that begin at
+    points[first].
+    """
+    signature = _over_rows(points, 3)
+    return signature and _least(signature)
+
+
+@intrinsic
+def least_beyond(typingctx, points, first, room, x, y, z, w):
+    """The same of four rows, the last of which are weights.
+
+    Of homogeneous coordinates (x, y, z, -c) gives weights times how far points lie beyond the plane
+    at c along a direction.
+    """
+    signature = _over_rows(points, 4)
+    return signature and _least(signature)
 
 
 @intrinsic

@@ -95,6 +95,12 @@ PIECE = np.dtype(
         ("bend", np.float64),  # how far an edge may be from its chord, metres
         ("low", np.float64, (2,)),  # its rectangle in that patch's u and v; v is 0 on a curve
         ("high", np.float64, (2,)),
+        ("centre", np.float64, (3,)),  # mean of its corners, metres
+        ("along_u", np.float64, (3,)),  # from there to the middle of the side where u is largest
+        ("along_v", np.float64, (3,)),
+        ("limits", np.float64, (13,)),  # of its derivatives: see surface/limits.py
+        ("slope", np.float64),  # how many times what a point errs by a derivative may err by, for
+        # each degree; of edges nothing of all these is known
     ],
     align=True,
 )

@@ -25,7 +25,7 @@ _ONE_POINT = 4
 _SIDE = 4
 """Steps that a point takes as long as besides finding its side."""
 
-_TELLING = 1e-6
+TELLING = 1e-6
 """Share of the model's size up to which the distance of a point is found out where its side is
 asked for: nearer to a surface, rounding hides on which side of it the point lies."""
 
@@ -49,7 +49,7 @@ def closest_points(
     found = on_stack(WIDTH, np.float32(0.0))
     radius, deviation = tree.scale[SWEPT], tree.scale[DEVIATION]
     farthest = core_of(max_distance, radius, deviation)
-    least = _TELLING * tree.scale[2] if signed else 0.0
+    least = TELLING * tree.scale[2] if signed else 0.0
     for k in range(first, points.shape[0]):
         if steps <= 0:
             return k

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..base.jit import kernel
+from ..base.jit import fused, kernel
 from ..base.memory import on_stack, table_on_stack
 
 _MOST = 16
@@ -93,29 +93,41 @@ def jet_at(piece, nets, u, v):
     rows = 4 if piece.rational else 3
     for row in range(rows):
         at = piece.net + row * piece.room
-        f = fu = fv = fuu = fuv = fvv = 0.0
-        for i in range(p):
-            a = b = c = 0.0
-            for j in range(q):
-                x = nets[at]
-                a += basis_v[0, j] * x
-                b += basis_v[1, j] * x
-                c += basis_v[2, j] * x
-                at += 1
-            f += basis_u[0, i] * a
-            fv += basis_u[0, i] * b
-            fvv += basis_u[0, i] * c
-            fu += basis_u[1, i] * a
-            fuv += basis_u[1, i] * b
-            fuu += basis_u[2, i] * a
-        jet[row], jet[4 + row], jet[8 + row] = f, fu, fv
-        jet[12 + row], jet[16 + row], jet[20 + row] = fuu, fuv, fvv
+        # With numbers that the compiler knows the loops disappear: of most splines, and of what
+        # turns round an axis.
+        if p == 4 and q == 4:
+            _put_row(nets, at, 4, 4, basis_u, basis_v, jet, row)
+        elif p == 3 and q == 3:
+            _put_row(nets, at, 3, 3, basis_u, basis_v, jet, row)
+        else:
+            _put_row(nets, at, p, q, basis_u, basis_v, jet, row)
     if piece.rational:
         _project(jet)
     return (
         (jet[0], jet[1], jet[2]), (jet[4], jet[5], jet[6]), (jet[8], jet[9], jet[10]),
         (jet[12], jet[13], jet[14]), (jet[16], jet[17], jet[18]), (jet[20], jet[21], jet[22]),
     )  # fmt: skip
+
+
+@fused
+def _put_row(nets, at, p, q, basis_u, basis_v, jet, row):
+    """Write one coordinate and its derivatives."""
+    f = fu = fv = fuu = fuv = fvv = 0.0
+    for i in range(p):
+        a = b = c = 0.0
+        for j in range(q):
+            x = nets[at + i * q + j]
+            a += basis_v[0, j] * x
+            b += basis_v[1, j] * x
+            c += basis_v[2, j] * x
+        f += basis_u[0, i] * a
+        fv += basis_u[0, i] * b
+        fvv += basis_u[0, i] * c
+        fu += basis_u[1, i] * a
+        fuv += basis_u[1, i] * b
+        fuu += basis_u[2, i] * a
+    jet[row], jet[4 + row], jet[8 + row] = f, fu, fv
+    jet[12 + row], jet[16 + row], jet[20 + row] = fuu, fuv, fvv
 
 
 @kernel

@@ -1,10 +1,10 @@
 """The point of a surface that is nearest to a given one, as near to it as is asked for.
 
-Parts of elements are bounded by the gap between the point and their control points, along the way
-to a near point of the parallelogram that stands for a part. What may hold a point that is nearer by
-more than is tolerated is divided. Newton's method makes the upper bound. Where loops cross a part,
-either its distance falls all over it, so that only its edges count, which are elements of their
-own, or it is divided.
+A piece is bounded by the gap between the point and its control points, along the way to a near
+point of the parallelogram that stands for it. What may hold a point that is nearer by more than is
+tolerated is mostly done with by Newton's method and Taylor's formula (see minimum.py); else its
+control points are divided. Where loops cross a part, either its distance
+falls all over it, so that only its edges count, which are elements of their own, or it is divided.
 """
 
 from __future__ import annotations
@@ -14,17 +14,23 @@ from collections import namedtuple
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel, shared
+from ..base.lanes import least_beyond
 from ..base.memory import on_stack, table_on_stack
+from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
 from ..base.vectors import add, along, cross, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps
+from ..inside.visit import descend
 from .edges import point_on
-from .evaluate import jet_at
-from .facing import closest_in
+from .facing import closest_in, vector
+from .limits import limits_in, limits_of, limits_of_part
+from .minimum import Rectangle, half_of, minimum_in
 from .parts import (
     ABOUT,
     EACH,
+    EXTENT_U,
+    EXTENT_V,
     HIGH_U,
     HIGH_V,
     LOW_U,
@@ -34,6 +40,7 @@ from .parts import (
     SPLITS,
     begin_parts,
     corner_of,
+    extents_of,
     halve,
     least_along,
     lines_of,
@@ -44,18 +51,23 @@ from .parts import (
     take_whole,
 )
 from .sides import is_left
-from .trim import CROSSING, INSIDE, OUTSIDE
+from .trim import CROSSING, OUTSIDE
 
-Foot = namedtuple("Foot", "place slack share")
-"""The query: nothing is looked into that is nearer by less than a share, or some slacks. The answer
-is (distance, piece, u, v, least, divisions): the surface is no nearer than the least of what was
-left, and it took so many divisions."""
+Foot = namedtuple("Foot", "place slack spare share")
+"""The query: nothing is looked into that is nearer by less than is spared, metres, or a share of
+the distance. The answer is (distance, piece, u, v, least, cost): the surface is no nearer than the
+least of what was left, and it took so many divisions and proofs. A piece that has not been looked
+into yet, because the search began with one of its points, is ~piece."""
 
-_DIVISIONS = 4096
-"""Divisions of an element: around the centre of a sphere all of it is about as near."""
+_PATIENCE, _GROWTH = 4096, 12
+"""What a search may cost until it tolerates more, and with which power of its cost that grows. So
+every search ends: around the centre of a sphere all of it is about as near."""
 
 _NEARER = 0.25
-"""Share of what is tolerated that a part's corner must be nearer by to begin a local search."""
+"""Share of what is tolerated from which on an edge's bend is worth a division."""
+
+_RECTANGLES = 16
+"""Rectangles of a part that are looked at before its control points are divided."""
 
 _LOOKS, _CHORDS = 256, 64
 """Looks at parts of an edge, and how many of them may wait."""
@@ -63,15 +75,44 @@ _LOOKS, _CHORDS = 256, 64
 FAR = 1e150
 """Metres: farther than anything is."""
 
-_NEWTON = 16
-_LEAST_STEP = 1e-15
-"""Iterations; and the share of the squared distance below which a step's gain is nothing."""
+
+_TURN, _LOOK = 4, 2
+"""Steps of a descent until what its elements took is counted; and those that a look takes."""
 
 
 @inlined
-def enough(distance, share, slack):
-    """The distance from which on nothing nearer than `distance` is looked for."""
-    return distance - max(share * distance, 4.0 * slack)
+def _times(cost):
+    """How many times what the query tolerates is tolerated."""
+    return max(cost / _PATIENCE, 1.0) ** _GROWTH
+
+
+@inlined
+def enough(query, answer):
+    """The distance from which on nothing is looked for, metres."""
+    return answer[0] - _times(answer[5]) * max(query.share * answer[0], query.spare)
+
+
+@inlined
+def unlooked(distance, piece, u, v):
+    """The answer to begin with: no point, or one of a piece that is still to be looked into."""
+    return distance, ~np.int64(piece), u, v, np.inf, np.int64(0)
+
+
+@inlined
+def look_for(query, tree, answer, top, stack, bounds, found, steps):
+    """Go on with a search in about `steps` steps: (answer, how many are open, steps left)."""
+    while top > 0 and steps > 0:  # by turns, as an element takes steps that are known afterwards
+        turn, before = min(steps, _TURN), answer[5]
+        answer, top, left = descend(query, tree, answer, top, stack, bounds, found, turn)
+        steps -= turn - left + _LOOK * (answer[5] - before)
+    return answer, top, max(steps, 0)
+
+
+@inlined
+def bounded(query, answer):
+    """The nearest piece of an answer, and how near the surface may be at least, metres."""
+    least = min(answer[4], answer[0] - max(query.share * answer[0], query.spare))
+    return max(answer[1], ~answer[1]), max(least, 0.0)
 
 
 @implements(visit.lane_gaps, Foot)
@@ -83,7 +124,7 @@ def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
 @implements(visit.limit, Foot)
 @inlined
 def _limit(query, answer):
-    return enough(answer[0], query.share, query.slack)
+    return enough(query, answer)
 
 
 @kernel
@@ -91,11 +132,9 @@ def away_from(piece, parts, at, margin):
     """A lower bound of how far a part is from the origin, and where on it about it is nearest.
 
     That is told by places from -1 to 1 along the half axes of the parallelogram that stands for it.
-    The last number is how far its nearest corner is.
     """
     p, q = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
     r, s = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
-    near = np.sqrt(min(min(dot(p, p), dot(q, q)), min(dot(r, r), dot(s, s))))
     low, high, right, left = add(p, q), add(r, s), add(q, s), add(p, r)
     centre = scaled(add(low, high), 0.25)
     e, f = scaled(sub(high, low), 0.25), scaled(sub(right, left), 0.25)
@@ -114,114 +153,160 @@ def away_from(piece, parts, at, margin):
             bound = max(bound, least_along(piece, parts, at, n) - margin)
         if bound > 0.5 * size:
             break
-    return bound, a, b, near
-
-
-@kernel
-def _by_newton(piece, nets, p, u, v, below):
-    """The distance from p, and the parameters, of a point that is nearest among those near by.
-
-    Infinity where the given point is no nearer than `below`.
-    """
-    squared, damping = np.inf, 0.0
-    gu = gv = a = b = c = aa = cc = 0.0
-    new_u, new_v = u, v
-    for _ in range(_NEWTON):
-        place, du, dv, duu, duv, dvv = jet_at(piece, nets, new_u, new_v)
-        way = sub(place, p)
-        new_squared = dot(way, way)
-        if squared == np.inf and not new_squared < below * below:
-            break
-        if new_squared < squared:
-            u, v, squared = new_u, new_v, new_squared
-            gu, gv, aa, cc = dot(way, du), dot(way, dv), dot(du, du), dot(dv, dv)
-            a, b, c = aa + dot(way, duu), dot(du, dv) + dot(way, duv), cc + dot(way, dvv)
-            damping = 0.1 * damping if damping > 1e-6 else 0.0
-        else:
-            damping = max(1e-3, 10.0 * damping)
-        held_u = (u <= 0.0 and gu >= 0.0) or (u >= 1.0 and gu <= 0.0)
-        held_v = (v <= 0.0 and gv >= 0.0) or (v >= 1.0 and gv <= 0.0)
-        step_u = step_v = 0.0
-        while True:
-            d, f = a + damping * aa, c + damping * cc
-            under = d * f - b * b
-            if not held_u and not held_v and d > 0.0 and under > 1e-14 * d * f:
-                step_u, step_v = (b * gv - f * gu) / under, (b * gu - d * gv) / under
-            elif held_v and not held_u and d > 0.0:
-                step_u = -gu / d
-            elif held_u and not held_v and f > 0.0:
-                step_v = -gv / f
-            elif not (held_u and held_v) and damping < 1e9:
-                damping = max(1e-3, 10.0 * damping)
-                continue
-            break
-        new_u, new_v = min(max(u + step_u, 0.0), 1.0), min(max(v + step_v, 0.0), 1.0)
-        gain = -gu * (new_u - u) - gv * (new_v - v)
-        if not gain > _LEAST_STEP * squared:
-            break
-    return np.sqrt(squared), u, v
+    return bound, a, b
 
 
 @implements(visit.meet, Foot)
 @shared
 def foot_in(query, tree, t, answer):
     """The answer when an element has been looked into as well."""
-    distance, nearest, best_u, best_v, least, cost = answer
-    piece, nets, p, share, slack = (
-        tree.pieces[t], tree.nets, query.place, query.share, query.slack
-    )  # fmt: skip
+    piece, first = tree.pieces[t], answer[5]
     if piece.edge != NONE:
-        return _foot_on_edge(query, tree, t, answer)
-    if t == nearest:
-        return answer  # it was looked into
-    if distance >= FAR and piece.side == CROSSING:  # any of its points is better than none
-        nearest = np.int64(piece.face)
-        best_u, best_v = 0.5, (0.5 if tree.pieces[nearest].degree_v > 0 else 0.0)
-        distance = norm(sub(point_on(tree, nearest, best_u, best_v), p))
+        answer = _foot_on_edge(query, tree, t, answer)
+    elif t != answer[1]:  # else it was looked into
+        if answer[0] >= FAR and piece.side == CROSSING:  # any of its points is better than none
+            nearest = np.int64(piece.face)
+            u, v = 0.5, (0.5 if tree.pieces[nearest].degree_v > 0 else 0.0)
+            distance = norm(sub(point_on(tree, nearest, u, v), query.place))
+            answer = distance, ~nearest, u, v, answer[4], first
+        done, answer = _look_at_whole(query, tree, t, answer)
+        if not done:
+            answer = _look_at_parts(query, tree, t, answer)
+    if answer[5] > _PATIENCE:  # more is tolerated than the query knows
+        distance, nearest, u, v, least, cost = answer
+        answer = distance, nearest, u, v, min(least, enough(query, answer)), cost
+    return answer
+
+
+@kernel
+def _improved(query, tree, t, answer, limits, at, u, v):
+    """Look for a minimum in a rectangle of piece t: the answer, and what is known of that.
+
+    Namely the bound, where the search has led to, what is left, whether it is to be halved in u.
+    """
+    distance, nearest, best_u, best_v, least, cost = answer
+    times = _times(cost)
+    found, u, v, bound, at, in_u = minimum_in(
+        tree.pieces[t], tree.nets, limits, query.place, at, u, v, distance,
+        times * query.share, times * query.spare, query.slack,
+    )  # fmt: skip
+    if found < distance and is_left(tree, t, (u, v, 0.0)):
+        distance, nearest, best_u, best_v = found, np.int64(t), u, v
+    return bound, u, v, at, in_u, (distance, nearest, best_u, best_v, least, cost + 1)
+
+
+@kernel
+def _look_at_whole(query, tree, t, answer):
+    """Whether a piece is done with, without a division of control points, and the answer then."""
+    piece, p = tree.pieces[t], query.place
+    below = enough(query, answer)
+    centre, e, f = sub(vector(piece.centre), p), vector(piece.along_u), vector(piece.along_v)
+    a, b = closest_in(centre, e, f, (0.0, 0.0, 0.0))
+    way = along(along(centre, e, a), f, b)
+    length = norm(way)
+    if below < FAR and length > 0.0:
+        n = scaled(way, (1.0 - 4.0 * DOUBLE_EPS) / length)
+        plane = dot(n, p) + (max(below, 0.0) + margin_of(tree, piece, p, 0))
+        room = np.int64(piece.room)
+        if least_beyond(tree.nets, piece.net, room, n[0], n[1], n[2], -plane) >= 0.0:
+            return True, answer
+    whole = Rectangle(0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0)
+    u, v = 0.5 + 0.5 * a, 0.5 + 0.5 * b
+    return _look_at_rectangle(query, tree, t, answer, limits_of(piece), whole, u, v, piece.side)
+
+
+@kernel
+def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, side):
+    """The same of a rectangle of a piece, which is halved some times where nothing is cut off.
+
+    Minima are looked for from u, v on.
+    """
+    stack = table_on_stack(_RECTANGLES, 6, 0.0)
+    _put(stack, 0, at)
+    stack[0, 4], stack[0, 5] = u, v
+    top = looks = 1
+    while top > 0:
+        top -= 1
+        row = stack[top]
+        at = Rectangle(row[0], row[1], row[2], row[3])
+        bound, u, v, at, in_u, answer = _improved(
+            query, tree, t, answer, limits, at, row[4], row[5]
+        )
+        if bound >= enough(query, answer):
+            continue
+        if side == CROSSING or looks >= _RECTANGLES or bound == -np.inf:
+            return False, answer
+        low = (u <= 0.5 * (at.low_u + at.high_u)) if in_u else (v <= 0.5 * (at.low_v + at.high_v))
+        _put(stack, top, half_of(at, 1 if low else 0, in_u))
+        _put(stack, top + 1, half_of(at, 0 if low else 1, in_u))  # it comes first
+        stack[top + 1, 4], stack[top + 1, 5] = u, v
+        top += 2
+        looks += 2
+    return True, answer
+
+
+@inlined
+def _put(stack, k, at):
+    """Write a rectangle, and its middle."""
+    stack[k, 0], stack[k, 1], stack[k, 2], stack[k, 3] = at.low_u, at.high_u, at.low_v, at.high_v
+    stack[k, 4], stack[k, 5] = 0.5 * (at.low_u + at.high_u), 0.5 * (at.low_v + at.high_v)
+
+
+@kernel
+def _look_at_parts(query, tree, t, answer):
+    """The answer when a piece has been looked into, divided where that is needed."""
+    piece, p = tree.pieces[t], query.place
     parts, bounds = on_stack(NUMBERS, 0.0), on_stack(MOST, 0.0)
     about = table_on_stack(MOST, ABOUT, 0.0)
-    take_whole(piece, nets, p, parts)
-    left = begin_parts(piece, parts, False, about)
-    top, room, divisions, fresh = 1, room_of(piece), 0, 1
+    take_whole(piece, tree.nets, p, parts)
+    begin_parts(piece, parts, True, about)
+    if piece.side == CROSSING and _leads_to_edges(
+        piece, parts, 0, about[0], margin_of(tree, piece, p, 0)
+    ):
+        return answer
+    top, room = 1, room_of(piece)
+    bounds[0] = -np.inf
     while top > 0:
-        # Those that were not yet bounded: the whole, or both halves of what was divided.
-        for k in range(top - fresh, top):
-            row = about[k]
-            margin = margin_of(tree, piece, p, np.int64(row[SPLITS]))
-            bounds[k], a, b, near = away_from(piece, parts, place_of(piece, k), margin)
-            below = enough(distance, share, slack)
-            if bounds[k] >= below:
-                continue
-            side = side_of_part(tree, piece, about, k)
-            if side == OUTSIDE:
-                bounds[k] = np.inf
-                continue
-            if side == CROSSING and _leads_to_edges(piece, parts, place_of(piece, k), row, margin):
-                bounds[k] = np.inf
-                continue
-            # A point is looked for where a corner says that there is a nearer one.
-            if divisions > 0 and (side != INSIDE or near > distance - _NEARER * (distance - below)):
-                continue
-            u = 0.5 * ((row[LOW_U] + row[HIGH_U]) + a * (row[HIGH_U] - row[LOW_U]))
-            v = 0.5 * ((row[LOW_V] + row[HIGH_V]) + b * (row[HIGH_V] - row[LOW_V]))
-            u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-            found, u, v = _by_newton(piece, nets, p, u, v, distance)
-            if found < distance and is_left(tree, t, (u, v, 0.0)):
-                distance, nearest, best_u, best_v = found, np.int64(t), u, v
-        fresh = 0
         k = top - 1
-        if bounds[k] >= enough(distance, share, slack):
+        if bounds[k] >= enough(query, answer):
             top -= 1
             continue
-        if top >= room or divisions >= _DIVISIONS:
-            least = min(least, bounds[k])
+        if top >= room:
+            distance, nearest, u, v, least, cost = answer
+            answer = distance, nearest, u, v, min(least, bounds[k]), cost
             top -= 1
             continue
+        # Each where it is longer itself: all about a pole are as near it, however thin they are.
+        about[k, EXTENT_U], about[k, EXTENT_V], left = extents_of(
+            piece, parts, place_of(piece, k), True
+        )
         halve(piece, parts, about, left, k, top)
-        divisions += 1
         top += 1
-        fresh = 2
-    return distance, nearest, best_u, best_v, least, cost + divisions
+        for half in range(k, top):
+            bounds[half], answer = _look_at_part(query, tree, t, answer, parts, about, half)
+    return answer
+
+
+@kernel
+def _look_at_part(query, tree, t, answer, parts, about, k):
+    """A lower bound of the distance to a part, infinity where it is done with; and the answer."""
+    piece, row, at = tree.pieces[t], about[k], place_of(tree.pieces[t], k)
+    margin = margin_of(tree, piece, query.place, np.int64(row[SPLITS]))
+    bound, a, b = away_from(piece, parts, at, margin)
+    if bound >= enough(query, answer):
+        return bound, answer
+    side = side_of_part(tree, piece, about, k)
+    if side == OUTSIDE:
+        return np.inf, answer
+    if side == CROSSING and _leads_to_edges(piece, parts, at, row, margin):
+        return np.inf, answer
+    low_u, high_u, low_v, high_v = row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V]
+    limits = limits_in(limits_of_part(piece, parts, at, margin), high_u - low_u, high_v - low_v)
+    u = 0.5 * ((low_u + high_u) + a * (high_u - low_u))
+    v = 0.5 * ((low_v + high_v) + b * (high_v - low_v))
+    place = Rectangle(low_u, high_u, low_v, high_v)
+    done, answer = _look_at_rectangle(query, tree, t, answer, limits, place, u, v, side)
+    return np.inf if done else bound, answer
 
 
 @kernel
@@ -270,36 +355,48 @@ def _leads_to_edges(piece, parts, at, row, margin):
 @kernel
 def _foot_on_edge(query, tree, t, answer):
     """The same of an edge. A part of length h, of 0..1, lies within h² of `bend` of its chord."""
-    distance, nearest, best_u, best_v, least, cost = answer
     piece, p = tree.pieces[t], query.place
     margin = margin_of(tree, piece, p, 0)
-    stack = table_on_stack(_CHORDS, 2, 0.0)
-    stack[0, 0], stack[0, 1] = 0.0, 1.0
+    stack = table_on_stack(_CHORDS, 8, 0.0)
+    first, last = sub(point_on(tree, t, 0.0, 0.0), p), sub(point_on(tree, t, 1.0, 0.0), p)
+    _put_chord(stack, 0, 0.0, 1.0, first, last)
     top, looks = 1, 0
     while top > 0:
         top -= 1
         looks += 1
         low, high = stack[top, 0], stack[top, 1]
-        first = sub(point_on(tree, t, low, 0.0), p)
-        way = sub(sub(point_on(tree, t, high, 0.0), p), first)
+        first = stack[top, 2], stack[top, 3], stack[top, 4]
+        last = stack[top, 5], stack[top, 6], stack[top, 7]
+        way = sub(last, first)
         square = dot(way, way)
         s = min(max(-dot(first, way) / square, 0.0), 1.0) if square > 0.0 else 0.0
         bend = piece.bend * (high - low) * (high - low)
         bound = norm(along(first, way, s)) - bend - margin
-        if bound >= enough(distance, query.share, query.slack):
+        if bound >= enough(query, answer):
             continue
         u = low + s * (high - low)
         found = norm(sub(point_on(tree, t, u, 0.0), p))
+        distance, nearest, best_u, best_v, least, cost = answer
         if found < distance:
-            distance, nearest, best_u, best_v = found, np.int64(t), u, 0.0
-        tolerated = distance - enough(distance, query.share, query.slack)
-        if bend > _NEARER * tolerated and top + 2 <= _CHORDS and looks < _LOOKS:
+            answer = found, np.int64(t), u, 0.0, least, cost
+        spare = answer[0] - enough(query, answer)
+        if bend > _NEARER * spare and top + 2 <= _CHORDS and looks < _LOOKS:
             middle = 0.5 * (low + high)
+            between = sub(point_on(tree, t, middle, 0.0), p)
             # The half that is nearer is looked at first.
             turn = 0 if s > 0.5 else 1
-            stack[top + turn, 0], stack[top + turn, 1] = low, middle
-            stack[top + 1 - turn, 0], stack[top + 1 - turn, 1] = middle, high
+            _put_chord(stack, top + turn, low, middle, first, between)
+            _put_chord(stack, top + 1 - turn, middle, high, between, last)
             top += 2
         else:
-            least = min(least, bound)
+            distance, nearest, best_u, best_v, least, cost = answer
+            answer = distance, nearest, best_u, best_v, min(least, bound), cost
+    distance, nearest, best_u, best_v, least, cost = answer
     return distance, nearest, best_u, best_v, least, cost + looks // 4
+
+
+@inlined
+def _put_chord(stack, k, low, high, first, last):
+    stack[k, 0], stack[k, 1] = low, high
+    stack[k, 2], stack[k, 3], stack[k, 4] = first
+    stack[k, 5], stack[k, 6], stack[k, 7] = last

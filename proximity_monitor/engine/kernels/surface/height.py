@@ -67,7 +67,7 @@ def _height(query, tree, t, answer):
         if high <= answer:
             count -= 1
             continue
-        bound, _, _, _ = away_from(piece, parts, at, margin)
+        bound, _, _ = away_from(piece, parts, at, margin)
         if bound >= radius:
             count -= 1
             continue

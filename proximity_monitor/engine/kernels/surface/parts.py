@@ -67,8 +67,14 @@ def margin_of(tree, piece, origin, splits):
     control point, and a product with a unit vector by 3 u of its terms: 8 NET_SPLIT is more.
     """
     size = tree.scale[2] + abs(origin[0]) + abs(origin[1]) + abs(origin[2])
+    return margin_about(tree.scale, piece, size, splits)
+
+
+@inlined
+def margin_about(scale, piece, size, splits):
+    """The same, from a tree's scale and the sum of all sizes, metres."""
     degree = max(piece.degree_u, piece.degree_v)
-    return NET_SPLIT * (degree * splits + 8) * size + tree.scale[CONVERSION]
+    return NET_SPLIT * (degree * splits + 8) * size + scale[CONVERSION]
 
 
 @inlined
@@ -110,8 +116,8 @@ def corner_of(piece, parts, at, i):
 
 
 @kernel
-def extents_of(piece, parts, by_length):
-    """How much the whole element extends along u and along v, and the share that a division leaves.
+def extents_of(piece, parts, at, by_length):
+    """How much a part extends along u and along v, and the share that a division leaves.
 
     A part is divided where it extends more. What counts is how much it bends, of which a quarter is
     left; or how long it is, where that is asked for, or it bends little.
@@ -123,7 +129,7 @@ def extents_of(piece, parts, by_length):
         for line in range(lines):
             reach = 0.0
             for i in range(count - 1):
-                k = line * apart + i * step
+                k = at + line * apart + i * step
                 first = second = 0.0
                 for c in range(3):
                     change = parts[k + step + c] - parts[k + c]
@@ -154,7 +160,7 @@ def least_along(piece, parts, at, n):
 @kernel
 def begin_parts(piece, parts, by_length, about):
     """Write what is known of part 0, which is the whole; returns what `halve` has to know."""
-    about[0, EXTENT_U], about[0, EXTENT_V], left = extents_of(piece, parts, by_length)
+    about[0, EXTENT_U], about[0, EXTENT_V], left = extents_of(piece, parts, 0, by_length)
     about[0, SPLITS], about[0, SIDE] = 0.0, float(piece.side)
     about[0, LOW_U] = about[0, LOW_V] = 0.0
     about[0, HIGH_U], about[0, HIGH_V] = 1.0, (1.0 if piece.degree_v > 0 else 0.0)

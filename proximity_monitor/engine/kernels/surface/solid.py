@@ -8,22 +8,18 @@ from ..base.jit import implements, inlined, kernel
 from ..base.state import FEATURE_A, NONE, SurfaceTree
 from ..base.vectors import cross, dot, unit
 from ..inside import feet
-from ..inside.visit import at_root, descend
+from ..inside.visit import at_root
 from ..tree.layout import leaf
 from . import crossing, height  # noqa: F401 - each implements stubs for surfaces
 from .edges import place_on, point_on
 from .evaluate import jet_at
-from .foot import FAR, Foot, enough
+from .foot import FAR, Foot, bounded, look_for, unlooked
 from .pieces import parameters_of
 from .sides import begin_on
 from .trim import INSIDE
 
 _SHARE, _LARGEST_SHARE = 0.2, 0.01
 """Share of what a depth may err by that a point's distance may err by, and of itself at most."""
-
-
-_TURN, _DIVISION = 4, 2
-"""Steps of a descent until what its elements took is counted; and those that a division takes."""
 
 
 @kernel
@@ -38,10 +34,10 @@ def _share_of(at):
 @implements(feet.seek, SurfaceTree)
 @inlined
 def _seek(tree, p, k, at, point, stack, reached, found, steps):
-    query = Foot(p, at.slack, _share_of(at))
+    query = Foot(p, at.slack, 4.0 * at.slack, _share_of(at))
     top = at.height
+    answer = unlooked(FAR, point.near[k], 0.0, 0.0)
     if top == 0:
-        answer = (FAR, np.int64(-1), 0.0, 0.0, np.inf, np.int64(0))
         top = at_root(stack, reached)
         stack[top], reached[top] = leaf(point.near[k], 1), -np.inf  # it comes first
         top += 1
@@ -49,19 +45,13 @@ def _seek(tree, p, k, at, point, stack, reached, found, steps):
         spot = point.spot[k]
         near, least = np.int64(point.near[k]), point.loose[k]
         answer = point.away[k], near, spot[0], spot[1], least, np.int64(0)
-    while top > 0 and steps > 0:  # by turns, as an element takes steps that are known afterwards
-        turn, before = min(steps, _TURN), answer[5]
-        answer, top, left = descend(query, tree, answer, top, stack, reached, found, turn)
-        steps -= turn - left + _DIVISION * (answer[5] - before)
-    steps = max(steps, 0)
-    distance, least = answer[0], answer[4]
-    point.away[k], point.near[k], at.height = distance, answer[1], top
+    answer, top, steps = look_for(query, tree, answer, top, stack, reached, found, steps)
+    distance = answer[0]
+    near, least = bounded(query, answer)
+    point.away[k], point.near[k], at.height = distance, near, top
     point.spot[k, 0], point.spot[k, 1] = answer[2], answer[3]
-    if top > 0:
-        point.loose[k] = least  # until the end what the search goes on with
-    else:
-        least = max(min(least, enough(distance, query.share, query.slack)), 0.0)
-        point.loose[k] = max(distance - least, 0.0)
+    # Until the end what the search goes on with.
+    point.loose[k] = answer[4] if top > 0 else max(distance - least, 0.0)
     return steps
 
 

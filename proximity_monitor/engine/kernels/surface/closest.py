@@ -1,0 +1,90 @@
+"""The nearest points of a surface to many points in the world."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import entry
+from ..base.memory import on_stack
+from ..base.rounding import RESOLUTION
+from ..base.state import DEVIATION
+from ..base.vectors import norm, sub
+from ..elements.errors import points_err
+from ..elements.swept import core_of, lower_of, upper_of
+from ..inside.closest import NONE, TELLING, image_of
+from ..inside.visit import at_root
+from ..tree.layout import WIDTH
+from .edges import point_on
+from .foot import FAR, Foot, bounded, look_for, unlooked
+from .pieces import parameters_of
+
+_ONE_POINT = 4
+"""Steps that a point takes as long as besides those of its descent."""
+
+GOING = 7
+"""Numbers of a search that a slice has cut: see `closest_points`."""
+
+
+@entry
+def closest_points(
+    tree, pose, points, max_distance, signed, first, steps, stack, stacked, going,
+    bounds, feet, elements, parameters,
+):  # fmt: skip
+    """Nearest points of a surface at `pose` to points (k, 3) in the world, from the first one on.
+
+    Returns how many are done: all, or as many as about `steps` steps suffice for. Then the search
+    for the next one may have begun: `going` (GOING,) is its answer so far (see foot.py), and how
+    many entries it has in `stack` and `stacked`, which is 0 where none has.
+
+    Writes bounds (k, 2), certified, and elements (k,) in tree order, and of those nearer than
+    `max_distance` metres feet (k, 3) in the world and their parameters (k, 2), which may be (0, 2);
+    of the others the element is NONE and the upper bound infinite. Where `signed`, lower bounds are
+    such that sides can be told. Each search begins with the foot before.
+    """
+    found, last = on_stack(WIDTH, np.float32(0.0)), (0.0, 0.0, 0.0)
+    near, near_u, near_v = NONE, 0.0, 0.0
+    deviation = tree.scale[DEVIATION]
+    farthest = core_of(max_distance, 0.0, deviation)
+    telling = TELLING * tree.scale[2] if signed else 0.0
+    for k in range(first, points.shape[0]):
+        if steps <= 0:
+            return k
+        # Bounds include what the surface's points err by; that of the point itself is left.
+        p, moved = image_of(tree, pose, points, k)
+        slack = moved + points_err(tree)
+        spare = RESOLUTION * tree.scale[2] + 2.0 * slack
+        query = Foot(p, slack, spare, 0.0)
+        beyond = min(farthest + spare + 2.0 * slack, FAR)  # less both it is beyond `farthest`
+        top = np.int64(going[6])
+        if top > 0:
+            answer = going[0], np.int64(going[1]), going[2], going[3], going[4], np.int64(going[5])
+        else:
+            steps -= _ONE_POINT
+            top, answer = at_root(stack, stacked), unlooked(max(beyond, telling), 0, 0.0, 0.0)
+            if near != NONE:
+                away = norm(sub(last, p))
+                if away < answer[0]:
+                    answer = unlooked(away, near, near_u, near_v)
+        answer, top, steps = look_for(
+            query, tree, answer, top, stack, stacked, found, max(steps, 1)
+        )
+        distance, nearest, u, v, least, cost = answer
+        going[0], going[1], going[2], going[3] = distance, nearest, u, v
+        going[4], going[5], going[6] = least, cost, top
+        if top > 0:
+            return k
+        nearest, least = bounded(query, answer)
+        bounds[k, 0] = max(lower_of(least - moved, 0.0, deviation), 0.0)
+        bounds[k, 1], elements[k] = np.inf, NONE
+        if distance < beyond:
+            near, near_u, near_v = nearest, u, v
+            last = point_on(tree, near, u, v)
+            bounds[k, 1], elements[k] = upper_of(distance + slack, 0.0, deviation), near
+            for i in range(3):
+                feet[k, i] = pose[i, 3]
+                for j in range(3):
+                    feet[k, i] += pose[i, j] * last[j]
+            if k < parameters.shape[0]:
+                u, v, _ = parameters_of(tree, near, (u, v, 0.0))
+                parameters[k, 0], parameters[k, 1] = u, v
+    return points.shape[0]
