@@ -44,6 +44,10 @@ _ROUGH = 0.25
 """Share of their distance by which two cells may differ from their parallelograms before normals
 are tried as directions."""
 
+_EACH, _NEAR = 16, 0.25
+"""Pairs that wait for each local search from which on one is begun where two cells may cross; and
+how near their points must be for that, as a share of the distance found so far."""
+
 _NEARER = 0.25
 """Share of what the answer may err by that a point must be nearer by to begin a local search.
 
@@ -68,7 +72,10 @@ def add_elements(tree_a, tree_b, state, a, b, bound):
     )
     if first == NONE or second == NONE:
         return NONE
-    return bound_pair(tree_a, tree_b, state, first, second, bound, (0.0, 0.0, 0.0), 0.0)
+    # The direction between the nearest points so far dismisses most of those that are near them.
+    normal = vector(progress.normal_a)
+    gap = _gap(tree_a, tree_b, state, first, second, normal)
+    return bound_pair(tree_a, tree_b, state, first, second, bound, normal, gap)
 
 
 @kernel
@@ -113,41 +120,25 @@ def divide_nearest(tree_a, tree_b, state):
         return steps + FALLING_STEPS
     if progress.dividing + progress.aside + 4 > len(pairs):
         return NONE
-    if rough_a >= rough_b:
-        before = progress.cells_a
-        progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before, most)
+    of_a = rough_a >= rough_b
+    if of_a:
+        before, index, side = progress.cells_a, a, cells.cells_a
+        progress.cells_a = divide_side(tree_a, a, side, cells.nets_a, before, most)
         steps += DIVISION_STEPS if progress.cells_a > before else 0
-        first, count = np.int64(cells.cells_a[a].child), np.int64(cells.cells_a[a].children)
-        if first == NONE:
-            return NONE
-        progress.dividing = drop_first(pairs, progress.dividing)
-        end = least_of(
-            tree_b, cells.cells_b, cells.nets_b, b, turned_back(state.motions[0], normal)
-        )
-        end += _offset(state.motions[0], normal)
-        for k in range(count):
-            if cells.cells_a[first + k].side == OUTSIDE:
-                continue
-            begin = least_of(tree_a, cells.cells_a, cells.nets_a, first + k, scaled(normal, -1.0))
-            steps += bound_pair(
-                tree_a, tree_b, state, first + k, b, bound, normal, begin + end
-            )  # fmt: skip
     else:
-        before = progress.cells_b
-        progress.cells_b = divide_side(tree_b, b, cells.cells_b, cells.nets_b, before, most)
+        before, index, side = progress.cells_b, b, cells.cells_b
+        progress.cells_b = divide_side(tree_b, b, side, cells.nets_b, before, most)
         steps += DIVISION_STEPS if progress.cells_b > before else 0
-        first, count = np.int64(cells.cells_b[b].child), np.int64(cells.cells_b[b].children)
-        if first == NONE:
-            return NONE
-        progress.dividing = drop_first(pairs, progress.dividing)
-        begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(normal, -1.0))
-        begin += _offset(state.motions[0], normal)
-        turned = turned_back(state.motions[0], normal)
-        for k in range(count):
-            if cells.cells_b[first + k].side == OUTSIDE:
-                continue
-            end = least_of(tree_b, cells.cells_b, cells.nets_b, first + k, turned)
-            steps += bound_pair(tree_a, tree_b, state, a, first + k, bound, normal, begin + end)
+    first, count = np.int64(side[index].child), np.int64(side[index].children)
+    if first == NONE:
+        return NONE
+    progress.dividing = drop_first(pairs, progress.dividing)
+    for part in range(first, first + count):
+        if side[part].side == OUTSIDE:
+            continue
+        one, other = (part, b) if of_a else (a, part)
+        gap = _gap(tree_a, tree_b, state, one, other, normal)
+        steps += bound_pair(tree_a, tree_b, state, one, other, bound, normal, gap)
     return steps
 
 
@@ -203,9 +194,13 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
         return PAIR_STEPS
     steps = PAIR_STEPS
     share = _NEARER * max(progress.abs_err, progress.distance - progress.enough)
+    # Where the models cross, many pairs' bounds are 0, and only near points found tell.
+    tries = bound <= 0.0 and _EACH * progress.primitive_tests < progress.dividing
+    promising = apart + rough < progress.distance - share
+    promising = promising or (tries and apart < _NEAR * progress.distance)
     # Near points of a cell that loops cross may have been cut off: its parts and edges have others.
     entire = not (is_crossed(tree_a, cells.cells_a, a) or is_crossed(tree_b, cells.cells_b, b))
-    if entire and apart + rough < progress.distance - share:
+    if entire and promising:
         steps += MINIMUM_STEPS
         element_a = element_of(tree_a, cells.cells_a, a)
         element_b = element_of(tree_b, cells.cells_b, b)
