@@ -29,7 +29,10 @@ from ..base.vectors import dot, moved, norm, rotated, scaled, sub, turned_back
 from .cells import net_of
 from .evaluate import jet_at, point_at
 from .facing import vector
+from .measure import MINIMUM_STEPS, measure_near
+from .newton import MOST
 from .ranges import errors_of, ranges_of, slope_error
+from .sides import element_of
 
 PROOF_STEPS = 4
 """Steps of a search that a proof takes as long as."""
@@ -61,7 +64,7 @@ def put_point(tree, cells, index, weights, d, side):
 
 
 ACROSS, SPREAD, MIDDLE, HALF = 0, 6, 8, 10
-SECOND, HALVES, MOST = 12, 15, 18
+SECOND, HALVES, LARGEST = 12, 15, 18
 SLOPE, ENDS, ERRORS, CORNER = 21, 27, 31, 33
 _SIDE = 34
 _ACROSS, _SPREAD, _SLOPE, _SLANT, _RISE, _FORM = 0, 3, 4, 5, 6, 7
@@ -79,6 +82,12 @@ a pose may change them by RIGID_TOLERANCE."""
 
 _OUTWEIGHING = 4.0
 """How many times what outweighs the largest bend away from the other surface m is at first."""
+
+_SPARE = 0.05
+"""Share of the Hessian's diagonal that outweighs what is left of the gradient at the points."""
+
+_FALLS = 1e-6
+"""Share of the distance by which that has to fall beyond the end of an element to be looked for."""
 
 _SHARE, _LARGER = 0.5, 0.8
 """Share of m |J x|^2 that is left of it where J is not the same all over the cells: where m may be
@@ -116,6 +125,13 @@ def is_done(tree_a, tree_b, state, a, b, slack):
     put_point(tree_a, waiting.cells_a, a, at_a, n, sides[0])
     put_point(tree_b, waiting.cells_b, b, at_b, turned_back(motion, n), sides[1])
     limit = progress.enough + slack
+    element_a = element_of(tree_a, waiting.cells_a, a)
+    element_b = element_of(tree_b, waiting.cells_b, b)
+    other = element_a != progress.element_a or element_b != progress.element_b
+    if other and _fall(sides, n, motion) < -_FALLS * distance:
+        # They were found at the end of an element, and beyond it the distance falls further.
+        measure_near(tree_a, tree_b, state, element_a, at_a, element_b, at_b, MOST)
+        return False, MINIMUM_STEPS
     return _surpasses(sides, n, motion, distance, progress.slack, limit), PROOF_STEPS
 
 
@@ -136,8 +152,6 @@ def _surpasses(sides, n, motion, distance, slack, limit):
         least = (least if i >= 2 else -least) - side[HALVES + 2 * k]
         if least < 0.0 and not _rises(sides, form, i, 0.0) > 0.0:
             bends = max(bends, -least / dot(middle, middle) if dot(middle, middle) > 0.0 else 0.0)
-    high += _least_rise(sides[0], form[0, _RISE], form[1, _RISE])
-    high += _least_rise(sides[1], form[2, _RISE], form[3, _RISE])
     # tau vanishes at the points but for what these err by, and that times m is a slope as well. So
     # the least m that makes the Hessian positive is the best, and all that serves where the points
     # are very near each other. But in large cells it may not suffice.
@@ -172,6 +186,15 @@ def _put_form(sides, n, motion, form):
         row[_RISE] = dot(first, n)
 
 
+@kernel
+def _fall(sides, n, motion):
+    """The least that n D rises by, as the derivatives at the points say, over either side."""
+    u, v = _three(sides[0], SLOPE), _three(sides[0], SLOPE + 3)
+    least = _least_rise(sides[0], -dot(u, n), -dot(v, n))
+    u, v = rotated(motion, _three(sides[1], SLOPE)), rotated(motion, _three(sides[1], SLOPE + 3))
+    return least + _least_rise(sides[1], dot(u, n), dot(v, n))
+
+
 @inlined
 def _least_rise(side, u, v):
     """The least that F rises by from the point on over a side, with its derivatives there."""
@@ -198,7 +221,7 @@ def _rises(sides, form, i, turn):
 
 @kernel
 def _is_least(sides, form, slack, m, share, left):
-    """Whether F is nowhere less by more than `left` than its tangent at the points.
+    """Whether F is nowhere less by more than `left` than it is at the points.
 
     A parameter that ends there, where F rises all over the cells as it leaves its end, is as good
     as fixed; and then tau is less, so that another one may be. Of those that are left the Hessian
@@ -210,9 +233,13 @@ def _is_least(sides, form, slack, m, share, left):
     `share` t is left: it is at least t m |J_0 x|^2 - t / (1 - t) m (sum of e_i |x_i|)^2, by Young's
     inequality. So it counts with their squares how much they differ: of four parameters two do not
     change tau, and there the bends have to outweigh that.
+
+    Where the points were not found to the last digit, the tangent falls from there: by its least
+    value over the cells, or, where a share s of the Hessian's diagonal h_i is left to outweigh
+    that, by g_i^2 / (2 s h_i), as g x + s h x^2 / 2 is no less.
     """
     hessian, errors = table_on_stack(4, 4, 0.0), table_on_stack(4, 4, 0.0)
-    held, reaches = on_stack(4, 0.0), on_stack(4, 0.0)
+    held, reaches, kept = on_stack(4, 0.0), on_stack(4, 0.0), on_stack(4, 0.0)
     reach = slack  # how far across n the way may lead at most
     for i in range(4):
         begin, end = _ends(sides, i)
@@ -241,7 +268,7 @@ def _is_least(sides, form, slack, m, share, left):
                 side, k = sides[i // 2], i % 2 + j % 2
                 middle, half = side[SECOND + k], side[HALVES + k]
                 value += middle if i >= 2 else -middle
-                error += m * reach * (side[MOST + k] + _TILT * (abs(middle) + half)) + half
+                error += m * reach * (side[LARGEST + k] + _TILT * (abs(middle) + half)) + half
             hessian[i, j] = value
             errors[i, j] = errors[j, i] = _STRETCH * error
         if hessian[i, i] == 0.0 and errors[i, i] == 0.0:
@@ -250,6 +277,20 @@ def _is_least(sides, form, slack, m, share, left):
         begin, end = _ends(sides, i)
         most = max(-begin, end)
         extent += (abs(hessian[i, i]) + errors[i, i]) * most * most
+    for i in range(0, 4, 2):
+        side = sides[i // 2]
+        fall = 0.0
+        for k in range(i, i + 2):
+            (begin, end), slope = _ends(sides, k), form[k, _RISE]
+            least, kept[k] = min(slope * begin, slope * end), 1.0 - _ROUNDING
+            if held[k] == 0.0 and hessian[k, k] > 0.0:
+                other = -slope * slope / (2.0 * _SPARE * hessian[k, k])
+                if other > least:
+                    least, kept[k] = other, 1.0 - _ROUNDING - _SPARE
+            fall += least
+        left += max(fall, _least_rise(side, form[i, _RISE], form[i + 1, _RISE]))
+    if not left >= 0.0:
+        return False
     # F may be less by half the sum of what is added times the squares of the extents.
     more = left / extent if extent > 0.0 else 0.0
     weights = on_stack(4, 0.0)
@@ -259,7 +300,7 @@ def _is_least(sides, form, slack, m, share, left):
             return False
         weights[i] = 1.0 / np.sqrt(hessian[i, i])
     for i in range(4):
-        hessian[i, i] *= 1.0 - _ROUNDING
+        hessian[i, i] *= kept[i]
         for j in range(4):
             hessian[i, i] -= errors[i, j] * weights[j] / weights[i]
     for i in range(4):
@@ -339,9 +380,9 @@ def _put_ranges(tree, cells, nets, index, d, side):
     side[HALVES] = ranges.half_uu + twice * p * p
     side[HALVES + 1] = ranges.half_uv + twice * p * q
     side[HALVES + 2] = ranges.half_vv + twice * q * q
-    side[MOST] = ranges.most_uu + twice * p * p
-    side[MOST + 1] = ranges.most_uv + twice * p * q
-    side[MOST + 2] = ranges.most_vv + twice * q * q
+    side[LARGEST] = ranges.most_uu + twice * p * p
+    side[LARGEST + 1] = ranges.most_uv + twice * p * q
+    side[LARGEST + 2] = ranges.most_vv + twice * q * q
     share = slope_error(piece, tree.nets)
     side[ERRORS] = share * p * (cell.high[0] - cell.low[0])
     side[ERRORS + 1] = share * q * (cell.high[1] - cell.low[1])

@@ -16,17 +16,16 @@ from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
 from ..base.vectors import dot, norm, rotated, scaled, turned_back
-from ..elements.primitives import keep
 from .certificate import is_done
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
 from .heap import add_pair, drop_first, put_aside
-from .newton import MOST, nearest_near
+from .measure import MINIMUM_STEPS, measure_near
+from .newton import MOST
 from .sides import (
     divide_side,
     element_of,
     facing,
-    is_left,
     is_short,
     least_of,
     margin_of,
@@ -36,9 +35,9 @@ from .sides import (
 )
 from .trim import OUTSIDE
 
-PAIR_STEPS, DIVISION_STEPS, FALLING_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
-"""Steps of a search that bounding a pair of cells takes as long as, dividing one, a proof that it
-is done with, and a search for a local minimum."""
+PAIR_STEPS, DIVISION_STEPS, FALLING_STEPS = 1, 4, 4
+"""Steps of a search that bounding a pair of cells takes as long as, dividing one, and a proof that
+only edges are near."""
 
 _ROUGH = 0.25
 """Share of their distance by which two cells may differ from their parallelograms before normals
@@ -204,7 +203,7 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
         steps += MINIMUM_STEPS
         element_a = element_of(tree_a, cells.cells_a, a)
         element_b = element_of(tree_b, cells.cells_b, b)
-        measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b)
+        measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b, MOST)
         if bound >= progress.limit:
             return steps
     progress.dividing = add_pair(cells.pairs, progress.dividing, a, b, bound, normal)
@@ -229,26 +228,3 @@ def _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal):
         if gap > bound:
             bound, normal = gap, n
     return bound, normal
-
-
-@kernel
-def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b):
-    """Find the local minimum near given points of two elements; keep it where it is the nearest.
-
-    Returns its distance, metres; infinity where it has been cut off.
-    """
-    progress = state.progress[0]
-    progress.primitive_tests += 1
-    most = MOST
-    while True:
-        distance, at_a, at_b, way = nearest_near(
-            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0], most
-        )
-        if is_left(tree_a, element_a, at_a) and is_left(tree_b, element_b, at_b):
-            break
-        if most == 0:
-            return np.inf
-        most = 0  # there may be something left where the search began
-    if distance < progress.distance:
-        keep(state, distance, element_a, element_b, at_a, at_b, way)
-    return distance

@@ -22,9 +22,6 @@ MOST = 48
 _DONE = 1e-16
 """Share of the squared distance below which a step's gain is nothing."""
 
-_LAST = 1e-15
-"""Share of the squared distance that rounding may add to it in a step that gains nothing else."""
-
 _FIRST, _LESS, _MORE, _LEAST, _LARGEST = 1e-3, 0.1, 10.0, 1e-6, 1e12
 """The damping where none was needed before; what a good step makes of it, and a bad one; below and
 above what there is none, and no use."""
@@ -85,24 +82,17 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
         for i in range(4):
             trial[i] = min(max(x[i] + step[i], 0.0), 1.0)
             gain -= gradient[i] * (trial[i] - x[i])
-        # The last step gains nothing that could be seen, but makes the gradient vanish, which a proof
-        # that nothing is nearer has to pay for (see certificate.py).
-        last = not gain > _DONE * squared
-        if last and (gain <= 0.0 or damping > 0.0):
+        if not gain > _DONE * squared:
             break
         new_way = way_at(tree_a, tree_b, element_a, element_b, motion, trial, jets)
         new_squared = dot(new_way, new_way)
-        if new_squared < squared or (last and new_squared <= squared * (1.0 + _LAST)):
+        if new_squared < squared:
             for i in range(4):
                 x[i] = trial[i]
             way, squared, fresh = new_way, new_squared, True
             weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
             damping = _LESS * damping if damping > _LEAST else 0.0
-            if last:
-                break
         else:
-            if last:
-                break
             damping = max(_FIRST, _MORE * damping)
             if damping > _LARGEST:
                 break
