@@ -11,6 +11,7 @@ from ..elements.primitives import corners, mixed
 from ..search.search import answer_queries
 from ..surface.facing import closest_in, parameters_in, vector
 from ..surface.falling import ball_of, falls, is_crossed
+from ..surface.halved import halved_least
 from ..surface.jets import fixed_jet, get, moved_jet, put
 from ..surface.newton import begin_at, derivatives, way_at, weights_at
 from ..surface.sides import (
@@ -70,6 +71,9 @@ def _roughness(tree, cells, index):
 def _least(tree, cells, nets, index, n):
     a, b, c = corners(tree.triangles, index)
     return min(min(dot(a, n), dot(b, n)), dot(c, n))
+
+
+implements(halved_least, MeshTree)(_least)
 
 
 @implements(margin_of, MeshTree)

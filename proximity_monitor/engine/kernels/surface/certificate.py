@@ -89,9 +89,9 @@ _SPARE = 0.05
 _FALLS = 1e-6
 """Share of the distance by which that has to fall beyond the end of an element to be looked for."""
 
-_SHARE, _LARGER = 0.5, 0.8
-"""Share of m |J x|^2 that is left of it where J is not the same all over the cells: where m may be
-larger than need be, and where it is the largest."""
+_SHARE, _LARGEST = 0.5, 0.99
+"""Share of m |J x|^2 that is left of it where J is not the same all over the cells: where m is as
+large as need be; and at most where it is the largest, and more is left the less J differs."""
 
 
 @kernel
@@ -141,7 +141,7 @@ def _surpasses(sides, n, motion, distance, slack, limit):
     form = table_on_stack(4, _FORM, 0.0)
     _put_form(sides, n, motion, form)
     high = distance - limit - 16.0 * DOUBLE_EPS * distance  # n is that much shorter than a unit
-    bends = across = 0.0
+    bends = across = spread = 0.0
     for i in range(4):
         side, k = sides[i // 2], i % 2
         begin, end = _ends(sides, i)
@@ -150,17 +150,20 @@ def _surpasses(sides, n, motion, distance, slack, limit):
         across += _STRETCH * norm(_three(side, SLOPE + 3 * k)) * (end - begin)
         middle, least = _three(form[i], _ACROSS), side[SECOND + 2 * k]
         least = (least if i >= 2 else -least) - side[HALVES + 2 * k]
-        if least < 0.0 and not _rises(sides, form, i, 0.0) > 0.0:
-            bends = max(bends, -least / dot(middle, middle) if dot(middle, middle) > 0.0 else 0.0)
+        squared = dot(middle, middle)
+        if squared > 0.0 and not _rises(sides, form, i, 0.0) > 0.0:
+            bends = max(bends, -least / squared)
+            spread = max(spread, form[i, _SPREAD] / np.sqrt(squared))
     # tau vanishes at the points but for what these err by, and that times m is a slope as well. So
     # the least m that makes the Hessian positive is the best, and all that serves where the points
     # are very near each other. But in large cells it may not suffice.
     m, share = min(1.0 / distance, _OUTWEIGHING / _SHARE * bends), _SHARE
+    larger = min(max(1.0 - spread, _SHARE), _LARGEST)
     for _ in range(2):
         left = high - m * slack * across
         if left >= 0.0 and _is_least(sides, form, slack, m, share, left):
             return True
-        m, share = 1.0 / distance, _LARGER
+        m, share = 1.0 / distance, larger
     return False
 
 

@@ -19,6 +19,7 @@ from ..base.vectors import dot, norm, rotated, scaled, turned_back
 from .certificate import is_done
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
+from .halved import halved_least
 from .heap import add_pair, drop_first, put_aside
 from .measure import MINIMUM_STEPS, measure_near
 from .newton import MOST
@@ -156,6 +157,15 @@ def _gap(tree_a, tree_b, state, a, b, n):
 
 
 @kernel
+def _gap_of_parts(tree_a, tree_b, state, a, b, n):
+    """The same from the control points of their parts, when both are divided in four."""
+    cells, motion = state.waiting, state.motions[0]
+    begin = halved_least(tree_a, cells.cells_a, cells.nets_a, a, scaled(n, -1.0))
+    end = halved_least(tree_b, cells.cells_b, cells.nets_b, b, turned_back(motion, n))
+    return begin + (end + _offset(motion, n))
+
+
+@kernel
 def _shortened(v):
     """A vector at most of unit length, for all rounding does; zero where it has no direction."""
     length = norm(v)
@@ -189,6 +199,9 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     rough += max(roughness(tree_b, cells.cells_b, b), 0.0)
     if rough > _ROUGH * apart and bound < progress.limit:
         bound, normal = _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal)
+    if bound < progress.limit <= bound + rough:
+        gap = _gap_of_parts(tree_a, tree_b, state, a, b, normal) - slack
+        bound = max(bound, gap)
     if bound >= progress.limit:
         return PAIR_STEPS
     steps = PAIR_STEPS
