@@ -24,6 +24,7 @@ from ..elements.primitives import collect
 from ..inside.nearest import begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
+from ..search.approach import far_from_nearest
 from ..surface.around import Around
 from ..surface.divide import add_elements, divide_nearest
 from ..surface.facing import vector
@@ -69,8 +70,13 @@ def _slacks(tree_a, tree_b, apart, error):
 @implements(stubs.resolution, Dividing)
 @inlined
 def _resolution(waiting, tree_a, tree_b, slack):
-    # The upper bound errs by the slack, a cell's bound by it and by what rounding did to the cell's
-    # own: no division makes these less.
+    # What no division makes less; bounds hold whatever it is, but a search would go on for less.
+    # The distance found errs by the slack, and the slack is subtracted
+    # from a cell's bound. A gap along a direction errs by GAP_SHARE of the slack's first part (see
+    # `_slacks`), and the cells' margins hold CONVERSION, which is in its second, `points_err`: a
+    # third slack together. What is left of a margin is at most NET_SPLIT (15 MOST_SPLITS + 1) P, or
+    # 6.4e-13 P, and the smallest cells, 2^-48 of a piece where they were divided evenly, extend over
+    # 15 * 2 P / 2^48, 1.1e-13 P; RESOLUTION is 9.1e-13.
     return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2]) + 3.0 * slack
 
 
@@ -195,8 +201,9 @@ def _guess(tree_a, tree_b, state):
     a, from_a = begin_on(tree_a, walk(tree_a, middle, found))
     p = stubs.witness(tree_a, a, from_a)
     b, from_b = begin_on(tree_b, walk(tree_b, moved(state.motions[1], p), found))
-    # A local minimum would be of little use: `approach` goes on from there.
     measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
+    if not far_from_nearest(progress):  # else `approach` goes on from these points at once
+        stubs.settle(state.waiting, tree_a, tree_b, state)
 
 
 @_implements(stubs.approach)

@@ -10,7 +10,9 @@ is a lower bound of |D|. At the nearest points p0, with n along D and m = 1/U, i
 of |D| itself. Where it is positive all over two cells that hold these points, F is at least
 F(p0) + F'(p0) (p - p0) there: so both cells are done with. That is so in cells of a fixed size
 however near the surfaces are, as m may be less than 1/U; a bound of the gap alone would have cells
-divided until they are as small as the square root of what the answer may err by.
+divided until they are as small as the square root of what the answer may err by. The smaller m is,
+the less it matters how D changes across n, so the first to be tried is one that just outweighs the
+bends away from the other surface; it is 0 between cells that bulge towards each other.
 
 Where a tolerance leaves room below |D(p0)|, the Hessian may be as negative as that allows over the
 cells' extent. Points of joints and of edges between triangles lie in several cells: each has its
@@ -83,7 +85,7 @@ a pose may change them by RIGID_TOLERANCE."""
 _OUTWEIGHING = 4.0
 """How many times what outweighs the largest bend away from the other surface m is at first."""
 
-_SPARE = 0.05
+_SPARE = 1e-3
 """Share of the Hessian's diagonal that outweighs what is left of the gradient at the points."""
 
 _FALLS = 1e-6

@@ -5,7 +5,8 @@ least bound of all is taken, its rougher cell is divided, and each part is bound
 cell (Thomas et al. 2000, section 5). A bound is the gap between the control points of two cells
 along a direction: first the one that served the pair before, then that between near points of the
 parallelograms that stand for the cells (`facing.py`), and where these are too near for that to be a
-good one, the cells' normals. For each direction the gap is certain.
+good one, the cells' normals. For each direction the gap is certain. Where it falls short by less
+than the cells bend, the control points of their parts may do (`halved.py`).
 """
 
 from __future__ import annotations
