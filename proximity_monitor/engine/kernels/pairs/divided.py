@@ -25,6 +25,7 @@ from ..inside.nearest import begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
 from ..search.approach import far_from_nearest
+from ..surface import cell_proofs  # noqa: F401 - it implements what proofs ask of cells
 from ..surface.around import Around
 from ..surface.divide import add_elements, divide_nearest
 from ..surface.facing import vector
@@ -71,12 +72,12 @@ def _slacks(tree_a, tree_b, apart, error):
 @inlined
 def _resolution(waiting, tree_a, tree_b, slack):
     # What no division makes less; bounds hold whatever it is, but a search would go on for less.
-    # The distance found errs by the slack, and the slack is subtracted
-    # from a cell's bound. A gap along a direction errs by GAP_SHARE of the slack's first part (see
-    # `_slacks`), and the cells' margins hold CONVERSION, which is in its second, `points_err`: a
-    # third slack together. What is left of a margin is at most NET_SPLIT (15 MOST_SPLITS + 1) P, or
-    # 6.4e-13 P, and the smallest cells, 2^-48 of a piece where they were divided evenly, extend over
-    # 15 * 2 P / 2^48, 1.1e-13 P; RESOLUTION is 9.1e-13.
+    # The distance found errs by the slack, and the slack is subtracted from a cell's bound. A gap
+    # along a direction errs by GAP_SHARE of the slack's first part (see `_slacks`), and the cells'
+    # margins hold CONVERSION, which is in its second, `points_err`: a third slack together. What is
+    # left of a margin is at most NET_SPLIT (15 MOST_SPLITS + 1) P, or 6.4e-13 P, and the smallest
+    # cells, 2^-48 of a piece where they were divided evenly, extend over 15 * 2 P / 2^48, 1.1e-13
+    # P; RESOLUTION is 9.1e-13.
     return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2]) + 3.0 * slack
 
 
