@@ -24,9 +24,13 @@ from ..elements.primitives import collect
 from ..inside.nearest import begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
+from ..search.approach import far_from_nearest
+from ..surface import cell_proofs  # noqa: F401 - it implements what proofs ask of cells
 from ..surface.around import Around
-from ..surface.divide import add_elements, divide_nearest, measure_near
+from ..surface.divide import add_elements, divide_nearest
 from ..surface.facing import vector
+from ..surface.measure import measure_near
+from ..surface.newton import MOST
 from ..surface.room import make_room
 from ..surface.sides import begin_on, near
 from ..tree.layout import WIDTH, first_of, last_of, row
@@ -67,8 +71,13 @@ def _slacks(tree_a, tree_b, apart, error):
 @implements(stubs.resolution, Dividing)
 @inlined
 def _resolution(waiting, tree_a, tree_b, slack):
-    # The upper bound errs by the slack, a cell's bound by it and by what rounding did to the cell's
-    # own: no division makes these less.
+    # What no division makes less; bounds hold whatever it is, but a search would go on for less.
+    # The distance found errs by the slack, and the slack is subtracted from a cell's bound. A gap
+    # along a direction errs by GAP_SHARE of the slack's first part (see `_slacks`), and the cells'
+    # margins hold CONVERSION, which is in its second, `points_err`: a third slack together. What is
+    # left of a margin is at most NET_SPLIT (15 MOST_SPLITS + 1) P, or 6.4e-13 P, and the smallest
+    # cells, 2^-48 of a piece where they were divided evenly, extend over 15 * 2 P / 2^48, 1.1e-13
+    # P; RESOLUTION is 9.1e-13.
     return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2]) + 3.0 * slack
 
 
@@ -104,7 +113,7 @@ def _settle(waiting, tree_a, tree_b, state):
     wa, wb = progress.weights_a, progress.weights_b
     measure_near(
         tree_a, tree_b, state, progress.element_a, (wa[0], wa[1], wa[2]),
-        progress.element_b, (wb[0], wb[1], wb[2]),
+        progress.element_b, (wb[0], wb[1], wb[2]), MOST,
     )  # fmt: skip
 
 
@@ -113,7 +122,7 @@ def _settle(waiting, tree_a, tree_b, state):
 def _measure(tree_a, tree_b, state, a, b, bound):
     a, from_a = begin_on(tree_a, a)
     b, from_b = begin_on(tree_b, b)
-    return measure_near(tree_a, tree_b, state, a, from_a, b, from_b)
+    return measure_near(tree_a, tree_b, state, a, from_a, b, from_b, MOST)
 
 
 @_implements(stubs.resolve)
@@ -193,7 +202,9 @@ def _guess(tree_a, tree_b, state):
     a, from_a = begin_on(tree_a, walk(tree_a, middle, found))
     p = stubs.witness(tree_a, a, from_a)
     b, from_b = begin_on(tree_b, walk(tree_b, moved(state.motions[1], p), found))
-    measure_near(tree_a, tree_b, state, a, from_a, b, from_b)
+    measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
+    if not far_from_nearest(progress):  # else `approach` goes on from these points at once
+        stubs.settle(state.waiting, tree_a, tree_b, state)
 
 
 @_implements(stubs.approach)
@@ -202,17 +213,15 @@ def _approach(tree_a, tree_b, state, steps, found):
     progress, motions = state.progress[0], state.motions
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     slack = progress.bound_slack
-    for side in range(2):
-        a, b = progress.element_a, progress.element_b
-        wa, wb = vector(progress.weights_a), vector(progress.weights_b)
-        if side == 0:
-            p = moved(motions[1], stubs.witness(tree_a, a, wa))
-            b, wb = near(tree_b, p, b, wb, steps, slack, stack, bounds, found)
-        else:
-            q = moved(motions[0], stubs.witness(tree_b, b, wb))
-            a, wa = near(tree_a, q, a, wa, steps, slack, stack, bounds, found)
-        if a != progress.element_a or b != progress.element_b:
-            measure_near(tree_a, tree_b, state, a, wa, b, wb)
+    a, wa = progress.element_a, vector(progress.weights_a)
+    b, wb = progress.element_b, vector(progress.weights_b)
+    p = moved(motions[1], stubs.witness(tree_a, a, wa))
+    b, wb = near(tree_b, p, b, wb, steps, slack, stack, bounds, found)
+    q = moved(motions[0], stubs.witness(tree_b, b, wb))
+    a, wa = near(tree_a, q, a, wa, steps, slack, stack, bounds, found)
+    apart = norm(sub(q, stubs.witness(tree_a, a, wa)))
+    if a != progress.element_a or b != progress.element_b or apart < progress.distance:
+        measure_near(tree_a, tree_b, state, a, wa, b, wb, MOST)
 
 
 @implements(near, SurfaceTree)

@@ -5,17 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
-from ..base.precise import accurate_cross
-from ..base.rounding import DOUBLE_EPS
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
 from ..base.vectors import along, cross, dot, moved, norm, sub, turned_back, unit
 from ..elements.primitives import corners, mixed
-from ..elements.triangles import point_face
-from ..inside.nearest import point_triangle
 from ..search.search import answer_queries
-from ..surface.certificate import can_be_proven, find_in, put_side
 from ..surface.facing import closest_in, parameters_in, vector
 from ..surface.falling import ball_of, falls, is_crossed
+from ..surface.halved import halved_least
 from ..surface.jets import fixed_jet, get, moved_jet, put
 from ..surface.newton import begin_at, derivatives, way_at, weights_at
 from ..surface.sides import (
@@ -32,6 +28,7 @@ from ..surface.sides import (
     whole,
 )
 from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
+from .triangle_proofs import foot_on
 
 _ROUNDS = 2
 """Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
@@ -74,6 +71,9 @@ def _roughness(tree, cells, index):
 def _least(tree, cells, nets, index, n):
     a, b, c = corners(tree.triangles, index)
     return min(min(dot(a, n), dot(b, n)), dot(c, n))
+
+
+implements(halved_least, MeshTree)(_least)
 
 
 @implements(margin_of, MeshTree)
@@ -134,24 +134,6 @@ def _placed(tree, index, motion):
     return moved(motion, a), moved(motion, b), moved(motion, c)
 
 
-@kernel
-def _foot(p, triangle):
-    """The weights of the point of a triangle that is nearest to p."""
-    if triangle[0] == triangle[1] and triangle[0] == triangle[2]:
-        return (1.0, 0.0, 0.0)  # a point: it is known at once
-    # Where the foot lies within the face, an edge beside it may be as near but for rounding. The
-    # way to that would be tilted, and the bound along it worse by the tilt times the triangle.
-    e, f = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])
-    n = accurate_cross(e, f)
-    nn = dot(n, n)
-    if nn > 0.0:
-        inside, v, w, _ = point_face(p, triangle[0], e, f, n, nn)
-        if inside:
-            return (max(1.0 - v - w, 0.0), v, w)
-    _, v, w = point_triangle(p, triangle[0], triangle[1], triangle[2])
-    return (max(1.0 - v - w, 0.0), v, w)
-
-
 @inlined
 def _place_in(cell, q):
     """Where a cell's parallelogram comes near to q."""
@@ -166,69 +148,15 @@ def _point_of(cell, place):
     return along(p, vector(cell.along_v), place[1])
 
 
-@implements(can_be_proven, MeshTree)
-@inlined
-def _can_be_proven(tree, cells, index):
-    return True
-
-
-@implements(find_in, MeshTree)
-@kernel
-def _find_in(tree, cells, index, element, weights):
-    p = mixed(corners(tree.triangles, element), weights)
-    if index == element:
-        return True, weights, p
-    if weights[0] > 0.0 and weights[1] > 0.0 and weights[2] > 0.0:
-        return False, weights, p
-    weights = _foot(p, corners(tree.triangles, index))
-    q = mixed(corners(tree.triangles, index), weights)
-    return norm(sub(q, p)) <= 8.0 * DOUBLE_EPS * tree.scale[2], weights, q
-
-
-@implements(put_side, MeshTree)
-@kernel
-def _put_side(tree, cells, nets, index, weights, d, side):
-    for i in range(len(side)):
-        side[i] = 0.0
-    corner = corners(tree.triangles, index)
-    # From the corner with the largest weight to the other two, that with the least one last: so a
-    # point on an edge or at a corner stands at the end of the parameters that lead away.
-    first, second, third = 0, 1, 2
-    if weights[second] > weights[first]:
-        first, second = second, first
-    if weights[third] > weights[second]:
-        second, third = third, second
-    if weights[second] > weights[first]:
-        first, second = second, first
-    e, f = sub(corner[second], corner[first]), sub(corner[third], corner[first])
-    if e == f:
-        f = (0.0, 0.0, 0.0)  # a segment: its two equal corners count once
-    s, t = weights[second], weights[third]
-    if norm(f) == 0.0:
-        t = 0.0
-    elif norm(e) == 0.0:
-        e, f, s, t = f, e, t, 0.0
-    side[29] = 1.0
-    error = 4.0 * DOUBLE_EPS * tree.scale[2]
-    for i in range(3):
-        side[i] = side[8 + i] = e[i]
-        side[3 + i] = side[11 + i] = f[i]
-    for k in range(2):
-        way, at = (e, s) if k == 0 else (f, t)
-        if norm(way) > 0.0:
-            side[6 + k], side[27 + k] = error, 2.0
-            side[14 + 2 * k], side[15 + 2 * k] = -at, 1.0 - at
-
-
 @implements(facing, SurfaceTree, MeshTree)
 @kernel
 def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     cell, triangle = cells_a[a], _placed(tree_b, b, motion)
     p, place = vector(cell.centre), (0.0, 0.0)
     for _ in range(_ROUNDS):
-        place = _place_in(cell, mixed(triangle, _foot(p, triangle)))
+        place = _place_in(cell, mixed(triangle, foot_on(p, triangle)))
         p = _point_of(cell, place)
-    weights = _foot(p, triangle)
+    weights = foot_on(p, triangle)
     return sub(mixed(triangle, weights), p), parameters_in(cell, place), weights
 
 
@@ -240,9 +168,9 @@ def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     back = _back(motion, triangle[0]), _back(motion, triangle[1]), _back(motion, triangle[2])
     q, place = vector(cell.centre), (0.0, 0.0)
     for _ in range(_ROUNDS):
-        place = _place_in(cell, mixed(back, _foot(q, back)))
+        place = _place_in(cell, mixed(back, foot_on(q, back)))
         q = _point_of(cell, place)
-    weights = _foot(q, back)
+    weights = foot_on(q, back)
     way = sub(moved(motion, q), mixed(triangle, weights))
     return way, weights, parameters_in(cell, place)
 
@@ -268,7 +196,7 @@ def _weights(tree, x, first, jets):
 @kernel
 def _nearest_of(triangle, p, jets):
     """The point of a triangle nearest to p; its weights and how it may move into `jets`."""
-    weights = _foot(p, triangle)
+    weights = foot_on(p, triangle)
     put(jets, _WEIGHTS, weights)
     first = last = 0
     count = 0

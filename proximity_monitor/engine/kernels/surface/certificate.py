@@ -10,7 +10,9 @@ is a lower bound of |D|. At the nearest points p0, with n along D and m = 1/U, i
 of |D| itself. Where it is positive all over two cells that hold these points, F is at least
 F(p0) + F'(p0) (p - p0) there: so both cells are done with. That is so in cells of a fixed size
 however near the surfaces are, as m may be less than 1/U; a bound of the gap alone would have cells
-divided until they are as small as the square root of what the answer may err by.
+divided until they are as small as the square root of what the answer may err by. The smaller m is,
+the less it matters how D changes across n, so the first to be tried is one that just outweighs the
+bends away from the other surface; it is 0 between cells that bulge towards each other.
 
 Where a tolerance leaves room below |D(p0)|, the Hessian may be as negative as that allows over the
 cells' extent. Points of joints and of edges between triangles lie in several cells: each has its
@@ -21,15 +23,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import implements, inlined, kernel, shared
+from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import NONE, SurfaceTree
-from ..base.vectors import along, dot, moved, norm, rotated, scaled, sub, turned_back
-from .cells import net_of
-from .evaluate import jet_at, point_at
+from ..base.vectors import dot, moved, norm, rotated, scaled, sub, turned_back
 from .facing import vector
-from .ranges import errors_of, ranges_of, slope_error
+from .measure import MINIMUM_STEPS, measure_near
+from .newton import MOST
+from .sides import element_of
 
 PROOF_STEPS = 4
 """Steps of a search that a proof takes as long as."""
@@ -49,23 +50,46 @@ def find_in(tree, cells, index, element, weights):
     """
 
 
-def put_side(tree, cells, nets, index, weights, d, side):
-    """Write a Side about a cell: see `_SIDE`; d is the direction n in its model's frame: a stub."""
+def put_ranges(tree, cells, nets, index, d, side):
+    """Write what a Side says of a cell as a whole; d is n in its model's frame: a stub."""
 
 
-_SIDE = 32
-"""Numbers about a cell, parameters being 0 to 1 over it. By u, and then by v: the middle of the
-derivative 0, 3 (3 numbers each), how far it may be from there 6, 7, the derivative at the point
-8, 11, how far back and forth the parameter may go from there 14 to 17; of the second derivatives by
-uu, uv and vv: middle 18, half length 21 of the product with n, the largest length 24. How many
-times a point's rounding the derivatives at the point may err by 27, 28. Whether the sum of both
-parameters is 1 at the most as well 29."""
+def put_point(tree, cells, index, weights, d, side):
+    """Write what a Side says of a point of a cell: a stub.
 
-_STRETCH = 1.0 + 1e-5
-"""By what lengths of b are increased: a pose may change them by RIGID_TOLERANCE."""
+    Of a triangle, which parameters these are depends on the point: so all that is said of it.
+    """
+
+
+ACROSS, SPREAD, MIDDLE, HALF = 0, 6, 8, 10
+SECOND, HALVES, LARGEST = 12, 15, 18
+SLOPE, ENDS, ERRORS, CORNER = 21, 27, 31, 33
+_SIDE = 34
+_ACROSS, _SPREAD, _SLOPE, _SLANT, _RISE, _FORM = 0, 3, 4, 5, 6, 7
+"""A Side: numbers about a cell and a point of it, parameters being 0 to 1 over it. By u, and then
+by v: of the derivative see `Ranges`, across, 3 numbers each, spread, middle and half. Of the second
+derivatives by uu, uv and vv: middle, half and most. At the point: the derivative, 3 numbers each;
+how far back and forth the parameter may go from there; and how many times a point's rounding the
+derivative may err by. Last, whether the sum of both parameters is 1 at the most as well.
+
+The other line is about the rows of `_put_form`."""
+
+_STRETCH, _TILT = 1.0 + 1e-5, 1e-5
+"""By what lengths of b are increased, and which share of what is along n may be across it besides:
+a pose may change them by RIGID_TOLERANCE."""
 
 _OUTWEIGHING = 4.0
-"""How many times the largest bend, per squared length, m is where the surfaces nearly touch."""
+"""How many times what outweighs the largest bend away from the other surface m is at first."""
+
+_SPARE = 1e-3
+"""Share of the Hessian's diagonal that outweighs what is left of the gradient at the points."""
+
+_FALLS = 1e-6
+"""Share of the distance by which that has to fall beyond the end of an element to be looked for."""
+
+_SHARE, _LARGEST = 0.5, 0.99
+"""Share of m |J x|^2 that is left of it where J is not the same all over the cells: where m is as
+large as need be; and at most where it is the largest, and more is left the less J differs."""
 
 
 @kernel
@@ -94,120 +118,190 @@ def is_done(tree_a, tree_b, state, a, b, slack):
         return False, 1
     n = scaled(way, (1.0 - 4.0 * DOUBLE_EPS) / distance)
     sides = table_on_stack(2, _SIDE, 0.0)
-    put_side(tree_a, waiting.cells_a, waiting.nets_a, a, at_a, n, sides[0])
-    put_side(tree_b, waiting.cells_b, waiting.nets_b, b, at_b, turned_back(motion, n), sides[1])
+    put_ranges(tree_a, waiting.cells_a, waiting.nets_a, a, n, sides[0])
+    put_ranges(tree_b, waiting.cells_b, waiting.nets_b, b, turned_back(motion, n), sides[1])
+    put_point(tree_a, waiting.cells_a, a, at_a, n, sides[0])
+    put_point(tree_b, waiting.cells_b, b, at_b, turned_back(motion, n), sides[1])
     limit = progress.enough + slack
+    element_a = element_of(tree_a, waiting.cells_a, a)
+    element_b = element_of(tree_b, waiting.cells_b, b)
+    other = element_a != progress.element_a or element_b != progress.element_b
+    if other and _fall(sides, n, motion) < -_FALLS * distance:
+        # They were found at the end of an element, and beyond it the distance falls further.
+        measure_near(tree_a, tree_b, state, element_a, at_a, element_b, at_b, MOST)
+        return False, MINIMUM_STEPS
     return _surpasses(sides, n, motion, distance, progress.slack, limit), PROOF_STEPS
 
 
 @shared
 def _surpasses(sides, n, motion, distance, slack, limit):
     """Whether |D| is at least `limit` all over two sides; `slack` is what `distance` errs by."""
-    middles, spreads = table_on_stack(4, 3, 0.0), on_stack(4, 0.0)
-    slopes, rises, ends = on_stack(4, 0.0), on_stack(4, 0.0), on_stack(4, 0.0)
-    left = distance - limit - 16.0 * DOUBLE_EPS * distance  # n is that much shorter than a unit
-    bends = 0.0
-    reach = 0.0  # how far across n the way may lead at most
-    across = 0.0
+    form = table_on_stack(4, _FORM, 0.0)
+    _put_form(sides, n, motion, form)
+    high = distance - limit - 16.0 * DOUBLE_EPS * distance  # n is that much shorter than a unit
+    bends = across = spread = 0.0
     for i in range(4):
         side, k = sides[i // 2], i % 2
-        middle, first = _three(side, 3 * k), _three(side, 8 + 3 * k)
+        begin, end = _ends(sides, i)
+        # The derivatives at the points err as the points do, times the degree.
+        high -= slack * side[ERRORS + k] * (end - begin)
+        across += _STRETCH * norm(_three(side, SLOPE + 3 * k)) * (end - begin)
+        middle, least = _three(form[i], _ACROSS), side[SECOND + 2 * k]
+        least = (least if i >= 2 else -least) - side[HALVES + 2 * k]
+        squared = dot(middle, middle)
+        if squared > 0.0 and not _rises(sides, form, i, 0.0) > 0.0:
+            bends = max(bends, -least / squared)
+            spread = max(spread, form[i, _SPREAD] / np.sqrt(squared))
+    # tau vanishes at the points but for what these err by, and that times m is a slope as well. So
+    # the least m that makes the Hessian positive is the best, and all that serves where the points
+    # are very near each other. But in large cells it may not suffice.
+    m, share = min(1.0 / distance, _OUTWEIGHING / _SHARE * bends), _SHARE
+    larger = min(max(1.0 - spread, _SHARE), _LARGEST)
+    for _ in range(2):
+        left = high - m * slack * across
+        if left >= 0.0 and _is_least(sides, form, slack, m, share, left):
+            return True
+        m, share = 1.0 / distance, larger
+    return False
+
+
+@kernel
+def _put_form(sides, n, motion, form):
+    """Write a row about each of the four parameters: how D changes with it, in the frame of a.
+
+    Across n, the middle of the derivative and how far it may be from there; along n, middle and
+    half length of its range, and what it is at the points.
+    """
+    for i in range(4):
+        side, k = sides[i // 2], i % 2
+        middle, first = _three(side, ACROSS + 3 * k), _three(side, SLOPE + 3 * k)
+        slope, slant = side[MIDDLE + k], side[HALF + k]
         if i < 2:  # of a: the way goes from there
-            middle, first = scaled(middle, -1.0), scaled(first, -1.0)
+            middle, first, slope = scaled(middle, -1.0), scaled(first, -1.0), -slope
         else:
             middle, first = rotated(motion, middle), rotated(motion, first)
-        slopes[i], rises[i] = dot(middle, n), dot(first, n)
-        middle = along(middle, n, -slopes[i])
-        middles[i, 0], middles[i, 1], middles[i, 2] = middle
-        spreads[i] = _STRETCH * side[6 + k]
-        reach += norm(middle) + spreads[i]
-        low, high = side[14 + 2 * k], side[15 + 2 * k]
-        ends[i] = 0.0
-        if low == 0.0 and high > 0.0:
-            ends[i] = 1.0
-        elif high == 0.0 and low < 0.0:
-            ends[i] = -1.0
-        # The derivatives at the points err as the points do, times the degree.
-        left -= slack * side[27 + k] * (high - low)
-        across += norm(first) * (high - low)
-        squared = dot(middle, middle)
-        if squared > 0.0:
-            bends = max(bends, (abs(side[18 + 2 * k]) + side[21 + 2 * k]) / squared)
-    left += _least_rise(sides[0], rises[0], rises[1]) + _least_rise(sides[1], rises[2], rises[3])
-    # tau vanishes at the points but for what these err by, and that times m is a slope as well. So
-    # where they are very near each other a smaller m serves: one that outweighs their bends.
-    m = 1.0 / distance
-    more = m * slack * across
-    if (
-        more < slack
-        and left >= more
-        and _is_least(sides, middles, spreads, slopes, ends, reach, m, left - more)
-    ):
-        return True
-    m = min(m, _OUTWEIGHING * bends)
-    left -= m * slack * across
-    return left >= 0.0 and _is_least(sides, middles, spreads, slopes, ends, reach, m, left)
+        row = form[i]
+        row[_ACROSS], row[_ACROSS + 1], row[_ACROSS + 2] = middle
+        row[_SPREAD] = _STRETCH * side[SPREAD + k] + _TILT * (abs(slope) + slant)
+        row[_SLOPE], row[_SLANT] = slope, slant
+        row[_RISE] = dot(first, n)
+
+
+@kernel
+def _fall(sides, n, motion):
+    """The least that n D rises by, as the derivatives at the points say, over either side."""
+    u, v = _three(sides[0], SLOPE), _three(sides[0], SLOPE + 3)
+    least = _least_rise(sides[0], -dot(u, n), -dot(v, n))
+    u, v = rotated(motion, _three(sides[1], SLOPE)), rotated(motion, _three(sides[1], SLOPE + 3))
+    return least + _least_rise(sides[1], dot(u, n), dot(v, n))
 
 
 @inlined
 def _least_rise(side, u, v):
-    """The least that n D rises by from the point on over a side, with its derivatives there."""
-    if side[29] == 0.0:
-        return min(u * side[14], u * side[15]) + min(v * side[16], v * side[17])
-    corner = u * side[14] + v * side[16]
-    return min(corner, min(u * side[15] + v * side[16], u * side[14] + v * side[17]))
+    """The least that F rises by from the point on over a side, with its derivatives there."""
+    low_u, high_u, low_v, high_v = side[ENDS], side[ENDS + 1], side[ENDS + 2], side[ENDS + 3]
+    if side[CORNER] == 0.0:
+        return min(u * low_u, u * high_u) + min(v * low_v, v * high_v)
+    corner = u * low_u + v * low_v
+    return min(corner, min(u * high_u + v * low_v, u * low_u + v * high_v))
+
+
+@inlined
+def _rises(sides, form, i, turn):
+    """The least that F rises by a parameter as it leaves its end at the points; 0 if it has none.
+
+    `turn` is the most that m tau, times the derivative across n, may take off that.
+    """
+    begin, end = _ends(sides, i)
+    if begin == 0.0 and end > 0.0:
+        return form[i, _SLOPE] - form[i, _SLANT] - turn
+    if end == 0.0 and begin < 0.0:
+        return -form[i, _SLOPE] - form[i, _SLANT] - turn
+    return 0.0
 
 
 @kernel
-def _is_least(sides, middles, spreads, slopes, ends, reach, m, left):
-    """Whether F is nowhere less by more than `left` than its tangent at the points.
+def _is_least(sides, form, slack, m, share, left):
+    """Whether F is nowhere less by more than `left` than it is at the points.
 
     A parameter that ends there, where F rises all over the cells as it leaves its end, is as good
-    as fixed. Of the others the Hessian has to be positive, by Cholesky's factors, when so much is
-    added to its diagonal as makes that difference. What it may differ by from that of the middles
-    is subtracted there: with |E_ij| at most R_ij, x E x is at least minus the sum of
-    x_i^2 R_ij w_j / w_i, for any w > 0.
+    as fixed; and then tau is less, so that another one may be. Of those that are left the Hessian
+    has to be positive, by Cholesky's factors, when so much is added to its diagonal as makes that
+    difference. What it may differ by from that of the middles is subtracted there: with |E_ij| at
+    most R_ij, x E x is at least minus the sum of x_i^2 R_ij w_j / w_i, for any w > 0.
+
+    Of m |J x|^2, where the columns of J differ by e_i at most from those of the middles, J_0, a
+    `share` t is left: it is at least t m |J_0 x|^2 - t / (1 - t) m (sum of e_i |x_i|)^2, by Young's
+    inequality. So it counts with their squares how much they differ: of four parameters two do not
+    change tau, and there the bends have to outweigh that.
+
+    Where the points were not found to the last digit, the tangent falls from there: by its least
+    value over the cells, or, where a share s of the Hessian's diagonal h_i is left to outweigh
+    that, by g_i^2 / (2 s h_i), as g x + s h x^2 / 2 is no less.
     """
     hessian, errors = table_on_stack(4, 4, 0.0), table_on_stack(4, 4, 0.0)
-    held = on_stack(4, 0.0)
+    held, reaches, kept = on_stack(4, 0.0), on_stack(4, 0.0), on_stack(4, 0.0)
+    reach = slack  # how far across n the way may lead at most
     for i in range(4):
-        size = norm(_row(middles, i)) + spreads[i]
-        held[i] = ends[i] * slopes[i] - spreads[i] - m * reach * size
-        if ends[i] == 0.0:
-            held[i] = 0.0
+        begin, end = _ends(sides, i)
+        held[i] = 0.0
+        reaches[i] = _STRETCH * (norm(_three(form[i], _ACROSS)) + form[i, _SPREAD])
+        reach += reaches[i] * max(-begin, end)
+    changed = True
+    while changed:
+        changed = False
+        for i in range(4):
+            if held[i] == 0.0 and _rises(sides, form, i, m * reach * reaches[i]) > 0.0:
+                held[i], changed = 1.0, True
+        reach = slack
+        for i in range(4):
+            begin, end = _ends(sides, i)
+            reach += (1.0 - held[i]) * reaches[i] * max(-begin, end)
     extent = 0.0
     for i in range(4):
         for j in range(i + 1):
             if held[i] > 0.0 or held[j] > 0.0:
                 hessian[i, j] = errors[i, j] = errors[j, i] = 0.0
                 continue
-            one, other = _row(middles, i), _row(middles, j)
-            value = m * dot(one, other)
-            error = spreads[i] * norm(other) + spreads[j] * norm(one) + spreads[i] * spreads[j]
-            half = 0.0
+            value = share * m * dot(_three(form[i], _ACROSS), _three(form[j], _ACROSS))
+            error = share / (1.0 - share) * m * form[i, _SPREAD] * form[j, _SPREAD]
             if i // 2 == j // 2:
                 side, k = sides[i // 2], i % 2 + j % 2
-                value += side[18 + k] if i >= 2 else -side[18 + k]
-                error += reach * side[24 + k]
-                half = side[21 + k]
+                middle, half = side[SECOND + k], side[HALVES + k]
+                value += middle if i >= 2 else -middle
+                error += m * reach * (side[LARGEST + k] + _TILT * (abs(middle) + half)) + half
             hessian[i, j] = value
-            errors[i, j] = errors[j, i] = _STRETCH * (m * error + half)
+            errors[i, j] = errors[j, i] = _STRETCH * error
         if hessian[i, i] == 0.0 and errors[i, i] == 0.0:
             hessian[i, i] = 1.0  # a parameter that there is not
             continue
-        side, k = sides[i // 2], i % 2
-        most = max(-side[14 + 2 * k], side[15 + 2 * k])
+        begin, end = _ends(sides, i)
+        most = max(-begin, end)
         extent += (abs(hessian[i, i]) + errors[i, i]) * most * most
+    for i in range(0, 4, 2):
+        side = sides[i // 2]
+        fall = 0.0
+        for k in range(i, i + 2):
+            (begin, end), slope = _ends(sides, k), form[k, _RISE]
+            least, kept[k] = min(slope * begin, slope * end), 1.0 - _ROUNDING
+            if held[k] == 0.0 and hessian[k, k] > 0.0:
+                other = -slope * slope / (2.0 * _SPARE * hessian[k, k])
+                if other > least:
+                    least, kept[k] = other, 1.0 - _ROUNDING - _SPARE
+            fall += least
+        left += max(fall, _least_rise(side, form[i, _RISE], form[i + 1, _RISE]))
+    if not left >= 0.0:
+        return False
     # F may be less by half the sum of what is added times the squares of the extents.
-    share = left / extent if extent > 0.0 else 0.0
+    more = left / extent if extent > 0.0 else 0.0
     weights = on_stack(4, 0.0)
     for i in range(4):
-        hessian[i, i] += share * (abs(hessian[i, i]) + errors[i, i])
+        hessian[i, i] += more * (abs(hessian[i, i]) + errors[i, i])
         if not hessian[i, i] > errors[i, i]:
             return False
         weights[i] = 1.0 / np.sqrt(hessian[i, i])
     for i in range(4):
-        hessian[i, i] *= 1.0 - _ROUNDING
+        hessian[i, i] *= kept[i]
         for j in range(4):
             hessian[i, i] -= errors[i, j] * weights[j] / weights[i]
     for i in range(4):
@@ -230,70 +324,7 @@ def _three(numbers, at):
 
 
 @inlined
-def _row(table, i):
-    return (table[i, 0], table[i, 1], table[i, 2])
-
-
-@implements(can_be_proven, SurfaceTree)
-@inlined
-def _can_be_proven(tree, cells, index):
-    return tree.pieces[cells[index].element].edge == NONE
-
-
-@implements(find_in, SurfaceTree)
-@kernel
-def _find_in(tree, cells, index, element, weights):
-    cell = cells[index]
-    if cell.element != element:
-        one, other = tree.pieces[element], tree.pieces[cell.element]
-        if one.patch != other.patch or one.edge != NONE:
-            return False, weights, (0.0, 0.0, 0.0)
-        u = _carried(weights[0], one.low[0], one.high[0], other.low[0], other.high[0])
-        v = _carried(weights[1], one.low[1], one.high[1], other.low[1], other.high[1])
-        weights = (u, v, 0.0)
-    low, high = cell.low, cell.high
-    if not (low[0] <= weights[0] <= high[0] and low[1] <= weights[1] <= high[1]):
-        return False, weights, (0.0, 0.0, 0.0)
-    return True, weights, point_at(tree.pieces[cell.element], tree.nets, weights[0], weights[1])
-
-
-@inlined
-def _carried(t, low, high, other_low, other_high):
-    """A parameter of one piece as that of another; exact where it is where both end."""
-    at = high if t == 1.0 else low + t * (high - low)
-    if at == other_high:
-        return 1.0
-    return (at - other_low) / (other_high - other_low) if other_high > other_low else 0.0
-
-
-@implements(put_side, SurfaceTree)
-@kernel
-def _put_side(tree, cells, nets, index, weights, d, side):
-    cell = cells[index]
-    piece = tree.pieces[cell.element]
-    ranges = ranges_of(piece, nets, net_of(cells, nets, index), d, vector(cell.centre))
-    _, du, dv, _, _, _ = jet_at(piece, tree.nets, weights[0], weights[1])
-    width_u, width_v = cell.high[0] - cell.low[0], cell.high[1] - cell.low[1]
-    for i in range(3):
-        side[i], side[3 + i] = ranges.along_u[i], ranges.along_v[i]
-        side[8 + i], side[11 + i] = du[i] * width_u, dv[i] * width_v
-    side[14] = (cell.low[0] - weights[0]) / width_u
-    side[15] = (cell.high[0] - weights[0]) / width_u
-    side[16] = side[17] = 0.0
-    if width_v > 0.0:
-        side[16] = (cell.low[1] - weights[1]) / width_v
-        side[17] = (cell.high[1] - weights[1]) / width_v
-    p, q = float(piece.degree_u), float(piece.degree_v)
-    once, twice = errors_of(piece, cell.margin)
-    side[6] = ranges.spread_u + once * p
-    side[7] = ranges.spread_v + once * q
-    side[18], side[19], side[20] = ranges.middle_uu, ranges.middle_uv, ranges.middle_vv
-    side[21] = ranges.half_uu + twice * p * p
-    side[22] = ranges.half_uv + twice * p * q
-    side[23] = ranges.half_vv + twice * q * q
-    side[24] = ranges.most_uu + twice * p * p
-    side[25] = ranges.most_uv + twice * p * q
-    side[26] = ranges.most_vv + twice * q * q
-    share = slope_error(piece, tree.nets)
-    side[27], side[28] = share * p * width_u, share * q * width_v
-    side[29] = 0.0
+def _ends(sides, i):
+    """How far a parameter may go back, not above 0, and forth, not below 0."""
+    at = ENDS + 2 * (i % 2)
+    return sides[i // 2, at], sides[i // 2, at + 1]

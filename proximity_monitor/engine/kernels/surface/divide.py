@@ -5,7 +5,8 @@ least bound of all is taken, its rougher cell is divided, and each part is bound
 cell (Thomas et al. 2000, section 5). A bound is the gap between the control points of two cells
 along a direction: first the one that served the pair before, then that between near points of the
 parallelograms that stand for the cells (`facing.py`), and where these are too near for that to be a
-good one, the cells' normals. For each direction the gap is certain.
+good one, the cells' normals. For each direction the gap is certain. Where it falls short by less
+than the cells bend, the control points of their parts may do (`halved.py`).
 """
 
 from __future__ import annotations
@@ -16,17 +17,17 @@ from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
 from ..base.vectors import dot, norm, rotated, scaled, turned_back
-from ..elements.primitives import keep
 from .certificate import is_done
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
+from .halved import halved_least
 from .heap import add_pair, drop_first, put_aside
-from .newton import MOST, nearest_near
+from .measure import MINIMUM_STEPS, measure_near
+from .newton import MOST
 from .sides import (
     divide_side,
     element_of,
     facing,
-    is_left,
     is_short,
     least_of,
     margin_of,
@@ -36,13 +37,17 @@ from .sides import (
 )
 from .trim import OUTSIDE
 
-PAIR_STEPS, DIVISION_STEPS, FALLING_STEPS, MINIMUM_STEPS = 1, 4, 4, 40
-"""Steps of a search that bounding a pair of cells takes as long as, dividing one, a proof that it
-is done with, and a search for a local minimum."""
+PAIR_STEPS, DIVISION_STEPS, FALLING_STEPS = 1, 4, 4
+"""Steps of a search that bounding a pair of cells takes as long as, dividing one, and a proof that
+only edges are near."""
 
 _ROUGH = 0.25
 """Share of their distance by which two cells may differ from their parallelograms before normals
 are tried as directions."""
+
+_EACH, _NEAR = 16, 0.25
+"""Pairs that wait for each local search from which on one is begun where two cells may cross; and
+how near their points must be for that, as a share of the distance found so far."""
 
 _NEARER = 0.25
 """Share of what the answer may err by that a point must be nearer by to begin a local search.
@@ -68,7 +73,10 @@ def add_elements(tree_a, tree_b, state, a, b, bound):
     )
     if first == NONE or second == NONE:
         return NONE
-    return bound_pair(tree_a, tree_b, state, first, second, bound, (0.0, 0.0, 0.0), 0.0)
+    # The direction between the nearest points so far dismisses most of those that are near them.
+    normal = vector(progress.normal_a)
+    gap = _gap(tree_a, tree_b, state, first, second, normal)
+    return bound_pair(tree_a, tree_b, state, first, second, bound, normal, gap)
 
 
 @kernel
@@ -113,41 +121,25 @@ def divide_nearest(tree_a, tree_b, state):
         return steps + FALLING_STEPS
     if progress.dividing + progress.aside + 4 > len(pairs):
         return NONE
-    if rough_a >= rough_b:
-        before = progress.cells_a
-        progress.cells_a = divide_side(tree_a, a, cells.cells_a, cells.nets_a, before, most)
+    of_a = rough_a >= rough_b
+    if of_a:
+        before, index, side = progress.cells_a, a, cells.cells_a
+        progress.cells_a = divide_side(tree_a, a, side, cells.nets_a, before, most)
         steps += DIVISION_STEPS if progress.cells_a > before else 0
-        first, count = np.int64(cells.cells_a[a].child), np.int64(cells.cells_a[a].children)
-        if first == NONE:
-            return NONE
-        progress.dividing = drop_first(pairs, progress.dividing)
-        end = least_of(
-            tree_b, cells.cells_b, cells.nets_b, b, turned_back(state.motions[0], normal)
-        )
-        end += _offset(state.motions[0], normal)
-        for k in range(count):
-            if cells.cells_a[first + k].side == OUTSIDE:
-                continue
-            begin = least_of(tree_a, cells.cells_a, cells.nets_a, first + k, scaled(normal, -1.0))
-            steps += bound_pair(
-                tree_a, tree_b, state, first + k, b, bound, normal, begin + end
-            )  # fmt: skip
     else:
-        before = progress.cells_b
-        progress.cells_b = divide_side(tree_b, b, cells.cells_b, cells.nets_b, before, most)
+        before, index, side = progress.cells_b, b, cells.cells_b
+        progress.cells_b = divide_side(tree_b, b, side, cells.nets_b, before, most)
         steps += DIVISION_STEPS if progress.cells_b > before else 0
-        first, count = np.int64(cells.cells_b[b].child), np.int64(cells.cells_b[b].children)
-        if first == NONE:
-            return NONE
-        progress.dividing = drop_first(pairs, progress.dividing)
-        begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(normal, -1.0))
-        begin += _offset(state.motions[0], normal)
-        turned = turned_back(state.motions[0], normal)
-        for k in range(count):
-            if cells.cells_b[first + k].side == OUTSIDE:
-                continue
-            end = least_of(tree_b, cells.cells_b, cells.nets_b, first + k, turned)
-            steps += bound_pair(tree_a, tree_b, state, a, first + k, bound, normal, begin + end)
+    first, count = np.int64(side[index].child), np.int64(side[index].children)
+    if first == NONE:
+        return NONE
+    progress.dividing = drop_first(pairs, progress.dividing)
+    for part in range(first, first + count):
+        if side[part].side == OUTSIDE:
+            continue
+        one, other = (part, b) if of_a else (a, part)
+        gap = _gap(tree_a, tree_b, state, one, other, normal)
+        steps += bound_pair(tree_a, tree_b, state, one, other, bound, normal, gap)
     return steps
 
 
@@ -162,6 +154,15 @@ def _gap(tree_a, tree_b, state, a, b, n):
     cells, motion = state.waiting, state.motions[0]
     begin = least_of(tree_a, cells.cells_a, cells.nets_a, a, scaled(n, -1.0))
     end = least_of(tree_b, cells.cells_b, cells.nets_b, b, turned_back(motion, n))
+    return begin + (end + _offset(motion, n))
+
+
+@kernel
+def _gap_of_parts(tree_a, tree_b, state, a, b, n):
+    """The same from the control points of their parts, when both are divided in four."""
+    cells, motion = state.waiting, state.motions[0]
+    begin = halved_least(tree_a, cells.cells_a, cells.nets_a, a, scaled(n, -1.0))
+    end = halved_least(tree_b, cells.cells_b, cells.nets_b, b, turned_back(motion, n))
     return begin + (end + _offset(motion, n))
 
 
@@ -199,17 +200,24 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     rough += max(roughness(tree_b, cells.cells_b, b), 0.0)
     if rough > _ROUGH * apart and bound < progress.limit:
         bound, normal = _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal)
+    if bound < progress.limit <= bound + rough:
+        gap = _gap_of_parts(tree_a, tree_b, state, a, b, normal) - slack
+        bound = max(bound, gap)
     if bound >= progress.limit:
         return PAIR_STEPS
     steps = PAIR_STEPS
     share = _NEARER * max(progress.abs_err, progress.distance - progress.enough)
+    # Where the models cross, many pairs' bounds are 0, and only near points found tell.
+    tries = bound <= 0.0 and _EACH * progress.primitive_tests < progress.dividing
+    promising = apart + rough < progress.distance - share
+    promising = promising or (tries and apart < _NEAR * progress.distance)
     # Near points of a cell that loops cross may have been cut off: its parts and edges have others.
     entire = not (is_crossed(tree_a, cells.cells_a, a) or is_crossed(tree_b, cells.cells_b, b))
-    if entire and apart + rough < progress.distance - share:
+    if entire and promising:
         steps += MINIMUM_STEPS
         element_a = element_of(tree_a, cells.cells_a, a)
         element_b = element_of(tree_b, cells.cells_b, b)
-        measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b)
+        measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b, MOST)
         if bound >= progress.limit:
             return steps
     progress.dividing = add_pair(cells.pairs, progress.dividing, a, b, bound, normal)
@@ -234,26 +242,3 @@ def _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal):
         if gap > bound:
             bound, normal = gap, n
     return bound, normal
-
-
-@kernel
-def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b):
-    """Find the local minimum near given points of two elements; keep it where it is the nearest.
-
-    Returns its distance, metres; infinity where it has been cut off.
-    """
-    progress = state.progress[0]
-    progress.primitive_tests += 1
-    most = MOST
-    while True:
-        distance, at_a, at_b, way = nearest_near(
-            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0], most
-        )
-        if is_left(tree_a, element_a, at_a) and is_left(tree_b, element_b, at_b):
-            break
-        if most == 0:
-            return np.inf
-        most = 0  # there may be something left where the search began
-    if distance < progress.distance:
-        keep(state, distance, element_a, element_b, at_a, at_b, way)
-    return distance

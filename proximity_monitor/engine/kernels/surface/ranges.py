@@ -13,23 +13,28 @@ import numpy as np
 
 from ..base.jit import kernel, shared
 from ..base.memory import on_stack
-from ..base.vectors import dot, norm, scaled
+from ..base.rounding import DOUBLE_EPS
+from ..base.vectors import norm, scaled
 from .subdivide import PROJECTED
 
 Ranges = namedtuple(
-    "Ranges", "along_u spread_u along_v spread_v middle_uu half_uu most_uu"
-    " middle_uv half_uv most_uv middle_vv half_vv most_vv"
+    "Ranges", "across_u spread_u middle_u half_u across_v spread_v middle_v half_v"
+    " middle_uu half_uu most_uu middle_uv half_uv most_uv middle_vv half_vv most_vv"
 )  # fmt: skip
-"""Of the derivatives by u and v: a vector, metres, and how far they are from it at most. Of each
-second derivative, metres: middle and half length of the range of its product with a direction, and
-no less than its length."""
+"""Of each derivative, metres: middle and half length of the range of its product with a direction
+d; and of x - d (d x), what it is across d, how long that is at most. Of the first derivatives'
+parts across d also a vector that these are near, and they differ from it by `spread` at the most.
+"""
 
 
 @kernel
-def _first(nets, at, room, p, n, step_i, step_j, factor):
-    """Middle of the box around the derivatives along one parameter, and its half diagonal."""
-    x_low = y_low = z_low = np.inf
-    x_high = y_high = z_high = -np.inf
+def _first(nets, at, room, p, n, step_i, step_j, factor, d):
+    """Across d, the middle of the box around derivatives by a parameter, and half its diagonal.
+
+    Also middle and half length of the range of their products with d.
+    """
+    x_low = y_low = z_low = low = np.inf
+    x_high = y_high = z_high = high = -np.inf
     for i in range(p + 1 - step_i):
         for j in range(n - step_j):
             k = at + i * n + j
@@ -37,6 +42,9 @@ def _first(nets, at, room, p, n, step_i, step_j, factor):
             x = nets[m] - nets[k]
             y = nets[m + room] - nets[k + room]
             z = nets[m + 2 * room] - nets[k + 2 * room]
+            value = d[0] * x + d[1] * y + d[2] * z
+            low, high = min(low, value), max(high, value)
+            x, y, z = x - d[0] * value, y - d[1] * value, z - d[2] * value
             x_low, x_high = min(x_low, x), max(x_high, x)
             y_low, y_high = min(y_low, y), max(y_high, y)
             z_low, z_high = min(z_low, z), max(z_high, z)
@@ -45,14 +53,17 @@ def _first(nets, at, room, p, n, step_i, step_j, factor):
     return (
         (middle[0], middle[1], 0.5 * factor * (z_low + z_high)),
         0.5 * factor * np.sqrt(x * x + y * y + z * z),
+        0.5 * factor * (low + high),
+        0.5 * factor * (high - low),
     )
 
 
 @kernel
 def _second(nets, at, room, p, n, step, other, count_i, count_j, factor, d):
-    """Middle and half length of d times a second derivative, and its largest length.
+    """Middle and half length of d times a second derivative, and its largest length across d.
 
-    The differences are of the points k, k + step, k + other and k + step + other.
+    As d is no longer than a unit, |x - d (d x)|^2 is at most |x|^2 - (d x)^2. The differences
+    are of the points k, k + step, k + other and k + step + other.
     """
     low, high, most = np.inf, -np.inf, 0.0
     for i in range(count_i):
@@ -64,7 +75,8 @@ def _second(nets, at, room, p, n, step, other, count_i, count_j, factor, d):
                 x = (nets[m + step + other] - nets[m + step]) - (nets[m + other] - nets[m])
                 value += d[axis] * x
                 squared += x * x
-            low, high, most = min(low, value), max(high, value), max(most, squared)
+            low, high = min(low, value), max(high, value)
+            most = max(most, squared * (1.0 + 16.0 * DOUBLE_EPS) - value * value)
     if high < low:
         return 0.0, 0.0, 0.0
     return 0.5 * factor * (low + high), 0.5 * factor * (high - low), factor * np.sqrt(most)
@@ -99,8 +111,10 @@ def errors_of(piece, margin):
     Times the degree, or the product of both degrees.
     """
     share = _RATIONAL if piece.rational else 1.0
-    # Differences of two control points, or of four.
-    return 2.0 * share * margin, 4.0 * share * margin
+    # Differences of two control points, or of four. As much again for the rounding of these, of
+    # their products with a direction and of what is across it: 16 u P and 24 u P are more, and
+    # NET_SPLIT makes a margin of 4 u P at least.
+    return 6.0 * share * margin, 10.0 * share * margin
 
 
 @kernel
@@ -125,15 +139,15 @@ def _of_net(nets, at, room, p, q, d):
     """The ranges of a net of so many degrees."""
     n = q + 1
     none = (0.0, 0.0, 0.0)
-    along_u, spread_u = _first(nets, at, room, p, n, 1, 0, float(p))
-    along_v, spread_v = none, 0.0
+    across_u, spread_u, middle_u, half_u = _first(nets, at, room, p, n, 1, 0, float(p), d)
+    across_v, spread_v, middle_v, half_v = none, 0.0, 0.0, 0.0
     if q > 0:
-        along_v, spread_v = _first(nets, at, room, p, n, 0, 1, float(q))
+        across_v, spread_v, middle_v, half_v = _first(nets, at, room, p, n, 0, 1, float(q), d)
     uu = _second(nets, at, room, p, n, n, n, p - 1, n, p * (p - 1.0), d)
     uv = _second(nets, at, room, p, n, n, 1, p, q, float(p * q), d)
     vv = _second(nets, at, room, p, n, 1, 1, p + 1, q - 1, q * (q - 1.0), d)
     return Ranges(
-        along_u, spread_u, along_v, spread_v,
+        across_u, spread_u, middle_u, half_u, across_v, spread_v, middle_v, half_v,
         uu[0], uu[1], uu[2], uv[0], uv[1], uv[2], vv[0], vv[1], vv[2],
     )  # fmt: skip
 
@@ -148,7 +162,8 @@ def _quotients(piece, nets, at, d, c):
         S_uv = (M_uv - S_u w_v - S_v w_u - (S - c) w_uv) / w
 
     The middles are those of M_u and of M_uv - S_u w_v - S_v w_u over a mean weight. What is left
-    out of them is as much smaller as the cell, for so are S - c and the derivatives of w.
+    out of them is as much smaller as the cell, for so are S - c and the derivatives of w. All this
+    holds as well of products with d, and of the parts across d, which are no longer.
 
     Rounding: if the projected points err by e, a coordinate of N or c w errs by no more than e
     times the largest weight, and w by e / P of that, for points of length P. The products and the
@@ -177,7 +192,7 @@ def _quotients(piece, nets, at, d, c):
     of = _of_net(numerator, 0, _NET, p, q, d)
     if not high < _MOST_WEIGHTS * low:
         return Ranges(
-            of.along_u, np.inf, of.along_v, np.inf,
+            of.across_u, np.inf, 0.0, np.inf, of.across_v, np.inf, 0.0, np.inf,
             0.0, np.inf, np.inf, 0.0, np.inf, np.inf, 0.0, np.inf, np.inf,
         )  # fmt: skip
     inverse, error = 0.5 * (1.0 / low + 1.0 / high), (high - low) / (high + low)
@@ -191,19 +206,21 @@ def _quotients(piece, nets, at, d, c):
     wvv, half = _weight(weights, p, n, 1, 1, p + 1, q - 1, 1, q * (q - 1.0))
     most_vv = abs(wvv) + half
     more = 1.0 + error
-    u, spread_u = _over(of.along_u, of.spread_u, reach * most_u, inverse, error)
-    v, spread_v = _over(of.along_v, of.spread_v, reach * most_v, inverse, error)
-    du, dv = dot(u, d), dot(v, d)
+    u, spread_u = _over(of.across_u, of.spread_u, reach * most_u, inverse, error)
+    v, spread_v = _over(of.across_v, of.spread_v, reach * most_v, inverse, error)
+    du, half_u = inverse * of.middle_u, more * (of.half_u + reach_along * most_u)
+    dv, half_v = inverse * of.middle_v, more * (of.half_v + reach_along * most_v)
+    half_u, half_v = inverse * half_u + error * abs(du), inverse * half_v + error * abs(dv)
     size_u, size_v = norm(u) + spread_u, norm(v) + spread_v
     middle_uu = of.middle_uu - 2.0 * du * wu
-    half_uu = of.half_uu + 2.0 * (abs(du) * half_wu + spread_u * most_u) + reach_along * most_uu
+    half_uu = of.half_uu + 2.0 * (abs(du) * half_wu + half_u * most_u) + reach_along * most_uu
     middle_uv = of.middle_uv - du * wv - dv * wu
-    half_uv = of.half_uv + abs(du) * half_wv + spread_u * most_v + abs(dv) * half_wu
-    half_uv += spread_v * most_u + reach_along * most_uv
+    half_uv = of.half_uv + abs(du) * half_wv + half_u * most_v + abs(dv) * half_wu
+    half_uv += half_v * most_u + reach_along * most_uv
     middle_vv = of.middle_vv - 2.0 * dv * wv
-    half_vv = of.half_vv + 2.0 * (abs(dv) * half_wv + spread_v * most_v) + reach_along * most_vv
+    half_vv = of.half_vv + 2.0 * (abs(dv) * half_wv + half_v * most_v) + reach_along * most_vv
     return Ranges(
-        u, spread_u, v, spread_v,
+        u, spread_u, du, half_u, v, spread_v, dv, half_v,
         inverse * middle_uu, inverse * (more * half_uu + error * abs(middle_uu)),
         inverse * more * (of.most_uu + 2.0 * size_u * most_u + reach * most_uu),
         inverse * middle_uv, inverse * (more * half_uv + error * abs(middle_uv)),

@@ -1,0 +1,110 @@
+"""Triangles in the proofs that two cells are done with: their parameters, and how points move.
+
+Of a triangle nothing bends, so all that is said of it holds as it stands.
+"""
+
+from __future__ import annotations
+
+from ..base.jit import implements, inlined, kernel
+from ..base.precise import accurate_cross
+from ..base.rounding import DOUBLE_EPS
+from ..base.state import MeshTree
+from ..base.vectors import dot, norm, sub
+from ..elements.primitives import corners, mixed
+from ..elements.triangles import point_face
+from ..inside.nearest import point_triangle
+from ..surface.certificate import (
+    ACROSS,
+    CORNER,
+    ENDS,
+    ERRORS,
+    HALF,
+    MIDDLE,
+    SLOPE,
+    SPREAD,
+    can_be_proven,
+    find_in,
+    put_point,
+    put_ranges,
+)
+
+
+@kernel
+def foot_on(p, triangle):
+    """The weights of the point of a triangle that is nearest to p."""
+    if triangle[0] == triangle[1] and triangle[0] == triangle[2]:
+        return (1.0, 0.0, 0.0)  # a point: it is known at once
+    # Where the foot lies within the face, an edge beside it may be as near but for rounding. The
+    # way to that would be tilted, and the bound along it worse by the tilt times the triangle.
+    e, f = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])
+    n = accurate_cross(e, f)
+    nn = dot(n, n)
+    if nn > 0.0:
+        inside, v, w, _ = point_face(p, triangle[0], e, f, n, nn)
+        if inside:
+            return (max(1.0 - v - w, 0.0), v, w)
+    _, v, w = point_triangle(p, triangle[0], triangle[1], triangle[2])
+    return (max(1.0 - v - w, 0.0), v, w)
+
+
+@implements(can_be_proven, MeshTree)
+@inlined
+def _can_be_proven(tree, cells, index):
+    return True
+
+
+@implements(find_in, MeshTree)
+@kernel
+def _find_in(tree, cells, index, element, weights):
+    p = mixed(corners(tree.triangles, element), weights)
+    if index == element:
+        return True, weights, p
+    if weights[0] > 0.0 and weights[1] > 0.0 and weights[2] > 0.0:
+        return False, weights, p
+    weights = foot_on(p, corners(tree.triangles, index))
+    q = mixed(corners(tree.triangles, index), weights)
+    return norm(sub(q, p)) <= 8.0 * DOUBLE_EPS * tree.scale[2], weights, q
+
+
+@implements(put_ranges, MeshTree)
+@inlined
+def _put_ranges(tree, cells, nets, index, d, side):
+    pass
+
+
+@implements(put_point, MeshTree)
+@kernel
+def _put_point(tree, cells, index, weights, d, side):
+    for i in range(len(side)):
+        side[i] = 0.0
+    corner = corners(tree.triangles, index)
+    # From the corner with the largest weight to the other two, that with the least one last: so a
+    # point on an edge or at a corner stands at the end of the parameters that lead away.
+    first, second, third = 0, 1, 2
+    if weights[second] > weights[first]:
+        first, second = second, first
+    if weights[third] > weights[second]:
+        second, third = third, second
+    if weights[second] > weights[first]:
+        first, second = second, first
+    e, f = sub(corner[second], corner[first]), sub(corner[third], corner[first])
+    s, t = weights[second], weights[third]
+    if e == f:
+        f = (0.0, 0.0, 0.0)  # a segment: its two equal corners count once
+        s, t = s + t, 0.0
+    if norm(f) == 0.0:
+        t = 0.0
+    elif norm(e) == 0.0:
+        e, f, s, t = f, e, t, 0.0
+    side[CORNER] = 1.0
+    error = 20.0 * DOUBLE_EPS * tree.scale[2]
+    for k in range(2):
+        way, at = (e, s) if k == 0 else (f, t)
+        if norm(way) > 0.0:
+            value = dot(way, d)
+            for i in range(3):
+                side[ACROSS + 3 * k + i] = way[i] - value * d[i]
+                side[SLOPE + 3 * k + i] = way[i]
+            side[MIDDLE + k] = value
+            side[SPREAD + k], side[HALF + k], side[ERRORS + k] = error, error, 2.0
+            side[ENDS + 2 * k], side[ENDS + 2 * k + 1] = -at, 1.0 - at
