@@ -19,6 +19,7 @@ import numpy as np
 from ..base.jit import entry, implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.state import CUT, ENDED, MeshTree, SurfaceTree
+from .ball_bowls import bowls
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, in_a_frame, take_axes
@@ -64,6 +65,10 @@ def _sound_trial(tree_a, tree_b, region_a, region_b, k, state, steps):
 
 def _tangent(tree_a, tree_b, k, state, centre, half, row):
     """Find a row for the cell around the trial point, as `tangent` does: a stub."""
+
+
+def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
+    """Find a row for the cell around the trial point, as `bowls` does: a stub."""
 
 
 @shared
@@ -144,6 +149,14 @@ def _tangent_unlike(tree_a, tree_b, k, state, centre, half, row):
     return _tangent_alike(tree_b, tree_b, k, state, centre, half, row)
 
 
+@inlined
+def _no_bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
+    return False, 0
+
+
+implements(_bowls, MeshTree, MeshTree)(_no_bowls)
+implements(_bowls, SurfaceTree, MeshTree)(_no_bowls)
+implements(_bowls, SurfaceTree, SurfaceTree)(bowls)
 for _kind in (MeshTree, SurfaceTree):
     implements(_plane, _kind, _kind)(_plane_of_alike)
     implements(_sound_trial, _kind, _kind)(_sound_alike)
@@ -248,11 +261,16 @@ def _end_cell(tree_a, tree_b, region_a, region_b, state):
     for i in range(count):
         for j in range(4):
             rows[i, j] = cell.rows[i, j]
-    for attempt in range(5):
+    for attempt in range(6):
         k = 1 - shallow if attempt & 1 else shallow
         if attempt == 2 or attempt == 3:
             found = _tangent(tree_a, tree_b, k, state, centre, half, rows[count])
             steps += 1
+        elif attempt == 5:
+            found, cost = _bowls(
+                tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, rows[count]
+            )
+            steps += cost
         else:
             found, cost = _plane(
                 tree_a, tree_b, region_a, region_b, k, attempt == 4, trial, centre, half, spare,

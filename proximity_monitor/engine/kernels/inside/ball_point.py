@@ -12,32 +12,12 @@ import numpy as np
 
 from ..base.jit import kernel, shared
 from ..base.memory import on_stack
-from ..base.vectors import moved, scaled, sub, unit
+from ..base.vectors import moved, scaled, sub, turned_back, unit
 from ..tree.layout import WIDTH
 from .angles import side_of
 from .feet import foot_of, normal_at, seek
 from .solids import HALF, NOWHERE, WHOLE
 from .visit import TO_THE_END
-
-
-@kernel
-def turned_back(motion, v):
-    """A vector of a solid's frame in a's: the transposed rotation times it."""
-    return (
-        motion[0] * v[0] + motion[3] * v[1] + motion[6] * v[2],
-        motion[1] * v[0] + motion[4] * v[1] + motion[7] * v[2],
-        motion[2] * v[0] + motion[5] * v[1] + motion[8] * v[2],
-    )
-
-
-@kernel
-def turned(motion, v):
-    """A vector of a's frame in a solid's."""
-    return (
-        motion[0] * v[0] + motion[1] * v[1] + motion[2] * v[2],
-        motion[3] * v[0] + motion[4] * v[1] + motion[5] * v[2],
-        motion[6] * v[0] + motion[7] * v[1] + motion[8] * v[2],
-    )
 
 
 @kernel
