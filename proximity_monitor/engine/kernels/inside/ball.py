@@ -23,11 +23,12 @@ from .ball_bowls import bowls
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, in_a_frame, take_axes
+from .ball_newton import begin_newton
 from .ball_point import certain_depth, possible_depth, sound, sound_some
 from .ball_rows import bound_of
-from .ball_state import CELL, CELL_CENTRE, CLIMB, FULL, IDLE, SEED, ball_at
+from .ball_state import CELL, CELL_CENTRE, CLIMB, FULL, IDLE, NEWTON, SEED, ball_at
 from .ball_tangents import tangent
-from .ball_trial import ascend, begin_climb, end_climb, keep, try_point
+from .ball_trial import ascend, begin_climb, end_climb, end_newton, keep, try_point
 from .solid_table import solid_at
 
 _SPARE = 0.1
@@ -69,6 +70,10 @@ def _tangent(tree_a, tree_b, k, state, centre, half, row):
 
 def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
     """Find a row for the cell around the trial point, as `bowls` does: a stub."""
+
+
+def _newton(tree_a, tree_b, state):
+    """Try a point by Newton's method, as `begin_newton` does; False where there is none: a stub."""
 
 
 @shared
@@ -154,9 +159,17 @@ def _no_bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, sp
     return False, 0
 
 
-implements(_bowls, MeshTree, MeshTree)(_no_bowls)
-implements(_bowls, SurfaceTree, MeshTree)(_no_bowls)
+@inlined
+def _no_newton(tree_a, tree_b, state):
+    state.at[0].newtons = 0
+    return False
+
+
+for _kind in (MeshTree, SurfaceTree):
+    implements(_bowls, _kind, MeshTree)(_no_bowls)
+    implements(_newton, _kind, MeshTree)(_no_newton)
 implements(_bowls, SurfaceTree, SurfaceTree)(bowls)
+implements(_newton, SurfaceTree, SurfaceTree)(begin_newton)
 for _kind in (MeshTree, SurfaceTree):
     implements(_plane, _kind, _kind)(_plane_of_alike)
     implements(_sound_trial, _kind, _kind)(_sound_alike)
@@ -337,6 +350,8 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
     at.task = IDLE
     if task == CLIMB:
         end_climb(state)
+    elif task == NEWTON:
+        end_newton(state)
     elif task == CELL_CENTRE:
         at.cells += 1
         steps -= _end_cell(tree_a, tree_b, region_a, region_b, state)
@@ -369,7 +384,7 @@ def search_ball(solids, memory, seeds_alone, steps):
         elif at.climbs > 0 and not seeds_alone:
             if at.radius < at.trusted and at.ceiling > limit_of(at):
                 _compare_with_middle(tree_a, tree_b, state)
-            else:
+            elif not (at.newtons > 0 and _newton(tree_a, tree_b, state)):
                 begin_climb(state)
         elif at.seed < at.seeds:
             seeds, i = state.seeds, at.seed

@@ -63,7 +63,7 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     way = sub(moved(b_to_a, centre), (region_a.ball[0], region_a.ball[1], region_a.ball[2]))
     apart = np.sqrt(dot(way, way)) * (1.0 - 1e-12) - 4.0 * at.slack
     at.dropped = at.ceiling = _largest(region_a, region_b, at, apart)
-    at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
+    at.size = at.climbs = at.newtons = at.seed = at.seeds = at.points = at.cells = 0
     at.task, at.turn, at.height, at.middle = IDLE, 0, 0, NONE
     at.framed = at.begun = False
     if last:

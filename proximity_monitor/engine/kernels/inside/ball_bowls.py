@@ -34,7 +34,7 @@ from numba import float32
 
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
-from ..base.vectors import along, cross, dot, moved, norm, rotated, scaled, sub, unit
+from ..base.vectors import along, dot, moved, norm, rotated, scaled
 from ..tree.layout import WIDTH
 from . import visit
 from .ball_caps import (
@@ -47,7 +47,7 @@ from .ball_caps import (
     cap_gaps,
     leaf_steps,
 )
-from .feet import bend_at
+from .ball_newton import foot_bend, frame_between, principal
 from .visit import ROOM, at_root, descend
 from .winding import ray_steps, winding_number
 
@@ -60,9 +60,6 @@ Bowl = namedtuple(
 The height of a point d from the place is rise n · d less half the sum of each bend times the square
 of d's part along its axis, `first` or `second`, unit vectors. `sink` is the most that this adds to
 rise n · d within the radius, metres."""
-
-_OPPOSITE = -0.8
-"""Product of the ways along which both depths grow from which on surfaces are nearly parallel."""
 
 _STEEPEST, _MOST_BENT = 0.5, 0.5
 """Of slopes g, and of bends times R."""
@@ -127,28 +124,6 @@ def _bowl_height(tree, region, motion, point, up, slope, axes, bends, sizes, cle
     return height, steps
 
 
-@kernel
-def _bent(k11, k12, k22):
-    """The eigenvalues of a symmetric matrix, and the first one's unit vector."""
-    angle = 0.5 * np.arctan2(2.0 * k12, k11 - k22)
-    c, s = np.cos(angle), np.sin(angle)
-    return (
-        c * c * k11 + 2.0 * c * s * k12 + s * s * k22,
-        s * s * k11 - 2.0 * c * s * k12 + c * c * k22,
-        c,
-        s,
-    )
-
-
-@kernel
-def _foot_bend(tree, motion, k, point, up, e, f):
-    """`feet.bend_at` of a solid, for vectors of a's frame: and where the foot is from the point."""
-    n, e, f = rotated(motion, up), rotated(motion, e), rotated(motion, f)
-    sound, place, slope, bend = bend_at(tree, k, point, n, e, f)
-    d = sub(place, moved(motion, (point.place[0], point.place[1], point.place[2])))
-    return sound, (dot(e, d), dot(f, d), dot(n, d)), slope, bend
-
-
 @shared
 def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
     """Find a row for a cell of the search's frame, where both surfaces are nearly parallel.
@@ -169,18 +144,14 @@ def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare,
         Whether there is one, and the steps that it took.
     """
     at, point, slack = state.at[0], state.trial[0], state.at[0].slack
-    a = (point.way[0, 0], point.way[0, 1], point.way[0, 2])
-    b = (point.way[1, 0], point.way[1, 1], point.way[1, 2])
-    if not dot(a, b) < _OPPOSITE or at.swept[0] > 0.0 or at.swept[1] > 0.0:
+    n, e, f = frame_between(point)
+    if not dot(n, n) > 0.5 or at.swept[0] > 0.0 or at.swept[1] > 0.0:
         return False, 0
-    n = unit(sub(b, a))
-    e = unit(cross(n, (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0)))
-    f = cross(n, e)
-    sound, d, g, bend = _foot_bend(tree_a, state.motions[0], 0, point, n, e, f)
-    sound_b, d_b, g_b, bend_b = _foot_bend(tree_b, state.motions[1], 1, point, n, e, f)
+    sound, d, g, bend = foot_bend(tree_a, state.motions[0], 0, point, n, e, f)
+    sound_b, d_b, g_b, bend_b = foot_bend(tree_b, state.motions[1], 1, point, n, e, f)
     if not (sound and sound_b):
         return False, 1
-    k1, k2, c, s = _bent(
+    k1, k2, c, s = principal(
         0.5 * (bend[0] + bend_b[0]), 0.5 * (bend[1] + bend_b[1]), 0.5 * (bend[2] + bend_b[2])
     )
     e, f = along(scaled(e, c), f, s), along(scaled(f, c), e, -s)
