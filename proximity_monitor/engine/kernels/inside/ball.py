@@ -68,14 +68,6 @@ def _tangent(tree_a, tree_b, k, state, centre, half, row):
     """Find a row for the cell around the trial point, as `tangent` does: a stub."""
 
 
-def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
-    """Find a row for the cell around the trial point, as `bowls` does: a stub."""
-
-
-def _newton(tree_a, tree_b, state):
-    """Try a point by Newton's method, as `begin_newton` does; False where there is none: a stub."""
-
-
 @shared
 def _plane_of_alike(
     tree_a, tree_b, region_a, region_b, k, behind, point, centre, half, spare, state, row
@@ -154,22 +146,6 @@ def _tangent_unlike(tree_a, tree_b, k, state, centre, half, row):
     return _tangent_alike(tree_b, tree_b, k, state, centre, half, row)
 
 
-@inlined
-def _no_bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
-    return False, 0
-
-
-@inlined
-def _no_newton(tree_a, tree_b, state):
-    state.at[0].newtons = 0
-    return False
-
-
-for _kind in (MeshTree, SurfaceTree):
-    implements(_bowls, _kind, MeshTree)(_no_bowls)
-    implements(_newton, _kind, MeshTree)(_no_newton)
-implements(_bowls, SurfaceTree, SurfaceTree)(bowls)
-implements(_newton, SurfaceTree, SurfaceTree)(begin_newton)
 for _kind in (MeshTree, SurfaceTree):
     implements(_plane, _kind, _kind)(_plane_of_alike)
     implements(_sound_trial, _kind, _kind)(_sound_alike)
@@ -280,7 +256,7 @@ def _end_cell(tree_a, tree_b, region_a, region_b, state):
             found = _tangent(tree_a, tree_b, k, state, centre, half, rows[count])
             steps += 1
         elif attempt == 5:
-            found, cost = _bowls(
+            found, cost = bowls(
                 tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, rows[count]
             )
             steps += cost
@@ -384,7 +360,7 @@ def search_ball(solids, memory, seeds_alone, steps):
         elif at.climbs > 0 and not seeds_alone:
             if at.radius < at.trusted and at.ceiling > limit_of(at):
                 _compare_with_middle(tree_a, tree_b, state)
-            elif not (at.newtons > 0 and _newton(tree_a, tree_b, state)):
+            elif not (at.newtons > 0 and begin_newton(tree_a, tree_b, state)):
                 begin_climb(state)
         elif at.seed < at.seeds:
             seeds, i = state.seeds, at.seed

@@ -53,7 +53,8 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     size += tree_b.scale[2] + 2.0 * tree_b.scale[SWEPT]
     error = deviation(pose_a) + deviation(pose_b)
     at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
-    at.slack += points_err(tree_a) + joints_err(tree_a) + points_err(tree_b) + joints_err(tree_b)
+    at.slack += points_err(tree_a) + points_err(tree_b)
+    at.joints = max(joints_err(tree_a), joints_err(tree_b))
     holes = region_a.inside == HALF or region_b.inside == HALF
     at.floor = _TELLING * size if holes else 0.0
     at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)

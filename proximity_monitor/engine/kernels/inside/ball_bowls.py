@@ -34,6 +34,7 @@ from numba import float32
 
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
+from ..base.state import MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, norm, rotated, scaled
 from ..tree.layout import WIDTH
 from . import visit
@@ -55,7 +56,7 @@ Bowl = namedtuple(
     "Bowl",
     "place slack normal rise sink radius near top spare fine first second bend_1 bend_2",
 )
-"""The query for H, the greatest height over a paraboloid without one, as `Cap` is that over a plane.
+"""The query for H, as `Cap` is that for a height over a plane.
 
 The height of a point d from the place is rise n · d less half the sum of each bend times the square
 of d's part along its axis, `first` or `second`, unit vectors. `sink` is the most that this adds to
@@ -95,10 +96,11 @@ def height_over(query, d):
 
 
 @shared
-def _bowl_height(tree, region, motion, point, up, slope, axes, bends, sizes, clear, slack, stack):
-    """How high H is of a solid, at least `sizes[2]`: a bound, and the steps that it took.
+def _bowl_height(tree, motion, point, up, slope, axes, bends, sizes, clear, slack, stack):
+    """H of a solid: a bound, and the steps that it took.
 
-    Infinity where it is above `sizes[1]`, or nothing tells that the solid is below the bowl.
+    Infinity where nothing tells that the solid is below the bowl. `sizes` are the radius R, the
+    height above which H is of no use, the height below which it need not be, and `fine`.
     """
     bounds, gaps = on_stack(ROOM, 0.0), on_stack(WIDTH, np.float32(0.0))
     o, n = moved(motion, point), rotated(motion, up)
@@ -124,15 +126,14 @@ def _bowl_height(tree, region, motion, point, up, slope, axes, bends, sizes, cle
     return height, steps
 
 
-@shared
 def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
-    """Find a row for a cell of the search's frame, where both surfaces are nearly parallel.
+    """Find a row for a cell of the search's frame, where both surfaces are nearly parallel: a stub.
 
     Args:
         tree_a: of a.
         tree_b: of b.
-        region_a: its.
-        region_b: its.
+        region_a: its Region.
+        region_b: its Region.
         state: Ball; its trial point is the centre.
         centre: (3,) of the cell.
         half: (3,) its half lengths.
@@ -143,6 +144,17 @@ def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare,
     Returns:
         Whether there is one, and the steps that it took.
     """
+
+
+@implements(bowls, (MeshTree, SurfaceTree), MeshTree)
+@inlined
+def _none(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
+    return False, 0
+
+
+@implements(bowls, SurfaceTree, SurfaceTree)
+@shared
+def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
     at, point, slack = state.at[0], state.trial[0], state.at[0].slack
     n, e, f = frame_between(point)
     if not dot(n, n) > 0.5 or at.swept[0] > 0.0 or at.swept[1] > 0.0:
@@ -171,7 +183,7 @@ def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare,
     square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
     aside = beside(yn, half, square) * (1.0 + 1e-12)
     high = abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
-    clear, bent = CLEAR * slack, max(abs(k1), abs(k2))
+    clear, bent = CLEAR * slack + 2.0 * at.joints, max(abs(k1), abs(k2))
     high = max(high, max(h, -h_b) + room + steepest * aside + 0.5 * bent * aside * aside)
     high = (high + clear) * (1.0 + 1e-12)
     radius = np.sqrt(aside * aside + high * high) * (1.0 + 1e-12) + 2.0 * clear
@@ -180,14 +192,14 @@ def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare,
     place = (point.place[0], point.place[1], point.place[2])
     fine = max(FINE_SPARE * spare, _FINE_ROOM * room)
     found, steps = _bowl_height(
-        tree_a, region_a, state.motions[0], place, n, (g1, g2), (e, f), (k1, k2),
+        tree_a, state.motions[0], place, n, (g1, g2), (e, f), (k1, k2),
         (radius, h + room, h + spare, fine), clear, slack, state.stack,
     )  # fmt: skip
     if found == np.inf:
         return False, steps
     room -= found - h
     found_b, more = _bowl_height(
-        tree_b, region_b, state.motions[1], place, scaled(n, -1.0), (-g1_b, -g2_b), (e, f),
+        tree_b, state.motions[1], place, scaled(n, -1.0), (-g1_b, -g2_b), (e, f),
         (-k1, -k2), (radius, -h_b + room, -h_b + spare, fine), clear, slack, state.stack,
     )  # fmt: skip
     if found_b == np.inf:

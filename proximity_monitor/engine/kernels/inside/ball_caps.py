@@ -216,7 +216,7 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     top = height + abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
     aside = np.sqrt(max(away * away - height * height, 0.0)) + beside(yn, half, square)
     far = (away + np.sqrt(square)) * (1.0 + 1e-12)
-    clear = CLEAR * slack
+    clear = CLEAR * slack + 2.0 * at.joints
     high = most + 2.0 * clear
     radius = np.sqrt(aside * aside + high * high)
     if top + clear > 0.0:  # some of the cell may be above the plane

@@ -3,9 +3,9 @@
 A largest ball between two smooth surfaces touches them at points whose normals are opposite
 (Thomas, Turnbull, Ros and Cameron 2000, sections 3 and 4). Let a point lie between both, n be about
 normal to them, and y perpendicular to n. Near the point's feet the surfaces are at heights h_a(y)
-and h_b(y) along n. Their normals are opposite where the gap h_a - h_b is stationary; and its values,
-slopes and second derivatives at the feet say where that is, to second order. So the next point is
-the middle between both surfaces there. The ball around it is certified as any other.
+and h_b(y) along n. Their normals are opposite where the gap h_a - h_b is stationary. Slopes and
+second derivatives at the feet say where that is, to second order. So the next point is the middle
+between both surfaces there. The ball around it is certified as any other.
 
 An ascent by the depths' gradients alone (`ball_trial`) makes small steps along such a gap: both
 gradients are about perpendicular to it.
@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import shared
+from ..base.jit import implements, inlined, shared
+from ..base.state import MeshTree, SurfaceTree
 from ..base.vectors import along, cross, dot, moved, rotated, scaled, sub, unit
 from .ball_cells import limit_of
 from .ball_state import NEWTON
@@ -89,9 +90,23 @@ def _step(slope, bend, trust, worth):
     return far if slope * far + 0.5 * bend * far * far > worth else 0.0
 
 
-@shared
 def begin_newton(tree_a, tree_b, state):
-    """Make the next point of Newton's method the trial point; False where it promises no gain."""
+    """Make the next point of Newton's method the trial point; False where it promises no gain.
+
+    A stub: triangles bend nowhere.
+    """
+
+
+@implements(begin_newton, (MeshTree, SurfaceTree), MeshTree)
+@inlined
+def _none(tree_a, tree_b, state):
+    state.at[0].newtons = 0
+    return False
+
+
+@implements(begin_newton, SurfaceTree, SurfaceTree)
+@shared
+def _begin(tree_a, tree_b, state):
     at, best = state.at[0], state.best[0]
     at.newtons -= 1
     n, e, f = frame_between(best)

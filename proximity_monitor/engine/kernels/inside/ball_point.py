@@ -34,7 +34,7 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
     the same; and a triangle that may be near. The rest is written. Where the steps do not suffice,
     `at.height` is not 0, and the descent goes on with what `point` and the stack hold.
     """
-    slack, swept = at.slack, at.swept[k]
+    slack, swept, near = at.slack, at.swept[k], 2.0 * (at.slack + at.joints)
     found = on_stack(WIDTH, np.float32(0.0))
     p = moved(motion, place_of(point))
     steps = seek(tree, p, k, at, point, stack, reached, found, steps)
@@ -45,17 +45,17 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
     side, clear = point.side[k], point.clear[k]
     if region.inside == NOWHERE:
         side, clear = -1, np.inf
-    elif least <= 2.0 * slack:
+    elif least <= near:
         side, clear = 0, 0.0
     elif side == 0:
         side, clear, cost = side_of(tree, region, p, least - slack, slack, stack, found)
         steps -= cost
         if region.inside == WHOLE:
-            clear = least - 2.0 * slack if side != 0 else 0.0
+            clear = least - near if side != 0 else 0.0
     elif region.inside == WHOLE:
-        clear = least - 2.0 * slack
+        clear = least - near
     else:
-        clear = min(clear, least - 2.0 * slack)
+        clear = min(clear, least - near)
     point.side[k], point.clear[k] = side, clear
     depth = -away if side < 0 else away
     point.depth[k] = (least if side > 0 else depth) + swept

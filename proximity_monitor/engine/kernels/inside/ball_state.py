@@ -61,6 +61,9 @@ SEARCH = np.dtype(
     [
         ("radius", np.float64),  # metres, certified: of the largest ball found; 0 before one is
         ("slack", np.float64),  # metres: what rounding may do to a depth
+        ("joints", np.float64),  # metres: how far from the elements may be what closes the gaps
+        # between them. Radii and bounds are those of the elements' surface, and differ from those
+        # of the closed one by no more.
         ("floor", np.float64),  # metres: what is below it need not be told from 0
         ("rel_err", np.float64),
         ("abs_err", np.float64),  # metres, of a radius

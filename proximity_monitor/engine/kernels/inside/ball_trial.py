@@ -42,7 +42,7 @@ def keep(state):
     """Keep the trial point where it is the centre of the largest ball so far; returns whether."""
     at, trial = state.at[0], state.trial[0]
     radius = certain_radius(trial, at.swept, at.slack)
-    if not radius > at.radius:
+    if not radius > max(at.radius, at.joints):
         return False
     at.radius = radius
     _copy(trial, state.best[0])

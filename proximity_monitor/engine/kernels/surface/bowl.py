@@ -1,9 +1,9 @@
 """How high a surface's elements reach over paraboloids, as `inside/ball_bowls.py` asks.
 
-Let w P be homogeneous control points of a part, and s(P) = n · P, a(P), b(P) linear: its height
-over a paraboloid is s - (k a² + l b²) / 2, and w² times it a product of Bernstein polynomials, so
-again one, of twice the degrees (Farin 2002, section 6.10). Its coefficients, each divided by that of
-w², bound the height. They need no division of the part where the surface bends as the paraboloid.
+Let w P be homogeneous control points of a part, and s, a and b linear in P: its height over a
+paraboloid is s - (k a² + l b²) / 2. That times w² is a sum of products of Bernstein polynomials, so
+again one, of twice the degrees (Farin 2002, section 6.10). Its coefficients, each divided by that
+of w², bound the height. Where the surface bends as the paraboloid they do so without a division.
 """
 
 from __future__ import annotations
@@ -28,8 +28,11 @@ _MOST_POINTS = 64
 _COEFFICIENTS = 1024
 
 _PRODUCTS = 1024.0 * DOUBLE_EPS
-"""What rounding may do to a coefficient of a height, as a share of its terms: it is a sum of no more
-than 64 products of numbers that err by 16 u each, divided by another one."""
+"""What rounding may do to a coefficient of a height, as a share of its terms.
+
+It is a sum of no more than 64 times 64 products, at most 64 of them on one coefficient, of numbers
+that err by less than 64 u; and the divisor is one as well, of positive terms.
+"""
 
 _EDGE_ON = 0.1
 """Sine of the angle between a surface and the direction from which on it has no height along it."""
@@ -49,19 +52,13 @@ def _height_at(query, d):
     return height_over(query, d)
 
 
-@implements(height.lowest, Bowl)
-@inlined
-def _lowest(query, piece, parts, at):
-    return -np.inf
-
-
-@implements(height.closer, Bowl)
+@implements(height.between, Bowl)
 @kernel
-def _over_bowl(query, piece, parts, at, margin, high):
-    """The largest coefficient, and what rounding may have done to it."""
+def _between(query, piece, parts, at, margin, high, crossing):
+    """The least and the largest coefficient, and what rounding may have done to this one."""
     p, q = np.int64(piece.degree_u), np.int64(piece.degree_v)
     if (p + 1) * (q + 1) > _MOST_POINTS:
-        return high
+        return -np.inf, high
     s, w = on_stack(_MOST_POINTS, 0.0), on_stack(_MOST_POINTS, 0.0)
     a, b = on_stack(_MOST_POINTS, 0.0), on_stack(_MOST_POINTS, 0.0)
     above, below = on_stack(_COEFFICIENTS, 0.0), on_stack(_COEFFICIENTS, 0.0)
@@ -97,11 +94,12 @@ def _over_bowl(query, piece, parts, at, margin, high):
                     below[to] += w_k * w[one]
                     to += 1
                     one += 1
-    found = -np.inf
+    least, found = np.inf, -np.inf
     for k in range(count):
-        found = max(found, above[k] / below[k])
+        value = above[k] / below[k]
+        least, found = min(least, value), max(found, value)
     steep = rise + max(abs(query.bend_1), abs(query.bend_2)) * (reach + margin)
-    return min(high, found + steep * (2.0 * margin + _PRODUCTS * reach))
+    return least, min(high, found + steep * (2.0 * margin + _PRODUCTS * reach))
 
 
 implements(visit.meet, Bowl, SurfaceTree)(height.height_in)

@@ -48,12 +48,11 @@ def highest(query, piece, parts, at, margin):
     """A bound of the height of a part, found soon."""
 
 
-def closer(query, piece, parts, at, margin, high):
-    """A bound that is closer than `high`, if there is one."""
+def between(query, piece, parts, at, margin, high, crossing):
+    """Heights between which a part is: one that all its points have, and no more than `high`.
 
-
-def lowest(query, piece, parts, at):
-    """A height that all of a part's points have."""
+    Unless loops cross the part, the first does not matter.
+    """
 
 
 def height_at(query, d):
@@ -66,16 +65,10 @@ def _highest(query, piece, parts, at, margin):
     return margin - least_along(piece, parts, at, scaled(query.normal, -1.0))
 
 
-@implements(closer, Cap)
+@implements(between, Cap)
 @inlined
-def _no_closer(query, piece, parts, at, margin, high):
-    return high
-
-
-@implements(lowest, Cap)
-@inlined
-def _lowest(query, piece, parts, at):
-    return least_along(piece, parts, at, query.normal)
+def _between(query, piece, parts, at, margin, high, crossing):
+    return (least_along(piece, parts, at, query.normal) if crossing else -np.inf), high
 
 
 @implements(height_at, Cap)
@@ -119,10 +112,9 @@ def height_in(query, tree, t, answer):
                     seen = max(seen, height_at(query, corner))
         if seen > top:
             return np.inf
-        enough = seen
-        if side == CROSSING:  # all of it is so high, whatever is left
-            enough = max(enough, lowest(query, piece, parts, at))
-        high = closer(query, piece, parts, at, margin, high)
+        crossing = side == CROSSING
+        low, high = between(query, piece, parts, at, margin, high, crossing)
+        enough = max(seen, low) if crossing else seen  # all of it is so high, whatever is left
         if high <= enough + fine or count >= room or divisions >= _DIVISIONS:
             answer = max(answer, high)
             if answer > top:
