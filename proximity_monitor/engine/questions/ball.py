@@ -50,11 +50,8 @@ class BallSearch:
 
     __slots__ = (
         "_at", "_ball", "_entries", "_first", "_hierarchies", "_models", "_more", "_most", "_order",
-        "_own", "_poses", "_table", "_tables", "given_up",
+        "_own", "_poses", "_table", "_tables",
     )  # fmt: skip
-
-    given_up: bool
-    """Whether the search ended before the bounds were as close as was asked for."""
 
     def __init__(self, a: Model, b: Model, surface: Model | None = None) -> None:
         self._models = a, b
@@ -65,7 +62,7 @@ class BallSearch:
         self._own = own = take(BallMemory, BallKind.of(a, b, surface))
         self._ball, self._more, self._table = own.ball, own.more, own.table
         self._at = own.ball.at[0]
-        self._most, self.given_up = math.inf, False
+        self._most = math.inf
 
     def __del__(self, give_back: Callable[[BallMemory], None] = give_back) -> None:
         """As of a `Search`."""
@@ -100,7 +97,7 @@ class BallSearch:
             # A table holds addresses: the arrays are the hierarchies'.
             self._tables, self._hierarchies = np.array(tables), hierarchies
         holes = any(each.sides().region.inside == HALF for each in hierarchies)
-        self._most, self.given_up = _MOST_CELLS if holes else math.inf, False
+        self._most = _MOST_CELLS if holes else math.inf
         if are_divided(*hierarchies):
             self._most = min(self._most, _MOST_PIECES)
 
@@ -127,10 +124,7 @@ class BallSearch:
             code = self._slice(seeds_alone, slices.steps)
             if code == FULL:
                 self._make_room()
-            elif code != CUT:
-                return True
-            if self._at["cells"] > self._most:
-                self.given_up = True
+            elif code != CUT or self._at["cells"] > self._most:
                 return True
             if slices.over():
                 return False
@@ -160,8 +154,16 @@ class BallSearch:
 
     @property
     def slack(self) -> float:
-        """Metres by which rounding may widen the bounds."""
+        """Metres by which rounding may widen the bounds of the depth."""
         return 64.0 * float(self._at["slack"])
+
+    @property
+    def close(self) -> bool:
+        """Whether the bounds are as close as was asked for."""
+        shallow, deep = self._radii()
+        at = self._at
+        wanted = max(shallow * (1.0 + float(at["rel_err"])), shallow + float(at["abs_err"]))
+        return deep <= max(wanted * (1.0 + 1e-12), shallow + 0.5 * self.slack)
 
     @property
     def points(self) -> int:
@@ -182,7 +184,8 @@ class BallSearch:
             deep = max(deep, radius + 2.0 * float(at["slack"]))
         if at["size"]:
             deep = max(deep, float(self._ball.bounds[0]))
-        return radius, deep
+        joints = float(at["joints"])
+        return max(radius - joints, 0.0), deep + joints if deep > 0.0 else 0.0
 
     def fill(self, row: NDArray[np.float64]) -> None:
         """Write into an answer (ANSWER,) where the surfaces are nearest to the ball's centre."""

@@ -41,7 +41,8 @@ class CoreSearch:
         b: second model.
     """
 
-    given_up = False
+    close = True
+    """Whether the bounds are as close as was asked for: they differ by rounding alone."""
 
     __slots__ = ("_bounds", "_fresh", "_models", "_poses", "_search", "_shapes")
 

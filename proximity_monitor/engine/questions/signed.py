@@ -254,7 +254,7 @@ class SignedSearch:
         if ended:
             exact = deep - shallow <= depth.slack
             status = Status.EXACT if exact else Status.WITHIN_TOLERANCE
-            if self._deviation >= shallow or depth.given_up:
+            if self._deviation >= shallow or not depth.close:
                 status = Status.INTERSECTING
         return self._with_tests(row, -deep - self._deviation, self._deviation - shallow, status)
 

@@ -19,14 +19,16 @@ import numpy as np
 from ..base.jit import entry, implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.state import CUT, ENDED, MeshTree, SurfaceTree
+from .ball_bowls import bowls
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, in_a_frame, take_axes
+from .ball_newton import begin_newton
 from .ball_point import certain_depth, possible_depth, sound, sound_some
 from .ball_rows import bound_of
-from .ball_state import CELL, CELL_CENTRE, CLIMB, FULL, IDLE, SEED, ball_at
+from .ball_state import CELL, CELL_CENTRE, CLIMB, FULL, IDLE, NEWTON, SEED, ball_at
 from .ball_tangents import tangent
-from .ball_trial import ascend, begin_climb, end_climb, keep, try_point
+from .ball_trial import ascend, begin_climb, end_climb, end_newton, keep, try_point
 from .solid_table import solid_at
 
 _SPARE = 0.1
@@ -248,11 +250,16 @@ def _end_cell(tree_a, tree_b, region_a, region_b, state):
     for i in range(count):
         for j in range(4):
             rows[i, j] = cell.rows[i, j]
-    for attempt in range(5):
+    for attempt in range(6):
         k = 1 - shallow if attempt & 1 else shallow
         if attempt == 2 or attempt == 3:
             found = _tangent(tree_a, tree_b, k, state, centre, half, rows[count])
             steps += 1
+        elif attempt == 5:
+            found, cost = bowls(
+                tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, rows[count]
+            )
+            steps += cost
         else:
             found, cost = _plane(
                 tree_a, tree_b, region_a, region_b, k, attempt == 4, trial, centre, half, spare,
@@ -319,6 +326,8 @@ def _go_on(tree_a, tree_b, region_a, region_b, state, steps):
     at.task = IDLE
     if task == CLIMB:
         end_climb(state)
+    elif task == NEWTON:
+        end_newton(state)
     elif task == CELL_CENTRE:
         at.cells += 1
         steps -= _end_cell(tree_a, tree_b, region_a, region_b, state)
@@ -351,7 +360,7 @@ def search_ball(solids, memory, seeds_alone, steps):
         elif at.climbs > 0 and not seeds_alone:
             if at.radius < at.trusted and at.ceiling > limit_of(at):
                 _compare_with_middle(tree_a, tree_b, state)
-            else:
+            elif not (at.newtons > 0 and begin_newton(tree_a, tree_b, state)):
                 begin_climb(state)
         elif at.seed < at.seeds:
             seeds, i = state.seeds, at.seed

@@ -53,7 +53,8 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     size += tree_b.scale[2] + 2.0 * tree_b.scale[SWEPT]
     error = deviation(pose_a) + deviation(pose_b)
     at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR
-    at.slack += points_err(tree_a) + joints_err(tree_a) + points_err(tree_b) + joints_err(tree_b)
+    at.slack += points_err(tree_a) + points_err(tree_b)
+    at.joints = max(joints_err(tree_a), joints_err(tree_b))
     holes = region_a.inside == HALF or region_b.inside == HALF
     at.floor = _TELLING * size if holes else 0.0
     at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)
@@ -63,7 +64,7 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     way = sub(moved(b_to_a, centre), (region_a.ball[0], region_a.ball[1], region_a.ball[2]))
     apart = np.sqrt(dot(way, way)) * (1.0 - 1e-12) - 4.0 * at.slack
     at.dropped = at.ceiling = _largest(region_a, region_b, at, apart)
-    at.size = at.climbs = at.seed = at.seeds = at.points = at.cells = 0
+    at.size = at.climbs = at.newtons = at.seed = at.seeds = at.points = at.cells = 0
     at.task, at.turn, at.height, at.middle = IDLE, 0, 0, NONE
     at.framed = at.begun = False
     if last:

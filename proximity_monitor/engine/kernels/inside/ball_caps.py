@@ -32,7 +32,7 @@ from numba import float32, uint64
 from ..base.jit import implements, inlined, kernel, loop16, shared
 from ..base.memory import on_stack
 from ..base.state import MeshTree
-from ..base.vectors import along, dot, moved, norm, scaled, sub
+from ..base.vectors import along, dot, moved, norm, rotated, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import (
     CENTRE_X,
@@ -51,7 +51,6 @@ from ..tree.layout import (
 )
 from . import visit
 from .angles import is_outside
-from .ball_point import turned
 from .nearest import point_triangle
 from .solids import HALF, WHOLE
 from .visit import BEYOND, ROOM, at_root, descend
@@ -60,17 +59,21 @@ from .winding import ray_steps, winding_number
 PLANE = 8.0
 """Slacks by which a plane is raised."""
 
-_STEPS = 96
+STEPS = 96
 """Steps of a descent that a plane may take; else there is none."""
 
-_CLEAR = 16.0
+CLEAR = 16.0
 """Slacks above a plane at which its side is asked for."""
 
 
-Cap = namedtuple("Cap", "place slack normal radius near top spare")
+FINE_SPARE, FINE_TOP = 0.25, 0.02
+"""Shares of what a plane may give away, and of the height up to which it is of use: so much higher
+than its points an element's control points may count as."""
+
+Cap = namedtuple("Cap", "place slack normal radius near top spare fine")
 """The query how high along a unit vector over its place the surface reaches within a radius, metres
 and, float32, node units; the answer is the height, metres. Above `top` it does not matter, nor
-whether it is less than `spare`."""
+whether it is less than `spare`. A bound of a part may be above its points by `fine`."""
 
 
 def leaf_steps(tree):
@@ -84,7 +87,7 @@ def _one(tree):
 
 
 @loop16
-def _cap_gaps(nodes, base, x, y, z, nx, ny, nz, radius, margin, gaps):
+def cap_gaps(nodes, base, x, y, z, nx, ny, nz, radius, margin, gaps):
     """Minus the largest height along a unit vector over (x, y, z) that each lane may have.
 
     BEYOND where no point of the lane is within `radius`.
@@ -119,7 +122,7 @@ def _cap_gaps(nodes, base, x, y, z, nx, ny, nz, radius, margin, gaps):
 def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
     n = query.normal
     nx, ny, nz = float32(n[0]), float32(n[1]), float32(n[2])
-    _cap_gaps(nodes, base, x, y, z, nx, ny, nz, query.near, margin, gaps)
+    cap_gaps(nodes, base, x, y, z, nx, ny, nz, query.near, margin, gaps)
 
 
 @implements(visit.limit, Cap)
@@ -147,16 +150,17 @@ def cap_height(tree, o, n, radius, height, top, slack, stack):
     """
     bounds, gaps = on_stack(ROOM, 0.0), on_stack(WIDTH, np.float32(0.0))
     near = float32(min(radius / tree.scale[0] * (1.0 + 1e-6), 1e29))
-    query = Cap(o, slack, n, radius, near, top, height)
+    fine = max(FINE_SPARE * height, FINE_TOP * top)
+    query = Cap(o, slack, n, radius, near, top, height, fine)
     height, left, steps = descend(
-        query, tree, height, at_root(stack, bounds), stack, bounds, gaps, _STEPS
+        query, tree, height, at_root(stack, bounds), stack, bounds, gaps, STEPS
     )
-    steps = (_STEPS - steps) * leaf_steps(tree)
+    steps = (STEPS - steps) * leaf_steps(tree)
     return np.inf if left > 0 or height > top else height, steps
 
 
 @kernel
-def _beside(n, half, square):
+def beside(n, half, square):
     """How far a cell reaches from its centre perpendicular to n; `square` half its diagonal's."""
     x, y, z = n[0] * half[0], n[1] * half[1], n[2] * half[2]
     low = min(min(abs(x + y + z), abs(x + y - z)), min(abs(x - y + z), abs(x - y - z)))
@@ -203,18 +207,18 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     low = -point.away[k] if side < 0 else point.away[k]
     # From the nearest point of the surface on, as nearly as it matters.
     x = along((point.place[0], point.place[1], point.place[2]), way, -low)
-    o, n = moved(motion, x), turned(motion, scaled(way, -1.0))
-    yn = (-_along(axes, 0, way), -_along(axes, 1, way), -_along(axes, 2, way))
-    yo = (_along(axes, 0, x), _along(axes, 1, x), _along(axes, 2, x))
+    o, n = moved(motion, x), rotated(motion, scaled(way, -1.0))
+    yn = (-along_axis(axes, 0, way), -along_axis(axes, 1, way), -along_axis(axes, 2, way))
+    yo = (along_axis(axes, 0, x), along_axis(axes, 1, x), along_axis(axes, 2, x))
     offset = sub((centre[0], centre[1], centre[2]), yo)
     square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
     height, away = dot(yn, offset), norm(offset)
     top = height + abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
-    beside = np.sqrt(max(away * away - height * height, 0.0)) + _beside(yn, half, square)
+    aside = np.sqrt(max(away * away - height * height, 0.0)) + beside(yn, half, square)
     far = (away + np.sqrt(square)) * (1.0 + 1e-12)
-    clear = _CLEAR * slack
+    clear = CLEAR * slack + 2.0 * at.joints
     high = most + 2.0 * clear
-    radius = np.sqrt(beside * beside + high * high)
+    radius = np.sqrt(aside * aside + high * high)
     if top + clear > 0.0:  # some of the cell may be above the plane
         radius = max(radius, far if at.swept[k] == 0.0 else 2.0 * far)
     radius = radius * (1.0 + 1e-12) + 2.0 * clear
@@ -238,6 +242,6 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
 
 
 @kernel
-def _along(axes, i, v):
+def along_axis(axes, i, v):
     """The coordinate of a vector of a's frame along one axis of the search's."""
     return axes[i, 0] * v[0] + axes[i, 1] * v[1] + axes[i, 2] * v[2]

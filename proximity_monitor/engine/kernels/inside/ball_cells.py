@@ -13,6 +13,10 @@ _OVERLAP = 2.0**-51
 """Share of the coordinates by which halves overlap, so that rounding leaves no gap."""
 
 
+_LEFT = 0.25
+"""Share of what is tolerated that is worth the search."""
+
+
 @kernel
 def limit_of(at):
     """Bound, metres, up to which a radius is none that matters beside the one that was found."""
@@ -21,7 +25,13 @@ def limit_of(at):
         return 0.0  # a solid has holes, and only this search can tell that nothing is in both
     limit = max(radius + 32.0 * at.slack, at.floor)
     if radius > 0.0:  # before, it is not known whether there is any
-        limit = max(limit, max(radius * (1.0 + at.rel_err), radius + at.abs_err))
+        tolerated = max(radius * at.rel_err, at.abs_err)
+        # Both bounds are widened by what the gaps between elements may do. Where these leave next
+        # to nothing of what is tolerated, no search comes near to that.
+        room = tolerated - (2.0 + at.rel_err) * at.joints
+        if room < _LEFT * tolerated:
+            room = max(tolerated, 2.0 * at.joints)
+        limit = max(limit, radius + room)
     return limit
 
 

@@ -7,7 +7,7 @@ from numba import uint64
 
 from ..base.jit import kernel, shared
 from ..base.rounding import SINGLE_MARGIN
-from ..base.vectors import along, cross, dot, sub, unit
+from ..base.vectors import along, cross, dot, rotated, sub, unit
 from ..tree.layout import (
     CENTRE_X,
     CENTRE_Y,
@@ -24,7 +24,6 @@ from ..tree.layout import (
     V_Z,
     WIDTH,
 )
-from .ball_point import turned
 
 
 @kernel
@@ -70,7 +69,7 @@ def axis_of(point):
 @kernel
 def _extent(tree, motion, axis, swept, slack):
     """From where to where a model reaches along a unit vector of a's frame, metres: bounds."""
-    n = turned(motion, axis)
+    n = rotated(motion, axis)
     shift = axis[0] * 0.0
     lo, hi = np.inf, -np.inf
     nodes, unit_length = tree.nodes, tree.scale[0]

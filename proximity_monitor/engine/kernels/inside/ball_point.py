@@ -12,32 +12,12 @@ import numpy as np
 
 from ..base.jit import kernel, shared
 from ..base.memory import on_stack
-from ..base.vectors import moved, scaled, sub, unit
+from ..base.vectors import moved, scaled, sub, turned_back, unit
 from ..tree.layout import WIDTH
 from .angles import side_of
 from .feet import foot_of, normal_at, seek
 from .solids import HALF, NOWHERE, WHOLE
 from .visit import TO_THE_END
-
-
-@kernel
-def turned_back(motion, v):
-    """A vector of a solid's frame in a's: the transposed rotation times it."""
-    return (
-        motion[0] * v[0] + motion[3] * v[1] + motion[6] * v[2],
-        motion[1] * v[0] + motion[4] * v[1] + motion[7] * v[2],
-        motion[2] * v[0] + motion[5] * v[1] + motion[8] * v[2],
-    )
-
-
-@kernel
-def turned(motion, v):
-    """A vector of a's frame in a solid's."""
-    return (
-        motion[0] * v[0] + motion[1] * v[1] + motion[2] * v[2],
-        motion[3] * v[0] + motion[4] * v[1] + motion[5] * v[2],
-        motion[6] * v[0] + motion[7] * v[1] + motion[8] * v[2],
-    )
 
 
 @kernel
@@ -54,7 +34,7 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
     the same; and a triangle that may be near. The rest is written. Where the steps do not suffice,
     `at.height` is not 0, and the descent goes on with what `point` and the stack hold.
     """
-    slack, swept = at.slack, at.swept[k]
+    slack, swept, near = at.slack, at.swept[k], 2.0 * (at.slack + at.joints)
     found = on_stack(WIDTH, np.float32(0.0))
     p = moved(motion, place_of(point))
     steps = seek(tree, p, k, at, point, stack, reached, found, steps)
@@ -65,17 +45,17 @@ def sound_some(tree, region, motion, k, at, point, stack, reached, steps):
     side, clear = point.side[k], point.clear[k]
     if region.inside == NOWHERE:
         side, clear = -1, np.inf
-    elif least <= 2.0 * slack:
+    elif least <= near:
         side, clear = 0, 0.0
     elif side == 0:
         side, clear, cost = side_of(tree, region, p, least - slack, slack, stack, found)
         steps -= cost
         if region.inside == WHOLE:
-            clear = least - 2.0 * slack if side != 0 else 0.0
+            clear = least - near if side != 0 else 0.0
     elif region.inside == WHOLE:
-        clear = least - 2.0 * slack
+        clear = least - near
     else:
-        clear = min(clear, least - 2.0 * slack)
+        clear = min(clear, least - near)
     point.side[k], point.clear[k] = side, clear
     depth = -away if side < 0 else away
     point.depth[k] = (least if side > 0 else depth) + swept

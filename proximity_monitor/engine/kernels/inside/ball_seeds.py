@@ -6,9 +6,8 @@ import numpy as np
 
 from ..base.jit import entry, kernel
 from ..base.state import SWEPT, TREE_A, TREE_B, MeshTree
-from ..base.vectors import add, along, dot, scaled, sub
+from ..base.vectors import add, along, dot, scaled, sub, turned_back
 from .ball_begin import add_seed
-from .ball_point import turned_back
 from .ball_state import CELL, NONE, ball_at
 from .feet import corner_of, middle_of, spot_of_row
 from .solid_table import solid_at

@@ -61,6 +61,9 @@ SEARCH = np.dtype(
     [
         ("radius", np.float64),  # metres, certified: of the largest ball found; 0 before one is
         ("slack", np.float64),  # metres: what rounding may do to a depth
+        ("joints", np.float64),  # metres: how far from the elements may be what closes the gaps
+        # between them. Radii and bounds are those of the elements' surface, and differ from those
+        # of the closed one by no more.
         ("floor", np.float64),  # metres: what is below it need not be told from 0
         ("rel_err", np.float64),
         ("abs_err", np.float64),  # metres, of a radius
@@ -71,6 +74,8 @@ SEARCH = np.dtype(
         ("axes", np.float64, (3, 3)),  # of the search's frame, in a's
         ("swept", np.float64, (2,)),  # radii that sweep the cores
         ("size", np.int64),  # cells in the heap
+        ("trust", np.float64),  # metres: how far Newton's next step may go
+        ("newtons", np.int64),  # such steps that are left
         ("climbs", np.int64),  # steps that are left to the ascent
         ("begun", np.bool_),  # the cells hold all that both models share
         ("framed", np.bool_),  # the frame is along the axis of a ball
@@ -91,8 +96,9 @@ SEARCH = np.dtype(
 
 NONE = -1
 
-IDLE, SEED, CLIMB, CELL_CENTRE = 0, 1, 2, 3
-"""What the trial point is for: nothing, or it is a seed, a step of the ascent, a cell's centre."""
+IDLE, SEED, CLIMB, CELL_CENTRE, NEWTON = 0, 1, 2, 3, 4
+"""What the trial point is for: nothing, or it is a seed, a step of the ascent, a cell's centre, or
+where Newton's method says that two surfaces are farthest apart."""
 
 Ball = namedtuple("Ball", "at motions seeds best trial probe bounds order cells stack reached")
 """A search and its memory. at (1,) SEARCH; motions (2, 12): from a's frame to a's and to b's; seeds

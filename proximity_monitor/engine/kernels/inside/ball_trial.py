@@ -9,13 +9,17 @@ import numpy as np
 
 from ..base.jit import kernel
 from ..base.memory import on_stack
+from ..base.vectors import norm, sub
 from .ball_cells import limit_of
-from .ball_point import certain_radius
+from .ball_point import certain_radius, place_of
 from .ball_state import CLIMB
 from .visit import TO_THE_END
 
 _CLIMBS, _FAILED = 32, 3
 """Steps of an ascent, at the most; and how many more one counts as that led to a smaller ball."""
+
+_NEWTONS = 12
+"""Newton's steps, at the most."""
 
 _FARTHEST = 1.9
 """Share of the radius that a step may go: longer ones mostly lead to a smaller ball."""
@@ -38,7 +42,7 @@ def keep(state):
     """Keep the trial point where it is the centre of the largest ball so far; returns whether."""
     at, trial = state.at[0], state.trial[0]
     radius = certain_radius(trial, at.swept, at.slack)
-    if not radius > at.radius:
+    if not radius > max(at.radius, at.joints):
         return False
     at.radius = radius
     _copy(trial, state.best[0])
@@ -116,8 +120,22 @@ def end_climb(state):
 
 
 @kernel
+def end_newton(state):
+    """Keep the point that Newton's step led to where it is better, or trust the next one less."""
+    at, best, trial = state.at[0], state.best[0], state.trial[0]
+    way = sub(place_of(trial), place_of(best))
+    before, tolerated = at.radius, limit_of(at) - at.radius
+    if keep(state):
+        at.reach = 0.95 * at.radius
+        if at.radius - before < 0.01 * tolerated:
+            at.newtons = 0
+    else:
+        at.trust = 0.25 * norm(way)
+
+
+@kernel
 def ascend(state):
     """Begin an ascent from the best point."""
     at = state.at[0]
-    at.climbs = _CLIMBS
+    at.climbs, at.newtons, at.trust = _CLIMBS, _NEWTONS, np.inf
     at.reach = 0.95 * at.radius

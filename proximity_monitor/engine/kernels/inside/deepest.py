@@ -89,7 +89,8 @@ def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     size += tree.scale[2] + surface.scale[2] + 2.0 * tree.scale[SWEPT]
     error = deviation(pose) + deviation(pose_surface)
     at.slack = (POINT_MARGIN + POSE_MARGIN * error) * size + POINT_FLOOR + points_err(surface)
-    at.slack += points_err(tree) + joints_err(tree)
+    at.slack += points_err(tree)
+    at.joints = joints_err(tree)
     at.floor = 0.0
     at.rel_err, at.abs_err = min(rel_err, LOOSEST), min(abs_err, size)
     at.swept[0], at.swept[1] = tree.scale[SWEPT], np.inf
@@ -126,7 +127,7 @@ def _keep(surface, parts, state):
     """Keep the trial point, which is one of the surface, where it is the deepest so far."""
     at, trial, best = state.at[0], state.trial[0], state.best[0]
     depth = certain_radius(trial, at.swept, at.slack)
-    if depth > at.radius:
+    if depth > max(at.radius, at.joints):
         at.radius = depth
         best.near[0] = trial.near[0]
         best.spot[0, 0], best.spot[0, 1] = trial.spot[0, 0], trial.spot[0, 1]

@@ -37,6 +37,14 @@ def facet_of(tree, k, point):
     """Three corners of a triangle, or a point thrice, of the surface there."""
 
 
+def bend_at(tree, k, point, n, e, f):
+    """The surface there as heights along n over the plane of e and f, unit vectors of its frame.
+
+    Returns whether there is such a height; the place; the slopes along e and f; and the second
+    derivatives along e, along both, and along f, 1/m.
+    """
+
+
 def spot_of_row(tree, element, row, side):
     """The point of an element that an answer tells of: its place, unit normal, and about its size.
 

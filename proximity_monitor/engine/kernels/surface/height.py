@@ -1,4 +1,7 @@
-"""How high an element of a surface reaches within a ball, as `ball_caps.cap_height` asks."""
+"""How high an element of a surface reaches within a ball, over a plane or another surface.
+
+The query says over which: it is one of `ball_caps`, or of `ball_bowls`.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +34,6 @@ from .trim import CROSSING, INSIDE, OUTSIDE
 _DIVISIONS = 256
 """Divisions of an element: what is open then counts with its control points."""
 
-_FINE_SPARE, _FINE_TOP = 0.25, 0.02
-"""Shares of what a plane may give away, and of the height up to which it is of use: so much higher
-than its points an element's control points may count as."""
-
-
 _STEPS = 32
 """Steps that looking into an element takes as long as, on average."""
 
@@ -46,24 +44,56 @@ def _leaf_steps(tree):
     return _STEPS
 
 
-@implements(visit.meet, Cap, SurfaceTree)
+def highest(query, piece, parts, at, margin):
+    """A bound of the height of a part, found soon."""
+
+
+def between(query, piece, parts, at, margin, high, crossing):
+    """Heights between which a part is: one that all its points have, and no more than `high`.
+
+    Unless loops cross the part, the first does not matter.
+    """
+
+
+def height_at(query, d):
+    """The height of a point d from the query's place."""
+
+
+@implements(highest, Cap)
+@inlined
+def _highest(query, piece, parts, at, margin):
+    return margin - least_along(piece, parts, at, scaled(query.normal, -1.0))
+
+
+@implements(between, Cap)
+@inlined
+def _between(query, piece, parts, at, margin, high, crossing):
+    return (least_along(piece, parts, at, query.normal) if crossing else -np.inf), high
+
+
+@implements(height_at, Cap)
+@inlined
+def _height_at(query, d):
+    return dot(query.normal, d)
+
+
 @shared
-def _height(query, tree, t, answer):
+def height_in(query, tree, t, answer):
     """The height when an element has been looked into as well."""
-    o, n, radius, top, spare = query.place, query.normal, query.radius, query.top, query.spare
-    piece, down = tree.pieces[t], scaled(n, -1.0)
+    o, radius, top, fine = query.place, query.radius, query.top, query.fine
+    piece = tree.pieces[t]
     if piece.edge != NONE:
         return answer  # it lies on parts of its patch
     parts, about = on_stack(NUMBERS, 0.0), table_on_stack(MOST, ABOUT, 0.0)
     take_whole(piece, tree.nets, o, parts)
     left = begin_parts(piece, parts, False, about)
     count, room, divisions = 1, room_of(piece), 0
-    fine, seen, square = max(_FINE_SPARE * spare, _FINE_TOP * top), spare, radius * radius
+    seen, square = query.spare, radius * radius
     while count > 0:
         k = count - 1
         at = place_of(piece, k)
         margin = margin_of(tree, piece, o, np.int64(about[k, SPLITS]))
-        high = margin - least_along(piece, parts, at, down)
+        high = highest(query, piece, parts, at, margin)
         if high <= answer:
             count -= 1
             continue
@@ -79,14 +109,14 @@ def _height(query, tree, t, answer):
             for i in range(4):
                 corner = corner_of(piece, parts, at, i)
                 if dot(corner, corner) < square:
-                    seen = max(seen, dot(n, corner))
+                    seen = max(seen, height_at(query, corner))
         if seen > top:
             return np.inf
-        enough = seen
-        if side == CROSSING:  # all of it is so high, whatever is left
-            enough = max(enough, least_along(piece, parts, at, n))
+        crossing = side == CROSSING
+        low, high = between(query, piece, parts, at, margin, high, crossing)
+        enough = max(seen, low) if crossing else seen  # all of it is so high, whatever is left
         if high <= enough + fine or count >= room or divisions >= _DIVISIONS:
-            answer = max(answer, min(high, radius))
+            answer = max(answer, high)
             if answer > top:
                 return np.inf
             count -= 1
@@ -95,3 +125,6 @@ def _height(query, tree, t, answer):
         divisions += 1
         count += 1
     return answer
+
+
+implements(visit.meet, Cap, SurfaceTree)(height_in)

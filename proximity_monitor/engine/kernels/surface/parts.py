@@ -143,7 +143,8 @@ def extents_of(piece, parts, at, by_length):
         u, long_u = 0.125 * count * count * bend, length
     if by_length or max(u, v) < _FLATTER * max(long_u, long_v):
         return long_u, long_v, 0.5
-    return u, v, 0.25
+    # Where it is straight its length must go down as well, or its parts never become small.
+    return max(u, _FLATTER * long_u), max(v, _FLATTER * long_v), 0.25
 
 
 @kernel

@@ -10,7 +10,7 @@ from ..base.vectors import cross, dot, unit
 from ..inside import feet
 from ..inside.visit import at_root
 from ..tree.layout import leaf
-from . import crossing, height  # noqa: F401 - each implements stubs for surfaces
+from . import bowl, crossing, height  # noqa: F401 - each implements stubs for surfaces
 from .edges import place_on, point_on
 from .evaluate import jet_at
 from .foot import FAR, Foot, bounded, look_for, unlooked

@@ -1,0 +1,146 @@
+"""Newton's method on opposite normals: where two surfaces that overlap are farthest apart.
+
+A largest ball between two smooth surfaces touches them at points whose normals are opposite
+(Thomas, Turnbull, Ros and Cameron 2000, sections 3 and 4). Let a point lie between both, n be about
+normal to them, and y perpendicular to n. Near the point's feet the surfaces are at heights h_a(y)
+and h_b(y) along n. Their normals are opposite where the gap h_a - h_b is stationary. Slopes and
+second derivatives at the feet say where that is, to second order. So the next point is the middle
+between both surfaces there. The ball around it is certified as any other.
+
+An ascent by the depths' gradients alone (`ball_trial`) makes small steps along such a gap: both
+gradients are about perpendicular to it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import implements, inlined, shared
+from ..base.state import MeshTree, SurfaceTree
+from ..base.vectors import along, cross, dot, moved, rotated, scaled, sub, unit
+from .ball_cells import limit_of
+from .ball_state import NEWTON
+from .ball_trial import try_point
+from .feet import bend_at
+
+OPPOSITE = -0.8
+"""Product of the ways along which both depths grow from which on surfaces are nearly parallel."""
+
+_WORTH = 0.02
+"""Share of what is tolerated that a step, and a part of it, has to promise."""
+
+_CURVED, _FLAT = 0.5, 500.0
+"""Share of the radii of curvature, and multiple of the gap, that a step may be long."""
+
+
+@shared
+def frame_between(point):
+    """A unit vector about normal to both surfaces, outward of a, and two perpendicular to it.
+
+    The first is zero where the surfaces are not nearly parallel, seen from a point.
+    """
+    a = (point.way[0, 0], point.way[0, 1], point.way[0, 2])
+    b = (point.way[1, 0], point.way[1, 1], point.way[1, 2])
+    if not dot(a, b) < OPPOSITE:
+        return (0.0, 0.0, 0.0), a, b
+    n = unit(sub(b, a))
+    e = unit(cross(n, (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0)))
+    return n, e, cross(n, e)
+
+
+@shared
+def foot_bend(tree, motion, k, point, n, e, f):
+    """`feet.bend_at` of a solid for vectors of a's frame, and where the foot is from the point.
+
+    Returns whether there is one; the foot's coordinates along e, f and n; slopes; and bends.
+    """
+    n, e, f = rotated(motion, n), rotated(motion, e), rotated(motion, f)
+    sound, place, slope, bend = bend_at(tree, k, point, n, e, f)
+    d = sub(place, moved(motion, (point.place[0], point.place[1], point.place[2])))
+    return sound, (dot(e, d), dot(f, d), dot(n, d)), slope, bend
+
+
+@shared
+def principal(k11, k12, k22):
+    """The eigenvalues of a symmetric matrix, and the unit vector of the first one."""
+    angle = 0.5 * np.arctan2(2.0 * k12, k11 - k22)
+    c, s = np.cos(angle), np.sin(angle)
+    return (
+        c * c * k11 + 2.0 * c * s * k12 + s * s * k22,
+        s * s * k11 - 2.0 * c * s * k12 + c * c * k22,
+        c,
+        s,
+    )
+
+
+@shared
+def _over(d, g, k):
+    """Height and slopes over the middle of a surface that has slopes g and bends k at d from it."""
+    g1, g2 = g[0] - k[0] * d[0] - k[1] * d[1], g[1] - k[1] * d[0] - k[2] * d[1]
+    bend = k[0] * d[0] * d[0] + 2.0 * k[1] * d[0] * d[1] + k[2] * d[1] * d[1]
+    return d[2] - g1 * d[0] - g2 * d[1] - 0.5 * bend, g1, g2
+
+
+@shared
+def _step(slope, bend, trust, worth):
+    """How far to go where a gap changes so: to its largest value, or as far as is trusted."""
+    far = np.sign(slope) * trust
+    if bend < 0.0 and abs(slope) < -bend * trust:
+        far = -slope / bend
+    return far if slope * far + 0.5 * bend * far * far > worth else 0.0
+
+
+def begin_newton(tree_a, tree_b, state):
+    """Make the next point of Newton's method the trial point; False where it promises no gain.
+
+    A stub: triangles bend nowhere.
+    """
+
+
+@implements(begin_newton, (MeshTree, SurfaceTree), MeshTree)
+@inlined
+def _none(tree_a, tree_b, state):
+    state.at[0].newtons = 0
+    return False
+
+
+@implements(begin_newton, SurfaceTree, SurfaceTree)
+@shared
+def _begin(tree_a, tree_b, state):
+    at, best = state.at[0], state.best[0]
+    at.newtons -= 1
+    n, e, f = frame_between(best)
+    if not dot(n, n) > 0.5:
+        at.newtons = 0
+        return False
+    sound, d, g, bend = foot_bend(tree_a, state.motions[0], 0, best, n, e, f)
+    sound_b, d_b, g_b, bend_b = foot_bend(tree_b, state.motions[1], 1, best, n, e, f)
+    h, g1, g2 = _over(d, g, bend)
+    h_b, g1_b, g2_b = _over(d_b, g_b, bend_b)
+    gap, worth = h - h_b, _WORTH * (limit_of(at) - at.radius)
+    if not (sound and sound_b and gap > 0.0):
+        at.newtons = 0
+        return False
+    most = _CURVED / _FLAT / gap
+    for i in range(3):
+        most = max(most, max(abs(bend[i]), abs(bend_b[i])))
+    trust = min(at.trust, _CURVED / most)
+    k1, k2, c, s = principal(bend[0] - bend_b[0], bend[1] - bend_b[1], bend[2] - bend_b[2])
+    one = _step(c * (g1 - g1_b) + s * (g2 - g2_b), k1, trust, worth)
+    two = _step(c * (g2 - g2_b) - s * (g1 - g1_b), k2, trust, worth)
+    y1, y2 = c * one - s * two, s * one + c * two
+    high = h + g1 * y1 + g2 * y2
+    high += 0.5 * (bend[0] * y1 * y1 + 2.0 * bend[1] * y1 * y2 + bend[2] * y2 * y2)
+    low = h_b + g1_b * y1 + g2_b * y2
+    low += 0.5 * (bend_b[0] * y1 * y1 + 2.0 * bend_b[1] * y1 * y2 + bend_b[2] * y2 * y2)
+    if not 0.5 * (high - low) > at.radius + worth:
+        at.newtons = 0
+        return False
+    middle = 0.5 * (high + low)
+    step = along(along(scaled(e, y1), f, y2), n, middle)
+    move = np.sqrt(dot(step, step)) * (1.0 + 1e-12)
+    try_point(
+        state, NEWTON, best.place[0] + step[0], best.place[1] + step[1], best.place[2] + step[2],
+        best, True, move,
+    )  # fmt: skip
+    return True
