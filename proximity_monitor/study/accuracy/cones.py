@@ -162,12 +162,13 @@ def _tell(rows: Rows) -> str:
     return text + (
         "\nThe paper gives no numbers; it says that cones speed up the convergence, most of all in "
         "degenerate cases. With spheres they do: where two domes face each other, cones leave the "
-        "few pairs about the nearest points, at every level. Beside a separating direction they "
-        "bring less, as a direction that is normal to both cells uses what cones know. The pairs "
-        "that cones leave of those that directions leave, at the last level: "
-        f"{'; '.join(ends)}. Cones cost as much as a direction more, and say nothing of edges and "
-        "creases. So the engine's searches use directions, and where those leave many pairs, "
-        "proofs by second derivatives, which end a cell at once.\n"
+        "few pairs about the nearest points, at every level. Directions prune most pairs of the "
+        "nearly parallel sheets, where spheres and cones together leave many times as many. Beside "
+        "directions cones bring little at first. At last they prune pairs that are farther than "
+        "the nearest by less than a thousandth: of those that directions leave, they leave at the "
+        f"last level {'; '.join(ends)}. They say nothing of edges and creases. The engine's "
+        "searches use directions, and prove by second derivatives that the cells about a nearest "
+        "point hold no nearer one: that ends what cones would thin out.\n"
     )
 
 
