@@ -25,6 +25,7 @@ PARTS = {
     "growth": "time against model size, 500 to 512,000 triangles (1997 paper, Figure 6)",
     "degrees": "time against the degree of a surface, 2 to 15 (1997 paper, Figure 10)",
     "iterations": "error and time against iterations, for surfaces (1997 paper, Figure 11)",
+    "cones": "what spheres, normal cones and directions prune (2000 paper, section 6)",
 }
 """The parts, in the order of the page; listed here so that the help needs no library."""
 

@@ -13,6 +13,8 @@ from proximity_monitor.engine.models.nurbs import HIGHEST_DEGREE
 
 from .scenes import StudyScene, Track, identities, random_rotations, rotation_poses
 
+Reals = NDArray[np.float64]
+
 POINT = "point"
 """The name of the point that patches are asked about with."""
 _STEPS = 192
@@ -77,9 +79,51 @@ def _apart(random: np.random.Generator) -> NDArray[np.float64]:
     return poses
 
 
+def _sheet(height: Callable[[Reals, Reals], Reals]) -> engine.ParametricSurface:
+    """Sixteen bicubic patches over the square of side 2, through points of these heights."""
+    t = np.linspace(0.0, 1.0, 4)
+    basis = np.stack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3], axis=1)
+    inverse, patches = np.linalg.inv(basis), []
+    for i, j in np.ndindex(4, 4):
+        x, y = np.meshgrid(0.5 * (i + t) - 1.0, 0.5 * (j + t) - 1.0, indexing="ij")
+        points = np.stack((x, y, height(x, y)), axis=-1)
+        patches.append(engine.Patch(np.einsum("ij,jkc,lk->ilc", inverse, points, inverse)))
+    return engine.ParametricSurface(patches)
+
+
+def _sheets(
+    above: Callable[[Reals, Reals], Reals], below: Callable[[Reals, Reals], Reals]
+) -> StudyScene:
+    track = Track("a", "b", identities(1), identities(1))
+    return StudyScene({}, [track], block=1, surfaces={"a": _sheet(above), "b": _sheet(below)})
+
+
+def facing() -> StudyScene:
+    """Two domes, 0.2 apart."""
+    return _sheets(
+        lambda x, y: 0.1 + 0.3 * (x * x + y * y), lambda x, y: -0.1 - 0.3 * (x * x + y * y)
+    )
+
+
+def nested() -> StudyScene:
+    """A dome in a bowl that is a little less bent, nearly parallel to it, 0.02 apart."""
+    return _sheets(lambda x, y: 0.3 * (x * x + y * y), lambda x, y: -0.02 + 0.29 * (x * x + y * y))
+
+
+def waves() -> StudyScene:
+    """Two sheets with the same waves, a little farther apart at their rims."""
+    return _sheets(
+        lambda x, y: 0.1 * np.sin(3.0 * x + y),
+        lambda x, y: 0.1 * np.sin(3.0 * x + y) - 0.05 - 0.01 * (x * x + y * y),
+    )
+
+
 SURFACES: dict[str, Callable[[], StudyScene]] = {
     **{f"degrees/{count}": partial(degrees, count) for count in (10, 16)},
     "nets/random": random_nets,
     "nets/parallel": parallel_nets,
+    "sheets/facing": facing,
+    "sheets/nested": nested,
+    "sheets/waves": waves,
 }
 """The makers of scenes by name; the word before the slash is a family."""

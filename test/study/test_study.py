@@ -16,7 +16,7 @@ import pytest
 
 from proximity_monitor import engine
 from proximity_monitor.study import __main__ as command_line
-from proximity_monitor.study.accuracy import degrees, iterations, paper, run, tolerance
+from proximity_monitor.study.accuracy import cones, degrees, iterations, paper, run, tolerance
 from proximity_monitor.study.accuracy.certificate import BrokenCertificateError, check
 from proximity_monitor.study.accuracy.data import read_rows
 from proximity_monitor.study.accuracy.findings import findings
@@ -244,3 +244,22 @@ def test_the_papers_cells_are_read_from_the_right_places():
     assert paper.volume_cost("10 %", "Dynamic Simulation", "hybrid") == paper.Cost(
         3.85e6, 0.179e6, 51.724
     )
+
+
+def test_cones_prune_no_pair_that_holds_the_nearest_points():
+    """Of two domes the nearest points are where four patches of either meet: in their corners."""
+    rows = quickly(cones, "sheets/facing")
+    for method in cones.METHODS:
+        mine = only(rows, method=method)
+        assert [row["level"] for row in mine] == [0, 1, 2]
+        for row in mine:
+            assert row["pairs"] * (1.0 - row["pruned"]) >= 15.9
+    told = {m: only(rows, method=m, level=2)[0]["pairs"] for m in cones.METHODS}
+    assert told["directions and cones"] <= told["directions"] < told["spheres"]
+    assert told["spheres and cones"] < told["spheres"]
+    # The closest cells of both, and cells far apart whose normals are opposite as well.
+    flat = np.stack(np.meshgrid(*2 * [np.linspace(0.0, 1.0, 4)], indexing="ij"), axis=-1)
+    nets = np.stack([np.dstack((flat, np.full((4, 4), height))) for height in (0.0, 1.0)])
+    cells, pairs = cones.Cells(nets), np.array([[0, 1], [0, 0]])
+    assert not cones.pruned(cells, cells, pairs[:1], "spheres and cones", 1.0).any()
+    assert cones.pruned(cells, cells, pairs[:1], "directions", 0.9).all()

@@ -21,7 +21,8 @@ bounds are apart. One command wrote it,
 with all its numbers and figures. Beside them stand the corresponding figures of the papers: "the
 1999 paper" is Larsen, Gottschalk, Lin and Manocha, *Fast Proximity Queries with Swept Sphere
 Volumes*; "the 1997 paper" is Johnson and Cohen, *A Framework for Efficient Minimum Distance
-Computations*.
+Computations*; "the 2000 paper" is Thomas, Turnbull, Ros and Cameron, *Computing Signed Distances
+between Free-Form Objects*.
 
 Times are processor time of a single query called from Python, on one thread. Whatever is compared
 took turns, block by block, in one process. An opening of a node is {width} bound tests,

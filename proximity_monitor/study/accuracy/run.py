@@ -16,6 +16,7 @@ from ..surfaces import SURFACES
 from . import (
     bounds,
     budget,
+    cones,
     degrees,
     growth,
     iterations,
@@ -39,6 +40,7 @@ PARTS = (
     growth.PART,
     degrees.PART,
     iterations.PART,
+    cones.PART,
 )
 INTERRUPTED = 130
 """The exit code that shells know for Ctrl-C."""

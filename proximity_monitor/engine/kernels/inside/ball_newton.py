@@ -128,6 +128,11 @@ def _begin(tree_a, tree_b, state):
     k1, k2, c, s = principal(bend[0] - bend_b[0], bend[1] - bend_b[1], bend[2] - bend_b[2])
     one = _step(c * (g1 - g1_b) + s * (g2 - g2_b), k1, trust, worth)
     two = _step(c * (g2 - g2_b) - s * (g1 - g1_b), k2, trust, worth)
+    if at.trust < np.inf:
+        # The last step failed: another face is nearer there, as at the end of a shaft. Along what
+        # does not change the gap, a step either way may lead out of its reach.
+        aside = 2.0 * gap if at.newtons & 1 else -2.0 * gap
+        one, two = (aside, two) if one == 0.0 else (one, aside if two == 0.0 else two)
     y1, y2 = c * one - s * two, s * one + c * two
     high = h + g1 * y1 + g2 * y2
     high += 0.5 * (bend[0] * y1 * y1 + 2.0 * bend[1] * y1 * y2 + bend[2] * y2 * y2)

@@ -18,8 +18,8 @@ from .visit import TO_THE_END
 _CLIMBS, _FAILED = 32, 3
 """Steps of an ascent, at the most; and how many more one counts as that led to a smaller ball."""
 
-_NEWTONS = 12
-"""Newton's steps, at the most."""
+_NEWTONS, _AGAIN = 12, 2
+"""Newton's steps, at the most; and after a step of the ascent that led to a larger ball."""
 
 _FARTHEST = 1.9
 """Share of the radius that a step may go: longer ones mostly lead to a smaller ball."""
@@ -111,6 +111,7 @@ def end_climb(state):
     at = state.at[0]
     before, tolerated = at.radius, limit_of(at) - at.radius
     if keep(state):
+        at.newtons, at.trust = max(at.newtons, _AGAIN), np.inf
         at.reach = min(2.0 * at.reach, _FARTHEST * at.radius)
         if at.radius - before < 0.01 * tolerated:
             at.climbs = 0
@@ -126,7 +127,7 @@ def end_newton(state):
     way = sub(place_of(trial), place_of(best))
     before, tolerated = at.radius, limit_of(at) - at.radius
     if keep(state):
-        at.reach = 0.95 * at.radius
+        at.reach, at.trust = 0.95 * at.radius, np.inf
         if at.radius - before < 0.01 * tolerated:
             at.newtons = 0
     else:
