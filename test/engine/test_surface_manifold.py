@@ -324,7 +324,7 @@ def _alone(surface, patch):
 def test_what_coincides_touches_in_each_piece_and_its_neighbours():
     a = bumps(1)
     found = engine.collide(a, HERE, a, HERE, all_contacts=True)
-    pieces = 7 * 3  # spans, each in three parts
+    pieces = 7 * 4  # spans, each in four parts
     assert len(found.contacts) == (3 * pieces - 2) ** 2
     assert found.complete
 

@@ -21,7 +21,7 @@ from .edges import with_edges
 from .nurbs import Net, frozen
 from .tree import TreeError
 
-_PIECES, _MOST_PARTS = 2048, 8
+_PIECES, _MOST_PARTS = 1024, 8
 """How many pieces a model of few spans is cut into, about, and the most parts of a span: volumes
 around smaller ones are thinner. Against a mesh that leaves an eighth of the pairs of leaves."""
 

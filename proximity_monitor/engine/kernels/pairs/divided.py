@@ -44,6 +44,9 @@ _FULL = 0.5
 _SMALL = 0.02
 """Share of the models' sizes: where they have moved less, the points that were nearest are so."""
 
+_NEAR_STEPS = 32
+"""Steps of each search for near points with which a search that has a tolerance begins."""
+
 ROOM_STEPS = 256
 """Steps that making room for more cells takes as long as."""
 
@@ -203,8 +206,8 @@ def _guess(tree_a, tree_b, state):
     p = stubs.witness(tree_a, a, from_a)
     b, from_b = begin_on(tree_b, walk(tree_b, moved(state.motions[1], p), found))
     measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
-    if not far_from_nearest(progress):  # else `approach` goes on from these points at once
-        stubs.settle(state.waiting, tree_a, tree_b, state)
+    if not far_from_nearest(progress):  # else that is what the search begins with
+        _approach(tree_a, tree_b, state, _NEAR_STEPS, found)
 
 
 @_implements(stubs.approach)
