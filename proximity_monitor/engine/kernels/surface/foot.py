@@ -66,8 +66,10 @@ every search ends: around the centre of a sphere all of it is about as near."""
 _NEARER = 0.25
 """Share of what is tolerated from which on an edge's bend is worth a division."""
 
-_RECTANGLES = 16
-"""Rectangles of a part that are looked at before its control points are divided."""
+_RECTANGLES, _FEW, _EVERY = 16, 4, 4
+"""Rectangles of a piece that are looked at before its control points are divided, and of a part;
+and how many divisions later the next parts are looked at so, after the first ones: about a pole
+control points alone tell."""
 
 _LOOKS, _CHORDS = 256, 64
 """Looks at parts of an edge, and how many of them may wait."""
@@ -212,12 +214,13 @@ def _look_at_whole(query, tree, t, answer):
             return True, answer
     whole = Rectangle(0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0)
     u, v = 0.5 + 0.5 * a, 0.5 + 0.5 * b
-    return _look_at_rectangle(query, tree, t, answer, limits_of(piece), whole, u, v, piece.side)
+    most = 1 if piece.side == CROSSING else _RECTANGLES
+    return _look_at_rectangle(query, tree, t, answer, limits_of(piece), whole, u, v, most)
 
 
 @kernel
-def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, side):
-    """The same of a rectangle of a piece, which is halved some times where nothing is cut off.
+def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, most):
+    """The same of a rectangle of a piece, of which no more than `most` are looked at.
 
     Minima are looked for from u, v on.
     """
@@ -234,7 +237,7 @@ def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, side):
         )
         if bound >= enough(query, answer):
             continue
-        if side == CROSSING or looks >= _RECTANGLES or bound == -np.inf:
+        if looks >= most or bound == -np.inf:
             return False, answer
         low = (u <= 0.5 * (at.low_u + at.high_u)) if in_u else (v <= 0.5 * (at.low_v + at.high_v))
         _put(stack, top, half_of(at, 1 if low else 0, in_u))
@@ -300,12 +303,16 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
         return np.inf, answer
     if side == CROSSING and _leads_to_edges(piece, parts, at, row, margin):
         return np.inf, answer
+    splits = np.int64(row[SPLITS])
+    if splits > _EVERY and splits % _EVERY != 0:
+        return bound, answer
+    most = 1 if side == CROSSING else _FEW
     low_u, high_u, low_v, high_v = row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V]
     limits = limits_in(limits_of_part(piece, parts, at, margin), high_u - low_u, high_v - low_v)
     u = 0.5 * ((low_u + high_u) + a * (high_u - low_u))
     v = 0.5 * ((low_v + high_v) + b * (high_v - low_v))
     place = Rectangle(low_u, high_u, low_v, high_v)
-    done, answer = _look_at_rectangle(query, tree, t, answer, limits, place, u, v, side)
+    done, answer = _look_at_rectangle(query, tree, t, answer, limits, place, u, v, most)
     return np.inf if done else bound, answer
 
 
