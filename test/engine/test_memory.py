@@ -38,7 +38,6 @@ QUESTIONS = {
     "batch": lambda: np.array(
         engine.distances(BALL, np.tile(IDENTITY, (9, 1, 1)), OTHER, CROWD).lower
     ),
-    "nearest points": lambda: engine.closest_points(NET, IDENTITY, [[0.1, 0.2, 0.7]]).points,
 }
 
 

@@ -10,11 +10,11 @@ from test_surface_distance import MODELS, made
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.inside.visit import ROOM
-from proximity_monitor.engine.kernels.surface import closest, evaluate, limits, minimum
+from proximity_monitor.engine.kernels.surface import closest, evaluate, limits, minimum, square
 
 HERE = np.eye(4)
 jet_at, limits_of = from_python(evaluate.jet_at), from_python(limits.limits_of)
-bound_at = from_python(minimum.bound_at)
+bound_at, is_beyond = from_python(minimum.bound_at), from_python(square.is_beyond)
 SURFACES = [name for name in MODELS if name not in ("point", "polyline", "mesh")]
 
 
@@ -157,7 +157,38 @@ def test_searches_end_where_all_is_as_near():
         assert (found.lower <= truth).all()
         assert (truth <= found.upper).all()
         assert np.abs(found.upper - truth).max() < 1e-13
-        assert (found.upper - found.lower).max() < 0.01
+        assert (found.upper - found.lower).max() < 1e-4
+
+
+def test_poles_are_exact_from_inside():
+    """There the squared distance is convex in no parameters."""
+    for points, truth, gap in (
+        ([[0, 0, 0.5], [0, 0, -0.9]], [0.5, 0.1], 5e-12),
+        ([[1e-6, 0, 0.3]], [0.7], 1e-8),
+    ):
+        found = engine.closest_points(engine.ParametricSurface(sphere_patches()), HERE, points)
+        assert (found.upper - found.lower).max() < gap
+        assert np.abs(found.upper - truth).max() < 1e-11
+
+
+@pytest.mark.parametrize("name", ["bumps", "rational", "sphere", "curve"])
+def test_squared_distances_tell_what_is_beyond(name):
+    """Nothing of a piece is nearer than what its control points were found to be beyond."""
+    tree, rng, told = made(name)[0]._hierarchy.tree, np.random.default_rng(8), 0
+    for piece in rng.permutation(tree.pieces)[:40]:
+        high_v = 1.0 if piece["degree_v"] else 0.0
+        grid = [(u, v * high_v) for u in np.linspace(0, 1, 9) for v in np.linspace(0, 1, 9)]
+        points = np.array([jet_at(piece, tree.nets, u, v)[0] for u, v in grid])
+        p = points[0] + 10.0 ** rng.uniform(-2.0, 0.5) * rng.normal(size=3)
+        least = np.linalg.norm(points - p, axis=1).min()
+        room = int(piece["room"])
+        x, y, z, w = tree.nets[piece["net"] :][: 4 * room].reshape(4, room)[:, : piece["points"]]
+        net = np.stack((x - p[0] * w, y - p[1] * w, z - p[2] * w, w), axis=1).reshape(-1)
+        for share in (0.5, 0.9, 0.99, 1.0 + 1e-6, 1.1):
+            beyond = is_beyond(piece, net, 0, share * least, 1e-13)
+            assert not (beyond and share > 1.0)
+            told += beyond
+    assert told > 40
 
 
 def test_points_beyond_the_largest_distance_are_told_to_be():

@@ -18,7 +18,7 @@ from ..base.lanes import least_beyond
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
-from ..base.vectors import add, along, cross, dot, norm, scaled, sub
+from ..base.vectors import along, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps
 from ..inside.visit import descend
@@ -26,9 +26,9 @@ from .edges import point_on
 from .facing import closest_in, vector
 from .limits import limits_in, limits_of, limits_of_part
 from .minimum import Rectangle, half_of, minimum_in
+from .part import away_from, leads_to_edges
 from .parts import (
     ABOUT,
-    EACH,
     EXTENT_U,
     EXTENT_V,
     HIGH_U,
@@ -39,11 +39,8 @@ from .parts import (
     NUMBERS,
     SPLITS,
     begin_parts,
-    corner_of,
     extents_of,
     halve,
-    least_along,
-    lines_of,
     margin_of,
     place_of,
     room_of,
@@ -51,6 +48,7 @@ from .parts import (
     take_whole,
 )
 from .sides import is_left
+from .square import is_beyond
 from .trim import CROSSING, OUTSIDE
 
 Foot = namedtuple("Foot", "place slack spare share")
@@ -66,8 +64,10 @@ every search ends: around the centre of a sphere all of it is about as near."""
 _NEARER = 0.25
 """Share of what is tolerated from which on an edge's bend is worth a division."""
 
-_RECTANGLES = 16
-"""Rectangles of a part that are looked at before its control points are divided."""
+_RECTANGLES, _FEW, _EVERY = 16, 4, 4
+"""Rectangles of a piece that are looked at before its control points are divided, and of a part;
+and how many divisions later the next parts are looked at so, after the first ones: about a pole
+control points alone tell."""
 
 _LOOKS, _CHORDS = 256, 64
 """Looks at parts of an edge, and how many of them may wait."""
@@ -127,35 +127,6 @@ def _limit(query, answer):
     return enough(query, answer)
 
 
-@kernel
-def away_from(piece, parts, at, margin):
-    """A lower bound of how far a part is from the origin, and where on it about it is nearest.
-
-    That is told by places from -1 to 1 along the half axes of the parallelogram that stands for it.
-    """
-    p, q = corner_of(piece, parts, at, 0), corner_of(piece, parts, at, 1)
-    r, s = corner_of(piece, parts, at, 2), corner_of(piece, parts, at, 3)
-    low, high, right, left = add(p, q), add(r, s), add(q, s), add(p, r)
-    centre = scaled(add(low, high), 0.25)
-    e, f = scaled(sub(high, low), 0.25), scaled(sub(right, left), 0.25)
-    a, b = closest_in(centre, e, f, (0.0, 0.0, 0.0))
-    way = along(along(centre, e, a), f, b)
-    size = norm(way)
-    bound = 0.0
-    for attempt in range(2):
-        if attempt == 1:  # as where it is beside the part: then its normal may do better
-            way = cross(e, f)
-            if dot(way, centre) < 0.0:
-                way = scaled(way, -1.0)
-        length = norm(way)
-        if length > 0.0:
-            n = scaled(way, 1.0 / length)
-            bound = max(bound, least_along(piece, parts, at, n) - margin)
-        if bound > 0.5 * size:
-            break
-    return bound, a, b
-
-
 @implements(visit.meet, Foot)
 @shared
 def foot_in(query, tree, t, answer):
@@ -176,6 +147,13 @@ def foot_in(query, tree, t, answer):
         distance, nearest, u, v, least, cost = answer
         answer = distance, nearest, u, v, min(least, enough(query, answer)), cost
     return answer
+
+
+@inlined
+def _costing(answer, more):
+    """An answer that cost so much more."""
+    distance, nearest, u, v, least, cost = answer
+    return distance, nearest, u, v, least, cost + more
 
 
 @kernel
@@ -212,12 +190,13 @@ def _look_at_whole(query, tree, t, answer):
             return True, answer
     whole = Rectangle(0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0)
     u, v = 0.5 + 0.5 * a, 0.5 + 0.5 * b
-    return _look_at_rectangle(query, tree, t, answer, limits_of(piece), whole, u, v, piece.side)
+    most = 1 if piece.side == CROSSING else _RECTANGLES
+    return _look_at_rectangle(query, tree, t, answer, limits_of(piece), whole, u, v, most)
 
 
 @kernel
-def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, side):
-    """The same of a rectangle of a piece, which is halved some times where nothing is cut off.
+def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, most):
+    """The same of a rectangle of a piece, of which no more than `most` are looked at.
 
     Minima are looked for from u, v on.
     """
@@ -234,7 +213,7 @@ def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, side):
         )
         if bound >= enough(query, answer):
             continue
-        if side == CROSSING or looks >= _RECTANGLES or bound == -np.inf:
+        if looks >= most or bound == -np.inf:
             return False, answer
         low = (u <= 0.5 * (at.low_u + at.high_u)) if in_u else (v <= 0.5 * (at.low_v + at.high_v))
         _put(stack, top, half_of(at, 1 if low else 0, in_u))
@@ -260,9 +239,11 @@ def _look_at_parts(query, tree, t, answer):
     about = table_on_stack(MOST, ABOUT, 0.0)
     take_whole(piece, tree.nets, p, parts)
     begin_parts(piece, parts, True, about)
-    if piece.side == CROSSING and _leads_to_edges(
+    if piece.side == CROSSING and leads_to_edges(
         piece, parts, 0, about[0], margin_of(tree, piece, p, 0)
     ):
+        return answer
+    if is_beyond(piece, parts, 0, enough(query, answer), margin_of(tree, piece, p, 0)):
         return answer
     top, room = 1, room_of(piece)
     bounds[0] = -np.inf
@@ -276,6 +257,7 @@ def _look_at_parts(query, tree, t, answer):
             answer = distance, nearest, u, v, min(least, bounds[k]), cost
             top -= 1
             continue
+        answer = _costing(answer, 1)
         # Each where it is longer itself: all about a pole are as near it, however thin they are.
         about[k, EXTENT_U], about[k, EXTENT_V], left = extents_of(
             piece, parts, place_of(piece, k), True
@@ -298,58 +280,21 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
     side = side_of_part(tree, piece, about, k)
     if side == OUTSIDE:
         return np.inf, answer
-    if side == CROSSING and _leads_to_edges(piece, parts, at, row, margin):
+    if side == CROSSING and leads_to_edges(piece, parts, at, row, margin):
         return np.inf, answer
+    if is_beyond(piece, parts, at, enough(query, answer), margin):
+        return np.inf, answer
+    splits = np.int64(row[SPLITS])
+    if splits > _EVERY and splits % _EVERY != 0:
+        return bound, answer
+    most = 1 if side == CROSSING else _FEW
     low_u, high_u, low_v, high_v = row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V]
     limits = limits_in(limits_of_part(piece, parts, at, margin), high_u - low_u, high_v - low_v)
     u = 0.5 * ((low_u + high_u) + a * (high_u - low_u))
     v = 0.5 * ((low_v + high_v) + b * (high_v - low_v))
     place = Rectangle(low_u, high_u, low_v, high_v)
-    done, answer = _look_at_rectangle(query, tree, t, answer, limits, place, u, v, side)
+    done, answer = _look_at_rectangle(query, tree, t, answer, limits, place, u, v, most)
     return np.inf if done else bound, answer
-
-
-@kernel
-def _leads_to_edges(piece, parts, at, row, margin):
-    """Whether every point of a part can be moved on its piece so that it comes nearer.
-
-    Then no inner point of what loops leave of it is the nearest (see falling.py). About the part's
-    centre c, w r' = N' - w' (r - c) with N = w (P - c), as there.
-    """
-    centre = (0.0, 0.0, 0.0)
-    for i in range(4):
-        centre = along(centre, corner_of(piece, parts, at, i), 0.25)
-    square, heavy = 0.0, 0.0
-    for i in range(np.int64(piece.points)):
-        k = at + EACH * i
-        w = parts[k + 3]
-        d = sub((parts[k] / w, parts[k + 1] / w, parts[k + 2] / w), centre)
-        square, heavy = max(square, dot(d, d)), max(heavy, w)
-    radius = np.sqrt(square) * (1.0 + 1e-12) + margin
-    length = norm(centre) + radius
-    for parameter in range(2):
-        lines, apart, step, count = lines_of(piece, parameter == 0)
-        low, high, turn = np.inf, -np.inf, 0.0
-        for line in range(lines):
-            for i in range(count - 1):
-                k = at + line * apart + i * step
-                of_w = parts[k + step + 3] - parts[k + 3]
-                d = (
-                    parts[k + step] - parts[k] - of_w * centre[0],
-                    parts[k + step + 1] - parts[k + 1] - of_w * centre[1],
-                    parts[k + step + 2] - parts[k + 2] - of_w * centre[2],
-                )
-                loss = norm(d) * (radius + 1e-12 * length) + 4.0 * heavy * margin * length
-                product = dot(d, centre)
-                low, high = min(low, product - loss), max(high, product + loss)
-                turn = max(turn, abs(of_w))
-        loss = turn * radius * length * (1.0 + 1e-9)
-        first = LOW_U if parameter == 0 else LOW_V
-        if low > loss and row[first] > 0.0:
-            return True
-        if high < -loss and row[first + 1] < 1.0:
-            return True
-    return False
 
 
 @kernel
@@ -391,8 +336,7 @@ def _foot_on_edge(query, tree, t, answer):
         else:
             distance, nearest, best_u, best_v, least, cost = answer
             answer = distance, nearest, best_u, best_v, min(least, bound), cost
-    distance, nearest, best_u, best_v, least, cost = answer
-    return distance, nearest, best_u, best_v, least, cost + looks // 4
+    return _costing(answer, looks // 4)
 
 
 @inlined

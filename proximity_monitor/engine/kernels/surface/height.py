@@ -13,7 +13,7 @@ from ..base.state import NONE, SurfaceTree
 from ..base.vectors import dot, scaled
 from ..inside import visit
 from ..inside.ball_caps import Cap, leaf_steps
-from .foot import away_from
+from .part import away_from
 from .parts import (
     ABOUT,
     MOST,
