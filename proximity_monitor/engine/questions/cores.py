@@ -21,9 +21,15 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.base.state import MESHES
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from .run import Search
+
+_APART = 2.0**-35
+"""Share of all coordinates by which the nearest points of cores that meet are kept apart. The way
+from one to the other is that to the swept surfaces: its direction errs by the share of this that
+rounding is, and a point by as much squared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,3 +141,19 @@ class CoreSearch:
         found = self._search.answer
         row[index.POINT_A : index.TREE_A] = found[index.POINT_A : index.TREE_A]
         row[index.RADIUS_A], row[index.RADIUS_B] = self._radii()
+        points = row[index.POINT_A : index.FEATURE_A].reshape(2, 3)
+        if (points[0] == points[1]).all():
+            reach = sum(self._radii()) + float(np.abs(points).max())
+            points[1] += _APART * reach * self._across(found)
+
+    def _across(self, found: NDArray[np.float64]) -> NDArray[np.float64]:
+        """A unit vector (3,) that is perpendicular, or nearly so, to both cores where they meet."""
+        edges = [np.zeros((1, 3))]
+        for model, pose, at in zip(
+            self._models, self._poses, (index.TREE_A, index.TREE_B), strict=True
+        ):
+            tree = model._hierarchy.tree
+            if isinstance(tree, MESHES):
+                corners = tree.triangles[int(found[at])].reshape(3, 3)
+                edges.append((corners[1:] - corners[0]) @ pose[:3, :3].T)
+        return np.linalg.svd(np.concatenate(edges))[2][-1]
