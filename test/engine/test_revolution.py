@@ -4,6 +4,7 @@ import itertools
 import json
 import math
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -162,6 +163,15 @@ def test_normals_to_show_point_outward(up):
     a, b, c = shown.corners().transpose(1, 0, 2)
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), from_middle) >= -1e-12).all()
     assert (np.einsum("ij,ij->i", shown.normals, shown.vertices - [0, 0, 0.5]) > 0.0).all()
+
+
+def test_the_file_that_the_documents_show(tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "models.md").read_text(encoding="utf-8")
+    (tmp_path / "cone.json").write_text(text.partition("```json\n")[2].partition("```")[0])
+    cone = engine.load(tmp_path / "cone.json")
+    assert isinstance(cone, SolidOfRevolution)
+    found = engine.closest_points(cone, IDENTITY, [[0.0, 0.0, 0.1]])
+    assert found.upper[0] == pytest.approx(0.05, abs=1e-12)
 
 
 def test_written_and_read(tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -141,10 +140,6 @@ class SolidOfRevolution(Surface):
             return made
         faces = np.ascontiguousarray(made.faces[:, ::-1])
         return DisplayMesh(made.vertices, faces, -made.normals)
-
-    def digest(self) -> str:
-        """Of the patches, which the profile and the axis make up."""
-        return hashlib.blake2b(super().digest().encode(), digest_size=8).hexdigest()
 
     def describe(self, length: Callable[[float], str]) -> str:
         """Its curves and control points, and how large it is."""
