@@ -147,7 +147,7 @@ def test_pickled():
     made = pickle.loads(pickle.dumps(vase()))
     assert made.digest() == vase().digest() != vase(0.7).digest()
     assert made.profile.nets[0].control.shape == (5, 1, 3)
-    assert "3 curves" in repr(made)
+    assert "3 curves, 12 control points up to 0.6 m from the axis" in repr(made)
     at = translation(2.0)
     assert engine.distance(made, IDENTITY, made, at).upper == pytest.approx(
         engine.distance(vase(), IDENTITY, vase(), at).upper, abs=1e-15

@@ -142,12 +142,12 @@ class SolidOfRevolution(Surface):
         return DisplayMesh(made.vertices, faces, -made.normals)
 
     def describe(self, length: Callable[[float], str]) -> str:
-        """Its curves and control points, and how large it is."""
+        """Its curves and control points, and how far these are from the axis."""
         nets = self.profile.nets
         count = sum(len(net.points) for net in nets)
         curves = "1 curve" if len(nets) == 1 else f"{len(nets)} curves"
         rho = max(float(net.points[:, 0].max()) for net in nets)
-        return f"a profile of {curves}, {count} control points, radius {length(rho)}"
+        return f"a profile of {curves}, {count} control points up to {length(rho)} from the axis"
 
     def __getstate__(self) -> dict[str, Any]:
         """All but addresses, and for which kernels the hierarchy was built."""
