@@ -267,3 +267,49 @@ def test_each_kernel_is_kept_under_a_name_of_its_own():
                 names[kept._about].add(function)
     assert len(names) > 30
     assert [about for about, functions in names.items() if len(functions) > 1] == []
+
+
+CALLED = """
+import sys
+from numba import int64
+from proximity_monitor.engine.kernels.base import ahead, jit
+
+ahead.not_here()
+
+@jit.entry
+def other(x):
+    return 3 * x
+
+@jit.shared
+def below(x):
+    return x + 1
+
+@jit.entry
+def above(x):
+    return 2 * below(x)
+
+def again():
+    other(2), other(2.0)  # first, so that numba finds another name for what comes then
+    below.compile((int64,))
+
+def ask():
+    assert above(4) == 10
+    sys.stderr.write(str(sum(above.stats.cache_hits.values())))
+"""
+
+
+def test_what_a_kernel_calls_is_taken_with_it_or_both_are_made_anew(tmp_path):
+    """Machine code finds that of shared kernels by name; where it does not, the process ends."""
+    (tmp_path / "called.py").write_text(CALLED)
+
+    def ask(call="ask()"):
+        place = str(tmp_path)
+        return run(f"import sys; sys.path.append({place!r}); import called; called.{call}", place)
+
+    assert (ask(), ask()) == ("0", "1")
+    (below,) = tmp_path.rglob("called.below-*.nbc")
+    below.unlink()
+    assert (ask(), ask()) == ("0", "1"), "what it called is gone"
+    below.unlink()
+    ask("again()")
+    assert (ask(), ask()) == ("0", "1"), "what it called was made anew, under another name"

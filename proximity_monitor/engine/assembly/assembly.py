@@ -268,7 +268,7 @@ class Assembly:
             self._tables = np.stack([model._hierarchy.table for model in self.models])
             self._hierarchies = now
             self._insides = None
-            self._trees = [type(model._hierarchy.tree) for model in self.models]
+            self._trees = [model._hierarchy.tree_kind for model in self.models]
             kinds = dict(zip(self._trees, self.models, strict=True))
             self._entries = {(a, b): entry_for(kinds[a], kinds[b]) for a in kinds for b in kinds}
         while len(self._searches) < threads:

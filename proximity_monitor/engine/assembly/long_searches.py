@@ -186,7 +186,7 @@ def prepare(assembly: Assembly) -> None:
     models = assembly.models
     near, far = np.eye(4), np.eye(4)
     far[0, 3] = _FAR * max(float(np.linalg.norm(m.centre)) + m.radius for m in models)
-    kinds = [type(model._hierarchy.tree) for model in models]
+    kinds = [model._hierarchy.tree_kind for model in models]
     apart = np.arange(len(models))[:, None, None] * (far - near) + near
     one_each = {
         (kinds[i], kinds[j]): (i, j) for i in range(len(models)) for j in range(i + 1, len(models))

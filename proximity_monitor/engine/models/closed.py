@@ -37,7 +37,7 @@ _BEND_SHARE, _MOST_CHORDS = 1e-8, 4096
 """How far an edge on a curved patch may be from chords, as a share of the largest coordinate, or by
 a tenth of the gap that is allowed, where so many chords suffice."""
 
-_ROUNDING = 512.0 * DOUBLE_EPS
+GAP_ROUNDING = 512.0 * DOUBLE_EPS
 """What is added to the gaps that were measured, as a share of the largest coordinate P.
 
 Two edges of degree 15 have a difference whose coefficients are sums of at most 16 products of three
@@ -93,7 +93,7 @@ def _opening(nets: Sequence[Net], deviation: float) -> tuple[str, float]:
     edges = _unmatched(_proper(edges, gap, widths), gap, widths)
     edges = _unmatched(_proper(_cut(edges, gap), gap, widths), gap, widths)
     if not edges:
-        return "", widths.total() + _ROUNDING * size
+        return "", widths.total() + GAP_ROUNDING * size
     first = edges[0]
     ends = f"{first.points[0].tolist()} and {first.points[-1].tolist()}"
     where = f"the first of patch {first.patch} between {ends}"

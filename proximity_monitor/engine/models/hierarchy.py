@@ -71,6 +71,11 @@ class Hierarchy(ABC):
     cell_width: int = 0
     """Numbers that the control points of a part of an element take; 0: none is ever divided."""
 
+    @property
+    def tree_kind(self) -> type:
+        """By what type of tree kernels find it; they may take it for that of `tree` as well."""
+        return type(self.tree)
+
     @classmethod
     def _made(cls, kept: dict[str, Any]) -> Self:
         """A hierarchy of what is kept."""

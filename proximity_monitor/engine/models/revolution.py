@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import as_reals
 from ..kernels.base.rounding import DOUBLE_EPS, LARGEST_COORDINATE
 from .checks import ModelError, checked_length, checked_vertices
+from .closed import GAP_ROUNDING, Joints
 from .mesh import largest_norm
 from .model import DisplayMesh, Feature
-from .nurbs import frozen
+from .nurbs import Net, frozen
 from .patch import Curve
 from .profile import QUARTERS, Profile, checked_profile, revolved
+from .revolution_hierarchy import RevolutionHierarchy
 from .surface import Surface
 
 _ROUNDING = 16.0 * DOUBLE_EPS
@@ -48,6 +51,7 @@ class SolidOfRevolution(Surface):
     __slots__ = ("_frame", "profile")
 
     kind = "solid of revolution"
+    _hierarchy_kind = RevolutionHierarchy
 
     profile: Profile
     """Its curves; `deform` puts others in their place."""
@@ -74,6 +78,30 @@ class SolidOfRevolution(Surface):
         nets = [revolved(net, self._frame) for net in self.profile.nets]
         size = max(float(np.abs(net.points).max()) for net in nets)
         super().__init__(nets, name, deviation + _ROUNDING * size, solid=True)
+
+    def _checked(self, nets: Sequence[Net]) -> Joints:
+        """How the patches close up: they do, for the profile does; see `checked_profile`.
+
+        Rings where two curves meet have the same weights but for a factor, so they are no farther
+        apart than their control points. On the axis a ring is a point as far as it is narrow.
+        """
+        ends = [(net.control[0], net.control[-1]) for net in nets]
+        gaps = [before[1] - after[0] for before, after in pairwise(ends)]
+        first, last = ends[0][0], ends[-1][1]
+        if self.profile.closed:
+            gaps.append(last - first)
+        else:
+            gaps += [first - first[0], last - last[0]]
+        widest = max(float(np.linalg.norm(gap, axis=1).max()) for gap in gaps)
+        size = max(float(np.abs(net.points).max()) for net in nets)
+        return Joints("", 2.0 * widest + GAP_ROUNDING * size)
+
+    @property
+    def _hierarchy(self) -> RevolutionHierarchy:
+        made = super()._hierarchy
+        if not isinstance(made, RevolutionHierarchy):
+            self._made = RevolutionHierarchy.around(made, self.profile, self._frame)
+        return self._made
 
     @property
     def origin(self) -> NDArray[np.float64]:
@@ -114,6 +142,7 @@ class SolidOfRevolution(Surface):
         profile = checked_profile(nets, self.name)
         self._refit([revolved(net, self._frame) for net in nets])
         self.profile = profile
+        self._made = RevolutionHierarchy.around(self._made, profile, self._frame)
         return largest_norm(moved - before)
 
     def _in_plane(self, points: NDArray[np.float64]) -> NDArray[np.float64]:

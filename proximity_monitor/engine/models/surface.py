@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Callable, Sequence
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,6 +36,7 @@ class Surface(Model):
     place."""
 
     kind = "surface"
+    _hierarchy_kind: ClassVar[type[SurfaceHierarchy]] = SurfaceHierarchy
 
     def __init__(
         self, nets: Sequence[Net], name: str, deviation: float, solid: bool | None = False
@@ -165,7 +166,7 @@ class Surface(Model):
                 "from its file, or from its control points"
             )
         self.name = state["name"]
-        self._made = SurfaceHierarchy.__new__(SurfaceHierarchy)
+        self._made = self._hierarchy_kind.__new__(self._hierarchy_kind)
         self._made.__setstate__(state["hierarchy"])
         self.nets, self._deviation = self._made.nets, self._made.deviation
         self._solid, self._joints = self._made.solid, self._made.joints

@@ -76,7 +76,7 @@ def projected(tree: SurfaceTree) -> tuple[NDArray[np.float64], NDArray[np.int64]
 def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
     """The pieces of nets one after the other, and their control nets (m, k), as `nets` has them."""
     pieces, flat, start = [], [], 0
-    parts = _parts(nets)
+    parts = parts_of(nets)
     for patch, net in enumerate(nets):
         along_u, along_v = net.parts(parts)
         made = net.pieces(parts)
@@ -105,7 +105,7 @@ def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
     return cut, np.concatenate(flat)
 
 
-def _parts(nets: Sequence[Net]) -> int:
+def parts_of(nets: Sequence[Net]) -> int:
     """Into how many parts each span in u and in v is cut, so that volumes are thin."""
     count = sum(len(u.low) * len(v.low) for u, v in (net.spans for net in nets))
     return max(min(math.isqrt(_PIECES // count), _MOST_PARTS), 1)
@@ -149,7 +149,7 @@ def _scale(
 
     `lost` metres is how far rounding may move an edge.
     """
-    parts = _parts(nets)
+    parts = parts_of(nets)
     error = max(net.error(parts) for net in nets) + lost
     return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error, gap])
 

@@ -34,7 +34,7 @@ _NO_ANSWER = np.empty(0)
 
 def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
     """The compiled entry that answers queries about two models."""
-    return ENTRIES[type(a._hierarchy.tree), type(b._hierarchy.tree)][_ORDERS[order]]
+    return ENTRIES[a._hierarchy.tree_kind, b._hierarchy.tree_kind][_ORDERS[order]]
 
 
 def check_model(model: Model, name: str) -> Model:
@@ -95,8 +95,8 @@ class Search:
     """
 
     __slots__ = (
-        "_blocks", "_collecting", "_entry", "_known", "_own", "_wanted", "answer", "kinds",
-        "memory", "models", "order", "progress", "state",
+        "_blocks", "_collecting", "_elements", "_entry", "_known", "_own", "_wanted", "answer",
+        "kinds", "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -114,6 +114,9 @@ class Search:
         self.kinds = type(a), type(b)
         self.order = order
         self._entry = entry_for(a, b, order)
+        # What lists or compares elements takes solids of revolution for their patches.
+        trees = type(a._hierarchy.tree), type(b._hierarchy.tree)
+        self._elements = ENTRIES[trees][_ORDERS[order]]
         self._own = own = take(SearchMemory, SearchKind.of(a, b, order, coherent, among))
         self._wanted: tuple[float, ...] = ()  # the numbers of its query
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
@@ -203,7 +206,7 @@ class Search:
         count = len(poses_a) // 4
         # Of one row no view is made: each takes a tenth of a microsecond.
         self.answer = flat = np.empty(index.ANSWER) if answers is None else answers.ravel()
-        own = self._own
+        own, entry = self._own, self._elements if collect else self._entry
         wanted = rel_err, abs_err, stop, limit, param_err
         if wanted != self._wanted:
             numbers = own.numbers
@@ -213,7 +216,7 @@ class Search:
         # At least one slice, so that asking again and again comes to an end.
         slices = slices_until(deadline)
         while True:
-            code, row = self._entry(
+            code, row = entry(
                 own.models, self.memory, poses_a, poses_b, own.asked, row, count, 1, slices.steps,
                 fresh, flat,
             )  # fmt: skip
@@ -257,7 +260,7 @@ class Search:
         slices = slices_until(deadline)
         flat = answers.ravel()
         while True:
-            code, row = self._entry(
+            code, row = self._elements(
                 models, self.memory, pose_a, pose_b, asked, row, count, 1, slices.steps, fresh, flat
             )
             if code == index.ENDED or slices.over():
@@ -287,7 +290,7 @@ class Search:
     def divided(self) -> Cells | None:
         """The pairs of cells that may hold the minimum: a copy; None where nothing is divided."""
         waiting = self.state.waiting
-        if not isinstance(waiting, index.Dividing):
+        if not isinstance(waiting, (index.Dividing, index.Turning)):
             return None
         progress, pairs = self.progress, waiting.pairs
         heap, aside = pairs[: progress["dividing"]], pairs[len(pairs) - int(progress["aside"]) :]

@@ -10,8 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.state import CELL, CELL_PAIR, KEPT, Dividing, Waiting
+from ..kernels.base.state import (
+    ARC,
+    CELL,
+    CELL_PAIR,
+    KEPT,
+    MINIMUM,
+    RING,
+    Dividing,
+    RevolutionTree,
+    Turning,
+    Waiting,
+)
 from ..kernels.base.tables import MODEL_COLUMNS, state_table, table
+from ..kernels.revolution.minima import MINIMA
 from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
 from ..models.hierarchy import Hierarchy
@@ -34,6 +46,10 @@ _LEVELS = 16
 _PAIRS, _CELLS, _FEWEST, _BYTES = 1 << 15, 1 << 12, 1 << 8, 1 << 25
 """Pairs of cells that there is room for; cells of a model, at most and at least, and bytes of their
 control points between these. Of all that the system provides only the part that is used."""
+
+
+_RINGS, _ARCS = 1 << 15, 1 << 12
+"""Pairs of rings that there is room for, and arcs besides those of a tree; of either model."""
 
 
 class CellRoom(NamedTuple):
@@ -79,6 +95,8 @@ class SearchKind(NamedTuple):
     """Pairs of volumes that may be open."""
     cells_a: CellRoom | None
     cells_b: CellRoom | None
+    rings: bool
+    """Whether there is room for those of solids of revolution."""
 
     @classmethod
     def of(
@@ -94,11 +112,13 @@ class SearchKind(NamedTuple):
             pairs = _LIST
         if among:
             either = CellRoom.of([model._hierarchy for model in among])
-            return cls(order, coherent, levels, pairs, either, either)
+            rings = any(model._hierarchy.tree_kind is RevolutionTree for model in among)
+            return cls(order, coherent, levels, pairs, either, either, rings)
         # Of meshes nothing is divided; to hear it from `CellRoom.of` takes a microsecond.
         cells_a = CellRoom.of((first,)) if first.cell_width else None
         cells_b = CellRoom.of((second,)) if second.cell_width else None
-        return cls(order, coherent, levels, pairs, cells_a, cells_b)
+        rings = first.tree_kind is RevolutionTree and second.tree_kind is RevolutionTree
+        return cls(order, coherent, levels, pairs, cells_a, cells_b, rings)
 
 
 class SearchMemory(Memory):
@@ -126,7 +146,7 @@ class SearchMemory(Memory):
         self.asked = table((self.query,))
         self.numbers = memoryview(self.query.view(np.float64))[-5:]
         self.models = np.empty((2, 2, MODEL_COLUMNS), np.int64)
-        order, coherent, levels, capacity, *cells = kind
+        order, coherent, levels, capacity, *cells, rings = kind
         record = np.zeros(1, index.PROGRESS)
         # A list of levels is full while there is still room for a search depth first (levels.py).
         record["full"] = capacity - 15 * levels - 16
@@ -145,6 +165,11 @@ class SearchMemory(Memory):
             waiting = Dividing(
                 *waiting, np.empty(_PAIRS, CELL_PAIR), *cells_for(cells[0]), *cells_for(cells[1])
             )
+        if rings:
+            waiting = Turning(
+                *waiting, np.empty(_RINGS, RING), np.empty(_RINGS, np.int32),
+                np.empty(_ARCS, ARC), np.empty(_ARCS, ARC), np.empty(MINIMA, MINIMUM),
+            )  # fmt: skip
         motions, keys = np.zeros((2, 12)), np.empty(_COHERENT if coherent else 0, np.int64)
         keys.fill(-1)
         self.state = index.State(

@@ -104,6 +104,16 @@ DIRECTORIES, CACHE_DIRECTORY = _directories()
 """A directory that is only read, as of an installation, and the one that is written to, if any."""
 
 
+_present: dict[str, CompileResult] = {}
+"""What this process has compiled or loaded, by the names of files."""
+
+
+def _note(name: str, compiled: CompileResult) -> None:
+    """Note what is present, and how kernels that call it tell of it: its file and its symbol."""
+    _present[name] = compiled
+    compiled.library.kept_as = name, compiled.fndesc.mangled_name
+
+
 def kernel_name(function) -> str:
     """A kernel's name by its room, file and function."""
     return ".".join([*function.__module__.split(".")[-2:], function.__qualname__])
@@ -147,13 +157,20 @@ class KernelCache:
         kept = any((directory / name).exists() for directory in DIRECTORIES)
         return not kept and not claims.is_claimed(CACHE_DIRECTORY / name)
 
-    @staticmethod
-    def _load(name, target):
+    @classmethod
+    def _load(cls, name, target):
         """What a file of that name holds."""
         for directory in DIRECTORIES:
             try:
                 with (directory / name).open("rb") as file:
-                    return CompileResult._rebuild(target, *_read(file, name))
+                    needs, content = _read(file, name)
+                for needed, symbol in needs:  # LLVM ends the process where code is not there
+                    found = _present.get(needed) or cls._load(needed, target)
+                    if found is None or found.fndesc.mangled_name != symbol:
+                        return None
+                found = CompileResult._rebuild(target, *content)
+                _note(name, found)
+                return found
             except FileNotFoundError:
                 continue
             except Exception as error:  # of whatever kind: what is broken breaks anywhere
@@ -162,11 +179,12 @@ class KernelCache:
 
     def save_overload(self, signature, compiled) -> None:
         """Keep what was compiled, if that is possible."""
+        name = self._name(signature, compiled.codegen)
+        _note(name, compiled)
         if CACHE_DIRECTORY is None:
             return
-        name = self._name(signature, compiled.codegen)
         if not compiled.library.has_dynamic_globals:
-            self._write(name, dumps(compiled._reduce()))
+            self._write(name, dumps((compiled.library.needs, compiled._reduce())))
         claims.release(CACHE_DIRECTORY / name)
 
     @staticmethod

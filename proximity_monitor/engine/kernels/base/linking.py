@@ -4,8 +4,7 @@ Numba would optimise every function with all that it calls, make machine code of
 again in each function that calls it: a kernel would take as long to compile as it is deep times
 large. Here a helper is nothing but LLVM's code, as numba's front end writes it. A kernel that is
 kept is a root: it is linked with all helpers below it, and then optimised and made machine code of.
-Roots that are `shared` are linked into others as they are, and optimised once more with these: that
-pays, as only then does LLVM keep in registers what it unrolled at the end of the first time.
+Roots that are `shared` are not linked into others: these call the machine code that is there.
 """
 
 from __future__ import annotations
@@ -63,11 +62,16 @@ class _Helper(JITCodeLibrary):
 class _Root(JITCodeLibrary):
     """A kernel with all helpers below it."""
 
+    needs: tuple[tuple[str, str], ...] = ()
+    """The roots that it calls, as `kept_as` says of each."""
+
     def finalize(self) -> None:
         """Link and optimise."""
         below = list(_below(self, set()))
+        self.needs = tuple(sorted({each.kept_as for each in below if hasattr(each, "kept_as")}))
+        below = [each for each in below if not hasattr(each, "kept_as")]
         helpers = [each for each in below if type(each) is _Helper]
-        # Others last, roots and numba's own: LLVM takes no code of them that nothing calls so far.
+        # Numba's own last: LLVM takes no code of them that nothing calls so far.
         others = [each for each in below if type(each) is not _Helper]
         self._linking_libraries = helpers + others
         self._helpers = {f.name for each in helpers for f in each.get_defined_functions()}

@@ -107,6 +107,51 @@ PIECE = np.dtype(
 """A rational Bezier piece. Its control net is four rows of `room` numbers: x w, y w, z w and w of
 each control point, where the weights w are positive; the last point is repeated up to the end."""
 
+RevolutionTree = namedtuple(
+    "RevolutionTree", (*SurfaceTree._fields, "arcs", "curves", "places", "frame")
+)
+"""The same over the patches of a solid of revolution, and the fat arcs around its profile.
+
+arcs (k,) ARC, the first of them around all; curves (c,) CURVE_PIECE, one after the other along the
+profile; places (int32) which piece, in tree order, is which part of a patch: see CURVE_PIECE; frame
+(4, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres.
+"""
+
+ARC = np.dtype(
+    [
+        ("middle", np.float64, (2,)),  # of the arc's chord: rho and z, metres
+        ("half", np.float64, (2,)),  # from there to the chord's second end
+        ("sine", np.float64),  # of half the arc's angle; negative where it bulges to the right of
+        ("cosine", np.float64),  # the chord. 0: the chord itself, where only the error is known
+        ("error", np.float64),  # how far the profile may be from the arc, metres
+        ("length", np.float64),  # about that of the part, metres
+        ("limits", np.float64, (3,)),  # of the first three derivatives by the piece's parameter,
+        # over the part and half as much besides at both ends
+        ("low", np.float64),  # the part of the piece, within 0 to 1
+        ("high", np.float64),
+        ("curve", np.int32),  # the piece; NONE: the arc holds several
+        ("child", np.int32),  # the first of the two arcs of both halves, NONE where there are none
+    ],
+    align=True,
+)
+"""A fat arc: an arc of a circle in the half-plane (rho, z), as thick as the profile demands. What
+it sweeps is a part of a torus, or of a cone where it is straight."""
+
+CURVE_PIECE = np.dtype(
+    [
+        ("control", np.float64, (48,)),  # rho w, z w and w of each control point
+        ("degree", np.int32),
+        ("patch", np.int32),  # the curve of the profile, and the patch that it sweeps
+        ("first", np.int32),  # where the places of its own parts begin
+        ("parts", np.int32),  # equal parts of it, each with `around` pieces around the axis
+        ("around", np.int32),
+        ("low", np.float64),  # the piece of that curve
+        ("high", np.float64),
+    ],
+    align=True,
+)
+"""A rational Bezier piece of a profile."""
+
 NET_WIDTH = 16
 """Control points are bounded so many at a time."""
 
@@ -150,6 +195,37 @@ further; of either model cells (k,) CELL, nets
 where it has none. A model whose elements are not divided has none of the three. Of two elements
 that are asked about alone, lanes hold ~element.
 """
+
+Turning = namedtuple("Turning", (*Dividing._fields, "rings", "heap", "arcs_a", "arcs_b", "minima"))
+"""The same for two solids of revolution: besides what their patches need, rings (n,) RING, where
+those that are open have their places in the heap (int32, n); arcs (k,) ARC that are finer than
+those of either tree, in whose order they follow; and minima (m,) MINIMUM found last."""
+
+RING = np.dtype(
+    [
+        ("bound", np.float64),  # of their distance, metres
+        ("angle", np.float64),  # the middle of a sector about b's axis, radians
+        ("half", np.float64),  # half its angle
+        ("sector", np.float64, (4,)),  # cosine and sine of the middle, and of half its angle
+        ("a", np.int32),  # the arcs
+        ("b", np.int32),
+    ],
+    align=True,
+)
+"""What an arc of a sweeps, and what one of b sweeps in a sector."""
+
+MINIMUM = np.dtype(
+    [
+        ("distance", np.float64),
+        ("s", np.float64),  # on a's piece
+        ("t", np.float64),  # on b's
+        ("angle", np.float64),  # about b's axis, radians
+        ("curve_a", np.int32),
+        ("curve_b", np.int32),
+    ],
+    align=True,
+)
+"""A local minimum of the distance of two pieces of profiles that turn."""
 
 CELL = np.dtype(
     [
@@ -247,6 +323,13 @@ PROGRESS = np.dtype(
         ("cells_a", np.int64),  # how many cells there are of either model
         ("cells_b", np.int64),
         ("least_cells", np.float64),  # the least bound of pairs that cannot be divided any more
+        ("rings", np.int64),  # how many pairs of rings are open
+        ("slots", np.int64),  # how many there have been room for
+        ("arcs_a", np.int64),  # how many arcs there are besides a's tree, and b's
+        ("arcs_b", np.int64),
+        ("minima", np.int64),  # how many minima have been found
+        ("along", np.float64, (4,)),  # the unit vector (rho, z) of a's half-plane from its nearest
+        # point to that of b, and which half-plane that is: cosine and sine
         ("collected", np.int64),  # how many are collected
         ("steps", np.int64),  # what this slice has left
         ("base", np.int64),  # where the present queue or list begins

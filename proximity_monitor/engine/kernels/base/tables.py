@@ -11,12 +11,16 @@ import numpy as np
 from .jit import entry, implements, inlined
 from .memory import addresses, read_only, records_at, rows_at
 from .state import (
+    ARC,
     CELL,
     CELL_PAIR,
+    CURVE_PIECE,
     KEPT,
+    MINIMUM,
     PIECE,
     PROGRESS,
     QUERY,
+    RING,
     SEGMENT,
     TRIM,
     BoxTree,
@@ -25,9 +29,11 @@ from .state import (
     Dividing,
     MeshTree,
     Priority,
+    RevolutionTree,
     State,
     SurfaceTree,
     Trims,
+    Turning,
     Waiting,
 )
 
@@ -60,9 +66,13 @@ _OVER_PIECES = _SHARED | {
     "trims": (TRIM, 0), "rows": (np.int32, 0), "entries": (np.int32, 0), "segments": (SEGMENT, 0),
     "curves": (np.float64, 0), "patches": (np.int32, 0),
 }  # fmt: skip
+_OF_REVOLUTION = _OVER_PIECES | {
+    "arcs": (ARC, 0), "profile": (CURVE_PIECE, 0), "places": (np.int32, 0),
+    "frame": (np.float64, 3),
+}  # fmt: skip
 """What kernels take each array for: its type, and its columns; 0 for one dimension."""
 
-MODEL_COLUMNS = max(len(_OVER_TRIANGLES), len(_OVER_PIECES))
+MODEL_COLUMNS = max(len(_OVER_TRIANGLES), len(_OF_REVOLUTION))
 """Columns of a model's table, whatever its kind, so that those of several make one array."""
 
 
@@ -78,6 +88,12 @@ def mesh_table(tree, faces):
 def surface_table(tree, patches):
     """The table of a tree over pieces, and the patch of each; otherwise as `mesh_table`."""
     return _model_table((*arrays_of(tree), patches), _OVER_PIECES)
+
+
+def revolution_table(tree, patches):
+    """The table of a RevolutionTree, which begins as that of its patches."""
+    arcs = tree[len(SurfaceTree._fields) :]
+    return _model_table((*arrays_of(tree[: -len(arcs)]), patches, *arcs), _OF_REVOLUTION)
 
 
 def arrays_of(tree):
@@ -158,6 +174,21 @@ def _surface_at(kind, model):
     return tree, rows_at(at[12], rows[12], 0, np.int32(0))
 
 
+@implements(tree_at, RevolutionTree)
+@inlined
+def _revolution_at(kind, model):
+    at, rows = model[0], model[1]
+    tree, patches = _surface_at(SurfaceTree, model)
+    return RevolutionTree(
+        tree.nodes, tree.centres, tree.children, tree.sizes, tree.pieces, tree.nets, tree.scale,
+        tree.trims,
+        read_only(records_at(at[13], rows[13], ARC)),
+        read_only(records_at(at[14], rows[14], CURVE_PIECE)),
+        read_only(rows_at(at[15], rows[15], 0, np.int32(0))),
+        read_only(rows_at(at[16], rows[16], 3, 0.0)),
+    ), patches  # fmt: skip
+
+
 def _open_at(order, at, rows):
     """What is open in a search of that order; each order implements it."""
 
@@ -218,6 +249,21 @@ def _cells_at(kind, at, rows):
     )
 
 
+@implements(_waiting_at, Turning)
+@inlined
+def _rings_at(kind, at, rows):
+    cells = _cells_at(Dividing, at, rows)
+    return Turning(
+        cells.lanes, cells.bounds, cells.pairs, cells.cells_a, cells.nets_a, cells.roots_a,
+        cells.cells_b, cells.nets_b, cells.roots_b,
+        records_at(at[_RINGS], rows[_RINGS], RING),
+        rows_at(at[_RINGS + 1], rows[_RINGS + 1], 0, np.int32(0)),
+        records_at(at[_RINGS + 2], rows[_RINGS + 2], ARC),
+        records_at(at[_RINGS + 3], rows[_RINGS + 3], ARC),
+        records_at(at[_RINGS + 4], rows[_RINGS + 4], MINIMUM),
+    )  # fmt: skip
+
+
 @inlined
 def state_at(order, waiting, memory):
     """The search of a table of a State's arrays, as `state_table` makes it."""
@@ -240,8 +286,9 @@ def queries_at(asked):
     return (queries,)
 
 
-_CELLS, _DIVIDED = 11, 7
-"""Where the arrays of elements that are divided begin in the table of a state; and how many."""
+_CELLS, _RINGS, _COLUMNS = 11, 18, 23
+"""Where the arrays of elements that are divided begin in the table of a state, and those of solids
+of revolution; and how many columns there are."""
 
 
 def state_table(state):
@@ -250,4 +297,5 @@ def state_table(state):
     lanes, bounds, *cells = s.waiting
     shared = s.motions, s.progress, lanes, bounds, s.collected, s.keys, s.reaches
     unused = (s.reaches,) * (_CELLS - len(shared) - len(s.open))
-    return table((*shared, *s.open, *unused, *(cells or (s.reaches,) * _DIVIDED)))
+    known = (*shared, *s.open, *unused, *cells)
+    return table((*known, *(s.reaches,) * (_COLUMNS - len(known))))

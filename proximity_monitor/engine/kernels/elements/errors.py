@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..base.jit import implements, inlined
 from ..base.rounding import NET_POINT
-from ..base.state import CONVERSION, JOINTS, MeshTree, SurfaceTree
+from ..base.state import CONVERSION, JOINTS, MeshTree, RevolutionTree, SurfaceTree
 
 
 def points_err(tree):
@@ -21,7 +21,7 @@ def _corners_err(tree):
     return 0.0
 
 
-@implements(points_err, SurfaceTree)
+@implements(points_err, (SurfaceTree, RevolutionTree))
 @inlined
 def _evaluation_errs(tree):
     return NET_POINT * tree.scale[2] + tree.scale[CONVERSION]

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-from ..base.state import BoxTree, BreadthFirst, DepthFirst, MeshTree, Priority, SurfaceTree
-from . import mesh_mesh, surface_mesh, surface_surface
+from ..base.state import (
+    MESHES,
+    BoxTree,
+    BreadthFirst,
+    DepthFirst,
+    MeshTree,
+    Priority,
+    RevolutionTree,
+    SurfaceTree,
+)
+from . import mesh_mesh, revolution_revolution, surface_mesh, surface_surface
 
 _SWEPT = {
     DepthFirst: mesh_mesh.search,
@@ -30,6 +39,7 @@ _MESH_SURFACE = {
     Priority: surface_mesh.search_turned_nearest_first,
     BreadthFirst: surface_mesh.search_turned_by_levels,
 }
+_RINGS = _SURFACES | {DepthFirst: revolution_revolution.search}
 
 ENTRIES = {
     (MeshTree, MeshTree): _SWEPT,
@@ -42,5 +52,11 @@ ENTRIES = {
     (SurfaceTree, BoxTree): _SURFACE_MESH,
     (MeshTree, SurfaceTree): _MESH_SURFACE,
     (BoxTree, SurfaceTree): _MESH_SURFACE,
+    (RevolutionTree, RevolutionTree): _RINGS,
+    # Against all else, solids of revolution are taken for their patches.
+    (RevolutionTree, SurfaceTree): _SURFACES,
+    (SurfaceTree, RevolutionTree): _SURFACES,
+    **dict.fromkeys([(RevolutionTree, mesh) for mesh in MESHES], _SURFACE_MESH),
+    **dict.fromkeys([(mesh, RevolutionTree) for mesh in MESHES], _MESH_SURFACE),
 }
 """By the types of both trees, and then by what a search in that order has open."""

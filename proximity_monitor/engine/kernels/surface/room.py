@@ -39,7 +39,7 @@ def _compacted(cells, nets, roots, used, pairs, count, aside, side):
 
     A cell's parts are forgotten: where they are needed again, they are made again.
     """
-    if len(cells) == 0:
+    if used == 0:  # nothing of this model is divided: its pairs name whole elements
         return used
     for i in range(used):
         cells[i].child, cells[i].children = NONE, 0

@@ -1,0 +1,219 @@
+"""Lower bounds of the distance of what two fat arcs sweep, one of them in a sector alone.
+
+Both turn about axes of their own. Which half-plane through a's axis a point of b lies in does not
+matter to a: the distance is that of a point (rho, z) in the plane, with rho the distance from a's
+axis. So the bounds know no angle about a's axis. Along a unit vector (n_rho, n_z) of that plane the
+gap is what b begins at beyond what a ends at, and where b begins is found along n_rho e + n_z z for
+one unit vector e across the axis: rho >= e . x, and where n_rho is negative
+rho <= e . x + y² / (2 e . x) for what lies y beside e.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.memory import on_stack
+from ..base.state import NONE
+from .newton import turned
+
+_SWEEPS = 3
+"""Sweeps of coordinate descent: see `facing`."""
+
+
+_STACK = 128
+"""Arcs that may wait: twice as many as a tree is deep."""
+
+
+@inlined
+def arc_at(arcs, own, i):
+    """An arc of a tree, or one of those that follow it."""
+    return arcs[i] if i < len(arcs) else own[i - len(arcs)]
+
+
+@inlined
+def reach(arc, x, z):
+    """What a fat arc reaches along a vector of the plane."""
+    length = np.sqrt(x * x + z * z)
+    base = x * arc.middle[0] + z * arc.middle[1] + arc.error * length
+    hx, hz = arc.half[0], arc.half[1]
+    along = x * hx + z * hz
+    if arc.sine != 0.0:
+        # Where the vector is a normal of the arc, by r (|v| - cos(alpha) v . bulge), r = half /
+        # sin(alpha): written so that nothing cancels where the arc is nearly straight.
+        half = np.sqrt(hx * hx + hz * hz)
+        sine = abs(arc.sine)
+        up = (hx * z - hz * x) / half
+        up = up if arc.sine > 0.0 else -up
+        if up > 0.0 and abs(along) * arc.cosine <= up * sine * half:
+            along /= half
+            return base + half * (along * along / sine + up * up * sine) / (
+                length + up * arc.cosine
+            )
+    return base + abs(along)
+
+
+@kernel
+def reach_of(arcs, own, i, fine, x, z):
+    """What a part of a profile reaches along a vector, by its arcs of errors below `fine` metres.
+
+    Those that reach less than others are not looked into.
+    """
+    arc = arc_at(arcs, own, i)
+    if arc.error <= fine or arc.child == NONE:
+        return reach(arc, x, z)
+    stack = on_stack(_STACK, np.int32(0))
+    top, best = 1, -np.inf
+    stack[0] = i
+    while top > 0:
+        top -= 1
+        arc = arc_at(arcs, own, np.int64(stack[top]))
+        here = reach(arc, x, z)
+        if here <= best:
+            continue
+        if arc.error <= fine or arc.child == NONE or top + 2 > _STACK:
+            best = here
+            continue
+        one, other = np.int64(arc.child), np.int64(arc.child) + 1
+        first = reach(arc_at(arcs, own, one), x, z) < reach(arc_at(arcs, own, other), x, z)
+        stack[top], stack[top + 1] = (one, other) if first else (other, one)
+        top += 2
+    return best
+
+
+@inlined
+def reach_in(arcs, own, i, fine, sector, v):
+    """What an arc that turns about z in a sector reaches along a vector of space.
+
+    The vector's part across z is largest in the half-plane nearest to it, and no arc is beyond the
+    axis.
+    """
+    cosine, sine, far, side = sector
+    a, b = v[0] * cosine + v[1] * sine, v[1] * cosine - v[0] * sine
+    across = np.sqrt(v[0] * v[0] + v[1] * v[1])
+    if a < across * far:
+        across = a * far + abs(b) * side
+    return reach_of(arcs, own, i, fine, across, v[2])
+
+
+@inlined
+def to_b(motion, v):
+    """A vector of a's frame in that of b."""
+    return (
+        motion[0] * v[0] + motion[3] * v[1] + motion[6] * v[2],
+        motion[1] * v[0] + motion[4] * v[1] + motion[7] * v[2],
+        motion[2] * v[0] + motion[5] * v[1] + motion[8] * v[2],
+    )
+
+
+@kernel
+def gap(arcs_a, own_a, a, arcs_b, own_b, b, fine, sector, motion, normal, azimuth):
+    """How far b begins beyond a's end along a normal of a's plane, at that azimuth; metres.
+
+    Of both what lies under an arc, by arcs of errors below `fine` metres.
+    """
+    n, m = normal
+    x, y = azimuth
+    v = to_b(motion, (n * x, n * y, m))
+    begin = n * (x * motion[9] + y * motion[10]) + m * motion[11]
+    begin -= reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]))
+    if n < 0.0:
+        v = to_b(motion, (-y, x, 0.0))
+        offset = x * motion[10] - y * motion[9]
+        beside = reach_in(arcs_b, own_b, b, fine, sector, v) + offset
+        beside = max(
+            abs(beside),
+            abs(offset - reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]))),
+        )
+        v = to_b(motion, (x, y, 0.0))
+        near = x * motion[9] + y * motion[10]
+        near -= reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]))
+        if near > 0.0:
+            begin += n * min(beside, beside * beside / (2.0 * near))
+        else:
+            begin += n * (beside - 2.0 * near)
+    return begin - reach_of(arcs_a, own_a, a, fine, n, m)
+
+
+@kernel
+def facing(arc_a, arc_b, sector, half_angle, motion):
+    """About where a's chord and b's, which turns, are nearest; a box quadratic programme.
+
+    Returns their distance there, metres, the normal and the azimuth; and where along the chords, -1
+    to 1, and in the sector.
+    """
+    cosine, sine = sector[0], sector[1]
+    rho, z = arc_b.middle[0], arc_b.middle[1]
+    x, y = rho * cosine, rho * sine
+    px = motion[0] * x + motion[1] * y + motion[2] * z + motion[9]
+    py = motion[3] * x + motion[4] * y + motion[5] * z + motion[10]
+    pz = motion[6] * x + motion[7] * y + motion[8] * z + motion[11]
+    far = np.sqrt(px * px + py * py)
+    ex, ey = 1.0, 0.0
+    if far > 0.0:
+        ex, ey = px / far, py / far
+    x, y, z = arc_b.half[0] * cosine, arc_b.half[0] * sine, arc_b.half[1]
+    ux = motion[0] * x + motion[1] * y + motion[2] * z
+    uy = motion[3] * x + motion[4] * y + motion[5] * z
+    uz = motion[6] * x + motion[7] * y + motion[8] * z
+    width = min(half_angle, 1.0) * rho
+    x, y = -width * sine, width * cosine
+    wx = motion[0] * x + motion[1] * y
+    wy = motion[3] * x + motion[4] * y
+    wz = motion[6] * x + motion[7] * y
+    d0, d1 = far - arc_a.middle[0], pz - arc_a.middle[1]
+    a0, a1 = arc_a.half[0], arc_a.half[1]
+    u0, u1, w0, w1 = ux * ex + uy * ey, uz, wx * ex + wy * ey, wz
+    aa, uu, ww = a0 * a0 + a1 * a1 + 1e-300, u0 * u0 + u1 * u1 + 1e-300, w0 * w0 + w1 * w1 + 1e-300
+    s = t = q = 0.0
+    for _ in range(_SWEEPS):
+        r0, r1 = d0 + t * u0 + q * w0, d1 + t * u1 + q * w1
+        s = min(max((r0 * a0 + r1 * a1) / aa, -1.0), 1.0)
+        r0, r1 = d0 - s * a0 + q * w0, d1 - s * a1 + q * w1
+        t = min(max(-(r0 * u0 + r1 * u1) / uu, -1.0), 1.0)
+        r0, r1 = d0 - s * a0 + t * u0, d1 - s * a1 + t * u1
+        q = min(max(-(r0 * w0 + r1 * w1) / ww, -1.0), 1.0)
+    r0, r1 = d0 - s * a0 + t * u0 + q * w0, d1 - s * a1 + t * u1 + q * w1
+    px, py = px + t * ux + q * wx, py + t * uy + q * wy
+    far = np.sqrt(px * px + py * py)
+    if far > 0.0:
+        ex, ey = px / far, py / far
+    apart = np.sqrt(r0 * r0 + r1 * r1)
+    n, m = (r0 / apart, r1 / apart) if apart > 0.0 else (0.0, 0.0)
+    return apart, (n, m), (ex, ey), (s, t, q)
+
+
+@inlined
+def sector_of(angle, half):
+    """The cosine and sine of a sector's middle, and of half its angle."""
+    if half >= math.pi:
+        return (1.0, 0.0, -1.0, 0.0)
+    return (math.cos(angle), math.sin(angle), math.cos(half), math.sin(half))
+
+
+@inlined
+def bends(arc_a, arc_b, sector, half, motion):
+    """How far from straight the arcs are, and b's sector, metres.
+
+    In a's plane what is long and near a's axis is bent, too: a chord by its length's square over
+    eight times its distance.
+    """
+    rho, z = arc_b.middle[0], arc_b.middle[1]
+    x, y, _ = turned(motion, rho * sector[0], rho * sector[1], z)
+    x, y = x + motion[9], y + motion[10]
+    far = np.sqrt(x * x + y * y)
+    rho = abs(rho) + abs(arc_b.half[0])
+    width = 2.0 * min(half, 1.5) * rho
+    long = arc_b.length
+    of_b = arc_b.error + bulge(arc_b) + long * long / (8.0 * max(far, 0.5 * long) + 1e-300)
+    around = (1.0 - sector[2]) * rho + width * width / (8.0 * max(far, 0.5 * width) + 1e-300)
+    return arc_a.error + bulge(arc_a), of_b, around
+
+
+@inlined
+def bulge(arc):
+    """How far an arc bulges from its chord, metres."""
+    half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
+    return half * abs(arc.sine) / (1.0 + arc.cosine)

@@ -1,0 +1,72 @@
+"""The tree of fat arcs around a profile."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import allocating_entry, inlined
+from ..base.state import ARC, NONE
+from .arcs import fit_arc, hold
+
+_MOST = 1 << 16
+"""Arcs of a tree at the most."""
+
+NARROW = 1e-9
+"""The shortest part of a piece that is cut again."""
+
+
+@inlined
+def put_halves(arc, one, other):
+    """Make two arcs those of the halves of an arc's part; they are still to be fitted."""
+    middle = 0.5 * (arc.low + arc.high)
+    one.curve = other.curve = arc.curve
+    one.low, one.high = arc.low, middle
+    other.low, other.high = middle, arc.high
+    one.child = other.child = NONE
+
+
+@allocating_entry
+def build_arcs(curves, size, precision):
+    """The tree of fat arcs around pieces of a profile, the first one around all.
+
+    Args:
+        curves: (c,) CURVE_PIECE, one after the other along the profile.
+        size: metres; the largest coordinate of a control point.
+        precision: metres; arcs are halved down to this error.
+
+    Returns:
+        (k,) ARC. Both halves of an arc stand together.
+    """
+    room = 4 * len(curves) + 256
+    arcs, spans = np.empty(room, ARC), np.empty((room, 2), np.int64)
+    spans[0, 0], spans[0, 1] = 0, len(curves)
+    count, at = 1, 0
+    arcs[0].low, arcs[0].high, arcs[0].curve, arcs[0].child = 0.0, 1.0, 0, NONE
+    while at < count:
+        if count + 2 > room:
+            more, wider = np.empty(2 * room, ARC), np.empty((2 * room, 2), np.int64)
+            more[:room], wider[:room] = arcs, spans
+            arcs, spans, room = more, wider, 2 * room
+        arc, first, end = arcs[at], spans[at, 0], spans[at, 1]
+        if end - first > 1:
+            hold(curves, first, end, size, arc)
+            middle = (first + end) // 2
+            for k in range(2):
+                half = arcs[count + k]
+                spans[count + k, 0] = first if k == 0 else middle
+                spans[count + k, 1] = middle if k == 0 else end
+                half.curve, half.child = np.int32(spans[count + k, 0]), NONE
+                half.low, half.high = 0.0, 1.0
+            arc.child = np.int32(count)
+            count += 2
+        else:
+            fit_arc(curves[first], arc.low, arc.high, size, arc)
+            wide = arc.high - arc.low > NARROW
+            if arc.error > precision and wide and count + 2 <= _MOST:
+                arc.child = np.int32(count)
+                put_halves(arc, arcs[count], arcs[count + 1])
+                for k in range(2):
+                    spans[count + k, 0], spans[count + k, 1] = first, end
+                count += 2
+        at += 1
+    return arcs[:count].copy()

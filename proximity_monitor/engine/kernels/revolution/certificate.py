@@ -1,0 +1,151 @@
+"""A proof that a local minimum of two profiles that turn is the only one in a box around it.
+
+With d the way in a's plane from a's point to b's, n its direction at the minimum x, and tau what it
+extends beside that, |d| >= n . d + tau² / 2 U wherever |d| <= U. Where the Hessian of that is
+positive over the whole box, |d| is no less there than the tangent plane at x, or than U. The
+Hessian at x is known; how much it may change over the box follows from limits of the third
+derivatives. A parameter at the end of its range, along which |d| falls nowhere in the box, stays.
+"""
+
+from __future__ import annotations
+
+from ..base.jit import inlined, kernel
+from .newton import derivatives_at
+
+_SHARES = 3
+"""How large a part of tau² / 2 U is tried: none, all, a fifth. A larger one makes the Hessian more
+positive, and its change larger."""
+
+_LEAST = 0.2
+"""Share of b's distance from a's axis that has to be left of it over the box."""
+
+_SPARE = 1e-9
+"""Share of the Hessian's entries by which it is taken for less positive, beyond all rounding."""
+
+_LOST = 1e-13
+"""What rounding does to a derivative, at most, as a share of its limit."""
+
+
+@inlined
+def _positive(h, v, free_s, free_t):
+    """Whether a symmetric matrix, of which entries may change by `v`, stays positive definite."""
+    h00, h10, h11, h20, h21, h22 = h
+    v00, v10, v11, v20, v21, v22 = v
+    a, b, c = h00 - v00 - v20, h11 - v11 - v21, h22 - v22
+    if free_s and free_t:
+        a, b = a - v10, b - v10
+    if free_s:
+        c -= v20
+    else:
+        a, h10, h20 = 1.0, 0.0, 0.0
+    if free_t:
+        c -= v21
+    else:
+        b, h10, h21 = 1.0, 0.0, 0.0
+    a -= _SPARE * abs(h00)
+    b -= _SPARE * abs(h11)
+    c -= _SPARE * abs(h22)
+    if not a > 0.0:
+        return False
+    p, q = h10 / a, h20 / a
+    b -= p * h10
+    if not b > 0.0:
+        return False
+    m = h21 - p * h20
+    return c - q * h20 - m * m / b > 0.0
+
+
+@kernel
+def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
+    """A lower bound of the distance over a box around a minimum, but no more than `upper`; or -1.
+
+    Args:
+        curve_a: a's piece.
+        curve_b: b's.
+        arc_a: limits of a's derivatives hold over the box.
+        arc_b: b's.
+        motion: b to a.
+        minimum: s, t and the angle; near a minimum, or at the end of a range.
+        box: the lowest and highest s, then t, and how far the angle may differ either way.
+        upper: metres; what is farther does not matter.
+    """
+    s, t, angle = minimum
+    a0, a1, b0, b1, ra = box
+    way, (far, _, _), first, second, bend, across, radii = derivatives_at(
+        curve_a, curve_b, motion, s, t, angle
+    )
+    distance = (way[0] * way[0] + way[1] * way[1]) ** 0.5
+    if not distance > 0.0:
+        return -1.0
+    n0, n1 = way[0] / distance, way[1] / distance
+    rs, rt = max(a1 - s, s - a0), max(b1 - t, t - b0)
+    if not (rs > 0.0 and rt > 0.0 and ra > 0.0):
+        return -1.0
+    la, lb = arc_a.limits, arc_b.limits
+    # Limits of b's own derivatives: of its distance from its axis and of both coordinates.
+    r0 = abs(radii[0]) + lb[0] * rt
+    r1, r2 = min(abs(radii[1]) + lb[1] * rt, lb[0]), min(abs(radii[2]) + lb[2] * rt, lb[1])
+    moved = lb[0] * rt + r0 * ra
+    least = far - moved
+    if not least > _LEAST * far:
+        return -1.0
+    turn = moved / least
+    (t0, t1), (ta0, ta1), (aa0, aa1) = first[1], second[1], second[2]
+    d_t, d_a = lb[1] * rt + r1 * ra, r1 * rt + r0 * ra
+    d_tt, d_ta, d_aa = lb[2] * rt + r2 * ra, r2 * rt + r1 * ra, r1 * rt + r0 * ra
+    pt, pa = abs(across[0]), abs(across[1])
+    d_pt, d_pa = d_t + turn * lb[0], d_a + turn * r0
+    inverse = 1.0 / least
+    d_inverse = inverse - 1.0 / (far + moved)
+    most_t, most_a = pt + d_pt, pa + d_pa
+    v_tt = d_tt + turn * lb[1] + (2.0 * pt + d_pt) * d_pt * inverse + most_t * most_t * d_inverse
+    v_ta = d_ta + turn * r1 + (pt * d_pa + pa * d_pt + d_pt * d_pa) * inverse
+    v_ta += most_t * most_a * d_inverse
+    v_aa = d_aa + turn * r0 + (2.0 * pa + d_pa) * d_pa * inverse + most_a * most_a * d_inverse
+    (s0, s1), (h0, h1), (tt0, tt1) = first[0], first[2], second[0]
+    g_s, g_t, g_a = n0 * s0 + n1 * s1, n0 * t0 + n1 * t1, n0 * h0 + n1 * h1
+    # Beside the direction.
+    b_s, b_t, b_a = n0 * s1 - n1 * s0, n0 * t1 - n1 * t0, n0 * h1 - n1 * h0
+    d_s, d_bt, d_ba = la[1] * rs, d_t + turn * lb[0], d_a + turn * r0
+    beside = (abs(b_s) + d_s) * rs + (abs(b_t) + d_bt) * rt + (abs(b_a) + d_ba) * ra
+    g_s, g_t, g_a = g_s * rs, g_t * rt, g_a * ra
+    for k in range(_SHARES):
+        mu = (0.0 if k == 0 else (1.0 if k == 1 else 0.2)) / max(upper, distance)
+        h00 = mu * b_s * b_s - n0 * bend[0] - n1 * bend[1]
+        v00 = la[2] * rs + mu * ((2.0 * abs(b_s) + d_s) * d_s + beside * la[1])
+        h11 = mu * b_t * b_t + n0 * tt0 + n1 * tt1
+        most = abs(tt0) + abs(tt1) + v_tt
+        v11 = v_tt + mu * ((2.0 * abs(b_t) + d_bt) * d_bt + beside * most)
+        h22 = mu * b_a * b_a + n0 * aa0 + n1 * aa1
+        most = abs(aa0) + abs(aa1) + v_aa
+        v22 = v_aa + mu * ((2.0 * abs(b_a) + d_ba) * d_ba + beside * most)
+        h10 = mu * b_s * b_t
+        v10 = mu * (abs(b_s) * d_bt + abs(b_t) * d_s + d_s * d_bt)
+        h20 = mu * b_s * b_a
+        v20 = mu * (abs(b_s) * d_ba + abs(b_a) * d_s + d_s * d_ba)
+        h21 = mu * b_t * b_a + n0 * ta0 + n1 * ta1
+        most = abs(ta0) + abs(ta1) + v_ta
+        v21 = v_ta + mu * (abs(b_t) * d_ba + abs(b_a) * d_bt + d_bt * d_ba + beside * most)
+        h = (
+            h00 * rs * rs, h10 * rs * rt, h11 * rt * rt, h20 * rs * ra, h21 * rt * ra, h22 * ra * ra
+        )  # fmt: skip
+        v = (
+            v00 * rs * rs, v10 * rs * rt, v11 * rt * rt, v20 * rs * ra, v21 * rt * ra, v22 * ra * ra
+        )  # fmt: skip
+        free_s, free_t = True, True
+        if (s <= a0 and g_s > 0.0) or (s >= a1 and g_s < 0.0):
+            free_s = not abs(g_s) > 1.001 * (
+                abs(h[0]) + v[0] + abs(h[1]) + v[1] + abs(h[3]) + v[3] + _LOST * la[0] * rs
+            )
+        if (t <= b0 and g_t > 0.0) or (t >= b1 and g_t < 0.0):
+            free_t = not abs(g_t) > 1.001 * (
+                abs(h[2]) + v[2] + abs(h[1]) + v[1] + abs(h[4]) + v[4] + _LOST * lb[0] * rt
+            )
+        if _positive(h, v, free_s, free_t):
+            lost = abs(g_a) + _LOST * (la[0] * rs + lb[0] * rt + r0 * ra)
+            if free_s:
+                lost += max(-g_s * (a0 - s), -g_s * (a1 - s), 0.0) / rs
+            if free_t:
+                lost += max(-g_t * (b0 - t), -g_t * (b1 - t), 0.0) / rt
+            return min(distance - lost, upper)
+    return -1.0

@@ -1,0 +1,178 @@
+"""Local minima of the distance of two profiles that turn: found, remembered and kept."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.memory import on_stack
+from ..base.state import NONE
+from ..base.vectors import moved, norm, sub
+from ..elements.primitives import keep
+from ..surface.edges import point_on
+from .bound import bends, facing, sector_of
+from .newton import nearest_rings
+from .places import place_of, spot_of, turning_point
+
+MINIMA = 16
+"""Minima that are remembered."""
+
+SMALL = 0.6
+"""Half the largest angle of a sector whose minimum is looked for wherever it is, radians."""
+
+
+@kernel
+def relative(tree_a, tree_b, motion, made):
+    """Write the motion from the frame of b's profile to that of a's, of twelve numbers."""
+    fa, fb = tree_a.frame, tree_b.frame
+    origin = moved(motion, (fb[3, 0], fb[3, 1], fb[3, 2]))
+    offset = sub(origin, (fa[3, 0], fa[3, 1], fa[3, 2]))
+    for j in range(3):
+        x = motion[0] * fb[j, 0] + motion[1] * fb[j, 1] + motion[2] * fb[j, 2]
+        y = motion[3] * fb[j, 0] + motion[4] * fb[j, 1] + motion[5] * fb[j, 2]
+        z = motion[6] * fb[j, 0] + motion[7] * fb[j, 1] + motion[8] * fb[j, 2]
+        for i in range(3):
+            made[3 * i + j] = fa[i, 0] * x + fa[i, 1] * y + fa[i, 2] * z
+    for i in range(3):
+        made[9 + i] = fa[i, 0] * offset[0] + fa[i, 1] * offset[1] + fa[i, 2] * offset[2]
+
+
+@kernel
+def measure_rings(tree_a, tree_b, state, motion, a, b, s, t, angle):
+    """Find the local minimum near points of two pieces of profiles; keep it where it is nearest."""
+    progress, minima = state.progress[0], state.waiting.minima
+    progress.primitive_tests += 1
+    distance, s, t, angle = nearest_rings(tree_a.curves[a], tree_b.curves[b], motion, s, t, angle)
+    at = find_minimum(state, a, b)
+    if at == NONE:
+        at = progress.minima % MINIMA
+        progress.minima += 1
+        minima[at].curve_a, minima[at].curve_b, minima[at].distance = a, b, np.inf
+    if distance < minima[at].distance:
+        minima[at].distance, minima[at].s, minima[at].t = distance, s, t
+        minima[at].angle = angle
+    if distance < progress.distance + progress.slack:
+        _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle)
+
+
+@kernel
+def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
+    """Keep two points where they are nearer than those before, as points of their patches."""
+    element_b, wb = place_of(tree_b, b, t, angle)
+    rho_z = tree_b.curves[b]
+    x, y, _ = moved(motion, turning_point(rho_z, t, angle))
+    element_a, wa = place_of(tree_a, a, s, math.atan2(y, x))
+    p = point_on(tree_a, element_a, wa[0], wa[1])
+    q = point_on(tree_b, element_b, wb[0], wb[1])
+    way = sub(moved(state.motions[0], q), p)
+    if norm(way) < state.progress[0].distance:
+        keep(state, norm(way), element_a, element_b, wa, wb, way)
+        take_plane(tree_a, state)
+
+
+@inlined
+def find_minimum(state, a, b):
+    """Which minimum is of these two pieces; NONE where none is known."""
+    minima = state.waiting.minima
+    for k in range(min(state.progress[0].minima, MINIMA)):
+        if minima[k].curve_a == a and minima[k].curve_b == b:
+            return k
+    return NONE
+
+
+@kernel
+def keep_same(tree_a, tree_b, state):
+    """Keep the points that progress tells of as the nearest."""
+    progress = state.progress[0]
+    wa, wb = progress.weights_a, progress.weights_b
+    a, b = progress.element_a, progress.element_b
+    wa, wb = (wa[0], wa[1], 0.0), (wb[0], wb[1], 0.0)
+    p, q = point_on(tree_a, a, wa[0], wa[1]), point_on(tree_b, b, wb[0], wb[1])
+    way = sub(moved(state.motions[0], q), p)
+    keep(state, norm(way), a, b, wa, wb, way)
+
+
+@kernel
+def measure_again(tree_a, tree_b, state):
+    """Find the local minimum near the points that were nearest, and keep it."""
+    progress = state.progress[0]
+    motion = on_stack(12, 0.0)
+    relative(tree_a, tree_b, state.motions[0], motion)
+    a, s, _ = spot_of(tree_a, progress.element_a, progress.weights_a)
+    b, t, angle = spot_of(tree_b, progress.element_b, progress.weights_b)
+    measure_rings(tree_a, tree_b, state, motion, a, b, s, t, angle)
+
+
+@kernel
+def look_around(tree_a, tree_b, state):
+    """Find a local minimum from nothing: halve what is least straight, and take the nearer half.
+
+    Of several nearest ones it may be any, or one that is farther.
+    """
+    motion = on_stack(12, 0.0)
+    relative(tree_a, tree_b, state.motions[0], motion)
+    arcs_a, arcs_b = tree_a.arcs, tree_b.arcs
+    a = b = np.int64(0)
+    angle, half = 0.0, math.pi
+    s = t = 0.0
+    while True:
+        arc_a, arc_b = arcs_a[a], arcs_b[b]
+        long_a, long_b, around = bends(arc_a, arc_b, sector_of(angle, half), half, motion)
+        whole = arc_a.curve == NONE, arc_b.curve == NONE
+        if not (whole[0] or whole[1] or half > SMALL):
+            break
+        of_a = whole[0] and (long_a >= max(long_b, around) or not (whole[1] or half > SMALL))
+        of_b = not of_a and whole[1] and (long_b >= around or half <= SMALL)
+        best, found = np.inf, 0
+        for k in range(2):
+            i, j, at_angle, at_half = a, b, angle, half
+            if of_a:
+                i = arc_a.child + k
+            elif of_b:
+                j = arc_b.child + k
+            else:
+                at_half = 0.5 * half
+                at_angle = angle + (at_half if k else -at_half)
+            sector = sector_of(at_angle, at_half)
+            apart, _, _, at = facing(arcs_a[i], arcs_b[j], sector, at_half, motion)
+            if apart < best:
+                best, found, s, t = apart, k, at[0], at[1]
+        if of_a:
+            a = np.int64(arc_a.child) + found
+        elif of_b:
+            b = np.int64(arc_b.child) + found
+        else:
+            half *= 0.5
+            angle += half if found else -half
+    arc_a, arc_b = arcs_a[a], arcs_b[b]
+    s = arc_a.low + 0.5 * (1.0 + s) * (arc_a.high - arc_a.low)
+    t = arc_b.low + 0.5 * (1.0 + t) * (arc_b.high - arc_b.low)
+    measure_rings(tree_a, tree_b, state, motion, arc_a.curve, arc_b.curve, s, t, angle)
+
+
+@kernel
+def take_plane(tree_a, state):
+    """Keep along which direction of a's plane the nearest points are apart."""
+    progress = state.progress[0]
+    f, n = tree_a.frame, progress.normal_a
+    p = point_on(tree_a, progress.element_a, progress.weights_a[0], progress.weights_a[1])
+    p = sub(p, (f[3, 0], f[3, 1], f[3, 2]))
+    x = f[0, 0] * p[0] + f[0, 1] * p[1] + f[0, 2] * p[2]
+    y = f[1, 0] * p[0] + f[1, 1] * p[1] + f[1, 2] * p[2]
+    nx = f[0, 0] * n[0] + f[0, 1] * n[1] + f[0, 2] * n[2]
+    ny = f[1, 0] * n[0] + f[1, 1] * n[1] + f[1, 2] * n[2]
+    nz = f[2, 0] * n[0] + f[2, 1] * n[1] + f[2, 2] * n[2]
+    far = np.sqrt(x * x + y * y)
+    if far > 0.0:
+        x, y = x / far, y / far
+    else:
+        x, y = 1.0, 0.0
+    across = nx * x + ny * y
+    length = np.sqrt(across * across + nz * nz)
+    if length > 0.0:
+        progress.along[0], progress.along[1] = across / length, nz / length
+    else:
+        progress.along[0], progress.along[1] = 1.0, 0.0
+    progress.along[2], progress.along[3] = x, y

@@ -1,0 +1,146 @@
+"""Newton's method for the nearest points of two pieces of profiles that turn.
+
+In the parameters s of a's piece, t of b's and b's angle; a's angle is that of b's point: see
+`bound`. It makes upper bounds alone, so whatever it does is right. Parameters at the end of their
+range that the gradient presses outwards are held there, and where the Hessian is not positive it is
+made so (Levenberg 1944, Marquardt 1963).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from .profile import jet_of
+
+_MOST, _TRIALS = 24, 8
+"""Iterations, and trials of a step, at the most."""
+
+_WIDEST = 0.7
+"""The largest step of the angle, radians."""
+
+
+@inlined
+def turned(motion, x, y, z):
+    """A vector of b's frame in that of a."""
+    return (
+        motion[0] * x + motion[1] * y + motion[2] * z,
+        motion[3] * x + motion[4] * y + motion[5] * z,
+        motion[6] * x + motion[7] * y + motion[8] * z,
+    )
+
+
+@inlined
+def _in_plane(curve_a, curve_b, motion, s, t, angle):
+    """From a's point to b's in a's plane, and b's point in a's frame."""
+    (rho, height), _, _ = jet_of(curve_a, s)
+    (r, z), _, _ = jet_of(curve_b, t)
+    x, y, h = turned(motion, r * np.cos(angle), r * np.sin(angle), z)
+    x, y, h = x + motion[9], y + motion[10], h + motion[11]
+    return np.sqrt(x * x + y * y) - rho, h - height, x, y
+
+
+@kernel
+def derivatives_at(curve_a, curve_b, motion, s, t, angle):
+    """The way d in a's plane from a's point to b's, and the derivatives of its two parts.
+
+    Returns the way; b's distance from a's axis and its azimuth there; the first derivatives of the
+    way's parts by s, t and the angle; the second derivatives of rho by tt, t angle and twice the
+    angle, and of z; a's second derivative; and the parts across the half-plane of b's derivatives.
+    """
+    (rho, height), (rho_s, z_s), second = jet_of(curve_a, s)
+    (r, z), (r1, z1), (r2, z2) = jet_of(curve_b, t)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    x, y, h = turned(motion, r * cosine, r * sine, z)
+    x, y, h = x + motion[9], y + motion[10], h + motion[11]
+    far = np.sqrt(x * x + y * y)
+    ex, ey = 1.0, 0.0
+    if far > 0.0:
+        ex, ey = x / far, y / far
+    inverse = 1.0 / far if far > 0.0 else 0.0
+    t0, t1, tz = turned(motion, r1 * cosine, r1 * sine, z1)
+    a0, a1, az = turned(motion, -r * sine, r * cosine, 0.0)
+    tt0, tt1, ttz = turned(motion, r2 * cosine, r2 * sine, z2)
+    ta0, ta1, taz = turned(motion, -r1 * sine, r1 * cosine, 0.0)
+    aa0, aa1, aaz = turned(motion, -r * cosine, -r * sine, 0.0)
+    rho_t, rho_a = ex * t0 + ey * t1, ex * a0 + ey * a1
+    across_t, across_a = ex * t1 - ey * t0, ex * a1 - ey * a0
+    rho_tt = ex * tt0 + ey * tt1 + across_t * across_t * inverse
+    rho_ta = ex * ta0 + ey * ta1 + across_t * across_a * inverse
+    rho_aa = ex * aa0 + ey * aa1 + across_a * across_a * inverse
+    return (
+        (far - rho, h - height), (far, ex, ey),
+        ((-rho_s, -z_s), (rho_t, tz), (rho_a, az)),
+        ((rho_tt, ttz), (rho_ta, taz), (rho_aa, aaz)), second, (across_t, across_a), (r, r1, r2),
+    )  # fmt: skip
+
+
+@inlined
+def _solved(h, damping, g):
+    """The step -(H + damping)^-1 g, and whether that matrix is positive."""
+    h00, h10, h11, h20, h21, h22 = h
+    least = 1e-14 * (abs(h00) + abs(h11) + abs(h22))
+    none = (0.0, 0.0, 0.0)
+    d0 = h00 + damping
+    if not d0 > least:
+        return False, none
+    l10, l20 = h10 / d0, h20 / d0
+    d1 = h11 + damping - l10 * h10
+    if not d1 > least:
+        return False, none
+    m = h21 - l10 * h20
+    l21 = m / d1
+    d2 = h22 + damping - l20 * h20 - l21 * m
+    if not d2 > least:
+        return False, none
+    y0 = -g[0]
+    y1 = -g[1] - l10 * y0
+    y2 = -g[2] - l20 * y0 - l21 * y1
+    x2 = y2 / d2
+    x1 = y1 / d1 - l21 * x2
+    return True, (y0 / d0 - l10 * x1 - l20 * x2, x1, x2)
+
+
+@kernel
+def nearest_rings(curve_a, curve_b, motion, s, t, angle):
+    """The local minimum near s, t and an angle: the distance, metres, and these three there."""
+    damping = 0.0
+    d0, d1, _, _ = _in_plane(curve_a, curve_b, motion, s, t, angle)
+    squared = d0 * d0 + d1 * d1
+    for _ in range(_MOST):
+        way, _, first, second, bend, _, _ = derivatives_at(curve_a, curve_b, motion, s, t, angle)
+        f0, f1, f2 = first
+        tt, ta, aa = second
+        g0 = way[0] * f0[0] + way[1] * f0[1]
+        g1 = way[0] * f1[0] + way[1] * f1[1]
+        g2 = way[0] * f2[0] + way[1] * f2[1]
+        h00 = f0[0] * f0[0] + f0[1] * f0[1] - way[0] * bend[0] - way[1] * bend[1]
+        h10 = f0[0] * f1[0] + f0[1] * f1[1]
+        h20 = f0[0] * f2[0] + f0[1] * f2[1]
+        h11 = f1[0] * f1[0] + f1[1] * f1[1] + way[0] * tt[0] + way[1] * tt[1]
+        h21 = f1[0] * f2[0] + f1[1] * f2[1] + way[0] * ta[0] + way[1] * ta[1]
+        h22 = f2[0] * f2[0] + f2[1] * f2[1] + way[0] * aa[0] + way[1] * aa[1]
+        scale = abs(h00) + abs(h11) + abs(h22)
+        if (s <= 0.0 and g0 > 0.0) or (s >= 1.0 and g0 < 0.0):
+            g0, h00, h10, h20 = 0.0, scale, 0.0, 0.0
+        if (t <= 0.0 and g1 > 0.0) or (t >= 1.0 and g1 < 0.0):
+            g1, h11, h10, h21 = 0.0, scale, 0.0, 0.0
+        better = False
+        gain = 0.0
+        for _ in range(_TRIALS):
+            positive, step = _solved((h00, h10, h11, h20, h21, h22), damping, (g0, g1, g2))
+            if positive:
+                new_s = min(max(s + step[0], 0.0), 1.0)
+                new_t = min(max(t + step[1], 0.0), 1.0)
+                new_angle = angle + min(max(step[2], -_WIDEST), _WIDEST)
+                d0, d1, _, _ = _in_plane(curve_a, curve_b, motion, new_s, new_t, new_angle)
+                trial = d0 * d0 + d1 * d1
+                if trial < squared:
+                    gain, squared, better = squared - trial, trial, True
+                    s, t, angle = new_s, new_t, new_angle
+                    damping = 0.1 * damping if damping > 1e-6 * scale else 0.0
+                    break
+            damping = max(4.0 * damping, 1e-3 * scale)
+        if not better or gain <= 1e-16 * squared:
+            break
+    return np.sqrt(squared), s, t, angle

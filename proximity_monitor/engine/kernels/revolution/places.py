@@ -1,0 +1,61 @@
+"""Points of a profile that turns as points of the patches that it sweeps, and back.
+
+A patch's second parameter runs around the axis, a quarter turn from each whole number to the next:
+a rational quadratic with the weights 1, sqrt(1/2) and 1. There
+s : 1 - s = sin(phi / 2) : sin(pi / 4 - phi / 2) at the angle phi.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.jit import kernel
+from .profile import jet_of
+
+
+@kernel
+def turning_point(curve, t, angle):
+    """The point of a piece of a profile at t and an angle, metres, the profile's frame."""
+    (rho, z), _, _ = jet_of(curve, t)
+    return (rho * math.cos(angle), rho * math.sin(angle), z)
+
+
+@kernel
+def place_of(tree, k, t, angle):
+    """The element of a tree's patches at t on the k-th piece and an angle; its weights there."""
+    curve = tree.curves[k]
+    part = min(np.int64(t * curve.parts), np.int64(curve.parts - 1))
+    u = min(max(t * curve.parts - part, 0.0), 1.0)
+    angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi))
+    quarter = min(np.int64(angle / (0.5 * math.pi)), 3)
+    phi = min(max(angle - 0.5 * math.pi * quarter, 0.0), 0.5 * math.pi)
+    one, other = math.sin(0.5 * phi), math.sin(0.25 * math.pi - 0.5 * phi)
+    each = curve.around // 4
+    v = one / (one + other) * each
+    column = min(np.int64(v), np.int64(each - 1))
+    v = min(max(v - column, 0.0), 1.0)
+    element = tree.places[curve.first + part * curve.around + quarter * each + column]
+    return np.int64(element), (u, v, 0.0)
+
+
+@kernel
+def spot_of(tree, element, weights):
+    """Which piece of the profile a point of an element lies on, and t and the angle there."""
+    piece = tree.pieces[element]
+    k = 0
+    for i in range(len(tree.curves)):
+        curve = tree.curves[i]
+        if curve.patch == piece.patch and curve.low <= piece.low[0] < curve.high:
+            k = i
+            break
+    curve = tree.curves[k]
+    u = piece.low[0] + weights[0] * (piece.high[0] - piece.low[0])
+    v = piece.low[1] + weights[1] * (piece.high[1] - piece.low[1])
+    t = min(max((u - curve.low) / (curve.high - curve.low), 0.0), 1.0)
+    quarter = min(math.floor(v), 3.0)
+    s = v - quarter
+    both = math.sqrt(2.0) * s * (1.0 - s)
+    phi = math.atan2(s * s + both, (1.0 - s) * (1.0 - s) + both)
+    return k, t, 0.5 * math.pi * quarter + phi

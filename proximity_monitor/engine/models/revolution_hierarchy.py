@@ -1,0 +1,90 @@
+"""The hierarchy of a solid of revolution: fat arcs around its profile, beside its patches'."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..kernels.base.state import CURVE_PIECE, RevolutionTree, SurfaceTree
+from ..kernels.base.tables import revolution_table
+from ..kernels.revolution.build import build_arcs
+from .nurbs import frozen
+from .surface_hierarchy import SurfaceHierarchy
+from .surface_tree import parts_of
+
+if TYPE_CHECKING:
+    from .profile import Profile
+
+PRECISION = 1e-5
+"""Share of a profile's largest coordinate down to which arcs are as thin as that. A search makes
+those that are thinner where it needs them."""
+
+_BEYOND = 1e13
+"""Bounds take it that no point is beyond the axis, and `checked_profile` allows for rounding there.
+So much longer is the length of which arcs err by a share of 2.3e-13, for each metre beyond."""
+
+
+class RevolutionHierarchy(SurfaceHierarchy):
+    """Volumes around the pieces of the patches, and fat arcs around those of the profile."""
+
+    KEPT = (*SurfaceHierarchy.KEPT, "arcs", "curves", "frame", "places")
+
+    __slots__ = ("arcs", "curves", "frame", "places")
+
+    arcs: NDArray
+    """(k,) ARC."""
+    curves: NDArray
+    """(c,) CURVE_PIECE."""
+    places: NDArray[np.int32]
+    """Which piece in tree order is which part of a patch."""
+    frame: NDArray[np.float64]
+    """(5, 3) the frame's axes and origin; and of which length arcs err by a share, metres."""
+
+    @classmethod
+    def around(cls, patches: SurfaceHierarchy, profile: Profile, frame: NDArray) -> Self:
+        """The hierarchy of patches that a profile sweeps, turning about the z of a frame (4, 4)."""
+        curves, places = _curves(patches, profile)
+        rows = np.zeros((5, 3))
+        beyond = max(0.0, *(-float(net.points[:, 0].min()) for net in profile.nets))
+        extent = profile.size + _BEYOND * beyond
+        rows[:3], rows[3], rows[4, 0] = frame[:3, :3].T, frame[:3, 3], extent
+        arcs = build_arcs(curves, extent, PRECISION * profile.size)
+        kept = {name: getattr(patches, name) for name in SurfaceHierarchy.KEPT}
+        own = {"arcs": arcs, "curves": curves, "places": places, "frame": rows}
+        return cls._made(kept | {name: frozen(array) for name, array in own.items()})
+
+    @property
+    def tree_kind(self) -> type:
+        """That of solids of revolution: against others it is taken for its patches."""
+        return RevolutionTree
+
+    def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
+        whole = RevolutionTree(*tree, self.arcs, self.curves, self.places, self.frame)
+        return revolution_table(whole, self.numbers)
+
+    @staticmethod
+    def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:
+        own = (state["arcs"], state["curves"], state["places"], state["frame"])
+        return *own, *SurfaceHierarchy._frozen(state)
+
+
+def _curves(patches: SurfaceHierarchy, profile: Profile) -> tuple[NDArray, NDArray[np.int32]]:
+    """The pieces of a profile, and which piece of the patches, in tree order, is which part."""
+    parts = parts_of(patches.nets)
+    made = []
+    first = 0
+    for k, (net, patch) in enumerate(zip(profile.nets, patches.nets, strict=True)):
+        pieces, (along, _) = net.pieces()[:, 0, :, 0], net.spans
+        own = np.zeros(len(pieces), CURVE_PIECE)
+        own["control"][:, : 3 * pieces.shape[1]] = pieces[..., [0, 1, 3]].reshape(len(pieces), -1)
+        own["degree"], own["patch"], own["parts"] = pieces.shape[1] - 1, k, parts
+        own["around"] = len(patch.spans[1].low) * parts
+        own["low"], own["high"] = along.low, along.high
+        own["first"] = first + np.arange(len(pieces)) * own["around"] * parts
+        first += int((own["around"] * parts).sum())
+        made.append(own)
+    places = np.empty(len(patches.order), np.int32)
+    places[patches.order] = np.arange(len(places))
+    return np.concatenate(made), places

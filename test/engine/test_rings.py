@@ -1,0 +1,223 @@
+"""Two solids of revolution: their fat arcs hold the profile, and searches over these are right."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY, pose, translation
+from test_revolution import ball, cylinder, torus, vase
+
+from proximity_monitor import engine
+from proximity_monitor.engine import Curve, SolidOfRevolution, Status
+
+TURNED = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def wavy(degree, rational, seed=0, count=14):
+    """A profile of random bumps, from the axis to the axis."""
+    rng = np.random.default_rng(seed)
+    rho = rng.uniform(0.2, 0.6, count)
+    rho[[0, -1]] = 0.0
+    knots = np.concatenate(
+        (np.zeros(degree + 1), np.arange(1, count - degree), np.full(degree + 1, count - degree))
+    )
+    weights = np.exp(rng.uniform(-1.0, 1.0, count)) if rational else None
+    return SolidOfRevolution(
+        [Curve(np.column_stack((rho, np.linspace(0.0, 1.5, count))), knots, weights)]
+    )
+
+
+def patches(solid):
+    """The same as a surface of patches, of which a search knows nothing else."""
+    return engine.ParametricSurface.of(
+        solid.nets, name=solid.name, deviation=solid.deviation, solid=None
+    )
+
+
+SOLIDS = {
+    "vase": vase(),
+    "torus": torus(1.0, 0.3),
+    "thin ring": torus(1.0, 1e-4),
+    "ball": ball(0.5),
+    "cylinder": cylinder(0.4, 1.0),
+    "wavy": wavy(3, rational=False),
+    "rational": wavy(2, rational=True, seed=1),
+    "many spans": wavy(3, rational=False, seed=2, count=203),
+    "degree 7": wavy(7, rational=True, seed=3),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_arcs_hold_the_profile(name):
+    """No point of a part is farther from its arc than that errs; limits of derivatives hold."""
+    solid = SOLIDS[name]
+    hierarchy = solid._hierarchy
+    shares = np.linspace(0.0, 1.0, 17)
+    chosen = np.random.default_rng(0).permutation(len(hierarchy.arcs))[:60]
+    for arc in hierarchy.arcs[[0, *chosen]]:
+        inside = range(len(hierarchy.curves)) if arc["curve"] < 0 else [arc["curve"]]
+        if arc["curve"] < 0 and arc != hierarchy.arcs[0]:
+            continue
+        held = [_points(solid, hierarchy.curves[k], arc, shares, 0)[:, 0] for k in inside]
+        assert _from_arc(arc, np.concatenate(held)).max() <= arc["error"]
+        if arc["curve"] >= 0:
+            wider = np.linspace(-0.5, 1.5, 33)
+            found = _points(solid, hierarchy.curves[arc["curve"]], arc, wider, 3)
+            lengths = np.linalg.norm(found[:, 1:], axis=2)
+            assert (lengths <= arc["limits"] * (1.0 + 1e-6) + 1e-12).all()
+    assert (
+        hierarchy.arcs["error"][hierarchy.arcs["child"] < 0].max() <= 1.01e-5 * solid.profile.size
+    )
+
+
+def _points(solid, curve, arc, shares, order):
+    """Points and derivatives (k, order + 1, 2) of a part of a piece, by the piece's parameter."""
+    t = arc["low"] + shares * (arc["high"] - arc["low"])
+    t = np.clip(t, 0.0, 1.0)
+    width = curve["high"] - curve["low"]
+    # Not onto a knot, where the derivatives of the next piece may be other ones.
+    at = curve["low"] + np.clip(t, 1e-9, 1.0 - 1e-9) * width
+    net = solid.profile.nets[curve["patch"]]
+    found = net.derivatives(at, np.zeros(len(at)), order)[:, :, 0, :2]
+    return found * width ** np.arange(order + 1)[:, None]
+
+
+def _from_arc(arc, points):
+    """How far points are from an arc, metres; its angle is that between its ends."""
+    half = np.hypot(*arc["half"])
+    if half == 0.0:
+        return np.hypot(*(points - arc["middle"]).T)
+    along = arc["half"] / half
+    across = np.array([-along[1], along[0]])
+    x, y = (points - arc["middle"]) @ along, (points - arc["middle"]) @ across
+    if arc["sine"] == 0.0:
+        return np.hypot(np.maximum(np.abs(x) - half, 0.0), y)
+    radius = half / abs(arc["sine"])
+    y = np.sign(arc["sine"]) * y + radius * arc["cosine"]
+    ends = np.hypot(np.abs(x) - half, y - radius * arc["cosine"])
+    within = np.abs(x) * arc["cosine"] <= y * abs(arc["sine"])
+    return np.where(within, np.abs(np.hypot(x, y) - radius), ends)
+
+
+@pytest.mark.parametrize(("one", "other"), itertools.combinations_with_replacement(SOLIDS, 2))
+def test_as_their_patches(one, other):
+    """At random poses, near and far, crossing ones among them; in either order."""
+    a, b = SOLIDS[one], SOLIDS[other]
+    rng = np.random.default_rng(len(one) + 7 * len(other))
+    for place in (0.2, 0.8, 1.6, 6.0):
+        at_a, at_b = pose(rng), pose(rng, place)
+        expected = engine.distance(patches(a), at_a, patches(b), at_b)
+        for found in (
+            engine.distance(a, at_a, b, at_b),
+            engine.distance(b, at_b, a, at_a),
+            engine.distance(a, at_a, b, at_b, rel_err=1e-3),
+        ):
+            assert found.lower <= expected.upper + 1e-12
+            assert found.upper >= expected.lower - 1e-12
+        close = engine.distance(a, at_a, b, at_b)
+        assert close.upper - close.lower <= 1e-10 * (1.0 + close.upper)
+        gap = np.linalg.norm(close.point_a - close.point_b)
+        assert abs(gap - close.upper) < 1e-10
+
+
+def test_continua_and_poles():
+    """Where whole circles are nearest, bounds meet as far as arcs allow, and are never wrong."""
+    ring, wide = torus(1.0, 0.3), torus(2.0, 0.2)
+    for a, b, at, expected in (
+        (ring, wide, IDENTITY, 0.5),  # concentric
+        (ring, ring, translation(0, 0, 1.0), 0.4),  # coaxial
+        (ball(0.5), ring, IDENTITY, 0.2),
+        (ball(0.5), ball(0.25), IDENTITY, 0.25),  # nested: every pair of points is nearest
+        (cylinder(0.4, 1.0), cylinder(0.3, 1.0), translation(1.0, 0, 0), 0.3),  # parallel
+        (cylinder(0.4, 1.0), cylinder(0.4, 1.0), translation(0, 0, 1.25), 0.25),  # faces
+        (vase(), ball(0.1), translation(0, 0, -0.35), 0.25),  # pole to pole
+        (ball(0.5), ball(0.5), TURNED @ translation(0, 0, 1.0 + 1e-12), 1e-12),
+    ):
+        found = engine.distance(a, IDENTITY, b, at, budget_s=0.2)
+        assert found.lower <= expected + 1e-15 and found.upper >= expected - 1e-12
+        assert found.upper - found.lower < 1e-3
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-6, 1e-10, 0.0, -1e-6])
+def test_interlocked_and_near_contact(gap):
+    """Two rings through each other, which nearly touch inside."""
+    ring = torus(1.0, 0.3)
+    at = np.eye(4)
+    at[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    at[0, 3] = 1.4 - gap
+    expected = engine.distance(patches(ring), IDENTITY, patches(ring), at)
+    found = engine.distance(ring, IDENTITY, ring, at)
+    assert found.lower <= expected.upper + 1e-12 and found.upper >= expected.lower - 1e-12
+    assert found.upper - found.lower <= 1e-10
+
+
+def test_ratios_of_size():
+    """A grain beside a mill-stone, and both where coordinates are large."""
+    large, small = torus(1000.0, 300.0), ball(1e-3)
+    at = translation(1300.5, 0, 0)
+    found = engine.distance(large, IDENTITY, small, at)
+    assert found.lower <= 0.499 <= found.upper
+    assert found.upper - found.lower < 1e-8
+    far = translation(1e5, -1e5, 1e5)
+    moved = engine.distance(large, far, small, far @ at)
+    assert moved.lower <= 0.499 + 1e-9 and moved.upper >= 0.499 - 1e-9
+
+
+def test_cut_and_resumed():
+    """A search that is cut again and again ends with the same answer; its bounds always hold."""
+    a, b = SOLIDS["vase"], SOLIDS["wavy"]
+    at = pose(np.random.default_rng(5), 1.3)
+    whole = engine.distance(a, IDENTITY, b, at)
+    pair = engine.Pair(a, b)
+    for _ in range(10_000):
+        found = pair.distance(IDENTITY, at, budget_s=0.0)
+        assert found.lower <= whole.upper and found.upper >= whole.lower
+        if found.status is not Status.OUT_OF_TIME:
+            break
+    assert found.status is Status.EXACT
+    assert abs(found.upper - whole.upper) < 1e-12
+
+
+def test_all_questions():
+    """Those that list what is nearest go by the patches; the memory of a pair serves both."""
+    a, b = SOLIDS["vase"], ball(0.5)
+    at = translation(1.5, 0, 0.4)
+    pair = engine.Pair(a, b)
+    exact = pair.distance(IDENTITY, at)
+    assert pair.within(IDENTITY, at, exact.upper + 1e-6).within
+    assert not pair.within(IDENTITY, at, exact.lower - 1e-6).within
+    assert not pair.collide(IDENTITY, at).colliding
+    listed = pair.distance(IDENTITY, at, manifold=True)
+    assert abs(listed.upper - exact.upper) < 1e-10
+    again = pair.distance(IDENTITY, at)
+    assert again.feature_a.kind == "profile" and abs(again.upper - exact.upper) < 1e-12
+    crossing = pair.collide(IDENTITY, translation(0.7, 0, 0.4), all_contacts=True)
+    assert crossing.colliding
+    many = engine.distances(a, np.tile(IDENTITY, (5, 1, 1)), b, np.tile(at, (5, 1, 1)))
+    assert np.abs(many.upper - exact.upper).max() < 1e-10
+    bodies = engine.Assembly([a, b, SOLIDS["torus"], engine.points([[0.7, 0, 3]], radius=0.1)])
+    places = np.stack([IDENTITY, at, translation(-2.0, 0, 0), IDENTITY])
+    pairs = list(itertools.combinations(range(4), 2))
+    together = bodies.distances(places, pairs)
+    for k, (i, j) in enumerate(pairs):
+        alone = engine.distance(bodies.models[i], places[i], bodies.models[j], places[j])
+        assert abs(together.upper[k] - alone.upper) < 1e-9
+    signed = bodies.distances(places, pairs, signed=True)
+    assert np.abs(signed.upper - together.upper).max() < 1e-9
+
+
+def test_coherent_and_deforming():
+    """A path of poses and shapes: each answer is that of a search from nothing."""
+    a, b = vase(), torus(0.8, 0.2)
+    pair = engine.Pair(a, b)
+    shapes = [vase(0.6 + 0.05 * k).control_points for k in range(3)]
+    for k in range(30):
+        if k % 5 == 0:
+            a.deform(shapes[(k // 5) % 3])
+        at = translation(0.05 * k, 0.3, 1.0 - 0.1 * k)
+        turn = 0.1 * k
+        at[1:3, 1:3] = [[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]
+        found, fresh = pair.distance(IDENTITY, at), engine.distance(a, IDENTITY, b, at)
+        assert abs(found.upper - fresh.upper) < 1e-10
+        assert found.lower <= fresh.upper and fresh.lower <= found.upper

@@ -1,0 +1,21 @@
+"""Searches that run out of room for parts of surfaces."""
+
+import numpy as np
+from engine_bodies import IDENTITY
+from test_revolution import torus
+
+from proximity_monitor import engine
+
+
+def test_an_assembly_of_a_surface_and_a_mesh():
+    """Triangles stay what they are where parts of the surface are given up, in either order."""
+    inner = torus(1.0, 0.3)
+    shown = torus(1.0, 0.7).display_mesh(1e-3)  # around it: all of it is about equally near
+    mesh = engine.TriangleMesh(shown.vertices, shown.faces, solid=False)
+    bodies = engine.Assembly([inner, mesh])
+    for pair in ((0, 1), (1, 0)):
+        together = bodies.distances(np.stack([IDENTITY, IDENTITY]), [pair], budget_s=0.5)
+        alone = engine.distance(inner, IDENTITY, mesh, IDENTITY, budget_s=0.5)
+        assert together.lower[0] <= alone.upper + 1e-12
+        assert together.upper[0] >= alone.lower - 1e-12
+        assert 0.399 <= together.upper[0] <= 0.4 + 1e-9
