@@ -39,7 +39,7 @@ _EFFECTS: dict[str, Maker] = {
     "script": lambda settings, scene, models, live: Script(**settings),
     "bag": lambda settings, scene, models, live: Bag(**settings, frame=scene.frame),
     "dynamics": dynamics.from_settings,
-    "deform": lambda settings, scene, models, live: deform.from_settings(settings, models),
+    "deform": lambda settings, scene, models, live: deform.from_settings(settings, scene, models),
 }
 """Makers of effects, maker(settings, scene, models, live), by key in a scene's `motion` section."""
 
@@ -67,7 +67,9 @@ def from_scene(
         )
     shapes = _Models(scene) if models is None else models
     effects = [
-        _EFFECTS[name](settings, scene, shapes, live) for name, settings in scene.motion.items()
+        _EFFECTS[name](settings, scene, shapes, live)
+        for name, settings in scene.motion.items()
+        if name != "deform" or "dynamics" not in scene.motion  # which then deforms its bodies
     ]
     return effects[0] if len(effects) == 1 else Together(effects)
 

@@ -1,19 +1,22 @@
-"""Bodies whose control points follow a field: bend, twist, stretch, wave, breathe."""
+"""Bodies whose control points follow a field: bend, twist, stretch, wave, breathe, morph."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from proximity_monitor.motion.motion import Motion, counted
+from proximity_monitor.scene import load_model
 
 if TYPE_CHECKING:
     from proximity_monitor.engine import Model
+    from proximity_monitor.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,31 +34,37 @@ class Field:
     - bend: the axis becomes an arc of curvature ``k = A g / r`` towards b, its length kept:
       ``c + (sin(k s) / k - u sin(k s)) a + ((1 - cos(k s)) / k + u cos(k s)) b + (p - u b)`` with
       ``u = p · b``;
-    - wave: ``x + A sin(2π (s / λ - f t) - φ) b``, which travels along a and is never at rest.
+    - wave: ``x + A sin(2π (s / λ - f t) - φ) b``, which travels along a and is never at rest;
+    - morph: through other shapes and back to the one at rest, in equal parts of a period. From one
+      shape to the next each point goes straight, by the share ``sin²(π τ / 2)``, τ from 0 to 1.
 
     Attributes:
         field: its name.
-        amplitude: A; radians of twist and bend, metres of wave, else a number.
         frequency_hz: f.
+        amplitude: A; radians of twist and bend, metres of wave, else a number; unused by morph.
         phase: φ, radians.
-        axis: (3,) a, model frame; unused by breathe.
+        axis: (3,) a, model frame; unused by breathe and morph.
         across: (3,) b, perpendicular to a; of bend and wave.
         wavelength: λ, metres; of wave.
         centre: (3,) c, model frame, metres; None: the middle of the points' bounding box.
+        shapes: (k, n, 3) metres, model frame; of morph: where the points are in the other shapes.
     """
 
-    field: Literal["bend", "twist", "wave", "stretch", "breathe"]
-    amplitude: float
+    field: Literal["bend", "twist", "wave", "stretch", "breathe", "morph"]
     frequency_hz: float
+    amplitude: float = 0.0
     phase: float = 0.0
     axis: NDArray[np.float64] | None = None
     across: NDArray[np.float64] | None = None
     wavelength: float | None = None
     centre: NDArray[np.float64] | None = None
+    shapes: NDArray[np.float64] | None = None
 
     def moved(self, rest: NDArray[np.float64], t: float) -> NDArray[np.float64]:
         """Return where points (n, 3) of the body at rest are at t seconds; metres, model frame."""
         turn = math.tau * self.frequency_hz * t + self.phase
+        if self.field == "morph":
+            return self._between(rest, turn)
         now = self.amplitude * math.sin(turn)
         centre = self.centre
         if centre is None:
@@ -77,6 +86,14 @@ class Field:
             aside = np.cos(angle)[:, None] * aside + np.sin(angle)[:, None] * around
             return centre + along[:, None] * self.axis + aside
         return centre + self._bent(along, aside, angle)
+
+    def _between(self, rest: NDArray[np.float64], turn: float) -> NDArray[np.float64]:
+        """On the way from one of the shapes to the next; `turn` is 2π a period."""
+        stops = [rest, *self.shapes]
+        place = turn / math.tau % 1.0 * len(stops)
+        before = min(int(place), len(stops) - 1)
+        share = math.sin(0.5 * math.pi * (place - before)) ** 2
+        return (1.0 - share) * stops[before] + share * stops[(before + 1) % len(stops)]
 
     def _bent(
         self, along: NDArray[np.float64], aside: NDArray[np.float64], angle: NDArray[np.float64]
@@ -134,7 +151,11 @@ class Deform(Motion):
         """
         if not math.isfinite(t):
             raise ValueError(f"t: {t} is no time")
-        return {name: each.moved(self._rest[name], t) for name, each in self._fields.items()}
+        return {name: self.shape(name, t) for name in self._fields}
+
+    def shape(self, name: str, t: float) -> np.ndarray:
+        """Return the control points (n, 3) of one of the bodies at t seconds."""
+        return self._fields[name].moved(self._rest[name], t)
 
     def describe(self) -> str:
         """Return e.g. ``deform: 1 body, twist at 0.5 Hz``."""
@@ -142,7 +163,35 @@ class Deform(Motion):
         return f"deform: {counted(len(kinds), 'body', 'bodies')}, {', '.join(dict.fromkeys(kinds))}"
 
 
-def from_settings(settings: Mapping[str, Any], models: Mapping[str, Model]) -> Deform:
-    """Return the effect that the section `motion.deform` of a scene describes."""
-    fields = {name: Field(**each) for name, each in settings["bodies"].items()}
+def from_settings(settings: Mapping[str, Any], scene: Scene, models: Mapping[str, Model]) -> Deform:
+    """Return the effect that the section `motion.deform` of a scene describes.
+
+    Raises:
+        ValueError: a shape to go through has other control points than its body; or is no model.
+    """
+    fields = {}
+    for name, each in settings["bodies"].items():
+        shapes = _shapes(name, each["through"], scene, models[name])
+        rest = {key: value for key, value in each.items() if key != "through"}
+        fields[name] = Field(**rest, shapes=shapes)
     return Deform(fields, models)
+
+
+def _shapes(
+    name: str, through: Sequence[Path], scene: Scene, model: Model
+) -> NDArray[np.float64] | None:
+    """The control points (k, n, 3) of the models that a body becomes, in its frame, metres."""
+    if not through:
+        return None
+    body = next(body for body in scene.bodies if body.name == name)
+    found = []
+    for path in through:
+        other = load_model(replace(body, model=path, primitive=None), scene.unit)
+        if other.control_points.shape != model.control_points.shape:
+            raise ValueError(
+                f"{scene.path}: motion.deform.bodies.{name}.through: {path} has "
+                f"{len(other.control_points)} {other.control_name}, but {name} has "
+                f"{len(model.control_points)} {model.control_name}"
+            )
+        found.append(other.control_points)
+    return np.stack(found)

@@ -121,7 +121,7 @@ def _primitive(data: dict[str, Any], unit: Unit) -> Primitive:
         return Point()
     radius = unit.to_metre * values["radius"]
     if kind == "cylinder":
-        return Cylinder(radius, unit.to_metre * values["height"], int(values.get("segments", 64)))
+        return Cylinder(radius, unit.to_metre * values["height"], values.get("segments"))
     if kind == "capsule":
         return Capsule(radius, unit.to_metre * values["length"])
     return Sphere(radius, values.get("subdivisions"))

@@ -39,13 +39,14 @@ class Box:
 class Cylinder:
     """About z, centred on the origin; lengths in metres.
 
-    It is measured as a prism of `segments` sides. Its own surface is at most
+    With `segments` it is measured as a prism of so many sides. Its own surface is at most
     ``radius * tan(pi / segments / 2) ** 2`` away from the prism's, and bounds are widened by that.
     """
 
     radius: float
     height: float
-    segments: int
+    segments: int | None = None
+    """Sides of the prism; None: the cylinder is exact."""
 
 
 @dataclass(frozen=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,9 @@ from proximity_monitor.scene.poses import rpy_matrix
 
 _SUBDIVISIONS = 3
 """Of the icosahedron that a deforming sphere is."""
+
+_SEGMENTS = 64
+"""Sides of the prism that a cylinder is where it has to be a mesh."""
 
 
 def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
@@ -76,6 +80,8 @@ def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
         case Box(size):
             return shapes.box([length * scale for length in size], **how)
         case Cylinder(radius, height, segments):
+            if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
+                segments = segments or _SEGMENTS
             return shapes.cylinder(radius * scale, height * scale, segments, **how)
         case Sphere(radius, subdivisions):
             return shapes.sphere(radius * scale, subdivisions, **how)
@@ -100,5 +106,7 @@ def _mesh_of(primitive: Primitive, scale: float, name: str, how: dict[str, Any])
     """A mesh that begins as a primitive; then its vertices go wherever they are told."""
     if isinstance(primitive, Sphere) and primitive.subdivisions is None:
         primitive = Sphere(primitive.radius, _SUBDIVISIONS)
+    if isinstance(primitive, Cylinder) and primitive.segments is None:
+        primitive = replace(primitive, segments=_SEGMENTS)
     vertices, faces, _ = _shape(primitive, scale).display_mesh(0.0)
     return engine.shapes.triangles(vertices, faces, name=name, **how)

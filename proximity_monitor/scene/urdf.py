@@ -26,6 +26,8 @@ from proximity_monitor.scene.report import shown
 
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
 _SEGMENTS = 64
+"""Sides of a cylinder: a link of several shapes is one mesh, and the distance of an exact cylinder
+from a box or a mesh takes several times as long as the prism's."""
 # Metres or radians. Beyond this, float64 rounds by more than a robot's clearances, and products of
 # such numbers could overflow.
 _LARGEST = 1e9

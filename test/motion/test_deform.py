@@ -87,6 +87,18 @@ def test_a_wave_travels_along_its_axis():
     assert abs(at_zero[0, 0]) > 0.001
 
 
+@pytest.mark.parametrize("t", [0.0, 0.7, 1.0, 1.9, 3.0, 4.4, 6.0, 7.5])
+def test_a_morph_goes_through_all_shapes_and_back(t):
+    """Three shapes in six seconds; half-way between two all points are in the middle."""
+    shapes = np.stack((2.0 * REST, REST + 1.0))
+    moved = Field("morph", frequency_hz=1.0 / 6.0, shapes=shapes).moved(REST, t)
+    stops = REST, *shapes, REST
+    before, share = divmod(t % 6.0 / 2.0, 1.0)
+    way = 0.5 - 0.5 * math.cos(math.pi * share)
+    expected = stops[int(before)] + way * (stops[int(before) + 1] - stops[int(before)])
+    assert moved == pytest.approx(expected, abs=1e-14)
+
+
 SCENE = """
 version: 1
 frame: world
@@ -150,9 +162,54 @@ def test_a_refitted_mesh_is_as_near_as_a_new_one(tmp_path):
         ("field: stretch", "field: breathe", "axis: does not belong to the field 'breathe'"),
         ("field: stretch", "field: twist, wavelength: 3", "wavelength: does not belong"),
         ("field: stretch", "field: melt", "field: must be one of"),
+        ("amplitude: 0.25, ", "", "the field 'stretch' needs the key 'amplitude'"),
+        ("amplitude: 0.25", "amplitude: 0.25, through: [a.json]", "through: does not belong"),
+        (
+            "field: stretch, amplitude: 0.25, axis: [0, 0, 2]",
+            "field: morph",
+            "the field 'morph' needs the key 'through'",
+        ),
+        (
+            "field: stretch, amplitude: 0.25, axis: [0, 0, 2]",
+            "field: morph, through: [a.json]",
+            r"through\[0\]: no such file: .*a.json",
+        ),
+        (
+            "field: stretch, amplitude: 0.25, axis: [0, 0, 2]",
+            "field: morph, amplitude: 1, through: [scene.yaml]",
+            "amplitude: does not belong to the field 'morph'",
+        ),
         ("      bellows:", "      balloon:", "no body is named 'balloon'"),
     ],
 )
 def test_bad_settings_are_refused_by_key(tmp_path, old, new, words):
     with pytest.raises(scene.SceneError, match=words):
         load(tmp_path, SCENE.replace(old, new, 1))
+
+
+MORPH = """
+version: 1
+unit: mm
+bodies:
+  - {name: drop, model: rest.json, scale: 2, deforming: true, pose: {position: [0, 0, 0]}}
+  - {name: wall, primitive: {box: {size: [9, 9, 9]}}, pose: {position: [900, 0, 0]}}
+motion: {deform: {bodies: {drop: {field: morph, through: [OTHER.json], frequency_hz: 0.5}}}}
+"""
+
+
+def test_a_morph_between_files(tmp_path):
+    """The other shapes are in the unit and the scale of the body's own, and have as many points."""
+    corners = np.array([[0.0, 0], [20, 0], [30, 40], [0, 50]])
+    shapes = {"rest": corners, "wide": corners * [1.5, 1], "few": corners[[0, 2, 3]]}
+    for name, points in shapes.items():
+        knots = [0, *range(len(points)), len(points) - 1]
+        made = engine.SolidOfRevolution([engine.Curve(points, knots)])
+        engine.save_geomdl(made, tmp_path / f"{name}.json")
+    made = motion.from_scene(load(tmp_path, MORPH.replace("OTHER", "wide")))
+    assert made.describe() == "deform: 1 body, morph at 0.5 Hz"
+    across = np.column_stack((corners[:, 0], 0 * corners[:, 0], corners[:, 1])) * 0.002
+    for t, width in ((0.0, 1.0), (0.5, 1.25), (1.0, 1.5), (1.5, 1.25)):
+        expected = across * [width, 1, 1]
+        assert made.control_points(t)["drop"] == pytest.approx(expected, abs=1e-15)
+    with pytest.raises(ValueError, match=r"scene.yaml: .*few.json has 3 control points, .* has 4"):
+        motion.from_scene(load(tmp_path, MORPH.replace("OTHER", "few")))

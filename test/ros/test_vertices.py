@@ -25,14 +25,20 @@ bodies:
     deforming: true
   - {name: deck, model: deck.json, pose: {position: [0, 0, -300]}}
   - {name: sail, model: sail.json, pose: {position: [0, 0, -100]}, deforming: true}
+  - {name: vase, model: vase.json, pose: {position: [0, 0, -700]}, deforming: true}
 pairs:
   groups: {meshes: [wall, ball, pillar]}
   watch:
     - between: [meshes, meshes]
     - between: [deck, sail]
+    - between: [deck, vase]
 """
-PAIRS = {"ball": "wall - ball", "sail": "deck - sail"}
-CALLED = {"ball": "vertices", "sail": "control points"}
+PAIRS = {"ball": "wall - ball", "sail": "deck - sail", "vase": "deck - vase"}
+CALLED = {"ball": "vertices", "sail": "control points", "vase": "control points"}
+VASE = np.array(
+    [[0, 0], [60, 0], [100, 0], [100, 60], [50, 100], [50, 140], [90, 180], [40, 190], [0, 200.0]]
+)
+"""Control points of its profile, rho and z in millimetres; its tip is 0.2 m below the deck."""
 
 
 def lifted(net, height):
@@ -43,6 +49,11 @@ def lifted(net, height):
     made = net.reshape(3, 3, 3).copy()
     made[1, 1, 2] += 4.0 * height
     return made.reshape(-1, 3)
+
+
+def turned(profile):
+    """Control points (n, 2) of a profile, rho and z in mm, in space where theta is 0, metres."""
+    return 1e-3 * np.column_stack((profile[:, 0], np.zeros(len(profile)), profile[:, 1]))
 
 
 class Soft:
@@ -64,7 +75,7 @@ class Soft:
             self.send(name, self.cloud(shape))
 
     def topic(self, name):
-        return f"bodies/{name}/{'control' if name == 'sail' else 'vertices'}"
+        return f"bodies/{name}/{CALLED.get(name, 'vertices').split()[0]}"
 
     def send(self, name, message):
         self.publishers[name].publish(message)
@@ -116,10 +127,12 @@ def soft(launch_for_all, peer_for_all, tmp_path_factory):
         x, y = np.meshgrid(*2 * [np.linspace(-400.0, 400.0, count)], indexing="ij")
         flat = np.stack((x, y, np.zeros_like(x)), axis=-1)
         engine.save_geomdl(engine.Patch(flat), path.with_name(f"{name}.json"))
+    made = engine.SolidOfRevolution([engine.Curve(VASE, [0, *range(9), 8])])
+    engine.save_geomdl(made, path.with_name("vase.json"))
     process = launch_for_all("node", "-r", "__ns:=/soft", scene=path, pose_timeout_s=1.0)
     peer = peer_for_all(process, "soft")
     models = load_models(load_scene(path))
-    yield Soft(peer, {name: models[name].control_points for name in ("ball", "pillar", "sail")})
+    yield Soft(peer, {name: models[name].control_points for name in ("ball", "pillar", *CALLED)})
     process.stop()
 
 
@@ -151,6 +164,29 @@ def test_a_surface_without_control_points_is_stale_until_they_come_and_follows_t
     assert float(told["lower_m"]) == pytest.approx(0.001, abs=1e-9)
     soft.shapes = shapes
     soft.wait_for_gap(0.2, "sail")
+
+
+def test_a_solid_of_revolution_follows_its_profile_and_refuses_what_is_none(soft):
+    for height in (0.0, 0.15, -0.1, 0.199):  # the foot stays
+        grown = soft.rest["vase"] * [1.0, 1.0, 1.0 + height / 0.2]
+        soft.shapes = soft.rest | {"vase": grown}
+        soft.wait_for_gap(0.2 - height, "vase")
+    soft.shapes = dict(soft.rest)
+    soft.wait_for_gap(0.2, "vase")
+    beyond, crossing = VASE.copy(), VASE.copy()
+    beyond[4, 0] = -20.0
+    crossing[[3, 5]] = crossing[[5, 3]]
+    aside = soft.rest["vase"] + [0.0, 0.01, 0.0]
+    for bad in (turned(beyond), turned(crossing), aside):
+        before = soft.rejected("no sound shape")
+        soft.shapes = soft.rest | {"vase": bad}
+        soft.peer.wait(lambda n=before: soft.rejected("no sound shape") > n, "a count")
+    soft.peer.wait(
+        lambda: "no recent control points of vase" in soft.pair("deck - vase")["text"],
+        "bad profiles to keep nothing fresh",
+    )
+    soft.shapes = dict(soft.rest)
+    soft.wait_for_gap(0.2, "vase")
 
 
 @pytest.mark.parametrize("silent", ["ball", "pillar"])

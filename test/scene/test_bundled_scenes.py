@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.interpolate import BSpline
+from scipy.spatial import cKDTree
 
 from proximity_monitor import engine, motion, scene
 from proximity_monitor.scene.opening import load_models
@@ -98,9 +99,14 @@ def turbine():
     return Played("turbine")
 
 
-@pytest.mark.parametrize("name", ["cave", "peg", "probe", "turbine"])
+@pytest.fixture(scope="module")
+def chess():
+    return Played("chess")
+
+
+@pytest.mark.parametrize("name", ["cave", "chess", "interlocked-rings", "peg", "probe", "turbine"])
 def test_the_tool_makes_the_bundled_files_again(name, tmp_path):
-    tool = ROOT / "tools" / f"make_{name}_scene.py"
+    tool = ROOT / "tools" / f"make_{name.replace('-', '_')}_scene.py"
     environment = os.environ | {"PYTHONSAFEPATH": ""}  # the tools import each other
     subprocess.run(
         [sys.executable, str(tool), str(tmp_path)], env=environment, check=True, capture_output=True
@@ -124,8 +130,8 @@ def test_solids_are_closed_and_face_outwards():
         assert closed(scene.bundled(name).parent / "meshes" / f"{file}.ply"), file
 
 
-def test_every_motion_closes_its_loop(cave, peg, probe, arm, turbine):
-    for played in (cave, peg, probe, arm, turbine):
+def test_every_motion_closes_its_loop(cave, chess, peg, probe, arm, turbine):
+    for played in (cave, chess, peg, probe, arm, turbine):
         first, last = played.poses(0.0), played.poses(played.motion.period_s - 1e-9)
         for name, pose in first.items():
             np.testing.assert_allclose(pose, last[name], atol=1e-6)
@@ -278,6 +284,56 @@ def test_the_turbine_s_models_close_up_and_face_outwards():
         shown = engine.load(file, solid=True).display_mesh(1e-3)
         volume = np.linalg.det(shown.corners()).sum() / 6.0
         assert volume > 0.0, file
+
+
+# chess
+
+
+SHAPES = ("pawn", "cup", "bottle", "table", "light_mill")
+
+
+def outline(name):
+    """Points (n, 2) of a profile, rho and z in mm, by scipy."""
+    file = scene.bundled("chess").parent / "models" / f"{name}.json"
+    (curve,) = json.loads(file.read_text())["revolution"]["profile"]
+    points = np.array(curve["control_points"]["points"])
+    made = BSpline(curve["knotvector"], points, curve["degree"])
+    return made(np.linspace(*np.array(curve["knotvector"])[[0, -1]], 4001))
+
+
+def test_the_pawn_dips_into_the_cup_as_its_comment_says(chess):
+    found = chess.clearance("pawn", "cup", chess.times(201))
+    assert found.min() == pytest.approx(1.109, abs=1e-3)
+    assert chess.warnings("pawn", "cup", found) == 1
+    # The same by points of the pawn's profile, against the cup's in its own half-plane.
+    at = np.linalg.inv(chess.poses(11.5)["cup"]) @ chess.poses(11.5)["pawn"]
+    rho, z = outline("pawn")[::4].T
+    turn = np.linspace(0.0, math.tau, 180, endpoint=False)[:, None]
+    points = np.stack((rho * np.cos(turn), rho * np.sin(turn), 0 * turn + z), axis=-1)
+    x, y, z = (points.reshape(-1, 3) @ at[:3, :3].T + at[:3, 3] / MM).T
+    near, _ = cKDTree(outline("cup")).query(np.column_stack((np.hypot(x, y), z)))
+    assert 1.109 - 1e-3 <= near.min() < 1.12
+
+
+def test_the_changing_solid_is_each_of_the_five_and_stays_clear(chess):
+    """At every time it is a solid: `deform` raises where its profile would cross itself."""
+    model, rest = chess.models["changing"], chess.models["changing"].control_points
+    for k, shape in enumerate(SHAPES):
+        points = chess.motion.control_points(4.0 * k)["changing"]
+        np.testing.assert_allclose(
+            points, chess.models.get(shape, model).control_points, atol=1e-15
+        )
+    least = {}
+    for t in chess.times(101):
+        model.deform(chess.motion.control_points(t)["changing"])
+        for name in ("cup", "table", "light_mill", "bottle"):
+            (found,) = chess.clearance(name, "changing", [t])
+            least[name] = min(least.get(name, np.inf), found)
+    model.deform(rest)
+    across = 2.0 * outline("table")[:, 0].max()
+    assert least["table"] == pytest.approx(113.0 + 5.0 - across, abs=1e-4)
+    assert least["table"] <= chess.pair("table", "changing").thresholds.warn / MM
+    assert min(least.values()) == least["table"]
 
 
 # arm

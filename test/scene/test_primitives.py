@@ -77,11 +77,15 @@ def random_pose(rng, spread):
     return pose
 
 
-@pytest.mark.parametrize("segments", [3, 64])
+@pytest.mark.parametrize("segments", [None, 3, 64])
 def test_a_cylinder_is_one_within_its_deviation(segments):
     mesh = load_model(with_shape(Cylinder(0.5, 2.0, segments), scale=2.0), MM)
-    assert edges_match(mesh) and mesh.is_solid
-    assert mesh.deviation == pytest.approx(math.tan(math.pi / segments / 2) ** 2)
+    assert mesh.is_solid
+    if segments is None:
+        assert mesh.deviation < 1e-14
+    else:
+        assert edges_match(mesh)
+        assert mesh.deviation == pytest.approx(math.tan(math.pi / segments / 2) ** 2)
     ball = engine.points([[0.0, 0.0, 0.0]], radius=0.3)
     rng = np.random.default_rng(1)
     for _ in range(60):
@@ -92,7 +96,18 @@ def test_a_cylinder_is_one_within_its_deviation(segments):
         assert found.lower <= true or true < 0.0
         assert max(true, -0.6) <= found.upper
         if true > 2.0 * mesh.deviation:
-            assert found.upper - found.lower <= 2.0 * mesh.deviation + 1e-12
+            assert found.upper - found.lower <= 2.0 * mesh.deviation + 1e-11
+
+
+def test_a_cylinder_is_a_prism_where_it_has_to_be_a_mesh():
+    body = with_shape(Cylinder(0.5, 2.0))
+    for made in (
+        load_model(dataclasses.replace(body, deforming=True), MM),
+        load_model(dataclasses.replace(body, solid="robust"), MM),
+        load_model(body, MM, volume="pss"),
+    ):
+        assert edges_match(made) and len(made.faces) == 4 * 64
+    assert load_model(body, MM).kind == "solid of revolution"
 
 
 @pytest.mark.parametrize("subdivisions", [0, 3])

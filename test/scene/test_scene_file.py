@@ -48,7 +48,7 @@ def test_a_whole_file_in_si_units(load, tmp_path):
     assert table.model == tmp_path / "part.stl"
     assert (table.scale, table.topic, table.moving) == (2.0, None, False)
     assert table.colour == (0.1, 0.2, 0.3, 1.0)
-    assert arm.primitive == Cylinder(radius=0.05, height=0.4, segments=64)
+    assert arm.primitive == Cylinder(radius=0.05, height=0.4)
     assert (arm.model, arm.pose, arm.topic, arm.moving) == (None, None, "/cell/arm", True)
     assert tool.primitive == Sphere(radius=0.03, subdivisions=2)
     assert tool.topic == "bodies/tool/pose"

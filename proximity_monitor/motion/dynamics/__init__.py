@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import deepcopy
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from proximity_monitor.motion import deform
 from proximity_monitor.motion.dynamics.effect import Dynamics
 from proximity_monitor.motion.dynamics.settings import ContactLaw, Forces, RigidBody
 from proximity_monitor.motion.dynamics.world import World
@@ -21,16 +24,26 @@ def from_settings(
 ) -> Dynamics:
     """Return the effect that the section `motion.dynamics` of a scene describes.
 
-    Its time limits hold if it is `live`; otherwise each pose belongs exactly to the requested time.
+    Where bodies deform as well, by `motion.deform`, it moves the surfaces of those that touch. Its
+    time limits hold if it is `live`; otherwise each pose belongs exactly to the requested time.
 
     Raises:
         ValueError: a body that has to move encloses no volume, or two touch at the start; the
             message names file and bodies.
     """
+    soft = None
+    if "deform" in scene.motion:
+        soft = deform.from_settings(scene.motion["deform"], scene, models)
+
+    def made(name: str, **start: Any) -> RigidBody:
+        if soft is None or name not in soft.control_names:
+            return RigidBody(name, models[name], **start)
+        shape = partial(soft.shape, name)
+        return RigidBody(name, deepcopy(models[name]), **start, shape=shape)
+
+    bodies = [made(name, **body) for name, body in settings["bodies"].items()]
     poses = {body.name: body.pose for body in scene.bodies}
-    bodies = [
-        RigidBody(name, models[name], **body) for name, body in settings["bodies"].items()
-    ] + [RigidBody(name, models[name], poses[name]) for name in settings["obstacles"]]
+    bodies += [made(name, pose=poses[name]) for name in settings["obstacles"]]
     law = settings["contacts"]
     forces = Forces(
         contacts=None if law is None else ContactLaw(**law),
@@ -42,6 +55,6 @@ def from_settings(
     limits = ("max_substeps", "budget_s") if live else ()
     times = {name: settings[name] for name in ("substep_s", "period_s", *limits)}
     try:
-        return Dynamics(bodies, forces, **times)
+        return Dynamics(bodies, forces, **times, deform=soft)
     except ValueError as error:
         raise ValueError(f"{scene.path}: motion.{error}") from None

@@ -98,7 +98,12 @@ def _holds(corners, weights, place):
 
 @helper
 def _is_nearest_here(pose, corners, places, first, around, face, weights, point, n):
-    """Whether no triangle that meets a surface point comes nearer along n (world, outward)."""
+    """Whether no triangle that meets a surface point comes nearer along n (world, outward).
+
+    Nor does any of a model that was searched whole, which has no face here.
+    """
+    if face < 0:
+        return True
     x, y, z = point[0] - pose[0, 3], point[1] - pose[1, 3], point[2] - pose[2, 3]
     px = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z
     py = pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z
@@ -156,7 +161,8 @@ def local_minima(poses, bodies, faces, weights, points, corners, places, first, 
     pairs of pieces that meet in the same two points the first is marked.
 
     `faces` (k, 2) and `weights` (k, 2, 3) say where the points lie, among the triangles of all
-    models one after the other, as `corners`, `places`, `first` and `around` hold them.
+    models one after the other, as `corners`, `places`, `first` and `around` hold them. A face of -1
+    is that of a model which was searched whole.
     """
     for i in range(len(bodies)):
         a, b = bodies[i, 0], bodies[i, 1]

@@ -1,57 +1,27 @@
-"""Contacts from the engine's closest points: one for each pair of pieces that are near."""
+"""Contacts from the engine's closest points: one for each pair of pieces that are near.
+
+Bodies that are a piece each have more: those that were nearest a little before (see `memory`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from proximity_monitor import engine
 from proximity_monitor.motion.dynamics import candidates
-from proximity_monitor.motion.dynamics.pieces import Pieces, cut
+from proximity_monitor.motion.dynamics.memory import NONE, Contacts, Memory, Seen
+from proximity_monitor.motion.dynamics.pieces import Pieces, around, cut
 
+_SPACING = 0.2
+"""How far apart two contacts of bodies that are searched whole are, as a share of the smaller one's
+radius."""
 
-class Contacts(NamedTuple):
-    """Places where two surfaces are near, one a row; metres, world.
-
-    Attributes:
-        bodies: (k, 2) indices of the two bodies.
-        points: (k, 2, 3) the witness points on either.
-        normals: (k, 3) unit vectors from the second point to the first.
-        gaps: (k,) the distances of the points.
-        keys: (k, 3) which pair of bodies and which two pieces; rows are sorted by them.
-    """
-
-    bodies: NDArray[np.int64]
-    points: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    gaps: NDArray[np.float64]
-    keys: NDArray[np.int64]
-
-    def __len__(self) -> int:
-        """How many contacts there are."""
-        return len(self.gaps)
-
-
-class Seen(NamedTuple):
-    """The knowledge about pairs: a row a pair, except for the contacts and their local points."""
-
-    lower: NDArray[np.float64]
-    moved: NDArray[np.float64]  # metres since the search; infinity where there was none
-    reach: NDArray[np.float64]  # metres: of that search
-    contacts: Contacts
-    local: NDArray[np.float64]  # (k, 2, 3) the contacts' points, model frames
-
-
-_NONE = Contacts(
-    np.empty((0, 2), np.int64),
-    np.empty((0, 2, 3)),
-    np.empty((0, 3)),
-    np.empty(0),
-    np.empty((0, 3), np.int64),
-)
+_WHOLE_ERROR = 0.01
+"""How exactly distances of bodies that are searched whole are asked for, as a share of the kept
+distance: nearest points that are a continuum, as of a ring that lies flat, take too long else."""
 
 
 class ContactFinder:
@@ -62,6 +32,8 @@ class ContactFinder:
         pairs: (k, 2) which bodies may touch.
         slack: metres; how far a pair may move before its contacts are searched again.
         every: each pair of pieces has a contact; else only those of least distance.
+        kept: metres; the distance that the law of contact keeps.
+        deforming: (n,) whether each body deforms; such a one shares its model with no other.
     """
 
     def __init__(
@@ -70,8 +42,12 @@ class ContactFinder:
         pairs: NDArray[np.int64],
         slack: float,
         every: bool,
+        kept: float,
+        deforming: Sequence[bool],
     ) -> None:
-        cuts: dict[int, Pieces] = {id(model): cut(model) for model in models}
+        cuts: dict[int, Pieces] = {
+            id(model): cut(model, soft) for model, soft in zip(models, deforming, strict=True)
+        }
         each = [cuts[id(model)] for model in models]
         sizes = [len(part.models) for part in each]
         self.pairs = pairs
@@ -84,17 +60,27 @@ class ContactFinder:
         self._spheres = np.concatenate([part.spheres for part in each])
         self._boxes = np.concatenate([part.boxes for part in each])
         self._assembly = engine.Assembly([model for part in each for model in part.models])
+        self._soft = [(self._first[i], models[i]) for i in np.flatnonzero(deforming)]
+        whole = np.array([not len(part.corners) for part in each])
+        self._error = _WHOLE_ERROR * kept * whole[self._owner]
+        self._memory = Memory(
+            whole[pairs].all(axis=1) & (not every),
+            _SPACING
+            * np.array([model.radius for model in models])[pairs].min(axis=1, initial=np.inf),
+            kept,
+        )
         self._rows = np.empty((1024, 3), np.int64)
         self._surfaces(list(cuts.values()))
         starts = dict(
             zip(cuts, np.cumsum([0, *(len(c.places) for c in cuts.values())]), strict=False)
         )
         faces = [
-            starts[id(model)] + numbers
+            np.where(numbers < 0, -1, starts[id(model)] + numbers)
             for model, part in zip(models, each, strict=True)
             for numbers in part.triangles
         ]
-        self._face_start = np.concatenate(([0], np.cumsum([len(part) for part in faces])))
+        self._face_last = np.array([len(part) - 1 for part in faces])
+        self._face_start = np.concatenate(([0], np.cumsum(self._face_last + 1)))
         self._faces = np.concatenate(faces)
         self.restart()
 
@@ -122,8 +108,9 @@ class ContactFinder:
         """Forget everything that was found: the bodies may be anywhere."""
         count = len(self.pairs)
         self._seen = Seen(
-            np.zeros(count), np.full(count, np.inf), np.zeros(count), _NONE, _NONE.points
+            np.zeros(count), np.full(count, np.inf), np.zeros(count), NONE, NONE.points
         )
+        self._memory.restart()
 
     @property
     def lower(self) -> NDArray[np.float64]:
@@ -135,9 +122,12 @@ class ContactFinder:
         seen = self._seen
         return seen._replace(lower=seen.lower.copy(), moved=seen.moved.copy())
 
-    def recall(self, seen: Seen) -> None:
-        """Go back to earlier knowledge, because the bodies go back as well."""
-        self._seen = seen
+    def recall(self, seen: Seen, met: NDArray[np.bool_]) -> None:
+        """Go back to earlier knowledge, because the bodies go back as well.
+
+        Pairs that `met` (k,) there, came too near, keep the contacts that were found.
+        """
+        self._seen = self._memory.learn(seen, self._seen, met)
 
     def doubt(self, chosen: NDArray[np.bool_]) -> None:
         """Search the chosen (k,) pairs again, even if they do not move."""
@@ -148,6 +138,33 @@ class ContactFinder:
         self._seen.lower[:] -= distance
         self._seen.moved[:] += distance
 
+    def reshape(self, poses: NDArray[np.float64]) -> Contacts:
+        """Take note of new shapes; return the contacts, which are on the surfaces again.
+
+        Where a body that deforms touches another, its point becomes the one nearest to the other's.
+        """
+        contacts, local = self._seen.contacts, self._seen.local.copy()
+        for row, model in self._soft:
+            self._spheres[row], self._boxes[row] = (each[0] for each in around(model))
+            pose = poses[self._owner[row]]
+            for side in range(2):
+                at = np.flatnonzero(contacts.bodies[:, side] == self._owner[row])
+                if len(at):
+                    facing = contacts.points[at, 1 - side]
+                    found = engine.closest_points(model, pose, facing).points
+                    local[at, side] = (found - pose[:3, 3]) @ pose[:3, :3]
+        turn, place = poses[contacts.bodies, :3, :3], poses[contacts.bodies, :3, 3]
+        points = np.einsum("ksij,ksj->ksi", turn, local) + place
+        apart = points[:, 0] - points[:, 1]
+        gaps = np.linalg.norm(apart, axis=1)
+        soft = np.isin(contacts.bodies, [self._owner[row] for row, _ in self._soft]).any(axis=1)
+        soft &= gaps > 0.0
+        normals, lengths = contacts.normals.copy(), contacts.gaps.copy()
+        normals[soft], lengths[soft] = apart[soft] / gaps[soft, None], gaps[soft]
+        contacts = Contacts(contacts.bodies, points, normals, lengths, contacts.keys)
+        self._seen = self._seen._replace(contacts=contacts, local=local)
+        return contacts
+
     def find(
         self, poses: NDArray[np.float64], reach: NDArray[np.float64], closest: float
     ) -> Contacts:
@@ -155,7 +172,8 @@ class ContactFinder:
 
         A pair that moved by no more than `slack` since it was searched keeps its contacts, which go
         with the bodies: resting bodies cost no search. It is searched again if its lower bound
-        would be below `closest`.
+        would be below `closest`. Two bodies that are a piece each keep, beside their nearest
+        points, those that were the nearest before.
 
         Args:
             poses: (n, 4, 4) model to world of every body, metres.
@@ -171,7 +189,10 @@ class ContactFinder:
             contacts, local = kept
         else:
             found = self._search(poses, np.where(anew, reach, -np.inf))
-            joined = [np.concatenate(each) for each in zip((*kept[0], kept[1]), found, strict=True)]
+            older = _placed(poses, seen.contacts, seen.local, anew[seen.contacts.keys[:, 0]])
+            older = self._memory.join(found, older, reach)
+            parts = (*kept[0], kept[1]), found, older
+            joined = [np.concatenate(each) for each in zip(*parts, strict=True)]
             order = np.lexsort(joined[4].T[::-1])
             *fields, local = (each[order] for each in joined)
             contacts = Contacts(*fields)
@@ -202,7 +223,8 @@ class ContactFinder:
             self._rows = np.empty((2 * count, 3), np.int64)
         rows = self._rows[:count]
         self.searches += count
-        found = self._assembly.distances(poses[self._owner], rows[:, 1:])
+        error = self._error[rows[:, 1:]].max(axis=1, initial=0.0)
+        found = self._assembly.distances(poses[self._owner], rows[:, 1:], abs_err=error)
         np.minimum.at(self.lower, rows[:, 0], found.lower)
         within = np.flatnonzero((found.upper <= reach[rows[:, 0]]) & (found.lower > 0.0))
         keys = rows[within]
@@ -210,7 +232,8 @@ class ContactFinder:
         bodies = self.pairs[keys[:, 0]]
         kept = np.ones(len(within), np.bool_)
         if not self._every:
-            faces = self._faces[self._face_start[keys[:, 1:]] + found.elements[within]]
+            elements = np.minimum(found.elements[within], self._face_last[keys[:, 1:]])
+            faces = self._faces[self._face_start[keys[:, 1:]] + elements]
             candidates.local_minima(
                 poses, bodies, faces, found.parameters[within], points,
                 self._corners, self._places, self._place_first, self._around, kept,

@@ -9,6 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from proximity_monitor import engine
+from proximity_monitor.motion.deform import Deform
 from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
 from proximity_monitor.motion.dynamics.world import World
 from proximity_monitor.motion.motion import Motion, counted
@@ -33,6 +34,7 @@ class Dynamics(Motion):
         max_substeps: int | None = None,
         budget_s: float | None = None,
         period_s: float | None = None,
+        deform: Deform | None = None,
     ) -> None:
         """Put the bodies at their start, and compile everything that they may need.
 
@@ -44,11 +46,13 @@ class Dynamics(Motion):
             budget_s: seconds of computing in one call of `poses`, which is overrun by one step at
                 most; None: no limit.
             period_s: seconds after which all begins again; None: never.
+            deform: gives bodies their shapes, at simulated times; None: no body deforms.
 
         Raises:
             ValueError: a body that has to move encloses no volume, or two touch at the start.
         """
         self.world = World(bodies, forces, substep_s)
+        self._deform = deform
         self._names = tuple(body.name for body in bodies if body.density is not None)
         self._rows = [i for i, body in enumerate(bodies) if body.density is not None]
         self._most = math.inf if max_substeps is None else max_substeps
@@ -104,6 +108,20 @@ class Dynamics(Motion):
         poses = self.world.poses()
         return {name: poses[row] for name, row in zip(self._names, self._rows, strict=True)}
 
+    @property
+    def control_names(self) -> dict[str, str]:
+        """What the control points of each deforming body are called."""
+        return {} if self._deform is None else self._deform.control_names
+
+    def control_points(self, t: float) -> dict[str, np.ndarray]:
+        """Return the control points (n, 3) of each deforming body at the time of the poses.
+
+        Raises:
+            ValueError: t is not finite.
+        """
+        self._steps_until(t)
+        return {} if self._deform is None else self._deform.control_points(self.world.time_s)
+
     def describe(self) -> str:
         """Return e.g. ``dynamics: 10 bodies, contacts by impulse, damping, steps of 2.5 ms``."""
         named = [counted(len(self._names), "body", "bodies")]
@@ -120,7 +138,8 @@ class Dynamics(Motion):
         named.append(f"steps of {1e3 * self.world.step_s:g} ms")
         if self._lost:
             named.append(f"{self.lag_s:.3g} s late")
-        return f"dynamics: {', '.join(named)}"
+        deform = "" if self._deform is None else f"\n{self._deform.describe()}"
+        return f"dynamics: {', '.join(named)}{deform}"
 
     def _steps_until(self, t: float) -> int:
         if not math.isfinite(t):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from proximity_monitor.motion.dynamics import solver
-from proximity_monitor.motion.dynamics.contacts import Contacts
+from proximity_monitor.motion.dynamics.memory import Contacts
 from proximity_monitor.motion.dynamics.settings import Forces
 from proximity_monitor.motion.dynamics.state import RigidBodyState
 

@@ -31,7 +31,7 @@ class MassProperties:
     thickness: float
 
 
-def mass_properties(mesh: DisplayMesh, density: float) -> MassProperties:
+def mass_properties(mesh: DisplayMesh, density: float, closed: bool = False) -> MassProperties:
     """Return the mass properties of what triangles enclose; they may point out or in.
 
     Each face and a point inside make a tetrahedron with a sign; the moments of those add up to
@@ -41,12 +41,14 @@ def mass_properties(mesh: DisplayMesh, density: float) -> MassProperties:
     Args:
         mesh: the triangles.
         density: kilograms per cubic metre.
+        closed: the mesh is known to close up, to rounding.
 
     Raises:
         ValueError: the mesh encloses no volume.
     """
     vertices, faces, _ = mesh
-    _check_closed(mesh.welded().astype(np.int64))
+    if not closed:
+        _check_closed(mesh.welded().astype(np.int64))
     middle = vertices.mean(axis=0)
     corners = (vertices - middle)[faces]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]

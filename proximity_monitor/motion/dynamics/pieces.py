@@ -1,4 +1,8 @@
-"""A model's triangles cut into pieces: each pair of them gives two bodies one contact point."""
+"""A model's triangles cut into pieces: each pair of them gives two bodies one contact point.
+
+A model with a curved surface, or one that deforms, is a single piece: itself. Its distances are its
+own, not those of triangles that look like it; see `memory` for its contact points.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +23,11 @@ bounding volumes."""
 class Pieces:
     """The pieces of one model, and which triangles meet at a vertex.
 
+    A model that is a piece itself has no triangles here.
+
     Attributes:
         models: the pieces, each with the vertices that it uses alone.
-        triangles: the faces of the whole that each piece consists of.
+        triangles: the faces of the whole that each piece consists of; of the model itself -1.
         spheres: (p, 4) metres, model frame; centre and radius of a sphere around each piece.
         boxes: (p, 6) metres, model frame; least and greatest corner of each piece.
         corners: (m, 3, 3) metres, model frame; the corners of the whole's triangles.
@@ -40,8 +46,13 @@ class Pieces:
     around: NDArray[np.int64]
 
 
-def cut(model: engine.Model) -> Pieces:
-    """Cut the triangles that show a model into at most MOST pieces of about equal size."""
+def cut(model: engine.Model, deforming: bool = False) -> Pieces:
+    """Cut the triangles of a model into at most MOST pieces of about equal size, or leave it whole.
+
+    It stays whole where it is `deforming`, or curved, which its normals tell.
+    """
+    if deforming or model.display_mesh(model.radius).normals is not None:
+        return _whole(model)
     mesh = model.display_mesh(0.0)
     vertices, faces, _ = mesh
     corners = mesh.corners()
@@ -67,6 +78,21 @@ def cut(model: engine.Model) -> Pieces:
         first,
         np.argsort(places.reshape(-1), kind="stable") // 3,
     )
+
+
+def _whole(model: engine.Model) -> Pieces:
+    """The model as its only piece."""
+    none = np.empty((0, 3), np.int64)
+    spheres, boxes = around(model)
+    corners = np.empty((0, 3, 3))
+    triangles = [np.array([-1])]
+    return Pieces([model], triangles, spheres, boxes, corners, none, np.zeros(1, int), none[:, 0])
+
+
+def around(model: engine.Model) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The sphere (1, 4) around a model and the box (1, 6) around that."""
+    low, high = model.centre - model.radius, model.centre + model.radius
+    return np.array([[*model.centre, model.radius]]), np.array([[*low, *high]])
 
 
 def _halves(part: NDArray[np.int64], centres: NDArray[np.float64]) -> list[NDArray[np.int64]]:

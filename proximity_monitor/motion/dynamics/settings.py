@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -17,12 +18,15 @@ class RigidBody:
 
     Attributes:
         name: its name in messages.
-        model: its shape, taken as the triangles that show it; they enclose a volume unless the
-            body is an obstacle.
+        model: its shape; it encloses a volume unless the body is an obstacle. A flat one is cut
+            into pieces, a curved one or one that deforms is asked whole.
         pose: (4, 4) model to world at the start, metres.
         density: kilograms per cubic metre; None for an obstacle, which never moves.
         velocity: (3,) metres per second, of the centre of mass.
         spin: (3,) radians per second, about the world's axes.
+        shape: of a body that deforms: its model's control points (n, 3) at a time in seconds. The
+            model is changed, so it is no other body's; its mass and inertia stay. The surface must
+            change slowly: in a step by less than a twentieth of the distance that contacts keep.
     """
 
     name: str
@@ -31,6 +35,7 @@ class RigidBody:
     density: float | None = None
     velocity: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     spin: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    shape: Callable[[float], NDArray[np.float64]] | None = None
 
 
 @dataclass(frozen=True)

@@ -27,3 +27,21 @@ class RigidBodyState:
     def copy(self) -> RigidBodyState:
         """Return the same in arrays of its own."""
         return RigidBodyState(*(array.copy() for array in vars(self).values()))
+
+
+def quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the unit quaternion w, x, y, z of a rotation (3, 3), by Shepperd 1978."""
+    r = rotation
+    trace = np.trace(r)
+    squares = np.array([trace, *(2.0 * np.diag(r) - trace)])
+    k = int(np.argmax(squares))
+    outer = np.array(
+        [
+            [1 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+            [0.0, 1 + squares[1], r[0, 1] + r[1, 0], r[2, 0] + r[0, 2]],
+            [0.0, 0.0, 1 + squares[2], r[1, 2] + r[2, 1]],
+            [0.0, 0.0, 0.0, 1 + squares[3]],
+        ]
+    )
+    outer += np.triu(outer, 1).T
+    return outer[k] / np.linalg.norm(outer[k])

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from proximity_monitor.motion.dynamics import solver
 from proximity_monitor.motion.dynamics.candidates import ROUNDING
-from proximity_monitor.motion.dynamics.contacts import ContactFinder, Contacts, Seen
+from proximity_monitor.motion.dynamics.contacts import ContactFinder
 from proximity_monitor.motion.dynamics.forces import ContactForces
 from proximity_monitor.motion.dynamics.mass import MassProperties, mass_properties
+from proximity_monitor.motion.dynamics.memory import Contacts, Seen
 from proximity_monitor.motion.dynamics.settings import Forces, RigidBody
-from proximity_monitor.motion.dynamics.state import RigidBodyState
+from proximity_monitor.motion.dynamics.state import RigidBodyState, quaternion
 
 _HALVINGS = 16
 """How often parts of one step are halved before its bodies are stopped: more would not be worth the
@@ -55,16 +56,8 @@ class World:
             [np.linalg.inv(m.inertia) if m else np.zeros((3, 3)) for m in self._mass]
         )
         self._offset = np.array([m.centre if m else np.zeros(3) for m in self._mass])
-        self._radius = np.array(
-            [
-                body.model.radius + np.linalg.norm(body.model.centre - offset)
-                for body, offset in zip(bodies, self._offset, strict=True)
-            ]
-        )
-        # Each point of a body is slower than |v| + this times |L|, in any orientation.
-        self._reeling = self._radius * np.linalg.norm(
-            self._inverse_inertia_body, ord=2, axis=(1, 2)
-        )
+        self._soft = [i for i, body in enumerate(bodies) if body.shape is not None]
+        self._measure()
         self._gravity = np.zeros((len(bodies), 3))
         if forces.gravity is not None:
             self._gravity[self._movable] = forces.gravity
@@ -81,7 +74,8 @@ class World:
             self._law = ContactForces(forces, self._inverse_mass, self._gravity, step_s)
             models = [body.model for body in bodies]
             pairs = np.array(pairs, np.int64).reshape(-1, 2)
-            self._finder = ContactFinder(models, pairs, self._law.slack, self._law.every)
+            law, soft = self._law, [body.shape is not None for body in bodies]
+            self._finder = ContactFinder(models, pairs, law.slack, law.every, law.kept, soft)
             self._pull = self._apart(self._gravity)
             thickness = np.array([m.thickness if m else 0.0 for m in self._mass])
             self._thickness = thickness[self._finder.pairs].sum(axis=1)
@@ -89,7 +83,7 @@ class World:
 
     def restart(self) -> None:
         """Put everything back to its start; the motion then repeats bit by bit."""
-        turns = np.array([_quaternion(body.pose[:3, :3]) for body in self.bodies])
+        turns = np.array([quaternion(body.pose[:3, :3]) for body in self.bodies])
         self.state = RigidBodyState(
             centre=np.array(
                 [
@@ -106,6 +100,8 @@ class World:
                 turn = body.pose[:3, :3]
                 self.state.momentum[i] = turn @ mass.inertia @ turn.T @ body.spin
         self._place()
+        self._steps = 0
+        self._reshape()
         self._contacts: Contacts | None = None
         if self._finder is not None:
             self._finder.restart()
@@ -117,6 +113,8 @@ class World:
 
     def step(self) -> None:
         """Go on by `step_s`, in several steps where bodies are too fast for one."""
+        self._steps += 1
+        self._reshape()
         left, taken_back = self.step_s, 0
         while left > 0.0:
             h = left / self._parts(left)
@@ -131,6 +129,11 @@ class World:
                     self._stop()  # and nothing moves for the rest of this step
                     return
             left = left - h if left > 1.5 * h else 0.0
+
+    @property
+    def time_s(self) -> float:
+        """Seconds since the start."""
+        return self._steps * self.step_s
 
     def poses(self) -> NDArray[np.float64]:
         """Return (n, 4, 4) model to world of every body, metres."""
@@ -163,6 +166,30 @@ class World:
         """Return a certified lower bound of every distance, metres; infinity without contacts."""
         return np.inf if self._finder is None else float(self._finder.lower.min(initial=np.inf))
 
+    def _measure(self) -> None:
+        """Derive from the models how far the bodies reach."""
+        reach = [
+            body.model.radius + np.linalg.norm(body.model.centre - offset)
+            for body, offset in zip(self.bodies, self._offset, strict=True)
+        ]
+        self._radius = np.array(reach)
+        # Each point of a body is slower than |v| + this times |L|, in any orientation.
+        self._reeling = self._radius * np.linalg.norm(
+            self._inverse_inertia_body, ord=2, axis=(1, 2)
+        )
+
+    def _reshape(self) -> None:
+        """Give the bodies that deform their shape at this time."""
+        if not self._soft:
+            return
+        self._rise = moved = np.zeros(len(self.bodies))
+        for i in self._soft:
+            moved[i] = self.bodies[i].model.deform(self.bodies[i].shape(self.time_s))
+        self._measure()
+        if self._finder is not None:
+            self._finder.moved(moved[self._finder.pairs].sum(axis=1))
+            self._contacts = self._finder.reshape(self._poses)
+
     def _go(self, h: float, gently: bool) -> bool:
         """Try a step of h seconds; leave everything as it was where it cannot be made.
 
@@ -191,7 +218,7 @@ class World:
         self.state.velocity += 0.5 * h * self._gravity
         self._law.end(h, self.state, found, self._inverse_inertia)
         self._damp(h)
-        if not self._keep_energy(energies, stored, found) and not gently:
+        if not self._keep_energy(energies, stored, found, h) and not gently:
             self._cannot_pay = True
             return self._take_back(before, seen)
         self._contacts = found
@@ -201,7 +228,7 @@ class World:
         """Undo the step, and search the pairs that came too near again: contacts were missing."""
         self.state = before
         self._place()
-        self._finder.recall(seen)
+        self._finder.recall(seen, self._too_near)
         if self._too_near.any():
             self._finder.doubt(self._too_near)
             self._contacts = self._finder.find(self._poses, self._reach(), self._law.closest)
@@ -299,13 +326,14 @@ class World:
         return energy
 
     def _keep_energy(
-        self, energies: NDArray[np.float64], stored: NDArray[np.float64], found: Contacts
+        self, energies: NDArray[np.float64], stored: NDArray[np.float64], found: Contacts, h: float
     ) -> bool:
         """Slow down islands of bodies in contact that have more energy than before the step.
 
         Contacts only pass energy on or take it; what rounding, a linear step along a curved
         surface, or moving surfaces apart adds is taken from the velocities of the island. Returns
-        whether it could be.
+        whether it could be. What deforms may raise its island by twice as far as its surface
+        moved: as far, and what it lags behind.
         """
         old, new = self._law.active | (stored > 0.0), (after := self._law.stored(found)) > 0.0
         bodies = np.concatenate((self._contacts.bodies[old], found.bodies[new]))
@@ -316,6 +344,12 @@ class World:
         gain = self._per_island(island, self._energies() - energies)
         gain += self._per_island(island[self._one_of(found)], after)
         gain -= self._per_island(island[self._one_of(self._contacts)], stored)
+        weight = np.where(self._movable, self._masses, 0.0) * np.linalg.norm(self._gravity, axis=1)
+        for i in self._soft:
+            near = bodies[(bodies == i).any(axis=1)]
+            given = 2.0 * self._rise[i] * h / self.step_s * self._per_island(island, weight)
+            raised = np.unique(island[near[self._movable[near]]])
+            gain[raised] -= given[raised]
         total = self._per_island(island, kinetic)
         touched = np.zeros(len(island), np.bool_)
         touched[island[bodies.reshape(-1)]] = True
@@ -349,25 +383,9 @@ class World:
 def _mass_of(body: RigidBody) -> MassProperties | None:
     if body.density is None:
         return None
+    mesh = body.model.display_mesh(0.0)
     try:
-        return mass_properties(body.model.display_mesh(0.0), body.density)
+        # That a curved solid closes up is proven; its triangles meet but for rounding.
+        return mass_properties(mesh, body.density, mesh.normals is not None and body.model.is_solid)
     except ValueError as error:
         raise ValueError(f"dynamics.bodies.{body.name}: {error}") from None
-
-
-def _quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Unit quaternion w, x, y, z of a rotation, by its greatest component (Shepperd 1978)."""
-    r = rotation
-    trace = np.trace(r)
-    squares = np.array([trace, *(2.0 * np.diag(r) - trace)])
-    k = int(np.argmax(squares))
-    outer = np.array(
-        [
-            [1 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-            [0.0, 1 + squares[1], r[0, 1] + r[1, 0], r[2, 0] + r[0, 2]],
-            [0.0, 0.0, 1 + squares[2], r[1, 2] + r[2, 1]],
-            [0.0, 0.0, 0.0, 1 + squares[3]],
-        ]
-    )
-    outer += np.triu(outer, 1).T
-    return outer[k] / np.linalg.norm(outer[k])

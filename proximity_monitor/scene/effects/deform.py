@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -13,7 +13,8 @@ import numpy as np
 from proximity_monitor.scene.description import Unit
 from proximity_monitor.scene.effects.cast import Cast
 from proximity_monitor.scene.effects.values import direction, frozen, metres
-from proximity_monitor.scene.report import Keys, Report
+from proximity_monitor.scene.paths import model_path
+from proximity_monitor.scene.report import Keys, Report, SceneError
 
 _ACROSS = ("bend", "wave")
 """Fields that also have a direction across the axis."""
@@ -32,19 +33,23 @@ def read(
         found = bodies.find(name, at)
         if found is not None and not found.deforming:
             report.add(at, f"'{name}' is rigid; give it 'deforming: true'")
-        fields[name] = MappingProxyType(_field(body, at, unit, report))
+        fields[name] = MappingProxyType(_field(body, at, unit, report, folder))
     return {"bodies": MappingProxyType(fields)}
 
 
-def _field(data: Mapping[str, Any], keys: Keys, unit: Unit, report: Report) -> dict[str, Any]:
+def _field(
+    data: Mapping[str, Any], keys: Keys, unit: Unit, report: Report, folder: Path
+) -> dict[str, Any]:
     kind = data["field"]
     axis = across = None
-    if "axis" in data and kind != "breathe":
+    if "axis" in data and kind not in ("breathe", "morph"):
         axis = direction(data, keys, "axis", report)
     for key, kinds in (
+        ("amplitude", ("bend", "twist", "stretch", "wave", "breathe")),
         ("axis", ("bend", "twist", "stretch", "wave")),
         ("towards", _ACROSS),
         ("wavelength", ("wave",)),
+        ("through", ("morph",)),
     ):
         if (key in data) != (kind in kinds):
             if key in data:
@@ -62,7 +67,7 @@ def _field(data: Mapping[str, Any], keys: Keys, unit: Unit, report: Report) -> d
         else:
             across = across - float(axis @ across) * axis
             across /= np.linalg.norm(across) or 1.0
-    amplitude = float(data["amplitude"])
+    amplitude = float(data.get("amplitude", 0.0))
     if kind in ("bend", "twist"):
         amplitude = math.radians(amplitude)
     elif kind == "wave":
@@ -76,4 +81,16 @@ def _field(data: Mapping[str, Any], keys: Keys, unit: Unit, report: Report) -> d
         "across": None if across is None else frozen(across),
         "wavelength": unit.to_metre * data["wavelength"] if "wavelength" in data else None,
         "centre": metres(data["centre"], unit) if "centre" in data else None,
+        "through": _paths(data.get("through", ()), (*keys, "through"), report, folder),
     }
+
+
+def _paths(names: Sequence[str], keys: Keys, report: Report, folder: Path) -> tuple[Path, ...]:
+    """The model files that a body becomes; problems go to the report."""
+    found = []
+    for index, name in enumerate(names):
+        try:
+            found.append(model_path(name, folder))
+        except SceneError as error:
+            report.add((*keys, index), str(error))
+    return tuple(found)

@@ -1,0 +1,134 @@
+"""Bodies that dynamics asks whole: curved ones, which rest on several contacts, and soft ones."""
+
+import math
+
+import numpy as np
+import pytest
+from dynamics_bodies import DOWN, IMPULSE, STEP_S, at, moving, nearest, on_floor
+
+from proximity_monitor import motion, scene
+from proximity_monitor.engine import Curve, SolidOfRevolution
+from proximity_monitor.motion.dynamics import Forces, RigidBody, World
+from proximity_monitor.motion.dynamics.memory import Contacts, Memory, Seen
+from proximity_monitor.motion.dynamics.pieces import cut
+
+MARGIN = IMPULSE.margin
+HALF = math.sqrt(0.5)
+
+
+def torus(large, small):
+    rim = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
+    points = [(large + small * x, small * z) for x, z in rim]
+    knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
+    return SolidOfRevolution([Curve(points, knots, [1, HALF] * 4 + [1])], name="ring")
+
+
+def disc(radius, height):
+    """A disc whose upper side is z = 0."""
+    points = [(0, -height), (radius, -height), (radius, 0), (0, 0)]
+    return SolidOfRevolution([Curve(points, [0, 0, 1, 2, 3, 3])], name="disc")
+
+
+def test_what_is_curved_is_one_piece_and_what_is_flat_is_cut():
+    ring = torus(0.05, 0.008)
+    assert cut(ring).models == [ring]
+    flat = on_floor([]).bodies[0].model
+    assert len(cut(flat).models) == 12
+    assert cut(flat, deforming=True).models == [flat]
+
+
+def test_a_ring_that_fell_aslant_lies_on_either_side():
+    """One pair of nearest points a pair of bodies is found; those before stay."""
+    ring = moving(torus(0.05, 0.008), at((0.0, 0.0, 0.07), (1, 0.3, 0), 0.8))
+    plate = RigidBody("plate", disc(0.5, 0.02), at((0.05, 0.02, 0.0)))
+    world = World([ring, plate], Forces(DOWN, IMPULSE, friction=0.3), STEP_S)
+    energy = world.energy()
+    for _ in range(200):
+        world.step()
+        assert world.clearance() >= MARGIN / 8.0
+        assert world.energy() <= energy + 1e-9
+        energy = world.energy()
+    pose = world.poses()[0]
+    assert abs(pose[2, 2]) > 0.9999  # it lies flat
+    assert pose[2, 3] == pytest.approx(0.008 + MARGIN, abs=MARGIN)
+    points = world._contacts.points[:, 0]
+    assert np.linalg.norm(points[:, None] - points, axis=2).max() > 0.07
+    assert len({tuple(key) for key in world._contacts.keys}) == len(world._contacts)
+    assert world.stops == 0
+    assert nearest(world) > 0.0
+
+
+def found_at(*rows):
+    """What is seen of three pairs, with a contact of each row (pair, number, x)."""
+    pair, number, x = np.array(rows, dtype=float).reshape(-1, 3).T
+    points = np.zeros((len(x), 2, 3))
+    points[:, :, 0] = x[:, None]
+    points[:, 0, 2] = MARGIN
+    keys = np.column_stack((pair, 0.0 * pair, number)).astype(np.int64)
+    up = np.tile([0.0, 0.0, 1.0], (len(x), 1))
+    contacts = Contacts(keys[:, :2].copy(), points, up, np.full(len(x), MARGIN), keys)
+    return Seen(np.zeros(3), np.zeros(3), np.ones(3), contacts, points.copy())
+
+
+def test_a_step_that_failed_is_tried_again_with_what_it_met():
+    """Of pairs that came too near, and are searched whole, contacts that were not known."""
+    memory = Memory(np.array([True, True, False]), np.full(3, 0.01), MARGIN)
+    before = found_at((0, 7, 0.0))
+    failed = found_at((0, 7, 0.0), (0, 8, 0.05), (1, 9, 0.1), (2, 10, 0.2))
+    learnt = memory.learn(before, failed, np.array([True, False, True]))
+    assert learnt.contacts.keys[:, [0, 2]].tolist() == [[0, 7], [0, 8]]
+    assert learnt.local[:, 0, 0].tolist() == [0.0, 0.05]
+    nothing = memory.learn(before, failed, np.zeros(3, bool))
+    assert nothing is before
+    # Searched again where the step began, the pair has its nearest points and those of the failure.
+    fields = [np.array(column) for column in (*before.contacts, before.local)]
+    older = memory.join(tuple(fields), (learnt.contacts, learnt.local), np.full(3, 3 * MARGIN))
+    assert fields[4][:, 2].tolist() == [7]  # at the same place, under the number that it had
+    assert older[4][:, 2].tolist() == [8]
+
+
+def test_a_plate_that_grows_lifts_what_lies_on_it():
+    plate, thick = disc(0.1, 0.02), 0.02
+    rest = plate.control_points
+
+    def shape(t):
+        """Its top rises by 1.2 mm in 0.4 s, and stays."""
+        return rest + [0.0, 0.0, 0.003 * min(t, 0.4)] * (rest[:, 2:] > -0.5 * thick)
+
+    ring = moving(torus(0.05, 0.008), at((0.0, 0.0, 0.0083)))
+    bodies = [ring, RigidBody("plate", plate, at((0.0, 0.0, 0.0)), shape=shape)]
+    world = World(bodies, Forces(DOWN, IMPULSE, friction=0.3), STEP_S)
+    heights = []
+    for _ in range(240):
+        world.step()
+        heights.append(world.poses()[0][2, 3])
+        assert world.clearance() > 0.0
+    assert heights[-1] == pytest.approx(0.0012 + 0.008 + MARGIN, abs=MARGIN)
+    assert world.time_s == pytest.approx(0.6)
+    world.restart()
+    assert plate.control_points == pytest.approx(rest, abs=1e-15)
+    for height in heights[:40]:
+        world.step()
+        assert world.poses()[0][2, 3] == height
+
+
+def test_the_bundled_solid_rings_fall_and_lie_in_the_tray():
+    described = scene.load_scene(scene.bundled("interlocked-rings"))
+    models = {body.name: scene.load_model(body, described.unit) for body in described.bodies}
+    made = motion.from_scene(described, models)
+    names = [f"ring_{k}" for k in range(1, 13)]
+    assert made.bodies == tuple(names)
+    assert made.describe().splitlines()[1] == "deform: 1 body, breathe at 0.25 Hz"
+    rest = models["ring_4"].control_points
+    for t in np.arange(0.05, 0.5, 0.05):
+        poses = made.poses(t)
+        assert made.world.clearance() > 0.0
+        # The shape is that of the simulated time, as the poses are; the scene's model is not used.
+        grown = math.exp(0.05 * math.sin(0.5 * math.pi * made.world.time_s))
+        assert made.control_points(t)["ring_4"] == pytest.approx(grown * rest, abs=1e-15)
+    assert models["ring_4"].revision == 0
+    # Where rings meet a body in two places none hangs in the air; a few stops are for the impact.
+    assert made.world.stops <= 5
+    assert made.world.energy() < 3.0
+    for name in names:
+        assert 0.0 < poses[name][2, 3] < 0.15
