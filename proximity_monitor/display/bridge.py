@@ -26,22 +26,22 @@ _TYPE = (
 PRESSES = f'onpointerdown="{_TYPE}"'
 """The attribute of an element within which presses are heard."""
 
-OnWord = Callable[[str, viser.ClientHandle | None], None]
+OnWord = Callable[[str], None]
 
 
 class Bridge:
     """The hidden field."""
 
     def __init__(self, gui: viser.GuiApi, on_word: OnWord) -> None:
-        """Add the field at this place of the GUI; `on_word` gets each word, and who pressed."""
+        """Add the field at this place of the GUI; `on_word` gets each word."""
         gui.add_html(f'<style>{_STYLE}</style><span id="{_ID}"></span>')
         field = gui.add_text("pressed", "")
 
         @field.on_update
-        async def _(event: viser.GuiEvent) -> None:
+        async def _(_) -> None:
             word, found, _ = field.value.rpartition("#")
             if found:
-                on_word(word, event.client)
+                on_word(word)
 
 
 def word(text: str) -> str:

@@ -2,9 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
 
 PairName = tuple[str, str]
+
+
+class Look(NamedTuple):
+    """How a part is drawn."""
+
+    opacity: float | None = None
+    """None: as the scene says."""
+    edges: bool = True
+    """Whether its sharp edges are drawn."""
+
+
+PLAIN = Look()
 
 
 @dataclass
@@ -16,6 +32,12 @@ class Choice:
     body: str | None = None
     """At the gizmo."""
     search: str = ""
+    state: str = ""
+    """Only pairs of this state are listed, one of `order.KINDS`; empty: of all."""
+    part: str = ""
+    """Only pairs of this body are listed; empty: of all."""
+    group: str = ""
+    """By what the list is grouped, one of `listing.GROUPS`; empty: not at all."""
     ignored: frozenset[PairName] = field(default_factory=frozenset)
     """Ignored pairs: not drawn, not in the banner, and not in the session's minimum; the monitor
     keeps watching them."""
@@ -23,6 +45,8 @@ class Choice:
     """How many of the nearest pairs are drawn, besides all that are not clear."""
     names: bool = True
     """Whether parts show their names."""
+    looks: Mapping[str, Look] = field(default_factory=dict)
+    """By part, of those that do not look as the scene says."""
     at_s: float | None = None
     """The moment of the session to show; None: now."""
 
@@ -32,7 +56,8 @@ class Choice:
         if self.pair in self.ignored:
             self.pair = None
 
-    def listens_to(self, a: str, b: str) -> bool:
-        """Return whether a pair's names contain every word of the search."""
-        text = f"{a} {b}".lower()
-        return all(word in text for word in self.search.lower().split())
+    def ignores(self, names: Sequence[PairName]) -> np.ndarray:
+        """Return which (k,) of these pairs are ignored."""
+        if not self.ignored:
+            return np.zeros(len(names), bool)
+        return np.fromiter((name in self.ignored for name in names), bool, len(names))

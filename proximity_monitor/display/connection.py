@@ -11,18 +11,24 @@ from typing import NamedTuple
 import numpy as np
 
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.fresh import CLEAR, aging, patience_s
 from proximity_monitor.display.inbox import News
-from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, Sign, clearance, length, sign
-from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, SceneInfo
-
-LATE_TICKS = 5.0
-LATE_S = 1.5
-"""Without a tick for so many periods, and at least so many seconds, something is wrong."""
+from proximity_monitor.display.order import urgent_first
+from proximity_monitor.display.signs import (
+    CLEAR_SIGN,
+    HIDDEN_SIGN,
+    STALE_SIGN,
+    Sign,
+    clearance,
+    length,
+    mark,
+    sign,
+    unproved,
+)
+from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, Pairs, SceneInfo
 
 GONE_S = 3.5
 """Seconds without diagnostics, which come each second, after which the monitor is gone."""
-
-LOOKING_BACK = "looking back: of all here only this state and the banner are of now"
 
 
 class ConnectionState(enum.Enum):
@@ -38,8 +44,10 @@ _PILLS = {
     ConnectionState.DISCONNECTED: ("✖", "#b3261e"),
     ConnectionState.COMPUTING: ("…", "#0072b2"),
     ConnectionState.STALE: ("?", "#7a7a85"),
-    ConnectionState.LIVE: ("●", "#009e73"),
+    ConnectionState.LIVE: ("●", CLEAR),
 }
+
+_PAST = "#6a3d9a"
 
 
 class Connection(NamedTuple):
@@ -54,8 +62,7 @@ class Connection(NamedTuple):
 def connection(news: News, now_s: float) -> Connection:
     """Return the state of the connection at a moment of the monotonic clock."""
     since_frame, since_health = now_s - news.frame_at_s, now_s - news.health_at_s
-    rate = (news.scene.settings["rate_hz"] if news.scene is not None else None) or 1.0
-    late = since_frame > max(LATE_S, LATE_TICKS / rate)
+    late = since_frame > patience_s(news.scene)
     silent = late and since_health > GONE_S
     if silent and not news.present:
         last = min(since_frame, since_health)
@@ -109,21 +116,36 @@ def silent_bodies(frame: Frame) -> dict[str, str]:
     }
 
 
-def pill(told: Connection, choice: Choice) -> str:
-    """Return the present state as HTML, even while the page looks back."""
+def pill(told: Connection, choice: Choice, newest_s: float = 0.0) -> str:
+    """Return the state as HTML; while the page looks back it says that and never that it is live.
+
+    Args:
+        told: the state of the connection.
+        choice: the moment that is shown.
+        newest_s: the stamp of the newest tick.
+    """
     glyph, colour = _PILLS[told.state]
-    text = escape(told.text if choice.at_s is None else LOOKING_BACK)
+    state, text = told.state.value, escape(told.text)
+    name, reason, title = f"{glyph} {state}", text, text
+    if choice.at_s is not None:
+        now = "" if told.state is ConnectionState.LIVE else f"; now {state}: {text}"
+        text = f"looking back by {newest_s - choice.at_s:.1f} s: only the banner is of now{now}"
+        state, name, reason, title, colour = "past", "◀ past", text, text, _PAST
+    elif told.state is ConnectionState.LIVE:
+        name, reason = aging(name, "? no news"), aging(text, "no tick came in time")
+        title = ""  # it would not grow old
     return (
-        f'<div class="pm pm-line" id="pm-connection" data-state="{told.state.value}">'
-        f'<span class=pm-pill style="background:{colour}">{glyph} {told.state.value}</span>'
-        f'<span class="pm-cut pm-small" title="{text}">{text}</span></div>'
+        f'<div class="pm pm-line" id="pm-connection" data-state="{state}">'
+        f'<span class=pm-pill style="background:{colour}">{name}</span>'
+        f'<span class="pm-cut pm-small" title="{title}">{reason}</span></div>'
     )
 
 
 def banner(frame: Frame, scene: SceneInfo, choice: Choice, told: Connection) -> str:
     """Return a banner with the worst pair that is not clear, or that all are clear.
 
-    It always takes the same room, so that nothing moves under the pointer.
+    It always takes the same room, so that nothing moves under the pointer. It is green only if all
+    pairs are clear, the hidden ones too.
 
     Args:
         frame: the last tick.
@@ -131,39 +153,46 @@ def banner(frame: Frame, scene: SceneInfo, choice: Choice, told: Connection) -> 
         choice: which pairs are hidden.
         told: whether the tick is current: pairs that were clear may not be so any more.
     """
-    pairs = frame.pairs
-    wrong = [
-        int(i)
-        for i in np.flatnonzero((pairs.level != 0) | pairs.touching)
-        if pairs.names[i] not in choice.ignored
-    ]
-    if not wrong:
-        if not told.current:
-            return _boxed(STALE_SIGN, told.text, "")
-        text = "the one pair" if scene.pairs == 1 else f"all {scene.pairs} pairs"
-        if hidden := len(choice.ignored):
-            text = f"all but {hidden} hidden of {scene.pairs} pairs"
-        return _boxed(CLEAR_SIGN, text, "")
-    order = {STOP: 0, WARN: 1, STALE: 2}
-    wrong.sort(
-        key=lambda i: (not pairs.touching[i], order.get(int(pairs.level[i]), 3), pairs.lower[i])
-    )
-    i, level = wrong[0], pairs.level[wrong[0]]
-    limits = scene.thresholds_of(pairs.names[i])
+    pairs, order = frame.pairs, urgent_first(frame.pairs, scene)
+    wrong = order[((pairs.level != 0) | pairs.touching)[order]]
+    hidden = np.array([pairs.names[i] in choice.ignored for i in wrong], bool)
+    shown, hidden = wrong[~hidden], wrong[hidden]
+    when = "" if choice.at_s is None else "now: "
+    if len(shown):
+        more = f"+ {len(shown) - 1} more" if len(shown) > 1 else ""
+        return _boxed(sign(pairs, shown[0], scene), when + _told(pairs, shown[0], scene), more)
+    if len(hidden):
+        count = f"{len(hidden)} hidden pair{'s are' if len(hidden) > 1 else ' is'} not clear"
+        first = sign(pairs, hidden[0], scene)
+        told_first = f"{first.word} {_told(pairs, hidden[0], scene)}"
+        return _boxed(HIDDEN_SIGN, f"{when}{count}: {told_first}", "")
+    if not told.current:
+        return _boxed(STALE_SIGN, told.text, "")
+    text = "the one pair" if scene.pairs == 1 else f"all {scene.pairs} pairs"
+    if choice.ignored:
+        text += f", {len(choice.ignored)} of them hidden"
+    if len(pairs):
+        a, b = pairs.names[i := int(np.argmin(np.nan_to_num(pairs.lower, nan=np.inf)))]
+        text += f"; nearest {a} - {b}: {clearance(pairs, i, scene.unit)}"
+    return _boxed(CLEAR_SIGN, when + text, "")
+
+
+def _told(pairs: Pairs, i: int, scene: SceneInfo) -> str:
+    level, limits = pairs.level[i], scene.thresholds_of(pairs.names[i])
     said = pairs.silent[i] if level == STALE else clearance(pairs, i, scene.unit)
     if level in (STOP, WARN):
         limit, name = (limits.stop, "stop") if level == STOP else (limits.warn, "warn")
-        said += f", {name} at {length(limit, scene.unit)}"
+        how = "not proved above " if unproved(pairs, i, scene) else ""
+        said += f", {how}{name} at {length(limit, scene.unit)}"
     a, b = pairs.names[i]
-    more = f"+ {len(wrong) - 1} more" if len(wrong) > 1 else ""
-    return _boxed(sign(pairs, i), f"{a} - {b}: {said}", more)
+    return f"{a} - {b}: {said}"
 
 
-def _boxed(mark: Sign, text: str, more: str) -> str:
-    role = "status" if mark is CLEAR_SIGN else "alert"
+def _boxed(shown: Sign, text: str, more: str) -> str:
+    role = "status" if shown is CLEAR_SIGN else "alert"
     return (
-        f'<div class=pm><div class=pm-banner role={role} id="pm-banner" data-word="{mark.word}"'
-        f' style="border-color:{mark.colour}" title="{escape(text)}">'
-        f'<b style="color:{mark.colour}">{mark.glyph} {mark.word}</b>'
+        f'<div class=pm><div class=pm-banner role={role} id="pm-banner" data-word="{shown.word}"'
+        f' style="border-color:{shown.colour}" title="{escape(text)}">'
+        f'<b style="color:{shown.colour}">{mark(shown)}</b>'
         f"<span class=pm-cut>{escape(text)}</span><span class=pm-dim>{more}</span></div></div>"
     )

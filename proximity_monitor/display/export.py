@@ -7,6 +7,7 @@ import io
 from collections.abc import Sequence
 from typing import Any
 
+from proximity_monitor.display.events import Events
 from proximity_monitor.display.pairs import gap
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import sign
@@ -47,7 +48,7 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session) -> str:
                 a,
                 b,
                 LEVELS[pairs.level[i]],
-                sign(pairs, i).word.lower(),
+                sign(pairs, i, scene).word.lower(),
                 STATUSES[pairs.status[i]],
                 *(x / unit.to_metre for x in (*lengths, limits.warn, limits.stop)),
                 pairs.age_s[i],
@@ -76,6 +77,23 @@ def series_csv(session: Session, scene: SceneInfo) -> str:
         for i, (a, b) in enumerate(frame.pairs.names)
     )
     return _csv(head, rows)
+
+
+def events_csv(events: Events, session: Session) -> str:
+    """Return the session's changes of state: a row each, the oldest first."""
+    start = session.span_s[0]
+    rows = (
+        [
+            f"{event.stamp_s:.9f}",
+            f"{event.stamp_s - start:.3f}",
+            *event.pair,
+            event.before.word.lower(),
+            event.after.word.lower(),
+            event.clearance,
+        ]
+        for event in events.all
+    )
+    return _csv(["stamp [s]", "session [s]", "a", "b", "before", "after", "clearance"], rows)
 
 
 def _csv(head: Sequence[str], rows: Any) -> str:

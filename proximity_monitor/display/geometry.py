@@ -111,3 +111,38 @@ def borders(faces: np.ndarray) -> np.ndarray:
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, count = np.unique(edges, axis=0, return_counts=True)
     return edges[count == 1]
+
+
+def multiply(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the product of two quaternions: the turn by the second, then by the first."""
+    (w, x), (v, y) = (first[0], first[1:]), (second[0], second[1:])
+    return np.concatenate(([w * v - x @ y], w * y + v * x + np.cross(x, y)))
+
+
+def conjugate(quaternion: np.ndarray) -> np.ndarray:
+    """Return the inverse of a unit quaternion."""
+    return quaternion * (1.0, -1.0, -1.0, -1.0)
+
+
+def to_rotation_vector(quaternion: np.ndarray) -> np.ndarray:
+    """Return the axis (3,) of a unit quaternion's turn, as long as its angle within 0 to pi."""
+    w, axis = quaternion[0], quaternion[1:]
+    sine = float(np.linalg.norm(axis))
+    if sine == 0.0:
+        return np.zeros(3)
+    angle = 2.0 * math.atan2(sine, abs(w))
+    return axis * (math.copysign(angle, w) / sine)
+
+
+def from_rotation_vector(vector: np.ndarray) -> np.ndarray:
+    """Return the unit quaternion of a turn about an axis (3,), as long as the angle."""
+    angle = float(np.linalg.norm(vector))
+    half = 0.5 * np.sinc(angle / (2.0 * math.pi))  # sin(angle / 2) / angle
+    return np.concatenate(([math.cos(angle / 2.0)], half * vector))
+
+
+def between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
+    """Return the pose (7,) at a share, 0 to 1, of the way from one pose to another."""
+    turn = to_rotation_vector(multiply(conjugate(first[3:]), second[3:]))
+    place = first[:3] + share * (second[:3] - first[:3])
+    return np.concatenate((place, multiply(first[3:], from_rotation_vector(share * turn))))

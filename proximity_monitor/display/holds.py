@@ -8,18 +8,20 @@ from collections.abc import Mapping
 import numpy as np
 
 UNDO = 200
-"""How many steps can be undone."""
+"""How many steps each hand can undo."""
 
 
 class Holds:
-    """Poses (7,), x y z in metres, quaternion w x y z, with undo. Any thread may call."""
+    """Poses (7,), x y z in metres, quaternion w x y z; each belongs to one hand.
+
+    Any thread may call.
+    """
 
     def __init__(self) -> None:
         """Begin without any held body."""
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
         self._poses: dict[str, np.ndarray] = {}
-        self._first: dict[str, np.ndarray] = {}
-        self._before: list[tuple[str, np.ndarray]] = []
+        self._owners: dict[str, Hand] = {}
 
     @property
     def poses(self) -> Mapping[str, np.ndarray]:
@@ -27,30 +29,83 @@ class Holds:
         with self._lock:
             return dict(self._poses)
 
+    def owner(self, name: str) -> Hand | None:
+        """Return the hand that holds a body."""
+        with self._lock:
+            return self._owners.get(name)
+
+    def release(self) -> None:
+        """Release all bodies to their own sources."""
+        with self._lock:
+            for hand in set(self._owners.values()):
+                hand.release()
+
+
+class Hand:
+    """One browser's hand, with its own undo. It moves only what no other hand holds."""
+
+    def __init__(self, holds: Holds, name: str) -> None:
+        """Begin with nothing held; `name` is what the others read of the owner."""
+        self.name = name
+        self._holds = holds
+        self._lock = holds._lock
+        self._first: dict[str, np.ndarray] = {}
+        self._before: list[tuple[str, np.ndarray]] = []
+        self._gone = False
+
+    @property
+    def poses(self) -> Mapping[str, np.ndarray]:
+        """The poses of all held bodies, of other hands too."""
+        return self._holds.poses
+
+    @property
+    def own(self) -> frozenset[str]:
+        """The bodies in this hand."""
+        with self._lock:
+            return frozenset(name for name, owner in self._holds._owners.items() if owner is self)
+
+    def other(self, name: str | None) -> Hand | None:
+        """Return the other hand that holds a body; None: it is free, or in this one."""
+        owner = None if name is None else self._holds.owner(name)
+        return None if owner is self else owner
+
     @property
     def can_undo(self) -> bool:
         """Whether there is a step to undo."""
         with self._lock:
             return bool(self._before)
 
-    def take(self, name: str, now: np.ndarray) -> None:
-        """Begin a step with a body, and hold it where it is; the step can be undone."""
+    def take(self, name: str, now: np.ndarray) -> bool:
+        """Begin a step with a body, and hold it where it is; return whether no other hand does."""
         with self._lock:
-            self._before.append((name, self._poses.get(name, now)))
+            if self._gone or self.other(name) is not None:
+                return False
+            poses = self._holds._poses
+            self._before.append((name, poses.get(name, now)))
             del self._before[:-UNDO]
-            self._poses.setdefault(name, now)
             self._first.setdefault(name, now)
+            poses.setdefault(name, now)
+            self._holds._owners[name] = self
+            return True
+
+    def take_over(self, name: str) -> None:
+        """Take a body out of another hand; it stays where it is."""
+        with self._lock:
+            other, pose = self.other(name), self._holds._poses.get(name)
+            if other is not None:
+                other.release(name)
+                self.take(name, pose)
 
     def move(self, name: str, pose: np.ndarray) -> None:
-        """Move a held body within a step."""
+        """Move a body in this hand within a step."""
         with self._lock:
-            if name in self._poses:
-                self._poses[name] = pose
+            if self._has(name):
+                self._holds._poses[name] = pose
 
     def place(self, name: str, pose: np.ndarray, now: np.ndarray) -> None:
         """Hold a body at a pose, as one step; `now` is where it is."""
-        self.take(name, now)
-        self.move(name, pose)
+        if self.take(name, now):
+            self.move(name, pose)
 
     def undo(self) -> str | None:
         """Undo a step; return the body, which stays held where the step began."""
@@ -58,22 +113,29 @@ class Holds:
             if not self._before:
                 return None
             name, pose = self._before.pop()
-            if name in self._poses:
-                self._poses[name] = pose
+            self.move(name, pose)
             return name
 
     def reset(self, name: str) -> None:
         """Put a held body back to where it was first taken; this can be undone."""
         with self._lock:
-            first, pose = self._first.get(name), self._poses.get(name)
-            if first is not None and pose is not None:
-                self._before.append((name, pose))
-                self._poses[name] = first
+            if self._has(name):
+                self._before.append((name, self._holds._poses[name]))
+                self._holds._poses[name] = self._first[name]
 
     def release(self, name: str | None = None) -> None:
-        """Release a body, or all of them, to their own sources."""
+        """Release a body, or all in this hand, to their own sources."""
         with self._lock:
-            for each in [name] if name is not None else list(self._poses):
-                self._poses.pop(each, None)
+            for each in self.own if name is None else {name} & self.own:
+                del self._holds._owners[each], self._holds._poses[each]
                 self._first.pop(each, None)
                 self._before = [step for step in self._before if step[0] != each]
+
+    def leave(self) -> None:
+        """Release all for good: the browser is gone."""
+        with self._lock:
+            self._gone = True
+            self.release()
+
+    def _has(self, name: str) -> bool:
+        return self._holds._owners.get(name) is self

@@ -34,6 +34,16 @@ class News:
     refusal: str = ""
     """Why the monitor refused the last parameters; empty if it took them."""
 
+    @property
+    def complete(self) -> bool:
+        """Whether all has come, of one scene: the first messages may be of the previous one."""
+        scene, parts, frame = self.scene, self.parts, self.frame
+        return (
+            not (scene is None or parts is None or frame is None)
+            and len(parts) == len(scene.bodies)
+            and len(frame.poses) == len(scene.moving)
+        )
+
 
 class Inbox:
     """Takes messages as bytes; they are read when the page asks."""

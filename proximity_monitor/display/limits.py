@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Mapping
 from html import escape
 
-import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.signs import DECIMALS, length
-from proximity_monitor.display.state import BOUNDED, Frame, Health, SceneInfo
+from proximity_monitor.display.fresh import aging
+from proximity_monitor.display.state import Health, SceneInfo
+from proximity_monitor.display.tried import Tried
 
 ASK_S = 0.2
 """Seconds between two requests to the monitor while a slider is dragged."""
@@ -22,20 +22,17 @@ HAND_S = 1.0
 HEADROOM = 4.0
 """A slider of a length reaches up to so many times its first value."""
 
-SETTLED = 2
-"""How many messages about times must have come since a setting was made: the first is older."""
-
-TRIED = 8
-"""How many settings are remembered with their cost."""
-
 Values = Mapping[str, float]
 
 
 class LimitsPanel:
     """The panel, which sets the monitor's own parameters."""
 
-    def __init__(self, gui: viser.GuiApi, choice: Choice, ask: Callable[[Values], None]) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, choice: Choice, tried: Tried, ask: Callable[[Values], None]
+    ) -> None:
         """Add it at this place of the GUI; `ask` sends parameters to the monitor."""
+        self._tried = tried
         self._choice = choice
         self._ask = ask
         self._wanted: dict[str, float] = {}
@@ -43,9 +40,6 @@ class LimitsPanel:
         self._asked_in: SceneInfo | None = None  # the scene at that time
         self._prefix = ""
         self._scene: SceneInfo | None = None
-        self._tried: dict[str, str] = {}
-        self._heard: Health | None = None
-        self._setting, self._seconds = "", 0  # in force, and for how many messages of the monitor
         with gui.add_folder("Thresholds"):
             self._whose = gui.add_html("")
             self._lengths = {
@@ -64,9 +58,7 @@ class LimitsPanel:
         self._rel.on_update(self._on("rel_err", self._rel, lambda: 0.01))
         self._abs.on_update(self._on("abs_err", self._abs, lambda: self._scene.unit.to_metre))
 
-    def show(
-        self, scene: SceneInfo, frame: Frame, health: Health | None, refusal: str, now_s: float
-    ) -> None:
+    def show(self, scene: SceneInfo, health: Health | None, refusal: str, now_s: float) -> None:
         """Send new settings, and show those in force and their cost."""
         if self._wanted:
             if now_s >= self._asked_s + ASK_S:
@@ -76,7 +68,7 @@ class LimitsPanel:
         elif (scene is not self._asked_in or refusal) and now_s >= self._asked_s + HAND_S:
             self._follow(scene)
         if health is not None:
-            self._cost.content = self._tell_cost(scene, frame, health)
+            self._cost.content = self._tell_cost(scene, health)
         told = f"<div class=pm style='color:#b3261e'>not taken: {escape(refusal)}</div>"
         self._refusal.content = told if refusal else ""
 
@@ -128,50 +120,16 @@ class LimitsPanel:
 
         return on_update
 
-    def _tell_cost(self, scene: SceneInfo, frame: Frame, health: Health) -> str:
-        pairs, settings, unit = frame.pairs, scene.settings, scene.unit
+    def _tell_cost(self, scene: SceneInfo, health: Health) -> str:
+        settings = scene.settings
         p50, p99 = (health.number(f"search_p{share}_ms") for share in (50, 99))
-        gaps = (pairs.upper - pairs.lower)[np.isfinite(pairs.upper)]
-        widest = float(gaps.max()) if len(gaps) else 0.0
-        bounded = int((pairs.status == BOUNDED).sum())
-        what = _named(settings, unit.symbol, unit.to_metre)
-        if what != self._setting:
-            self._setting, self._seconds = what, 0
-        if health is not self._heard:
-            self._heard = health
-            self._seconds += 1
-        if self._seconds >= SETTLED and not math.isnan(p50):
-            self._tried.pop(what, None)
-            self._tried[what] = (
-                f"<td class=pm-num>{p50:.2f}</td><td class=pm-num>{p99:.2f}</td>"
-                f"<td class=pm-num>{length(widest, unit)}</td><td class=pm-num>{bounded}</td>"
-            )
-            while len(self._tried) > TRIED:
-                del self._tried[next(iter(self._tried))]
         share = f"{100.0 * p50 / settings['budget_ms']:.0f} %" if settings["budget_ms"] else "n/a"
-        rows = "".join(
-            f"<tr{' class=pm-chosen' if told == what else ''}><td>{told}</td>{cost}</tr>"
-            for told, cost in reversed(self._tried.items())
-        )
         return (
-            f'<div class=pm id="pm-cost"><div>Search now: <b>{p50:.2f} ms</b> a tick (median),'
+            f'<div class=pm id="pm-cost"><div>Search {aging("now:", "when last heard of:")}'
+            f" <b>{p50:.2f} ms</b> a tick (median),"
             f" {p99:.2f} ms (99th percentile): {share} of the budget</div>"
-            "<table class='pm-table pm-small'><tr><th>tried here</th><th class=pm-num>p50 [ms]</th>"
-            "<th class=pm-num>p99 [ms]</th><th class=pm-num>widest bounds</th>"
-            f"<th class=pm-num>cut</th></tr>{rows}</table></div>"
+            f"{self._tried.table()}</div>"
         )
-
-
-def _named(settings: Mapping[str, float | None], symbol: str, to_metre: float) -> str:
-    rel, absolute = settings["rel_err"], settings["abs_err"]
-    errors = []
-    if rel is None and absolute is None:
-        errors.append("as the scene says")
-    if rel:
-        errors.append(f"{100.0 * rel:g} %")
-    if absolute:
-        errors.append(f"{absolute / to_metre:.{DECIMALS.get(symbol, 4)}g} {symbol}")
-    return f"{' or '.join(errors) or 'exact'}, {settings['budget_ms']:g} ms"
 
 
 def _round_up(value: float) -> float:

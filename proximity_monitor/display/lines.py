@@ -13,17 +13,21 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.labels import Label, short
 from proximity_monitor.display.signs import clearance, ramp, sign, uncertain
 from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
 
 LABELS = 10
-"""How many lines are shown at most, the nearest ones."""
+"""How many pairs have a label at most, the nearest ones."""
 
 ALWAYS = 3
 """How many of the nearest pairs have a label even while they are clear."""
 
-THIN, THICK = 2.0, 5.0
-"""Pixels."""
+THIN, THICK, DOT = 2.0, 5.0, 9.0
+"""Pixels: of lines, and of the closest points."""
+
+_SHORT = 1e-3
+"""A closest point is drawn as a line of this share of the gap, so that it is a dot at any zoom."""
 
 
 def pattern(level: int, unsure: bool) -> np.ndarray:
@@ -76,20 +80,12 @@ class Lines:
                 f"/distances/{name}", nothing, nothing.astype(np.uint8), thickness=width,
                 thickness_units="screen", visible=False,
             )
-            for name, width in (("thin", THIN), ("thick", THICK))
+            for name, width in (("thin", THIN), ("thick", THICK), ("points", DOT))
         }  # fmt: skip
-        self._points = api.add_point_cloud(
-            "/distances/points", nothing[0], nothing[0].astype(np.uint8),
-            point_size=0.008 * size, point_shape="circle",
-            precision="float32", visible=False,
-        )  # fmt: skip
-        self._labels = [
-            api.add_label(
-                f"/distances/label_{i}", "", anchor="bottom-center", visible=False,
-                font_screen_scale=1.1,
-            )
-            for i in range(LABELS)
-        ]  # fmt: skip
+        self.labels: list[Label] = []
+        """Of the drawn pairs, the nearest first."""
+        self.tips = np.zeros((0, 3))
+        """(n, 3) the closest points that are drawn, in the page's units."""
 
     def show(self, pairs: Pairs, scene: SceneInfo, choice: Choice) -> None:
         """Draw the pairs of a tick."""
@@ -107,8 +103,8 @@ class Lines:
             ],
             np.uint8,
         ).reshape(-1, 3)
-        segments = {THIN: [], THICK: []}
-        painted = {THIN: [], THICK: []}
+        segments = {width: [] for width in self._lines}
+        painted = {width: [] for width in self._lines}
         for (p, q), colour, i in zip(points, colours, rows, strict=True):
             loud = pairs.level[i] == STOP or pairs.touching[i] or choice.pair is not None
             width = THICK if loud else THIN
@@ -118,28 +114,24 @@ class Lines:
                     drawn = np.concatenate((drawn, [(p, q)]))
             else:
                 drawn = p + (q - p) * pattern(pairs.level[i], uncertain(pairs, i))[..., None]
+                dots = np.array([(p, p + _SHORT * (q - p)), (q, q + _SHORT * (p - q))])
+                segments[DOT].append(dots)
+                painted[DOT].append(np.broadcast_to(colour, dots.shape))
             segments[width].append(drawn)
             painted[width].append(np.broadcast_to(colour, drawn.shape))
         for width, line in self._lines.items():
             _set_lines(line, segments[width], painted[width])
-        self._points.visible = len(rows) > 0
-        if len(rows):
-            self._points.points = points.reshape(-1, 3).astype(np.float32)
-            self._points.colors = np.repeat(colours, 2, axis=0)
-        self._set_labels(pairs, scene, rows, points)
-
-    def _set_labels(
-        self, pairs: Pairs, scene: SceneInfo, rows: np.ndarray, points: np.ndarray
-    ) -> None:
+        self.tips = points.reshape(-1, 3)
         urgent = (np.arange(len(rows)) < ALWAYS) | (pairs.level[rows] != 0)
         labelled = np.flatnonzero(urgent | pairs.touching[rows])[:LABELS]
-        for label, k in zip(self._labels, labelled, strict=False):
-            i = rows[k]
-            label.text = f"{sign(pairs, i).glyph} {clearance(pairs, i, scene.unit)}"
-            label.position = points[k].mean(axis=0)
-            label.visible = True
-        for label in self._labels[len(labelled) :]:
-            label.visible = False
+        self.labels = [
+            Label(_told(pairs, rows[k], scene), points[k].mean(axis=0)) for k in labelled
+        ]
+
+
+def _told(pairs: Pairs, i: int, scene: SceneInfo) -> str:
+    a, b = map(short, pairs.names[i])
+    return f"{sign(pairs, i, scene).glyph} {clearance(pairs, i, scene.unit)}\n{a} - {b}"
 
 
 def _set_lines(

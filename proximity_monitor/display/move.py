@@ -2,71 +2,96 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from html import escape
 
 import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.geometry import from_degrees, moved, to_degrees
-from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.fine import Fine, stepped
+from proximity_monitor.display.geometry import IDENTITY, from_degrees, moved, to_degrees
+from proximity_monitor.display.guard import AT_CONTACT, AT_STOP, FREE, farthest, slack
+from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.parts import Parts
-from proximity_monitor.display.signs import DECIMALS
-from proximity_monitor.display.state import Frame, SceneInfo
+from proximity_monitor.display.signs import DECIMALS, clearance, sign
+from proximity_monitor.display.state import Frame, Pairs, SceneInfo
 
 NOBODY = "(none)"
+LET_GO = "Let go: its own source moves it"
+
+NEAREST = 4
+"""How many clearances of the part are told beside its handles."""
+
+SURELY = 1.02
+"""A part may reach beyond the triangles that are shown, by less than this."""
+
+HANDLES = 130.0
+"""Length of the handles in pixels: at every zoom they are as large."""
 
 
 class Move:
     """The gizmo in the scene and the panel beside it."""
 
-    def __init__(self, server: viser.ViserServer, holds: Holds, choice: Choice) -> None:
+    def __init__(self, client: viser.ClientHandle, hand: Hand, choice: Choice) -> None:
         """Add both; `begin` puts them to work."""
-        self._server = server
-        self._holds = holds
+        self._client = client
+        self._hand = hand
         self._choice = choice
         self._scene: SceneInfo | None = None
         self._parts: Parts | None = None
         self._frame: Frame | None = None
         self._gizmo: viser.TransformControlsHandle | None = None
         self._dragging: str | None = None  # a drag stays with its body, whatever is chosen
+        self._grip = IDENTITY  # of the handles when the drag began
+        self._target: np.ndarray | None = None  # where a drag that may stop wants the part
+        self._newest: Frame | None = None
         self._hidden = False
         self._edited = False  # typed numbers wait for their button
         self._told: tuple[str | None, bytes] = (None, b"")
-        gui = server.gui
+        gui = client.gui
         self._who = gui.add_dropdown("Part", (NOBODY,), hint="Or click a part in the picture")
         self._note = gui.add_html("")
-        self._position = gui.add_vector3("Position", (0.0, 0.0, 0.0))
-        self._turn = gui.add_vector3(
-            "Turn [deg]", (0.0, 0.0, 0.0), step=1.0, hint="Roll, pitch and yaw about fixed axes"
-        )
-        self._apply = gui.add_button("Put it there", icon=viser.Icon.TARGET_ARROW)
+        self._near = gui.add_html("")
+        with gui.add_form(None) as form:  # so that Enter in a field puts the part there
+            self._position = gui.add_vector3("Position", (0.0, 0.0, 0.0))
+            self._turn = gui.add_vector3(
+                "Turn [deg]", (0.0, 0.0, 0.0), step=1.0, hint="Roll, pitch and yaw about fixed axes"
+            )
+        self._apply = gui.add_button("Put it there", icon=viser.Icon.TARGET_ARROW, hint="Enter")
         self._undo = gui.add_button("Undo", icon=viser.Icon.ARROW_BACK_UP, hint="Ctrl+Z")
         self._reset = gui.add_button("Back to where it was", icon=viser.Icon.REFRESH)
-        self._release = gui.add_button("Let go: its own source moves it", icon=viser.Icon.HAND_OFF)
+        self._release = gui.add_button(LET_GO, icon=viser.Icon.HAND_OFF)
+        self._stop = gui.add_dropdown(
+            "Drags stop", (FREE, AT_STOP, AT_CONTACT), hint="By certified bounds, of each tick anew"
+        )
+        self._fine = Fine(gui, self._on_step)
         command = gui.add_command("Undo the last move", hotkey="Z", modifier="cmd/ctrl")
         self._who.on_update(self._on_who)
         self._turn.precision = 3
         for field in (self._position, self._turn):
             field.on_update(self._on_typed)
         self._apply.on_click(self._on_apply)
+        form.on_submit(self._on_apply)
         self._undo.on_click(self._on_undo)
         self._reset.on_click(self._on_reset)
         self._release.on_click(self._on_release)
         command.on_trigger(self._on_undo)
 
     def begin(self, scene: SceneInfo, parts: Parts) -> None:
-        """Take a scene; the gizmo is made anew at its size."""
-        self._scene, self._parts, self._frame = scene, parts, None
-        self._dragging = None  # the old gizmo reports no end
+        """Take a scene; the gizmo is made anew."""
+        self._scene, self._parts = scene, parts
+        self._frame = self._newest = None
+        self._dragging = self._target = None  # the old gizmo reports no end
         names = tuple(body.name for body in scene.bodies if body.topic is not None)
         self._who.options = (NOBODY, *names)
+        self._fine.begin(scene.unit)
         digits = DECIMALS.get(scene.unit.symbol, 4)
         self._position.label = f"Position [{scene.unit.symbol}]"
         self._position.precision, self._position.step = digits, 10.0 ** (1 - digits)
-        self._gizmo = self._server.scene.add_transform_controls(
-            "/gizmo", scale=0.35 * parts.size, line_width=3.0, depth_test=False, visible=False
+        self._gizmo = self._client.scene.add_transform_controls(
+            "/gizmo", scale=HANDLES, fixed=True, line_width=3.0, depth_test=False, visible=False
         )
         self._gizmo.on_update(self._on_drag)
         if self._choice.body is None and len(names) == 1:
@@ -83,16 +108,20 @@ class Move:
 
     def show(self, frame: Frame, news: News) -> None:
         """Let gizmo and numbers follow the body."""
-        self._frame = frame
+        self._frame, self._newest = frame, news.frame
+        self._advance()
         name = self._choice.body
+        self._near.content = _clearances(name, frame.pairs, self._scene)
         pose = None if name is None else self._pose(name)
         live = self._choice.at_s is None
-        self._gizmo.visible = pose is not None and live and not self._hidden
-        held = self._holds.poses
-        for button in (self._reset, self._release):
-            button.disabled = name not in held
-        self._undo.disabled = not self._holds.can_undo
-        self._note.content = _note(name, held.keys(), news.rivals)
+        other, own = self._hand.other(name), self._hand.own
+        self._gizmo.visible = pose is not None and live and not (self._hidden or other)
+        self._apply.disabled = other is not None
+        self._reset.disabled = name not in own
+        self._release.disabled = name not in own and other is None
+        self._release.label = LET_GO if other is None else f"Take it over from {other.name}"
+        self._undo.disabled = not self._hand.can_undo
+        self._note.content = _note(name, own, other, news.rivals)
         if pose is None or self._dragging is not None:
             return
         at = moved(pose, self._parts[name].centre / self._parts.scale)
@@ -107,7 +136,7 @@ class Move:
             self._gizmo.visible = False
 
     def _pose(self, name: str) -> np.ndarray | None:
-        held = self._holds.poses.get(name)
+        held = self._hand.poses.get(name)
         if held is not None or self._frame is None:
             return held
         return self._frame.pose(self._scene.moving.index(name))
@@ -126,21 +155,46 @@ class Move:
         if event.phase == "start":
             name = self._choice.body
             pose = None if name is None else self._pose(name)
-            self._dragging = None if pose is None else name
-            if pose is not None:
-                self._holds.take(name, pose)
+            taken = pose is not None and self._hand.take(name, pose)
+            self._dragging = name if taken else None
+            if taken:
+                self._grip = moved(pose, self._parts[name].centre / self._parts.scale)
         name = self._dragging
         if name is None:
             return
         scale, centre = self._parts.scale, self._parts[name].centre
         turned = np.array(event.target.wxyz) / np.linalg.norm(event.target.wxyz)
         at = np.concatenate((np.array(event.target.position) / scale, turned))
-        pose = moved(at, -centre / scale)
-        self._holds.move(name, pose)
-        if name == self._choice.body:
-            self._tell(pose)
+        self._target = moved(self._fine.followed(self._grip, at), -centre / scale)
+        self._advance()
         if event.phase == "end":
-            self._dragging = None
+            self._dragging = self._target = None
+
+    def _advance(self) -> None:
+        """Move the dragged part towards where the hand wants it, as far as it may."""
+        name, target = self._dragging, self._target
+        if name is None or target is None:
+            return
+        now, row = self._hand.poses.get(name), self._scene.moving.index(name)
+        if self._stop.value != FREE and now is not None:
+            seen = None if self._newest is None else self._newest.pose(row)
+            if seen is None:
+                return
+            part, scale = self._parts[name], self._parts.scale
+            room = slack(name, self._newest, self._scene, self._stop.value)
+            radius = SURELY * float(np.linalg.norm(part.high - part.low)) / 2.0 / scale
+            target = farthest(seen, now, target, part.centre / scale, radius, room)
+        self._hand.move(name, target)
+        if name == self._choice.body:
+            self._tell(target)
+
+    def _on_step(self, shift: np.ndarray, turn: np.ndarray) -> None:
+        name = self._choice.body
+        now = None if name is None else self._pose(name)
+        if now is not None:
+            centre = self._parts[name].centre / self._parts.scale
+            self._hand.place(name, moved(stepped(moved(now, centre), shift, turn), -centre), now)
+        self._edited = False
 
     async def _on_who(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
@@ -155,28 +209,47 @@ class Move:
         if now is not None:
             place = np.array(self._position.value) * self._scene.unit.to_metre
             pose = np.concatenate((place, from_degrees(*self._turn.value)))
-            self._holds.place(name, pose, now)
+            self._hand.place(name, pose, now)
         self._edited = False
 
     async def _on_undo(self, _) -> None:
-        if (name := self._holds.undo()) is not None:
+        if (name := self._hand.undo()) is not None:
             self.pick(name)
 
     async def _on_reset(self, _) -> None:
-        self._holds.reset(self._choice.body)
+        self._hand.reset(self._choice.body)
 
     async def _on_release(self, _) -> None:
-        if self._choice.body is not None:
-            self._holds.release(self._choice.body)
+        name = self._choice.body
+        if name is not None and self._hand.other(name) is not None:
+            self._hand.take_over(name)
+        elif name is not None:
+            self._hand.release(name)
 
 
-def _note(name: str | None, held, rivals: tuple[str, ...]) -> str:
+def _clearances(name: str | None, pairs: Pairs, scene: SceneInfo) -> str:
+    """Return the nearest pairs of a part as HTML."""
+    rows = [i for i in np.argsort(pairs.lower) if name in pairs.names[i]][:NEAREST]
+    told = "".join(
+        f'<div class=pm-line><b style="color:{(mark := sign(pairs, i, scene)).colour}">{mark.glyph}'
+        f"</b><span class=pm-cut>{escape(' - '.join(pairs.names[i]))}</span>"
+        f"<span class=pm-num>{clearance(pairs, i, scene.unit)}</span></div>"
+        for i in rows
+    )
+    return f'<div class="pm pm-small" id="pm-near">{told}</div>'
+
+
+def _note(
+    name: str | None, own: Collection[str], other: Hand | None, rivals: tuple[str, ...]
+) -> str:
     if name is None:
         text = "Click a part, then drag its arrows, planes and arcs."
-    elif name not in held:
+    elif other is not None:
+        text = f"▲ held by {escape(other.name)}, another view of this page"
+    elif name not in own:
         text = "Drag the gizmo to take the part; its pose is published 40 times a second."
     elif rivals:
         text = f"▲ held here, but {escape(', '.join(rivals))} publishes poses of held parts too"
     else:
-        text = f"held here, with {len(held) - 1} more" if len(held) > 1 else "held here"
+        text = f"held here, with {len(own) - 1} more" if len(own) > 1 else "held here"
     return f'<div class="pm pm-small" id="pm-held">{text}</div>'

@@ -1,97 +1,120 @@
-"""The page: its layout, and the loop that keeps it up to date."""
+"""The page of one browser: its layout, and the steps that keep it up to date."""
 
 from __future__ import annotations
 
-import time
 from html import escape
 
 import numpy as np
 import viser
 
-from proximity_monitor.display import serving
+from proximity_monitor.display import picking
 from proximity_monitor.display.bridge import Bridge
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.connection import Connection, banner, connection, pill
-from proximity_monitor.display.holds import Holds
-from proximity_monitor.display.inbox import Inbox, News
+from proximity_monitor.display.connection import Connection, banner, pill
+from proximity_monitor.display.events import EventList
+from proximity_monitor.display.fresh import Beat, patience_s
+from proximity_monitor.display.holds import Hand
+from proximity_monitor.display.inbox import News
+from proximity_monitor.display.inspection import Inspect
+from proximity_monitor.display.labels import Labels
 from proximity_monitor.display.limits import LimitsPanel
 from proximity_monitor.display.lines import Lines
+from proximity_monitor.display.listing import Filters
+from proximity_monitor.display.matrix import matrix
 from proximity_monitor.display.move import Move
-from proximity_monitor.display.node import ProximityDisplay
 from proximity_monitor.display.pairs import as_pair, table
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.save import Save, Shown
-from proximity_monitor.display.session import Session
+from proximity_monitor.display.shared import Shared
 from proximity_monitor.display.state import Frame
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
+from proximity_monitor.display.view import View, place
 
 TABLE_S = 0.1
-"""Seconds between two updates of the list: numbers that change faster cannot be read."""
+"""Seconds between two updates of the numbers: what changes faster cannot be read."""
+
+LONGEST_S = 0.5
+"""The same for a long list at most: less than what makes it old."""
+
+CHARACTER_S = 1e-6
+"""Seconds between two updates of a list for each character of its HTML, which browsers read."""
+
+FAULT_S = 10.0
+"""Seconds for which an error is shown after the last step that failed."""
 
 WIDTH = 500
 """Width of the panel, in pixels."""
 
 
 class Page:
-    """Everything on the server, the same for all viewers."""
+    """What one browser shows: its view, choice, hidden pairs and moment are its own."""
 
-    def __init__(
-        self, server: viser.ViserServer, inbox: Inbox, holds: Holds, node: ProximityDisplay
-    ) -> None:
-        """Lay the page out.
-
-        Args:
-            server: shows it.
-            inbox: gives the monitor's messages.
-            holds: the bodies that are held here.
-            node: carries requests to the monitor.
-        """
-        self._server = server
-        self._inbox = inbox
-        self._holds = holds
+    def __init__(self, client: viser.ClientHandle, shared: Shared) -> None:
+        """Lay the page out in a browser, with what all browsers share."""
+        self._client = client
+        self._server = shared.server
+        self._session = shared.session
+        self.hand = Hand(shared.holds, f"browser {client.client_id + 1}")
         self._choice = Choice()
-        self._session = Session()
         self._shown: Shown | None = None
         self._parts: Parts | None = None
         self._lines: Lines | None = None
+        self._labels: Labels | None = None
         self._drawn: tuple = ()
         self._all_placed = True
-        self._table_due_s = 0.0
-        gui = server.gui
+        self._due_s = self._table_due_s = self._fault_until_s = 0.0
+        gui = client.gui
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         gui.add_html(STYLE)
         Bridge(gui, self._on_word)
+        self._beat = Beat(gui)
+        self._fault = gui.add_html("")
         self._pill = gui.add_html("")
         self._banner = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Clearances", viser.Icon.RULER_MEASURE):
             self._add_list(gui)
         with tabs.add_tab("Move", viser.Icon.HAND_MOVE):
-            self._move = Move(server, holds, self._choice)
+            self._move = Move(client, self.hand, self._choice)
         with tabs.add_tab("Limits", viser.Icon.ADJUSTMENTS):
-            self._limits = LimitsPanel(gui, self._choice, node.set_parameters_of_monitor)
+            self._limits = LimitsPanel(gui, self._choice, shared.tried, shared.ask)
+        picking.listen(client.scene, lambda: self._parts, self._inspect.plane, self._move.pick)
         over_time = gui.add_panel()
         plot = over_time.add_tab("Clearance", viser.Icon.CHART_LINE)
-        over_time.float(x=14, y=-14, width=600, height=290)
+        over_time.dock_below(gui.main_panel)
         with tabs.add_tab("Session", viser.Icon.HISTORY):
             self._timeline = Timeline(gui, plot, self._session, self._choice, self._return_to_worst)
+            self._events = EventList(
+                gui, shared.events, self._session, self._choice, self._session.forget_worst
+            )
             self._save = Save(
-                gui, self._session, self._choice, lambda: self._shown, self._move.hide
+                gui,
+                self._session,
+                shared.events,
+                self._choice,
+                lambda: self._shown,
+                self._move.hide,
             )
 
-    def step(self) -> None:
-        """Bring the page up to date: one block of changes for all browsers."""
-        news = self._inbox.read()
-        now_s = time.monotonic()
-        told = connection(news, now_s)
-        with self._server.atomic():
-            self._pill.content = pill(told, self._choice)
-            if _complete(news):
+    def step(self, news: News, told: Connection, now_s: float) -> None:
+        """Bring the page up to date: one block of changes."""
+        with self._client.atomic():
+            self._pill.content = pill(told, self._choice, self._session.span_s[1])
+            if news.complete:
                 self._show(news, told, now_s)
             else:
                 self._banner.content = ""  # it spoke of the previous scene
+
+    def admit(self, fault: str, now_s: float) -> None:
+        """Show an error of the page's own, and for a while after the last; empty: there is none."""
+        if fault:
+            self._fault_until_s = now_s + FAULT_S
+            text = escape(f"This page failed, and may show old numbers: {fault[:200]}")
+            self._fault.content = f'<div class="pm pm-fault" id="pm-fault" role=alert>{text}</div>'
+        elif now_s >= self._fault_until_s and self._fault.content:
+            self._fault.content = ""
 
     def _show(self, news: News, told: Connection, now_s: float) -> None:
         scene, before = news.scene, self._shown
@@ -99,74 +122,82 @@ class Page:
             self._build(news)
         elif news.parts is not before.parts:
             self._parts.reshape(news.parts, scene.deforming)
-        if news.frame is not self._session.newest:
-            self._session.add(news.frame)
         at, choice = self._choice.at_s, self._choice
         frame = news.frame if at is None else self._session.at(at)
         self._shown = Shown(scene, frame, news.parts)
-        held = self._holds.poses if at is None else {}
+        held = self.hand.poses if at is None else {}
         self._parts.show(frame, held, choice, choice.pair or ())
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
+        self._inspect.show(frame, now_s)
         self._move.show(frame, news)
         drawn = (frame, choice.pair, choice.body, choice.ignored, choice.lines, scene)
         if drawn != self._drawn:
             self._drawn = drawn
             self._lines.show(frame.pairs, scene, choice)
-        if now_s >= self._table_due_s:
-            self._table_due_s = now_s + TABLE_S
+        labels = [*self._lines.labels, *self._parts.labels()]
+        self._labels.show(labels, View.of(self._client.camera), self._lines.tips)
+        if now_s >= self._due_s:
+            self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told)
-            self._table.content = table(frame.pairs, scene, choice)
-            self._limits.show(scene, news.frame, news.health, news.refusal, now_s)
+            self._limits.show(scene, news.health, news.refusal, now_s)
+            if told.current:
+                self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
+        if now_s >= self._table_due_s:
+            self._table.content = listed = table(frame.pairs, scene, choice)
+            self._matrix.content = matrix(frame.pairs, scene)
+            self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(listed)), LONGEST_S)
         self._timeline.show(scene, now_s)
+        self._events.show(now_s)
 
     def _build(self, news: News) -> None:
         """Begin with a scene."""
-        self._server.scene.reset()
-        serving.light(self._server)
-        self._session.clear()
-        self._holds.release()  # bodies held since the scene came belong to the previous one
+        self._client.scene.reset()
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
-        self._parts = Parts(self._server, news.scene, news.parts, self._move.pick)
+        self._filters.begin(news.scene)
+        self._parts = Parts(self._client, news.scene, news.parts)
         self._parts.show(news.frame, {}, self._choice, ())
-        self._lines = Lines(self._server, self._parts.scale, self._parts.size)
+        self._lines = Lines(self._client, self._parts.scale, self._parts.size)
+        self._labels = Labels(self._client.scene, "/distances")
+        self._inspect.begin(news.scene, self._parts)
         self._move.begin(news.scene, self._parts)
         self._look_at_all(news.frame)
-        self._server.gui.set_panel_label(news.scene.name)
+        self._client.gui.set_panel_label(news.scene.name)
         self._about.content = f"<div class='pm pm-dim'>{escape(news.scene.description)}</div>"
 
+    def _look_again(self) -> None:
+        camera = self._server.initial_camera
+        place(self._client.camera, camera.position, camera.look_at)
+
     def _look_at_all(self, frame: Frame) -> None:
-        """Show all parts to new viewers, and to those who have not moved their camera."""
+        """Show all parts, unless the camera was moved already."""
         low, high = self._parts.box()
         middle, across = (low + high) / 2.0, float(np.linalg.norm(high - low))
         camera = self._server.initial_camera
         before = camera.position
-        middle[2] -= 0.12 * across  # the plot covers what is below it
         camera.look_at = middle
         camera.position = middle + across * np.array([0.55, -0.75, 0.45])
-        for client in self._server.get_clients().values():
-            if np.allclose(client.camera.position, before, atol=1e-3 * across):
-                with client.atomic():
-                    client.camera.look_at = middle
-                    client.camera.position = camera.position
+        mine = self._client.camera
+        if np.allclose(mine.position, before, atol=1e-3 * across):
+            place(mine, camera.position, middle)
         # A monitor's first ticks may come before any poses.
         self._all_placed = bool(frame.poses[:, 3:].any(axis=1).all())
 
     def _add_list(self, gui: viser.GuiApi) -> None:
         self._about = gui.add_html("")
-        search = gui.add_text("Search", "", hint="Words of the names of both parts")
+        self._filters = Filters(gui, self._choice)
+        self._inspect = Inspect(self._client, self._choice, self._look_again)
         self._table = gui.add_html("")
+        with gui.add_folder("Clash matrix", expand_by_default=False):
+            self._matrix = gui.add_html("")
         with gui.add_folder("Picture", expand_by_default=False):
             lines = gui.add_slider(
                 "Lines", 0, 200, 1, self._choice.lines,
                 hint="So many of the nearest pairs are drawn, beside all that are not clear",
             )  # fmt: skip
             names = gui.add_checkbox("Names", self._choice.names)
-
-        @search.on_update
-        async def _(_) -> None:
-            self._choice.search = search.value
+            self._inspect.add_looks(gui)
 
         @lines.on_update
         async def _(_) -> None:
@@ -176,15 +207,24 @@ class Page:
         async def _(_) -> None:
             self._choice.names = names.value
 
-    def _on_word(self, word: str, client: viser.ClientHandle | None) -> None:
+    def _on_word(self, word: str) -> None:
         what, _, name = word.partition(":")
         pair, choice = as_pair(name), self._choice
-        if what == "ignore":
+        if what == "unfilter":
+            self._filters.clear()
+        elif what == "event":
+            self._events.go(name)
+        elif (
+            self._shown is None
+            or pair not in self._shown.frame.pairs.places.keys() | choice.ignored
+        ):
+            return  # it has gone since, or a browser sent what was not pressed
+        elif what == "ignore":
             choice.ignore(pair)
         elif what == "pick":
             choice.pair = None if choice.pair == pair else pair
-            if choice.pair is not None and client is not None:
-                self._zoom(client)
+            if choice.pair is not None:
+                self._zoom(self._client)
 
     def _zoom(self, client: viser.ClientHandle) -> None:
         """Look at the gap of the highlighted pair from the camera's direction, but nearer."""
@@ -197,9 +237,7 @@ class Page:
         away = np.array(client.camera.position) - middle
         away /= np.linalg.norm(away) or 1.0
         distance = max(4.0 * float(np.linalg.norm(ends[1] - ends[0])), 0.6 * self._parts.size)
-        with client.atomic():
-            client.camera.look_at = middle
-            client.camera.position = middle + distance * away
+        place(client.camera, middle + distance * away, middle)
 
     def _return_to_worst(self) -> None:
         """Hold the two bodies of the worst pair where they were."""
@@ -214,14 +252,4 @@ class Page:
             if name in scene.moving and scene.body(name).topic is not None:
                 row = scene.moving.index(name)
                 there, now = worst.poses[row], self._session.newest.pose(row)
-                self._holds.place(name, there, there if now is None else now)
-
-
-def _complete(news: News) -> bool:
-    """Whether everything has come, of one scene: the first messages may be of the previous one."""
-    scene, parts, frame = news.scene, news.parts, news.frame
-    return (
-        not (scene is None or parts is None or frame is None)
-        and len(parts) == len(scene.bodies)
-        and len(frame.poses) == len(scene.moving)
-    )
+                self.hand.place(name, there, there if now is None else now)

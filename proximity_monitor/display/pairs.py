@@ -1,4 +1,4 @@
-"""The list of pairs, the nearest first."""
+"""The list of pairs as HTML."""
 
 from __future__ import annotations
 
@@ -8,32 +8,25 @@ import numpy as np
 
 from proximity_monitor.display.bridge import PRESSES, word
 from proximity_monitor.display.choice import Choice, PairName
+from proximity_monitor.display.listing import Listing, listing
 from proximity_monitor.display.signs import (
     clearance,
     feature,
     length,
+    mark,
     number,
     ramp,
     sign,
     uncertain,
+    unproved,
 )
-from proximity_monitor.display.state import STALE, UNKNOWN, Pairs, SceneInfo
+from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
 
-ROWS = 40
-"""How many pairs are listed; the search finds the others."""
+FULL_ROWS = 100
+"""So many rows tell all; later ones take one line."""
 
 BAR = 4.0
 """The bar's full width, in multiples of a pair's warn."""
-
-
-def listed(pairs: Pairs, choice: Choice) -> list[int]:
-    """Return the rows that match the search, the nearest first; those without a pose come last."""
-    order = np.lexsort((pairs.upper, pairs.lower))  # NaN sorts last
-    return [
-        int(i)
-        for i in order
-        if pairs.names[i] not in choice.ignored and choice.listens_to(*pairs.names[i])
-    ]
 
 
 def gap(pairs: Pairs, row: int) -> np.ndarray:
@@ -43,46 +36,70 @@ def gap(pairs: Pairs, row: int) -> np.ndarray:
 
 def table(pairs: Pairs, scene: SceneInfo, choice: Choice) -> str:
     """Return the list as HTML."""
-    rows = listed(pairs, choice)
-    shown = rows[:ROWS]
+    found = listing(pairs, scene, choice)
     head = (
         f"<tr><th>state</th><th>pair; gap ΔX, ΔY, ΔZ [{scene.unit.symbol}]</th>"
         "<th class=pm-num>clearance</th><th></th></tr>"
     )
-    body = "".join(_row(pairs, i, scene, choice) for i in shown)
+    body, count = [], 0
+    for title, rows in found.groups:
+        if title:
+            many = f"{len(rows)} pair{'s' if len(rows) > 1 else ''}"
+            body.append(f"<tr class=pm-group><td colspan=4>{escape(title)}: {many}</td></tr>")
+        for i in rows:
+            count += 1
+            body.append((_row if count <= FULL_ROWS else _line)(pairs, i, scene, choice))
     return (
-        f'<div class=pm {PRESSES}><table class=pm-table id="pm-pairs">{head}{body}</table>'
-        f"{_rest(pairs, scene, rows)}{_ignored(choice)}</div>"
+        f'<div class=pm {PRESSES}><table class=pm-table id="pm-pairs">{head}{"".join(body)}</table>'
+        f"{_rest(pairs, scene, found)}{_ignored(pairs, scene, choice)}</div>"
+    )
+
+
+def _start(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
+    """The beginning of a row, up to its state."""
+    name, shown = "{} - {}".format(*pairs.names[i]), sign(pairs, i, scene)
+    chosen = " pm-chosen" if pairs.names[i] == choice.pair else ""
+    lower, upper = float(pairs.lower[i]), float(pairs.upper[i])
+    return (
+        f'<tr class="pm-row{chosen}" data-pair="{escape(name)}" data-lower="{lower!r}"'
+        f' data-upper="{upper!r}" {word(f"pick:{name}")}>'
+        f'<td class=pm-sign style="color:{shown.colour}">{mark(shown)}</td>'
+    )
+
+
+def _line(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
+    a, b = pairs.names[i]
+    return (
+        f"{_start(pairs, i, scene, choice)}<td>{escape(a)} - {escape(b)}</td>"
+        f"<td class=pm-num>{clearance(pairs, i, scene.unit)}</td><td></td></tr>"
     )
 
 
 def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
     a, b = pairs.names[i]
-    mark = sign(pairs, i)
-    chosen = " pm-chosen" if (a, b) == choice.pair else ""
-    name = f"{a} - {b}"
     silent = f"<div class='pm-small'>{escape(pairs.silent[i])}</div>" if pairs.silent[i] else ""
-    places = zip((a, b), pairs.features.get(i, ()) if chosen else (), strict=False)
+    told = pairs.features.get(i, ()) if (a, b) == choice.pair else ()
     on = "".join(
-        f"<div class='pm-small pm-on'>{escape(body)}: {escape(feature(told))}</div>"
-        for body, told in places
+        f"<div class='pm-small pm-on'>{escape(body)}: {escape(feature(where))}</div>"
+        for body, where in zip((a, b), told, strict=False)
     )
     deltas = ", ".join(number(float(x), scene.unit) for x in gap(pairs, i))
-    lower, upper = float(pairs.lower[i]), float(pairs.upper[i])
     return (
-        f'<tr class="pm-row{chosen}" data-pair="{escape(name)}" data-lower="{lower!r}"'
-        f' data-upper="{upper!r}" {word(f"pick:{name}")}>'
-        f'<td class=pm-sign style="color:{mark.colour}">{mark.glyph} {mark.word}</td>'
+        f"{_start(pairs, i, scene, choice)}"
         f"<td>{escape(a)} - {escape(b)}<div class='pm-small pm-dim'>Δ {deltas}</div>"
         f"{on}{silent}</td>"
-        f"<td class=pm-num>{_certainty(pairs, i)}{clearance(pairs, i, scene.unit)}"
+        f"<td class=pm-num>{_certainty(pairs, i, scene)}{clearance(pairs, i, scene.unit)}"
         f"{_bar(pairs, i, scene)}</td>"
         f'<td><span class="pm-press pm-small" title="ignore this pair here"'
-        f" {word(f'ignore:{name}')}>hide</span></td></tr>"
+        f" {word(f'ignore:{a} - {b}')}>hide</span></td></tr>"
     )
 
 
-def _certainty(pairs: Pairs, i: int) -> str:
+def _certainty(pairs: Pairs, i: int, scene: SceneInfo) -> str:
+    if pairs.level[i] in (STOP, WARN) and unproved(pairs, i, scene):
+        which = "stop" if pairs.level[i] == STOP else "warn"
+        title = "the bounds enclose the limit: it may be above, but that is not proved"
+        return f'<div class="pm-small pm-unproved" title="{title}">not proved above {which}</div>'
     if not uncertain(pairs, i):
         return ""
     title = "the budget cut the search: the clearance is certified to lie between the two"
@@ -107,28 +124,42 @@ def _bar(pairs: Pairs, i: int, scene: SceneInfo) -> str:
         f"<u style='left:{100.0 * x / full:.1f}%'></u>" for x in (limits.stop, limits.warn)
     )
     title = f"stop {length(limits.stop, scene.unit)}, warn {length(limits.warn, scene.unit)}"
+    good = " pm-good" if pairs.level[i] == 0 else ""
     return (
-        f'<div class=pm-bar title="{title}"><i style="left:0;width:{low:.1f}%;'
+        f'<div class="pm-bar{good}" title="{title}"><i style="left:0;width:{low:.1f}%;'
         f'background:{colour})"></i><i style="left:{low:.1f}%;width:{high - low:.1f}%;'
         f'background:{colour} / .4)"></i>{marks}</div>'
     )
 
 
-def _rest(pairs: Pairs, scene: SceneInfo, rows: list[int]) -> str:
-    more = [f"{len(rows) - ROWS} more, none nearer: search for them"] if len(rows) > ROWS else []
-    beyond = scene.pairs - len(pairs)
-    more += [f"{beyond} beyond their range"] if beyond > 0 else []
-    return f"<div class='pm-small pm-dim'>{'; '.join(more)}</div>" if more else ""
+def _rest(pairs: Pairs, scene: SceneInfo, found: Listing) -> str:
+    more, wrong = [], found.left_out
+    if found.more_clear:
+        more.append(f"{found.more_clear} more that are clear: search for them")
+    if (beyond := scene.pairs - len(pairs)) > 0:
+        more.append(f"{beyond} beyond their range")
+    told = f"<div class='pm-small pm-dim'>{'; '.join(more)}</div>" if more else ""
+    if wrong:
+        are = "pair is" if wrong == 1 else "pairs are"
+        told += (
+            f'<div id="pm-left-out" class="pm-press pm-unproved" {word("unfilter:")}>'
+            f"{wrong} {are} not clear and left out by the filter: press to list all</div>"
+        )
+    return told
 
 
-def _ignored(choice: Choice) -> str:
+def _ignored(pairs: Pairs, scene: SceneInfo, choice: Choice) -> str:
     if not choice.ignored:
         return ""
-    links = ", ".join(
-        f"<span class=pm-press {word(f'ignore:{a} - {b}')}>{escape(a)} - {escape(b)}</span>"
-        for a, b in sorted(choice.ignored)
-    )
-    return f"<div class=pm-small>hidden here, press to watch again: {links}</div>"
+    links = []
+    for a, b in sorted(choice.ignored):
+        row, state = pairs.places.get((a, b)), ""
+        if row is not None and (pairs.level[row] != 0 or pairs.touching[row]):
+            shown = sign(pairs, row, scene)
+            state = f' <b style="color:{shown.colour}">{mark(shown)}</b>'
+        press = word(f"ignore:{a} - {b}")
+        links.append(f"<span class=pm-press {press}>{escape(a)} - {escape(b)}</span>{state}")
+    return f"<div class=pm-small>hidden here, press to watch again: {', '.join(links)}</div>"
 
 
 def as_pair(name: str) -> PairName:

@@ -1,14 +1,18 @@
-"""The parts in 3D: meshes with their sharp edges and names, placed each frame."""
+"""The parts in 3D: meshes with their sharp edges, placed each frame."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
+from itertools import islice
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import viser
 
-from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.geometry import IDENTITY, borders, feature_edges, smoothed
+from proximity_monitor.display.choice import PLAIN, Choice, Look
+from proximity_monitor.display.geometry import IDENTITY, borders, feature_edges, rotate, smoothed
+from proximity_monitor.display.labels import Label, short
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import Body, Frame, SceneInfo
 
@@ -18,7 +22,14 @@ DIM = 0.08
 POINT_RADIUS = 0.008
 """Radius of a point body's ball, in sizes of the scene."""
 
-_EDGE = (45, 50, 60)
+NAMES = 60
+"""How many bodies have their names shown at most."""
+
+EDGE = (45, 50, 60)
+
+# The corners of a box's triangles, for each coordinate 0 if it is the low one.
+_SIDE = np.array([(0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1)]).reshape(2, 3, 2)
+_BOX = np.concatenate([np.insert(_SIDE, axis, end, axis=2) for axis in range(3) for end in (0, 1)])
 
 
 class _Look:
@@ -35,11 +46,23 @@ class _Look:
             self._curves = soup.reshape(-1, 3, 3)[lines, :2]
             self.corners, self.triangles = smoothed(soup, part.normals)
 
+    @cached_property
     def edges(self) -> np.ndarray:
-        """Return the edges (m, 2, 3) that are sharp or open."""
+        """The edges (m, 2, 3) that are sharp or open."""
         if self._flat:
             return feature_edges(self.corners)
         return np.concatenate((self.corners[borders(self.triangles)], self._curves))
+
+
+_LOOKS: WeakKeyDictionary[Part, tuple[float, _Look]] = WeakKeyDictionary()
+
+
+def _look(part: Part, scale: float) -> _Look:
+    """Return a part's look, which all browsers share: it takes a while to find."""
+    known = _LOOKS.get(part)
+    if known is None or known[0] != scale:
+        known = _LOOKS[part] = scale, _Look(part, scale)
+    return known[1]
 
 
 class PartView:
@@ -50,85 +73,136 @@ class PartView:
     ) -> None:
         """Add it; `scale` is in units of the page a metre, `radius` is that of a point's ball."""
         self.name = body.name
+        self.movable = body.topic is not None
         self.pose = IDENTITY if part.pose is None else part.pose
+        self.point = body.point
+        self.colour = tuple(round(255 * c) for c in part.colour[:3])
+        self.shape = 0
+        """Differs after each change of shape."""
+        self.edges = np.zeros((0, 2, 3))
+        """(m, 2, 3) its sharp and open edges, in its own frame and the page's units."""
+        self.edges_wanted = True
+        self.named = False
+        """Whether its name is shown."""
         self._opacity = float(part.colour[3])
-        look = _Look(part, scale)
-        self.low, self.high, self._triangles = look.low, look.high, look.triangles
-        colour = tuple(round(255 * c) for c in part.colour[:3])
+        self._cut_away = False
+        self._placed: np.ndarray | None = None
+        look = _look(part, scale)
+        self.low, self.high = look.low, look.high
+        self._corners, self._triangles = look.corners, look.triangles
+        if body.point:
+            self.low, self.high = self.low - radius, self.high + radius
+        self._flat = part.normals is None
         self.frame = api.add_frame(f"/parts/{i}", show_axes=False)
         if body.point:
             self.mesh = api.add_icosphere(
-                f"/parts/{i}/mesh", radius, color=colour, subdivisions=3, cast_shadow=False
+                f"/parts/{i}/mesh", radius, color=self.colour, subdivisions=3, cast_shadow=False
             )
             self._edges = None
         else:
-            self.mesh = api.add_mesh_simple(
-                f"/parts/{i}/mesh",
-                look.corners,
-                look.triangles,
-                color=colour,
-                flat_shading=part.normals is None,
-                side="double",
-                opacity=None if self._opacity >= 1.0 else self._opacity,
-                cast_shadow=False,
-                receive_shadow=False,
-            )
-            edges = look.edges()
+            self.mesh = self._meshed(api, f"/parts/{i}/mesh", look.corners, look.triangles)
+            self.edges = look.edges
             self._edges = api.add_line_segments(
-                f"/parts/{i}/edges", edges, _EDGE, thickness=1.0, thickness_units="screen",
-                visible=len(edges) > 0,
+                f"/parts/{i}/edges", self.edges, EDGE, thickness=1.0, thickness_units="screen",
+                visible=len(self.edges) > 0,
             )  # fmt: skip
-        top = [*((self.low + self.high) / 2.0)[:2], self.high[2]]
-        self._label = api.add_label(
-            f"/parts/{i}/name", self.name, position=top, anchor="bottom-center",
-            font_screen_scale=0.85, visible=False,
-        )  # fmt: skip
 
     @property
     def centre(self) -> np.ndarray:
         """The middle of its box, in its own frame and the page's units."""
         return (self.low + self.high) / 2.0
 
+    def top(self, scale: float) -> np.ndarray:
+        """Return the middle of its upper side (3,) in the scene, in the page's units."""
+        top = np.array([*self.centre[:2], self.high[2]])
+        return self.pose[:3] * scale + rotate(self.pose[3:], top)
+
+    @property
+    def opacity(self) -> float:
+        """How opaque it is drawn now."""
+        return 1.0 if self.mesh.opacity is None else self.mesh.opacity
+
+    @property
+    def triangles(self) -> tuple[np.ndarray, np.ndarray]:
+        """Its vertices (n, 3), in its own frame and the page's units, and triangles (m, 3)."""
+        return self._corners, self._triangles
+
+    def corners(self) -> np.ndarray:
+        """Return its triangles' corners (n, 3, 3), in its own frame and the page's units.
+
+        The ball of a point is a box here.
+        """
+        if self.point:
+            return np.stack((self.low, self.high))[_BOX, np.arange(3)]
+        return self._corners[self._triangles]
+
     def reshape(self, part: Part, scale: float) -> None:
         """Take another shape; edges are not found again each time."""
-        look = _Look(part, scale)
+        look = _look(part, scale)
         if not np.array_equal(look.triangles, self._triangles):
             self._triangles = look.triangles
             self.mesh.faces = look.triangles.astype(np.uint32)
+        self.shape += 1
+        self._corners = look.corners
         self.mesh.vertices = look.corners.astype(np.float32)
         self.low, self.high = look.low, look.high
         if self._edges is not None:
             self._edges.remove()
             self._edges = None
+            self.edges = self.edges[:0]
 
-    def show(self, pose: np.ndarray | None, scale: float, *, dim: bool, names: bool) -> None:
+    def like(
+        self, api: viser.SceneApi, name: str, vertices: np.ndarray, triangles: np.ndarray
+    ) -> viser.MeshHandle:
+        """Add another mesh that looks like this part's."""
+        return self._meshed(api, name, vertices, triangles, self.opacity)
+
+    def cut_away(self, cut: bool) -> None:
+        """Hide the mesh and its edges, because something else is shown instead."""
+        self._cut_away = cut
+        self.mesh.visible = not cut
+
+    def _meshed(self, api, name, vertices, triangles, opacity=None) -> viser.MeshHandle:
+        opacity = self._opacity if opacity is None else opacity
+        return api.add_mesh_simple(
+            name,
+            vertices,
+            triangles,
+            color=self.colour,
+            flat_shading=self._flat,
+            side="double",
+            opacity=None if opacity >= 1.0 else opacity,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def show(
+        self, pose: np.ndarray | None, scale: float, *, look: Look, dim: bool, names: bool
+    ) -> None:
         """Place it, or hide it while it has no pose."""
         self.frame.visible = pose is not None
         if pose is None:
             return
-        self.pose = pose
-        self.frame.position = pose[:3] * scale
-        self.frame.wxyz = pose[3:]
-        opacity = min(DIM, self._opacity) if dim else self._opacity
+        if self._placed is None or not np.array_equal(pose, self._placed):
+            self.frame.position = pose[:3] * scale
+            self.frame.wxyz = pose[3:]
+        self.pose = self._placed = pose
+        opacity = self._opacity if look.opacity is None else look.opacity
+        opacity = min(DIM, opacity) if dim else opacity
         opacity = None if opacity >= 1.0 else opacity
         if self.mesh.opacity != opacity:
             self.mesh.opacity = opacity
+        self.edges_wanted = look.edges and not dim
         if self._edges is not None:
-            self._edges.visible = not dim
-        self._label.visible = names and not dim
+            self._edges.visible = self.edges_wanted and not self._cut_away
+        self.named = names and not dim
 
 
 class Parts:
     """All bodies of a scene."""
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        scene: SceneInfo,
-        parts: Sequence[Part],
-        on_pick: Callable[[str], None],
-    ) -> None:
-        """Add them; `on_pick` gets the name of a moving body that is clicked."""
+    def __init__(self, server: viser.ViserServer, scene: SceneInfo, parts: Sequence[Part]) -> None:
+        """Add them."""
         boxes = [part.corners for part in parts if len(part.corners)]
         size = max((float(np.ptp(c, axis=0).max()) for c in boxes), default=1.0) or 1.0
         # Graphics show only a range of distances, so the largest part of every scene is about one
@@ -140,12 +214,21 @@ class Parts:
         for i, (body, part) in enumerate(zip(scene.bodies, parts, strict=True)):
             view = PartView(server.scene, i, body, part, self.scale, POINT_RADIUS * self.size)
             self._views[body.name] = view
-            if body.topic is not None:
-                self._make_pickable(view, on_pick)
 
     def __getitem__(self, name: str) -> PartView:
         """Return the view of a body."""
         return self._views[name]
+
+    def shown(self) -> list[PartView]:
+        """Return the views of the bodies that have a pose."""
+        return [view for view in self._views.values() if view.frame.visible]
+
+    def labels(self) -> list[Label]:
+        """Return the names that are shown, those of the first bodies where they are many."""
+        named = (view for view in self.shown() if view.named)
+        return [
+            Label(short(view.name), view.top(self.scale), 0.85) for view in islice(named, NAMES)
+        ]
 
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the low and high corners of the whole scene, in the page's units."""
@@ -173,16 +256,11 @@ class Parts:
             pose = view.pose if row is None else held.get(name)
             if pose is None:
                 pose = frame.pose(row)
-            view.show(pose, self.scale, dim=bool(lit) and name not in lit, names=choice.names)
+            dim, look = bool(lit) and name not in lit, choice.looks.get(name, PLAIN)
+            view.show(pose, self.scale, look=look, dim=dim, names=choice.names)
 
     def reshape(self, parts: Sequence[Part], names: Collection[str]) -> None:
         """Show the new shapes of the bodies that are named, of meshes in the scene's order."""
         for view, part in zip(self._views.values(), parts, strict=True):
             if view.name in names:
                 view.reshape(part, self.scale)
-
-    @staticmethod
-    def _make_pickable(view: PartView, on_pick: Callable[[str], None]) -> None:
-        @view.mesh.on_click
-        async def _(_) -> None:
-            on_pick(view.name)

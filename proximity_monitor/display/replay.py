@@ -9,6 +9,7 @@ import numpy as np
 
 from proximity_monitor.display import serving
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.labels import Labels
 from proximity_monitor.display.lines import Lines
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
@@ -16,6 +17,10 @@ from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import clearance, length, sign
 from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
+from proximity_monitor.display.view import View
+
+CONTROLS = "56px"
+"""Height of what is below the report: play, pause and seek."""
 
 FRAMES = 400
 """How many moments of the session it contains at most."""
@@ -33,31 +38,42 @@ def replay_html(
         choice: the ignored pairs, and how many are drawn.
         camera: (2, 3) its position and its target, in the page's units.
     """
-    frames = session.frames
-    frames = frames[:: -(-len(frames) // FRAMES)]
+    kept = session.frames
+    frames = kept[:: -(-len(kept) // FRAMES)]
     # A server of its own that nobody connects to, so that no open page plays along.
     server = serving.serve("127.0.0.1", 0, "")
     try:
-        views = Parts(server, scene, parts, lambda name: None)
+        views = Parts(server, scene, parts)
         lines = Lines(server, views.scale, views.size)
+        labels = Labels(server.scene, "/distances", every_s=0.0)
         server.initial_camera.position, server.initial_camera.look_at = camera
         recorder = server.get_scene_serializer()
         for frame, after in zip(frames, [*frames[1:], frames[-1]], strict=True):
             views.show(frame, {}, choice, choice.pair or ())
             lines.show(frame.pairs, scene, choice)
+            labels.show([*lines.labels, *views.labels()], View.looking(*camera), lines.tips)
             recorder.insert_sleep(after.stamp_s - frame.stamp_s)
         document = recorder.as_html()
     finally:
         serving.stop(server)
-    return document.replace("</body>", f"{report(scene, session, frames[-1])}</body>", 1)
+    beside = report(scene, session, frames[-1], f"{len(frames)} of {len(kept)} kept ticks")
+    return document.replace("</body>", f"{beside}</body>", 1)
 
 
-def report(scene: SceneInfo, session: Session, last: Frame) -> str:
-    """Return the table of all pairs: the smallest clearance of the session, and the last one."""
+def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
+    """Return the table of all pairs: the smallest clearance of the session, and the last one.
+
+    Args:
+        scene: of the session.
+        session: with at least one frame.
+        last: the last moment that is played.
+        played: how much of the session is.
+    """
     unit, pairs = scene.unit, last.pairs
     rows = []
     for i, (a, b) in enumerate(pairs.names):
-        found, limits, mark = session.worst((a, b)), scene.thresholds_of((a, b)), sign(pairs, i)
+        found, limits = session.worst((a, b)), scene.thresholds_of((a, b))
+        shown = sign(pairs, i, scene)
         least = found[1].upper if found is not None else float("inf")
         when = f"{found[1].stamp_s - session.span_s[0]:.1f} s" if found is not None else ""
         rows.append(
@@ -66,19 +82,22 @@ def report(scene: SceneInfo, session: Session, last: Frame) -> str:
                 f"<tr><td>{escape(a)} - {escape(b)}</td>"
                 f"<td class=pm-num>{length(least, unit)}</td><td class=pm-num>{when}</td>"
                 f"<td class=pm-num>{clearance(pairs, i, unit)}</td>"
-                f'<td class=pm-sign style="color:{mark.colour}">{mark.glyph} {mark.word}</td>'
+                f'<td class=pm-sign style="color:{shown.colour}">{shown.glyph} {shown.word}</td>'
                 f"<td class=pm-num>{length(limits.warn, unit)}</td>"
                 f"<td class=pm-num>{length(limits.stop, unit)}</td></tr>",
             )
         )
     rows.sort(key=lambda row: row[0])
     start, end = session.span_s
+    if session.thinned_s is not None:
+        played += f", thinned to one in {session.thinned_s:.1f} s"
     return (
-        f'{STYLE}<details open id="pm-report" class=pm style="position:fixed;left:0;bottom:12px;'
-        "max-height:45vh;overflow:auto;background:#fffe;color:#222;padding:8px 12px;"
+        f'{STYLE}<details open id="pm-report" class=pm style="position:fixed;left:0;'
+        f"bottom:{CONTROLS};max-height:40vh;overflow:auto;background:#fffe;color:#222;"
+        "padding:8px 12px;"
         'border:1px solid #8886;border-radius:6px;z-index:10">'
-        f"<summary><b>{escape(scene.name)}</b>: {len(pairs)} pairs, {end - start:.1f} s,"
-        " nearest first</summary><table class=pm-table><tr><th>pair</th>"
+        f"<summary><b>{escape(scene.name)}</b>: {len(pairs)} pairs, {end - start:.1f} s"
+        f" (plays {played}), nearest first</summary><table class=pm-table><tr><th>pair</th>"
         "<th class=pm-num>smallest</th><th class=pm-num>at</th><th class=pm-num>at the end</th>"
         "<th>state at the end</th><th class=pm-num>warn</th><th class=pm-num>stop</th></tr>"
         f"{''.join(row for _, row in rows)}</table></details>"

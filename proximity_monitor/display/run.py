@@ -18,7 +18,7 @@ from proximity_monitor.display import serving
 from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.node import ProximityDisplay
-from proximity_monitor.display.page import Page
+from proximity_monitor.display.pages import Pages
 
 FRAMES_HZ = 25.0
 """Seconds between two updates of the page."""
@@ -52,9 +52,9 @@ def main(args: Sequence[str] | None = None) -> int:
     threads = ThreadPoolExecutor(1)
     spinning = threads.submit(_spin, node, holds, stop)
     try:
-        page = Page(server, inbox, holds, node)
+        pages = Pages(server, inbox, holds, node)
         _say_where(node, server)
-        _frames(page, stop)
+        _frames(pages, stop)
     finally:
         stop.set()
         threads.shutdown()
@@ -82,10 +82,10 @@ def _spin(node: ProximityDisplay, holds: Holds, stop: threading.Event) -> None:
         executor.shutdown()
 
 
-def _frames(page: Page, stop: threading.Event) -> None:
+def _frames(pages: Pages, stop: threading.Event) -> None:
     due = time.monotonic()
     while not stop.is_set():
-        page.step()
+        pages.step()
         due = max(due + 1.0 / FRAMES_HZ, time.monotonic())
         stop.wait(due - time.monotonic())
 

@@ -11,7 +11,8 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.export import pairs_csv, series_csv
+from proximity_monitor.display.events import Events
+from proximity_monitor.display.export import events_csv, pairs_csv, series_csv
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.replay import replay_html
 from proximity_monitor.display.session import Session
@@ -30,12 +31,13 @@ class Shown(NamedTuple):
 
 
 class Save:
-    """Four buttons; each sends a file to the browser that pressed it."""
+    """Five buttons; each sends a file to the browser that pressed it."""
 
     def __init__(
         self,
         gui: viser.GuiApi,
         session: Session,
+        events: Events,
         choice: Choice,
         shown: Callable[[], Shown | None],
         hide_gizmo: Callable[[bool], None],
@@ -45,11 +47,13 @@ class Save:
         Args:
             gui: takes them.
             session: the recorded session.
+            events: its changes of state.
             choice: the highlighted and ignored pairs.
             shown: returns the content of the page, None before the first frame.
             hide_gizmo: hides it while a picture is taken.
         """
         self._session = session
+        self._events = events
         self._choice = choice
         self._shown = shown
         self._hide_gizmo = hide_gizmo
@@ -59,6 +63,7 @@ class Save:
     def _add(self, gui: viser.GuiApi) -> None:
         table = gui.add_button("Pairs as CSV", icon=viser.Icon.TABLE)
         series = gui.add_button("Session as CSV", icon=viser.Icon.CHART_LINE)
+        changes = gui.add_button("Events as CSV", icon=viser.Icon.LIST)
         picture = gui.add_button("Picture (PNG)", icon=viser.Icon.PHOTO)
         replay = gui.add_button("Replay with report (HTML)", icon=viser.Icon.MOVIE)
         gui.add_html(
@@ -69,16 +74,24 @@ class Save:
         # slow.
         table.on_click(self._send("csv", self._table))
         series.on_click(self._send("session.csv", self._series))
+        changes.on_click(self._send("events.csv", self._changes))
         picture.on_click(self._send("png", self._picture))
         replay.on_click(self._send("html", self._replay))
 
     def _send(self, suffix: str, make: Callable[[Shown, viser.ClientHandle], bytes]):
         def on_click(event: viser.GuiEvent) -> None:
-            shown = self._shown()
-            if shown is not None and event.client is not None:
-                content = make(shown, event.client)
-                name = f"{shown.scene.name}.{suffix}"
-                event.client.send_file_download(name, content, save_immediately=True)
+            shown, client = self._shown(), event.client
+            if shown is None or client is None:
+                return
+            try:
+                content = make(shown, client)
+            except Exception as error:  # shown here, and logged by viser
+                client.add_notification(
+                    "Not saved", f"{type(error).__name__}: {error}", color="red"
+                )
+                raise
+            name = f"{shown.scene.name}.{suffix}"
+            client.send_file_download(name, content, save_immediately=True)
 
         return on_click
 
@@ -87,6 +100,9 @@ class Save:
 
     def _series(self, shown: Shown, _: viser.ClientHandle) -> bytes:
         return series_csv(self._session, shown.scene).encode()
+
+    def _changes(self, _: Shown, __: viser.ClientHandle) -> bytes:
+        return events_csv(self._events, self._session).encode()
 
     def _picture(self, _: Shown, client: viser.ClientHandle) -> bytes:
         self._hide_gizmo(True)

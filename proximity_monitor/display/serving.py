@@ -11,6 +11,9 @@ from urllib.parse import urlsplit
 
 import viser
 import websockets.asyncio.server
+import websockets.typing
+
+from proximity_monitor.display.intake import Intake
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """The names under which only this machine can reach itself."""
@@ -30,8 +33,10 @@ def serve(host: str, port: int, title: str) -> viser.ViserServer:
     # viser would wait for ever on an address that is not ours.
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     socket.create_server((host, 0), family=family).close()
-    with _own_pages_only(), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
+    intake = Intake()
+    with _guarded(intake), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
+    intake.server = server
     server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=False)
     light(server)
     return server
@@ -53,12 +58,13 @@ def stop(server: viser.ViserServer) -> None:
 
 
 @contextlib.contextmanager
-def _own_pages_only() -> Iterator[None]:
-    """Make a server that starts in this context refuse requests of other sites' pages.
+def _guarded(intake: Intake) -> Iterator[None]:
+    """Make a server that starts in this context refuse other sites' pages and illegal messages.
 
     A browser lets every page connect to every address of its own machine. `Origin` names the page
     and `Host` the name that it asked for; viser's server checks neither and has no setting for it,
-    but it takes `serve` from the module when it starts.
+    but it takes `serve` from the module when it starts. Nor may another site's page show this one
+    in a frame, where it would lead a person's clicks.
     """
     plain = websockets.asyncio.server.serve
 
@@ -67,9 +73,20 @@ def _own_pages_only() -> Iterator[None]:
             named = request.headers.get("Host")
             if foreign(request.headers.get("Origin"), named) or disguised(host, named):
                 return connection.respond(http.HTTPStatus.FORBIDDEN, "foreign origin\n")
-            return process_request(connection, request)
+            response = process_request(connection, request)
+            if response is not None:
+                response.headers["X-Frame-Options"] = "DENY"
+                response.headers["Content-Security-Policy"] = "frame-ancestors 'none'"
+            return response
 
-        return plain(handler, host, port, process_request=look_at, **options)
+        class Checked(websockets.asyncio.server.ServerConnection):
+            async def recv(self, decode: bool | None = None) -> websockets.typing.Data:
+                while not intake.takes(message := await super().recv(decode)):
+                    pass
+                return message
+
+        options |= {"process_request": look_at, "create_connection": Checked}
+        return plain(handler, host, port, **options)
 
     websockets.asyncio.server.serve = checked
     try:

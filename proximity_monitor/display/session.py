@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left
-from collections import deque
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -17,7 +16,10 @@ PERIOD_S = 0.1
 """Least seconds between two kept ticks."""
 
 BYTES = 64_000_000
-"""Bytes that the kept ticks may take; beyond it the oldest go."""
+"""Bytes that the kept ticks may take; beyond it each second one goes."""
+
+CURVES = 8
+"""How many curves are kept for the plots of several browsers."""
 
 POINTS = 600
 """How many points a plot has at most."""
@@ -40,35 +42,51 @@ class Session:
 
     def __init__(self) -> None:
         """Begin without frames."""
-        self._frames: deque[Frame] = deque()
+        self._frames: list[Frame] = []
         self._bytes = 0
-        self._of: tuple[PairName | None, frozenset[PairName]] = (None, frozenset())
-        self._curve = array("d")  # stamp, lower and upper bound of each kept frame, for `_of`
+        self._period_s = PERIOD_S
+        # By pair and ignored pairs: stamp, lower and upper bound of each kept frame.
+        self._curves: dict[tuple[PairName | None, frozenset[PairName]], array] = {}
         self._worst: dict[PairName, Worst] = {}
         self.newest: Frame | None = None
         """The last added frame, kept or not."""
 
-    def add(self, frame: Frame) -> None:
-        """Remember a tick. A clock that went back begins a new session."""
+    def add(self, frame: Frame, *, keep: bool = False) -> None:
+        """Remember a tick. A clock that went back begins a new session.
+
+        Args:
+            frame: the tick.
+            keep: whether to keep it even if one shortly before was kept.
+        """
         if self._frames and frame.stamp_s < self._frames[-1].stamp_s:
             self.clear()
         self.newest = frame
         self._note_worst(frame)
-        if self._frames and frame.stamp_s < self._frames[-1].stamp_s + PERIOD_S:
+        due_s = self._frames[-1].stamp_s + self._period_s if self._frames else -np.inf
+        if frame.stamp_s < due_s and not keep:
             return
         self._frames.append(frame)
-        self._curve.extend((frame.stamp_s, *_bounds(frame.pairs, *self._of)))
+        for of, curve in list(self._curves.items()):
+            curve.extend((frame.stamp_s, *_bounds(frame.pairs, *of)))
         self._bytes += _size(frame)
-        while self._bytes > BYTES and len(self._frames) > 1:
-            self._bytes -= _size(self._frames.popleft())
-            del self._curve[:3]
+        while self._bytes > BYTES and len(self._frames) > 2:
+            self._thin()
 
     def clear(self) -> None:
         """Begin anew."""
-        self._frames.clear()
-        self._bytes = 0
-        del self._curve[:]
+        self._frames = []
+        self._bytes, self._period_s = 0, PERIOD_S
+        self._curves.clear()
         self._worst.clear()
+
+    def forget_worst(self) -> None:
+        """Begin the smallest clearances anew."""
+        self._worst.clear()
+
+    @property
+    def thinned_s(self) -> float | None:
+        """Seconds between the kept ticks once memory was short, and None before that."""
+        return self._period_s if self._period_s > PERIOD_S else None
 
     @property
     def frames(self) -> list[Frame]:
@@ -108,15 +126,18 @@ class Session:
 
         They belong to a pair or, without one, to the smallest clearance of all pairs that are not
         ignored. If several ticks fall on one point, the nearest is shown; NaN is a gap. It goes
-        through the whole session only if other pairs are asked for than before.
+        through the whole session only for pairs that were not asked for lately.
         """
         wanted = (pair, frozenset(ignored))
-        if wanted != self._of:
-            self._of = wanted
-            self._curve = array("d")
+        kept = self._curves.pop(wanted, None)
+        if kept is None:
+            kept = array("d")
             for frame in self._frames:
-                self._curve.extend((frame.stamp_s, *_bounds(frame.pairs, *wanted)))
-        curve = np.array(self._curve).reshape(-1, 3)
+                kept.extend((frame.stamp_s, *_bounds(frame.pairs, *wanted)))
+        self._curves[wanted] = kept  # the last to go
+        while len(self._curves) > CURVES:
+            del self._curves[next(iter(self._curves))]
+        curve = np.array(kept).reshape(-1, 3)
         stamps, bounds = curve[:, 0], curve[:, 1:]
         step = -(-len(stamps) // POINTS)
         if step > 1:
@@ -124,6 +145,13 @@ class Session:
             stamps = stamps[starts]
             bounds = np.fmin.reduceat(bounds, starts, axis=0)
         return stamps, bounds[:, 0], bounds[:, 1]
+
+    def _thin(self) -> None:
+        """Keep each second tick of the whole session, and from now on half as many."""
+        self._frames = self._frames[-1::-2][::-1]
+        self._bytes = sum(map(_size, self._frames))
+        self._period_s *= 2.0
+        self._curves.clear()
 
     def _note_worst(self, frame: Frame) -> None:
         pairs = frame.pairs

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from proximity_monitor.display import fresh
 from proximity_monitor.display.state import (
     BOUNDED,
     OVERLAPPING,
@@ -19,6 +20,7 @@ from proximity_monitor.display.state import (
     UNKNOWN,
     WARN,
     Pairs,
+    SceneInfo,
     Thresholds,
     Unit,
 )
@@ -35,12 +37,15 @@ class Sign(NamedTuple):
     colour: str
 
 
-CLEAR_SIGN = Sign("●", "clear", "#009e73")
+CLEAR_SIGN = Sign("●", "clear", fresh.CLEAR)
 WARN_SIGN = Sign("▲", "warn", "#e69f00")
+WARN_UNPROVED_SIGN = Sign("△", "warn?", "#e69f00")
 STOP_SIGN = Sign("■", "STOP", "#d55e00")
+STOP_UNPROVED_SIGN = Sign("□", "STOP?", "#d55e00")
 CONTACT_SIGN = Sign("✖", "CONTACT", "#cc2f8f")
 OVERLAP_SIGN = Sign("✖", "OVERLAP", "#cc2f8f")
-STALE_SIGN = Sign("?", "stale", "#7a7a85")
+HIDDEN_SIGN = Sign("◍", "hidden", fresh.GREY)
+STALE_SIGN = Sign("?", "stale", fresh.GREY)
 
 _FAR = np.array([0x00, 0x72, 0xB2], float)
 _CLEAR = np.array([0x00, 0x9E, 0x73], float)
@@ -50,7 +55,7 @@ _CONTACT = np.array([0xCC, 0x2F, 0x8F], float)
 _STALE = np.array([0x7A, 0x7A, 0x85], float)
 
 
-def sign(pairs: Pairs, row: int) -> Sign:
+def sign(pairs: Pairs, row: int, scene: SceneInfo) -> Sign:
     """Return the sign of a pair."""
     level, status = pairs.level[row], pairs.status[row]
     if level == STALE or status == UNKNOWN:
@@ -59,7 +64,26 @@ def sign(pairs: Pairs, row: int) -> Sign:
         return OVERLAP_SIGN
     if pairs.touching[row]:
         return CONTACT_SIGN
-    return STOP_SIGN if level == STOP else WARN_SIGN if level == WARN else CLEAR_SIGN
+    if level == STOP:
+        return STOP_UNPROVED_SIGN if unproved(pairs, row, scene) else STOP_SIGN
+    if level == WARN:
+        return WARN_UNPROVED_SIGN if unproved(pairs, row, scene) else WARN_SIGN
+    return CLEAR_SIGN
+
+
+def unproved(pairs: Pairs, row: int, scene: SceneInfo) -> bool:
+    """Return whether a pair at warn or stop may be above that limit: its bounds enclose it."""
+    limits = scene.thresholds_of(pairs.names[row])
+    limit = limits.stop if pairs.level[row] == STOP else limits.warn
+    return bool(pairs.lower[row] <= limit < pairs.upper[row])
+
+
+def mark(shown: Sign) -> str:
+    """Return a sign as HTML; what is clear grows old with the news."""
+    now = f"{shown.glyph} {shown.word}"
+    if shown is not CLEAR_SIGN:
+        return now
+    return fresh.aging(now, f"{STALE_SIGN.glyph} {STALE_SIGN.word}")
 
 
 _PARAMETERS = {"patch": ("u", "v"), "curve": ("t",)}

@@ -108,6 +108,19 @@ class SceneInfo:
         """Return the thresholds of a pair, given by the names of its bodies."""
         return self.own_thresholds.get(pair, self.thresholds)
 
+    def limits_of(self, names: PairNames) -> tuple[np.ndarray, np.ndarray]:
+        """Return warn (k,) and stop (k,) in metres of pairs, given by their names."""
+        known = self._limits.get("last")
+        if known is None or known[0] is not names:  # most ticks share their names
+            each = [self.thresholds_of(name) for name in names]
+            both = np.array([(limits.warn, limits.stop) for limits in each]).reshape(-1, 2)
+            known = self._limits["last"] = (names, both[:, 0], both[:, 1])
+        return known[1:]
+
+    @cached_property
+    def _limits(self) -> dict[str, tuple]:
+        return {}
+
 
 @lru_cache(maxsize=16)
 def shared(names: PairNames) -> PairNames:

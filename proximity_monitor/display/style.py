@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-STYLE = """<style>
+from proximity_monitor.display import fresh
+
+STYLE = (
+    f"<style>{fresh.STYLE}</style>"
+    + """<style>
 .pm { font: 13px/1.45 system-ui, sans-serif; color: inherit; margin: 0 10px 8px;
       font-variant-numeric: tabular-nums; }
 .pm-line { display: flex; align-items: center; gap: 8px; }
@@ -22,6 +26,9 @@ STYLE = """<style>
 .pm-table tr.pm-row:hover { background: #0072b214; }
 .pm-table tr.pm-chosen { background: #0072b226; }
 .pm-table .pm-num { text-align: right; white-space: nowrap; }
+.pm-table .pm-group td { font-weight: 600; background: #8882; }
+.pm-unproved { color: #b04e00; font-weight: 600; }
+.pm-fault { border: 2px solid #b3261e; border-radius: 6px; padding: 6px 10px; color: #b3261e; }
 .pm-on { white-space: nowrap; }
 .pm-sign { font-weight: 700; white-space: nowrap; }
 .pm-bar { position: relative; height: 4px; border-radius: 2px; background: #8883;
@@ -31,3 +38,4 @@ STYLE = """<style>
 .pm-press { cursor: pointer; text-decoration: underline dotted; opacity: .75; }
 .pm-press:hover { opacity: 1; }
 </style>"""
+)

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from html import escape
 
-import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.plot import Plot
 from proximity_monitor.display.session import Session
-from proximity_monitor.display.signs import DECIMALS, length
+from proximity_monitor.display.signs import length
 from proximity_monitor.display.state import SceneInfo
 
 EVERY_S = 0.25
 """Seconds between two updates of the plot."""
 
-LIVE_S = 0.15
-"""Within so many seconds of the newest tick, the slider means now."""
+LIVE_S = 2.0 * EVERY_S
+"""Within so many seconds of its end, the slider means now: a browser knows an older end."""
 
 
 class Timeline:
@@ -40,14 +40,11 @@ class Timeline:
             choice: the highlighted pair, and the moment to show.
             on_return: puts the bodies where the smallest clearance was.
         """
-        self._gui = gui
         self._session = session
         self._choice = choice
         self._due_s = 0.0
-        self._kind = ("", 0)
-        self._plot: viser.GuiUplotHandle | None = None
         with plot:
-            self._holder = gui.add_folder(None)
+            self._plot = Plot(gui, session, choice)
             self._slider = gui.add_slider(
                 "Look back [s]", 0.0, 1.0, 0.1, 1.0, hint="The session so far; at the end: live"
             )
@@ -58,9 +55,8 @@ class Timeline:
         @self._slider.on_update
         async def _(event: viser.GuiEvent) -> None:
             if event.client is not None:
-                start, end = session.span_s
-                at = start + self._slider.value
-                choice.at_s = None if at > end - LIVE_S else at
+                now = self._slider.value >= self._slider.max - LIVE_S
+                choice.at_s = None if now else session.span_s[0] + self._slider.value
 
         @self._live.on_click
         async def _(_) -> None:
@@ -81,7 +77,7 @@ class Timeline:
         self._live.disabled = at is None
         self._slider.value = self._slider.max if at is None else round(at - start, 1)
         self._tell_worst(scene)
-        self._draw(scene, start)
+        self._plot.show(scene, start)
 
     def _tell_worst(self, scene: SceneInfo) -> None:
         found = self._session.worst(self._choice.pair, self._choice.ignored)
@@ -90,57 +86,18 @@ class Timeline:
             self._worst.content = ""
             return
         (a, b), worst = found
-        bounds = ""
-        if worst.lower < worst.upper:
-            bounds = f" (at least {length(worst.lower, scene.unit)} at that tick)"
+        bounds, least = "", length(worst.lower, scene.unit)
+        if least != length(worst.upper, scene.unit):
+            bounds = f" (at least {least} at that tick)"
         ago = self._session.span_s[1] - worst.stamp_s
+        thinned = ""
+        if (every_s := self._session.thinned_s) is not None:
+            thinned = (
+                f'<div class="pm-small pm-dim" id="pm-thinned">The session is thinned to one tick'
+                f" in {every_s:.1f} s. The smallest clearances are of all ticks.</div>"
+            )
         self._worst.content = (
             f'<div class=pm id="pm-worst">Smallest in this session: <b>'
             f"{length(worst.upper, scene.unit)}</b>{bounds}, {escape(f'{a} - {b}')},"
-            f" {ago:.0f} s ago</div>"
+            f" {ago:.0f} s ago{thinned}</div>"
         )
-
-    def _draw(self, scene: SceneInfo, start: float) -> None:
-        stamps, lower, upper = self._session.series(self._choice.pair, self._choice.ignored)
-        known = np.isfinite(lower) & np.isfinite(upper)  # the plot knows no other numbers
-        stamps, lower, upper = stamps[known], lower[known], upper[known]
-        if len(stamps) < 2:
-            return
-        unit, pair = scene.unit, self._choice.pair
-        digits = DECIMALS.get(unit.symbol, 4)
-        data = [np.round(stamps - start, 2)]
-        data += [np.round(bound / unit.to_metre, digits) for bound in (lower, upper)]
-        if pair is not None:
-            limits = scene.thresholds_of(pair)
-            data += [np.full(len(stamps), x / unit.to_metre) for x in (limits.warn, limits.stop)]
-        title = f"{pair[0]} - {pair[1]}" if pair is not None else "smallest clearance of all pairs"
-        kind = (unit.symbol, len(data))
-        if self._plot is None or self._kind != kind:
-            self._kind = kind
-            self._make(tuple(data), unit.symbol)
-        self._plot.title = f"{title}: lower and upper bound [{unit.symbol}] over time [s]"
-        self._plot.data = tuple(data)
-
-    def _make(self, data: tuple[np.ndarray, ...], symbol: str) -> None:
-        if self._plot is not None:
-            self._plot.remove()
-        with self._holder:
-            self._plot = self._gui.add_uplot(
-                data,
-                _series(symbol)[: len(data)],
-                bands=({"series": (2, 1), "fill": "rgba(86,180,233,0.25)"},),
-                scales={"x": {"time": False}, "y": {"auto": True}},
-                axes=({"size": 30}, {"size": 60}),
-                legend={"show": False},
-                height=150,
-            )
-
-
-def _series(symbol: str) -> tuple[dict, ...]:
-    return (
-        {"label": "s"},
-        {"label": f"lower [{symbol}]", "stroke": "#0072b2", "width": 1.5},
-        {"label": f"upper [{symbol}]", "stroke": "#56b4e9", "width": 1.5},
-        {"label": f"warn [{symbol}]", "stroke": "#e69f00", "dash": (8, 4), "width": 1},
-        {"label": f"stop [{symbol}]", "stroke": "#d55e00", "dash": (3, 3), "width": 1},
-    )

@@ -50,7 +50,7 @@ def _told(transition: Transition) -> Transition:
 
 
 class ProximityMonitor(LifecycleNode):
-    """Watches the clearances of a scene; the README lists topics, parameters and services."""
+    """Watches the clearances of a scene; docs/node.md lists topics, parameters and services."""
 
     def __init__(self, **node_options) -> None:
         """Declare the parameters; everything else is made when the node is configured.

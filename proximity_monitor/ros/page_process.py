@@ -16,6 +16,7 @@ from collections.abc import Callable
 
 _MODULE = "proximity_monitor.display"
 _ADDRESS = "display: "
+_ERRORS = ("[ERROR]", "[FATAL]")
 _END_S = 10.0
 
 
@@ -49,16 +50,22 @@ class PageProcess:
         self._reading.join()
 
     def _read(self) -> None:
-        line, there = "", False
+        last, there = "", False
         for line in self._process.stdout:
-            if line.startswith(_ADDRESS):
+            last = line.strip() or last
+            if line.startswith(_ERRORS):
+                self._say(line.strip())
+            elif line.startswith(_ADDRESS):
                 there = True
                 address = line.removeprefix(_ADDRESS).strip()
                 self._say(f"Drag the parts and see their clearances at {address}")
                 if _has_desktop():
                     webbrowser.open(address)
-        if not (there or self._stopping):
-            self._say(f"No page: {line.strip() or 'the display ended without a word'}")
+        if not self._stopping:
+            code = self._process.wait()
+            said = last if last and not last.startswith(_ADDRESS) else "without a word"
+            what = f"The page has ended (exit code {code})" if there else "No page"
+            self._say(f"{what}: {said}")
 
 
 def can_show_page() -> bool:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import DEADLINE_S, START_DEADLINE_S
+from page_hand import NO_NOTES
 
 SCENE = """
 version: 1
@@ -54,12 +55,6 @@ FLAGS = (
     "--ignore-gpu-blocklist",
     "--no-sandbox",  # it cannot be had as root, which is what a container runs as
 )
-# Notes of the library, such as that the graphics are software, would lie on the picture.
-NO_NOTES = """addEventListener('DOMContentLoaded', () => {
-  const style = document.createElement('style');
-  style.textContent = '.mantine-Notification-root { display: none }';
-  document.head.append(style);
-})"""
 
 
 def until(condition, what, timeout_s=DEADLINE_S):
@@ -270,34 +265,91 @@ def sources(browser, domain, launch_for_all, scene_file):
 
 
 @pytest.fixture(scope="module")
-def address(sources, domain, launch_for_all):
-    """Where the display is."""
+def start_display(sources, domain, launch_for_all):
+    """Starts a display at a port."""
     pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
-    process = launch_for_all("display", port=0, environment={"ROS_DOMAIN_ID": domain})
+    started = []
 
-    def said():
-        assert process.popen.poll() is None, process.text
-        line = next((x for x in process.text.splitlines() if x.startswith("display: ")), None)
-        return line and line.removeprefix("display: ")
+    def start(port):
+        process = launch_for_all("display", port=port, environment={"ROS_DOMAIN_ID": domain})
+        started.append(process)
 
-    yield until(said, "the display's address", START_DEADLINE_S)
-    process.stop(signal.SIGKILL)
+        def said():
+            assert process.popen.poll() is None, process.text
+            line = next((x for x in process.text.splitlines() if x.startswith("display: ")), None)
+            return line and line.removeprefix("display: ")
+
+        return process, until(said, "the display's address", START_DEADLINE_S)
+
+    yield start
+    for process in started:
+        process.stop(signal.SIGKILL)
 
 
 @pytest.fixture(scope="module")
-def shared_page(browser, address, sources):
-    page = browser.new_page(
-        viewport={"width": 1000, "height": 640}, accept_downloads=True, device_scale_factor=1
-    )
-    page.set_default_timeout(1e3 * DEADLINE_S)
-    page.errors = []
-    page.on("pageerror", lambda error: page.errors.append(str(error)))
-    page.add_init_script(NO_NOTES)
-    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+def display(start_display):
+    """The display's process, and where it is."""
+    return start_display(0)
 
-    def listed():
-        assert sources.monitor.popen.poll() is None, sources.monitor.text
-        return page.query_selector("#pm-pairs .pm-row")
 
-    until(listed, "the list of pairs", START_DEADLINE_S)
-    return page
+@pytest.fixture(scope="module")
+def address(display):
+    """Where the display is."""
+    return display[1]
+
+
+@pytest.fixture(scope="module")
+def open_page(browser, address, sources):
+    """Opens the page once more."""
+
+    def open_page():
+        page = browser.new_page(
+            viewport={"width": 1000, "height": 640}, accept_downloads=True, device_scale_factor=1
+        )
+        page.set_default_timeout(1e3 * DEADLINE_S)
+        page.errors = []
+        page.on("pageerror", lambda error: page.errors.append(str(error)))
+        page.add_init_script(NO_NOTES)
+        page.goto(address, timeout=1e3 * START_DEADLINE_S)
+
+        def listed():
+            assert sources.monitor.popen.poll() is None, sources.monitor.text
+            return page.query_selector("#pm-pairs .pm-row")
+
+        until(listed, "the list of pairs", START_DEADLINE_S)
+        return page
+
+    return open_page
+
+
+@pytest.fixture(scope="module")
+def shared_page(open_page):
+    return open_page()
+
+
+@pytest.fixture
+def server():
+    """The page's server alone."""
+    from proximity_monitor.display import serving
+
+    made = serving.serve("127.0.0.1", 0, "test")
+    yield made
+    serving.stop(made)
+
+
+@pytest.fixture
+def raw(server):
+    """A browser at that server that is none; see there."""
+    from raw_browser import RawBrowser
+
+    made = RawBrowser(server)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def alone(server, raw, monkeypatch):
+    """That browser's page, with a scene, and all that it shares with others."""
+    from page_alone import page_of
+
+    return page_of(server, raw, monkeypatch)

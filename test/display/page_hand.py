@@ -9,6 +9,12 @@ import imageio.v3 as iio
 import numpy as np
 
 SAVE_MS = 180_000.0
+# Notes of the library, such as that the graphics are software, would lie on the picture.
+NO_NOTES = """addEventListener('DOMContentLoaded', () => {
+  const style = document.createElement('style');
+  style.textContent = '.mantine-Notification-root { display: none }';
+  document.head.append(style);
+})"""
 # The world position of a node's local point on the screen, in CSS pixels.
 ON_SCREEN = """([name, local]) => {
   const m = window.__viserMutable, node = m.nodeRefFromName[name];
@@ -17,6 +23,14 @@ ON_SCREEN = """([name, local]) => {
   const p = node.position.clone().set(...local).applyMatrix4(node.matrixWorld).project(m.camera);
   const r = m.canvas.getBoundingClientRect();
   return [r.left + (p.x + 1) * r.width / 2, r.top + (1 - p.y) * r.height / 2];
+}"""
+# How long the arrows of the gizmo are, in the page's units.
+LENGTH = """() => {
+  let length = null;
+  window.__viserMutable.nodeRefFromName['/gizmo'].traverse(each => {
+    if (length === null && each.scale.x !== 1) length = each.scale.x;
+  });
+  return length;
 }"""
 CANVAS = "() => window.__viserMutable.canvas.getBoundingClientRect().toJSON()"
 CAMERA = "() => window.__viserMutable.camera.position.toArray()"
@@ -93,7 +107,7 @@ def button(page, name):
 
 def choose(page, part):
     tab(page, "Move")
-    page.locator("input[role=combobox]:visible").click()
+    page.locator("input[role=combobox]:visible").first.click()
     page.get_by_role("option", name=part).click()
     page.wait_for_function(
         "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"

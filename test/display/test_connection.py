@@ -1,6 +1,7 @@
 """What the page says of how current it is, and which pair it warns of."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,11 @@ from proximity_monitor.display.connection import (
     connection,
     pill,
 )
+from proximity_monitor.display.fresh import CLEAR
 from proximity_monitor.display.inbox import News
+from proximity_monitor.display.listing import ROWS, listing
+from proximity_monitor.display.order import urgent_first
+from proximity_monitor.display.pairs import table
 from proximity_monitor.display.state import (
     BOUNDED,
     INTERSECTING,
@@ -157,15 +162,88 @@ def test_contact_comes_before_all_else():
     assert words(told).startswith("✖ CONTACT a - b")
 
 
-def test_ignored_pairs_raise_no_banner():
+def test_ignored_pairs_raise_no_alert_but_nothing_is_green_unless_they_are_clear_too():
     hidden = Choice(ignored=frozenset({("b", "c")}))
     told = banner(frame(level=(0, 0, STOP)), SCENE, hidden, LIVE)
-    assert words(told) == "● clear all but 1 hidden of 3 pairs"
-    assert "role=status" in told
-    # Nor do they where they are stale: the tick is of now all the same.
+    assert words(told) == (
+        "◍ hidden 1 hidden pair is not clear: STOP b - c: 10.000 mm, stop at 20.000 mm"
+    )
+    assert CLEAR not in told
     stale = news(frame=frame((0, 0, STALE), silent=("", "", "no recent pose of c")))
     told = banner(stale.frame, SCENE, hidden, connection(stale, NOW))
-    assert words(told) == "● clear all but 1 hidden of 3 pairs"
+    assert words(told).startswith("◍ hidden 1 hidden pair is not clear: stale b - c: no recent")
+    assert CLEAR not in told
+    told = banner(frame(), SCENE, hidden, LIVE)
+    assert now(told) == "● clear all 3 pairs, 1 of them hidden; nearest b - c: 10.000 mm"
+    assert CLEAR in told
+
+
+def test_what_is_not_proved_above_a_limit_reads_otherwise_than_what_is_below():
+    given = frame(level=(0, 0, STOP))
+    sure = banner(given, SCENE, Choice(), LIVE)
+    assert words(sure) == "■ STOP b - c: 10.000 mm, stop at 20.000 mm"
+    wide = replace(given.pairs, upper=given.pairs.lower + np.array([0.0, 0.0, 0.015]))
+    unproved = banner(replace(given, pairs=wide), SCENE, Choice(), LIVE)
+    assert words(unproved) == (
+        "□ STOP? b - c: 10.000 … 25.000 mm, not proved above stop at 20.000 mm"
+    )
+
+
+def test_the_worst_state_comes_first_then_the_least_margin_to_the_pair_s_own_limit():
+    scene = replace(SCENE, own_thresholds={("a", "c"): Thresholds(0.3, 0.25, 0.0)})
+    both = frame(level=(0, STOP, STOP))  # a - c: 50 mm below its own, b - c: 10 mm
+    assert "STOP a - c: 200.000 mm" in words(banner(both, scene, Choice(), LIVE))
+    assert urgent_first(both.pairs, scene).tolist() == [1, 2, 0]
+    touching = frame(level=(STOP, STOP, WARN), status=(INTERSECTING, 0, 0))
+    assert urgent_first(touching.pairs, scene).tolist() == [0, 1, 2]
+
+
+def test_a_pair_that_is_not_clear_is_listed_among_however_many_nearer_ones_that_are():
+    count = 90
+    names = tuple(("a", f"p{i}") for i in range(count))
+    lower, level = np.full(count, 2e-5), np.zeros(count, np.int8)
+    lower[77], level[77], level[78] = 0.004, STOP, WARN
+    told = Pairs(
+        names, lower, lower, np.zeros((count, 2, 3)), np.zeros(count, np.int8), level,
+        np.zeros(count), np.zeros(count), ("",) * count,
+    )  # fmt: skip
+    own = {names[77]: Thresholds(0.01, 0.005, 0.0)}
+    scene = replace(SCENE, pairs=count, thresholds=Thresholds(1e-5, 1e-6, 0), own_thresholds=own)
+    found = listing(told, scene, Choice())
+    assert [rows[:2] for _, rows in found.groups] == [[77, 78]]
+    assert len(found.groups[0][1]) == ROWS + 2
+    assert found.more_clear == count - 2 - ROWS
+    # A filter that leaves them out says so.
+    found = listing(told, scene, Choice(search="p5"))
+    assert found.left_out == 2
+    assert "2 pairs are not clear and left out" in words(table(told, scene, Choice(search="p5")))
+    assert listing(told, scene, Choice(state="stop")).groups == [("", [77])]
+    assert listing(told, scene, Choice(part="p78")).groups == [("", [78])]
+    assert [title for title, _ in listing(told, scene, Choice(group="state")).groups] == [
+        "stop", "warn", "clear",
+    ]  # fmt: skip
+    ((title, rows),) = listing(told, scene, Choice(group="part")).groups
+    assert (title, rows[0]) == ("a", 77)
+    # Nor is a hidden one forgotten.
+    hidden = table(told, scene, Choice(ignored=frozenset({names[77]})))
+    assert "a - p77 ■ STOP" in words(hidden)
+
+
+def test_many_that_are_not_clear_are_all_listed():
+    count = 250
+    names = tuple(("a", f"p{i}") for i in range(count))
+    lower = np.linspace(0.001, 0.01, count)
+    told = Pairs(
+        names, lower, lower, np.zeros((count, 2, 3)), np.zeros(count, np.int8),
+        np.full(count, STOP, np.int8), np.zeros(count), np.zeros(count), ("",) * count,
+    )  # fmt: skip
+    html = table(told, replace(SCENE, pairs=count), Choice())
+    assert re.findall('data-pair="a - (p[0-9]+)"', html) == [b for _, b in names]
+
+
+def now(html):
+    """The words while the news is fresh."""
+    return words(re.sub("<span class=pm-then>[^<]*</span>", "", html))
 
 
 @pytest.mark.parametrize(
@@ -194,7 +272,12 @@ def test_who_looks_back_is_told_what_is_of_now():
     assert "every number is of the present poses" in pill(told, Choice())
     assert "looking back" in pill(told, Choice(at_s=3.0))
     assert "present poses" not in pill(told, Choice(at_s=3.0))
-    assert 'data-state="live"' in pill(told, Choice(at_s=3.0))
+    past = pill(told, Choice(at_s=3.0), newest_s=15.5)
+    assert 'data-state="past"' in past
+    assert "by 12.5 s" in past
+    assert "live" not in past
+    gone = connection(news(frame_at_s=NOW - 2.0), NOW)
+    assert "now stale: no tick for 2.0 s" in pill(gone, Choice(at_s=3.0), newest_s=15.5)
 
 
 def test_what_others_named_is_no_html():

@@ -16,6 +16,8 @@ from page_hand import TEXTS, button, choose, field, listed, press, row, tab, wor
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
+from proximity_monitor.ros import page_process
+
 BESIDE = "Drag the parts and see their clearances at "
 SCENE = """
 version: 1
@@ -43,6 +45,11 @@ class Demo:
         lines = (line.lstrip() for line in self.text.splitlines(keepends=True))
         found = (x.removeprefix(start).strip() for x in lines if x.startswith(start) and "\n" in x)
         return next(found, "")
+
+    def display(self):
+        """The process of the page, a child of the demo."""
+        asked = ["pgrep", "-P", f"{self._process.pid}", "-f", "proximity_monitor.display"]
+        return int(subprocess.check_output(asked, text=True))
 
     def interrupt(self):
         """Press Ctrl-C, so to say; return the exit code."""
@@ -105,6 +112,30 @@ def test_the_demo_can_do_without(demo, wait):
     assert "http" not in process.text
 
 
+ENDS = """
+print("display: http://127.0.0.1:1", flush=True)
+print("[ERROR] [1.0] [proximity_display]: a page failed, KeyError: 'x'", flush=True)
+raise SystemExit("no more room")
+"""
+
+
+def test_the_demo_passes_on_what_the_page_says_of_its_errors_and_its_end(
+    tmp_path, monkeypatch, wait
+):
+    (tmp_path / "ends.py").write_text(ENDS)
+    monkeypatch.setattr(page_process, "_MODULE", "ends")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    for desktop in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(desktop, raising=False)
+    said = []
+    process = page_process.PageProcess(said.append)
+    wait(lambda: len(said) == 3, "three lines")
+    process.stop()
+    assert said[0] == f"{BESIDE}http://127.0.0.1:1"
+    assert said[1].endswith("a page failed, KeyError: 'x'")
+    assert said[2] == "The page has ended (exit code 1): no more room"
+
+
 # How a part's mesh is drawn: whether flat, its vertices and its triangles.
 DRAWN_AS = """i => {
   const props = window.__viserSceneTree.getState()[`/parts/${i}/mesh`].message.props;
@@ -153,7 +184,7 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
             assert upper - lower < 2e-7 and f"{1e3 * upper:.3f} mm" in text, text
         nearest = f"{1e3 * found['blade_3 - shroud'][1]:.3f} mm"
         labels = page.evaluate(TEXTS, "/distances")
-        assert any(text.startswith("▲ ") and text.endswith(nearest) for text in labels)
+        assert f"▲ {nearest}\nblade_3 - shroud" in labels
 
     eventually(clearances)
     for i, body in enumerate(described.bodies):
@@ -194,4 +225,7 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
         eventually(followed)
     page.close()
     assert errors == []
+    os.kill(process.display(), signal.SIGKILL)
+    ended = "The page has ended (exit code -9)"
+    assert wait(lambda: process.says(ended), "the demo to say so") == ": without a word"
     assert process.interrupt() == 0

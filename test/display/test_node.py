@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 from proximity_monitor.display import run
-from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.holds import Hand, Holds
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.node import ProximityDisplay
 
@@ -65,7 +65,9 @@ def display(rclpy_context):
             assert time.monotonic() < deadline, f"waited for {what}"
             executor.spin_once(timeout_sec=0.05)
 
-    yield SimpleNamespace(node=node, inbox=inbox, holds=holds, executor=executor, until=until)
+    yield SimpleNamespace(
+        node=node, inbox=inbox, holds=Hand(holds, "one"), executor=executor, until=until
+    )
     executor.shutdown()
     node.destroy_node()
 

@@ -14,7 +14,7 @@ from proximity_monitor.display.geometry import (
     rotate,
     to_degrees,
 )
-from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.holds import Hand, Holds
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import clearance, length, ramp, sign, uncertain
 from proximity_monitor.display.state import (
@@ -51,6 +51,7 @@ TOLD = {
     "own_parameters": True,
     "settings": {"rate_hz": 30.0},
 }
+CELL = SceneInfo.read(json.dumps(TOLD))
 
 
 def pairs(lower, upper, status=0, level=0, names=NAMES):
@@ -122,7 +123,7 @@ def test_one_number_where_it_is_known_and_both_bounds_where_they_differ():
 
 def test_every_state_has_a_glyph_and_a_word_of_its_own():
     told = [
-        sign(pairs([0.01, 0], [0.01, 0], status, level), 0)
+        sign(pairs([0.01, 0], [0.01, 0], status, level), 0, CELL)
         for status, level in (
             (0, 0),
             (0, WARN),
@@ -132,7 +133,16 @@ def test_every_state_has_a_glyph_and_a_word_of_its_own():
         )
     ]
     assert len({each.glyph for each in told}) == len({each.word for each in told}) == 5
-    assert sign(pairs([-0.1, 0], [-0.1, 0], OVERLAPPING, STOP), 0).word == "OVERLAP"
+    assert sign(pairs([-0.1, 0], [-0.1, 0], OVERLAPPING, STOP), 0, CELL).word == "OVERLAP"
+
+
+@pytest.mark.parametrize("level, limit, word", [(STOP, 0.02, "STOP"), (WARN, 0.1, "warn")])
+def test_bounds_that_enclose_a_limit_prove_nothing_and_look_so(level, limit, word):
+    sure = sign(pairs([0.5 * limit, 0], [limit, 0], BOUNDED, level), 0, CELL)
+    open_ = sign(pairs([limit, 0], [1.5 * limit, 0], BOUNDED, level), 0, CELL)
+    kept = sign(pairs([1.1 * limit, 0], [1.5 * limit, 0], BOUNDED, level), 0, CELL)  # hysteresis
+    assert (sure.word, open_.word, kept.word) == (word, f"{word}?", word)
+    assert sure.glyph != open_.glyph
 
 
 def test_the_colour_runs_from_stop_over_warn_to_clear():
@@ -217,20 +227,29 @@ def test_a_session_that_begins_anew_or_forgets_has_no_older_curve(monkeypatch):
     assert [part.tolist() for part in session.series()] == [[2.0], [0.4], [0.4]]
 
 
-def test_the_oldest_ticks_go_when_memory_is_full(monkeypatch):
+def test_the_whole_session_is_kept_thinner_when_memory_is_full(monkeypatch):
     monkeypatch.setattr(sessions, "BYTES", 100_000)
     session = Session()
     for i in range(500):
-        session.add(frame(float(i), [0.2, 0.3]))
-    assert 10 < len(session.frames) < 100
-    assert session.span_s[1] == 499.0
+        assert (session.thinned_s is None) is (len(session.frames) == i)
+        session.add(frame(0.125 * i, [0.2, 0.3]))
+    kept = [each.stamp_s for each in session.frames]
+    assert 10 < len(kept) < 50
+    assert kept[0] < 5.0 and kept[-1] > 55.0
+    assert max(np.diff(kept)) < 2.0 * session.thinned_s
+    session.clear()
+    assert session.thinned_s is None
 
 
 START, THERE, FAR = (np.array([x, 0, 0, 1.0, 0, 0, 0]) for x in (0.0, 1.0, 2.0))
 
 
-def test_a_held_body_is_published_until_it_is_let_go():
-    holds = Holds()
+@pytest.fixture
+def holds():
+    return Hand(Holds(), "one")
+
+
+def test_a_held_body_is_published_until_it_is_let_go(holds):
     holds.move("b", THERE)
     assert not holds.poses  # only what was taken moves
     holds.take("b", START)
@@ -241,8 +260,7 @@ def test_a_held_body_is_published_until_it_is_let_go():
     assert not holds.can_undo
 
 
-def test_a_drag_is_one_step_and_steps_are_undone_one_by_one():
-    holds = Holds()
+def test_a_drag_is_one_step_and_steps_are_undone_one_by_one(holds):
     holds.take("b", START)
     holds.move("b", THERE)
     holds.move("b", FAR)
@@ -254,8 +272,7 @@ def test_a_drag_is_one_step_and_steps_are_undone_one_by_one():
     assert holds.undo() is None
 
 
-def test_a_reset_goes_back_to_the_first_pose_and_can_be_undone():
-    holds = Holds()
+def test_a_reset_goes_back_to_the_first_pose_and_can_be_undone(holds):
     holds.place("b", THERE, now=START)
     holds.place("b", FAR, now=START)
     holds.reset("b")
@@ -264,12 +281,36 @@ def test_a_reset_goes_back_to_the_first_pose_and_can_be_undone():
     assert holds.poses["b"] is FAR
 
 
-def test_releasing_all_forgets_all():
-    holds = Holds()
+def test_releasing_all_forgets_all(holds):
     holds.place("b", THERE, now=START)
     holds.place("c", THERE, now=START)
     holds.release()
     assert not holds.poses
+
+
+def test_a_body_has_one_owner_until_it_lets_go_gives_it_over_or_leaves():
+    holds = Holds()
+    one, two = Hand(holds, "one"), Hand(holds, "two")
+    assert one.take("b", START)
+    assert not two.take("b", START)
+    two.move("b", FAR)
+    two.place("b", FAR, now=START)
+    two.reset("b")
+    two.release("b")
+    assert holds.poses["b"] is START
+    assert not two.can_undo
+    assert (two.other("b"), one.other("b")) == (one, None)
+    one.move("b", THERE)
+    two.take_over("b")
+    assert holds.owner("b") is two
+    assert holds.poses["b"] is THERE
+    one.move("b", FAR)
+    assert holds.poses["b"] is THERE
+    assert not one.can_undo
+    one.take("c", START)
+    two.leave()
+    assert holds.poses.keys() == {"c"}
+    assert not two.take("b", START)  # a late word of a browser that is gone
 
 
 def test_an_ignored_pair_is_no_longer_highlighted_and_comes_back():

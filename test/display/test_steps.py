@@ -1,7 +1,6 @@
 """The page's own steps, on a server that nobody looks at: what follows what, and what is kept."""
 
 import asyncio
-import re
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -12,78 +11,20 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from proximity_monitor.display import page as pages
-from proximity_monitor.display import serving
+from page_alone import CORNERS, HERE, NAMES, SCENE, THERE, drag, frame, words
+
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.holds import Holds
-from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.limits import ASK_S, HAND_S, LimitsPanel
 from proximity_monitor.display.received import Part
-from proximity_monitor.display.state import (
-    STALE,
-    STOP,
-    Body,
-    Frame,
-    Pairs,
-    SceneInfo,
-    Thresholds,
-    Unit,
-)
+from proximity_monitor.display.state import STALE, STOP, Thresholds, Unit
+from proximity_monitor.display.tried import Tried
 
-CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
-HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
-THERE = np.array([3.0, 0, 0, 1, 0, 0, 0])
-NAMES = ("<i>a", "b")
-SCENE = SceneInfo(
-    name="cell",
-    description="",
-    frame="world",
-    unit=Unit("mm", 0.001),
-    bodies=tuple(Body(name, True, f"/{i}", False, "1") for i, name in enumerate(NAMES)),
-    deforming=frozenset(),
-    pairs=1,
-    thresholds=Thresholds(0.1, 0.02, 0.0),
-    own_thresholds={},
-    own_parameters=True,
-    settings={"rate_hz": 30.0, "budget_ms": 10.0, "rel_err": 0.0, "abs_err": 0.0},
-)
-PARTS = [Part(HERE, np.ones(4), CORNERS) for _ in NAMES]
 PERSON = SimpleNamespace(client=object())
 
 
-def frame(stamp_s, clearance=0.3, level=0, poses=(HERE, THERE)):
-    bound = np.array([clearance])
-    told = Pairs(
-        (NAMES,), bound, bound, np.zeros((1, 2, 3)), np.zeros(1, np.int8),
-        np.array([level], np.int8), np.zeros(1), np.zeros(1), ("",),
-    )  # fmt: skip
-    return Frame(stamp_s, np.array(poses), told)
-
-
 @pytest.fixture
-def server():
-    made = serving.serve("127.0.0.1", 0, "test")
-    yield made
-    serving.stop(made)
-
-
-@pytest.fixture
-def page(server, monkeypatch):
-    monkeypatch.setattr(pages, "TABLE_S", 0.0)
-    inbox, holds = Inbox(), Holds()
-    asked = SimpleNamespace(set_parameters_of_monitor=lambda values: None)
-    made = pages.Page(server, inbox, holds, asked)
-
-    def tell(**news):
-        inbox.tell(**news, frame_at_s=time.monotonic(), health_at_s=time.monotonic(), present=True)
-        made.step()
-
-    tell(scene=SCENE, parts=PARTS, frame=frame(0.0))
-    return SimpleNamespace(tell=tell, all=made, move=made._move, choice=made._choice, holds=holds)
-
-
-def words(html):
-    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", html.content)).strip()
+def page(alone):
+    return alone
 
 
 def test_the_banner_is_of_now_while_somebody_looks_back(page):
@@ -92,7 +33,7 @@ def test_the_banner_is_of_now_while_somebody_looks_back(page):
     assert words(page.all._banner).startswith("■ STOP")
     assert "looking back" in words(page.all._pill)
     assert "clear" in words(page.all._table)
-    assert words(page.all._banner).startswith("■ STOP &lt;i&gt;a - b: 10.000 mm")
+    assert words(page.all._banner).startswith("■ STOP now: &lt;i&gt;a - b: 10.000 mm")
 
 
 def test_a_banner_does_not_outlive_its_scene(page):
@@ -115,7 +56,7 @@ def test_all_parts_come_into_view_once_they_have_poses(page):
 
 def test_new_settings_change_nothing_that_another_scene_begins_anew(page):
     page.choice.ignore(NAMES)
-    page.holds.place("b", THERE, now=HERE)
+    page.hand.place("b", THERE, now=HERE)
     page.tell(scene=replace(SCENE, settings=SCENE.settings | {"budget_ms": 5.0}))
     assert page.choice.ignored
     assert page.holds.poses
@@ -132,14 +73,9 @@ def test_the_worst_pose_of_a_body_that_has_none_now_comes_back(page):
     page.tell(frame=frame(1.0, np.nan, STALE, (np.zeros(7), THERE)))
     page.all._return_to_worst()
     np.testing.assert_array_equal(page.holds.poses[NAMES[0]], HERE)
-    while page.holds.undo():
+    while page.hand.undo():
         pass
     np.testing.assert_array_equal(page.holds.poses[NAMES[0]], HERE)
-
-
-def drag(page, phase, x):
-    at = SimpleNamespace(position=(x, 0.0, 0.0), wxyz=(1.0, 0.0, 0.0, 0.0))
-    asyncio.run(page.move._on_drag(SimpleNamespace(phase=phase, target=at)))
 
 
 def test_a_drag_stays_with_its_body_and_ends_whatever_is_chosen_meanwhile(page):
@@ -171,7 +107,7 @@ def test_a_drag_does_not_outlive_its_scene(page):
 
 
 def test_letting_nothing_go_keeps_what_is_held(page):
-    page.holds.place("b", THERE, now=HERE)
+    page.hand.place("b", THERE, now=HERE)
     page.move.pick(None)
     asyncio.run(page.move._on_release(None))
     assert page.holds.poses
@@ -182,13 +118,13 @@ def test_letting_nothing_go_keeps_what_is_held(page):
 
 def test_what_others_named_is_no_html(page):
     page.move.pick("b")
-    page.holds.place("b", THERE, now=HERE)
+    page.hand.place("b", THERE, now=HERE)
     page.choice.pair = NAMES
     page.all._timeline._due_s = 0.0
     page.tell(rivals=("<i>robot",), refusal="<i>no")
     limits = page.all._limits
     own = replace(SCENE, own_thresholds={NAMES: Thresholds(0.2, 0.1, 0.0)})
-    limits.show(own, frame(0.0), None, "<i>no", time.monotonic())
+    limits.show(own, None, "<i>no", time.monotonic())
     told = (page.move._note, page.all._timeline._worst, limits._refusal, limits._whose)
     for html in told:
         assert "&lt;i&gt;" in html.content
@@ -198,7 +134,7 @@ def test_what_others_named_is_no_html(page):
 @pytest.fixture
 def panel(server):
     asked = []
-    made = LimitsPanel(server.gui, Choice(), asked.append)
+    made = LimitsPanel(server.gui, Choice(), Tried(), asked.append)
     return SimpleNamespace(all=made, asked=asked, lengths=made._lengths)
 
 
@@ -209,7 +145,7 @@ def set_by_hand(panel, name, value):
 
 
 def show(panel, scene, now_s, refusal=""):
-    panel.all.show(scene, frame(0.0), None, refusal, now_s)
+    panel.all.show(scene, None, refusal, now_s)
 
 
 def test_a_threshold_beyond_its_slider_is_not_lowered_with_another(panel):

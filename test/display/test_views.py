@@ -5,7 +5,6 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from proximity_monitor.display import serving
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.geometry import borders, smoothed
 from proximity_monitor.display.lines import pattern, shown_rows
@@ -27,13 +26,6 @@ CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
 POSE = np.array([0, 0, 0, 1.0, 0, 0, 0])
 
 
-@pytest.fixture
-def server():
-    made = serving.serve("127.0.0.1", 0, "test")
-    yield made
-    serving.stop(made)
-
-
 def test_a_deforming_body_gets_its_new_shape_and_others_keep_theirs(server):
     bodies = tuple(Body(name, True, name, False, "") for name in "ab")
     scene = SceneInfo(
@@ -50,7 +42,7 @@ def test_a_deforming_body_gets_its_new_shape_and_others_keep_theirs(server):
         {},
     )
     parts = [Part(POSE, np.ones(4), CORNERS) for _ in bodies]
-    views = Parts(server, scene, parts, lambda name: None)
+    views = Parts(server, scene, parts)
     bent = CORNERS + np.array([0, 0, 0.5])
     views.reshape([Part(POSE, np.ones(4), bent) for _ in bodies], scene.deforming)
     np.testing.assert_array_equal(views["a"].mesh.vertices, CORNERS)
@@ -90,7 +82,7 @@ def test_a_surface_that_deforms_may_get_other_triangles(server):
         "s", "", "w", Unit("m", 1.0), (body,), frozenset("a"), 0, Thresholds(1, 0, 0), {}, True, {}
     )
     up = np.tile([0.0, 0.0, 1.0], (3, 1))
-    views = Parts(server, scene, [Part(POSE, np.ones(4), CORNERS, up)], lambda name: None)
+    views = Parts(server, scene, [Part(POSE, np.ones(4), CORNERS, up)])
     assert not views["a"].mesh.flat_shading
     both = np.concatenate((CORNERS, CORNERS[[1, 0, 2]] * (1, -1, 1)))
     views.reshape([Part(POSE, np.ones(4), both, np.tile(up, (2, 1)))], scene.deforming)
@@ -104,7 +96,7 @@ def test_whatever_a_scene_measures_it_is_about_a_unit_on_the_page(server, size):
     scene = SceneInfo(
         "s", "", "w", Unit("m", 1.0), (body,), frozenset(), 0, Thresholds(1, 0, 0), {}, True, {}
     )
-    parts = Parts(server, scene, [Part(POSE, np.ones(4), size * CORNERS)], lambda name: None)
+    parts = Parts(server, scene, [Part(POSE, np.ones(4), size * CORNERS)])
     assert 0.3 < parts.size < 4.0
     np.testing.assert_allclose(parts["a"].mesh.vertices, parts.scale * size * CORNERS, rtol=1e-6)
 

@@ -1,0 +1,96 @@
+"""Fine motion: geared drags, snapping to steps, and steps at a press."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.geometry import (
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    rotate,
+    to_rotation_vector,
+)
+from proximity_monitor.display.signs import DECIMALS
+from proximity_monitor.display.state import Unit
+
+GEARS = ("1 : 1", "1 : 10", "1 : 100", "1 : 1000")
+
+SHIFTS = ("-X", "+X", "-Y", "+Y", "-Z", "+Z")
+TURNS = tuple(f"{sign}R{axis}" for axis in "XYZ" for sign in "-+")
+
+
+class Fine:
+    """The panel of fine motion."""
+
+    def __init__(self, gui: viser.GuiApi, on_step: Callable[[np.ndarray, np.ndarray], None]):
+        """Add it at this place of the GUI.
+
+        Args:
+            gui: takes it.
+            on_step: gets a shift (3,) in metres and a rotation vector (3,), in the part's frame.
+        """
+        self._unit = Unit("m", 1.0)
+        with gui.add_folder("Fine motion"):
+            self._gear = gui.add_dropdown(
+                "Drag", GEARS, hint="The part moves by so much of the hand's way; key F: the next"
+            )
+            self._snap = gui.add_checkbox("Snap drags to the steps", False)
+            self._step = gui.add_number("Step", 0.1, min=0.0)
+            self._turn = gui.add_number("Turn step [deg]", 1.0, min=0.0, max=90.0)
+            shifts = gui.add_button_group("Step by", SHIFTS)
+            turns = gui.add_button_group("Turn by", TURNS)
+        key = gui.add_command("Finer drags", hotkey="F")
+
+        @shifts.on_click
+        async def _(_) -> None:
+            axis, sign = divmod(SHIFTS.index(shifts.value), 2)
+            on_step((2 * sign - 1) * self._steps()[0] * np.eye(3)[axis], np.zeros(3))
+
+        @turns.on_click
+        async def _(_) -> None:
+            axis, sign = divmod(TURNS.index(turns.value), 2)
+            on_step(np.zeros(3), (2 * sign - 1) * self._steps()[1] * np.eye(3)[axis])
+
+        @key.on_trigger
+        async def _(_) -> None:
+            self._gear.value = GEARS[(GEARS.index(self._gear.value) + 1) % len(GEARS)]
+
+    def begin(self, unit: Unit) -> None:
+        """Take the unit of a scene; steps go down to the last shown digit."""
+        digits = DECIMALS.get(unit.symbol, 4)
+        self._unit = unit
+        self._step.label = f"Step [{unit.symbol}]"
+        self._step.precision, self._step.step = digits, 10.0**-digits
+        self._step.value = 100.0 * 10.0**-digits
+
+    def _steps(self) -> tuple[float, float]:
+        return self._step.value * self._unit.to_metre, np.radians(self._turn.value)
+
+    def followed(self, start: np.ndarray, hand: np.ndarray) -> np.ndarray:
+        """Return where a drag takes a part: its pose (7,) for where the hand has the handles.
+
+        Args:
+            start: the handles' pose at the drag's begin; metres.
+            hand: their pose now.
+        """
+        gear = 10.0 ** -GEARS.index(self._gear.value)
+        back = conjugate(start[3:])
+        shift = gear * rotate(back, hand[:3] - start[:3])
+        turn = gear * to_rotation_vector(multiply(back, hand[3:]))
+        if self._snap.value:
+            step, angle = self._steps()
+            shift = np.round(shift / step) * step if step > 0.0 else shift
+            size = np.linalg.norm(turn)
+            if angle > 0.0 and size > 0.0:
+                turn = turn * (np.round(size / angle) * angle / size)
+        return stepped(start, shift, turn)
+
+
+def stepped(pose: np.ndarray, shift: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return a pose (7,) after a shift (3,) and a rotation vector (3,) in its own frame."""
+    place = pose[:3] + rotate(pose[3:], shift)
+    return np.concatenate((place, multiply(pose[3:], from_rotation_vector(turn))))

@@ -1,0 +1,115 @@
+"""What a browser may send. All else is dropped before viser reads it.
+
+viser believes what browsers send: any value of any input, of any length. Here a message must be of
+a kind that the page needs, its fields must have viser's types and be bounded, and an input takes
+only what it could show.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+import viser
+from viser import _messages
+
+BYTES = 20_000
+"""Of a message; a picture that was asked for may be longer."""
+
+TEXT = 300
+"""Characters that a text may have."""
+
+FAR = 1e9
+"""No number is beyond it."""
+
+PICTURE = "GetRenderResponseMessage"
+KINDS = {
+    name: getattr(_messages, name)
+    for name in (
+        "CommandTriggerMessage",
+        "FileTransferPartAck",
+        PICTURE,
+        "GuiFormDirtyMessage",
+        "GuiFormSubmitMessage",
+        "GuiUpdateMessage",
+        "SceneNodeClickMessage",
+        "ScenePointerMessage",
+        "TransformControlsDragEndMessage",
+        "TransformControlsDragStartMessage",
+        "TransformControlsUpdateMessage",
+        "ViewerCameraMessage",
+    )
+}
+
+
+class Intake:
+    """Judges messages for one server."""
+
+    def __init__(self) -> None:
+        """Begin without a server, whose inputs it needs to know."""
+        self.server: viser.ViserServer | None = None
+
+    def takes(self, raw: bytes | str) -> bool:
+        """Return whether a message may be read."""
+        try:
+            told = msgspec.msgpack.decode(raw)
+            kind = told.pop("type")
+            msgspec.convert(told, KINDS[kind])
+            known = told.keys() <= KINDS[kind].__dataclass_fields__.keys()
+        except (msgspec.MsgspecError, RecursionError, AttributeError, KeyError, TypeError):
+            return False
+        if kind == PICTURE:
+            return known
+        if not known or len(raw) > BYTES or not bounded(told):
+            return False
+        if kind == "TransformControlsUpdateMessage":
+            return any(told["wxyz"])
+        return kind != "GuiUpdateMessage" or self._legal(told["uuid"], told["updates"])
+
+    def _legal(self, uuid: str, updates: dict[str, Any]) -> bool:
+        if self.server is None or updates.keys() != {"value"}:
+            return False
+        owners = (self.server, *self.server.get_clients().values())
+        # viser has no public way from an input's identifier to the input.
+        inputs = (owner.gui._gui_input_handle_from_uuid.get(uuid) for owner in owners)
+        found = next((each for each in inputs if each is not None), None)
+        return found is not None and legal(found, updates["value"])
+
+
+def bounded(value: Any) -> bool:
+    """Return whether all numbers and texts in a message are bounded; NaN is not."""
+    match value:
+        case dict():
+            return all(bounded(key) and bounded(each) for key, each in value.items())
+        case list():
+            return all(map(bounded, value))
+        case str() | bytes():
+            return len(value) <= TEXT
+        case int() | float():
+            return -FAR <= value <= FAR
+    return value is None
+
+
+def legal(each: Any, value: Any) -> bool:
+    """Return whether an input of the page can have a value, which is bounded."""
+    match each:
+        case viser.GuiDropdownHandle() | viser.GuiButtonGroupHandle():
+            return isinstance(value, str) and value in each.options
+        case viser.GuiTextHandle():
+            return isinstance(value, str)
+        case viser.GuiSliderHandle() | viser.GuiNumberHandle():
+            low, high = each.min, each.max
+            low, high = -math.inf if low is None else low, math.inf if high is None else high
+            slack = 1e-9 * max(abs(low), abs(high)) if math.isfinite(low + high) else 0.0
+            return _number(value) and low - slack <= value <= high + slack
+        case viser.GuiVector2Handle() | viser.GuiVector3Handle():
+            same = isinstance(value, list) and len(value) == len(each.value)
+            return same and all(map(_number, value))
+        case viser.GuiCheckboxHandle() | viser.GuiButtonHandle():
+            return isinstance(value, bool)
+    return False
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

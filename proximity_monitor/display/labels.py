@@ -1,0 +1,164 @@
+"""Labels in the picture: none lies on another, on a closest point, or on its own line.
+
+viser draws a label where it is told. So its place on the screen is found here: beside its point, or
+farther away with a thin line to it; a label for which no place is free is left out.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.view import View
+
+CHARACTER, LINE, MARGIN = 8.0, 18.0, 10.0
+"""Of a label of scale 1, in pixels: about a character's width, a line's height, and both sides."""
+
+TIP = 7.0
+"""Pixels around a closest point that stay free."""
+
+AWAY = (12.0, 34.0, 62.0, 96.0)
+"""Pixels from a point to its label's middle of a side, the nearest tried first."""
+
+LED = 20.0
+"""Pixels beyond which a line leads from a label to its point."""
+
+LONGEST = 24
+"""Characters of a part's name that are shown; of longer ones the middle is left out."""
+
+EVERY_S = 0.1
+"""Seconds between two searches for places, which take some milliseconds."""
+
+_SIDES = np.array(
+    [(0, -1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (1, 1), (-1, 1)], float
+)  # up first; y points down
+
+
+class Label(NamedTuple):
+    """A label that asks for a place."""
+
+    text: str
+    at: np.ndarray
+    """(3,) the point that it belongs to, in the page's units."""
+    scale: float = 1.0
+
+
+def short(name: str, longest: int = LONGEST) -> str:
+    """Return a name without its middle if it is too long."""
+    half = (longest - 1) // 2
+    return name if len(name) <= longest else f"{name[:half]}…{name[len(name) - half :]}"
+
+
+def extent(label: Label) -> np.ndarray:
+    """Return about the width and height of a label on the screen, in pixels."""
+    lines = label.text.split("\n")
+    wide = max(sum(1.0 if ord(c) < 0x2E80 else 1.8 for c in line) for line in lines)  # CJK: wide
+    return label.scale * np.array([CHARACTER * wide + MARGIN, LINE * len(lines) + 4.0])
+
+
+def places(labels: Sequence[Label], view: View, keep_free: np.ndarray) -> list[np.ndarray | None]:
+    """Return where on the screen the middle of each label goes, or None if there is no room.
+
+    Args:
+        labels: the most important first.
+        view: that they are seen in.
+        keep_free: (n, 3) points that no label may cover, besides the labels' own.
+    """
+    if not labels:
+        return []
+    anchors, depth = view.project(np.array([label.at for label in labels]))
+    tips, tip_depth = view.project(keep_free.reshape(-1, 3))
+    tips = tips[tip_depth > 0.0]
+    taken = np.column_stack((tips - TIP, tips + TIP))  # boxes: left, top, right, bottom
+    found: list[np.ndarray | None] = []
+    for label, anchor, deep in zip(labels, anchors, depth, strict=True):
+        size = extent(label)
+        tries = np.concatenate([anchor + _SIDES * (size / 2.0 + away) for away in AWAY])
+        boxes = np.column_stack((tries - size / 2.0, tries + size / 2.0))
+        own = np.concatenate((anchor - TIP, anchor + TIP))
+        free = ~_overlap(boxes, np.vstack((taken, own))).any(axis=1)
+        free &= (boxes[:, :2] >= 0.0).all(axis=1) & (boxes[:, 2:] <= view.size).all(axis=1)
+        if deep <= 0.0 or not free.any():
+            found.append(None)
+            continue
+        best = int(np.argmax(free))
+        found.append(tries[best])
+        taken = np.vstack((taken, boxes[best]))
+    return found
+
+
+def _overlap(boxes: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return (n, m) whether boxes (n, 4) overlap others (m, 4)."""
+    apart = (boxes[:, None, :2] >= others[None, :, 2:]) | (
+        boxes[:, None, 2:] <= others[None, :, :2]
+    )
+    return ~apart.any(axis=2)
+
+
+class Labels:
+    """The labels of one page, and the lines that lead from them to their points."""
+
+    def __init__(self, api: viser.SceneApi, under: str, every_s: float = EVERY_S) -> None:
+        """Begin without labels.
+
+        Args:
+            api: takes them.
+            under: the node below which they come.
+            every_s: seconds between two searches for places.
+        """
+        self._every_s, self._due_s = every_s, -math.inf
+        self._api = api
+        self._under = under
+        self._nodes: list[viser.LabelHandle] = []
+        self._drawn: tuple = ()
+        nothing = np.zeros((1, 2, 3), np.float32)
+        self._leaders = api.add_line_segments(
+            f"{under}/leaders", nothing, (90, 95, 105), thickness=1.0, thickness_units="screen",
+            visible=False,
+        )  # fmt: skip
+
+    def show(self, labels: Sequence[Label], view: View, keep_free: np.ndarray) -> None:
+        """Show labels, the most important first, where there is room."""
+        now_s = time.monotonic()
+        if now_s < self._due_s:
+            return
+        drawn = ([(label.text, *label.at) for label in labels], _rounded(view))
+        if drawn == self._drawn:
+            return
+        self._drawn, self._due_s = drawn, now_s + self._every_s
+        found = places(labels, view, keep_free)
+        leaders = []
+        for i, (label, place) in enumerate(zip(labels, found, strict=True)):
+            node = self._node(i)
+            node.visible = place is not None
+            if place is None:
+                continue
+            if node.text != label.text:
+                node.text = label.text
+            if node.font_screen_scale != label.scale:
+                node.font_screen_scale = label.scale
+            there = view.project(label.at[None])[0][0]
+            node.position = view.shift(label.at[None], (place - there)[None])[0]
+            gap = np.abs(place - there) - extent(label) / 2.0
+            if gap.max() > LED:
+                leaders.append((label.at, node.position))
+        for node in self._nodes[len(labels) :]:
+            node.visible = False
+        self._leaders.visible = bool(leaders)
+        if leaders:
+            self._leaders.points = np.array(leaders, np.float32)
+
+    def _node(self, i: int) -> viser.LabelHandle:
+        if i == len(self._nodes):
+            name = f"{self._under}/label_{i}"
+            self._nodes.append(self._api.add_label(name, "", anchor="center-center"))
+        return self._nodes[i]
+
+
+def _rounded(view: View) -> tuple:
+    return (*view.position, *view.axes.ravel().round(5), view.focal, *view.size)

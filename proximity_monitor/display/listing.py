@@ -1,0 +1,115 @@
+"""Which pairs the list shows, in which order and groups."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.order import CLEAR_KIND, KINDS, kinds, urgent_first
+from proximity_monitor.display.state import Pairs, SceneInfo
+
+ROWS = 40
+"""How many clear pairs are listed; those that are not clear are listed all."""
+
+GROUPS = ("state", "part")
+ALL, NO_GROUPS = "(all)", "(none)"
+
+
+class Listing(NamedTuple):
+    """The rows of the list, and how many it leaves out."""
+
+    groups: Sequence[tuple[str, Sequence[int]]]
+    """Titles and rows, the most urgent first; one group without a title if nothing groups them."""
+    more_clear: int
+    """Clear pairs that match but come later."""
+    left_out: int
+    """Pairs that are not clear, neither ignored, and do not match."""
+
+
+def listing(pairs: Pairs, scene: SceneInfo, choice: Choice) -> Listing:
+    """Return what to list of a tick."""
+    of, order = kinds(pairs), urgent_first(pairs, scene)
+    clear = of == CLEAR_KIND
+    watched = ~choice.ignores(pairs.names)
+    matching = _matching(pairs, of, choice)
+    rows = order[(watched & matching)[order]]
+    late = np.cumsum(clear[rows]) > ROWS
+    late &= clear[rows]
+    return Listing(
+        _grouped(pairs, of, rows[~late].tolist(), choice.group),
+        int(late.sum()),
+        int((watched & ~matching & ~clear).sum()),
+    )
+
+
+def _matching(pairs: Pairs, of: np.ndarray, choice: Choice) -> np.ndarray:
+    found = of == KINDS.index(choice.state) if choice.state else np.ones(len(pairs), bool)
+    if choice.part:
+        found &= np.fromiter((choice.part in name for name in pairs.names), bool, len(pairs))
+    if words := choice.search.lower().split():
+        texts = (f"{a} {b}".lower() for a, b in pairs.names)
+        each = (all(word in text for word in words) for text in texts)
+        found &= np.fromiter(each, bool, len(pairs))
+    return found
+
+
+def _grouped(
+    pairs: Pairs, of: np.ndarray, rows: Sequence[int], by: str
+) -> list[tuple[str, list[int]]]:
+    """A pair of two parts stands with the one of which a more urgent pair was listed before."""
+    if not by:
+        return [("", list(rows))]
+    found: dict[str, list[int]] = {}
+    for i in rows:
+        if by == "state":
+            title = KINDS[of[i]]
+        else:
+            title = next((name for name in pairs.names[i] if name in found), pairs.names[i][0])
+        found.setdefault(title, []).append(i)
+    return list(found.items())
+
+
+class Filters:
+    """The inputs that choose what is listed."""
+
+    def __init__(self, gui: viser.GuiApi, choice: Choice) -> None:
+        """Add them at this place of the GUI."""
+        search = gui.add_text("Search", "", hint="Words of the names of both parts")
+        with gui.add_folder("Filter and group", expand_by_default=False):
+            state = gui.add_dropdown("State", (ALL, *KINDS))
+            self._part = part = gui.add_dropdown("Of part", (ALL,))
+            group = gui.add_dropdown("Group by", (NO_GROUPS, *GROUPS))
+        self._inputs = ((search, ""), (state, ALL), (part, ALL))
+        self._choice = choice
+
+        @search.on_update
+        async def _(_) -> None:
+            choice.search = search.value
+
+        @state.on_update
+        async def _(_) -> None:
+            choice.state = "" if state.value == ALL else state.value
+
+        @part.on_update
+        async def _(_) -> None:
+            choice.part = "" if part.value == ALL else part.value
+
+        @group.on_update
+        async def _(_) -> None:
+            choice.group = "" if group.value == NO_GROUPS else group.value
+
+    def begin(self, scene: SceneInfo) -> None:
+        """Take a scene."""
+        self._choice.part = ""
+        self._part.options = (ALL, *(body.name for body in scene.bodies))
+        self._part.value = ALL
+
+    def clear(self) -> None:
+        """List all pairs again."""
+        for each, value in self._inputs:
+            each.value = value
+        self._choice.search = self._choice.state = self._choice.part = ""

@@ -1,0 +1,60 @@
+"""The clash matrix: parts against parts, with the state of each pair."""
+
+from __future__ import annotations
+
+from html import escape
+from itertools import combinations
+
+from proximity_monitor.display.bridge import PRESSES, word
+from proximity_monitor.display.labels import short
+from proximity_monitor.display.order import urgent_first
+from proximity_monitor.display.signs import sign
+from proximity_monitor.display.state import Pairs, SceneInfo
+
+PARTS = 24
+"""About how many parts it has at most: those of the most urgent pairs."""
+
+NAME = 16
+"""Characters of a name that are shown."""
+
+
+def matrix(pairs: Pairs, scene: SceneInfo) -> str:
+    """Return the matrix as HTML; pairs that are not listed are beyond their range."""
+    named: dict[str, None] = {}
+    for i in urgent_first(pairs, scene):
+        if len(named) >= PARTS:
+            break
+        named.update(dict.fromkeys(pairs.names[i]))
+    names = [body.name for body in scene.bodies if body.name in named]  # in the scene's order
+    cells: dict[tuple[int, int], str] = {}
+    for (r, a), (c, b) in combinations(enumerate(names), 2):
+        row = pairs.places.get((a, b), pairs.places.get((b, a)))
+        if row is not None:
+            cells[c, r] = _cell(pairs, row, scene)
+    head = "".join(f"<th title={_quoted(name)}>{k + 1}</th>" for k, name in enumerate(names[:-1]))
+    rows = "".join(
+        f"<tr><td class=pm-cut title={_quoted(name)}>{r + 1} {escape(short(name, NAME))}</td>"
+        + "".join(cells.get((r, c), "<td class=pm-dim>·</td>") for c in range(r))
+        + "</tr>"
+        for r, name in enumerate(names)
+    )
+    rest = "of the most urgent pairs" if len(names) >= PARTS else ""
+    rest = f"<div class='pm-small pm-dim'>{rest}</div>"
+    return (
+        f'<div class=pm {PRESSES}><table class=pm-table id="pm-matrix" style="width:auto">'
+        f"<tr><th></th>{head}</tr>{rows}</table>{rest}</div>"
+    )
+
+
+def _cell(pairs: Pairs, i: int, scene: SceneInfo) -> str:
+    a, b = pairs.names[i]
+    shown = sign(pairs, i, scene)
+    title = f"{a} - {b}: {shown.word}"  # no number, which would change with each tick
+    return (
+        f'<td class=pm-sign style="color:{shown.colour};cursor:pointer" title={_quoted(title)}'
+        f" {word(f'pick:{a} - {b}')}>{shown.glyph}</td>"
+    )
+
+
+def _quoted(text: str) -> str:
+    return f'"{escape(text, quote=True)}"'

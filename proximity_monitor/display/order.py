@@ -1,0 +1,43 @@
+"""What comes first: the worse state, then the smaller margin to the pair's own limit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
+
+KINDS = ("contact", "stop", "warn", "stale", "clear")
+"""The states of pairs, the worst first."""
+
+CONTACT_KIND, STOP_KIND, WARN_KIND, STALE_KIND, CLEAR_KIND = range(len(KINDS))
+
+
+def kinds(pairs: Pairs) -> np.ndarray:
+    """Return the place (k,) of each pair's state in KINDS."""
+    found = np.full(len(pairs), CLEAR_KIND, np.int8)
+    found[pairs.level == WARN] = WARN_KIND
+    found[pairs.level == STOP] = STOP_KIND
+    found[pairs.touching] = CONTACT_KIND
+    found[(pairs.level == STALE) | (pairs.status == UNKNOWN)] = STALE_KIND
+    return found
+
+
+def margins(pairs: Pairs, scene: SceneInfo, of: np.ndarray) -> np.ndarray:
+    """Return by how much (k,) metres each pair's lower bound is above the limit that matters.
+
+    That is `warn` while it is clear and `stop` else; of bodies that touch, the bound alone counts.
+
+    Args:
+        pairs: of a tick.
+        scene: has the limits.
+        of: (k,) the pairs' states, places in KINDS.
+    """
+    warn, stop = scene.limits_of(pairs.names)
+    limit = np.where(of >= STALE_KIND, warn, stop)
+    return pairs.lower - np.where(of == CONTACT_KIND, 0.0, limit)
+
+
+def urgent_first(pairs: Pairs, scene: SceneInfo) -> np.ndarray:
+    """Return the rows (k,) of all pairs, the most urgent first; those without a pose come last."""
+    of = kinds(pairs)
+    return np.lexsort((pairs.upper, margins(pairs, scene, of), of))  # NaN sorts last

@@ -1,0 +1,118 @@
+"""The pages of all browsers, and the loop that keeps them up to date."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+import traceback
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import viser
+
+from proximity_monitor.display.connection import connection
+from proximity_monitor.display.events import Events
+from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.inbox import Inbox
+from proximity_monitor.display.node import ProximityDisplay
+from proximity_monitor.display.page import Page
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.shared import Shared
+from proximity_monitor.display.state import SceneInfo
+from proximity_monitor.display.tried import Tried
+
+STEP_S = 0.03
+"""Seconds after which the other browsers wait for the next step, so that many share the time."""
+
+
+class Pages:
+    """A page for each browser that is connected; what one does wrong the others do not feel."""
+
+    def __init__(
+        self, server: viser.ViserServer, inbox: Inbox, holds: Holds, node: ProximityDisplay
+    ) -> None:
+        """Begin without browsers.
+
+        Args:
+            server: brings them.
+            inbox: gives the monitor's messages.
+            holds: the bodies that are held here.
+            node: carries requests to the monitor, and logs.
+        """
+        ask = node.set_parameters_of_monitor
+        self._shared = Shared(server, holds, Session(), Events(), Tried(), ask)
+        self._inbox = inbox
+        self._log = node.get_logger().error
+        self._logged: str | None = None
+        self._scene: SceneInfo | None = None
+        self._pages: dict[int, Page] = {}
+        self._overheard = ""  # an error of a callback since the last step
+        server.get_event_loop().set_exception_handler(self._on_error)
+
+    def step(self) -> None:
+        """Bring all pages up to date. An error is logged and shown, and the next step tries again.
+
+        If what the pages share fails, they wait, and what they show grows old. A browser whose page
+        fails is not the others' concern.
+        """
+        overheard, self._overheard = self._overheard, ""
+        fault = self._guarded(self._follow)
+        news, now_s = self._inbox.news, time.monotonic()
+        told = connection(news, now_s)
+        beside = self._guarded(self._meet) or overheard
+        for client in list(self._pages):
+            page = self._pages[client] = self._pages.pop(client)  # the last to have its turn again
+
+            def show(page: Page = page) -> None:
+                page.step(news, told, now_s)
+
+            page.admit(fault or self._guarded(show) or beside, now_s)
+            if time.monotonic() > now_s + STEP_S:
+                break
+
+    def _follow(self) -> None:
+        """Keep what all pages share up to date."""
+        news, shared = self._inbox.read(), self._shared
+        if not news.complete:
+            return
+        if self._scene is None or self._scene.key != news.scene.key:
+            shared.session.clear()
+            shared.events.clear()
+            shared.holds.release()  # bodies held since the scene came belong to the previous one
+        self._scene = news.scene
+        if news.frame is not shared.session.newest:
+            if shared.session.span_s[1] > news.frame.stamp_s:
+                shared.events.clear()  # the clock went back, and a new session begins
+            shared.session.add(news.frame, keep=shared.events.note(news.frame, news.scene))
+        shared.tried.note(news.scene, news.frame, news.health)
+
+    def _meet(self) -> None:
+        """Give each new browser a page; what a browser held that is gone is let go."""
+        clients = self._shared.server.get_clients()
+        for gone in self._pages.keys() - clients.keys():
+            self._pages.pop(gone).hand.leave()
+        for new in sorted(clients.keys() - self._pages.keys()):
+            self._pages[new] = Page(clients[new], self._shared)
+
+    def _guarded(self, step: Callable[[], None]) -> str:
+        """Run a step, log its error, and return it in a line; empty: there was none."""
+        try:
+            step()
+        except Exception as error:
+            return self._tell(error)
+        return ""
+
+    def _on_error(self, _: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
+        """Take an error that nobody caught in what a browser's message caused."""
+        error = context.get("exception")
+        if isinstance(error, Exception):
+            self._overheard = self._tell(error)
+
+    def _tell(self, error: Exception) -> str:
+        """Log an error, and return it in a line."""
+        line = f"{type(error).__name__}: {error}"
+        told = f"a page failed, {line}\n{''.join(traceback.format_exception(error))}"
+        if told != self._logged:  # not 25 times a second
+            self._logged = told
+            self._log(told)
+        return line

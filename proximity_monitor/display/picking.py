@@ -1,0 +1,104 @@
+"""Which part is under a click.
+
+The page finds that out itself. If the meshes listened to presses, each would take those on the
+handles behind it, so a part could not be moved by handles that it covers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.geometry import rotate
+from proximity_monitor.display.parts import Parts, PartView
+from proximity_monitor.display.section import Plane
+
+FAINT = 0.3
+"""Parts of less opacity than this are seen through, and a click goes through them, too."""
+
+OnPick = Callable[[str], None]
+
+
+def listen(
+    api: viser.SceneApi,
+    parts: Callable[[], Parts | None],
+    section: Callable[[], Plane | None],
+    on_pick: OnPick,
+) -> None:
+    """Call `on_pick` with the name of each part that can be moved and is clicked."""
+
+    # Not a coroutine, so that viser runs it in a thread: large meshes take a while.
+    @api.on_click()
+    def _(event: viser.SceneClickEvent) -> None:
+        views, direction = parts(), np.array(event.ray_direction)
+        origin = past(np.array(event.ray_origin), direction, section())
+        if views is not None and (name := part_under(origin, direction, views)) is not None:
+            on_pick(name)
+
+
+def past(origin: np.ndarray, direction: np.ndarray, plane: Plane | None) -> np.ndarray:
+    """Return where a ray leaves the half that a section cuts away (3,); NaN: nowhere."""
+    height = 0.0 if plane is None else (origin - plane.middle) @ plane.normal
+    if height <= 0.0:
+        return origin
+    fall = -direction @ plane.normal
+    return origin + height / fall * direction if fall > 0.0 else np.full(3, np.nan)
+
+
+def part_under(origin: np.ndarray, direction: np.ndarray, parts: Parts) -> str | None:
+    """Return the first movable part on a ray, unless an opaque fixed part is before it.
+
+    Args:
+        origin: (3,) in the page's units.
+        direction: (3,) of any length.
+        parts: where they are shown.
+    """
+    hits = [(_distance(origin, direction, view, parts.scale), view) for view in parts.shown()]
+    for distance, view in sorted(hits, key=lambda hit: hit[0]):
+        if np.isinf(distance):
+            break
+        if view.movable:
+            return view.name
+        if view.opacity >= 1.0:
+            break
+    return None
+
+
+def _distance(origin: np.ndarray, direction: np.ndarray, view: PartView, scale: float) -> float:
+    if view.opacity < FAINT:
+        return np.inf
+    back = view.pose[3:] * (1.0, -1.0, -1.0, -1.0)
+    start = rotate(back, origin - view.pose[:3] * scale)
+    return first_hit(start, rotate(back, direction), view.low, view.high, view.corners())
+
+
+def first_hit(
+    origin: np.ndarray, direction: np.ndarray, low: np.ndarray, high: np.ndarray, corners
+) -> float:
+    """Return where a ray meets triangles first, in lengths of `direction`; infinite: nowhere.
+
+    Source: Moeller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection, 1997.
+
+    Args:
+        origin: (3,).
+        direction: (3,).
+        low: (3,) the triangles' box.
+        high: (3,).
+        corners: (n, 3, 3).
+    """
+    middle, radius = (low + high) / 2.0, np.linalg.norm(high - low) / 2.0
+    if np.linalg.norm(np.cross(middle - origin, direction)) > radius * np.linalg.norm(direction):
+        return np.inf
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    across = np.cross(direction, v)
+    volume = np.einsum("ij,ij->i", u, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        from_a = origin - a
+        s = np.einsum("ij,ij->i", from_a, across) / volume
+        around = np.cross(from_a, u)
+        t = around @ direction / volume
+        at = np.einsum("ij,ij->i", v, around) / volume
+        inside = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0) & (at > 0.0)
+    return float(at[inside].min(initial=np.inf))

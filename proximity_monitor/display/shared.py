@@ -1,0 +1,26 @@
+"""What the pages of all browsers have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import viser
+
+from proximity_monitor.display.events import Events
+from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.tried import Tried
+
+
+@dataclass(frozen=True)
+class Shared:
+    """The monitor is one, and so are the session and the bodies that are held."""
+
+    server: viser.ViserServer
+    holds: Holds
+    session: Session
+    events: Events
+    tried: Tried
+    ask: Callable[[Mapping[str, float]], None]
+    """Sends parameters to the monitor."""

@@ -1,0 +1,120 @@
+"""What a browser's camera sees: where points are on its screen, and where to put the camera."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.geometry import rotate
+
+FILL = 0.4
+"""Share of the picture that a gap takes after the camera went to it."""
+
+NEAREST = 3e-5
+"""How near the camera goes to a gap, in units of the page.
+
+Positions on the page are of single precision, and parts about a unit large: at this distance they
+jump by a pixel at most."""
+
+NEAR = 0.02
+"""Distance of the near plane, as a share of that to the point that the camera looks at."""
+
+NEAR_MOST = 0.01
+"""The same at most, in units of the page."""
+
+
+class View(NamedTuple):
+    """A camera that is looked through, in the page's units."""
+
+    position: np.ndarray
+    """(3,)"""
+    axes: np.ndarray
+    """(3, 3) rows: to the right, down, forward."""
+    focal: float
+    """Pixels."""
+    size: tuple[float, float]
+    """Width and height of the picture, pixels."""
+
+    @classmethod
+    def of(cls, camera: viser.CameraHandle) -> View:
+        """Return the view of a browser."""
+        height = max(float(camera.image_height), 1.0)
+        return cls(
+            np.array(camera.position),
+            rotate(np.array(camera.wxyz), np.eye(3)),
+            height / (2.0 * math.tan(camera.fov / 2.0)),
+            (max(float(camera.image_width), 1.0), height),
+        )
+
+    @classmethod
+    def looking(cls, position: np.ndarray, at: np.ndarray) -> View:
+        """Return the view of a browser that does not tell its own: 1280 by 800, up is z."""
+        forward = (at - position) / np.linalg.norm(at - position)
+        right = np.cross(forward, (0.0, 0.0, 1.0))
+        right /= np.linalg.norm(right) or 1.0
+        axes = np.array((right, np.cross(forward, right), forward))
+        return cls(position, axes, 400.0 / math.tan(math.radians(37.5)), (1280.0, 800.0))
+
+    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where points (n, 3) are on the screen (n, 2), and their depths (n,).
+
+        Depths are not positive, and places on the screen nonsense, for points behind the camera.
+        """
+        right, down, depth = ((points - self.position) @ self.axes.T).T
+        safe = np.where(depth > 0.0, depth, 1.0)
+        place = self.focal * np.column_stack((right, down)) / safe[:, None]
+        return place + np.array(self.size) / 2.0, depth
+
+    def shift(self, points: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """Return points (n, 3) moved by pixels (n, 2) on the screen, in their own depth."""
+        depth = (points - self.position) @ self.axes[2]
+        return points + (depth / self.focal)[:, None] * (pixels @ self.axes[:2])
+
+
+def facing(ends: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Return the unit direction (3,) across a gap that comes nearest to that of the camera.
+
+    Args:
+        ends: (2, 3) of the gap.
+        position: (3,) of the camera.
+    """
+    along = ends[1] - ends[0]
+    length = np.linalg.norm(along)
+    along = along / length if length > 0.0 else np.zeros(3)
+    # If the camera looks along the gap, any direction across it will do.
+    for wish in (position - ends.mean(axis=0), *np.eye(3)):
+        across = wish - (wish @ along) * along
+        size = np.linalg.norm(across)
+        if size > 1e-3 * np.linalg.norm(wish):
+            break
+    return across / size
+
+
+def zoom(camera: viser.CameraHandle, ends: np.ndarray) -> None:
+    """Move a camera so that a gap fills the picture, seen from the side."""
+    middle = ends.mean(axis=0)
+    across = facing(ends, np.array(camera.position))
+    least = 2.0 * math.tan(camera.fov / 2.0) * min(1.0, camera.aspect)
+    distance = max(float(np.linalg.norm(ends[1] - ends[0])) / (FILL * least), NEAREST)
+    with camera.client.atomic():
+        camera.min_orbit_distance = NEAREST / 10.0
+        place(camera, middle + distance * across, middle)
+        adapt(camera)
+
+
+def place(camera: viser.CameraHandle, position: np.ndarray, look_at: np.ndarray) -> None:
+    """Put a camera somewhere, looking at a point; both (3,)."""
+    with camera.client.atomic():
+        camera.position = position  # which moves the point that is looked at, so that comes last
+        camera.look_at = look_at
+
+
+def adapt(camera: viser.CameraHandle) -> None:
+    """Let the near plane follow the distance at which the camera looks."""
+    distance = float(np.linalg.norm(np.array(camera.position) - np.array(camera.look_at)))
+    near = min(NEAR_MOST, 2.0 ** round(math.log2(max(NEAR * distance, 1e-7))))
+    if camera.near != near:
+        camera.near = near

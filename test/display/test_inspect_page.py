@@ -1,0 +1,385 @@
+"""What an engineer inspects on the page: the bundled peg in its bore, in a real browser."""
+
+from __future__ import annotations
+
+import signal
+
+import numpy as np
+import pytest
+from deadlines import DEADLINE_S, START_DEADLINE_S
+from page_hand import (
+    CAMERA,
+    CANVAS,
+    CHOSEN,
+    DRAWN,
+    LENGTH,
+    NO_NOTES,
+    ON_SCREEN,
+    OPACITY,
+    SAVE_MS,
+    TEXTS,
+    button,
+    choose,
+    field,
+    lines_of,
+    press,
+    row,
+    tab,
+    word,
+)
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+PAIR = "peg - block"
+POSITION = "name => window.__viserMutable.nodeRefFromName[name].position.toArray()"
+
+
+@pytest.fixture(scope="module")
+def bench(browser, domain, launch_for_all, wait):
+    """The page of the bundled peg, which its player hardly moves."""
+    from proximity_monitor.scene import bundled
+
+    settings = {"scene": bundled("peg"), "environment": {"ROS_DOMAIN_ID": domain}}
+    monitor = launch_for_all("node", **settings)
+    player = launch_for_all("player", speed=1e-9, **settings)
+    display = launch_for_all("display", port=0, environment=settings["environment"])
+
+    def said():
+        assert display.popen.poll() is None, display.text
+        line = next((x for x in display.text.splitlines() if x.startswith("display: ")), None)
+        return line and line.removeprefix("display: ")
+
+    address = wait(said, "the display's address", START_DEADLINE_S)
+    page = browser.new_page(viewport={"width": 1000, "height": 640}, accept_downloads=True)
+    page.set_default_timeout(1e3 * DEADLINE_S)
+    page.errors = []
+    page.on("pageerror", lambda error: page.errors.append(str(error)))
+    page.add_init_script(NO_NOTES)
+    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+    page.wait_for_selector("#pm-pairs .pm-row", timeout=1e3 * START_DEADLINE_S)
+    yield page
+    for process in (display, player, monitor):
+        process.stop(signal.SIGKILL)
+
+
+@pytest.fixture
+def page(bench):
+    """The page, looked at as at first."""
+    bench.mouse.up()
+    bench.keyboard.press("Escape")
+    bench.evaluate("() => window.__viserMutable.resetCameraPose(false)")
+    bench.evaluate(DRAWN)
+    if bench.get_attribute("#pm-connection", "data-state") == "past":
+        tab(bench, "Session")
+        button(bench, "Back to live").click()
+    yield bench
+    assert bench.errors == []
+
+
+@pytest.fixture
+def put(page, wait):
+    """Type a position of the peg in mm, and wait until the page shows it there, upright."""
+
+    def put(*place):
+        choose(page, "peg")
+        for i in range(3):
+            field(page, "Turn [deg]", i).fill("0")
+        for i, number in enumerate(place):
+            field(page, "Position [mm]", i).fill(f"{number}")
+        button(page, "Put it there").click()
+        wait(lambda: held(page) == pytest.approx(place, abs=1e-6), f"the peg at {place}")
+
+    return put
+
+
+def held(page):
+    """The peg's position in mm, where the picture has it: the fields show what is typed at once."""
+    return [100.0 * x for x in page.evaluate(POSITION, "/parts/0")]  # the page's unit is 0.1 m
+
+
+def turned(page):
+    """Its turn in degrees."""
+    return [float(field(page, "Turn [deg]", i).input_value()) for i in range(3)]
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2], ids="xyz")
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_the_peg_s_handles_are_gripped_where_the_peg_covers_them(page, put, wait, axis, share):
+    put(0, 0, -10)
+    camera = page.evaluate(CAMERA)
+    handle = np.zeros(3)
+    handle[axis] = share * page.evaluate(LENGTH)
+    page.evaluate(DRAWN)
+    x, y = page.evaluate(ON_SCREEN, ["/gizmo", handle.tolist()])
+    to_x, to_y = page.evaluate(ON_SCREEN, ["/gizmo", (1.3 * handle).tolist()])
+    page.mouse.move(x, y)
+    page.evaluate(DRAWN)
+    page.mouse.down()
+    page.mouse.move(to_x, to_y, steps=4)
+    page.mouse.up()
+    # Another handle may be before this one on the screen, but the peg is not.
+    wait(
+        lambda: held(page) != pytest.approx((0, 0, -10), abs=1e-3) or turned(page) != [0, 0, 0],
+        "the peg to move",
+    )
+    np.testing.assert_allclose(page.evaluate(CAMERA), camera, atol=1e-9)
+
+
+def test_a_part_is_chosen_by_a_click_through_what_is_transparent(page, put, wait):
+    put(0, 0, -10)
+    page.locator("input[role=combobox]:visible").first.click()
+    page.get_by_role("option", name="(none)").click()
+    note = page.locator("#pm-held")
+    wait(lambda: "Click a part" in note.inner_text(), "nothing to be chosen")
+    page.mouse.click(*page.evaluate(ON_SCREEN, ["/parts/0", [0, 0, 0.02]]))
+    wait(lambda: "held here" in note.inner_text(), "the peg to be chosen")
+
+
+# The corners of the lines of a node, three numbers each.
+CORNERS = """name => {
+  const bytes = window.__viserSceneTree.getState()[name].message.props.points;
+  const at = bytes.byteOffset ?? 0;
+  return [...new Float32Array(bytes.buffer.slice(at, at + bytes.byteLength))];
+}"""
+IS_SHOWN = "name => window.__viserSceneTree.getState()[name]?.effectiveVisibility ?? false"
+
+
+def gap_on_screen(page):
+    """Where the closest points of the one pair are on the screen, (2, 2) in pixels."""
+    ends = np.array(page.evaluate(CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
+    assert len(ends) == 2
+    page.evaluate(DRAWN)
+    return np.array([page.evaluate(ON_SCREEN, ["/distances/points", end.tolist()]) for end in ends])
+
+
+def test_a_gap_of_0_02_mm_fills_the_picture_and_is_named(page, put, wait, eventually):
+    put(0.03, 0, -10)
+    tab(page, "Clearances")
+    wait(lambda: row(page, PAIR)[1] == pytest.approx(0.02e-3, abs=1e-8), "the clearance")
+    first, second = gap_on_screen(page)
+    assert np.linalg.norm(second - first) < 2.0
+    button(page, "Zoom to the gap").click()
+
+    def filled():
+        first, second = gap_on_screen(page)
+        canvas = page.evaluate(CANVAS)
+        assert np.linalg.norm(second - first) > 0.3 * min(canvas["width"], canvas["height"])
+        for x, y in (first, second):
+            assert canvas["left"] < x < canvas["right"] and canvas["top"] < y < canvas["bottom"]
+        label = next(text for text in page.evaluate(TEXTS, "/distances") if "mm" in text)
+        assert label == "▲ 0.020 mm\npeg - block"
+
+    eventually(filled)
+    button(page, "Whole scene").click()
+    wait(lambda: np.ptp(gap_on_screen(page), axis=0).max() < 2.0, "the whole scene")
+
+
+def test_a_section_is_one_click(page, put, wait, eventually):
+    put(0.03, 0, -10)
+    tab(page, "Clearances")
+    button(page, "Section through it").click()
+
+    def cut():
+        assert page.evaluate(IS_SHOWN, "/parts/1/cut")
+        assert page.evaluate(IS_SHOWN, "/parts/1/hatching")
+        assert not page.evaluate(IS_SHOWN, "/parts/1/mesh")
+        # The plane goes through both closest points, so they lie in the plane of the outline.
+        ends = np.array(page.evaluate(CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
+        lines = np.array(page.evaluate(CORNERS, "/parts/1/outline")).reshape(-1, 3)
+        *_, normal = np.linalg.svd(lines - lines.mean(axis=0))[2]
+        np.testing.assert_allclose((ends - lines.mean(axis=0)) @ normal, 0.0, atol=1e-5)
+
+    eventually(cut)
+    put(20, 0, 40)
+    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/0/cut"), "the peg to leave the plane")
+    tab(page, "Clearances")
+    button(page, "Whole scene").click()
+    wait(lambda: page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the whole block")
+    assert not page.evaluate(IS_SHOWN, "/parts/1/cut")
+
+
+def test_each_part_is_as_transparent_as_one_likes(page, wait):
+    tab(page, "Clearances")
+    page.get_by_text("Picture", exact=True).click()
+    field(page, "Look of").fill("peg")
+    page.keyboard.press("ArrowDown")  # the list may open beyond the panel's half
+    page.keyboard.press("Enter")
+    field(page, "Opacity", 1).fill("0.5")
+    wait(lambda: page.evaluate(OPACITY, 0) == pytest.approx(0.5), "the peg to be transparent")
+    assert page.evaluate(OPACITY, 1) == pytest.approx(0.4)
+    assert page.evaluate(IS_SHOWN, "/parts/0/edges")
+    page.locator("input[type=checkbox]:visible").nth(1).click()
+    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/0/edges"), "its edges to go")
+    assert page.evaluate(IS_SHOWN, "/parts/1/edges")
+    field(page, "Opacity", 1).fill("1")
+    page.locator("input[type=checkbox]:visible").nth(1).click()
+    page.get_by_text("Picture", exact=True).click()
+    wait(lambda: page.evaluate(OPACITY, 0) is None, "the peg to be opaque")
+
+
+# How many pixels are between two clearances in the plot, and whether the plot shows a third.
+IN_PLOT = """([first, second, third]) => {
+  const {chart} = Object.values(window.__viserTestpoints.uplots)[0];
+  const at = value => chart.valToPos(value, 'y');
+  return [at(second) - at(first), at(third), chart.over.clientHeight];
+}"""
+# Whether the middle of an element is what a press there would meet.
+UNCOVERED = """each => {
+  each.scrollIntoView({block: 'nearest'});  // within the panel's own half
+  const r = each.getBoundingClientRect();
+  const met = document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2);
+  return each.contains(met) || met.contains(each);
+}"""
+
+
+@pytest.mark.parametrize("scale", ["Log", "Limits"])
+def test_the_plot_tells_fits_apart_after_a_long_way_and_shows_the_thresholds(
+    page, put, eventually, scale
+):
+    for z in (40, -10):
+        put(0, 0, z)
+    button(page, scale).click()
+
+    def told_apart():
+        for threshold in (0.03, 0.005):
+            apart, there, height = page.evaluate(IN_PLOT, [0.05, 0.02, threshold])
+            assert apart > 0.03 * height
+            assert 0.0 < there < height
+
+    eventually(told_apart)
+
+
+def test_the_plot_covers_nothing_of_a_small_window(page):
+    tab(page, "Clearances")
+    for shown in ("#pm-pairs .pm-sign", "#pm-pairs .pm-press", "#pm-banner", "canvas[data-engine]"):
+        assert page.locator(shown).first.evaluate(UNCOVERED), shown
+
+
+def dragged(page, axis, pixels):
+    """Drag the arrow of an axis by so many pixels along itself."""
+    handle = 0.75 * page.evaluate(LENGTH) * np.eye(3)[axis]
+    page.evaluate(DRAWN)
+    begin = np.array(page.evaluate(ON_SCREEN, ["/gizmo", handle.tolist()]))
+    along = np.array(page.evaluate(ON_SCREEN, ["/gizmo", (1.1 * handle).tolist()])) - begin
+    end = begin + pixels * along / np.linalg.norm(along)
+    page.mouse.move(*begin)
+    page.evaluate(DRAWN)
+    page.mouse.down()
+    page.mouse.move(*end, steps=8)
+
+
+def pick(page, label, option):
+    """Choose of a list."""
+    field(page, label).click()
+    page.locator("[role=option]:visible").get_by_text(option, exact=True).click()
+
+
+def test_enter_puts_the_part_there_steps_go_down_to_a_micrometre_and_ctrl_z_undoes(put, page, wait):
+    tab(page, "Move")
+    field(page, "Step [mm]").fill("0.001")
+    put(0, 0, 40)  # what was typed before is known when it is there
+    field(page, "Position [mm]", 0).fill("20.5")
+    page.keyboard.press("Enter")
+    wait(lambda: at_place(page, (20.5, 0, 40)), "Enter to put it there")
+    page.get_by_role("button", name="-Y", exact=True).click()
+    wait(lambda: at_place(page, (20.5, -0.001, 40)), "a step of a micrometre")
+    page.get_by_role("button", name="+RZ", exact=True).click()
+    wait(lambda: turned(page) == [0, 0, 1], "a turn by a degree")
+    for there in ((20.5, -0.001, 40), (20.5, 0, 40), (0, 0, 40)):
+        page.keyboard.press("Control+z")
+        wait(lambda there=there: at_place(page, there) and turned(page) == [0, 0, 0], f"{there}")
+
+
+def at_place(page, place):
+    return held(page) == pytest.approx(place, abs=1e-6)
+
+
+def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
+    put(0, 0, 40)
+    dragged(page, 0, 60)
+    page.mouse.up()
+    wait(lambda: held(page)[0] > 5.0, "a drag")
+    far = held(page)[0]
+    put(0, 0, 40)
+    pick(page, "Drag", "1 : 100")
+    dragged(page, 0, 60)
+    page.mouse.up()
+    wait(lambda: held(page)[0] == pytest.approx(far / 100.0, rel=0.2), "a hundredth of it")
+    page.get_by_text("Snap drags to the steps").click()
+    field(page, "Step [mm]").fill("0.05")
+    put(0, 0, 40)
+    dragged(page, 0, 60)
+    page.mouse.up()
+    wait(lambda: held(page)[0] > 0.0, "a drag")
+    assert held(page)[0] / 0.05 == pytest.approx(round(held(page)[0] / 0.05), abs=1e-6)
+    page.get_by_text("Snap drags to the steps").click()
+    pick(page, "Drag", "1 : 1")
+
+
+def test_a_drag_stops_before_the_clearance_is_below_stop(put, page, wait, eventually):
+    put(0, 0, -10)
+    pick(page, "Drags stop", "at stop")
+    dragged(page, 0, 60)  # some millimetres into the wall, which is 0.05 mm away
+
+    def stopped():
+        assert page.locator("#pm-near").inner_text().split()[-2:] == ["0.005", "mm"]
+        assert held(page)[0] == pytest.approx(0.045, abs=0.0011)
+
+    eventually(stopped)
+    page.mouse.up()
+    tab(page, "Clearances")
+    assert row(page, PAIR)[0] >= 0.005e-3
+    tab(page, "Move")
+    pick(page, "Drags stop", "nowhere")
+
+
+def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, eventually):
+    put(0, 0, -10)
+    latest = page.locator("#pm-events .pm-row").first
+    wait(lambda: word(page) == "clear", "a clear scene")
+    put(0.046, 0, -10)
+    tab(page, "Session")
+
+    def told():
+        _, change, pair, clearance = latest.inner_text().split("\t")
+        assert change.endswith("→ ■ STOP")
+        assert (pair, clearance) == (PAIR, "0.004 mm")
+
+    eventually(told)
+    put(0, 0, 40)
+    tab(page, "Session")
+    stop = page.locator("#pm-events .pm-row", has_text="→ ■ STOP").first
+    stop.dispatch_event("pointerdown")
+
+    def there():
+        assert page.get_attribute("#pm-connection", "data-state") == "past"
+        assert row(page, PAIR)[1] == pytest.approx(0.004e-3, abs=1e-7)
+        x, _, z = page.evaluate(POSITION, "/parts/0")
+        assert (x, z) == pytest.approx((0.046e-2, -0.1), abs=1e-6)
+
+    eventually(there)
+    with page.expect_download(timeout=SAVE_MS) as download:
+        button(page, "Events as CSV").click()
+    *_, last = lines_of(download.value)
+    assert (last["a"], last["b"], last["before"], last["after"]) == (
+        "peg",
+        "block",
+        "stop",
+        "clear",
+    )
+    button(page, "Back to live").click()
+    wait(lambda: page.get_attribute("#pm-connection", "data-state") == "live", "the present")
+    tab(page, "Clearances")
+    press(page, CHOSEN)
+
+
+def test_the_smallest_clearances_begin_anew(put, page, wait):
+    put(0.03, 0, -10)
+    tab(page, "Session")
+    worst = page.locator("#pm-worst")
+    wait(lambda: not worst.count() or "41." not in worst.inner_text(), "a small one")
+    put(0, 0, -10)
+    tab(page, "Session")
+    button(page, "Forget the smallest clearances").click()
+    wait(lambda: "0.050 mm" in worst.inner_text(), "the present one")

@@ -1,0 +1,144 @@
+"""What a browser may say to the page, and that no more of it is heard."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+from raw_browser import CAMERA, RawBrowser
+
+from proximity_monitor.display.intake import TEXT, Intake
+
+BAD = (
+    "nobody at all",
+    "x" * (TEXT + 1),
+    1e300,
+    -(2**63),
+    float("nan"),
+    float("inf"),
+    None,
+    {"a": 1},
+    [1.0, float("nan"), 3.0],
+    [1e300, 0.0, 0.0],
+    [1.0],
+    b"bytes",
+)
+
+
+@pytest.fixture
+def page(alone):
+    return alone
+
+
+def inputs(raw):
+    return list(raw.client.gui._gui_input_handle_from_uuid.values())
+
+
+def test_no_input_takes_what_it_could_not_show(page, raw, server):
+    found = inputs(raw)
+    assert {type(each).__name__ for each in found} >= {
+        "GuiTextHandle", "GuiDropdownHandle", "GuiSliderHandle", "GuiVector3Handle",
+        "GuiCheckboxHandle", "GuiButtonHandle",
+    }  # fmt: skip
+    before = [each.value for each in found]
+    for each in found:
+        for value in BAD:
+            if not (isinstance(each.value, str) and value == BAD[0] and "Text" in str(type(each))):
+                raw.set(each, value)
+    raw.heard(server)
+    page.tell()
+    assert page.logged == []
+    for each, value in zip(found, before, strict=True):
+        np.testing.assert_array_equal(each.value, value, err_msg=str(each))
+
+
+def test_no_browser_changes_what_is_not_a_value_or_another_s(page, raw, server):
+    """Nor does it harm one that comes later."""
+    other = RawBrowser(server)
+    page.tell()
+    theirs = inputs(other)
+    for each in inputs(raw):
+        for name, value in (("update_cb", []), ("removed", True), ("label", "x"), ("max", 1e300)):
+            updates = {"value": each.value, name: value}
+            raw.say("GuiUpdateMessage", uuid=each._impl.uuid, updates=updates)
+    for each in theirs:
+        raw.set(each, "die")
+    before = [each.value for each in theirs]
+    raw.heard(server)
+    for each in inputs(raw):
+        assert not each._impl.removed
+        assert getattr(each, "label", "") != "x"
+    assert [each.value for each in theirs] == before
+    page.tell()
+    assert page.logged == []
+    other.close()
+
+
+def test_what_a_browser_leaves_behind_is_bounded(page, raw, server):
+    search = next(each for each in inputs(raw) if getattr(each, "label", "") == "Search")
+    raw.set(search, "die")
+    raw.heard(server)
+    assert page.choice.search == "die"
+    raw.set(search, "x" * 40_000_000)
+    raw.heard(server)
+    assert page.choice.search == search.value == "die"
+    pressed = next(each for each in inputs(raw) if getattr(each, "label", "") == "pressed")
+    for i in range(50):
+        raw.set(pressed, f"ignore:a{i} - b{i}#1")
+        raw.set(pressed, f"pick:a{i} - b{i}#1")
+    raw.heard(server)
+    assert page.choice.ignored == frozenset()
+    assert page.choice.pair is None
+
+
+def test_names_of_nothing_harm_nobody(page, raw, server, capfd):
+    ray = {"ray_origin": [0, 0, 0], "ray_direction": [0, 0, 1], "modifier": None}
+    for name in ("/nothing", "/parts/0/mesh", "/gizmo"):
+        raw.say("TransformControlsUpdateMessage", **GIZMO | {"name": name})
+        raw.say("TransformControlsDragStartMessage", name=name)
+        raw.say("TransformControlsDragEndMessage", name=name)
+        click = {"name": name, "instance_index": None, "screen_pos": [0, 0]}
+        raw.say("SceneNodeClickMessage", **click | ray)
+    raw.say("ScenePointerMessage", event_type="click", screen_pos=[[0, 0]], **ray)
+    raw.say("CommandTriggerMessage", uuid="nobody")
+    raw.heard(server)
+    page.tell()
+    assert page.logged == []
+    assert not page.holds.poses
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def encoded(kind, **fields):
+    return msgspec.msgpack.encode({"type": kind} | fields)
+
+
+GIZMO = {"name": "/gizmo", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0.0, 0.0, 0.0]}
+
+
+@pytest.mark.parametrize(
+    "sent, taken",
+    [
+        (encoded("ViewerCameraMessage", **CAMERA), True),
+        (encoded("ViewerCameraMessage", **CAMERA | {"fov": float("nan")}), False),
+        (encoded("ViewerCameraMessage", **CAMERA | {"position": [1.0, 2.0]}), False),
+        (encoded("ViewerCameraMessage", **CAMERA | {"more": 1}), False),
+        (encoded("TransformControlsUpdateMessage", **GIZMO), True),
+        (encoded("TransformControlsUpdateMessage", **GIZMO | {"wxyz": [0, 0, 0, 0]}), False),
+        (encoded("TransformControlsUpdateMessage", **GIZMO | {"position": [0, 0, 1e300]}), False),
+        (encoded("GuiUpdateMessage", uuid="nobody", updates={"value": 1}), False),
+        (encoded("RunJavascriptMessage", source="alert(1)"), False),
+        (encoded("FileTransferStartUpload", source_component_uuid="x"), False),
+        (encoded("no such message"), False),
+        (b"", False),
+        (b"\xc1", False),
+        (b"\x91" * 15_000 + b"\x90", False),
+        (msgspec.msgpack.encode(["a list"]), False),
+        ("text", False),
+    ],
+)
+def test_only_messages_of_the_page_s_own_kinds_are_read(sent, taken):
+    assert Intake().takes(sent) is taken

@@ -1,0 +1,137 @@
+"""Several browsers at one display: what each has of its own, and what an error of one does."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import time
+from dataclasses import replace
+
+import pytest
+from deadlines import DEADLINE_S
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+from page_alone import HERE, SCENE, THERE, drag, frame, now, words
+from raw_browser import RawBrowser
+
+from proximity_monitor.display import pages as all_pages
+from proximity_monitor.display.state import STOP, Health
+
+
+@pytest.fixture
+def page(alone):
+    return alone
+
+
+def test_an_error_in_one_browser_s_page_is_shown_there_logged_once_and_survived(
+    page, server, monkeypatch
+):
+    other = RawBrowser(server)
+    page.tell()
+    theirs = page.pages._pages[other.client.client_id]
+    sound = theirs._lines.show
+    monkeypatch.setattr(theirs._lines, "show", lambda *_: 1 / 0)
+    for stamp_s in (1.0, 2.0):
+        page.tell(frame=frame(stamp_s, 0.01, STOP))
+        assert "ZeroDivisionError" in words(theirs._fault)
+        assert "STOP" in words(page.all._banner)
+        assert words(page.all._fault) == ""
+    (told,) = page.logged
+    assert "test_pages.py" in told and "ZeroDivisionError" in told
+    monkeypatch.setattr(theirs._lines, "show", sound)
+    page.tell(frame=frame(3.0, 0.3))
+    assert "ZeroDivisionError" in words(theirs._fault)  # for a while
+    assert "clear" in words(theirs._banner)
+    theirs._fault_until_s = 0.0
+    page.tell()
+    assert words(theirs._fault) == ""
+    other.close()
+
+
+def test_an_error_in_what_all_share_is_shown_to_all_and_survived(page, monkeypatch):
+    beat = page.all._beat._html.content
+    monkeypatch.setattr(page.session, "add", lambda *_, **__: 1 / 0)
+    page.tell(frame=frame(1.0, 0.01, STOP))
+    assert "ZeroDivisionError" in words(page.all._fault)
+    assert page.all._beat._html.content == beat  # what is shown grows old
+    monkeypatch.undo()
+    page.tell(frame=frame(1.5, 0.01, STOP))
+    assert "STOP" in words(page.all._banner)
+    assert page.all._beat._html.content != beat
+
+
+def test_many_browsers_share_the_time_and_each_has_its_turn(page, server, monkeypatch):
+    others = [RawBrowser(server) for _ in range(2)]
+    page.tell()
+    monkeypatch.setattr(all_pages, "STEP_S", 0.0)
+    for stamp_s in (1.0, 2.0, 3.0):
+        page.tell(frame=frame(stamp_s))
+    shown = {each._shown.frame.stamp_s for each in page.pages._pages.values()}
+    assert shown == {1.0, 2.0, 3.0}
+    for each in others:
+        each.close()
+
+
+def test_an_error_in_what_a_browser_s_message_causes_is_shown_and_survived(
+    page, raw, server, monkeypatch
+):
+    monkeypatch.setattr(page.hand, "undo", lambda: 1 / 0)
+    for stamp_s in (1.0, 2.0):
+        raw.set(page.move._undo, True)
+        raw.heard(server)
+        page.tell(frame=frame(stamp_s, 0.01, STOP))
+        assert "ZeroDivisionError" in words(page.all._fault)
+        assert "STOP" in words(page.all._banner)
+    assert len(page.logged) == 1
+
+
+def test_each_tick_is_good_for_a_second_from_when_it_came(page):
+    told = []
+    for stamp_s in (1.0, 2.0):
+        page.tell(frame=frame(stamp_s))
+        page.tell()  # the same tick again
+        told.append(page.all._beat._html.content)
+    names, seconds = zip(
+        *(re.search(r"(pm-old-\d) 1ms linear (.*)s f", x).groups() for x in told), strict=True
+    )
+    assert set(names) == {"pm-old-0", "pm-old-1"}  # another name begins it anew
+    assert all(0.5 < float(each) <= 1.0 for each in seconds)
+    page.pages._inbox.tell(frame_at_s=time.monotonic() - 2.0, frame=frame(3.0))
+    page.pages.step()
+    assert page.all._beat._html.content == told[-1]
+
+
+def test_what_was_tried_in_one_scene_is_not_told_in_another(page):
+    times = {"search_p50_ms": "1.25", "search_p99_ms": "2.5", "message": ""}
+    for _ in range(3):
+        page.tell(health=Health(times))
+    assert "Search now: 1.25 ms" in now(page.all._limits._cost)
+    assert "1.25 2.50 0.000 mm 0" in words(page.all._limits._cost)
+    page.tell(scene=replace(SCENE, name="another"), health=Health(times))
+    told = words(page.all._limits._cost)
+    assert "1.25 ms a tick" in told
+    assert "1.25 2.50" not in told.split("tried in this scene")[1]
+
+
+def test_a_browser_that_goes_lets_go_what_it_holds(page, server):
+    other = RawBrowser(server)
+    page.tell()
+    theirs = page.pages._pages[other.client.client_id].hand
+    theirs.place("b", THERE, now=HERE)
+    page.move.pick("b")
+    page.tell()
+    assert f"held by {theirs.name}" in words(page.move._note)
+    drag(page, "start", 3.5)
+    drag(page, "update", 4.0)
+    assert page.holds.poses["b"] is THERE
+    asyncio.run(page.move._on_release(None))  # which is to take it over
+    assert page.holds.owner("b") is page.hand
+    page.hand.release()
+    theirs.place("b", THERE, now=HERE)
+    other.close()
+    deadline = time.monotonic() + DEADLINE_S
+    while page.holds.poses:
+        assert time.monotonic() < deadline
+        page.tell()

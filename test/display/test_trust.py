@@ -1,0 +1,207 @@
+"""What the page must never do: pass off as known what is not, or let one browser harm another."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from page_hand import (
+    CHOSEN,
+    button,
+    choose,
+    decoded,
+    drag,
+    field,
+    listed,
+    press,
+    row,
+    tab,
+    word,
+)
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+GREEN = (0, 158, 115)
+STATE = "() => document.querySelector('#pm-connection')?.dataset.state"
+
+
+@pytest.fixture(scope="module")
+def pages(open_page):
+    """Two browsers that look at one display."""
+    return open_page(), open_page()
+
+
+@pytest.fixture
+def two(pages, sources, wait):
+    """Both as they were at first."""
+    for page in pages:
+        tab(page, "Clearances")
+        look_back(page).press("End")
+        wait(lambda page=page: word(page) == "clear", "all to be clear")
+    yield pages
+    sources.restore()
+    for page in pages:
+        assert page.errors == []
+
+
+@pytest.fixture
+def one(pages):
+    """The first browser, whatever the other does."""
+    tab(pages[0], "Clearances")
+    look_back(pages[0]).press("End")
+    yield pages[0]
+    assert pages[0].errors == []
+
+
+def look_back(page):
+    """The slider of the moment that is shown."""
+    return page.get_by_role("slider").and_(page.locator(":visible")).first
+
+
+def greens(page):
+    """How many pixels of the window are green, as what is clear is."""
+    red, green, blue = np.moveaxis(decoded(page.screenshot()).astype(int), -1, 0)
+    return int(((green - red > 60) & (green - blue > 25)).sum())
+
+
+def words(page):
+    """All that the panel says, as it is seen."""
+    return page.inner_text("#pm-connection") + page.inner_text("#pm-banner") + "".join(
+        text for _, _, text in listed(page).values()
+    )  # fmt: skip
+
+
+def test_choice_hide_and_search_belong_to_each_browser(two, wait):
+    one, other = two
+    press(one, '[data-pair="table - die"]')
+    one.wait_for_selector(f'{CHOSEN}[data-pair="table - die"]')
+    press(one, '[data-word="ignore:ball - die"]')
+    wait(lambda: "ball - die" not in listed(one), "the pair to go")
+    field(one, "Search").fill("table")
+    wait(lambda: set(listed(one)) <= {"table - ball", "table - die", "table - cursor"}, "the rest")
+    assert "ball - die" in listed(other)
+    assert "die - cursor" in listed(other)
+    assert other.locator(CHOSEN).count() == 0
+    field(one, "Search").fill("")
+    press(one, '[data-word="ignore:ball - die"]')
+    press(one, CHOSEN)
+    wait(lambda: "ball - die" in listed(one) and not one.locator(CHOSEN).count(), "all again")
+
+
+def test_who_looks_back_is_alone_there_and_reads_past_not_live(two, wait):
+    one, other = two
+    slider = look_back(one)
+    wait(lambda: float(slider.get_attribute("aria-valuemax") or 0.0) > 2.0, "some past")
+    slider.press("Home")
+    wait(lambda: one.evaluate(STATE) == "past", "the past")
+    assert "live" not in one.inner_text("#pm-connection")
+    assert "looking back by" in one.inner_text("#pm-connection")
+    assert other.evaluate(STATE) == "live"
+    wait(lambda: one.inner_text("#pm-banner").startswith("● clear\nnow: "), "the banner's word")
+    slider.press("End")
+    wait(lambda: one.evaluate(STATE) == "live", "the present")
+
+
+def test_what_is_hidden_is_not_clear_for_that(two, sources, wait):
+    one, other = two
+    press(one, '[data-word="ignore:table - ball"]')
+    wait(lambda: "table - ball" not in listed(one), "the pair to go")
+    sources.move("ball", (-0.2, 0.0, 0.11))
+    wait(lambda: (word(one), word(other)) == ("hidden", "STOP"), "both to know")
+    assert "1 hidden pair is not clear: STOP table - ball" in one.inner_text("#pm-banner")
+    other.get_by_text("Filter and group").click()
+    other.locator("input[role=combobox]:visible").first.click()
+    other.get_by_role("option", name="clear").click()
+    left_out = "1 pair is not clear and left out by the filter"
+    wait(lambda: other.get_by_text(left_out).count(), "the list to say what it leaves out")
+    assert "table - ball" not in listed(other)
+    press(other, "#pm-left-out")
+    wait(lambda: next(iter(listed(other))) == "table - ball", "the pair to be listed")
+    other.get_by_text("Filter and group").click()
+    colour = "() => getComputedStyle(document.querySelector('#pm-banner')).borderTopColor"
+    assert one.evaluate(colour) != "rgb({}, {}, {})".format(*GREEN)
+    press(one, "#pm-pairs ~ .pm-small .pm-press")
+    wait(lambda: word(one) == "STOP", "the pair to come back")
+    assert next(iter(listed(one))) == "table - ball"
+
+
+@pytest.fixture
+def other_site(address):
+    """A page of another server on this machine that shows ours in a frame."""
+
+    class Framing(BaseHTTPRequestHandler):
+        def do_GET(self):
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(f"<iframe src='{address}'></iframe>".encode())
+
+        def log_message(self, *_):
+            """Say nothing."""
+
+    server = HTTPServer(("127.0.0.1", 0), Framing)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}/"
+    server.shutdown()
+    server.server_close()
+
+
+def test_another_site_cannot_show_the_page_in_a_frame(browser, other_site, wait):
+    page = browser.new_page()
+    page.goto(other_site)
+    wait(lambda: page.frames[1:] and page.frames[1].url not in ("", "about:blank"), "the frame")
+    assert page.frames[1].url.startswith("chrome-error:")
+    page.close()
+
+
+# These end what others need, so they come last, and in this order.
+
+
+def test_a_held_part_has_an_owner_and_is_let_go_with_it(two, sources, wait):
+    one, other = two
+    choose(other, "die")
+    sources.release("die")
+    drag(other, (-0.05, 0.0, 0.0))
+    wait(lambda: sources.heard("die"), "the die to be held")
+    wait(lambda: "held here" in other.inner_text("#pm-held"), "its holder to know")
+    tab(one, "Move")
+    one.locator("input[role=combobox]:visible").first.click()
+    one.get_by_role("option", name="die").click()
+    wait(lambda: "held by browser 2" in one.inner_text("#pm-held"), "the owner to be shown")
+    visible = "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"
+    assert not one.evaluate(visible)
+    assert button(one, "Put it there").is_disabled()
+    other.close()
+    wait(lambda: one.evaluate(visible), "the die to be let go")
+    assert "take the part" in one.inner_text("#pm-held")
+    tab(one, "Clearances")
+    sources.restore()
+    wait(lambda: row(one, "table - die")[0] == pytest.approx(0.225), "its own source")
+
+
+def test_with_the_display_killed_nothing_stays_green(one, display, start_display, wait):
+    page, (process, address) = one, display
+    wait(lambda: greens(page) > 100, "what is clear")
+    assert "live" in words(page) and "clear" in words(page)
+    process.popen.send_signal(signal.SIGKILL)
+    wait(lambda: greens(page) == 0, "the page to turn grey")
+    assert "live" not in words(page)
+    assert "clear" not in words(page)
+    assert "? no news" in words(page)
+    process.popen.wait()
+    start_display(urlsplit(address).port)
+    wait(lambda: page.query_selector("#pm-pairs .pm-row") and greens(page) > 100, "life")
+
+
+def test_with_the_monitor_killed_nothing_stays_green(one, sources, wait):
+    page = one
+    wait(lambda: greens(page) > 100, "what is clear")
+    sources.monitor.popen.send_signal(signal.SIGKILL)
+    wait(lambda: greens(page) == 0, "the page to turn grey")
+    assert "clear" not in words(page)
+    wait(lambda: page.evaluate(STATE) in ("stale", "disconnected"), "the page to say so")
+    assert greens(page) == 0
