@@ -22,12 +22,14 @@ DEMO_INSTALL = '.[nodes,display]' 'numpy<2'
 TEST_INSTALL = '.[nodes,study,checks]' 'numpy<2'
 BENCH_INSTALL = '.[bench]' 'numpy<2'
 STUDY_INSTALL = '.[study]' 'numpy<2'
+DOCS_INSTALL = '.[docs]' 'numpy<2'
 else
 VENV_FLAGS =
 DEMO_INSTALL = '.[ros,display]'
 TEST_INSTALL = '.[ros,test]'
 BENCH_INSTALL = '.[bench]'
 STUDY_INSTALL = '.[study]'
+DOCS_INSTALL = '.[docs]'
 unexport PYTHONPATH
 endif
 # Set by the ROS wheels in every process they start; it must not leak into another environment.
@@ -43,7 +45,7 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 	AMENT_PREFIX_PATH="$(abspath $(VENV))$${AMENT_PREFIX_PATH:+:$$AMENT_PREFIX_PATH}"
 
 .NOTPARALLEL:
-.PHONY: help demo test bench robots latency accuracy lint format clean
+.PHONY: help demo test bench robots latency accuracy docs lint format clean
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
@@ -52,6 +54,7 @@ help:
 	@echo 'make robots [ARGS="--quick"]       all links of real robots against pinocchio and coal'
 	@echo 'make latency [ARGS="--quick"]      from a pose to its closest points, across processes'
 	@echo 'make accuracy [ARGS="--quick"]     what accuracy costs in time: data, figures and a page'
+	@echo 'make docs                         build the site of the documents into build/docs'
 	@echo 'make lint                         run the linter and check the format'
 	@echo 'make format                       let the linter mend what it can, and format'
 	@echo 'make clean                        remove the virtual environments and caches'
@@ -71,6 +74,7 @@ bench: $(VENV)/.installed-bench
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/welding.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/points.py
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/surfaces.py $(if $(findstring --quick,$(ARGS)),--quick)
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/revolution.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/depth.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/budget.py $(if $(findstring --quick,$(ARGS)),--quick)
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/startup.py
@@ -83,6 +87,12 @@ latency: $(VENV)/.installed-demo
 
 accuracy: $(VENV)/.installed-study
 	@$(RUN) $(ENV_PYTHON) -m proximity_monitor.study accuracy $(ARGS)
+
+# The keys of a scene file come from the schema; the theme prints an announcement unless told not to.
+docs: $(VENV)/.installed-docs
+	@$(ENV_PYTHON) tools/write_scene_keys.py
+	@NO_MKDOCS_2_WARNING=1 $(ENV_PYTHON) -m mkdocs build --quiet --strict
+	@echo 'The first page is build/docs/index.html'
 
 lint: $(VENV)/.installed-test
 	$(ENV_PYTHON) -m ruff check .
@@ -113,6 +123,9 @@ $(VENV)/.installed-bench: $(ENV_PYTHON) $(SOURCES)
 
 $(VENV)/.installed-study: $(ENV_PYTHON) $(SOURCES)
 	$(call install,$(STUDY_INSTALL))
+
+$(VENV)/.installed-docs: $(ENV_PYTHON) $(SOURCES)
+	$(call install,$(DOCS_INSTALL))
 
 $(ENV_PYTHON):
 	@test -n "$(PYTHON)" || { \

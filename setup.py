@@ -13,6 +13,7 @@ display = ["viser>=1.1,<2"]
 cad = ["cadquery-ocp>=7.9"]
 robots = ["example-robot-data>=6.0", "xacro>=2.0"]
 study = [*scene, "rich>=13.0", "matplotlib>=3.6"]
+docs = ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "mkdocstrings[python]>=0.26"]
 ros = [*nodes, "ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-rclpy[fastrtps]"]
 peers = [
     "python-fcl>=0.7",
@@ -75,6 +76,7 @@ setup(
         "cad": cad,  # STEP files
         "robots": robots,  # the robots of the bundled scene, and xacro files
         "bench": [*nodes, *peers],  # the engine beside the libraries that people use today
+        "docs": docs,  # the site of the documents
         "study": study,  # what accuracy costs, with figures
         "checks": checks,  # the test tools alone, for the same case as `nodes`
         "test": [*ros, *study, *checks],

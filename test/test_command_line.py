@@ -104,7 +104,8 @@ def test_a_check_says_what_bodies_are_made_of(tmp_path, capsys):
         "  body b0: sphere of radius 30 mm, solid",
         "  body b1: 20 triangles within 3.43 mm of the thing, solid",
         "  body b2: capsule of radius 5 mm, solid",
-        "  body b3: 256 triangles within 0.0181 mm of the thing, solid",
+        "  body b3: a profile of 3 curves, 6 control points up to 30 mm from the axis"
+        " within 5.33e-14 mm of the thing, solid",
         "  body b4: 1 triangle, a surface",
     ]
 

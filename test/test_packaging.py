@@ -28,7 +28,7 @@ ROSDEP = {
     "yaml": "python3-yaml",
 }
 NO_ROSDEP_KEY = {"viser", "rosbags", "OCP"}
-COMES_ALONG = {"llvmlite", "websockets"}  # with numba and with viser
+COMES_ALONG = {"llvmlite", "msgspec", "websockets"}  # with numba and with viser
 STARTED_NOT_IMPORTED = {"rviz2"}
 
 

@@ -60,12 +60,14 @@ def main() -> None:
     sc = scene.load_scene(path if path.suffix else scene.bundled(args.scene))
     poses = {body.name: body.pose for body in sc.bodies if not body.moving}
     models = {body.name: scene.load_model(body, sc.unit) for body in sc.bodies}
-    shown = {name: model.display_mesh(0.002 * model.radius) for name, model in models.items()}
     if sc.motion is not None:
         moves = motion.from_scene(sc, models)
         poses |= moves.poses(args.time)
         for robot in sc.robots:
             poses |= robot.poses(moves.joints(args.time))
+        for name, points in moves.control_points(args.time).items():
+            models[name].deform(points)
+    shown = {name: model.display_mesh(0.002 * model.radius) for name, model in models.items()}
     frame = tuple(FINER * v for v in (*args.size, *MARGINS))
     camera = Camera.fit(_kept(sc, shown, poses, args.azimuth), args.azimuth, args.elevation, frame)
     picture = _draw(sc, shown, poses, camera, args.azimuth)

@@ -15,7 +15,7 @@ from .certificate import check
 from .part import Job, Part, Row, Rows, only, values
 from .style import figure, log_axis, looks, name_axes
 from .timing import Asker, Query, Timed, blocks, summary, take_turns
-from .words import number, percent, table
+from .words import folded, number, percent, table
 
 ORDERS = ("depth_first", "priority", "breadth_first")
 BUDGETS_US = (10, 20, 30, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
@@ -159,8 +159,8 @@ def _tell(rows: Rows) -> str:
                 line += [f"{row['gap_median']:.1e}", percent(row["ended"])]
                 line += [number(row["used_median_us"]), number(row["used_max_us"])]
             lines.append(line)
-        text.append(f"**{scene}**, {rows[0]['queries']} queries each:\n")
-        text.append(table(headings, lines))
+        title = f"{scene}, {rows[0]['queries']} queries each"
+        text.append(folded(title, table(headings, lines)))
     return "\n".join([*text, _why(rows)])
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from proximity_monitor import engine
 
 from .part import Job, Part, Row, Rows, only, values
-from .words import number, percent, table
+from .words import folded, number, percent, table
 
 METHODS = ("spheres", "spheres and cones", "directions", "directions and cones")
 _LEVELS, _QUICK = 7, 3
@@ -152,7 +152,7 @@ def _tell(rows: Rows) -> str:
                 )
             lines.append(line)
         headings = ["level", *(word for m in METHODS for word in (f"{m}: pairs", "pruned"))]
-        text += f"\n**{scene}**:\n\n{table(headings, lines)}"
+        text += "\n" + folded(scene, table(headings, lines))
     ends = []
     for scene in values(rows, "scene"):
         mine = [only(rows, scene=scene, method=m) for m in METHODS]

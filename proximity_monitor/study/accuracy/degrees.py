@@ -16,7 +16,7 @@ from .paper import CLOSEST_POINT_HZ, SURFACES_HZ
 from .part import Job, Part, Rows, only, values
 from .style import figure, looks, name_axes
 from .timing import Asker, Query, blocks, summary, take_turns
-from .words import number, table
+from .words import folded, number, table
 
 TO_POINT, TO_PATCH = "point to patch", "patch to patch"
 CUBIC = 3
@@ -117,7 +117,7 @@ def _tell(rows: Rows) -> str:
             for column, (times, each) in zip(columns, ratios, strict=True):
                 line += [number(times[i], 2), number(column[i]["bound_tests"]), number(each[i], 2)]
             lines.append(line)
-    text.append(table(headings, lines))
+    text.append(folded("The numbers", table(headings, lines)))
     text.append(_why(rows))
     return "\n".join(text) + "\n"
 

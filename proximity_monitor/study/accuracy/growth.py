@@ -17,7 +17,7 @@ from ..scenes import Track
 from .part import Job, Part, Rows, only, values
 from .style import figure, log_axis, looks, name_axes
 from .timing import Asker, Query, blocks, summary, take_turns
-from .words import number, percent, table
+from .words import folded, number, percent, table
 
 MEMORIES = ("none", "cached")
 
@@ -109,7 +109,7 @@ def _tell(rows: Rows) -> str:
             (row,) = only(rows, triangles=size, memory=memory)
             line += [number(row[k]) for k in ("median_us", "bound_tests", "primitive_tests")]
         lines.append(line)
-    text.append(table(headings, lines))
+    text.append(folded("The numbers", table(headings, lines)))
     said = []
     for memory, words in (("none", "With nothing known"), ("cached", "With the last answer known")):
         mine = only(rows, memory=memory)

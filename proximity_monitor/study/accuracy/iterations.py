@@ -16,7 +16,7 @@ from .certificate import BrokenCertificateError
 from .part import Job, Part, Rows, only, values
 from .style import figure, log_axis, looks, name_axes
 from .timing import blocks
-from .words import number, percent, table
+from .words import folded, number, percent, table
 
 _BLOCKS, _QUICK = 3, 1
 _MOST = 400
@@ -175,8 +175,7 @@ def _tell(rows: Rows) -> str:
             for row in mine
             if row["iteration"] in (*_TOLD, len(mine))
         ]
-        text.append(f"**{scene}**, {mine[0]['queries']} queries:\n")
-        text.append(table(headings, lines))
+        text.append(folded(f"{scene}, {mine[0]['queries']} queries", table(headings, lines)))
     text.append(_why(rows))
     return "\n".join(text) + "\n"
 

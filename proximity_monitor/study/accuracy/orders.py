@@ -18,7 +18,7 @@ from .paper import SEARCHES, SEQUENCES
 from .part import Job, Part, Rows, only, values
 from .style import PALETTE, figure, log_axis
 from .timing import Asker, Query, blocks, summary, take_turns
-from .words import number, percent, table
+from .words import folded, number, percent, table
 
 _IDEAL = ("ideal", "given")
 CASES = (*((order, memory) for order in ORDERS for memory in ("none", "cached")), _IDEAL)
@@ -140,8 +140,8 @@ def _tell(rows: Rows) -> str:
             else:
                 line += ["", "", "", "", ""]
             lines.append(line)
-        text.append(f"**{sequence}** ({mine[0]['scene']}), {mine[0]['queries']:,} queries each:\n")
-        text.append(table(headings, lines))
+        title = f"{sequence} ({mine[0]['scene']}), {mine[0]['queries']:,} queries each"
+        text.append(folded(title, table(headings, lines)))
     return "\n".join([*text, _why(rows)])
 
 

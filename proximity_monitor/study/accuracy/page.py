@@ -14,15 +14,16 @@ from .style import DPI
 _HEAD = """\
 # What accuracy costs in time
 
-Distances may be exact, or as near as one asks for, or as good as a time budget allows. This page
+A distance may be exact, or as near as one asks for, or as good as a time budget allows. This page
 shows what each costs: how long queries take, how many tests of bounding volume pairs ("bound
-tests", of surfaces also those of pairs of parts) and of triangle pairs they make, and how far their
-bounds are apart. One command wrote it,
-with all its numbers and figures. Beside them stand the corresponding figures of the papers: "the
-1999 paper" is Larsen, Gottschalk, Lin and Manocha, *Fast Proximity Queries with Swept Sphere
-Volumes*; "the 1997 paper" is Johnson and Cohen, *A Framework for Efficient Minimum Distance
-Computations*; "the 2000 paper" is Thomas, Turnbull, Ros and Cameron, *Computing Signed Distances
-between Free-Form Objects*.
+tests"; of surfaces also those of pairs of parts) and of triangle pairs they make, and how far
+their bounds are apart. One command wrote it, with all its numbers and figures. The findings come
+first; the tables are folded.
+
+The corresponding figures of the papers are named beside ours: "the 1999 paper" is Larsen,
+Gottschalk, Lin and Manocha, *Fast Proximity Queries with Swept Sphere Volumes*; "the 1997 paper"
+is Johnson and Cohen, *A Framework for Efficient Minimum Distance Computations*; "the 2000 paper"
+is Thomas, Turnbull, Ros and Cameron, *Computing Signed Distances between Free-Form Objects*.
 
 Times are processor time of a single query called from Python, on one thread. Whatever is compared
 took turns, block by block, in one process. An opening of a node is {width} bound tests,

@@ -15,7 +15,7 @@ from .paper import VOLUMES
 from .part import Job, Part, Rows, only, values
 from .style import figure, log_axis, looks, name_axes
 from .timing import Asker, Query, blocks, summary, take_turns
-from .words import number, table
+from .words import folded, number, table
 
 
 def _measure(job: Job, rel_err: float, full: int, quick: int) -> Rows:
@@ -79,7 +79,7 @@ def _table(rows: Rows) -> str:
         line = [f"{gap:g}", f"{mine[0]['queries']}"]
         line += [number(row["mean_us"]) for row in mine]
         lines.append(line + [number(row["bound_tests"]) for row in mine])
-    return "Mean times, and mean numbers of bound tests:\n\n" + table(headings, lines)
+    return folded("Mean times, and mean numbers of bound tests", table(headings, lines))
 
 
 def _growth(rows: Rows, volume: str, key: str) -> float:

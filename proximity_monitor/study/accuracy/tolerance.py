@@ -14,7 +14,7 @@ from .certificate import check, relative_errors
 from .part import Job, Part, Rows, only, values
 from .style import figure, log_axis, looks, name_axes
 from .timing import Asker, Query, blocks, summary, take_turns
-from .words import asked, number, percent, table
+from .words import asked, folded, number, percent, table
 
 ASKED = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
 
@@ -98,12 +98,10 @@ def _tell(rows: Rows) -> str:
     for scene in values(rows, "scene"):
         mine = only(rows, scene=scene)
         touch = float(mine[0]["touching"])
-        text.append(
-            f"**{scene}**, {mine[0]['queries']:,} queries"
-            + (f"; {percent(touch)} more touch and are left out" if touch else "")
-            + ":\n"
-        )
-        text.append(table(headings, [_cells(row) for row in mine]))
+        title = f"{scene}, {mine[0]['queries']:,} queries"
+        if touch:
+            title += f"; {percent(touch)} more touch and are left out"
+        text.append(folded(title, table(headings, [_cells(row) for row in mine])))
     text.append(_why(rows))
     return "\n".join(text)
 

@@ -37,7 +37,7 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[str]], names: int = 1
 
 def folded(title: str, text: str) -> str:
     """Text that opens when its title is clicked."""
-    return f"<details><summary>{title}</summary>\n\n{text}\n</details>\n"
+    return f'<details markdown="1"><summary>{title}</summary>\n\n{text}\n</details>\n'
 
 
 def listed(names: Sequence[str]) -> str:
