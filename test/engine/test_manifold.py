@@ -175,8 +175,10 @@ def test_a_budget_is_kept(order):
             start = perf_counter()
             found = pair.distance(IDENTITY, IDENTITY, order=order, manifold=True, budget_s=budget)
             assert found.elapsed_s <= perf_counter() - start
-            late.append(found.elapsed_s - budget)
-            assert found.status is Status.OUT_OF_TIME
+            if found.status is Status.OUT_OF_TIME:
+                late.append(found.elapsed_s - budget)
+            else:  # a fast machine is done before the longest of these budgets ends
+                assert found.elapsed_s < budget
     assert min(late) < 1e-3
 
 
