@@ -114,7 +114,8 @@ RevolutionTree = namedtuple(
 
 arcs (k,) ARC, the first of them around all; curves (c,) CURVE_PIECE, one after the other along the
 profile; places (int32) which piece, in tree order, is which part of a patch: see CURVE_PIECE; frame
-(4, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres.
+(5, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres;
+and first in its last row the length of which arcs err by a share, metres.
 """
 
 ARC = np.dtype(

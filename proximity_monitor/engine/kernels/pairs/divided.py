@@ -64,7 +64,8 @@ def _implements(stub):
 
 @_implements(stubs.slacks)
 @kernel
-def _slacks(tree_a, tree_b, apart, error):
+def slacks(tree_a, tree_b, apart, error):
+    """What rounding may do to a distance of points, and to a bound; metres."""
     size_a, size_b = tree_a.scale[2], tree_b.scale[2]
     points = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
     points += points_err(tree_a) + points_err(tree_b)
@@ -73,10 +74,11 @@ def _slacks(tree_a, tree_b, apart, error):
 
 @implements(stubs.resolution, Dividing)
 @inlined
-def _resolution(waiting, tree_a, tree_b, slack):
+def resolution(waiting, tree_a, tree_b, slack):
+    """How close bounds of such models come at most, metres."""
     # What no division makes less; bounds hold whatever it is, but a search would go on for less.
     # The distance found errs by the slack, and the slack is subtracted from a cell's bound. A gap
-    # along a direction errs by GAP_SHARE of the slack's first part (see `_slacks`), and the cells'
+    # along a direction errs by GAP_SHARE of the slack's first part (see `slacks`), and the cells'
     # margins hold CONVERSION, which is in its second, `points_err`: a third slack together. What is
     # left of a margin is at most NET_SPLIT (15 MOST_SPLITS + 1) P, or 6.4e-13 P, and the smallest
     # cells, 2^-48 of a piece where they were divided evenly, extend over 15 * 2 P / 2^48, 1.1e-13

@@ -5,43 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
-from ..base.motion import slack_of_bounds
-from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, RESOLUTION
 from ..base.state import DepthFirst, RevolutionTree, Turning
-from ..elements.errors import points_err
 from ..revolution.minima import keep_same, look_around, measure_again
 from ..revolution.rings import begin_rings, search_rings
 from ..search import stubs
 from ..search.search import answer_queries
-from ..surface.edges import point_on
-from ..surface.pieces import parameters_of
+from . import divided
 
-
-@implements(stubs.witness, RevolutionTree)
-@kernel
-def _witness(tree, element, weights):
-    return point_on(tree, element, weights[0], weights[1])
-
-
-@implements(stubs.parameters, RevolutionTree)
-@kernel
-def _parameters(tree, element, weights):
-    return parameters_of(tree, element, weights)
-
-
-@implements(stubs.slacks, RevolutionTree, RevolutionTree)
-@kernel
-def _slacks(tree_a, tree_b, apart, error):
-    size_a, size_b = tree_a.scale[2], tree_b.scale[2]
-    points = MARGIN_A * size_a + MARGIN_B * size_b + MARGIN_T * apart + POINT_FLOOR
-    points += points_err(tree_a) + points_err(tree_b)
-    return points, slack_of_bounds(size_a, size_b, apart, error)
-
-
-@implements(stubs.resolution, Turning)
-@inlined
-def _resolution(waiting, tree_a, tree_b, slack):
-    return RESOLUTION * (tree_a.scale[2] + tree_b.scale[2]) + 3.0 * slack
+implements(stubs.slacks, RevolutionTree, RevolutionTree)(divided.slacks)
+implements(stubs.resolution, Turning)(divided.resolution)
 
 
 @implements(stubs.prepare, Turning)

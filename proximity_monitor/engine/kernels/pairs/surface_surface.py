@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from ..base.jit import entry, implements, kernel, specialised
-from ..base.state import BreadthFirst, DepthFirst, Dividing, Priority, SurfaceTree
+from ..base.state import (
+    BreadthFirst,
+    DepthFirst,
+    Dividing,
+    Priority,
+    RevolutionTree,
+    SurfaceTree,
+)
 from ..search import stubs
 from ..search.search import answer_queries
 from ..surface import jets  # noqa: F401 - it implements what Newton's method asks of surfaces
@@ -23,12 +30,14 @@ def _facing(tree_a, tree_b, cells_a, cells_b, a, b, motion):
 
 
 @implements(stubs.witness, SurfaceTree)
+@implements(stubs.witness, RevolutionTree)
 @kernel
 def _witness(tree, element, weights):
     return point_on(tree, element, weights[0], weights[1])
 
 
 @implements(stubs.parameters, SurfaceTree)
+@implements(stubs.parameters, RevolutionTree)
 @kernel
 def _parameters(tree, element, weights):
     return parameters_of(tree, element, weights)

@@ -61,8 +61,7 @@ def measure_rings(tree_a, tree_b, state, motion, a, b, s, t, angle):
 def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
     """Keep two points where they are nearer than those before, as points of their patches."""
     element_b, wb = place_of(tree_b, b, t, angle)
-    rho_z = tree_b.curves[b]
-    x, y, _ = moved(motion, turning_point(rho_z, t, angle))
+    x, y, _ = moved(motion, turning_point(tree_b.curves[b], t, angle))
     element_a, wa = place_of(tree_a, a, s, math.atan2(y, x))
     p = point_on(tree_a, element_a, wa[0], wa[1])
     q = point_on(tree_b, element_b, wb[0], wb[1])
