@@ -14,7 +14,7 @@ import numba
 import numpy as np
 import pytest
 from engine_bodies import torus
-from numba.core import event
+from numba.core import compiler, event
 from numba.core.caching import NullCache
 
 from proximity_monitor import engine
@@ -135,6 +135,51 @@ def test_helpers_are_linked_where_they_are_called():
         assert not compiled.codegen._engine.is_symbol_defined(compiled.fndesc.mangled_name), broken(
             "lets a library do without machine code (linking.py)"
         )
+
+
+def test_kernels_take_no_options_from_their_callers():
+    """Or sums would be reordered below a `loop16`, and which ones by the order of questions."""
+
+    @jit.kernel
+    def below(x, y):
+        return (x + y) - x
+
+    for made in (jit.loop16, jit.inlined, jit.fused, jit.inlined16):
+        helper = jit.kernel(below.py_func)
+
+        @made
+        def caller(x, y, helper=helper):
+            return helper(x, y) + (x + y)
+
+        assert run(lambda x, y, caller=caller: caller(x, y))(1.0, 2.0) == 5.0
+        (compiled,) = helper.overloads.values()
+        code = str(compiled.library._final_module)
+        assert " fadd double" in code and " fsub double" in code
+        assert "alwaysinline" not in code, broken("lets a kernel say its own options (jit._OWN)")
+
+
+def test_one_kernel_takes_all_integers():
+    @jit.kernel
+    def helper(i, flag):
+        return i + 1 if flag else i
+
+    @run
+    def sums(i, small):
+        return helper(i, True) + helper(2, False) + helper(3, i > 0) + helper(small[0], True)
+
+    what = broken("asks a kernel for its template (sooner.widened)")
+    assert sums(1, np.array([4], np.int32)) == 2 + 2 + 4 + 5, what
+    assert len(helper.overloads) == 1, what
+
+
+def test_options_are_read_as_numba_reads_them():
+    flags = compiler.Flags()
+    flags.fastmath = {"contract"}
+    flags.error_model = "numpy"
+    read = {name: getattr(flags, name) for name in flags.options}
+    assert flags.values() == read, broken("keeps options in _values (sooner._values)")
+    assert flags == flags.copy() and flags != compiler.Flags()
+    assert hash(flags) == hash(flags.copy())
 
 
 def test_lanes_become_masks():

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import gc
 import logging
-from functools import partial
 from types import FunctionType
 
 from numba import njit, types
@@ -25,6 +24,7 @@ from numba.core.typing.templates import infer, infer_global, make_overload_templ
 
 from .cache import CACHE_DIRECTORY, KernelCache, refused
 from .linking import HELPER, ROOT
+from .sooner import widened
 
 _PACKAGE = __package__.partition(".")[0] + "."
 
@@ -83,17 +83,22 @@ class _Uncollected(event.Listener):
 event.register("numba:compile", _Uncollected())
 
 
+# Each kernel says all of these. What it leaves open numba takes from the caller that it is compiled
+# for first: a sum that a `loop16` needs would be reordered, in a proof that needs it as well.
+_OWN = {"error_model": "numpy", "fastmath": False, "forceinline": False}
+
+
 def _entry(function, counted, wrapped=True):
     compiled = njit(
         nogil=True,
         no_cpython_wrapper=not wrapped,
         no_cfunc_wrapper=True,
-        error_model="numpy",
         _nrt=counted,
         pipeline_class=ROOT,
+        **_OWN,
     )(function)
     compiled._cache = KernelCache(function)
-    return compiled
+    return widened(compiled)
 
 
 def entry(function):
@@ -113,13 +118,13 @@ def allocating_entry(function):
 
 # What only other compiled code calls needs nothing that Python could call: a third of the time that
 # compiling takes.
-_helper = partial(
-    njit,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    pipeline_class=HELPER,
-)
+def _helper(**own):
+    options = _OWN | own
+    compiler = njit(
+        no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=HELPER, **options
+    )
+    return lambda function: widened(compiler(function))
+
 
 kernel = _helper(_nrt=False)
 """Compile a helper of the entries."""

@@ -81,10 +81,10 @@ class _Root(JITCodeLibrary):
                 self._codegen.set_env(each.name, objects)
 
     def _optimize_final_module(self) -> None:
-        """Optimise; a helper that is called no more after that is left out."""
+        """Optimise. A helper is known to no other root, so what is called once is put in there."""
         for function in self._final_module.functions:
             if function.name in self._helpers:
-                function.linkage = "linkonce_odr"  # other roots have it, too
+                function.linkage = "internal"
         super()._optimize_final_module()
 
 

@@ -56,7 +56,7 @@ So where a local search ended too early, a pair of cells whose bound is as good 
 near begins another one, before it is divided without end."""
 
 
-@kernel
+@inlined
 def add_elements(tree_a, tree_b, state, a, b, bound):
     """Take up a pair of elements with a lower bound of their distance; returns the steps it took.
 
