@@ -30,7 +30,8 @@ _LATCHED = QoSProfile(
 class ProximityDisplay(Node):
     """Listens to one monitor.
 
-    Parameters, all read at start: ``monitor`` and ``player`` (names of nodes), ``host``, ``port``.
+    Parameters, all read at start: ``monitor`` and ``player`` (names of nodes), ``host``, ``port``,
+    ``conflicts`` (the file with what people decide about conflicts).
     """
 
     def __init__(self, inbox: Inbox, holds: Holds, **node_options) -> None:
@@ -60,6 +61,8 @@ class ProximityDisplay(Node):
         ports = [IntegerRange(from_value=0, to_value=65535)]
         text = "Port of the page; 0: any that is free. Where it is taken, the next free one."
         self.port = self._declare("port", 8080, text, integer_range=ports)
+        text = "File with the status of conflicts; empty: beside the scene's file."
+        self.conflicts = self._declare("conflicts", "", text)
         self.monitor = self.resolve_topic_name(self.get_parameter("monitor").value)
 
         def hear(kind, topic, take, qos, raw=False):

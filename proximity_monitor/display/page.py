@@ -11,7 +11,8 @@ from proximity_monitor.display import picking
 from proximity_monitor.display.bridge import Bridge
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.connection import Connection, banner, pill
-from proximity_monitor.display.events import EventList
+from proximity_monitor.display.deciding import Deciding
+from proximity_monitor.display.event_list import EventList
 from proximity_monitor.display.fresh import Beat, patience_s
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
@@ -55,6 +56,7 @@ class Page:
         self._client = client
         self._server = shared.server
         self._session = shared.session
+        self._conflicts = shared.conflicts
         self.hand = Hand(shared.holds, f"browser {client.client_id + 1}")
         self._choice = Choice()
         self._shown: Shown | None = None
@@ -86,17 +88,8 @@ class Page:
         over_time.dock_below(gui.main_panel)
         with tabs.add_tab("Session", viser.Icon.HISTORY):
             self._timeline = Timeline(gui, plot, self._session, self._choice, self._return_to_worst)
-            self._events = EventList(
-                gui, shared.events, self._session, self._choice, self._session.forget_worst
-            )
-            self._save = Save(
-                gui,
-                self._session,
-                shared.events,
-                self._choice,
-                lambda: self._shown,
-                self._move.hide,
-            )
+            self._events = EventList(gui, shared, self._choice)
+            self._save = Save(gui, shared, self._choice, lambda: self._shown, self._move.hide)
 
     def step(self, news: News, told: Connection, now_s: float) -> None:
         """Bring the page up to date: one block of changes."""
@@ -141,14 +134,16 @@ class Page:
             self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told)
             self._limits.show(scene, news.health, news.refusal, now_s)
+            self._deciding.show(news.frame.pairs, scene)
             if told.current:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
         if now_s >= self._table_due_s:
-            self._table.content = listed = table(frame.pairs, scene, choice)
+            decisions = self._conflicts.all
+            self._table.content = listed = table(frame.pairs, scene, choice, decisions)
             self._matrix.content = matrix(frame.pairs, scene)
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(listed)), LONGEST_S)
         self._timeline.show(scene, now_s)
-        self._events.show(now_s)
+        self._events.show(scene, now_s)
 
     def _build(self, news: News) -> None:
         """Begin with a scene."""
@@ -188,6 +183,7 @@ class Page:
         self._about = gui.add_html("")
         self._filters = Filters(gui, self._choice)
         self._inspect = Inspect(self._client, self._choice, self._look_again)
+        self._deciding = Deciding(gui, self._conflicts, self._choice)
         self._table = gui.add_html("")
         with gui.add_folder("Clash matrix", expand_by_default=False):
             self._matrix = gui.add_html("")

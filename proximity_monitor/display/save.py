@@ -11,11 +11,10 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.events import Events
 from proximity_monitor.display.export import events_csv, pairs_csv, series_csv
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.replay import replay_html
-from proximity_monitor.display.session import Session
+from proximity_monitor.display.shared import Shared
 from proximity_monitor.display.state import Frame, SceneInfo
 
 RENDER_S = 30.0
@@ -36,8 +35,7 @@ class Save:
     def __init__(
         self,
         gui: viser.GuiApi,
-        session: Session,
-        events: Events,
+        shared: Shared,
         choice: Choice,
         shown: Callable[[], Shown | None],
         hide_gizmo: Callable[[bool], None],
@@ -46,14 +44,14 @@ class Save:
 
         Args:
             gui: takes them.
-            session: the recorded session.
-            events: its changes of state.
+            shared: the recorded session, its changes of state, and what was decided.
             choice: the highlighted and ignored pairs.
             shown: returns the content of the page, None before the first frame.
             hide_gizmo: hides it while a picture is taken.
         """
-        self._session = session
-        self._events = events
+        self._session = shared.session
+        self._events = shared.events
+        self._conflicts = shared.conflicts
         self._choice = choice
         self._shown = shown
         self._hide_gizmo = hide_gizmo
@@ -96,13 +94,15 @@ class Save:
         return on_click
 
     def _table(self, shown: Shown, _: viser.ClientHandle) -> bytes:
-        return pairs_csv(shown.frame, shown.scene, self._session).encode()
+        decisions = self._conflicts.all
+        return pairs_csv(shown.frame, shown.scene, self._session, decisions).encode()
 
     def _series(self, shown: Shown, _: viser.ClientHandle) -> bytes:
         return series_csv(self._session, shown.scene).encode()
 
-    def _changes(self, _: Shown, __: viser.ClientHandle) -> bytes:
-        return events_csv(self._events, self._session).encode()
+    def _changes(self, shown: Shown, _: viser.ClientHandle) -> bytes:
+        decisions = self._conflicts.all
+        return events_csv(self._events, self._session, shown.scene, decisions).encode()
 
     def _picture(self, _: Shown, client: viser.ClientHandle) -> bytes:
         self._hide_gizmo(True)

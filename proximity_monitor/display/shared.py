@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import viser
 
+from proximity_monitor.display.conflicts import Conflicts
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.session import Session
@@ -21,6 +22,7 @@ class Shared:
     holds: Holds
     session: Session
     events: Events
+    conflicts: Conflicts
     tried: Tried
     ask: Callable[[Mapping[str, float]], None]
     """Sends parameters to the monitor."""

@@ -36,6 +36,12 @@ class Sign(NamedTuple):
     word: str
     colour: str
 
+    @property
+    def kind(self) -> str:
+        """The state of the pairs that have it, one of `order.KINDS`."""
+        word = self.word.rstrip("?").lower()
+        return "contact" if word == "overlap" else word
+
 
 CLEAR_SIGN = Sign("●", "clear", fresh.CLEAR)
 WARN_SIGN = Sign("▲", "warn", "#e69f00")

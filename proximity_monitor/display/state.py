@@ -58,6 +58,8 @@ class SceneInfo:
     own_thresholds: Mapping[tuple[str, str], Thresholds]
     own_parameters: bool
     settings: Mapping[str, float | None]
+    path: str = ""
+    """Of the scene's file, on the monitor's machine."""
 
     @classmethod
     def read(cls, text: str) -> SceneInfo:
@@ -83,6 +85,7 @@ class SceneInfo:
                 },
                 own_parameters=told["own_parameters"],
                 settings=told["settings"],
+                path=told["path"],
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(

@@ -6,6 +6,7 @@ when a body's control points arrive for the first time.
 
 ==================  ===========================================================================
 ``name``            of the scene file, without its suffix; a bundled scene's is its folder's
+``path``            of the scene's file, on the monitor's machine
 ``description``     one line
 ``frame``           of all poses and points
 ``unit``            ``symbol`` and ``to_metre``
@@ -63,6 +64,7 @@ class SceneMessage:
         path, unit = scene.path, scene.unit
         told = {
             "name": path.parent.name if path.name == "scene.yaml" else path.stem,
+            "path": str(path),
             "description": scene.description,
             "frame": settings.frame,
             "unit": {"symbol": unit.symbol, "to_metre": unit.to_metre},

@@ -45,7 +45,7 @@ def frame(stamp_s, clearance=0.3, level=0, poses=(HERE, THERE)):
     return Frame(stamp_s, np.array(poses), told)
 
 
-def page_of(server, raw, monkeypatch):
+def page_of(server, raw, monkeypatch, conflicts):
     """The page of one browser, with all that it shares with others."""
     monkeypatch.setattr(all_pages, "STEP_S", np.inf)
     monkeypatch.setattr(pages, "TABLE_S", 0.0)
@@ -54,6 +54,7 @@ def page_of(server, raw, monkeypatch):
     node = SimpleNamespace(
         set_parameters_of_monitor=lambda values: None,
         get_logger=lambda: SimpleNamespace(error=logged.append),
+        conflicts=str(conflicts),
     )
     made = all_pages.Pages(server, inbox, holds, node)
 

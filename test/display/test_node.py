@@ -37,6 +37,7 @@ BODIES = [
 ]
 SCENE = {
     "name": "cell",
+    "path": "/scenes/cell.yaml",
     "description": "",
     "frame": "world",
     "unit": {"symbol": "mm", "to_metre": 0.001},

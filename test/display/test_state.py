@@ -36,6 +36,7 @@ MM = Unit("mm", 0.001)
 NAMES = (("a", "b"), ("a", "c"))
 TOLD = {
     "name": "cell",
+    "path": "/scenes/cell.yaml",
     "description": "",
     "frame": "world",
     "unit": {"symbol": "mm", "to_metre": 0.001},
