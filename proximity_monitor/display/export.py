@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from proximity_monitor.display.choice import PairName
@@ -65,7 +65,7 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session, decisions: Decis
                 *_decided(decisions, (a, b)),
             ]
         )
-    return _csv(head, rows)
+    return csv_of(head, rows)
 
 
 def series_csv(session: Session, scene: SceneInfo) -> str:
@@ -84,7 +84,7 @@ def series_csv(session: Session, scene: SceneInfo) -> str:
         for frame in session.frames
         for i, (a, b) in enumerate(frame.pairs.names)
     )
-    return _csv(head, rows)
+    return csv_of(head, rows)
 
 
 def events_csv(events: Events, session: Session, scene: SceneInfo, decisions: Decisions) -> str:
@@ -106,7 +106,7 @@ def events_csv(events: Events, session: Session, scene: SceneInfo, decisions: De
     )
     bounds = [f"{which} [{unit.symbol}]" for which in ("lower", "upper")]
     head = ["stamp [s]", "session [s]", "a", "b", "before", "after", "clearance"]
-    return _csv([*head, *bounds, *DECIDED], rows)
+    return csv_of([*head, *bounds, *DECIDED], rows)
 
 
 def _decided(decisions: Decisions, pair: PairName) -> tuple[str, str]:
@@ -114,7 +114,8 @@ def _decided(decisions: Decisions, pair: PairName) -> tuple[str, str]:
     return decision.status, decision.comment
 
 
-def _csv(head: Sequence[str], rows: Any) -> str:
+def csv_of(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table as CSV."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(head)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html import escape
 
 import numpy as np
@@ -25,9 +26,11 @@ from proximity_monitor.display.matrix import matrix
 from proximity_monitor.display.move import Move
 from proximity_monitor.display.pairs import as_pair, table
 from proximity_monitor.display.parts import Parts
-from proximity_monitor.display.save import Save, Shown
-from proximity_monitor.display.shared import Shared
-from proximity_monitor.display.state import Frame
+from proximity_monitor.display.portraits import Portraits
+from proximity_monitor.display.report_files import ReportFiles
+from proximity_monitor.display.save import Save
+from proximity_monitor.display.shared import Shared, Shown
+from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
 from proximity_monitor.display.view import View, place
@@ -89,7 +92,11 @@ class Page:
         with tabs.add_tab("Session", viser.Icon.HISTORY):
             self._timeline = Timeline(gui, plot, self._session, self._choice, self._return_to_worst)
             self._events = EventList(gui, shared, self._choice)
+            self._portraits = Portraits(client, self._move.hide)
             self._save = Save(gui, shared, self._choice, lambda: self._shown, self._move.hide)
+            self._files = ReportFiles(
+                gui, shared, self._portraits, lambda: self._shown, lambda: self._parts
+            )
 
     def step(self, news: News, told: Connection, now_s: float) -> None:
         """Bring the page up to date: one block of changes."""
@@ -117,19 +124,13 @@ class Page:
             self._parts.reshape(news.parts, scene.deforming)
         at, choice = self._choice.at_s, self._choice
         frame = news.frame if at is None else self._session.at(at)
-        self._shown = Shown(scene, frame, news.parts)
-        held = self.hand.poses if at is None else {}
-        self._parts.show(frame, held, choice, choice.pair or ())
+        self._shown = Shown(scene, frame, news.parts, news.frame)
+        self._portraits.follow()
+        self._draw(frame, news.scene)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
         self._inspect.show(frame, now_s)
         self._move.show(frame, news)
-        drawn = (frame, choice.pair, choice.body, choice.ignored, choice.lines, scene)
-        if drawn != self._drawn:
-            self._drawn = drawn
-            self._lines.show(frame.pairs, scene, choice)
-        labels = [*self._lines.labels, *self._parts.labels()]
-        self._labels.show(labels, View.of(self._client.camera), self._lines.tips)
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told)
@@ -145,9 +146,26 @@ class Page:
         self._timeline.show(scene, now_s)
         self._events.show(scene, now_s)
 
+    def _draw(self, frame: Frame, scene: SceneInfo) -> None:
+        """Bring the picture up to date: parts, lines and labels."""
+        choice, sitting = self._choice, self._portraits.sitting
+        held = self.hand.poses if choice.at_s is None else {}
+        view = View.of(self._client.camera)
+        if sitting is not None:
+            frame, pair, view = sitting
+            held, choice = {}, replace(choice, pair=pair, ignored=frozenset())
+        self._parts.show(frame, held, choice, choice.pair or ())
+        drawn = (frame, choice.pair, choice.body, choice.ignored, choice.lines, scene)
+        if drawn != self._drawn:
+            self._drawn = drawn
+            self._lines.show(frame.pairs, scene, choice)
+        labels = [*self._lines.labels, *self._parts.labels()]
+        self._labels.show(labels, view, self._lines.tips, at_once=sitting is not None)
+
     def _build(self, news: News) -> None:
         """Begin with a scene."""
         self._client.scene.reset()
+        self._portraits.sitting = None  # it was of the previous scene
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
         self._filters.begin(news.scene)

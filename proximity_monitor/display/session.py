@@ -35,6 +35,27 @@ class Worst:
     stamp_s: float
     poses: np.ndarray
     """(m, 7) poses of the moving bodies at that tick."""
+    points: np.ndarray
+    """(2, 3) the closest points then."""
+    status: int
+    """A position in `state.STATUSES`."""
+    level: int
+    """A position in `state.LEVELS`."""
+
+    def frame(self, pair: PairName) -> Frame:
+        """Return that tick with this pair alone."""
+        told = Pairs(
+            (pair,),
+            np.array([self.lower]),
+            np.array([self.upper]),
+            self.points[None],
+            np.array([self.status], np.int8),
+            np.array([self.level], np.int8),
+            np.zeros(1),
+            np.array([self.stamp_s]),
+            ("",),
+        )
+        return Frame(self.stamp_s, self.poses, told)
 
 
 class Session:
@@ -119,6 +140,10 @@ class Session:
         ]
         return min(watched, key=lambda each: each[1].upper, default=None)
 
+    def worst_of_each(self) -> dict[PairName, Worst]:
+        """Return the smallest clearance of each pair that had one."""
+        return dict(self._worst)
+
     def series(
         self, pair: PairName | None = None, ignored: Collection[PairName] = ()
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -159,7 +184,13 @@ class Session:
             known = self._worst.get(pairs.names[i])
             if known is None or pairs.upper[i] < known.upper:
                 self._worst[pairs.names[i]] = Worst(
-                    float(pairs.lower[i]), float(pairs.upper[i]), frame.stamp_s, frame.poses
+                    float(pairs.lower[i]),
+                    float(pairs.upper[i]),
+                    frame.stamp_s,
+                    frame.poses,
+                    pairs.points[i].copy(),  # not all of the tick
+                    int(pairs.status[i]),
+                    int(pairs.level[i]),
                 )
 
 

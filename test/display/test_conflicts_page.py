@@ -2,11 +2,26 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import re
 import signal
 
+import numpy as np
 import pytest
-from page_hand import CHOSEN, button, field, press, row, tab
+from page_hand import (
+    CHOSEN,
+    DRAWN,
+    OPACITY,
+    SAVE_MS,
+    button,
+    decoded,
+    field,
+    lines_of,
+    press,
+    row,
+    tab,
+)
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -26,6 +41,58 @@ def highlighted(page):
         press(page, f'[data-pair="{PAIR}"]')
 
 
+@pytest.fixture
+def near(page, sources, wait):
+    """The ball was below `stop` above the table, and is clear again."""
+    sources.move("ball", (-0.2, 0.0, 0.11))
+    wait(lambda: "STOP" in row(page, PAIR)[2], "the ball to be near")
+    wait(lambda: row(page, PAIR)[1] == pytest.approx(0.01), "the clearance")
+    sources.restore()
+    wait(lambda: row(page, PAIR)[0] == pytest.approx(0.2), "the ball to be away")
+
+
+def saved(page, name):
+    tab(page, "Session")
+    with page.expect_download(timeout=SAVE_MS) as download:
+        button(page, name).click()
+    return download.value
+
+
+def test_the_report_shows_each_conflict_at_its_smallest_clearance(page, near, browser, tmp_path):
+    page.evaluate(DRAWN)
+    file = saved(page, "Conflicts with pictures (HTML)").path()
+    text = file.read_text(encoding="utf-8")
+    assert not re.search(r"(src|href)=.?(http|//|file)", text)
+    target = tmp_path / "report.html"
+    target.write_text(text, encoding="utf-8")
+    told = browser.new_page()
+    told.goto(target.as_uri())
+    section = told.locator("section", has_text=PAIR)
+    words = " ".join(section.inner_text().split())
+    assert "■ STOP, lower bound 10.000 mm, upper bound 10.000 mm" in words
+    assert "warn 100.000 mm, stop 20.000 mm" in words
+    assert "● clear → ▲ warn" in words or "● clear → ■ STOP" in words
+    assert told.locator("section", has_text="table - die").count() == 0
+    assert section.locator("img").evaluate("each => each.complete && each.naturalWidth") > 200
+    picture = section.locator("img").get_attribute("src").partition(",")[2]
+    pixels = decoded(base64.b64decode(picture)).astype(int)
+    # The line is in stop's colour, and the ball is before what is dim; now all is clear.
+    assert (np.abs(pixels - (213, 94, 0)).max(axis=2) < 40).sum() > 20
+    red, green, blue = np.moveaxis(pixels, 2, 0)
+    assert ((blue > green + 20) & (green > red + 20)).mean() > 0.01
+    told.close()
+    assert page.evaluate(OPACITY, 2) is None  # the die is dim no more
+
+
+def test_the_table_of_conflicts_has_bounds_moment_and_status(page, near):
+    (line,) = [each for each in lines_of(saved(page, "Conflicts as CSV")) if each["b"] == "ball"]
+    assert (line["a"], line["decided"], line["worst_state"]) == ("table", "new", "stop")
+    assert float(line["min_lower [mm]"]) == pytest.approx(10.0)
+    assert float(line["min_upper [mm]"]) == pytest.approx(10.0)
+    assert float(line["z_b [mm]"]) == pytest.approx(10.0)
+    assert line["state"] == "clear" and float(line["lower [mm]"]) == pytest.approx(200.0)
+
+
 def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     page, display, start_display, scene_file, wait, browser
 ):
@@ -33,8 +100,9 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     page.get_by_text("Status of the pair", exact=True).click()
     note = page.locator("#pm-decided")
     wait(lambda: PAIR in note.inner_text(), "the pair in the panel")
-    field(page, "Status").click()
-    page.locator("[role=option]:visible").get_by_text("accepted", exact=True).click()
+    field(page, "Status").fill("accepted")
+    page.keyboard.press("ArrowDown")  # the list may open beyond the panel's half
+    page.keyboard.press("Enter")
     field(page, "Comment").fill("hält Abstand 间隙")
     button(page, "Keep the status").click()
     told = "accepted at 200.000 mm: hält Abstand 间隙"
