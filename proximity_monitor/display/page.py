@@ -26,6 +26,7 @@ from proximity_monitor.display.matrix import matrix
 from proximity_monitor.display.move import Move
 from proximity_monitor.display.pairs import as_pair, table
 from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.player_panel import PlayerPanel
 from proximity_monitor.display.portraits import Portraits
 from proximity_monitor.display.report_files import ReportFiles
 from proximity_monitor.display.save import Save
@@ -90,6 +91,7 @@ class Page:
         plot = over_time.add_tab("Clearance", viser.Icon.CHART_LINE)
         over_time.dock_below(gui.main_panel)
         with tabs.add_tab("Session", viser.Icon.HISTORY):
+            self._player = PlayerPanel(gui, shared.ask_player)
             self._timeline = Timeline(gui, plot, self._session, self._choice, self._return_to_worst)
             self._events = EventList(gui, shared, self._choice)
             self._portraits = Portraits(client, self._move.hide)
@@ -144,6 +146,7 @@ class Page:
             self._matrix.content = matrix(frame.pairs, scene)
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(listed)), LONGEST_S)
         self._timeline.show(scene, now_s)
+        self._player.show(news, now_s)
         self._events.show(scene, now_s)
 
     def _draw(self, frame: Frame, scene: SceneInfo) -> None:

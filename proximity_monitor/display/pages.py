@@ -40,9 +40,9 @@ class Pages:
             holds: the bodies that are held here.
             node: carries requests to the monitor, and logs.
         """
-        ask = node.set_parameters_of_monitor
+        asks = (node.set_parameters_of_monitor, node.set_parameters_of_player)
         conflicts = Conflicts(node.conflicts)
-        self._shared = Shared(server, holds, Session(), Events(), conflicts, Tried(), ask)
+        self._shared = Shared(server, holds, Session(), Events(), conflicts, Tried(), *asks)
         self._inbox = inbox
         self._log = node.get_logger().error
         self._logged: str | None = None

@@ -40,3 +40,5 @@ class Shared:
     tried: Tried
     ask: Callable[[Mapping[str, float]], None]
     """Sends parameters to the monitor."""
+    ask_player: Callable[[Mapping[str, float]], None]
+    """Sends parameters to the player."""

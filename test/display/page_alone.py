@@ -50,9 +50,10 @@ def page_of(server, raw, monkeypatch, conflicts):
     monkeypatch.setattr(all_pages, "STEP_S", np.inf)
     monkeypatch.setattr(pages, "TABLE_S", 0.0)
     monkeypatch.setattr(pages, "LONGEST_S", 0.0)
-    inbox, holds, logged = Inbox(), Holds(), []
+    inbox, holds, logged, asked = Inbox(), Holds(), [], []
     node = SimpleNamespace(
         set_parameters_of_monitor=lambda values: None,
+        set_parameters_of_player=asked.append,
         get_logger=lambda: SimpleNamespace(error=logged.append),
         conflicts=str(conflicts),
     )
@@ -67,7 +68,7 @@ def page_of(server, raw, monkeypatch, conflicts):
     own = made._pages[raw.client.client_id]
     return SimpleNamespace(
         tell=tell, all=own, pages=made, move=own._move, choice=own._choice, holds=holds,
-        hand=own.hand, session=made._shared.session, logged=logged,
+        hand=own.hand, session=made._shared.session, logged=logged, asked=asked,
     )  # fmt: skip
 
 

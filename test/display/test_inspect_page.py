@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 
 import numpy as np
@@ -372,6 +373,30 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
     wait(lambda: page.get_attribute("#pm-connection", "data-state") == "live", "the present")
     tab(page, "Clearances")
     press(page, CHOSEN)
+
+
+def test_the_motion_is_sought_played_and_paused_from_the_page(page, wait):
+    choose(page, "peg")
+    release = button(page, "Let go: its own source moves it")
+    if release.is_enabled():
+        release.click()
+    tab(page, "Session")
+    note = page.locator("#pm-motion")
+    wait(lambda: re.fullmatch(r"At 0.00 of .*, speed 1e-09.", note.inner_text()), "the motion")
+    before = held(page)
+    field(page, "Moment [s]", 1).fill("2")
+    wait(lambda: note.inner_text().startswith("At 2.00 of"), "the player to go there")
+    wait(lambda: held(page) != pytest.approx(before, abs=1e-3), "the peg to be elsewhere")
+    button(page, "Pause").click()
+    wait(lambda: note.inner_text().endswith("paused."), "the player to pause")
+    page.get_by_role("button", name="Play", exact=True).click()
+    wait(lambda: note.inner_text().endswith("speed 1e-09."), "the player to go on")
+    field(page, "Speed").fill("0.5")
+    wait(lambda: note.inner_text().endswith("speed 0.5."), "the player to be faster")
+    there = held(page)
+    wait(lambda: held(page) != pytest.approx(there, abs=1e-3), "the peg to move")
+    button(page, "Pause").click()
+    wait(lambda: note.inner_text().endswith("paused."), "the player to pause")
 
 
 def test_the_smallest_clearances_begin_anew(put, page, wait):
