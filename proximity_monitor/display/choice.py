@@ -18,6 +18,8 @@ class Look(NamedTuple):
     """None: as the scene says."""
     edges: bool = True
     """Whether its sharp edges are drawn."""
+    bands: bool = False
+    """Whether it is coloured by clearance."""
 
 
 PLAIN = Look()

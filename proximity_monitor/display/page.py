@@ -131,7 +131,8 @@ class Page:
         self._draw(frame, news.scene)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
-        self._inspect.show(frame, now_s)
+        sitting = self._portraits.sitting is not None
+        self._inspect.show(frame, news.parts, now_s, plain=sitting)
         self._move.show(frame, news)
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S

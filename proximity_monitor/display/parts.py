@@ -157,19 +157,28 @@ class PartView:
         """Add another mesh that looks like this part's."""
         return self._meshed(api, name, vertices, triangles, self.opacity)
 
+    def coloured(
+        self, api: viser.SceneApi, name: str, corners: np.ndarray, colour: tuple[int, int, int]
+    ) -> viser.MeshHandle:
+        """Add triangles, given by their corners (3n, 3), in another colour."""
+        triangles = np.arange(len(corners)).reshape(-1, 3)
+        return self._meshed(api, name, corners, triangles, self.opacity, colour)
+
     def cut_away(self, cut: bool) -> None:
         """Hide the mesh and its edges, because something else is shown instead."""
         self._cut_away = cut
         self.mesh.visible = not cut
 
-    def _meshed(self, api, name, vertices, triangles, opacity=None) -> viser.MeshHandle:
+    def _meshed(
+        self, api, name, vertices, triangles, opacity=None, colour=None
+    ) -> viser.MeshHandle:
         opacity = self._opacity if opacity is None else opacity
         return api.add_mesh_simple(
             name,
             vertices,
             triangles,
-            color=self.colour,
-            flat_shading=self._flat,
+            color=self.colour if colour is None else colour,
+            flat_shading=self._flat or colour is not None,
             side="double",
             opacity=None if opacity >= 1.0 else opacity,
             cast_shadow=False,

@@ -235,4 +235,4 @@ class Playing:
     def at(self, stamp_s: float) -> float:
         """Return the moment at a stamp, within the period."""
         moment = self.moment_s + max(stamp_s - self.stamp_s, 0.0) * self.speed
-        return moment if self.period_s is None else moment % self.period_s
+        return moment % self.period_s if self.period_s else moment

@@ -219,6 +219,35 @@ def test_each_part_is_as_transparent_as_one_likes(page, wait):
     wait(lambda: page.evaluate(OPACITY, 0) is None, "the peg to be opaque")
 
 
+BAND = """name => {
+  const node = window.__viserSceneTree.getState()[name];
+  return node ? node.message.props.vertices.byteLength / 36 : 0;
+}"""
+
+
+def test_the_bore_is_coloured_by_the_peg_s_clearance(page, put, wait):
+    put(0.046, 0, -10)  # 0.004 mm from one side of the bore: below stop
+    tab(page, "Clearances")
+    page.get_by_text("Picture", exact=True).click()
+    field(page, "Look of").fill("block")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    bands = page.locator("input[type=checkbox]:visible").nth(2)
+    assert not page.evaluate(BAND, "/parts/1/band_2")
+    bands.click()
+    wait(lambda: page.evaluate(BAND, "/parts/1/band_0"), "what is below stop")
+    wait(lambda: page.evaluate(BAND, "/parts/1/band_2"), "what is above warn")
+    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the plain block to go")
+    assert "below stop" in page.locator("#pm-bands").inner_text()
+    put(20, 0, 40)
+    wait(lambda: not page.evaluate(BAND, "/parts/1/band_0"), "nothing below stop")
+    tab(page, "Clearances")
+    bands.click()
+    wait(lambda: page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the plain block")
+    assert not page.evaluate(BAND, "/parts/1/band_2")
+    page.get_by_text("Picture", exact=True).click()
+
+
 # How many pixels are between two clearances in the plot, and whether the plot shows a third.
 IN_PLOT = """([first, second, third]) => {
   const {chart} = Object.values(window.__viserTestpoints.uplots)[0];

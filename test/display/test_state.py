@@ -27,6 +27,7 @@ from proximity_monitor.display.state import (
     WARN,
     Frame,
     Pairs,
+    Playing,
     SceneInfo,
     Thresholds,
     Unit,
@@ -53,6 +54,7 @@ TOLD = {
     "settings": {"rate_hz": 30.0},
 }
 CELL = SceneInfo.read(json.dumps(TOLD))
+MOTION = {"moment_s": 2.0, "stamp_s": 10.0, "speed": 0.5, "period_s": 3.0}
 
 
 def pairs(lower, upper, status=0, level=0, names=NAMES):
@@ -346,3 +348,18 @@ def test_a_box_has_twelve_feature_edges_and_a_flat_sheet_its_border():
     assert sorted(lengths.round(9)) == [1.0] * 4 + [2.0] * 4 + [3.0] * 4
     sheet = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0]], float)
     assert len(feature_edges(sheet)) == 4
+
+
+def test_the_moment_of_a_motion_follows_from_what_its_player_told():
+    playing = Playing.read(json.dumps(MOTION))
+    assert [playing.at(stamp_s) for stamp_s in (9.0, 10.0, 11.0, 13.0)] == [2.0, 2.0, 2.5, 0.5]
+    endless = Playing.read(json.dumps(MOTION | {"period_s": None}))
+    assert endless.at(13.0) == 3.5
+
+
+@pytest.mark.parametrize(
+    "told", [[], {}, MOTION | {"speed": "x"}, MOTION | {"stamp_s": float("inf")}, MOTION | {"x": 1}]
+)
+def test_another_program_s_motion_is_refused(told):
+    with pytest.raises(ValueError, match="~/motion"):
+        Playing.read(json.dumps(told))
