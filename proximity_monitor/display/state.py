@@ -165,10 +165,10 @@ class Pairs:
         """How many pairs are listed."""
         return len(self.names)
 
-    @property
+    @cached_property
     def places(self) -> Mapping[tuple[str, str], int]:
         """The row of each pair."""
-        return places(self.names)
+        return places(self.names)  # looked up once, because it hashes all names
 
     @cached_property
     def touching(self) -> np.ndarray:

@@ -363,3 +363,24 @@ def test_the_moment_of_a_motion_follows_from_what_its_player_told():
 def test_another_program_s_motion_is_refused(told):
     with pytest.raises(ValueError, match="~/motion"):
         Playing.read(json.dumps(told))
+
+
+class Counted(str):
+    """A name that counts how often it is hashed."""
+
+    hashed = 0
+
+    def __hash__(self):
+        Counted.hashed += 1
+        return super().__hash__()
+
+
+def test_the_names_of_a_tick_are_hashed_once_however_often_rows_are_looked_up():
+    names = ((Counted("a"), Counted("b")), (Counted("a"), Counted("c")))
+    zeros = np.zeros(2)
+    pairs = Pairs(names, zeros, zeros, np.zeros((2, 2, 3)), zeros, zeros, zeros, zeros, ("", ""))
+    assert pairs.places["a", "c"] == 1
+    before = Counted.hashed
+    for _ in range(100):
+        assert pairs.places["a", "b"] == 0
+    assert Counted.hashed == before
