@@ -82,7 +82,7 @@ class ProximityDisplay(Node):
         self.create_timer(1.0 / HELD_HZ, self._publish_held)
         self.create_timer(0.5, self._look_around)
 
-    def set_parameters_of_monitor(self, values: Mapping[str, float]) -> None:
+    def set_parameters_of_monitor(self, values: Mapping[str, float | str]) -> None:
         """Ask for new values, all or none; the inbox gets a refusal. Any thread may call."""
         request = SetParametersAtomically.Request(
             parameters=[Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]

@@ -83,7 +83,7 @@ class Page:
         with tabs.add_tab("Clearances", viser.Icon.RULER_MEASURE):
             self._add_list(gui)
         with tabs.add_tab("Move", viser.Icon.HAND_MOVE):
-            self._move = Move(client, self.hand, self._choice)
+            self._move = Move(client, self.hand, self._choice, shared.ask)
         with tabs.add_tab("Limits", viser.Icon.ADJUSTMENTS):
             self._limits = LimitsPanel(gui, self._choice, shared.tried, shared.ask)
         picking.listen(client.scene, lambda: self._parts, self._inspect.plane, self._move.pick)

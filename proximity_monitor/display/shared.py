@@ -38,7 +38,7 @@ class Shared:
     events: Events
     conflicts: Conflicts
     tried: Tried
-    ask: Callable[[Mapping[str, float]], None]
+    ask: Callable[[Mapping[str, float | str]], None]
     """Sends parameters to the monitor."""
     ask_player: Callable[[Mapping[str, float]], None]
     """Sends parameters to the player."""

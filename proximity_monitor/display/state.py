@@ -60,6 +60,8 @@ class SceneInfo:
     settings: Mapping[str, float | None]
     path: str = ""
     """Of the scene's file, on the monitor's machine."""
+    attachments: Mapping[str, str] = field(default_factory=dict)
+    """The parent's name by the child's, of bodies that move together."""
 
     @classmethod
     def read(cls, text: str) -> SceneInfo:
@@ -86,6 +88,7 @@ class SceneInfo:
                 own_parameters=told["own_parameters"],
                 settings=told["settings"],
                 path=told["path"],
+                attachments=told["attachments"],
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(

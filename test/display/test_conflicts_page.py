@@ -15,6 +15,7 @@ from page_hand import (
     OPACITY,
     SAVE_MS,
     button,
+    choose,
     decoded,
     field,
     lines_of,
@@ -27,6 +28,7 @@ pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need R
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
 PAIR = "table - ball"
+GIZMO = "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"
 
 
 @pytest.fixture
@@ -91,6 +93,29 @@ def test_the_table_of_conflicts_has_bounds_moment_and_status(page, near):
     assert float(line["min_upper [mm]"]) == pytest.approx(10.0)
     assert float(line["z_b [mm]"]) == pytest.approx(10.0)
     assert line["state"] == "clear" and float(line["lower [mm]"]) == pytest.approx(200.0)
+
+
+def test_parts_that_are_attached_move_together_until_they_are_detached(page, sources, wait):
+    choose(page, "die")
+    field(page, "Attached to").fill("ball")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    note = page.locator("#pm-held")
+    wait(lambda: "attached to ball" in note.inner_text(), "the die to be attached")
+    assert not page.evaluate(GIZMO)
+    tab(page, "Clearances")
+    wait(lambda: np.isnan(row(page, "ball - die")[0]), "their pair to be watched no more")
+    sources.move("ball", (-0.2, 0.0, 0.4))
+    wait(lambda: row(page, "table - die")[0] == pytest.approx(0.325), "the die to go along")
+    tab(page, "Move")
+    field(page, "Attached to").fill("(nothing)")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    wait(lambda: page.evaluate(GIZMO), "the die to be free")
+    tab(page, "Clearances")
+    wait(lambda: row(page, "table - die")[0] == pytest.approx(0.225), "its own source")
+    sources.restore()
+    wait(lambda: row(page, PAIR)[0] == pytest.approx(0.2), "the ball to be back")
 
 
 def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
