@@ -49,7 +49,7 @@ class Banding:
         self._scene = scene
         self._number = {body.name: i for i, body in enumerate(scene.bodies)}
         self._nodes: dict[str, list[viser.MeshHandle]] = {}
-        self._made: dict[str, tuple[_Near, float]] = {}  # of what, and from which tick
+        self._made: dict[str, tuple[_Near | None, float]] = {}  # of what, and from which tick
         self._job: _Job | None = None
         self._due_s = 0.0
         self._behind_s = 0.0
@@ -113,7 +113,8 @@ class Banding:
         corners, of, self._sampled_m = job.answer.result()  # an error in it is the page's
         self._clear(job.name)
         view, scale = self._parts[job.name], self._parts.scale
-        self._made[job.name] = (job.near, job.stamp_s)
+        # What there was no time for is tried again.
+        self._made[job.name] = (None if _is_cut(job.near, of) else job.near, job.stamp_s)
         nodes = self._nodes[job.name] = []
         for band, colour in enumerate(COLOURS):
             found = corners[of == band].reshape(-1, 3) * scale
@@ -129,10 +130,19 @@ class Banding:
         self._parts[name].cut_away(False)
 
 
+def _is_placed(near: _Near) -> bool:
+    (_, own), others = near
+    return own is not None and all(pose is not None for _, pose, _, _ in others)
+
+
+def _is_cut(near: _Near, of: np.ndarray) -> bool:
+    return _is_placed(near) and bool((of == bands.UNKNOWN).any())
+
+
 def _bands(near: _Near) -> bands.Bands:
     (part, own), others = near
     corners = part.corners.reshape(-1, 3, 3)
-    if own is None or any(pose is None for _, pose, _, _ in others):
+    if not _is_placed(near):
         return bands.Bands(corners, np.full(len(corners), bands.UNKNOWN), 0.0)
     inverse = np.linalg.inv(bands.matrix(np.frombuffer(own)))
     told = [

@@ -21,7 +21,7 @@ from proximity_monitor.display.received import Part
 from proximity_monitor.scene import Thresholds
 
 BUDGET_S = 0.3
-"""Seconds for the bands of one part, once the code is compiled."""
+"""Seconds for the bands of one part."""
 
 FINEST = 0.01
 """Triangles are not divided below this share of the part's size."""
@@ -84,8 +84,10 @@ def bands(corners: np.ndarray, others: Sequence[Other], budget_s: float = BUDGET
     Args:
         corners: (n, 3, 3) of its triangles in its own frame, metres.
         others: what it shall keep away from.
-        budget_s: seconds; the first question of all may compile, which takes longer.
+        budget_s: seconds, after what is made once for each model, or compiled, is there.
     """
+    for other in others:
+        engine.closest_points(other.model, other.pose, np.zeros((1, 3)), signed=True)
     ends = time.monotonic() + budget_s
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) if len(corners) else 0.0
     done, of_done, sampled_m = [], [], 0.0

@@ -39,7 +39,12 @@ class PlayerPanel:
             self._note = gui.add_html("")
             self._play = gui.add_button(PAUSE, icon=viser.Icon.PLAYER_PAUSE)
             self._speed = gui.add_number(
-                "Speed", 1.0, min=0.0, max=SPEED_MOST, hint="Seconds of motion in a second"
+                "Speed",
+                1.0,
+                min=0.0,
+                max=SPEED_MOST,
+                step=0.01,  # it also rounds what is typed
+                hint="Seconds of motion in a second",
             )
             self._seek = gui.add_slider("Moment [s]", 0.0, 1.0, 0.001, 0.0)
 

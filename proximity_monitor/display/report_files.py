@@ -38,7 +38,7 @@ class ReportFiles:
         self._portraits = portraits
         self._parts = parts
         with gui.add_folder("Report of conflicts"):
-            report = gui.add_button("Conflicts with pictures (HTML)", icon=viser.Icon.REPORT)
+            report = gui.add_button("Conflicts, illustrated (HTML)", icon=viser.Icon.REPORT)
             table = gui.add_button("Conflicts as CSV", icon=viser.Icon.TABLE)
             gui.add_html(
                 "<div class='pm pm-small pm-dim'>Of all pairs that were not clear in this session"

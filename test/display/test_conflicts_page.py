@@ -62,7 +62,7 @@ def saved(page, name):
 
 def test_the_report_shows_each_conflict_at_its_smallest_clearance(page, near, browser, tmp_path):
     page.evaluate(DRAWN)
-    file = saved(page, "Conflicts with pictures (HTML)").path()
+    file = saved(page, "Conflicts, illustrated (HTML)").path()
     text = file.read_text(encoding="utf-8")
     assert not re.search(r"(src|href)=.?(http|//|file)", text)
     target = tmp_path / "report.html"
