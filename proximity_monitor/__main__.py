@@ -219,6 +219,7 @@ def _display(chosen: argparse.Namespace) -> int:
 def _check(chosen: argparse.Namespace) -> int:
     from proximity_monitor import motion
     from proximity_monitor.scene import load_scene
+    from proximity_monitor.scene.naming import safe
     from proximity_monitor.scene.opening import find_scene, load_models
     from proximity_monitor.scene.unseen import unseen_containment
 
@@ -230,6 +231,8 @@ def _check(chosen: argparse.Namespace) -> int:
         where = f"moving, {body.topic or 'by joints'}" if body.moving else "fixed"
         if body.cloud is not None:
             where = f"a cloud, {body.cloud.topic}, in frame {body.cloud.frame or scene.frame}"
+        if safe(body.name) != body.name:
+            where += f"; {safe(body.name)} in topics and parameters"
         print(f"  body {body.name}: {_shape(models[body.name], scene.unit)}, {where}")
     if len(scene.pairs) > _LISTED:
         print(f"  {len(scene.pairs)} pairs; the first {_LISTED}:")

@@ -22,6 +22,8 @@ IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 SIZE = {"width": 1440, "height": 860}
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 PATIENCE_MS = 240_000
+TRIES = 20
+FRESH = "getComputedStyle(document.body).getPropertyValue('--pm-now') !== 'none'"
 BESIDE = "Drag the parts and see their clearances at "
 
 
@@ -94,13 +96,23 @@ def settle(page: Page, frames: int = 15) -> None:
     )
 
 
+def shoot(page: Page, path: Path) -> None:
+    """Draw a picture while the news is fresh: software draws slowly, and meanwhile it grows old."""
+    for _ in range(TRIES):
+        page.wait_for_function(f"() => {FRESH}")
+        page.screenshot(path=path)
+        if page.evaluate(FRESH):
+            return
+    raise RuntimeError(f"{path.name}: the page was stale in each of {TRIES} pictures")
+
+
 def draw_engine(page: Page, folder: Path) -> None:
     """All parts with their clearances, one pair alone, and what accuracy costs."""
     settle(page)
-    page.screenshot(path=folder / "display.png")
+    shoot(page, folder / "display.png")
     press(page, "piston_2 - crankshaft")
     settle(page)
-    page.screenshot(path=folder / "display_pair.png")
+    shoot(page, folder / "display_pair.png")
     press(page, "piston_2 - crankshaft")
     tab(page, "Limits")
     slider = page.get_by_role("slider").and_(page.locator(":visible")).nth(4)
@@ -110,14 +122,15 @@ def draw_engine(page: Page, folder: Path) -> None:
             slider.press("ArrowRight")
         page.wait_for_selector(f"#pm-cost >> text={percent} %, ")
     settle(page)
-    page.screenshot(path=folder / "display_cost.png")
+    page.evaluate("() => document.querySelector('#pm-cost').scrollIntoView({block: 'end'})")
+    shoot(page, folder / "display_cost.png")
 
 
 def draw_probe(page: Page, folder: Path) -> None:
     """The 3D cursor: a point with a line to every part near it."""
     tab(page, "Move")
     settle(page, 25)
-    page.screenshot(path=folder / "display_cursor.png")
+    shoot(page, folder / "display_cursor.png")
 
 
 def draw_turbine(page: Page, folder: Path) -> None:
@@ -125,7 +138,7 @@ def draw_turbine(page: Page, folder: Path) -> None:
     press(page, "blade_3 - shroud")
     page.wait_for_selector("text=blade_3: patch")
     settle(page, 30)
-    page.screenshot(path=folder / "display_turbine.png")
+    shoot(page, folder / "display_turbine.png")
 
 
 if __name__ == "__main__":

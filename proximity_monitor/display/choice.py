@@ -18,6 +18,8 @@ class Look(NamedTuple):
     """None: as the scene says."""
     edges: bool = True
     """Whether its sharp edges are drawn."""
+    bands: bool = False
+    """Whether it is coloured by clearance."""
 
 
 PLAIN = Look()
@@ -36,6 +38,8 @@ class Choice:
     """Only pairs of this state are listed, one of `order.KINDS`; empty: of all."""
     part: str = ""
     """Only pairs of this body are listed; empty: of all."""
+    status: str = ""
+    """Only pairs of this status are listed, one of `decisions.STATUSES`; empty: of all."""
     group: str = ""
     """By what the list is grouped, one of `listing.GROUPS`; empty: not at all."""
     ignored: frozenset[PairName] = field(default_factory=frozenset)

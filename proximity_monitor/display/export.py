@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.conflicts import UNDECIDED
+from proximity_monitor.display.decisions import Decisions
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.pairs import gap
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import sign
 from proximity_monitor.display.state import LEVELS, STATUSES, Frame, SceneInfo
 
+DECIDED = ("decided", "comment")
+"""What people decided about a pair, in each of the tables."""
 
-def pairs_csv(frame: Frame, scene: SceneInfo, session: Session) -> str:
+
+def pairs_csv(frame: Frame, scene: SceneInfo, session: Session, decisions: Decisions) -> str:
     """Return the listed pairs of a tick as CSV; lengths in the scene's unit, with all digits."""
     unit, pairs = scene.unit, frame.pairs
     s = unit.symbol
@@ -37,6 +43,7 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session) -> str:
         "stamp [s]",
         "on_a",
         "on_b",
+        *DECIDED,
     ]
     rows = []
     for i, (a, b) in enumerate(pairs.names):
@@ -55,9 +62,10 @@ def pairs_csv(frame: Frame, scene: SceneInfo, session: Session) -> str:
                 least / unit.to_metre,
                 f"{frame.stamp_s:.9f}",
                 *pairs.features.get(i, ("", "")),
+                *_decided(decisions, (a, b)),
             ]
         )
-    return _csv(head, rows)
+    return csv_of(head, rows)
 
 
 def series_csv(session: Session, scene: SceneInfo) -> str:
@@ -76,12 +84,12 @@ def series_csv(session: Session, scene: SceneInfo) -> str:
         for frame in session.frames
         for i, (a, b) in enumerate(frame.pairs.names)
     )
-    return _csv(head, rows)
+    return csv_of(head, rows)
 
 
-def events_csv(events: Events, session: Session) -> str:
+def events_csv(events: Events, session: Session, scene: SceneInfo, decisions: Decisions) -> str:
     """Return the session's changes of state: a row each, the oldest first."""
-    start = session.span_s[0]
+    start, unit = session.span_s[0], scene.unit
     rows = (
         [
             f"{event.stamp_s:.9f}",
@@ -90,13 +98,24 @@ def events_csv(events: Events, session: Session) -> str:
             event.before.word.lower(),
             event.after.word.lower(),
             event.clearance,
+            event.lower / unit.to_metre,
+            event.upper / unit.to_metre,
+            *_decided(decisions, event.pair),
         ]
         for event in events.all
     )
-    return _csv(["stamp [s]", "session [s]", "a", "b", "before", "after", "clearance"], rows)
+    bounds = [f"{which} [{unit.symbol}]" for which in ("lower", "upper")]
+    head = ["stamp [s]", "session [s]", "a", "b", "before", "after", "clearance"]
+    return csv_of([*head, *bounds, *DECIDED], rows)
 
 
-def _csv(head: Sequence[str], rows: Any) -> str:
+def _decided(decisions: Decisions, pair: PairName) -> tuple[str, str]:
+    decision = decisions.get(frozenset(pair), UNDECIDED)
+    return decision.status, decision.comment
+
+
+def csv_of(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table as CSV."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(head)

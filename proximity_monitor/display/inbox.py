@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from proximity_monitor.display.received import Part, read_pairs, read_parts, read_poses
-from proximity_monitor.display.state import Frame, Health, SceneInfo
+from proximity_monitor.display.state import Frame, Health, Playing, SceneInfo
 
 _STAMP = slice(4, 12)  # in a serialised message that begins with a header
 
@@ -33,6 +33,10 @@ class News:
     """Other publishers on the topics of the bodies that are held here."""
     refusal: str = ""
     """Why the monitor refused the last parameters; empty if it took them."""
+    playing: Playing | None = None
+    """The motion of the player; None: there is no player."""
+    player_refusal: str = ""
+    """Why the player refused the last parameters; empty if it took them."""
 
     @property
     def complete(self) -> bool:

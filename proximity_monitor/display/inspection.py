@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import viser
 
+from proximity_monitor.display.banding import Banding
 from proximity_monitor.display.choice import PLAIN, Choice, Look
 from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.received import Part
 from proximity_monitor.display.section import Plane, Section
 from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.view import View, adapt, facing, zoom
@@ -46,27 +48,38 @@ class Inspect:
         self._whose = gui.add_dropdown("Look of", (EVERY,))
         self._opacity = gui.add_slider("Opacity", 0.0, 1.0, 0.05, 1.0)
         self._edges = gui.add_checkbox("Edges", True)
+        self._bands = gui.add_checkbox(
+            "Bands", False, hint="Colours by clearance: below stop, below warn, above"
+        )
+        self._legend = gui.add_html("")
 
         @self._whose.on_update
         async def _(_) -> None:
             look = self._choice.looks.get(self._whose.value, PLAIN)
             if look.opacity is not None:
                 self._opacity.value = look.opacity
-            self._edges.value = look.edges
+            self._edges.value, self._bands.value = look.edges, look.bands
 
-        for field in (self._opacity, self._edges):
+        for field in (self._opacity, self._edges, self._bands):
             field.on_update(self._on_look)
 
     def begin(self, scene: SceneInfo, parts: Parts) -> None:
         """Take a scene."""
         self._parts = parts
         self._section = Section(self._client.scene, parts)
+        self._banding = Banding(self._client.scene, parts, scene)
         self._choice.looks = {}
         self._whose.options = (EVERY, *(body.name for body in scene.bodies))
 
-    def show(self, frame: Frame, now_s: float) -> None:
-        """Cut the parts where they are now."""
+    def show(
+        self, frame: Frame, parts: Sequence[Part], now_s: float, *, plain: bool = False
+    ) -> None:
+        """Cut the parts where they are now, or colour them by clearance unless they are plain."""
         self._frame = frame
+        looks = {} if plain or self._section.plane is not None else self._choice.looks
+        wanted = [name for name, look in looks.items() if look.bands]
+        self._banding.show(frame, parts, wanted, now_s)
+        self._legend.content = self._banding.legend()
         if self._section.plane is not None:
             self._section.show(View.of(self._client.camera), now_s)
 
@@ -106,5 +119,6 @@ class Inspect:
         looks = dict(self._choice.looks)
         for name in names:
             before = looks.get(name, PLAIN)
-            looks[name] = Look(before.opacity if opacity is None else opacity, self._edges.value)
+            see_through = before.opacity if opacity is None else opacity
+            looks[name] = Look(see_through, self._edges.value, self._bands.value)
         self._choice.looks = looks

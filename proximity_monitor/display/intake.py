@@ -17,8 +17,8 @@ from viser import _messages
 BYTES = 20_000
 """Of a message; a picture that was asked for may be longer."""
 
-TEXT = 300
-"""Characters that a text may have."""
+TEXT = 2000
+"""Characters that a text may have: the names of two parts and more, or a comment."""
 
 FAR = 1e9
 """No number is beyond it."""

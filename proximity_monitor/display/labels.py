@@ -122,10 +122,12 @@ class Labels:
             visible=False,
         )  # fmt: skip
 
-    def show(self, labels: Sequence[Label], view: View, keep_free: np.ndarray) -> None:
-        """Show labels, the most important first, where there is room."""
+    def show(
+        self, labels: Sequence[Label], view: View, keep_free: np.ndarray, at_once: bool = False
+    ) -> None:
+        """Show labels, the most important first, where there is room; not too often in a row."""
         now_s = time.monotonic()
-        if now_s < self._due_s:
+        if now_s < self._due_s and not at_once:
             return
         drawn = ([(label.text, *label.at) for label in labels], _rounded(view))
         if drawn == self._drawn:

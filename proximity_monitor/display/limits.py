@@ -12,6 +12,7 @@ from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.fresh import aging
 from proximity_monitor.display.state import Health, SceneInfo
 from proximity_monitor.display.tried import Tried
+from proximity_monitor.scene.naming import safe
 
 ASK_S = 0.2
 """Seconds between two requests to the monitor while a slider is dragged."""
@@ -76,7 +77,7 @@ class LimitsPanel:
         """Move the sliders to the settings in force, with new scales for another pair or scene."""
         pair = self._choice.pair
         own = pair in scene.own_thresholds and scene.own_parameters
-        prefix = f"pairs.{pair[0]}.{pair[1]}" if own else "thresholds"
+        prefix = f"pairs.{safe(pair[0])}.{safe(pair[1])}" if own else "thresholds"
         limits = scene.own_thresholds[pair] if own else scene.thresholds
         to_unit, symbol = 1.0 / scene.unit.to_metre, scene.unit.symbol
         values = {name: getattr(limits, name) * to_unit for name in self._lengths}

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import viser
 
+from proximity_monitor.display import inks
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.labels import Label, short
 from proximity_monitor.display.signs import clearance, ramp, sign, uncertain
@@ -140,7 +141,7 @@ def _set_lines(
     line.visible = bool(segments)
     if segments:
         line.points = np.concatenate(segments).astype(np.float32)
-        line.colors = np.concatenate(colours).astype(np.uint8)
+        line.colors = inks.sent(np.concatenate(colours))
 
 
 def _star() -> np.ndarray:

@@ -9,6 +9,8 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.conflicts import UNDECIDED
+from proximity_monitor.display.decisions import STATUSES, Decisions
 from proximity_monitor.display.order import CLEAR_KIND, KINDS, kinds, urgent_first
 from proximity_monitor.display.state import Pairs, SceneInfo
 
@@ -30,12 +32,14 @@ class Listing(NamedTuple):
     """Pairs that are not clear, neither ignored, and do not match."""
 
 
-def listing(pairs: Pairs, scene: SceneInfo, choice: Choice) -> Listing:
-    """Return what to list of a tick."""
+def listing(
+    pairs: Pairs, scene: SceneInfo, choice: Choice, decisions: Decisions | None = None
+) -> Listing:
+    """Return what to list of a tick, of which people have decided about some pairs."""
     of, order = kinds(pairs), urgent_first(pairs, scene)
     clear = of == CLEAR_KIND
     watched = ~choice.ignores(pairs.names)
-    matching = _matching(pairs, of, choice)
+    matching = _matching(pairs, of, choice, decisions or {})
     rows = order[(watched & matching)[order]]
     late = np.cumsum(clear[rows]) > ROWS
     late &= clear[rows]
@@ -46,10 +50,13 @@ def listing(pairs: Pairs, scene: SceneInfo, choice: Choice) -> Listing:
     )
 
 
-def _matching(pairs: Pairs, of: np.ndarray, choice: Choice) -> np.ndarray:
+def _matching(pairs: Pairs, of: np.ndarray, choice: Choice, decisions: Decisions) -> np.ndarray:
     found = of == KINDS.index(choice.state) if choice.state else np.ones(len(pairs), bool)
     if choice.part:
         found &= np.fromiter((choice.part in name for name in pairs.names), bool, len(pairs))
+    if choice.status:
+        statuses = (decisions.get(frozenset(name), UNDECIDED).status for name in pairs.names)
+        found &= np.fromiter((each == choice.status for each in statuses), bool, len(pairs))
     if words := choice.search.lower().split():
         texts = (f"{a} {b}".lower() for a, b in pairs.names)
         each = (all(word in text for word in words) for text in texts)
@@ -82,8 +89,9 @@ class Filters:
         with gui.add_folder("Filter and group", expand_by_default=False):
             state = gui.add_dropdown("State", (ALL, *KINDS))
             self._part = part = gui.add_dropdown("Of part", (ALL,))
+            status = gui.add_dropdown("Of status", (ALL, *STATUSES))
             group = gui.add_dropdown("Group by", (NO_GROUPS, *GROUPS))
-        self._inputs = ((search, ""), (state, ALL), (part, ALL))
+        self._inputs = ((search, ""), (state, ALL), (part, ALL), (status, ALL))
         self._choice = choice
 
         @search.on_update
@@ -97,6 +105,10 @@ class Filters:
         @part.on_update
         async def _(_) -> None:
             choice.part = "" if part.value == ALL else part.value
+
+        @status.on_update
+        async def _(_) -> None:
+            choice.status = "" if status.value == ALL else status.value
 
         @group.on_update
         async def _(_) -> None:
@@ -112,4 +124,4 @@ class Filters:
         """List all pairs again."""
         for each, value in self._inputs:
             each.value = value
-        self._choice.search = self._choice.state = self._choice.part = ""
+        self._choice.search = self._choice.state = self._choice.part = self._choice.status = ""

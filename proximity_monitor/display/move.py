@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from html import escape
 
 import numpy as np
 import viser
 
+from proximity_monitor.display.attaching import Attaching
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.fine import Fine, stepped
 from proximity_monitor.display.geometry import IDENTITY, from_degrees, moved, to_degrees
@@ -34,8 +35,14 @@ HANDLES = 130.0
 class Move:
     """The gizmo in the scene and the panel beside it."""
 
-    def __init__(self, client: viser.ClientHandle, hand: Hand, choice: Choice) -> None:
-        """Add both; `begin` puts them to work."""
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        hand: Hand,
+        choice: Choice,
+        ask: Callable[[Mapping[str, str]], None],
+    ) -> None:
+        """Add both; `begin` puts them to work. `ask` sends parameters to the monitor."""
         self._client = client
         self._hand = hand
         self._choice = choice
@@ -66,6 +73,7 @@ class Move:
         self._stop = gui.add_dropdown(
             "Drags stop", (FREE, AT_STOP, AT_CONTACT), hint="By certified bounds, of each tick anew"
         )
+        self._attaching = Attaching(gui, hand, choice, ask)
         self._fine = Fine(gui, self._on_step)
         command = gui.add_command("Undo the last move", hotkey="Z", modifier="cmd/ctrl")
         self._who.on_update(self._on_who)
@@ -115,13 +123,16 @@ class Move:
         pose = None if name is None else self._pose(name)
         live = self._choice.at_s is None
         other, own = self._hand.other(name), self._hand.own
-        self._gizmo.visible = pose is not None and live and not (self._hidden or other)
-        self._apply.disabled = other is not None
+        parent = None if name is None else news.scene.attachments.get(name)
+        free = not (other or parent)
+        self._attaching.show(news)
+        self._gizmo.visible = pose is not None and live and free and not self._hidden
+        self._apply.disabled = not free
         self._reset.disabled = name not in own
         self._release.disabled = name not in own and other is None
         self._release.label = LET_GO if other is None else f"Take it over from {other.name}"
         self._undo.disabled = not self._hand.can_undo
-        self._note.content = _note(name, own, other, news.rivals)
+        self._note.content = _note(name, own, other, parent, news.rivals)
         if pose is None or self._dragging is not None:
             return
         at = moved(pose, self._parts[name].centre / self._parts.scale)
@@ -229,6 +240,8 @@ class Move:
 
 def _clearances(name: str | None, pairs: Pairs, scene: SceneInfo) -> str:
     """Return the nearest pairs of a part as HTML."""
+    if name is None:
+        return ""
     rows = [i for i in np.argsort(pairs.lower) if name in pairs.names[i]][:NEAREST]
     told = "".join(
         f'<div class=pm-line><b style="color:{(mark := sign(pairs, i, scene)).colour}">{mark.glyph}'
@@ -240,12 +253,18 @@ def _clearances(name: str | None, pairs: Pairs, scene: SceneInfo) -> str:
 
 
 def _note(
-    name: str | None, own: Collection[str], other: Hand | None, rivals: tuple[str, ...]
+    name: str | None,
+    own: Collection[str],
+    other: Hand | None,
+    parent: str | None,
+    rivals: tuple[str, ...],
 ) -> str:
     if name is None:
         text = "Click a part, then drag its arrows, planes and arcs."
     elif other is not None:
         text = f"▲ held by {escape(other.name)}, another view of this page"
+    elif parent is not None:
+        text = f"attached to {escape(parent)}: it moves with it"
     elif name not in own:
         text = "Drag the gizmo to take the part; its pose is published 40 times a second."
     elif rivals:

@@ -16,7 +16,7 @@ from visualization_msgs.msg import MarkerArray
 
 from proximity_monitor.display.holds import Holds
 from proximity_monitor.display.inbox import Inbox
-from proximity_monitor.display.state import Health, SceneInfo
+from proximity_monitor.display.state import Health, Playing, SceneInfo
 
 HELD_HZ = 40.0
 """Seconds between two publications of held bodies' poses."""
@@ -30,7 +30,8 @@ _LATCHED = QoSProfile(
 class ProximityDisplay(Node):
     """Listens to one monitor.
 
-    Parameters, all read at start: ``monitor`` and ``player`` (names of nodes), ``host``, ``port``.
+    Parameters, all read at start: ``monitor`` and ``player`` (names of nodes), ``host``, ``port``,
+    ``conflicts`` (the file with what people decide about conflicts).
     """
 
     def __init__(self, inbox: Inbox, holds: Holds, **node_options) -> None:
@@ -60,6 +61,8 @@ class ProximityDisplay(Node):
         ports = [IntegerRange(from_value=0, to_value=65535)]
         text = "Port of the page; 0: any that is free. Where it is taken, the next free one."
         self.port = self._declare("port", 8080, text, integer_range=ports)
+        text = "File with the status of conflicts; empty: beside the scene's file."
+        self.conflicts = self._declare("conflicts", "", text)
         self.monitor = self.resolve_topic_name(self.get_parameter("monitor").value)
 
         def hear(kind, topic, take, qos, raw=False):
@@ -73,12 +76,13 @@ class ProximityDisplay(Node):
             SetParametersAtomically, f"{self.monitor}/set_parameters_atomically"
         )
         self._to_player = self.create_client(SetParameters, f"{self._player}/set_parameters")
+        self.create_subscription(String, f"{self._player}/motion", self._on_motion, _LATCHED)
         self._asked: frozenset[str] | None = None  # what the player shall leave alone
         self._released: frozenset[str] | None = None  # the bodies to which it agreed; None: unknown
         self.create_timer(1.0 / HELD_HZ, self._publish_held)
         self.create_timer(0.5, self._look_around)
 
-    def set_parameters_of_monitor(self, values: Mapping[str, float]) -> None:
+    def set_parameters_of_monitor(self, values: Mapping[str, float | str]) -> None:
         """Ask for new values, all or none; the inbox gets a refusal. Any thread may call."""
         request = SetParametersAtomically.Request(
             parameters=[Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
@@ -93,6 +97,20 @@ class ProximityDisplay(Node):
             self._to_monitor.call_async(request).add_done_callback(on_answer)
         else:
             self._inbox.tell(refusal=f"{self._to_monitor.srv_name} does not answer")
+
+    def set_parameters_of_player(self, values: Mapping[str, float]) -> None:
+        """Ask the player for new values; the inbox gets a refusal. Any thread may call."""
+        if not self._to_player.service_is_ready():
+            self._inbox.tell(player_refusal=f"{self._to_player.srv_name} does not answer")
+            return
+        parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
+
+        def on_answer(future) -> None:
+            reasons = [each.reason for each in future.result().results if not each.successful]
+            self._inbox.tell(player_refusal="; ".join(reasons))
+
+        request = SetParameters.Request(parameters=parameters)
+        self._to_player.call_async(request).add_done_callback(on_answer)
 
     @property
     def player_knows(self) -> bool:
@@ -118,6 +136,12 @@ class ProximityDisplay(Node):
             self._hear_parts(True)
         self._inbox.judge("scene", None)
         self._inbox.tell(scene=scene)
+
+    def _on_motion(self, message: String) -> None:
+        try:
+            self._inbox.tell(playing=Playing.read(message.data))
+        except ValueError as error:
+            self.get_logger().error(str(error))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         schedule = f"{self.monitor.lstrip('/')}: schedule"
@@ -175,6 +199,8 @@ class ProximityDisplay(Node):
             if self._is_rival(name, f"{info.node_namespace.rstrip('/')}/{info.node_name}")
         }
         self._inbox.tell(present=present, rivals=tuple(sorted(rivals)))
+        if self.count_publishers(f"{self._player}/motion") == 0:
+            self._inbox.tell(playing=None)
         if self._scene is not None:
             self._hear_parts(news.parts is None or bool(self._scene.deforming))
 

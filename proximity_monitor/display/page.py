@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from html import escape
 
 import numpy as np
@@ -11,7 +12,8 @@ from proximity_monitor.display import picking
 from proximity_monitor.display.bridge import Bridge
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.connection import Connection, banner, pill
-from proximity_monitor.display.events import EventList
+from proximity_monitor.display.deciding import Deciding
+from proximity_monitor.display.event_list import EventList
 from proximity_monitor.display.fresh import Beat, patience_s
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
@@ -24,9 +26,12 @@ from proximity_monitor.display.matrix import matrix
 from proximity_monitor.display.move import Move
 from proximity_monitor.display.pairs import as_pair, table
 from proximity_monitor.display.parts import Parts
-from proximity_monitor.display.save import Save, Shown
-from proximity_monitor.display.shared import Shared
-from proximity_monitor.display.state import Frame
+from proximity_monitor.display.player_panel import PlayerPanel
+from proximity_monitor.display.portraits import Portraits
+from proximity_monitor.display.report_files import ReportFiles
+from proximity_monitor.display.save import Save
+from proximity_monitor.display.shared import Shared, Shown
+from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
 from proximity_monitor.display.view import View, place
@@ -55,6 +60,7 @@ class Page:
         self._client = client
         self._server = shared.server
         self._session = shared.session
+        self._conflicts = shared.conflicts
         self.hand = Hand(shared.holds, f"browser {client.client_id + 1}")
         self._choice = Choice()
         self._shown: Shown | None = None
@@ -77,7 +83,7 @@ class Page:
         with tabs.add_tab("Clearances", viser.Icon.RULER_MEASURE):
             self._add_list(gui)
         with tabs.add_tab("Move", viser.Icon.HAND_MOVE):
-            self._move = Move(client, self.hand, self._choice)
+            self._move = Move(client, self.hand, self._choice, shared.ask)
         with tabs.add_tab("Limits", viser.Icon.ADJUSTMENTS):
             self._limits = LimitsPanel(gui, self._choice, shared.tried, shared.ask)
         picking.listen(client.scene, lambda: self._parts, self._inspect.plane, self._move.pick)
@@ -85,17 +91,13 @@ class Page:
         plot = over_time.add_tab("Clearance", viser.Icon.CHART_LINE)
         over_time.dock_below(gui.main_panel)
         with tabs.add_tab("Session", viser.Icon.HISTORY):
+            self._player = PlayerPanel(gui, shared.ask_player)
             self._timeline = Timeline(gui, plot, self._session, self._choice, self._return_to_worst)
-            self._events = EventList(
-                gui, shared.events, self._session, self._choice, self._session.forget_worst
-            )
-            self._save = Save(
-                gui,
-                self._session,
-                shared.events,
-                self._choice,
-                lambda: self._shown,
-                self._move.hide,
+            self._events = EventList(gui, shared, self._choice)
+            self._portraits = Portraits(client, self._move.hide)
+            self._save = Save(gui, shared, self._choice, lambda: self._shown, self._move.hide)
+            self._files = ReportFiles(
+                gui, shared, self._portraits, lambda: self._shown, lambda: self._parts
             )
 
     def step(self, news: News, told: Connection, now_s: float) -> None:
@@ -124,35 +126,50 @@ class Page:
             self._parts.reshape(news.parts, scene.deforming)
         at, choice = self._choice.at_s, self._choice
         frame = news.frame if at is None else self._session.at(at)
-        self._shown = Shown(scene, frame, news.parts)
-        held = self.hand.poses if at is None else {}
-        self._parts.show(frame, held, choice, choice.pair or ())
+        self._shown = Shown(scene, frame, news.parts, news.frame)
+        self._portraits.follow()
+        self._draw(frame, news.scene)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
-        self._inspect.show(frame, now_s)
+        sitting = self._portraits.sitting is not None
+        self._inspect.show(frame, news.parts, now_s, plain=sitting)
         self._move.show(frame, news)
+        if now_s >= self._due_s:
+            self._due_s = now_s + TABLE_S
+            self._banner.content = banner(news.frame, scene, choice, told)
+            self._limits.show(scene, news.health, news.refusal, now_s)
+            self._deciding.show(news.frame.pairs, scene)
+            if told.current:
+                self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
+        if now_s >= self._table_due_s:
+            decisions = self._conflicts.all
+            self._table.content = listed = table(frame.pairs, scene, choice, decisions)
+            self._matrix.content = matrix(frame.pairs, scene)
+            self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(listed)), LONGEST_S)
+        self._timeline.show(scene, now_s)
+        self._player.show(news, now_s)
+        self._events.show(scene, now_s)
+
+    def _draw(self, frame: Frame, scene: SceneInfo) -> None:
+        """Bring the picture up to date: parts, lines and labels."""
+        choice, sitting = self._choice, self._portraits.sitting
+        held = self.hand.poses if choice.at_s is None else {}
+        view = View.of(self._client.camera)
+        if sitting is not None:
+            frame, pair, view = sitting
+            held, choice = {}, replace(choice, pair=pair, ignored=frozenset())
+        self._parts.show(frame, held, choice, choice.pair or ())
         drawn = (frame, choice.pair, choice.body, choice.ignored, choice.lines, scene)
         if drawn != self._drawn:
             self._drawn = drawn
             self._lines.show(frame.pairs, scene, choice)
         labels = [*self._lines.labels, *self._parts.labels()]
-        self._labels.show(labels, View.of(self._client.camera), self._lines.tips)
-        if now_s >= self._due_s:
-            self._due_s = now_s + TABLE_S
-            self._banner.content = banner(news.frame, scene, choice, told)
-            self._limits.show(scene, news.health, news.refusal, now_s)
-            if told.current:
-                self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
-        if now_s >= self._table_due_s:
-            self._table.content = listed = table(frame.pairs, scene, choice)
-            self._matrix.content = matrix(frame.pairs, scene)
-            self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(listed)), LONGEST_S)
-        self._timeline.show(scene, now_s)
-        self._events.show(now_s)
+        self._labels.show(labels, view, self._lines.tips, at_once=sitting is not None)
 
     def _build(self, news: News) -> None:
         """Begin with a scene."""
         self._client.scene.reset()
+        self._portraits.sitting = None  # it was of the previous scene
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
         self._filters.begin(news.scene)
@@ -188,6 +205,7 @@ class Page:
         self._about = gui.add_html("")
         self._filters = Filters(gui, self._choice)
         self._inspect = Inspect(self._client, self._choice, self._look_again)
+        self._deciding = Deciding(gui, self._conflicts, self._choice)
         self._table = gui.add_html("")
         with gui.add_folder("Clash matrix", expand_by_default=False):
             self._matrix = gui.add_html("")

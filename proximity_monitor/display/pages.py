@@ -10,6 +10,7 @@ from typing import Any
 
 import viser
 
+from proximity_monitor.display.conflicts import Conflicts
 from proximity_monitor.display.connection import connection
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.holds import Holds
@@ -39,12 +40,14 @@ class Pages:
             holds: the bodies that are held here.
             node: carries requests to the monitor, and logs.
         """
-        ask = node.set_parameters_of_monitor
-        self._shared = Shared(server, holds, Session(), Events(), Tried(), ask)
+        asks = (node.set_parameters_of_monitor, node.set_parameters_of_player)
+        conflicts = Conflicts(node.conflicts)
+        self._shared = Shared(server, holds, Session(), Events(), conflicts, Tried(), *asks)
         self._inbox = inbox
         self._log = node.get_logger().error
         self._logged: str | None = None
         self._scene: SceneInfo | None = None
+        self._problem = ""  # of the file of conflicts, logged
         self._pages: dict[int, Page] = {}
         self._overheard = ""  # an error of a callback since the last step
         server.get_event_loop().set_exception_handler(self._on_error)
@@ -85,6 +88,10 @@ class Pages:
                 shared.events.clear()  # the clock went back, and a new session begins
             shared.session.add(news.frame, keep=shared.events.note(news.frame, news.scene))
         shared.tried.note(news.scene, news.frame, news.health)
+        shared.conflicts.follow(news.scene, time.monotonic())
+        if shared.conflicts.problem not in ("", self._problem):
+            self._log(shared.conflicts.problem)
+        self._problem = shared.conflicts.problem
 
     def _meet(self) -> None:
         """Give each new browser a page; what a browser held that is gone is let go."""

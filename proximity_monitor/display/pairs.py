@@ -8,7 +8,10 @@ import numpy as np
 
 from proximity_monitor.display.bridge import PRESSES, word
 from proximity_monitor.display.choice import Choice, PairName
+from proximity_monitor.display.conflicts import UNDECIDED, row_mark
+from proximity_monitor.display.decisions import Decisions
 from proximity_monitor.display.listing import Listing, listing
+from proximity_monitor.display.order import KINDS, kinds
 from proximity_monitor.display.signs import (
     clearance,
     feature,
@@ -34,9 +37,13 @@ def gap(pairs: Pairs, row: int) -> np.ndarray:
     return pairs.points[row, 1] - pairs.points[row, 0]
 
 
-def table(pairs: Pairs, scene: SceneInfo, choice: Choice) -> str:
-    """Return the list as HTML."""
-    found = listing(pairs, scene, choice)
+def table(
+    pairs: Pairs, scene: SceneInfo, choice: Choice, decisions: Decisions | None = None
+) -> str:
+    """Return the list as HTML, with what people decided about pairs."""
+    decisions = decisions or {}
+    found = listing(pairs, scene, choice, decisions)
+    states = kinds(pairs)
     head = (
         f"<tr><th>state</th><th>pair; gap ΔX, ΔY, ΔZ [{scene.unit.symbol}]</th>"
         "<th class=pm-num>clearance</th><th></th></tr>"
@@ -48,7 +55,9 @@ def table(pairs: Pairs, scene: SceneInfo, choice: Choice) -> str:
             body.append(f"<tr class=pm-group><td colspan=4>{escape(title)}: {many}</td></tr>")
         for i in rows:
             count += 1
-            body.append((_row if count <= FULL_ROWS else _line)(pairs, i, scene, choice))
+            decision = decisions.get(frozenset(pairs.names[i]), UNDECIDED)
+            told = row_mark(decision, KINDS[states[i]], scene.unit)
+            body.append((_row if count <= FULL_ROWS else _line)(pairs, i, scene, choice, told))
     return (
         f'<div class=pm {PRESSES}><table class=pm-table id="pm-pairs">{head}{"".join(body)}</table>'
         f"{_rest(pairs, scene, found)}{_ignored(pairs, scene, choice)}</div>"
@@ -67,15 +76,15 @@ def _start(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
     )
 
 
-def _line(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
+def _line(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) -> str:
     a, b = pairs.names[i]
     return (
-        f"{_start(pairs, i, scene, choice)}<td>{escape(a)} - {escape(b)}</td>"
+        f"{_start(pairs, i, scene, choice)}<td>{escape(a)} - {escape(b)}{decided}</td>"
         f"<td class=pm-num>{clearance(pairs, i, scene.unit)}</td><td></td></tr>"
     )
 
 
-def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
+def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice, decided: str) -> str:
     a, b = pairs.names[i]
     silent = f"<div class='pm-small'>{escape(pairs.silent[i])}</div>" if pairs.silent[i] else ""
     told = pairs.features.get(i, ()) if (a, b) == choice.pair else ()
@@ -87,7 +96,7 @@ def _row(pairs: Pairs, i: int, scene: SceneInfo, choice: Choice) -> str:
     return (
         f"{_start(pairs, i, scene, choice)}"
         f"<td>{escape(a)} - {escape(b)}<div class='pm-small pm-dim'>Δ {deltas}</div>"
-        f"{on}{silent}</td>"
+        f"{decided}{on}{silent}</td>"
         f"<td class=pm-num>{_certainty(pairs, i, scene)}{clearance(pairs, i, scene.unit)}"
         f"{_bar(pairs, i, scene)}</td>"
         f'<td><span class="pm-press pm-small" title="ignore this pair here"'

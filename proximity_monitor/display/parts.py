@@ -27,6 +27,9 @@ NAMES = 60
 
 EDGE = (45, 50, 60)
 
+_PLACE = 3 * 8
+"""Bytes of a pose's position, which come before those of its quaternion."""
+
 # The corners of a box's triangles, for each coordinate 0 if it is the low one.
 _SIDE = np.array([(0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1)]).reshape(2, 3, 2)
 _BOX = np.concatenate([np.insert(_SIDE, axis, end, axis=2) for axis in range(3) for end in (0, 1)])
@@ -86,7 +89,7 @@ class PartView:
         """Whether its name is shown."""
         self._opacity = float(part.colour[3])
         self._cut_away = False
-        self._placed: np.ndarray | None = None
+        self._told: tuple = (b"",)  # what was shown last, its pose as bytes first
         look = _look(part, scale)
         self.low, self.high = look.low, look.high
         self._corners, self._triangles = look.corners, look.triangles
@@ -157,19 +160,28 @@ class PartView:
         """Add another mesh that looks like this part's."""
         return self._meshed(api, name, vertices, triangles, self.opacity)
 
+    def coloured(
+        self, api: viser.SceneApi, name: str, corners: np.ndarray, colour: tuple[int, int, int]
+    ) -> viser.MeshHandle:
+        """Add triangles, given by their corners (3n, 3), in another colour."""
+        triangles = np.arange(len(corners)).reshape(-1, 3)
+        return self._meshed(api, name, corners, triangles, self.opacity, colour)
+
     def cut_away(self, cut: bool) -> None:
         """Hide the mesh and its edges, because something else is shown instead."""
         self._cut_away = cut
         self.mesh.visible = not cut
 
-    def _meshed(self, api, name, vertices, triangles, opacity=None) -> viser.MeshHandle:
+    def _meshed(
+        self, api, name, vertices, triangles, opacity=None, colour=None
+    ) -> viser.MeshHandle:
         opacity = self._opacity if opacity is None else opacity
         return api.add_mesh_simple(
             name,
             vertices,
             triangles,
-            color=self.colour,
-            flat_shading=self._flat,
+            color=self.colour if colour is None else colour,
+            flat_shading=self._flat or colour is not None,
             side="double",
             opacity=None if opacity >= 1.0 else opacity,
             cast_shadow=False,
@@ -179,14 +191,20 @@ class PartView:
     def show(
         self, pose: np.ndarray | None, scale: float, *, look: Look, dim: bool, names: bool
     ) -> None:
-        """Place it, or hide it while it has no pose."""
+        """Place it, or hide it while it has no pose; what is as before costs next to nothing."""
+        placed = b"" if pose is None else pose.tobytes()
+        told = (placed, look, dim, names, self._cut_away)
+        if told == self._told:
+            return
+        before, self._told = self._told[0], told
         self.frame.visible = pose is not None
         if pose is None:
             return
-        if self._placed is None or not np.array_equal(pose, self._placed):
+        if placed[:_PLACE] != before[:_PLACE]:
             self.frame.position = pose[:3] * scale
+        if placed[_PLACE:] != before[_PLACE:]:
             self.frame.wxyz = pose[3:]
-        self.pose = self._placed = pose
+        self.pose = pose
         opacity = self._opacity if look.opacity is None else look.opacity
         opacity = min(DIM, opacity) if dim else opacity
         opacity = None if opacity >= 1.0 else opacity

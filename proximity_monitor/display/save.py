@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable
 
 import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.events import Events
 from proximity_monitor.display.export import events_csv, pairs_csv, series_csv
-from proximity_monitor.display.received import Part
 from proximity_monitor.display.replay import replay_html
-from proximity_monitor.display.session import Session
-from proximity_monitor.display.state import Frame, SceneInfo
+from proximity_monitor.display.shared import Shared, Shown
 
 RENDER_S = 30.0
 """Seconds after which a browser that has sent no picture will send none."""
-
-
-class Shown(NamedTuple):
-    """The content of the page, all of one scene."""
-
-    scene: SceneInfo
-    frame: Frame
-    parts: Sequence[Part]
 
 
 class Save:
@@ -36,8 +24,7 @@ class Save:
     def __init__(
         self,
         gui: viser.GuiApi,
-        session: Session,
-        events: Events,
+        shared: Shared,
         choice: Choice,
         shown: Callable[[], Shown | None],
         hide_gizmo: Callable[[bool], None],
@@ -46,14 +33,14 @@ class Save:
 
         Args:
             gui: takes them.
-            session: the recorded session.
-            events: its changes of state.
+            shared: the recorded session, its changes of state, and what was decided.
             choice: the highlighted and ignored pairs.
             shown: returns the content of the page, None before the first frame.
             hide_gizmo: hides it while a picture is taken.
         """
-        self._session = session
-        self._events = events
+        self._session = shared.session
+        self._events = shared.events
+        self._conflicts = shared.conflicts
         self._choice = choice
         self._shown = shown
         self._hide_gizmo = hide_gizmo
@@ -72,37 +59,22 @@ class Save:
         )
         # Plain functions, not coroutines: viser runs them in threads of their own, and they are
         # slow.
-        table.on_click(self._send("csv", self._table))
-        series.on_click(self._send("session.csv", self._series))
-        changes.on_click(self._send("events.csv", self._changes))
-        picture.on_click(self._send("png", self._picture))
-        replay.on_click(self._send("html", self._replay))
-
-    def _send(self, suffix: str, make: Callable[[Shown, viser.ClientHandle], bytes]):
-        def on_click(event: viser.GuiEvent) -> None:
-            shown, client = self._shown(), event.client
-            if shown is None or client is None:
-                return
-            try:
-                content = make(shown, client)
-            except Exception as error:  # shown here, and logged by viser
-                client.add_notification(
-                    "Not saved", f"{type(error).__name__}: {error}", color="red"
-                )
-                raise
-            name = f"{shown.scene.name}.{suffix}"
-            client.send_file_download(name, content, save_immediately=True)
-
-        return on_click
+        table.on_click(sender(self._shown, "csv", self._table))
+        series.on_click(sender(self._shown, "session.csv", self._series))
+        changes.on_click(sender(self._shown, "events.csv", self._changes))
+        picture.on_click(sender(self._shown, "png", self._picture))
+        replay.on_click(sender(self._shown, "html", self._replay))
 
     def _table(self, shown: Shown, _: viser.ClientHandle) -> bytes:
-        return pairs_csv(shown.frame, shown.scene, self._session).encode()
+        decisions = self._conflicts.all
+        return pairs_csv(shown.frame, shown.scene, self._session, decisions).encode()
 
     def _series(self, shown: Shown, _: viser.ClientHandle) -> bytes:
         return series_csv(self._session, shown.scene).encode()
 
-    def _changes(self, _: Shown, __: viser.ClientHandle) -> bytes:
-        return events_csv(self._events, self._session).encode()
+    def _changes(self, shown: Shown, _: viser.ClientHandle) -> bytes:
+        decisions = self._conflicts.all
+        return events_csv(self._events, self._session, shown.scene, decisions).encode()
 
     def _picture(self, _: Shown, client: viser.ClientHandle) -> bytes:
         self._hide_gizmo(True)
@@ -117,6 +89,34 @@ class Save:
         camera = np.array([client.camera.position, client.camera.look_at])
         document = replay_html(shown.scene, shown.parts, self._session, self._choice, camera)
         return document.encode()
+
+
+def sender(
+    shown: Callable[[], Shown | None],
+    suffix: str,
+    make: Callable[[Shown, viser.ClientHandle], bytes],
+) -> Callable[[viser.GuiEvent], None]:
+    """Return what a button does: it makes a file, and sends it to the browser that pressed it.
+
+    Args:
+        shown: returns the content of the page, None before the first frame.
+        suffix: of the file, after the scene's name.
+        make: returns its content.
+    """
+
+    def on_click(event: viser.GuiEvent) -> None:
+        content, client = shown(), event.client
+        if content is None or client is None:
+            return
+        try:
+            file = make(content, client)
+        except Exception as error:  # shown here, and logged by viser
+            client.add_notification("Not saved", f"{type(error).__name__}: {error}", color="red")
+            raise
+        name = f"{content.scene.name}.{suffix}"
+        client.send_file_download(name, file, save_immediately=True)
+
+    return on_click
 
 
 def png(image: np.ndarray) -> bytes:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from proximity_monitor.display.choice import PairName
-from proximity_monitor.display.state import STALE, Frame, Pairs
+from proximity_monitor.display.state import STALE, Frame, PairNames, Pairs
 
 PERIOD_S = 0.1
 """Least seconds between two kept ticks."""
@@ -35,6 +35,27 @@ class Worst:
     stamp_s: float
     poses: np.ndarray
     """(m, 7) poses of the moving bodies at that tick."""
+    points: np.ndarray
+    """(2, 3) the closest points then."""
+    status: int
+    """A position in `state.STATUSES`."""
+    level: int
+    """A position in `state.LEVELS`."""
+
+    def frame(self, pair: PairName) -> Frame:
+        """Return that tick with this pair alone."""
+        told = Pairs(
+            (pair,),
+            np.array([self.lower]),
+            np.array([self.upper]),
+            self.points[None],
+            np.array([self.status], np.int8),
+            np.array([self.level], np.int8),
+            np.zeros(1),
+            np.array([self.stamp_s]),
+            ("",),
+        )
+        return Frame(self.stamp_s, self.poses, told)
 
 
 class Session:
@@ -48,6 +69,7 @@ class Session:
         # By pair and ignored pairs: stamp, lower and upper bound of each kept frame.
         self._curves: dict[tuple[PairName | None, frozenset[PairName]], array] = {}
         self._worst: dict[PairName, Worst] = {}
+        self._least: tuple[PairNames, np.ndarray] = ((), np.zeros(0))  # upper bounds, of pairs
         self.newest: Frame | None = None
         """The last added frame, kept or not."""
 
@@ -77,11 +99,12 @@ class Session:
         self._frames = []
         self._bytes, self._period_s = 0, PERIOD_S
         self._curves.clear()
-        self._worst.clear()
+        self.forget_worst()
 
     def forget_worst(self) -> None:
         """Begin the smallest clearances anew."""
         self._worst.clear()
+        self._least = ((), np.zeros(0))
 
     @property
     def thinned_s(self) -> float | None:
@@ -119,6 +142,10 @@ class Session:
         ]
         return min(watched, key=lambda each: each[1].upper, default=None)
 
+    def worst_of_each(self) -> dict[PairName, Worst]:
+        """Return the smallest clearance of each pair that had one."""
+        return dict(self._worst)
+
     def series(
         self, pair: PairName | None = None, ignored: Collection[PairName] = ()
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -155,12 +182,24 @@ class Session:
 
     def _note_worst(self, frame: Frame) -> None:
         pairs = frame.pairs
-        for i in np.flatnonzero((pairs.level != STALE) & np.isfinite(pairs.upper)):
-            known = self._worst.get(pairs.names[i])
-            if known is None or pairs.upper[i] < known.upper:
-                self._worst[pairs.names[i]] = Worst(
-                    float(pairs.lower[i]), float(pairs.upper[i]), frame.stamp_s, frame.poses
-                )
+        names, least = self._least
+        if pairs.names is not names:  # most ticks share them
+            known = (self._worst.get(name) for name in pairs.names)
+            uppers = (np.inf if worst is None else worst.upper for worst in known)
+            least = np.fromiter(uppers, float, len(pairs))
+            self._least = (pairs.names, least)
+        nearer = pairs.upper < least  # NaN is not
+        for i in np.flatnonzero(nearer & (pairs.level != STALE)):
+            least[i] = pairs.upper[i]
+            self._worst[pairs.names[i]] = Worst(
+                float(pairs.lower[i]),
+                float(pairs.upper[i]),
+                frame.stamp_s,
+                frame.poses,
+                pairs.points[i].copy(),  # not all of the tick
+                int(pairs.status[i]),
+                int(pairs.level[i]),
+            )
 
 
 def _bounds(

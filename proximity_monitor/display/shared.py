@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import viser
 
+from proximity_monitor.display.conflicts import Conflicts
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.holds import Holds
+from proximity_monitor.display.received import Part
 from proximity_monitor.display.session import Session
+from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.tried import Tried
+
+
+class Shown(NamedTuple):
+    """The content of a page, all of one scene."""
+
+    scene: SceneInfo
+    frame: Frame
+    """The tick that is looked at."""
+    parts: Sequence[Part]
+    newest: Frame
+    """The last tick."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +36,9 @@ class Shared:
     holds: Holds
     session: Session
     events: Events
+    conflicts: Conflicts
     tried: Tried
-    ask: Callable[[Mapping[str, float]], None]
+    ask: Callable[[Mapping[str, float | str]], None]
     """Sends parameters to the monitor."""
+    ask_player: Callable[[Mapping[str, float]], None]
+    """Sends parameters to the player."""

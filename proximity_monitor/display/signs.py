@@ -1,7 +1,8 @@
 """How a clearance is shown: its number with unit, its sign, its colour.
 
 Every state has a glyph, a word and a line pattern of its own, so that nothing depends on colour
-alone. The colours are of the palette of Okabe and Ito, which most people can tell apart.
+alone. The colours are of the palette of Okabe and Ito, which most people can tell apart. Contact is
+a dark purple, because a pink is a grey for those who see no green.
 """
 
 from __future__ import annotations
@@ -36,14 +37,20 @@ class Sign(NamedTuple):
     word: str
     colour: str
 
+    @property
+    def kind(self) -> str:
+        """The state of the pairs that have it, one of `order.KINDS`."""
+        word = self.word.rstrip("?").lower()
+        return "contact" if word == "overlap" else word
+
 
 CLEAR_SIGN = Sign("●", "clear", fresh.CLEAR)
 WARN_SIGN = Sign("▲", "warn", "#e69f00")
 WARN_UNPROVED_SIGN = Sign("△", "warn?", "#e69f00")
 STOP_SIGN = Sign("■", "STOP", "#d55e00")
 STOP_UNPROVED_SIGN = Sign("□", "STOP?", "#d55e00")
-CONTACT_SIGN = Sign("✖", "CONTACT", "#cc2f8f")
-OVERLAP_SIGN = Sign("✖", "OVERLAP", "#cc2f8f")
+CONTACT_SIGN = Sign("✖", "CONTACT", "#9008ac")
+OVERLAP_SIGN = Sign("✖", "OVERLAP", "#9008ac")
 HIDDEN_SIGN = Sign("◍", "hidden", fresh.GREY)
 STALE_SIGN = Sign("?", "stale", fresh.GREY)
 
@@ -51,7 +58,7 @@ _FAR = np.array([0x00, 0x72, 0xB2], float)
 _CLEAR = np.array([0x00, 0x9E, 0x73], float)
 _WARN = np.array([0xE6, 0x9F, 0x00], float)
 _STOP = np.array([0xD5, 0x5E, 0x00], float)
-_CONTACT = np.array([0xCC, 0x2F, 0x8F], float)
+_CONTACT = np.array([0x90, 0x08, 0xAC], float)
 _STALE = np.array([0x7A, 0x7A, 0x85], float)
 
 

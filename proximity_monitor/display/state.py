@@ -58,6 +58,10 @@ class SceneInfo:
     own_thresholds: Mapping[tuple[str, str], Thresholds]
     own_parameters: bool
     settings: Mapping[str, float | None]
+    path: str = ""
+    """Of the scene's file, on the monitor's machine."""
+    attachments: Mapping[str, str] = field(default_factory=dict)
+    """The parent's name by the child's, of bodies that move together."""
 
     @classmethod
     def read(cls, text: str) -> SceneInfo:
@@ -83,6 +87,8 @@ class SceneInfo:
                 },
                 own_parameters=told["own_parameters"],
                 settings=told["settings"],
+                path=told["path"],
+                attachments=told["attachments"],
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(
@@ -162,10 +168,10 @@ class Pairs:
         """How many pairs are listed."""
         return len(self.names)
 
-    @property
+    @cached_property
     def places(self) -> Mapping[tuple[str, str], int]:
         """The row of each pair."""
-        return places(self.names)
+        return places(self.names)  # looked up once, because it hashes all names
 
     @cached_property
     def touching(self) -> np.ndarray:
@@ -199,3 +205,37 @@ class Health:
     def number(self, key: str) -> float:
         """Return a value as a number; NaN if there is none."""
         return float(self.schedule.get(key, math.nan))
+
+
+@dataclass(frozen=True)
+class Playing:
+    """What a player told of its motion: the moment follows from it until the next word."""
+
+    moment_s: float
+    """Seconds of motion at `stamp_s`."""
+    stamp_s: float
+    speed: float
+    """Seconds of motion a second; 0: it stands still."""
+    period_s: float | None
+    """Seconds after which it repeats or rests; None: it does neither."""
+
+    @classmethod
+    def read(cls, text: str) -> Playing:
+        """Read the JSON of a player's ~/motion.
+
+        Raises:
+            ValueError: it is not what a player of this version publishes.
+        """
+        try:
+            told = cls(**json.loads(text))
+            numbers = (told.moment_s, told.stamp_s, told.speed, told.period_s or 1.0)
+            if not all(math.isfinite(each) for each in numbers):
+                raise ValueError("a number is not finite")
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"a player's ~/motion is not what is read here: {error}") from error
+        return told
+
+    def at(self, stamp_s: float) -> float:
+        """Return the moment at a stamp, within the period."""
+        moment = self.moment_s + max(stamp_s - self.stamp_s, 0.0) * self.speed
+        return moment % self.period_s if self.period_s else moment

@@ -13,6 +13,9 @@ from proximity_monitor.display.geometry import rotate
 FILL = 0.4
 """Share of the picture that a gap takes after the camera went to it."""
 
+HIGH = math.radians(75.0)
+"""Height of a picture, as an angle at the camera."""
+
 NEAREST = 3e-5
 """How near the camera goes to a gap, in units of the page.
 
@@ -50,13 +53,17 @@ class View(NamedTuple):
         )
 
     @classmethod
-    def looking(cls, position: np.ndarray, at: np.ndarray) -> View:
-        """Return the view of a browser that does not tell its own: 1280 by 800, up is z."""
+    def looking(
+        cls, position: np.ndarray, at: np.ndarray, size: tuple[float, float] = (1280.0, 800.0)
+    ) -> View:
+        """Return the view of a camera that looks at a point (3,), 75 degrees high; up is z."""
         forward = (at - position) / np.linalg.norm(at - position)
         right = np.cross(forward, (0.0, 0.0, 1.0))
-        right /= np.linalg.norm(right) or 1.0
+        if np.linalg.norm(right) < 1e-6:
+            right = np.array((1.0, 0.0, 0.0))  # it looks along z
+        right /= np.linalg.norm(right)
         axes = np.array((right, np.cross(forward, right), forward))
-        return cls(position, axes, 400.0 / math.tan(math.radians(37.5)), (1280.0, 800.0))
+        return cls(position, axes, size[1] / (2.0 * math.tan(HIGH / 2.0)), size)
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return where points (n, 3) are on the screen (n, 2), and their depths (n,).

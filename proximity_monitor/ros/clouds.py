@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
+from proximity_monitor.scene.naming import safe
+
 _KINDS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
@@ -15,7 +17,7 @@ def control_topic(body: str, control_name: str) -> str:
         body: its name.
         control_name: that of its model, as `engine.Model` has it.
     """
-    return f"bodies/{body}/{'vertices' if control_name == 'vertices' else 'control'}"
+    return f"bodies/{safe(body)}/{'vertices' if control_name == 'vertices' else 'control'}"
 
 
 def read_points(message: PointCloud2) -> np.ndarray:

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 
 from geometry_msgs.msg import Pose, PoseArray, PoseStamped
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 
 from proximity_monitor import motion
 from proximity_monitor.ros.clouds import control_topic
 from proximity_monitor.ros.descriptions import Descriptions
+from proximity_monitor.ros.motion_clock import MotionClock
 from proximity_monitor.ros.parameters import AS_SCENE, declare_one
 from proximity_monitor.ros.played import as_cloud, as_joint_state, set_pose
-from proximity_monitor.ros.qos import LATEST
+from proximity_monitor.ros.qos import LATCHED, LATEST
 from proximity_monitor.ros.spin import interruptible, ros, spin
 from proximity_monitor.scene import Scene, load_scene
 from proximity_monitor.scene.opening import find_scene
@@ -35,15 +37,18 @@ class ProximityPlayer(Node):
     These are: the PoseStamped of each driven body or robot's root on its topic or, with ``bulk``,
     one PoseArray on ``poses`` with all moving bodies in the scene's order; a JointState with the
     driven joints on the topic of their robot; the control points of each deforming body as
-    PointCloud2 on ``bodies/NAME/vertices``, or ``bodies/NAME/control`` unless it is a mesh. Bodies
-    that are named in the parameter ``released``, which can change at any time, are left out,
-    because a hand or another node moves them. In bulk that is impossible.
+    PointCloud2 on ``bodies/NAME/vertices``, or ``bodies/NAME/control`` unless it is a mesh; and on
+    ``~/motion``, latched, which moment of the motion it is (see `MotionClock.told`).
+
+    Parameters that can change at any time: ``released`` (bodies that are left out, because a hand
+    or another node moves them; in bulk that is impossible), ``speed`` (seconds of motion in a
+    second of the node's clock; 0 stands still), ``seek_s`` (the moment of the motion to go on
+    from; at start, the seconds that are left out).
 
     Parameters that are read at start: ``scene`` (file or bundled name), ``rate_hz`` (messages a
-    second and body; -1: the scene's rate, at least `LEAST`), ``speed`` (seconds of motion in a
-    second of the node's clock), ``seek_s`` (seconds of motion that are left out), ``loop`` (false:
-    the player ends after one period, where the motion has one), ``bulk``, ``fixed_frame`` (empty:
-    the scene file's).
+    second and body; -1: the scene's rate, at least `LEAST`), ``loop`` (false: the player ends
+    after one period, where the motion has one), ``bulk``, ``fixed_frame`` (empty: the scene
+    file's).
     """
 
     def __init__(self, moves: motion.Motion | None = None, **node_options) -> None:
@@ -68,11 +73,13 @@ class ProximityPlayer(Node):
             self._motion = moves if moves is not None else motion.from_scene(scene, live=True)
             self._motion.seek(values["seek_s"])
         self._frame = values["fixed_frame"] or scene.frame
-        self._speed, self._seek_s = values["speed"], values["seek_s"]
+        self._motion_clock = MotionClock(values["speed"], values["seek_s"])
+        self._to_seek: float | None = None  # done by the timer, because a parameter must not wait
         self._ends_at = None if values["loop"] else self._motion.period_s
         self.finished = False
-        self._advertise(scene, values["bulk"])
-        self._started_ns: int | None = None
+        self._advertise(scene, values["bulk"], values["seek_s"])
+        self.add_on_set_parameters_callback(_judged)
+        self.add_post_set_parameters_callback(self._on_parameters)
         rate_hz = values["rate_hz"] if values["rate_hz"] != AS_SCENE else max(scene.rate_hz, LEAST)
         if not rate_hz >= 0.1:
             raise ValueError(
@@ -81,8 +88,8 @@ class ProximityPlayer(Node):
         self._timer = self.create_timer(1.0 / rate_hz, self._publish)
         self.get_logger().info(
             f"{'; '.join(self._motion.describe().splitlines())}, published at {rate_hz:g} Hz"
-            f"{' in bulk' if values['bulk'] else ''}, speed {self._speed:g}"
-            + (f", from {self._seek_s:g} s" if self._seek_s else "")
+            f"{' in bulk' if values['bulk'] else ''}, speed {values['speed']:g}"
+            + (f", from {values['seek_s']:g} s" if values["seek_s"] else "")
         )
 
     def _declare(self) -> dict:
@@ -94,7 +101,7 @@ class ProximityPlayer(Node):
                 f"Messages a second for each body; -1: the scene's, or {LEAST:g} if that is less.",
             ),
             "speed": (1.0, 0.0, 1000.0, "Seconds of motion in a second; 0 stands still."),
-            "seek_s": (0.0, 0.0, 1e9, "Seconds of motion that are left out at the start."),
+            "seek_s": (0.0, 0.0, 1e9, "Moment of the motion to go on from, in seconds."),
         }
         other = {
             "scene": ("engine", "Scene file, or the name of a bundled scene."),
@@ -105,7 +112,7 @@ class ProximityPlayer(Node):
         for name, (default, low, high, text) in number.items():
             limits = [FloatingPointRange(from_value=low, to_value=high)]
             descriptor = ParameterDescriptor(
-                description=text, read_only=True, floating_point_range=limits
+                description=text, read_only=name == "rate_hz", floating_point_range=limits
             )
             declare_one(self, name, default, descriptor)
         for name, (default, text) in other.items():
@@ -117,7 +124,7 @@ class ProximityPlayer(Node):
         self.declare_parameter("released", Parameter.Type.STRING_ARRAY, descriptor)
         return {name: self.get_parameter(name).value for name in (*number, *other)}
 
-    def _advertise(self, scene: Scene, bulk: bool) -> None:
+    def _advertise(self, scene: Scene, bulk: bool, seek_s: float) -> None:
         """Make a publisher for each thing that the motion drives."""
         driven = set(self._motion.bodies)
         moving = [body.name for body in scene.bodies if body.moving]
@@ -139,7 +146,7 @@ class ProximityPlayer(Node):
                 for name, topic in posed.items()
                 if name in driven
             }
-        joints = self._motion.joints(self._seek_s)
+        joints = self._motion.joints(seek_s)
         self._joints = {
             topic: self.create_publisher(JointState, topic, LATEST)
             for topic in {
@@ -152,12 +159,38 @@ class ProximityPlayer(Node):
             name: self.create_publisher(PointCloud2, control_topic(name, called), LATEST)
             for name, called in self._motion.control_names.items()
         }
+        self._to_tell = self.create_publisher(String, "~/motion", LATCHED)
+        self._told_from_ns: int | None = None
+
+    def _on_parameters(self, parameters: Sequence[Parameter]) -> None:
+        now_ns = self.get_clock().now().nanoseconds
+        for each in parameters:
+            if each.name == "speed":
+                self._motion_clock.go_on(now_ns, each.value)
+                self._told_from_ns = None
+            elif each.name == "seek_s":
+                self._to_seek = each.value
+
+    def _seek(self) -> None:
+        """Go to another moment, which a simulation may take a while to reach."""
+        to_seek, self._to_seek = self._to_seek, None
+        self._motion.seek(to_seek)
+        self._motion_clock.seek(self.get_clock().now().nanoseconds, to_seek)
+        self._told_from_ns = None
+
+    def _tell_moment(self, now_ns: int) -> None:
+        """Tell the moment of the motion where it does not follow from what was told."""
+        if self._told_from_ns is None or now_ns < self._told_from_ns:
+            self._told_from_ns = now_ns
+            told = self._motion_clock.told(now_ns, self._motion.period_s)
+            self._to_tell.publish(String(data=told))
 
     def _publish(self) -> None:
+        if self._to_seek is not None:
+            self._seek()
         now = self.get_clock().now()
-        if self._started_ns is None or now.nanoseconds < self._started_ns:
-            self._started_ns = now.nanoseconds
-        t = self._seek_s + (now.nanoseconds - self._started_ns) * 1e-9 * self._speed
+        t = self._motion_clock.read(now.nanoseconds)
+        self._tell_moment(now.nanoseconds)
         if self._ends_at is not None and t > self._ends_at:
             self._timer.cancel()
             self.finished = True
@@ -186,6 +219,14 @@ class ProximityPlayer(Node):
             message = PoseArray(header=header)
             message.poses = [set_pose(Pose(), poses[name]) for name in self._order]
             self._bulk.publish(message)
+
+
+def _judged(parameters: Sequence[Parameter]) -> SetParametersResult:
+    """Refuse what is no number: a range lets it pass."""
+    for each in parameters:
+        if each.type_ == Parameter.Type.DOUBLE and not math.isfinite(each.value):
+            return SetParametersResult(successful=False, reason=f"{each.name}: must be finite")
+    return SetParametersResult(successful=True)
 
 
 def main(args: Sequence[str] | None = None) -> int:

@@ -6,6 +6,7 @@ when a body's control points arrive for the first time.
 
 ==================  ===========================================================================
 ``name``            of the scene file, without its suffix; a bundled scene's is its folder's
+``path``            of the scene's file, on the monitor's machine
 ``description``     one line
 ``frame``           of all poses and points
 ``unit``            ``symbol`` and ``to_metre``
@@ -16,6 +17,7 @@ when a body's control points arrive for the first time.
 ``pairs``           how many are watched
 ``thresholds``      ``warn``, ``stop`` and ``hysteresis`` of the pairs that have none of their own
 ``own_thresholds``  a list: ``a`` and ``b``, with the same three
+``attachments``     the parent's name by the child's, of bodies that move together
 ``own_parameters``  whether the latter can be set, as parameters ``pairs.<a>.<b>.<limit>``
 ``settings``        in force: ``rate_hz``, ``budget_ms``, ``pose_timeout_s``, and ``rel_err`` and
                     ``abs_err``, null where each pair has its own
@@ -63,6 +65,7 @@ class SceneMessage:
         path, unit = scene.path, scene.unit
         told = {
             "name": path.parent.name if path.name == "scene.yaml" else path.stem,
+            "path": str(path),
             "description": scene.description,
             "frame": settings.frame,
             "unit": {"symbol": unit.symbol, "to_metre": unit.to_metre},
@@ -78,6 +81,7 @@ class SceneMessage:
                 {"a": scene.pairs[i].a, "b": scene.pairs[i].b, **_limits(limits[i])}
                 for i in self._own
             ],
+            "attachments": dict(settings.attachments),
             "own_parameters": len(self._own) <= MAX_PAIRS,
             "settings": {
                 "rate_hz": settings.rate_hz,

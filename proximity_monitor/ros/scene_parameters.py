@@ -24,6 +24,7 @@ from proximity_monitor.ros import parameters
 from proximity_monitor.ros.parameters import AS_SCENE, SPECS
 from proximity_monitor.scene import Scene, Thresholds
 from proximity_monitor.scene.attachments import Attachments
+from proximity_monitor.scene.naming import safe
 
 MAX_PAIRS = 100
 """How many pairs' own thresholds may become parameters. If a scene has more, none of them does: a
@@ -76,10 +77,11 @@ class SceneParameters:
         if not self.unadjustable:
             for i in own:
                 pair = scene.pairs[i]
-                self._own[i] = f"pairs.{pair.a}.{pair.b}"
+                self._own[i] = f"pairs.{safe(pair.a)}.{safe(pair.b)}"
                 self._groups[self._own[i]] = pair.thresholds
         self._fixed = {i: scene.pairs[i].thresholds for i in own if i not in self._own}
-        self._attachable = [body.name for body in scene.bodies if body.posed]
+        # The child's parameter has a word for its name in it; the parent is told by its name.
+        self._attachable = {safe(body.name): body.name for body in scene.bodies if body.posed}
         self._hangers = Attachments(scene.bodies)
         self._overrides = node._parameter_overrides  # rclpy offers no other way to see all of them
         self._turn_overrides()
@@ -128,7 +130,7 @@ class SceneParameters:
             abs_err=chosen("abs_err", None),
             frame=values["fixed_frame"] or scene.frame,
             thresholds=self._thresholds(),
-            attachments=_parents(self._values()),
+            attachments=self._parents(self._values()),
             **{name: values[name] for name in _AS_THEY_ARE},
         )
 
@@ -142,18 +144,18 @@ class SceneParameters:
                 )
                 default = float(getattr(limits, limit))
                 parameters.declare_one(self._node, f"{prefix}.{limit}", default, descriptor)
-        for child in self._attachable:
+        for word, child in self._attachable.items():
             descriptor = ParameterDescriptor(
                 description=f"The body that {child} hangs on from now on; empty: on none."
             )
-            self._node.declare_parameter(f"{_ATTACHMENTS}{child}", "", descriptor)
+            self._node.declare_parameter(f"{_ATTACHMENTS}{word}", "", descriptor)
 
     def _turn_overrides(self) -> None:
         """Take values that are given for pairs.b.a.* as values of pairs.a.b.*."""
         for i in self._own:
             pair = self._scene.pairs[i]
             for limit in _LIMITS:
-                turned = self._overrides.get(f"pairs.{pair.b}.{pair.a}.{limit}")
+                turned = self._overrides.get(f"pairs.{safe(pair.b)}.{safe(pair.a)}.{limit}")
                 name = f"{self._own[i]}.{limit}"
                 if turned is not None and name not in self._overrides:
                     del self._overrides[turned.name]
@@ -168,7 +170,7 @@ class SceneParameters:
 
     def _why(self, name: str) -> str:
         kind, *pair = name.split(".")[:-1] or [""]
-        if kind == "pairs" and {body.name for body in self._scene.bodies} >= set(pair):
+        if kind == "pairs" and {safe(body.name) for body in self._scene.bodies} >= set(pair):
             if self.unadjustable:
                 return f": more than {MAX_PAIRS} pairs have thresholds of their own"
             return ": the scene file watches no such pair with thresholds of its own"
@@ -178,7 +180,7 @@ class SceneParameters:
 
     def _names(self) -> list[str]:
         return [f"{prefix}.{limit}" for prefix in self._groups for limit in _LIMITS] + [
-            f"{_ATTACHMENTS}{child}" for child in self._attachable
+            f"{_ATTACHMENTS}{word}" for word in self._attachable
         ]
 
     def _values(self) -> dict[str, Any]:
@@ -206,7 +208,13 @@ class SceneParameters:
             warn, stop = values[f"{prefix}.warn"], values[f"{prefix}.stop"]
             if not warn >= stop:
                 return f"{prefix}: warn ({warn:g} m) must be at least stop ({stop:g} m); {way_out}"
-        return self._hangers.refusal(_parents(values))
+        return self._hangers.refusal(self._parents(values))
+
+    def _parents(self, values: Mapping[str, Any]) -> dict[str, str]:
+        given = (
+            (child, values[f"{_ATTACHMENTS}{word}"]) for word, child in self._attachable.items()
+        )
+        return {child: parent for child, parent in given if parent}
 
 
 _ATTACHMENTS = "attachments."
@@ -214,14 +222,6 @@ _OF_ROS = ("qos_overrides.", "use_sim_time", "start_type_description_service")
 _AS_THEY_ARE = tuple(
     name for name in Settings._fields if name in SPECS and not SPECS[name].overrides
 )
-
-
-def _parents(values: Mapping[str, Any]) -> dict[str, str]:
-    return {
-        name.removeprefix(_ATTACHMENTS): parent
-        for name, parent in values.items()
-        if name.startswith(_ATTACHMENTS) and parent
-    }
 
 
 def _whose(prefix: str) -> str:

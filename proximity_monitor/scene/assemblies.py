@@ -10,6 +10,7 @@ from typing import Any
 
 from proximity_monitor import engine
 from proximity_monitor.scene.description import Body
+from proximity_monitor.scene.naming import safe
 from proximity_monitor.scene.report import Keys, Report
 
 _UNFIT = re.compile(r"[^a-z0-9_]+")
@@ -52,7 +53,7 @@ def parts_of(
         moves = body.moving or not loose.isdisjoint((name, placed.name))
         pose = topic = None
         if moves:
-            topic = read_topic(f"bodies/{name}/pose", keys, report)
+            topic = read_topic(f"bodies/{safe(name)}/pose", keys, report)
         else:
             pose = body.pose @ placed.pose
             pose.setflags(write=False)

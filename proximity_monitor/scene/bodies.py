@@ -21,6 +21,7 @@ from proximity_monitor.scene.description import (
     Sphere,
     Unit,
 )
+from proximity_monitor.scene.naming import safe
 from proximity_monitor.scene.paths import model_path
 from proximity_monitor.scene.poses import pose_matrix
 from proximity_monitor.scene.report import Keys, Report, SceneError
@@ -76,7 +77,7 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
     elif "pose" in data:
         pose = read_pose(data["pose"], (*keys, "pose"), unit, report)
     else:
-        topic = data.get("topic", f"bodies/{data['name']}/pose")
+        topic = data.get("topic", f"bodies/{safe(data['name'])}/pose")
         read_topic(topic, (*keys, "topic"), report)
     return Body(
         name=data["name"],

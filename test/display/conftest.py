@@ -348,8 +348,8 @@ def raw(server):
 
 
 @pytest.fixture
-def alone(server, raw, monkeypatch):
+def alone(server, raw, monkeypatch, tmp_path):
     """That browser's page, with a scene, and all that it shares with others."""
     from page_alone import page_of
 
-    return page_of(server, raw, monkeypatch)
+    return page_of(server, raw, monkeypatch, tmp_path / "cell.conflicts.json")

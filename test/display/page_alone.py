@@ -45,15 +45,17 @@ def frame(stamp_s, clearance=0.3, level=0, poses=(HERE, THERE)):
     return Frame(stamp_s, np.array(poses), told)
 
 
-def page_of(server, raw, monkeypatch):
+def page_of(server, raw, monkeypatch, conflicts):
     """The page of one browser, with all that it shares with others."""
     monkeypatch.setattr(all_pages, "STEP_S", np.inf)
     monkeypatch.setattr(pages, "TABLE_S", 0.0)
     monkeypatch.setattr(pages, "LONGEST_S", 0.0)
-    inbox, holds, logged = Inbox(), Holds(), []
+    inbox, holds, logged, asked = Inbox(), Holds(), [], []
     node = SimpleNamespace(
         set_parameters_of_monitor=lambda values: None,
+        set_parameters_of_player=asked.append,
         get_logger=lambda: SimpleNamespace(error=logged.append),
+        conflicts=str(conflicts),
     )
     made = all_pages.Pages(server, inbox, holds, node)
 
@@ -66,7 +68,7 @@ def page_of(server, raw, monkeypatch):
     own = made._pages[raw.client.client_id]
     return SimpleNamespace(
         tell=tell, all=own, pages=made, move=own._move, choice=own._choice, holds=holds,
-        hand=own.hand, session=made._shared.session, logged=logged,
+        hand=own.hand, session=made._shared.session, logged=logged, asked=asked,
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 
 import numpy as np
@@ -218,6 +219,35 @@ def test_each_part_is_as_transparent_as_one_likes(page, wait):
     wait(lambda: page.evaluate(OPACITY, 0) is None, "the peg to be opaque")
 
 
+BAND = """name => {
+  const node = window.__viserSceneTree.getState()[name];
+  return node ? node.message.props.vertices.byteLength / 36 : 0;
+}"""
+
+
+def test_the_bore_is_coloured_by_the_peg_s_clearance(page, put, wait):
+    put(0.046, 0, -10)  # 0.004 mm from one side of the bore: below stop
+    tab(page, "Clearances")
+    page.get_by_text("Picture", exact=True).click()
+    field(page, "Look of").fill("block")
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    bands = page.locator("input[type=checkbox]:visible").nth(2)
+    assert not page.evaluate(BAND, "/parts/1/band_2")
+    bands.click()
+    wait(lambda: page.evaluate(BAND, "/parts/1/band_0"), "what is below stop")
+    wait(lambda: page.evaluate(BAND, "/parts/1/band_2"), "what is above warn")
+    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the plain block to go")
+    assert "below stop" in page.locator("#pm-bands").inner_text()
+    put(20, 0, 40)
+    wait(lambda: not page.evaluate(BAND, "/parts/1/band_0"), "nothing below stop")
+    tab(page, "Clearances")
+    bands.click()
+    wait(lambda: page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the plain block")
+    assert not page.evaluate(BAND, "/parts/1/band_2")
+    page.get_by_text("Picture", exact=True).click()
+
+
 # How many pixels are between two clearances in the plot, and whether the plot shows a third.
 IN_PLOT = """([first, second, third]) => {
   const {chart} = Object.values(window.__viserTestpoints.uplots)[0];
@@ -372,6 +402,30 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
     wait(lambda: page.get_attribute("#pm-connection", "data-state") == "live", "the present")
     tab(page, "Clearances")
     press(page, CHOSEN)
+
+
+def test_the_motion_is_sought_played_and_paused_from_the_page(page, wait):
+    choose(page, "peg")
+    release = button(page, "Let go: its own source moves it")
+    if release.is_enabled():
+        release.click()
+    tab(page, "Session")
+    note = page.locator("#pm-motion")
+    wait(lambda: re.fullmatch(r"At 0.00 of .*, speed 1e-09.", note.inner_text()), "the motion")
+    before = held(page)
+    field(page, "Moment [s]", 1).fill("2")
+    wait(lambda: note.inner_text().startswith("At 2.00 of"), "the player to go there")
+    wait(lambda: held(page) != pytest.approx(before, abs=1e-3), "the peg to be elsewhere")
+    button(page, "Pause").click()
+    wait(lambda: note.inner_text().endswith("paused."), "the player to pause")
+    page.get_by_role("button", name="Play", exact=True).click()
+    wait(lambda: note.inner_text().endswith("speed 1e-09."), "the player to go on")
+    field(page, "Speed").fill("0.5")
+    wait(lambda: note.inner_text().endswith("speed 0.5."), "the player to be faster")
+    there = held(page)
+    wait(lambda: held(page) != pytest.approx(there, abs=1e-3), "the peg to move")
+    button(page, "Pause").click()
+    wait(lambda: note.inner_text().endswith("paused."), "the player to pause")
 
 
 def test_the_smallest_clearances_begin_anew(put, page, wait):

@@ -37,6 +37,7 @@ BODIES = [
 ]
 SCENE = {
     "name": "cell",
+    "path": "/scenes/cell.yaml",
     "description": "",
     "frame": "world",
     "unit": {"symbol": "mm", "to_metre": 0.001},
@@ -45,6 +46,7 @@ SCENE = {
     "pairs": 1,
     "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
     "own_thresholds": [],
+    "attachments": {},
     "own_parameters": True,
     "settings": {"rate_hz": 30.0},
 }

@@ -197,7 +197,8 @@ def described(folder, text, **settings):
     scene = load_scene(path)
     made = SceneMessage(scene, load_models(scene), lambda topic: f"/left/{topic}")
     in_force = dict.fromkeys(Settings._fields) | {
-        "frame": "cell", "budget_s": 0.01, "body_topics": True, "thresholds": (Thresholds(2, 1, 0),)
+        "frame": "cell", "budget_s": 0.01, "body_topics": True,
+        "thresholds": (Thresholds(2, 1, 0),), "attachments": {"cursor": "ball"},
     } | settings  # fmt: skip
     return SceneInfo.read(made.message(Settings(**in_force), ()).data)
 
@@ -206,6 +207,8 @@ def test_the_scene_is_read_as_the_monitor_writes_it(tmp_path):
     scene = described(tmp_path, SCENE)
     assert scene.unit == Unit("mm", 0.001)
     assert scene.moving == ("ball", "cursor")
+    assert scene.attachments == {"cursor": "ball"}
+    assert scene.path == str(tmp_path / "cell.yaml")
     topics = [body.topic for body in scene.bodies]
     assert topics == [None, "/left/bodies/ball/pose", "/left/hand"]
     assert [body.point for body in scene.bodies] == [False, False, True]

@@ -27,6 +27,7 @@ from proximity_monitor.display.state import (
     WARN,
     Frame,
     Pairs,
+    Playing,
     SceneInfo,
     Thresholds,
     Unit,
@@ -36,6 +37,7 @@ MM = Unit("mm", 0.001)
 NAMES = (("a", "b"), ("a", "c"))
 TOLD = {
     "name": "cell",
+    "path": "/scenes/cell.yaml",
     "description": "",
     "frame": "world",
     "unit": {"symbol": "mm", "to_metre": 0.001},
@@ -48,10 +50,12 @@ TOLD = {
     "pairs": 2,
     "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
     "own_thresholds": [{"a": "a", "b": "c", "warn": 0.2, "stop": 0.1, "hysteresis": 0.0}],
+    "attachments": {},
     "own_parameters": True,
     "settings": {"rate_hz": 30.0},
 }
 CELL = SceneInfo.read(json.dumps(TOLD))
+MOTION = {"moment_s": 2.0, "stamp_s": 10.0, "speed": 0.5, "period_s": 3.0}
 
 
 def pairs(lower, upper, status=0, level=0, names=NAMES):
@@ -345,3 +349,39 @@ def test_a_box_has_twelve_feature_edges_and_a_flat_sheet_its_border():
     assert sorted(lengths.round(9)) == [1.0] * 4 + [2.0] * 4 + [3.0] * 4
     sheet = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0]], float)
     assert len(feature_edges(sheet)) == 4
+
+
+def test_the_moment_of_a_motion_follows_from_what_its_player_told():
+    playing = Playing.read(json.dumps(MOTION))
+    assert [playing.at(stamp_s) for stamp_s in (9.0, 10.0, 11.0, 13.0)] == [2.0, 2.0, 2.5, 0.5]
+    endless = Playing.read(json.dumps(MOTION | {"period_s": None}))
+    assert endless.at(13.0) == 3.5
+
+
+@pytest.mark.parametrize(
+    "told", [[], {}, MOTION | {"speed": "x"}, MOTION | {"stamp_s": float("inf")}, MOTION | {"x": 1}]
+)
+def test_another_program_s_motion_is_refused(told):
+    with pytest.raises(ValueError, match="~/motion"):
+        Playing.read(json.dumps(told))
+
+
+class Counted(str):
+    """A name that counts how often it is hashed."""
+
+    hashed = 0
+
+    def __hash__(self):
+        Counted.hashed += 1
+        return super().__hash__()
+
+
+def test_the_names_of_a_tick_are_hashed_once_however_often_rows_are_looked_up():
+    names = ((Counted("a"), Counted("b")), (Counted("a"), Counted("c")))
+    zeros = np.zeros(2)
+    pairs = Pairs(names, zeros, zeros, np.zeros((2, 2, 3)), zeros, zeros, zeros, zeros, ("", ""))
+    assert pairs.places["a", "c"] == 1
+    before = Counted.hashed
+    for _ in range(100):
+        assert pairs.places["a", "b"] == 0
+    assert Counted.hashed == before

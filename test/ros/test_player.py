@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import time
@@ -13,13 +14,17 @@ from deadlines import START_DEADLINE_S
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
 from geometry_msgs.msg import PoseArray, PoseStamped
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState, PointCloud2, PointField
+from std_msgs.msg import String
 
 from proximity_monitor import engine, motion
 from proximity_monitor.ros.clouds import read_points
+from proximity_monitor.ros.qos import LATCHED
 from proximity_monitor.scene import load_scene
 
 NodeNameNonExistentError = rclpy_implementation.NodeNameNonExistentError
@@ -103,6 +108,19 @@ class Listener:
         heard = self.heard[topic] = []
         self.node.create_subscription(kind, topic, heard.append, QoSProfile(depth=10))
 
+    def latched(self, kind, topic):
+        heard = self.heard[topic] = []
+        self.node.create_subscription(kind, topic, heard.append, LATCHED)
+
+    def set(self, process, **values):
+        """Set a parameter of the player; return whether it agreed."""
+        client = self.node.create_client(SetParameters, "proximity_player/set_parameters")
+        parameters = [Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
+        self.wait(client.service_is_ready, process)
+        answer = client.call_async(SetParameters.Request(parameters=parameters))
+        self.wait(answer.done, process)
+        return all(each.successful for each in answer.result().results)
+
     def wait(self, condition, process):
         deadline = time.monotonic() + START_DEADLINE_S
         while not (found := condition()):
@@ -117,7 +135,7 @@ class Listener:
         return {topic: each[:count] for topic, each in self.heard.items()}
 
     def topics(self, process, *least):
-        """What the player publishes beside its log and parameters, once `least` is among it."""
+        """What the player publishes of the scene, once `least` is among it."""
 
         def published():
             try:
@@ -127,6 +145,7 @@ class Listener:
             except NodeNameNonExistentError:  # the player is not known yet
                 return None
             names = {name for name, _ in found} - {"/rosout", "/parameter_events"}
+            names.discard(f"{self.namespace}/proximity_player/motion")
             return names if names >= {f"{self.namespace}/{topic}" for topic in least} else None
 
         return self.wait(published, process)
@@ -231,6 +250,49 @@ def test_in_bulk_one_message_has_all_moving_bodies_in_the_scenes_order(scene, pl
             assert_same(pose, expected[name])
     passed = seconds(last.header) - seconds(first.header)
     assert (times[1] - times[0]) % 1.0 == pytest.approx(passed % 1.0, abs=1e-6)
+
+
+def angle(message):
+    """The turn about z, in turns."""
+    turn = message.pose.orientation
+    return math.atan2(turn.z, turn.w) / math.pi % 1.0
+
+
+def test_the_motion_is_paused_resumed_and_sought_while_it_runs(scene, play, listener):
+    path, _ = scene(CRANK)  # a turn a second
+    process = play(path, speed=0.02)
+    told, heard = "proximity_player/motion", listener.heard
+    listener.subscribe(PoseStamped, "bodies/wheel/pose")
+    listener.latched(String, told)
+    listener.first(process)
+
+    def moment(message, motion):
+        """The moment that what was told says for a pose's stamp."""
+        passed = seconds(message.header) - motion["stamp_s"]
+        return motion["moment_s"] + passed * motion["speed"]
+
+    def follows(count, **expected):
+        """Whether the last told motion is the expected one, and poses came since that follow it."""
+        motion, poses = json.loads(heard[told][-1].data), heard["bodies/wheel/pose"]
+        since = [m for m in poses if seconds(m.header) > motion["stamp_s"]]
+        if len(since) < count or any(motion[k] != pytest.approx(v) for k, v in expected.items()):
+            return None
+        for each in since:
+            assert angle(each) == pytest.approx(moment(each, motion) % 1.0, abs=1e-6)
+        return motion
+
+    listener.wait(lambda: follows(3, speed=0.02, period_s=1.0), process)
+    listener.set(process, speed=0.0)
+    paused = listener.wait(lambda: follows(5, speed=0.0), process)
+    assert 0.0 < paused["moment_s"] < 0.9
+    listener.set(process, speed=0.01)
+    resumed = listener.wait(lambda: follows(3, speed=0.01), process)
+    assert resumed["moment_s"] == paused["moment_s"]
+    listener.set(process, seek_s=0.25)
+    sought = listener.wait(lambda: follows(3, moment_s=0.25), process)
+    assert sought["speed"] == 0.01
+    assert not listener.set(process, speed=-1.0)
+    assert not listener.set(process, seek_s=math.nan)
 
 
 def test_joints_are_published_on_the_topic_of_their_robot(scene, play, listener):

@@ -131,7 +131,12 @@ SCHEMA_FAULTS = {
     ),
     "body is no mapping": (BALL, "  - ball\n", "4: bodies[0]: must be a mapping (got 'ball')"),
     "name missing": ("name: ball, ", "", "4: bodies[0]: needs the key 'name'"),
-    "name illegal": ("name: ball", "name: Ball", "4: bodies[0].name: must be lower-case letters"),
+    "name with an edge": (
+        "name: ball",
+        "name: ' Ball'",
+        "4: bodies[0].name: must be a text of 1 to",
+    ),
+    "name like a pair": ("name: ball", "name: a - b", "4: bodies[0].name: must be a text of 1 to"),
     "scale 0": (
         "moving: true",
         "scale: 0, moving: true",

@@ -78,7 +78,7 @@ FAULTS = {
         "22: pairs.watch[0].between[1]: nothing is named 'q'; known are base, arm, tool, both",
     ),
     "group named as a body": ("both:", "arm:", "20: pairs.groups.arm: 'arm' is a body"),
-    "group of illegal name": ("both:", "Both:", "20: pairs.groups.Both: must be lower-case"),
+    "group of illegal name": ("both:", "'a - b':", "20: pairs.groups.a - b: must be a text of 1"),
     "a name twice in a group": (
         "[arm, tool]\n  w",
         "[arm, arm]\n  w",

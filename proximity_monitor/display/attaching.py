@@ -1,0 +1,59 @@
+"""Attaching a part to another, so that they move together, and detaching it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from html import escape
+
+import viser
+
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.holds import Hand
+from proximity_monitor.display.inbox import News
+from proximity_monitor.scene.naming import safe
+
+NOTHING = "(nothing)"
+
+
+class Attaching:
+    """The input of the part at the gizmo. It sets the monitor's parameters, so it is for all."""
+
+    def __init__(
+        self,
+        gui: viser.GuiApi,
+        hand: Hand,
+        choice: Choice,
+        ask: Callable[[Mapping[str, str]], None],
+    ) -> None:
+        """Add it at this place of the GUI; `ask` sends parameters to the monitor."""
+        self._choice = choice
+        self._asked = False
+        self._told: tuple = ()
+        self._parent = gui.add_dropdown(
+            "Attached to", (NOTHING,), hint="They move together from now on, for all browsers"
+        )
+        self._refusal = gui.add_html("")
+
+        @self._parent.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            child, parent = self._choice.body, self._parent.value
+            if event.client is None or child is None:
+                return
+            hand.release(child)  # else it would be shown where the hand left it
+            self._asked = True
+            ask({f"attachments.{safe(child)}": "" if parent == NOTHING else parent})
+
+    def show(self, news: News) -> None:
+        """Follow what is in force."""
+        child, scene = self._choice.body, news.scene
+        names = (body.name for body in scene.bodies if body.name != child)
+        options = (NOTHING,) if child is None else (NOTHING, *names)
+        if self._parent.options != options:
+            self._parent.options = options
+        parent = NOTHING if child is None else scene.attachments.get(child, NOTHING)
+        if self._told != (child, parent, news.refusal):
+            self._told = (child, parent, news.refusal)
+            self._parent.value = parent
+        self._parent.disabled = child is None
+        told = f"not taken: {news.refusal}" if self._asked and news.refusal else ""
+        self._refusal.content = f'<div class="pm pm-small pm-unproved">{escape(told)}</div>'

@@ -1,0 +1,154 @@
+"""Parts coloured by clearance, where that is asked for; see `bands`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from proximity_monitor.display import bands
+from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.received import Part
+from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, STOP_SIGN, WARN_SIGN, length
+from proximity_monitor.display.state import Frame, SceneInfo
+
+EVERY_S = 0.5
+"""Seconds between two parts' bands at least."""
+
+COLOURS = ((213, 94, 0), (230, 159, 0), (86, 180, 233), (150, 150, 155))
+"""By band: below stop, below warn, above, not known. They differ in lightness, too."""
+
+_WORDS = ("below stop", "below warn", "above", "not known yet")
+_SIGNS = (STOP_SIGN, WARN_SIGN, CLEAR_SIGN, STALE_SIGN)
+
+_WORKER = ThreadPoolExecutor(1, thread_name_prefix="bands")
+"""One for all browsers, so that the page has its time."""
+
+
+_Near = tuple[tuple[Part, bytes | None], tuple]
+"""A part with its pose, and those near it: part, pose, whether it is a point, and the limits."""
+
+
+class _Job(NamedTuple):
+    name: str
+    near: _Near
+    stamp_s: float
+    answer: Future
+
+
+class Banding:
+    """The coloured meshes of one page."""
+
+    def __init__(self, api: viser.SceneApi, parts: Parts, scene: SceneInfo) -> None:
+        """Begin without any."""
+        self._api = api
+        self._parts = parts
+        self._scene = scene
+        self._number = {body.name: i for i, body in enumerate(scene.bodies)}
+        self._nodes: dict[str, list[viser.MeshHandle]] = {}
+        self._made: dict[str, tuple[_Near | None, float]] = {}  # of what, and from which tick
+        self._job: _Job | None = None
+        self._due_s = 0.0
+        self._behind_s = 0.0
+        self._sampled_m = 0.0
+
+    def show(
+        self, frame: Frame, parts: Sequence[Part], wanted: Sequence[str], now_s: float
+    ) -> None:
+        """Colour the parts that are wanted, one after the other, and no other."""
+        for name in self._nodes.keys() - set(wanted):
+            self._clear(name)
+        if self._job is not None and self._job.answer.done():
+            job, self._job = self._job, None
+            if job.name in wanted:
+                self._draw(job)
+        near = {name: self._near(name, frame, parts) for name in wanted}
+        old = [n for n in wanted if n not in self._made or self._made[n][0] != near[n]]
+        since = [frame.stamp_s - self._made[name][1] for name in old if name in self._made]
+        self._behind_s = max(since, default=0.0)
+        if self._job is None and old and now_s >= self._due_s:
+            self._due_s = now_s + EVERY_S
+            name = min(old, key=lambda each: self._made[each][1] if each in self._made else -np.inf)
+            self._job = _Job(name, near[name], frame.stamp_s, _WORKER.submit(_bands, near[name]))
+        for name, nodes in self._nodes.items():
+            for node in nodes:
+                if node.opacity != (opacity := self._parts[name].mesh.opacity):
+                    node.opacity = opacity
+
+    def legend(self) -> str:
+        """Return what the colours mean, as HTML; empty: there are none."""
+        if not self._nodes and self._job is None:
+            return ""
+        boxes = "".join(
+            f"<span style='background:rgb{colour};padding:0 6px'>{shown.glyph}</span> {word} "
+            for colour, word, shown in zip(COLOURS, _WORDS, _SIGNS, strict=True)
+        )
+        late = f"; {self._behind_s:.1f} s behind" if self._behind_s > 0.0 else ""
+        near = f"to {length(self._sampled_m, self._scene.unit)} along the part"
+        exact = near if self._sampled_m > 0.0 else "certain"
+        return f'<div class="pm pm-small" id="pm-bands">{boxes}<br>{exact}{late}</div>'
+
+    def _near(self, name: str, frame: Frame, parts: Sequence[Part]) -> _Near:
+        """Return all that a part's bands depend on: the listed pairs that it is in."""
+        others = []
+        for pair in frame.pairs.names:
+            if name in pair:
+                other = pair[1] if pair[0] == name else pair[0]
+                point = self._scene.bodies[self._number[other]].point
+                placed = self._placed(other, frame, parts)
+                others.append((*placed, point, self._scene.thresholds_of(pair)))
+        return self._placed(name, frame, parts), tuple(others)
+
+    def _placed(self, name: str, frame: Frame, parts: Sequence[Part]) -> tuple[Part, bytes | None]:
+        """Return a part and its pose, as bytes that can be compared."""
+        part = parts[self._number[name]]
+        moving = name in self._scene.moving
+        pose = frame.pose(self._scene.moving.index(name)) if moving else part.pose
+        return part, None if pose is None else pose.tobytes()
+
+    def _draw(self, job: _Job) -> None:
+        corners, of, self._sampled_m = job.answer.result()  # an error in it is the page's
+        self._clear(job.name)
+        view, scale = self._parts[job.name], self._parts.scale
+        # What there was no time for is tried again.
+        self._made[job.name] = (None if _is_cut(job.near, of) else job.near, job.stamp_s)
+        nodes = self._nodes[job.name] = []
+        for band, colour in enumerate(COLOURS):
+            found = corners[of == band].reshape(-1, 3) * scale
+            if len(found):
+                name = f"{view.frame.name}/band_{band}"
+                nodes.append(view.coloured(self._api, name, found, colour))
+        view.cut_away(True)
+
+    def _clear(self, name: str) -> None:
+        for node in self._nodes.pop(name, []):
+            node.remove()
+        self._made.pop(name, None)
+        self._parts[name].cut_away(False)
+
+
+def _is_placed(near: _Near) -> bool:
+    (_, own), others = near
+    return own is not None and all(pose is not None for _, pose, _, _ in others)
+
+
+def _is_cut(near: _Near, of: np.ndarray) -> bool:
+    return _is_placed(near) and bool((of == bands.UNKNOWN).any())
+
+
+def _bands(near: _Near) -> bands.Bands:
+    (part, own), others = near
+    corners = part.corners.reshape(-1, 3, 3)
+    if not _is_placed(near):
+        return bands.Bands(corners, np.full(len(corners), bands.UNKNOWN), 0.0)
+    inverse = np.linalg.inv(bands.matrix(np.frombuffer(own)))
+    told = [
+        bands.Other(
+            bands.model_of(other, point), inverse @ bands.matrix(np.frombuffer(pose)), limits
+        )
+        for other, pose, point, limits in others
+    ]
+    return bands.bands(corners, told)

@@ -1,0 +1,130 @@
+"""What people decided about conflicts: new, accepted or ignored, with a comment.
+
+A decision is a note. It changes no state, no alert and no number. The file is read again before
+each change, so what others wrote in it stays. What cannot be written is kept here, and tried again.
+"""
+
+from __future__ import annotations
+
+import threading
+from datetime import UTC, datetime
+from html import escape
+from pathlib import Path
+
+from proximity_monitor.display import decisions
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.decisions import NEW, Decision, Decisions, Unsaved
+from proximity_monitor.display.order import KINDS, kinds
+from proximity_monitor.display.signs import length
+from proximity_monitor.display.state import Pairs, SceneInfo, Unit
+
+LOOK_S = 1.0
+"""Seconds between two looks at the file."""
+
+UNDECIDED = Decision()
+
+
+class Conflicts:
+    """The decisions of one scene, for all browsers."""
+
+    def __init__(self, given: str = "") -> None:
+        """Begin without a scene; `follow` comes first.
+
+        Args:
+            given: path of the file; empty: see `decisions.place`.
+        """
+        self._given = given
+        self._lock = threading.Lock()
+        self._where: tuple[str, str] | None = None  # the scene's file and name
+        self._unsaved: Unsaved = {}
+        self._waiting: dict[tuple[str, str], Unsaved] = {}  # of other scenes
+        self._known: Decisions = {}
+        self._seen: object = self  # unlike what any look at a file finds
+        self._due_s = float("-inf")
+        self.path: Path | None = None
+        """Where decisions are kept; None: there is no place."""
+        self.problem = ""
+        """Why they cannot be read or written now; empty if they can."""
+
+    @property
+    def all(self) -> Decisions:
+        """The decisions, those that are not written yet as well."""
+        return self._known | {key: told for key, (_, told) in self._unsaved.items()}
+
+    def decide(self, pair: PairName, decision: Decision) -> None:
+        """Take a decision; `follow` writes it. Any thread may call."""
+        with self._lock:
+            self._unsaved = {**self._unsaved, frozenset(pair): (pair, decision)}
+            self._due_s = float("-inf")
+
+    def follow(self, scene: SceneInfo, now_s: float) -> None:
+        """Write what is new here and read what is new in the file, from time to time."""
+        if self._where != (scene.path, scene.name):
+            self._begin(scene)
+        if self.path is None or now_s < self._due_s:
+            return
+        with self._lock:
+            unsaved, self._due_s = self._unsaved, now_s + LOOK_S
+        try:
+            if unsaved:
+                told = decisions.merged(decisions.read(self.path), unsaved, scene.name)
+                decisions.write(self.path, told)
+                self._seen = self
+            if (seen := _look(self.path)) != self._seen:
+                self._known, self._seen = decisions.decisions(decisions.read(self.path)), seen
+            with self._lock:
+                left = self._unsaved.items() - unsaved.items()
+                self._unsaved = dict(left)
+            self.problem = ""
+        except (OSError, ValueError) as error:
+            self.problem = _problem(error, self.path, bool(unsaved))
+
+    def _begin(self, scene: SceneInfo) -> None:
+        with self._lock:
+            if self._where is not None:
+                self._waiting[self._where] = self._unsaved
+            self._where = (scene.path, scene.name)
+            self._unsaved = self._waiting.pop(self._where, {})
+        self._known, self._seen, self._due_s = {}, self, float("-inf")
+        self.path, self.problem = decisions.place(scene, self._given)
+
+
+def _look(path: Path) -> tuple[int, ...] | None:
+    """Return what differs whenever a file was written; None: there is none."""
+    try:
+        found = path.stat()
+    except FileNotFoundError:
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def _problem(error: Exception, path: Path, unsaved: bool) -> str:
+    why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    kept = " What was decided since is kept here until it can be written." if unsaved else ""
+    return f"{path}: {why}. The file is left as it is.{kept}"
+
+
+def decided(pairs: Pairs, row: int, status: str, comment: str) -> Decision:
+    """Return the decision that somebody takes now about a pair as it is."""
+    bounds = (float(x) for x in (pairs.lower[row], pairs.upper[row]))
+    known = (x if abs(x) <= decisions.FAR_M else None for x in bounds)
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    return Decision(status, comment, KINDS[kinds(pairs)[row]], *known, now)
+
+
+def told(decision: Decision, state: str, unit: Unit) -> str:
+    """Return a decision in a line, for people; empty: there is none."""
+    if decision == UNDECIDED:
+        return ""
+    known = decision.upper is not None and decision.status != NEW
+    at = f" at {length(decision.upper, unit)}" if known else ""
+    worse = f" as {decision.state}, and worse now" if decision.outgrown(state) else ""
+    comment = f": {decision.comment}" if decision.comment else ""
+    return f"{decision.status}{at}{worse}{comment}"
+
+
+def row_mark(decision: Decision, state: str, unit: Unit) -> str:
+    """Return a decision as HTML, for a row of its pair."""
+    kind = "pm-unproved" if decision.outgrown(state) else "pm-dim"
+    line = escape(told(decision, state, unit))
+    return f'<div class="pm-small pm-decided {kind}">{line}</div>' if line else ""

@@ -1,0 +1,69 @@
+"""The panel in which people decide about the highlighted pair."""
+
+from __future__ import annotations
+
+from html import escape
+
+import viser
+
+from proximity_monitor.display.choice import Choice, PairName
+from proximity_monitor.display.conflicts import UNDECIDED, Conflicts, decided, told
+from proximity_monitor.display.decisions import NEW, STATUSES
+from proximity_monitor.display.order import KINDS, kinds
+from proximity_monitor.display.state import Pairs, SceneInfo
+
+
+class Deciding:
+    """Status and comment of a pair, and where they are kept."""
+
+    def __init__(self, gui: viser.GuiApi, conflicts: Conflicts, choice: Choice) -> None:
+        """Add it at this place of the GUI."""
+        self._conflicts = conflicts
+        self._choice = choice
+        self._pair: PairName | None = None  # in the fields
+        self._pairs: Pairs | None = None
+        with gui.add_folder("Status of the pair", expand_by_default=False):
+            self._note = gui.add_html("")
+            self._status = gui.add_dropdown("Status", STATUSES)
+            self._comment = gui.add_text("Comment", "")
+            self._keep = gui.add_button(
+                "Keep the status", icon=viser.Icon.CHECK,
+                hint="For all, in a file; it changes no alert",
+            )  # fmt: skip
+
+        @self._keep.on_click
+        async def _(_) -> None:
+            row = None if self._pairs is None else self._pairs.places.get(self._pair)
+            if row is not None:
+                decision = decided(self._pairs, row, self._status.value, self._comment.value)
+                conflicts.decide(self._pair, decision)
+
+    def show(self, pairs: Pairs, scene: SceneInfo) -> None:
+        """Follow the highlighted pair; what is typed stays while that is the same.
+
+        Args:
+            pairs: of now, which is what one decides about.
+            scene: of these.
+        """
+        pair, self._pairs = self._choice.pair, pairs
+        decision = UNDECIDED if pair is None else self._conflicts.all.get(frozenset(pair))
+        decision = decision or UNDECIDED
+        if pair != self._pair:
+            self._pair = pair
+            self._status.value, self._comment.value = decision.status, decision.comment
+        row = pairs.places.get(pair)
+        self._keep.disabled = row is None
+        problem = escape(self._conflicts.problem)
+        self._note.content = (
+            f'<div class="pm pm-small" id="pm-decided">{escape(self._line(decision, scene, row))}'
+            f'<div class="pm-unproved">{problem}</div></div>'
+        )
+
+    def _line(self, decision, scene: SceneInfo, row: int | None) -> str:
+        if self._pair is None:
+            return "Press a pair in the list to decide about it."
+        state = "" if row is None else KINDS[kinds(self._pairs)[row]]
+        line = f"{' - '.join(self._pair)}: {told(decision, state, scene.unit) or NEW}"
+        when = f", decided {decision.decided}" if decision.decided else ""
+        path = self._conflicts.path
+        return f"{line}{when}" + (f"; kept in {path}" if path is not None else "")

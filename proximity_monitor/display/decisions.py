@@ -1,0 +1,161 @@
+"""The file with what people decided about conflicts: where it is, what it says, how it is written.
+
+It is JSON: ``version`` 1, the ``scene`` and a list of ``conflicts``, each with the names ``a`` and
+``b``, its ``status`` and ``comment``, when it was ``decided``, and how the pair was then:
+``state``, ``lower_m`` and ``upper_m``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.order import KINDS
+from proximity_monitor.display.state import SceneInfo
+from proximity_monitor.scene import bundled
+from proximity_monitor.scene.paths import bundled_names
+
+NEW, ACCEPTED, IGNORED = STATUSES = ("new", "accepted", "ignored")
+
+VERSION = 1
+SUFFIX = ".conflicts.json"
+
+BYTES = 20_000_000
+"""No file that is longer is read."""
+
+FAR_M = 1e9
+"""No number in it is beyond that."""
+
+
+class Decision(NamedTuple):
+    """What somebody decided about a pair, and how the pair was then."""
+
+    status: str = NEW
+    comment: str = ""
+    state: str = ""
+    """One of `order.KINDS`; empty: not known."""
+    lower: float | None = None
+    """Metres, as is `upper`; None: not known."""
+    upper: float | None = None
+    decided: str = ""
+    """The moment, ISO 8601, in UTC; empty: never."""
+
+    def outgrown(self, state: str) -> bool:
+        """Return whether a pair is in a worse state now than it was accepted or ignored in."""
+        if self.status == NEW or self.state not in KINDS or state not in KINDS:
+            return False
+        return state != "stale" and KINDS.index(state) < KINDS.index(self.state)
+
+
+Decisions = dict[frozenset[str], Decision]
+"""By the names of both parts, in any order."""
+
+Unsaved = Mapping[frozenset[str], tuple[PairName, Decision]]
+
+
+def place(scene: SceneInfo, given: str) -> tuple[Path | None, str]:
+    """Return where the decisions of a scene are kept, or None and why there is no place.
+
+    Args:
+        scene: its file may be on another machine.
+        given: the path that a person chose; empty: beside the scene's file or, because bundled
+            scenes belong to the package, in the person's own folder of data.
+    """
+    if given:
+        return Path(given).expanduser().absolute(), ""
+    path = Path(scene.path)
+    if path.resolve() in map(bundled, bundled_names()):
+        data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
+        return data / "proximity_monitor" / f"{path.parent.name}{SUFFIX}", ""
+    if not scene.path or not path.is_file():
+        return None, (
+            f"The scene {scene.path or scene.name} is not on this machine, so what is decided here"
+            " is forgotten at the end: start the display with -p conflicts:=FILE"
+        )
+    return path.with_suffix(SUFFIX), ""
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Return the content of a file, checked; if there is none, that of an empty one.
+
+    Raises:
+        OSError, ValueError: it cannot be read, or is none of ours.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(BYTES + 1)
+    except FileNotFoundError:
+        return {"version": VERSION, "conflicts": []}
+    if len(data) > BYTES:
+        raise ValueError(f"it has more than {BYTES} bytes")
+    try:
+        told = json.loads(data)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+    if not isinstance(told, dict) or told.get("version") != VERSION:
+        raise ValueError(f"it is not of version {VERSION}")
+    if not isinstance(told.get("conflicts"), list):
+        raise ValueError("it has no list of conflicts")
+    for i, each in enumerate(told["conflicts"]):
+        if not isinstance(each, dict) or not _sound(each):
+            raise ValueError(f"conflict {i + 1} in it is not a pair with a status")
+    return told
+
+
+def _sound(each: Mapping[str, Any]) -> bool:
+    texts = (each.get(key, "") for key in ("comment", "state", "decided"))
+    numbers = (each.get(key) for key in ("lower_m", "upper_m"))
+    return (
+        each.get("status") in STATUSES
+        and all(isinstance(each.get(key), str) for key in "ab")
+        and all(isinstance(text, str) for text in texts)
+        and all(x is None or (type(x) in (int, float) and abs(x) <= FAR_M) for x in numbers)
+    )
+
+
+def decisions(told: Mapping[str, Any]) -> Decisions:
+    """Return the decisions of a file's content."""
+    return {
+        frozenset((each["a"], each["b"])): Decision(
+            each["status"],
+            *(each.get(key, "") for key in ("comment", "state")),
+            *(each.get(key) for key in ("lower_m", "upper_m")),
+            each.get("decided", ""),
+        )
+        for each in told["conflicts"]
+    }
+
+
+def merged(told: Mapping[str, Any], unsaved: Unsaved, scene: str) -> dict[str, Any]:
+    """Return a file's content with decisions put in; what else it has stays."""
+    kept = [each for each in told["conflicts"] if frozenset((each["a"], each["b"])) not in unsaved]
+    for (a, b), each in unsaved.values():
+        if each.status != NEW or each.comment:
+            bounds = {"lower_m": each.lower, "upper_m": each.upper}
+            words = {"status": each.status, "comment": each.comment, "state": each.state}
+            kept.append({"a": a, "b": b, **words, **bounds, "decided": each.decided})
+    return {"scene": scene, **told, "conflicts": kept}
+
+
+def write(path: Path, told: Mapping[str, Any]) -> None:
+    """Replace a file as a whole: who reads meanwhile, or after a crash, finds one or the other.
+
+    Raises:
+        OSError: it cannot be written; then it is as it was.
+    """
+    path = path.resolve()  # a link stays one
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with beside.open("w", encoding="utf-8") as file:
+            json.dump(told, file, indent=1, ensure_ascii=False)
+            file.write("\n")
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(beside, path)
+    finally:
+        beside.unlink(missing_ok=True)

@@ -1,0 +1,77 @@
+"""The list of events on one page; a press goes to the moment."""
+
+from __future__ import annotations
+
+from html import escape
+
+import viser
+
+from proximity_monitor.display.bridge import PRESSES, word
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.conflicts import UNDECIDED, row_mark
+from proximity_monitor.display.decisions import Decision
+from proximity_monitor.display.events import Event
+from proximity_monitor.display.shared import Shared
+from proximity_monitor.display.state import SceneInfo
+
+LISTED = 40
+"""How many events are listed, the newest."""
+
+EVERY_S = 0.3
+"""Seconds between two updates of the list."""
+
+
+class EventList:
+    """The list, and the button that begins the smallest clearances anew."""
+
+    def __init__(self, gui: viser.GuiApi, shared: Shared, choice: Choice) -> None:
+        """Add both at this place of the GUI."""
+        self._events = shared.events
+        self._session = shared.session
+        self._conflicts = shared.conflicts
+        self._choice = choice
+        self._due_s = 0.0
+        button = gui.add_button("Forget the smallest clearances", icon=viser.Icon.ERASER)
+        self._list = gui.add_html("")
+
+        @button.on_click
+        async def _(_) -> None:
+            self._session.forget_worst()
+
+    def show(self, scene: SceneInfo, now_s: float) -> None:
+        """Bring the list up to date."""
+        if now_s >= self._due_s:
+            self._due_s = now_s + EVERY_S
+            self._list.content = self._html(scene)
+
+    def go(self, number: str) -> None:
+        """Look back at an event's moment, at its pair."""
+        event = self._events.at(int(number)) if number.isdecimal() else None
+        if event is not None:
+            self._choice.at_s, self._choice.pair = event.stamp_s, event.pair
+
+    def _html(self, scene: SceneInfo) -> str:
+        events, start, decisions = self._events, self._session.span_s[0], self._conflicts.all
+        rows = "".join(
+            _row(event, start, decisions.get(frozenset(event.pair), UNDECIDED), scene)
+            for event in events.all[: -LISTED - 1 : -1]
+        )
+        more = len(events.all) - LISTED
+        rest = [f"{more} older"] if more > 0 else []
+        rest += [f"the first {events.lost} are no longer known"] if events.lost else []
+        return (
+            f'<div class=pm {PRESSES}><table class=pm-table id="pm-events"><tr><th>at</th>'
+            f"<th>state</th><th>pair</th><th class=pm-num>clearance</th></tr>{rows}</table>"
+            f"<div class='pm-small pm-dim'>{'; '.join(rest)}</div></div>"
+        )
+
+
+def _row(event: Event, start: float, decision: Decision, scene: SceneInfo) -> str:
+    a, b = map(escape, event.pair)
+    return (
+        f"<tr class=pm-row {word(f'event:{event.number}')}><td>{event.stamp_s - start:.1f} s</td>"
+        f'<td class=pm-sign style="color:{event.after.colour}">{event.before.glyph}'
+        f" {event.before.word} → {event.after.glyph} {event.after.word}</td>"
+        f"<td>{a} - {b}{row_mark(decision, event.after.kind, scene.unit)}</td>"
+        f"<td class=pm-num>{escape(event.clearance)}</td></tr>"
+    )

@@ -1,0 +1,39 @@
+"""Colours of lines, as they have to be sent so that the picture has those that are meant.
+
+viser's picture takes the colours of lines for linear light and maps their tones by the film curve
+of ACES, as three.js does by default (the fit of S. Hill: a matrix, a rational function of each
+channel, another matrix). So what is sent as vermilion would be drawn as yellow, like what is sent
+as orange. Here is the inverse of that.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+_EXPOSURE = 0.6
+_INTO = np.array(
+    [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]]
+)
+_OUT_OF = np.array(
+    [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]]
+)
+# The curve is (v (v + A) - B) / (v (C v + D) + E).
+_A, _B, _C, _D, _E = 0.0245786, 0.000090537, 0.983729, 0.4329510, 0.238081
+
+
+def sent(colours: np.ndarray) -> np.ndarray:
+    """Return what to send (n, 3), 0 to 255, so that lines are drawn in colours (n, 3) of sRGB.
+
+    What the film curve cannot give, such as a pure blue, comes as near as it can.
+    """
+    y = _linear(np.asarray(colours, float) / 255.0) @ np.linalg.inv(_OUT_OF).T
+    # The curve is inverted by the greater root of a quadratic equation in v.
+    a, b, c = 1.0 - _C * y, _A - _D * y, -_B - _E * y
+    v = (-b + np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))) / (2.0 * a)
+    light = _EXPOSURE * (v @ np.linalg.inv(_INTO).T)
+    return np.round(255.0 * np.clip(light, 0.0, 1.0)).astype(np.uint8)
+
+
+def _linear(colours: np.ndarray) -> np.ndarray:
+    """Return colours of sRGB, 0 to 1, as linear light (IEC 61966-2-1)."""
+    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,107 @@
+"""Play, pause, speed and seek: the panel of the player, which moves the bodies of all browsers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from html import escape
+
+import viser
+
+from proximity_monitor.display.inbox import News
+from proximity_monitor.display.state import Playing
+
+ASK_S = 0.2
+"""Seconds between two requests to the player while a slider is dragged."""
+
+HAND_S = 1.0
+"""Seconds after a request until the slider may move by itself."""
+
+LEAST_S = 60.0
+"""A motion without a period can be sought up to here, or to twice where it is."""
+
+SPEED_MOST = 1000.0
+"""The player takes no higher speed."""
+
+PLAY, PAUSE = "Play", "Pause"
+
+
+class PlayerPanel:
+    """Sets the player's own parameters."""
+
+    def __init__(self, gui: viser.GuiApi, ask: Callable[[Mapping[str, float]], None]) -> None:
+        """Add it at this place of the GUI; `ask` sends parameters to the player."""
+        self._ask = ask
+        self._playing: Playing | None = None
+        self._wanted: dict[str, float] = {}
+        self._asked_s = -math.inf
+        with gui.add_folder("Motion"):
+            self._note = gui.add_html("")
+            self._play = gui.add_button(PAUSE, icon=viser.Icon.PLAYER_PAUSE)
+            self._speed = gui.add_number(
+                "Speed",
+                1.0,
+                min=0.0,
+                max=SPEED_MOST,
+                step=0.01,  # it also rounds what is typed
+                hint="Seconds of motion in a second",
+            )
+            self._seek = gui.add_slider("Moment [s]", 0.0, 1.0, 0.001, 0.0)
+
+        @self._play.on_click
+        async def _(_) -> None:
+            if self._playing is not None:
+                playing = self._playing.speed > 0.0
+                self._wanted["speed"] = 0.0 if playing else self._speed.value or 1.0
+
+        @self._speed.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            # While it is paused, this is the speed at which it will go on.
+            if event.client is not None and self._playing is not None and self._playing.speed:
+                self._wanted["speed"] = self._speed.value
+
+        @self._seek.on_update
+        async def _(event: viser.GuiEvent) -> None:
+            if event.client is not None:
+                self._wanted["seek_s"] = self._seek.value
+
+    def show(self, news: News, now_s: float) -> None:
+        """Send what is wanted, and follow the player."""
+        before, self._playing = self._playing, news.playing
+        for each in (self._play, self._speed, self._seek):
+            each.disabled = news.playing is None
+        if news.playing is None:
+            self._wanted.clear()
+            self._note.content = _note("No player publishes a motion.")
+            return
+        if self._wanted:
+            if now_s >= self._asked_s + ASK_S:
+                self._asked_s = now_s
+                wanted, self._wanted = self._wanted, {}
+                self._ask(wanted)
+        elif now_s >= self._asked_s + HAND_S or news.playing is not before:
+            self._follow(news.playing, news.frame.stamp_s)
+        refused = f" Not taken: {news.player_refusal}" if news.player_refusal else ""
+        self._note.content = _note(_line(news.playing, news.frame.stamp_s) + refused)
+
+    def _follow(self, playing: Playing, stamp_s: float) -> None:
+        paused = playing.speed == 0.0
+        self._play.label = PLAY if paused else PAUSE
+        self._play.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
+        if not paused:
+            self._speed.value = playing.speed
+        moment = playing.at(stamp_s)
+        end = playing.period_s or max(LEAST_S, 10.0 ** math.ceil(math.log10(max(moment, 1.0))))
+        if self._seek.max != end:
+            self._seek.max, self._seek.step = end, end / 1000.0
+        self._seek.value = min(round(moment, 3), end)
+
+
+def _line(playing: Playing, stamp_s: float) -> str:
+    of = f" of {playing.period_s:.2f} s" if playing.period_s else " s"
+    how = f"speed {playing.speed:g}" if playing.speed else "paused"
+    return f"At {playing.at(stamp_s):.2f}{of}, {how}."
+
+
+def _note(text: str) -> str:
+    return f'<div class="pm pm-small" id="pm-motion">{escape(text)}</div>'

@@ -1,0 +1,110 @@
+"""Pictures of one pair at one moment, drawn by the browser that asks for them."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import viser
+import viser.transforms
+
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.state import Frame
+from proximity_monitor.display.view import View, facing
+
+SIZE = (960, 600)
+"""Pixels of a picture at most."""
+
+PATIENCE_S = 30.0
+"""Seconds after which a browser that has sent no picture will send none."""
+
+SIDES = 4.0
+"""Distance of the camera to a gap, in widths of the gap, or farther: see `CONTEXT`."""
+
+CONTEXT = 0.6
+"""The same at least, in sizes of the scene, so that one sees where on the parts the gap is."""
+
+
+class Sitting(NamedTuple):
+    """What the page shows for a picture, instead of what its user looks at."""
+
+    frame: Frame
+    pair: PairName
+    view: View
+
+
+class Portraits:
+    """Takes pictures. Meanwhile the 3D view of that browser shows other moments."""
+
+    def __init__(self, client: viser.ClientHandle, hide_gizmo: Callable[[bool], None]) -> None:
+        """Begin without a picture to take."""
+        self._client = client
+        self._hide_gizmo = hide_gizmo
+        self._one_at_a_time = threading.Lock()
+        self._shown: Sitting | None = None
+        self._is_shown = threading.Event()
+        self.sitting: Sitting | None = None
+        """What the page has to show; None: what its user looks at."""
+
+    def follow(self) -> None:
+        """Note that the page's step before has shown the sitting; comes first in each step."""
+        if self.sitting is not None and self._shown is self.sitting:
+            self._is_shown.set()
+        self._shown = self.sitting
+
+    def take(self, frame: Frame, pair: PairName, parts: Parts) -> np.ndarray:
+        """Return a picture (height, width, 3), on white; not for the thread of the page's steps.
+
+        Args:
+            frame: the moment, with that pair.
+            pair: stands out.
+            parts: of the page.
+
+        Raises:
+            RuntimeError, TimeoutError: the browser sent none.
+        """
+        camera = self._client.camera
+        width, height = min(SIZE[0], camera.image_width), min(SIZE[1], camera.image_height)
+        ends = frame.pairs.points[frame.pairs.places[pair]] * parts.scale
+        view = _aimed(ends, np.array(camera.position), parts.size, (width, height))
+        with self._one_at_a_time:
+            self._is_shown.clear()
+            self._hide_gizmo(True)
+            self.sitting = Sitting(frame, pair, view)
+            try:
+                if not self._is_shown.wait(PATIENCE_S):
+                    raise TimeoutError("the page did not show the moment")
+                image = self._client.get_render(
+                    height,
+                    width,
+                    position=view.position,
+                    wxyz=viser.transforms.SO3.from_matrix(view.axes.T).wxyz,
+                    fov=2.0 * math.atan(height / (2.0 * view.focal)),
+                    transport_format="png",
+                    timeout=PATIENCE_S,
+                )
+            finally:
+                self.sitting = None
+                self._hide_gizmo(False)
+        opaque = image[..., 3:] / 255.0
+        return np.round(image[..., :3] * opaque + 255.0 * (1.0 - opaque)).astype(np.uint8)
+
+
+def _aimed(
+    ends: np.ndarray, position: np.ndarray, size: float, picture: tuple[float, float]
+) -> View:
+    """Return a view across a gap, from the camera's side.
+
+    Args:
+        ends: (2, 3) of the gap, in the page's units as all that follows.
+        position: (3,) of the camera.
+        size: of the scene.
+        picture: width and height in pixels.
+    """
+    middle = ends.mean(axis=0)
+    away = max(SIDES * float(np.linalg.norm(ends[1] - ends[0])), CONTEXT * size)
+    return View.looking(middle + away * facing(ends, position), middle, picture)

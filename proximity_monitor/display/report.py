@@ -1,0 +1,183 @@
+"""The report of a session's conflicts: one HTML file that needs nothing else, and a table."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from html import escape
+
+import numpy as np
+
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.decisions import Decision
+from proximity_monitor.display.export import csv_of
+from proximity_monitor.display.found import Conflict, moment
+from proximity_monitor.display.session import Worst
+from proximity_monitor.display.signs import Sign, clearance, length, number, sign
+from proximity_monitor.display.state import Frame, SceneInfo
+
+PICTURES = 40
+"""So many conflicts have a picture, the worst."""
+
+EVENTS = 50
+"""So many changes of state of a conflict are told, the newest."""
+
+_HEAD = """<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy"
+ content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
+<style>
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 62em; margin: 2em auto;
+       padding: 0 1em; font-variant-numeric: tabular-nums; }
+section { border-top: 2px solid #8886; margin-top: 2em; break-inside: avoid-page; }
+h2 { overflow-wrap: anywhere; }
+img { max-width: 100%; border: 1px solid #8886; }
+table { border-collapse: collapse; margin: .6em 0; }
+th, td { text-align: left; padding: 2px 14px 2px 0; vertical-align: top; }
+.n { text-align: right; white-space: nowrap; }
+.dim { opacity: .65; }
+</style>"""
+
+
+def report_html(
+    found: Sequence[Conflict],
+    pictures: Mapping[PairName, bytes],
+    scene: SceneInfo,
+    last: Frame,
+    span_s: tuple[float, float],
+) -> str:
+    """Return the document.
+
+    Args:
+        found: the conflicts, in the order in which they are told.
+        pictures: PNG files of some of them, at their smallest clearances.
+        scene: of the session.
+        last: the newest tick.
+        span_s: stamps of the session's begin and end.
+    """
+    start, end = span_s
+    limits = scene.thresholds
+    made = datetime.now(UTC).isoformat(" ", "seconds")[:-6]
+    count = f"{len(found)} conflict{'' if len(found) == 1 else 's'}"
+    rest = len(found) - len(pictures)
+    told = [
+        _HEAD,
+        f"<title>Conflicts of {escape(scene.name)}</title></head><body>",
+        f"<h1>Conflicts of {escape(scene.name)}</h1><p>{escape(scene.description)}</p>",
+        f"<p>Made {made} UTC, of a session of {end - start:.1f} s that ended at"
+        f" {moment(end, start)}. {scene.pairs} pairs are watched, {count} found. Unless a pair has"
+        f" its own, warn is {length(limits.warn, scene.unit)} and stop"
+        f" {length(limits.stop, scene.unit)}. Every clearance is certified to lie between its two"
+        f" bounds.{f' {rest} have no picture.' if rest else ''}</p>",
+    ]
+    for conflict in found:
+        told.append(_section(conflict, pictures.get(conflict.pair), scene, last, start))
+    return "\n".join([*told, "</body></html>\n"])
+
+
+def _section(
+    conflict: Conflict, picture: bytes | None, scene: SceneInfo, last: Frame, start: float
+) -> str:
+    pair, unit = conflict.pair, scene.unit
+    name, limits = escape(" - ".join(pair)), scene.thresholds_of(pair)
+    image = ""
+    if picture is not None:
+        data = base64.b64encode(picture).decode()
+        image = f'<img alt="{name} at its smallest clearance" src="data:image/png;base64,{data}">'
+    row = last.pairs.places.get(pair)
+    rows = [("status", escape(_decision(conflict.decision)))]
+    if conflict.worst is not None:
+        rows += _smallest(conflict.worst, pair, scene, start)
+    if row is not None:
+        now = f"{_shown(sign(last.pairs, row, scene))}, {clearance(last.pairs, row, unit)}"
+        rows.append(("at the end", now))
+    rows.append(("limits", f"warn {length(limits.warn, unit)}, stop {length(limits.stop, unit)}"))
+    table = "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows)
+    return (
+        f"<section><h2>{name}</h2>{image}<table>{table}</table>{_events(conflict, scene, start)}"
+        "</section>"
+    )
+
+
+def _smallest(
+    worst: Worst, pair: PairName, scene: SceneInfo, start: float
+) -> list[tuple[str, str]]:
+    unit, told = scene.unit, worst.frame(pair).pairs
+    points = (f"({', '.join(number(float(x), unit) for x in point)})" for point in worst.points)
+    return [
+        (
+            "smallest clearance",
+            f"{_shown(sign(told, 0, scene))}, lower bound {length(worst.lower, unit)}, upper bound"
+            f" {length(worst.upper, unit)}",
+        ),
+        ("at", moment(worst.stamp_s, start)),
+        ("closest points", f"{' and '.join(points)} {unit.symbol}, in {escape(scene.frame)}"),
+    ]
+
+
+def _decision(decision: Decision) -> str:
+    when = f" (decided {decision.decided})" if decision.decided else ""
+    return f"{decision.status}{when}{f': {decision.comment}' if decision.comment else ''}"
+
+
+def _shown(shown: Sign) -> str:
+    return f"<b>{shown.glyph} {escape(shown.word)}</b>"
+
+
+def _events(conflict: Conflict, scene: SceneInfo, start: float) -> str:
+    if not conflict.events:
+        return ""
+    unit = scene.unit
+    rows = "".join(
+        f"<tr><td class=n>{moment(event.stamp_s, start)}</td>"
+        f"<td>{event.before.glyph} {event.before.word} → {_shown(event.after)}</td>"
+        f"<td class=n>{number(event.lower, unit)}</td><td class=n>{number(event.upper, unit)}</td>"
+        "</tr>"
+        for event in conflict.events[-EVENTS:]
+    )
+    more = len(conflict.events) - EVENTS
+    rest = f"<p class=dim>{more} older changes are left out.</p>" if more > 0 else ""
+    return (
+        f"<table><tr><th>moment</th><th>change</th><th class=n>lower [{unit.symbol}]</th>"
+        f"<th class=n>upper [{unit.symbol}]</th></tr>{rows}</table>{rest}"
+    )
+
+
+def conflicts_csv(
+    found: Sequence[Conflict], scene: SceneInfo, last: Frame, span_s: tuple[float, float]
+) -> str:
+    """Return the conflicts as CSV; lengths in the scene's unit, with all digits."""
+    unit, pairs = scene.unit, last.pairs
+    s = unit.symbol
+    head = ["a", "b", "decided", "comment", "decided_at", "worst_state"]
+    head += [f"{which} [{s}]" for which in ("min_lower", "min_upper")]
+    head += ["min_stamp [s]", "min_session [s]"]
+    head += [f"{axis}_{body} [{s}]" for body in "ab" for axis in "xyz"]
+    head += ["state", *(f"{which} [{s}]" for which in ("lower", "upper", "warn", "stop")), "events"]
+    rows = []
+    for each in found:
+        worst, row = each.worst, pairs.places.get(each.pair)
+        nothing = [np.nan] * 8
+        lengths = nothing if worst is None else [worst.lower, worst.upper, *worst.points.ravel()]
+        low, high, *points = (x / unit.to_metre for x in lengths)
+        limits = scene.thresholds_of(each.pair)
+        now = [np.nan, np.nan] if row is None else [pairs.lower[row], pairs.upper[row]]
+        rows.append(
+            [
+                *each.pair,
+                each.decision.status,
+                each.decision.comment,
+                each.decision.decided,
+                each.state,
+                low,
+                high,
+                "" if worst is None else f"{worst.stamp_s:.9f}",
+                "" if worst is None else f"{worst.stamp_s - span_s[0]:.3f}",
+                *points,
+                "" if row is None else sign(pairs, row, scene).kind,
+                *(x / unit.to_metre for x in (*now, limits.warn, limits.stop)),
+                len(each.events),
+            ]
+        )
+    return csv_of(head, rows)

@@ -1,0 +1,41 @@
+"""Which moment of a motion it is: speed and moment can change while it runs."""
+
+from __future__ import annotations
+
+import json
+
+
+class MotionClock:
+    """Seconds of motion by a node's clock, in nanoseconds."""
+
+    def __init__(self, speed: float, seek_s: float) -> None:
+        """Begin at the first reading, `seek_s` into the motion."""
+        self._begin_s = self._from_s = seek_s
+        self._from_ns: int | None = None
+        self.speed = speed
+
+    def read(self, now_ns: int) -> float:
+        """Return the moment; a node's clock that went back begins the motion again."""
+        if self._from_ns is None or now_ns < self._from_ns:
+            self._from_ns, self._from_s = now_ns, self._begin_s
+        return self._from_s + (now_ns - self._from_ns) * 1e-9 * self.speed
+
+    def go_on(self, now_ns: int, speed: float) -> None:
+        """Go on from the present moment at another speed; 0 stands still."""
+        self._from_s, self._from_ns = self.read(now_ns), now_ns
+        self.speed = speed
+
+    def seek(self, now_ns: int, moment_s: float) -> None:
+        """Go on from another moment, where the motion begins from now on, too."""
+        self._begin_s = self._from_s = moment_s
+        self._from_ns = now_ns
+
+    def told(self, now_ns: int, period_s: float | None) -> str:
+        """Return what others need to know the moment at any later time: JSON for ``~/motion``.
+
+        ``moment_s`` seconds of motion at the node's time ``stamp_s``, ``speed`` of them a second
+        from then on, and ``period_s`` after which it repeats or rests, null if it does neither.
+        """
+        self.read(now_ns)
+        told = {"moment_s": self._from_s, "stamp_s": self._from_ns * 1e-9, "speed": self.speed}
+        return json.dumps(told | {"period_s": period_s})

@@ -1,0 +1,108 @@
+"""Bands: which places of a part are nearer than stop or warn, and how far that is certain."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+from proximity_monitor.display.bands import (
+    ABOVE,
+    BELOW_STOP,
+    BELOW_WARN,
+    FINEST,
+    UNKNOWN,
+    Other,
+    bands,
+    matrix,
+    model_of,
+)
+from proximity_monitor.display.received import Part
+from proximity_monitor.scene import Thresholds
+
+LIMITS = Thresholds(0.3, 0.1, 0.0)
+HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
+PLATE = np.array([[[0, 0, 0], [2, 0, 0], [2, 2, 0]], [[0, 0, 0], [2, 2, 0], [0, 2, 0]]], float)
+
+
+def part(corners):
+    return Part(HERE, np.ones(4), corners.reshape(-1, 3))
+
+
+def point(*place, limits=LIMITS):
+    """A point at a place, as another part."""
+    return Other(
+        model_of(part(np.zeros((1, 3, 3))), True), matrix(np.array([*place, 1, 0, 0, 0])), limits
+    )
+
+
+def distances(corners, place, rng):
+    """Of random points of triangles to a place."""
+    weights = rng.dirichlet(np.ones(3), size=(len(corners), 8))
+    return np.linalg.norm(weights @ corners - place, axis=2)
+
+
+def area(corners):
+    a, b, c = np.moveaxis(corners, 1, 0)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+
+
+def test_a_point_over_the_middle_of_a_plate_makes_bands_where_the_plate_has_no_corner():
+    place = np.array([0.7, 1.1, 0.05])
+    corners, of, sampled_m = bands(PLATE, [point(*place)], budget_s=60.0)
+    assert area(corners).sum() == pytest.approx(4.0)
+    assert 0.0 < sampled_m <= 2.0 * FINEST
+    far = distances(corners, place, np.random.default_rng(3))
+    for band, least, most in ((BELOW_STOP, 0, 0.1), (BELOW_WARN, 0.1, 0.3), (ABOVE, 0.3, 9)):
+        found = far[of == band]
+        assert ((found > least - sampled_m) & (found < most + sampled_m)).all()
+    assert area(corners[of == BELOW_STOP]).sum() == pytest.approx(np.pi * 0.0075, rel=0.1)
+
+
+def test_where_no_point_is_near_a_limit_every_band_is_certain():
+    _, of, sampled_m = bands(PLATE, [point(0.5, 0.5, 0.4)], budget_s=60.0)
+    assert (of == ABOVE).all()
+    assert sampled_m == 0.0
+
+
+def test_a_fit_is_clear_although_its_gap_is_finer_than_the_finest_triangle():
+    above = part(PLATE + np.array([0.0, 0.0, 1e-3]))
+    tight = Other(model_of(above, False), np.eye(4), Thresholds(6e-4, 1e-4, 0.0))
+    _, of, sampled_m = bands(PLATE, [tight], budget_s=60.0)
+    assert (of == ABOVE).all()
+    assert 1e-3 < sampled_m <= 2.0 * FINEST
+
+
+def test_the_worst_of_all_parts_counts_each_with_its_own_limits():
+    there = [
+        point(0.5, 0.5, 0.2, limits=Thresholds(0.25, 0.22, 0.0)),
+        point(0.5, 0.5, 0.15, limits=Thresholds(0.1, 0.05, 0.0)),
+    ]
+    _, of, _ = bands(PLATE, there, budget_s=60.0)
+    assert (of == BELOW_STOP).any()
+    _, of, _ = bands(PLATE, there[1:], budget_s=60.0)
+    assert (of == ABOVE).all()
+    assert (bands(PLATE, []).band == ABOVE).all()
+
+
+def test_without_time_nothing_is_said_to_be_above():
+    many = np.concatenate([PLATE] * 20_000)
+    _, of, _ = bands(many, [point(9.0, 9.0, 9.0)] * 3, budget_s=0.0)
+    assert (of == UNKNOWN).sum() > len(many) // 2
+    assert (of != BELOW_STOP).all()
+
+
+def test_what_is_inside_a_solid_is_below_stop():
+    low, high = np.full(3, -5.0), np.full(3, 5.0)
+    side = np.array([(0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1)]).reshape(2, 3, 2)
+    box = np.concatenate(
+        [np.insert(side, axis, end, axis=2) for axis in range(3) for end in (0, 1)]
+    )
+    for first in (0, 6, 8):
+        box[first : first + 2] = box[first : first + 2, ::-1]  # turned outwards
+    solid = part(np.stack((low, high))[box, np.arange(3)])
+    model = model_of(solid, False)
+    assert model.is_solid
+    assert model_of(solid, False) is model
+    turned = matrix(np.array([0.3, 0, 0, 0.6, 0, 0.8, 0]))
+    _, of, _ = bands(PLATE, [Other(model, turned, LIMITS)], budget_s=60.0)
+    assert (of == BELOW_STOP).all()

@@ -1,0 +1,185 @@
+"""What people decide about conflicts, and the file in which it is kept."""
+
+import asyncio
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+from page_alone import NAMES, SCENE, frame, words
+
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.conflicts import LOOK_S, Conflicts, decided, told
+from proximity_monitor.display.decisions import Decision, place
+from proximity_monitor.display.listing import listing
+from proximity_monitor.display.pairs import table
+from proximity_monitor.display.state import STOP, WARN
+from proximity_monitor.scene import bundled
+
+PAIR = ("螺栓 M8×40", 'plate "A" - left')
+FITS = Decision("accepted", "a press fit, 0.02 mm 干涉", "stop", 1e-5, 2e-5, "2026-01-02")
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "cell.yaml"
+    path.write_text("")
+    return replace(SCENE, path=str(path))
+
+
+@pytest.fixture
+def beside(tmp_path):
+    return tmp_path / "cell.conflicts.json"
+
+
+def following(scene, now_s=0.0):
+    made = Conflicts()
+    made.follow(scene, now_s)
+    return made
+
+
+def test_a_decision_is_kept_beside_the_scene_and_known_to_the_next_display(scene, beside):
+    one = following(scene)
+    assert (one.all, one.problem, one.path) == ({}, "", beside)
+    one.decide(PAIR, FITS)
+    one.follow(scene, 0.0)
+    assert following(scene).all == {frozenset(PAIR): FITS}
+    assert [path.name for path in beside.parent.iterdir() if path.name != "cell.yaml"] == [
+        beside.name
+    ]
+    one.decide(PAIR[::-1], Decision())
+    one.follow(scene, 0.0)
+    assert following(scene).all == {}
+
+
+def test_what_others_wrote_in_the_file_stays_and_is_seen(scene, beside):
+    one, two = following(scene), following(scene)
+    one.decide(PAIR, FITS)
+    one.follow(scene, 0.0)
+    told = json.loads(beside.read_text(encoding="utf-8"))
+    told["reviewer"] = "Zoë"
+    told["conflicts"][0]["ticket"] = 17
+    beside.write_text(json.dumps(told), encoding="utf-8")
+    two.decide(NAMES, Decision("ignored", "no matter"))
+    two.follow(scene, 0.0)
+    after = json.loads(beside.read_text(encoding="utf-8"))
+    assert after["reviewer"] == "Zoë"
+    assert after["conflicts"][0] == told["conflicts"][0]
+    assert len(one.all) == 1
+    one.follow(scene, 2.0 * LOOK_S)
+    assert one.all.keys() == two.all.keys() == {frozenset(PAIR), frozenset(NAMES)}
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{",
+        "[]",
+        "[" * 100_000,
+        '{"version": 2, "conflicts": []}',
+        '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "fine"}]}',
+        '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "new", "upper_m": NaN}]}',
+        b"\xff\xfe{}",
+    ],
+    ids=["cut", "list", "deep", "version", "status", "nan", "bytes"],
+)
+def test_a_file_that_cannot_be_read_is_named_and_left_and_nothing_is_lost(scene, beside, content):
+    data = content if isinstance(content, bytes) else content.encode()
+    beside.write_bytes(data)
+    one = following(scene)
+    assert str(beside) in one.problem
+    one.decide(PAIR, FITS)
+    one.follow(scene, 0.0)
+    assert str(beside) in one.problem and "kept here" in one.problem
+    assert beside.read_bytes() == data
+    assert one.all == {frozenset(PAIR): FITS}
+    beside.unlink()
+    one.follow(scene, 2.0 * LOOK_S)
+    assert one.problem == ""
+    assert following(scene).all == {frozenset(PAIR): FITS}
+
+
+def test_a_file_that_cannot_be_written_is_named_and_nothing_is_lost(scene, tmp_path):
+    folder = tmp_path / "no_folder"
+    folder.write_text("")  # so nobody can write below it, not even root
+    one = Conflicts(str(folder / "file.json"))
+    one.follow(scene, 0.0)
+    one.decide(PAIR, FITS)
+    one.follow(scene, 0.0)
+    assert str(folder / "file.json") in one.problem
+    other = replace(scene, name="other", path=str(tmp_path / "other.yaml"))
+    one.follow(other, 1.0)
+    assert one.all == {}
+    folder.unlink()
+    one.follow(scene, 9.0)
+    assert one.problem == ""
+    assert one.all == {frozenset(PAIR): FITS}
+    assert (folder / "file.json").is_file()
+
+
+def test_bundled_scenes_have_theirs_in_a_person_s_own_folder(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    path, problem = place(replace(SCENE, path=str(bundled("peg"))), "")
+    assert (path, problem) == (
+        tmp_path / "data" / "proximity_monitor" / "peg.conflicts.json",
+        "",
+    )
+    there = following(replace(SCENE, path=str(bundled("peg"))))
+    there.decide(PAIR, FITS)
+    there.follow(replace(SCENE, path=str(bundled("peg"))), 0.0)
+    assert path.is_file()
+
+
+def test_a_scene_of_another_machine_has_no_place_but_that_which_is_given(tmp_path):
+    far = replace(SCENE, path="/on/another/machine.yaml")
+    one = following(far)
+    one.decide(PAIR, FITS)
+    one.follow(far, 0.0)
+    assert "/on/another/machine.yaml is not on this machine" in one.problem
+    assert one.all == {frozenset(PAIR): FITS}
+    assert place(far, str(tmp_path / "x.json")) == (Path(tmp_path / "x.json"), "")
+
+
+def test_a_pair_that_got_worse_since_it_was_accepted_says_so():
+    pairs = frame(0.0, 0.05, WARN).pairs
+    as_warn = decided(pairs, 0, "accepted", "")
+    assert (as_warn.state, as_warn.upper) == ("warn", 0.05)
+    assert told(as_warn, "warn", SCENE.unit) == "accepted at 50.000 mm"
+    assert "worse now" in told(as_warn, "stop", SCENE.unit)
+    assert "worse" not in told(as_warn, "stale", SCENE.unit)
+    assert "worse" not in told(as_warn._replace(status="new"), "stop", SCENE.unit)
+    pairs.lower[:] = pairs.upper[:] = np.nan
+    assert decided(pairs, 0, "ignored", "").upper is None
+
+
+def test_the_list_tells_and_filters_by_status_but_hides_no_conflict():
+    pairs = frame(0.0, 0.01, STOP).pairs
+    evil = {frozenset(NAMES): Decision("ignored", "<script>", "warn", 0.05, 0.05)}
+    html = table(pairs, SCENE, Choice(), evil)
+    assert "ignored at 50.000 mm as warn, and worse now: <script>" not in html
+    assert "&lt;script&gt;" in html
+    assert listing(pairs, SCENE, Choice(status="ignored"), evil).groups == [("", [0])]
+    assert listing(pairs, SCENE, Choice(status="new"), evil).left_out == 1
+    assert listing(pairs, SCENE, Choice(status="new")).groups == [("", [0])]
+
+
+def test_the_panel_keeps_what_is_decided_about_the_highlighted_pair(alone):
+    panel = alone.all._deciding
+    alone.choice.pair = NAMES
+    alone.tell(frame=frame(1.0))
+    panel._status.value, panel._comment.value = "accepted", "as drawn"
+    for callback in panel._keep._impl.update_cb:
+        asyncio.run(callback(None))
+    alone.tell(frame=frame(2.0))
+    assert "accepted at 300.000 mm: as drawn" in words(panel._note)
+    assert "accepted at 300.000 mm: as drawn" in words(alone.all._table)
+    alone.choice.pair = None
+    alone.tell(frame=frame(3.0))
+    assert (panel._status.value, panel._comment.value) == ("new", "")
+    alone.choice.pair = NAMES
+    alone.tell(frame=frame(4.0))
+    assert (panel._status.value, panel._comment.value) == ("accepted", "as drawn")

@@ -1,0 +1,111 @@
+"""Parts with their CAD names on the page: long ones, Chinese ones, signs of HTML."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from deadlines import DEADLINE_S, START_DEADLINE_S
+from page_hand import CHOSEN, NO_NOTES, button, field, listed, press, row, tab
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+LONG = ("Grundplatte & <b>Deckel</b>, sehr lang, mit Überlänge; " * 3)[:155] + "x"
+OTHER = LONG[::-1]
+CHINESE = "轴承座 左"
+SCENE = f"""
+version: 1
+unit: mm
+rate_hz: 10
+bodies:
+  - {{name: '{LONG}', primitive: {{box: {{size: [90, 90, 90]}}}}, moving: true}}
+  - {{name: {CHINESE}, primitive: {{box: {{size: [90, 90, 90]}}}}, moving: true}}
+  - {{name: '{OTHER}', primitive: {{box: {{size: [9, 9, 9]}}}}, pose: {{position: [0, 0, 90]}}}}
+pairs:
+  groups: {{alle Teile: ['{LONG}', '{OTHER}']}}
+  watch:
+    - {{between: [alle Teile, alle Teile]}}
+    - {{between: [alle Teile, {CHINESE}], thresholds: {{warn: 5, stop: 1}}}}
+motion:
+  script:
+    bodies:
+      '{LONG}': {{keys: [{{t: 0, position: [0, 0, 0]}}, {{t: 1, position: [0, 0, 0]}}]}}
+      {CHINESE}: {{keys: [{{t: 0, position: [120, 0, 0]}}, {{t: 1, position: [120, 0, 0]}}]}}
+"""
+PAIR = f"{LONG} - {CHINESE}"
+TWO_LONG = f"{LONG} - {OTHER}"
+INSIDE = """each => {
+  const r = each.getBoundingClientRect();
+  return r.width > 0 && r.left >= 0 && r.right <= innerWidth;
+}"""
+
+
+@pytest.fixture(scope="module")
+def page(browser, domain, launch_for_all, wait, tmp_path_factory):
+    """The page of a scene with such names."""
+    path = tmp_path_factory.mktemp("names") / "teile.yaml"
+    path.write_text(SCENE, encoding="utf-8")
+    environment = {"ROS_DOMAIN_ID": domain}
+    monitor = launch_for_all("node", scene=path, pose_timeout_s=3.0, environment=environment)
+    player = launch_for_all("player", scene=path, environment=environment)
+    display = launch_for_all("display", port=0, environment=environment)
+
+    def said():
+        for process in (display, monitor, player):
+            assert process.popen.poll() is None, process.text
+        line = next((x for x in display.text.splitlines() if x.startswith("display: ")), None)
+        return line and line.removeprefix("display: ")
+
+    address = wait(said, "the display's address", START_DEADLINE_S)
+    page = browser.new_page(viewport={"width": 1000, "height": 640})
+    page.set_default_timeout(1e3 * DEADLINE_S)
+    page.add_init_script(NO_NOTES)
+    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+    wait(lambda: said() and page.query_selector("#pm-pairs .pm-row"), "the list", START_DEADLINE_S)
+    yield page
+    for process in (display, player, monitor):
+        process.stop(signal.SIGKILL)
+
+
+def test_long_names_are_listed_and_push_no_number_out(page):
+    assert set(listed(page)) == {PAIR, TWO_LONG, f"{CHINESE} - {OTHER}"}
+    assert LONG in row(page, TWO_LONG)[2]
+    numbers = page.locator("#pm-pairs td.pm-num, #pm-pairs td.pm-sign, #pm-pairs .pm-press")
+    for i in range(numbers.count()):
+        assert numbers.nth(i).evaluate(INSIDE)
+    assert page.locator("#pm-banner b").first.evaluate(INSIDE)
+
+
+def test_a_pair_of_two_long_names_is_picked_by_a_press(page, wait):
+    rows = page.locator("#pm-pairs .pm-row")
+    i = next(i for i in range(rows.count()) if rows.nth(i).get_attribute("data-pair") == TWO_LONG)
+    rows.nth(i).dispatch_event("pointerdown")
+    wait(lambda: page.locator(CHOSEN).count() == 1, "the pair to be highlighted")
+    assert page.locator(CHOSEN).get_attribute("data-pair") == TWO_LONG
+    press(page, CHOSEN)
+    wait(lambda: not page.locator(CHOSEN).count(), "the pair to be let go")
+
+
+def test_a_part_with_a_chinese_name_is_moved(page, wait):
+    assert row(page, PAIR)[0] == pytest.approx(0.03)
+    tab(page, "Move")
+    page.locator("input[role=combobox]:visible").first.fill(CHINESE)
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
+    wait(lambda: float(field(page, "Position [mm]", 0).input_value()) == 120.0, "the part")
+    field(page, "Position [mm]", 0).fill("140")
+    button(page, "Put it there").click()
+    tab(page, "Clearances")
+    wait(lambda: row(page, PAIR)[0] == pytest.approx(0.05), "the monitor to hear of it")
+
+
+def test_thresholds_of_such_a_pair_are_set_by_the_sliders(page, wait):
+    press(page, f"#pm-pairs .pm-row:has-text('{CHINESE}')")
+    wait(lambda: page.locator(CHOSEN).count() == 1, "the pair to be highlighted")
+    pair = page.locator(CHOSEN).get_attribute("data-pair")
+    tab(page, "Limits")
+    wait(lambda: page.get_by_text(f"of {pair}", exact=True).count(), "its own thresholds")
+    field(page, "warn [mm]", 1).fill("7")
+    bar = page.locator(f"{CHOSEN} .pm-bar")
+    wait(lambda: "warn 7.000 mm" in bar.get_attribute("title"), "the monitor to take it")

@@ -1,0 +1,104 @@
+"""The report of conflicts: which pairs are in it, and what it says, without a browser."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+from page_alone import NAMES, SCENE, frame
+
+from proximity_monitor.display.decisions import Decision
+from proximity_monitor.display.events import Events
+from proximity_monitor.display.export import events_csv, pairs_csv
+from proximity_monitor.display.found import conflicts, moment
+from proximity_monitor.display.portraits import _aimed
+from proximity_monitor.display.report import conflicts_csv, report_html
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.state import STALE, STOP, WARN
+
+EVIL = Decision("accepted", "<script>alert(1)</script>", "stop", 0.01, 0.01, "2026-01-02T03:04:05")
+
+
+def told(*ticks):
+    session, events = Session(), Events()
+    for stamp_s, (clearance, level) in enumerate(ticks):
+        each = frame(1e9 + stamp_s, clearance, level)
+        session.add(each, keep=events.note(each, SCENE))
+    return each, session, events
+
+
+def test_what_was_near_for_one_tick_is_a_conflict_with_its_own_numbers():
+    last, session, events = told((0.3, 0), (0.05, WARN), (0.0123456, STOP), (0.3, 0))
+    (found,) = conflicts(last, session, events, {})
+    assert (found.pair, found.state, found.decision.status) == (NAMES, "stop", "new")
+    assert (found.worst.lower, found.worst.stamp_s) == (0.0123456, 1e9 + 2)
+    assert [event.lower for event in found.events] == [0.05, 0.0123456, 0.3]
+    picture = found.worst.frame(NAMES)
+    assert picture.pairs.places == {NAMES: 0}
+    assert picture.pairs.level[0] == STOP
+
+
+def test_what_is_clear_or_stale_is_none_unless_somebody_decided_about_it():
+    last, session, events = told((0.3, 0), (0.3, STALE), (0.3, 0))
+    assert conflicts(last, session, events, {}) == []
+    (found,) = conflicts(last, session, events, {frozenset(NAMES): EVIL})
+    assert (found.state, found.decision) == ("clear", EVIL)
+
+
+def test_the_report_holds_numbers_words_and_picture_and_no_html_of_others():
+    last, session, events = told((0.3, 0), (0.0123456, STOP), (0.3, 0))
+    found = conflicts(last, session, events, {frozenset(NAMES): EVIL})
+    html = report_html(found, {NAMES: b"abc"}, SCENE, last, session.span_s)
+    for expected in (
+        "&lt;i&gt;a - b", "lower bound 12.346 mm, upper bound 12.346 mm", "accepted", "■ STOP",
+        "&lt;script&gt;", "data:image/png;base64,YWJj", "1.00 s (2001-09-09 01:46:41.000 UTC)",
+        "warn 100.000 mm, stop 20.000 mm", "default-src 'none'",
+    ):  # fmt: skip
+        assert expected in html, expected
+    assert "<script" not in html and "<i>" not in html
+    assert "have no picture" not in html
+    assert "1 have no picture" in report_html(found, {}, SCENE, last, session.span_s)
+    (row,) = csv.DictReader(io.StringIO(conflicts_csv(found, SCENE, last, session.span_s)))
+    assert (row["a"], row["b"]) == NAMES
+    assert (row["decided"], row["comment"]) == (EVIL.status, EVIL.comment)
+    assert float(row["min_lower [mm]"]) == pytest.approx(12.3456)
+    assert (row["worst_state"], row["state"], row["events"]) == ("stop", "clear", "2")
+
+
+def test_the_other_tables_tell_bounds_and_decisions_too():
+    last, session, events = told((0.3, 0), (0.0123456, STOP))
+    decisions = {frozenset(NAMES): EVIL}
+    for text in (
+        events_csv(events, session, SCENE, decisions),
+        pairs_csv(last, SCENE, session, decisions),
+    ):
+        (row,) = csv.DictReader(io.StringIO(text))
+        assert float(row["lower [mm]"]) == pytest.approx(12.3456)
+        assert (row["decided"], row["comment"]) == (EVIL.status, EVIL.comment)
+
+
+def test_a_simulation_s_moments_have_no_date():
+    assert moment(12.5, 10.0) == "2.50 s"
+
+
+def test_the_smallest_clearance_keeps_nothing_else_of_its_tick():
+    many = frame(0.0)
+    pairs = replace(many.pairs, points=np.zeros((1000, 2, 3)))
+    session = Session()
+    session.add(replace(many, pairs=pairs))
+    assert session.worst(NAMES)[1].points.base is None
+
+
+@pytest.mark.parametrize("position", [(0, 0, 9), (0, 0, -9), (3, 2, 1), (5, 0, 0)])
+def test_a_picture_looks_at_the_gap_across_it(position):
+    ends = np.array([(0.1, 0.2, 0.3), (0.1, 0.2, 0.5)])
+    for turned in (ends, ends[:, [2, 1, 0]], np.repeat(ends[:1], 2, axis=0)):
+        view = _aimed(turned, np.array(position, float), 1.0, (400, 300))
+        np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-9)
+        places, depth = view.project(turned)
+        assert (depth > 0.0).all()
+        np.testing.assert_allclose(places.mean(axis=0), (200, 150), atol=1e-6)
