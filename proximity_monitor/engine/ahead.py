@@ -39,7 +39,7 @@ def kernels(watching: bool) -> Iterator[Kernel]:
         signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
         insides = Insides(np.empty(0, np.int8), table, lanes, tables)
         progress, scratch = np.empty((2, 2), np.int64), np.empty((2, 2, 0), np.int32)
-        settled = insides, poses, integers, reals, signs, 0, 0, 1, 0, progress, scratch, rows
+        settled = insides, poses, integers, rows, signs, 0, 0, 1, 0, progress, scratch, rows
         yield settle_signs, settled
         yield solids.part_volumes, (frozen_rows, real, lanes, lanes)
     yield fit_tree.fit_tree, (rows, integers, lanes, real, None)

@@ -237,3 +237,26 @@ def test_a_bad_pose_of_a_pair_is_named_and_of_others_does_not_matter():
 def test_an_assembly_needs_a_body():
     with pytest.raises(ValueError, match="models: there are none"):
         engine.Assembly([])
+
+
+def test_a_depth_begins_with_what_is_known_of_the_surfaces(monkeypatch):
+    """They have been compared already, and are not compared again."""
+    repeated, compare = [], engine.Pair.distance
+
+    def noted(pair, *given, **how):
+        found = compare(pair, *given, **how)
+        if found.lower == 0.0:
+            repeated.append(found.bound_tests)
+        return found
+
+    monkeypatch.setattr(engine.Pair, "distance", noted)
+    rng = np.random.default_rng(11)
+    poses = np.array([pose(rng, 0.4) for _ in range(12)])
+    twice = np.repeat(list(itertools.combinations(range(12), 2)), 2, axis=0)
+    assembly = engine.Assembly([torus(12)] * 12)
+    found = assembly.distances(poses, twice, signed=True, budget_s=60.0)
+    assert (found.upper < 0.0).sum() > 40
+    assert len(repeated) > 10
+    assert not any(repeated)
+    # The same question has the same answer, whether a search of it has just ended or not.
+    np.testing.assert_allclose(found.upper[::2], found.upper[1::2], rtol=0.02, atol=1e-12)

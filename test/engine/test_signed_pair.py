@@ -304,12 +304,17 @@ def test_a_question_whose_time_is_over_does_one_thing_more(monkeypatch):
                 assert len(begun) <= 2, "of the surfaces and, where they are apart, of parts inside"
 
 
-def test_the_surfaces_are_not_compared_again_while_the_depth_is_searched():
+def test_the_surfaces_are_not_compared_again_while_the_depth_is_searched(monkeypatch):
     a, b, there = QUESTIONS["concentric"]
     pair, asked = engine.Pair(a, b), []
     pair.signed_distance(IDENTITY, there, depth_err=1e-4, budget_s=0.0)
-    compare = pair._signed._apart
-    pair._signed._apart = lambda *given, **how: asked.append(how) or compare(*given, **how)
+    compare = engine.Pair.distance
+
+    def compare_and_count(pair, *given, **how):
+        asked.append(how)
+        return compare(pair, *given, **how)
+
+    monkeypatch.setattr(engine.Pair, "distance", compare_and_count)
     answers = finished(pair, IDENTITY, there, budget_s=0.0, depth_err=1e-4)
     in_depth = sum(each.upper < 0.0 for each in answers)
     assert in_depth > 2

@@ -31,7 +31,7 @@ from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
 from .answers import no_answers
 from .asked import checked_pairs, checked_tolerances
-from .long_searches import BEGIN_S, LongSearches, Single
+from .long_searches import BEGIN_FIRST_S, LongSearches, Single
 
 _NO_HINTS = np.empty((0, 2), np.int32)
 
@@ -169,10 +169,10 @@ class Assembly:
         queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
         answers = np.empty((count, index.ANSWER))
         known = _NO_HINTS if hints is None else hints
-        begin_questions(pairs, wanted, known, signed, queries, answers)
+        solids = begin_questions(pairs, wanted, known, signed, queries, answers)
         asked = queries[:2].reshape(2, 1)
         searches = self._allot(threads, poses, pairs, wanted)
-        settle = self._settle_signs(poses, pairs, wanted, signed, answers, threads)
+        settle = self._settle_signs(poses, pairs, wanted, signed, solids, answers, threads)
 
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
@@ -211,7 +211,8 @@ class Assembly:
 
         def single(k: int) -> Single:
             models = tuple(self.models[body] for body in pairs[k].tolist())
-            return Single(question(k), models, poses[pairs[k]], wanted[k], True)
+            known = None if math.isnan(answers[k, index.STATUS]) else answers[k].copy()
+            return Single(question(k), models, poses[pairs[k]], wanted[k], True, known)
 
         def depths(chosen: Sequence[int] | NDArray[np.int64]) -> None:
             found = self._depths.search(
@@ -238,14 +239,13 @@ class Assembly:
             )  # fmt: skip
         else:
             answers = self.rows(poses, pairs, wanted, hints, signed, deadline, threads)
-        in_time = perf_counter() + BEGIN_S < end
-        first = answers if in_time else answers[:1]
-        open_ = np.empty(len(first), np.bool_)
-        count = signs_open(first, wanted[:, 2], open_)
+        in_time = perf_counter() + BEGIN_FIRST_S < end
+        open_ = np.empty(len(answers) if in_time else min(len(answers), 1), np.bool_)
+        count = signs_open(answers, wanted, open_)
         if not (count or begun):
             return answers
         if begun:
-            open_[[k for k in begun if k < len(first)]] = True
+            open_[[k for k in begun if k < len(open_)]] = True
         if self._cut:  # there the search of the surfaces must end first
             open_ &= [not (each and question(k)[0] in self._cut) for k, each in enumerate(open_)]
         open_[:1] &= 0 not in begun
@@ -253,7 +253,7 @@ class Assembly:
         if in_time and len(chosen):
             depths(chosen)
         elif len(chosen):  # the next call begins with it, so that all come to an end
-            self._depths.resume(question(0))
+            self._depths.resume(single(0))
         return answers
 
     def _pose_name(self, body: int) -> str:
@@ -373,25 +373,25 @@ class Assembly:
         pairs: NDArray[np.int32],
         wanted: NDArray[np.float64],
         signed: NDArray[np.bool_],
+        solids: int,
         answers: NDArray[np.float64],
         every: int,
     ) -> Callable[[int, int, int], int]:
-        """What makes every so many answers, from one to before another, signed ones.
+        """What makes every so many answers, from one to before another, signed ones; `solids` are.
 
         It takes so many steps, and returns to where it came: see `settle_signs`.
         """
-        if not signed.any():
+        if not solids:
             return lambda first, last, steps: last
         if self._insides is None:
             self._insides = insides_of(self.models)
-        insides, clearances = self._insides, np.ascontiguousarray(wanted[:, 2])
-        room = 1 + 15 * self._deepest._hierarchy.depth
+        insides, room = self._insides, 1 + 15 * self._deepest._hierarchy.depth
         progress = np.zeros((every, 2, 2), np.int64)  # for each thread
         scratch = np.empty((every, 2, 2, room), np.int32)
 
         def settle(first: int, last: int, steps: int) -> int:
             return settle_signs(
-                insides, poses, pairs, clearances, signed, first, last, every, steps,
+                insides, poses, pairs, wanted, signed, first, last, every, steps,
                 progress[first % every], scratch[first % every], answers,
             )  # fmt: skip
 

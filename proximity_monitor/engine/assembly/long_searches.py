@@ -37,8 +37,10 @@ whenever a kernel returns. Then what the search finds depends on no clock, but f
 _DECIDING_S = 0.2e-3
 """The same where it is looked at, besides, whether a signed distance decides a clearance."""
 
-BEGIN_S = 1e-4
-"""Seconds that it takes to begin a search: with less left, it waits for another call."""
+BEGIN_FIRST_S, _BEGIN_S = 2e-4, 1e-4
+"""Seconds that it may take to begin a search: with less left, it waits for another call. The first
+one of a call takes three times as long as the others, as the processor's caches do not hold what it
+needs."""
 
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
@@ -56,6 +58,8 @@ class Single(NamedTuple):
     """(3,) rel_err, abs_err and clearance, as `Assembly.rows` takes them."""
     signed: bool
     """Whether the signed distance is asked for."""
+    known: NDArray[np.float64] | None = None
+    """(ANSWER,) of signed distances: what a search of the surfaces has found, if there was one."""
 
 
 class LongSearches:
@@ -68,7 +72,7 @@ class LongSearches:
 
     def __init__(self, coherent: bool) -> None:
         self._coherent = coherent
-        self._kept: OrderedDict[Hashable, Pair | None] = OrderedDict()
+        self._kept: OrderedDict[Hashable, Pair] = OrderedDict()
 
     def resumed(
         self, keys: Callable[[int], Hashable], count: int, possible: Callable[[Hashable], bool]
@@ -77,6 +81,8 @@ class LongSearches:
 
         It is first asked of each whether that is `possible`: to make all keys takes far longer.
         """
+        if not self._kept:
+            return []
         self._kept = OrderedDict((key, each) for key, each in self._kept.items() if possible(key))
         found: dict[Hashable, int] = {}
         for k in range(count):
@@ -87,9 +93,10 @@ class LongSearches:
         self._kept = OrderedDict((key, self._kept[key]) for key in found)
         return list(found.values())
 
-    def resume(self, key: Hashable) -> None:
-        """Let the search about a key count as one that is kept, though it has not begun."""
-        self._kept[key] = None
+    def resume(self, asked: Single) -> None:
+        """Let the search about a signed distance count as one that is kept: it has not begun."""
+        pair = self._kept[asked.key] = Pair(*asked.models)
+        pair.signed_search().known = asked.known
 
     def search(
         self,
@@ -122,7 +129,7 @@ class LongSearches:
         def answer(first: int, stopped: Event) -> None:
             fresh = None
             for k in range(first, min(first + step, count)):
-                if stopped.is_set() or (k and perf_counter() + BEGIN_S >= deadline):
+                if stopped.is_set() or (k and perf_counter() + _BEGIN_S >= deadline):
                     return
                 each = asked(k)
                 pair = kept.pop(each.key, None)
@@ -130,6 +137,8 @@ class LongSearches:
                     if fresh is None or (fresh.a, fresh.b) != each.models:
                         fresh = Pair(*each.models)
                     pair = fresh
+                    if each.known is not None:
+                        pair.signed_search().known = each.known
                 rows[k], ended = _search(pair, each, depth_err, deadline, longest, stopped)
                 if self._coherent or not ended:
                     kept[each.key] = pair

@@ -144,12 +144,24 @@ class Pair:
         if budget_s is not None:
             budget_s = check_tolerance("budget_s", budget_s)
         pose_a, pose_b = check_pose(pose_a, "pose_a"), check_pose(pose_b, "pose_b")
+        search = self.signed_search()
+        return search.ask(start, pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
+
+    def signed_search(self) -> SignedSearch:
+        """The search for signed distances, with what it remembers."""
         if self._signed is None:
             # With searches of its own: questions of either kind leave those of the other alone.
             _, coherent, _ = self._begin_with
-            apart = Pair(self.a, self.b, coherent=coherent)
-            self._signed = SignedSearch(self.a, self.b, apart.distance)
-        return self._signed.ask(start, pose_a, pose_b, rel_err, abs_err, depth_err, budget_s)
+            self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b, coherent=coherent))
+        return self._signed
+
+    def begin_at(self, nearest: tuple[int, int]) -> None:
+        """Let the next search begin anew, with two elements, in tree order."""
+        self._asked = None
+        if self._search is None:
+            self._begin_with = *self._begin_with[:2], nearest
+        else:
+            self._search.begin_at(nearest)
 
     def within(
         self,

@@ -141,6 +141,10 @@ class Search:
         """The nearest triangles of the last answer, in tree order."""
         return int(self.progress["element_a"]), int(self.progress["element_b"])
 
+    def begin_at(self, nearest: tuple[int, int]) -> None:
+        """Let the next search begin at two elements, in tree order."""
+        self._own.begin_at(nearest)
+
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
         """Make another search that begins with the nearest triangles of this one."""
         return Search, (*self.models, self.order, self.coherent, self.nearest)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from .parts import PartSearch
 from .result import STATUSES, Distance, Status
 from .rows import distance_of
 from .slices import deadline_of
+
+if TYPE_CHECKING:
+    from .pair import Pair
 
 Stage = Callable[["SignedSearch"], "Stage | None"]
 """Does at least one slice of work; returns the next stage, itself if time ran out, None to end."""
@@ -36,21 +39,26 @@ class SignedSearch:
     Args:
         a: first model.
         b: second model.
-        apart: finds the distance of their surfaces, as `Pair.distance` of a pair of its own.
+        apart: a pair of its own, which finds the distance of their surfaces.
     """
 
     __slots__ = (
         "_apart", "_apart_tests", "_asked", "_clear", "_deadline", "_depth", "_deviation",
-        "_earlier_tests", "_found", "_inside_other", "_limits", "_models", "_parts", "_poses",
-        "_regions", "_stage", "_tolerance",
+        "_earlier_tests", "_found", "_inside_other", "_known", "_limits", "_models", "_parts",
+        "_poses", "_regions", "_stage", "_tolerance", "known",
     )  # fmt: skip
 
-    def __init__(self, a: Model, b: Model, apart: Callable[..., Distance]) -> None:
+    known: NDArray[np.float64] | None
+    """(ANSWER,) what is known of the surfaces at the poses that are asked about next: whoever sets
+    it has it from a search of its own. This search then begins where that one has ended."""
+
+    def __init__(self, a: Model, b: Model, apart: Pair) -> None:
         self._models = a, b
         self._apart = apart
         self._asked: tuple[object, ...] | None = None
         self._clear: tuple | None = None  # how the models were last known to be apart
         self._depth: BallSearch | CoreSearch | None = None
+        self.known = None
 
     def __reduce__(self) -> tuple[type[SignedSearch], tuple[Any, ...]]:
         """Make another one with an empty memory."""
@@ -72,7 +80,9 @@ class SignedSearch:
         """
         if not any(model.is_solid for model in self._models):
             self._asked = None
-            return self._apart(pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s)
+            return self._apart.distance(
+                pose_a, pose_b, rel_err=rel_err, abs_err=abs_err, budget_s=budget_s
+            )
         self._deadline = math.inf if budget_s is None else deadline_of(start, budget_s)
         asked = None
         if budget_s is not None:
@@ -81,7 +91,9 @@ class SignedSearch:
         self._asked = None
         if fresh:
             self._begin(pose_a, pose_b, rel_err, abs_err, depth_err)
-        row = self._answer(self._search())
+        # To begin is work enough where there is an answer already and no time is left.
+        late = fresh and self._known is not None and perf_counter() >= self._deadline
+        row = self._answer(not late and self._search())
         self._asked = asked
         # Rounding may make a later bound the weaker one; both hold.
         if self._limits is not None:
@@ -123,6 +135,11 @@ class SignedSearch:
         self._limits: tuple[float, float] | None = None
         self._tolerance = {"rel_err": rel_err, "abs_err": abs_err}
         self._apart_tests = self._earlier_tests = 0, 0
+        self._known, self.known = self.known, None
+        if self._known is not None:
+            tests, pair = self._known[state.TESTS :], self._known[state.TREE_A :]
+            self._apart_tests = self._earlier_tests = int(tests[0]), int(tests[1])
+            self._apart.begin_at((int(pair[0]), int(pair[1])))
         self._found: Distance | None = None
         self._inside_other: bool | None = None
         self._parts: PartSearch | None = None
@@ -180,8 +197,11 @@ class SignedSearch:
         depth = self._depth
         if depth.found:
             return self._inside(ended)
-        apart = self._found or self._distance()
         _, deep = depth.bounds
+        if self._found is None and self._known is not None:
+            row, upper = self._known.copy(), float(self._known[state.UPPER])
+            return self._with_tests(row, -deep - self._deviation, upper, Status.OUT_OF_TIME)
+        apart = self._found or self._distance()
         if apart.lower > 0.0 and (self._inside_other is False or deep == 0.0):
             if self._inside_other is False:
                 self._clear = self._poses, apart.lower, self._shapes()
@@ -230,7 +250,7 @@ class SignedSearch:
             left = None
             if self._deadline < math.inf:
                 left = max(self._deadline - perf_counter(), 0.0)
-            found = self._apart(*self._poses, **self._tolerance, budget_s=left)
+            found = self._apart.distance(*self._poses, **self._tolerance, budget_s=left)
             bound_tests, primitive_tests = self._earlier_tests
             bound_tests += found.bound_tests
             primitive_tests += found.primitive_tests

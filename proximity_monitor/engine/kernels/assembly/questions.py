@@ -43,7 +43,10 @@ def begin_questions(pairs, wanted, hints, signed, queries, answers):
         queries: (2 + k QUERY_NUMBERS,) int64, written: the table (2, 1) of the queries, and then
             these as (k,) QUERY. So whoever keeps the table keeps them.
         answers: (k, ANSWER) written.
+
+    Returns how many of the pairs are `signed`.
     """
+    count = 0
     at, _ = addresses((queries[2:],))
     queries[0], queries[1] = at, len(pairs)
     made = records_at(at, len(pairs), QUERY)
@@ -62,17 +65,20 @@ def begin_questions(pairs, wanted, hints, signed, queries, answers):
             answers[k, i] = np.nan
         answers[k, LOWER] = -np.inf if signed[k] else 0.0
         answers[k, UPPER] = np.inf
+        count += signed[k]
+    return count
 
 
 @entry
-def signs_open(answers, clearances, found):
+def signs_open(answers, wanted, found):
     """Write which answers (k, ANSWER) leave open whether bodies overlap, and a clearance, too.
 
-    Returns how many of these (k,) do.
+    `wanted` (k, 3) is as `begin_questions` takes it. As many are looked at as there is room for in
+    `found`; returns how many of these do.
     """
     count = 0
-    for k in range(len(answers)):
-        upper, clearance = answers[k, UPPER], clearances[k]
+    for k in range(len(found)):
+        upper, clearance = answers[k, UPPER], wanted[k, 2]
         found[k] = (
             answers[k, LOWER] == -np.inf
             and not np.isnan(answers[k, STATUS])

@@ -166,14 +166,15 @@ def _one_in_the_other(insides, i, j, motions, slack, apart, progress, scratch, s
 
 @entry
 def settle_signs(
-    insides, poses, pairs, clearances, signed, first, last, every, steps, progress, scratch, answers
+    insides, poses, pairs, wanted, signed, first, last, every, steps, progress, scratch, answers
 ):  # fmt: skip
     """Make answers about surfaces into such about signed distances, where `signed` (k,).
 
     The answers (k, ANSWER) are those of `answer_queries` about pairs (k, 2) of bodies at poses
     (n, 4, 4); first, first + every, ... below last of them. Where the surfaces may meet, or one
     body lie inside the other, the sign is open, and `lower` is -inf. Then the search counts as cut,
-    unless its upper bound has decided about the clearance (k,).
+    unless its upper bound has decided about the clearance: `wanted` (k, 3) is rel_err, abs_err and
+    clearance.
 
     Returns `last`, or after about `steps` steps the first answer that is not settled; it goes on
     with `progress` (2, 2), zeros to begin with, and `scratch` (2, 2, m). With no steps at all it is
@@ -210,6 +211,6 @@ def settle_signs(
             progress[side, 0] = progress[side, 1] = 0
         if not certain:
             answer[LOWER] = -np.inf
-            if not answer[UPPER] <= clearances[k] < np.inf:
+            if not answer[UPPER] <= wanted[k, 2] < np.inf:
                 answer[STATUS] = OUT_OF_TIME
     return last

@@ -37,8 +37,12 @@ Point = namedtuple("Point", "place slack spare")
 looked into that is less than `spare` metres nearer."""
 
 
+Middle = namedtuple("Middle", "place slack")
+"""The query for a volume whose middle is near a point."""
+
 _ALL = (1 << WIDTH) - 1
 _TINY = np.float32(1e-30)
+_ZERO, _HALF = np.float32(0.0), np.float32(0.5)
 
 
 @loop16
@@ -62,6 +66,30 @@ def point_gaps(nodes, base, x, y, z, margin, gaps):
         dy = dy - s * uy - t * vy
         dz = dz - s * uz - t * vz
         gaps[k] = np.sqrt(dx * dx + dy * dy + dz * dz) - nodes[i + RADIUS] - margin
+
+
+@loop16
+def _middle_gaps(nodes, base, x, y, z, gaps):
+    """A point's distance to the inner half of each lane's rectangle, node units.
+
+    A large volume reaches far beyond what it holds, in its corners most of all: where its middle
+    lies tells better than its bound what is near. The radius of a lane that is unused is far below
+    zero.
+    """
+    for k in range(WIDTH):
+        i = base + uint64(k)
+        dx = x - nodes[i + CENTRE_X]
+        dy = y - nodes[i + CENTRE_Y]
+        dz = z - nodes[i + CENTRE_Z]
+        ux, uy, uz = nodes[i + U_X], nodes[i + U_Y], nodes[i + U_Z]
+        vx, vy, vz = nodes[i + V_X], nodes[i + V_Y], nodes[i + V_Z]
+        a, b = _HALF * nodes[i + HALF_U], _HALF * nodes[i + HALF_V]
+        s = min(max(dx * ux + dy * uy + dz * uz, -a), a)
+        t = min(max(dx * vx + dy * vy + dz * vz, -b), b)
+        dx = dx - s * ux - t * vx
+        dy = dy - s * uy - t * vy
+        dz = dz - s * uz - t * vz
+        gaps[k] = np.sqrt(dx * dx + dy * dy + dz * dz) - min(nodes[i + RADIUS], _ZERO)
 
 
 @kernel
@@ -103,6 +131,12 @@ def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
     point_gaps(nodes, base, x, y, z, margin, gaps)
 
 
+@implements(visit.lane_gaps, Middle)
+@inlined
+def _lane_middles(query, nodes, base, x, y, z, margin, gaps):
+    _middle_gaps(nodes, base, x, y, z, gaps)
+
+
 @implements(visit.limit, Point)
 @inlined
 def _limit(query, answer):
@@ -141,8 +175,8 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
 
 @kernel
 def walk(tree, p, found):
-    """The first element of the leaf where the nearest volume to p, level by level, leads to."""
-    query, child = Point(p, 0.0, 0.0), tree.children[0]
+    """The first element of the leaf where the volume whose middle is nearest to p leads to."""
+    query, child = Middle(p, 0.0), tree.children[0]
     while child >= 0:
         visit.visit(query, tree, child, np.inf, found)
         least = smallest(found, 0, _ALL)

@@ -7,7 +7,7 @@ import numpy as np
 from ..base.jit import implements, kernel
 from ..base.memory import on_stack
 from ..base.state import MESHES
-from ..base.vectors import along, moved, scaled, sub
+from ..base.vectors import along, dot, moved, scaled, sub
 from ..elements.primitives import corners, measure_triangles, mixed
 from ..inside.nearest import begin_nearest, nearest, point_triangle, walk
 from ..inside.visit import ROOM
@@ -38,16 +38,22 @@ def _point_near(tree, t, p):
 @implements(stubs.guess, MESHES, MESHES)
 @kernel
 def _guess(tree_a, tree_b, state):
-    """Measure the triangle of a nearest to the middle of b, and that of b nearest to it.
+    """Measure a triangle of a near the middle of b, one of b near it, and so on to and fro.
 
-    They are so as far as one walk down each hierarchy tells.
+    They are near as far as walks down the hierarchies tell. Where the models' spheres meet, either
+    may be around the other, and a second walk down each pays.
     """
     progress, motions = state.progress[0], state.motions
     found = on_stack(WIDTH, np.float32(0.0))
-    middle = moved(motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
-    ta = walk(tree_a, middle, found)
-    p = moved(motions[1], _point_near(tree_a, ta, middle))
-    tb = walk(tree_b, p, found)
+    q = moved(motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
+    ta = tb = np.int64(0)
+    way = sub(q, scaled(row(tree_a.centres, 0), tree_a.scale[0]))
+    reach = tree_a.centres[0, 3] * tree_a.scale[0] + tree_b.centres[0, 3] * tree_b.scale[0]
+    for _ in range(2 if dot(way, way) < reach * reach else 1):
+        ta = walk(tree_a, q, found)
+        p = moved(motions[1], _point_near(tree_a, ta, q))
+        tb = walk(tree_b, p, found)
+        q = moved(motions[0], _point_near(tree_b, tb, p))
     progress.primitive_tests += 1
     measure_triangles(tree_a, tree_b, state, ta, tb, 0.0)
 

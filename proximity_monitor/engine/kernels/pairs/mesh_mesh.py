@@ -62,11 +62,10 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     shift(gathered, state.motions[0], scale, local)
     gaps(local, float32(progress.slack * scale * (1.0 + 1e-6)), found)
     remaining = (1 << taken) - 1
-    # With a tolerance the limit is below the distance. The first to be measured may lie between the
-    # two: where it is nearer than what was found so far, it lowers the limit for all others.
-    nearest = progress.limit
-    if progress.rel_err + progress.abs_err > 0.0:
-        nearest = max(nearest, progress.distance)
+    # With a tolerance or a clearance the limit is below the distance. The first to be measured may
+    # lie between the two: what is nearer than all that was found so far lowers the limit of a
+    # tolerance, and tells where to measure along what is beside it.
+    nearest = max(progress.limit, progress.distance)
     while True:
         reach = np.float32(min(nearest * scale * (1.0 + 1e-6), 3e38))
         remaining &= not_above(found, 0, reach)

@@ -35,8 +35,11 @@ _PATIENCE, _LONG, _LONGER = 24 * WIDTH, 96 * WIDTH, 8
 were the nearest of the search before; and how many times as many it makes before it tries again."""
 _WITHIN_REACH = 1.5
 """How many times as far as a clearance the nearest points may be and may soon be within it."""
-_POOR = 0.1
-"""Share of the last distance by which the remembered elements are too far to begin with."""
+_POOR, _POOR_SHARE, _PATH = 0.1, 0.25, 0.02
+"""Share of the last distance by which the remembered elements are too far to begin with. With a
+relative error it is this share of the error, as each part of it that the first distance takes up
+keeps more volumes open; but no less than distances change from step to step of a path.
+"""
 
 
 @kernel
@@ -49,11 +52,14 @@ def begin_near(tree_a, tree_b, state, last):
     progress.approached, progress.patience = np.inf, _PATIENCE
     if progress.limit < enough(progress):
         return
-    if progress.distance <= (1.0 + max(progress.rel_err, _POOR)) * last:
+    near = (1.0 + max(progress.rel_err, _POOR)) * last
+    if progress.distance <= near:
         settle(state.waiting, tree_a, tree_b, state)
+    poor = _POOR if progress.rel_err == 0.0 else max(_POOR_SHARE * progress.rel_err, _PATH)
+    if progress.distance > (1.0 + poor) * last:
+        guess(tree_a, tree_b, state)
+    if progress.distance <= near:
         progress.approached, progress.patience = progress.distance, _LONG
-        return
-    guess(tree_a, tree_b, state)
 
 
 @inlined

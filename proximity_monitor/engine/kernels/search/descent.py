@@ -20,7 +20,7 @@ from ..base.state import (
 )
 from ..bounds.cross import Scratch
 from ..bounds.gaps import BATCH
-from ..elements.primitives import collect
+from ..elements.primitives import collect, enough
 from ..tree.layout import LARGEST, STRIDE, WIDTH
 from .approach import APPROACH_STEPS, come_nearer, far_from_nearest
 from .coherence import is_coherent, remember_far, still_far
@@ -116,10 +116,11 @@ def advance(tree_a, tree_b, state):
     n = progress.waiting
     coherent = is_coherent(state)
     code = ENDED
-    # With a tolerance something nearer is worth more than a full batch, as it lowers the limit. And
-    # fewer leaves have to be looked at, so that two lowest nodes together are less of a bargain.
+    # With a tolerance something nearer is worth more than a full batch, as it lowers the limit; and
+    # what is within a clearance, which is the limit then, is the answer. With a tolerance fewer
+    # leaves have to be looked at, so that two lowest nodes together are less of a bargain.
     tolerant = progress.rel_err + progress.abs_err > 0.0
-    many = 1 if tolerant else BATCH
+    many = 1 if tolerant or progress.limit < enough(progress) else BATCH
     larger = 2.0 if tolerant else 4.0
     while True:
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
