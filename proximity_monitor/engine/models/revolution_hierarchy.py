@@ -76,9 +76,9 @@ def _curves(patches: SurfaceHierarchy, profile: Profile) -> tuple[NDArray, NDArr
     made = []
     first = 0
     for k, (net, patch) in enumerate(zip(profile.nets, patches.nets, strict=True)):
-        pieces, (along, _) = net.pieces()[:, 0, :, 0], net.spans
+        pieces, (along, _) = profile.pieces[k], net.spans
         own = np.zeros(len(pieces), CURVE_PIECE)
-        own["control"][:, : 3 * pieces.shape[1]] = pieces[..., [0, 1, 3]].reshape(len(pieces), -1)
+        own["control"][:, : 3 * pieces.shape[1]] = pieces.reshape(len(pieces), -1)
         own["degree"], own["patch"], own["parts"] = pieces.shape[1] - 1, k, parts
         own["around"] = len(patch.spans[1].low) * parts
         own["low"], own["high"] = along.low, along.high
