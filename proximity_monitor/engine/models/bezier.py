@@ -147,9 +147,7 @@ def basis(along: Spans, parameters: NDArray[np.float64], order: int) -> tuple[ND
     return along.first[span], made
 
 
-def bernstein(
-    degree: int, s: NDArray[np.float64], r: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def bernstein(degree: int, s: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
     """The Bernstein polynomials (k, degree + 1) at s = 1 - r, (k,)."""
     j = np.arange(degree + 1)
     binomials = np.array([comb(degree, i) for i in j], np.float64)

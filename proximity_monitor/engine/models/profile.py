@@ -108,7 +108,7 @@ def _check_ends(pieces: Sequence[Reals], near: float, name: str) -> bool:
 
 
 def _points(pieces: Reals, count: int) -> Reals:
-    """So many points (s, count, 2) of pieces (s, degree + 1, 3), at equal steps of the parameter."""
+    """Points (s, count, 2) of pieces (s, degree + 1, 3), at equal steps of the parameter."""
     found = _shares(pieces.shape[1] - 1, count) @ pieces
     return found[..., :2] / found[..., 2:]
 
