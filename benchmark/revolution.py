@@ -2,11 +2,15 @@
 
     python benchmark/revolution.py [--quick] [--frames N] [--finest N] [--out DIR]
 
+It writes a page, DIR/revolution.md, and its figures, DIR/images/revolution_*.png; with `--out docs`
+those of the documents.
+
 The five solids of the bundled scene `chess`, scaled to a largest coordinate of 1 m, after Son,
 Yoon, Kim and Elber, "Efficient Minimum Distance Computation for Solids of Revolution", 2020: all 15
 pairs, at random poses and along a motion, at the precisions 1e-3, 1e-4 and 1e-5 m (their Figure
-12); the size and the building of hierarchies (their Tables 1 and 2, and Figure 9); all five
-deforming at once (their Figure 8); exact answers beside OCCT's.
+12); the size and the building of hierarchies (their Tables 1 and 2, and Figure 9); a sixth solid
+that morphs through the five (their Figure 8), and all five deforming at once; exact answers beside
+OCCT's.
 
 Meshes have so many triangles that no chord is farther from the solid than the precision; FCL and
 this engine get the same. Where they would have more than --finest triangles, a mesh of that many is
@@ -28,6 +32,7 @@ import numpy as np
 import occt
 import peers
 from numpy.typing import NDArray
+from revolution_page import write_page
 from surfaces import at, turned
 
 from proximity_monitor import engine
@@ -37,12 +42,12 @@ OUT = Path(__file__).resolve().parents[1] / "build" / "benchmark"
 MODELS = Path(engine.__file__).parents[1] / "scene" / "bundled" / "chess" / "models"
 NAMES = "pawn", "cup", "bottle", "table", "light_mill"
 PRECISIONS = 1e-3, 1e-4, 1e-5
-PAPER_NODES = {  # Table 2: their fat biarcs, and PQP's nodes
-    "pawn": ((103, 211, 479), ("287K", "2.5M", "26.5M")),
-    "cup": ((119, 199, 399), ("272K", "3.0M", "25.9M")),
-    "bottle": ((123, 187, 411), ("308K", "2.7M", "29.2M")),
-    "table": ((95, 179, 335), ("289K", "3.1M", "26.3M")),
-    "light_mill": ((247, 375, 687), ("424K", "4.5M", "42.5M")),
+PAPER = {  # Tables 1 and 2: MB of PQP's hierarchy and of theirs; nodes of PQP's and fat biarcs
+    "pawn": ((62, 0.081, "287K", 103), (550, 0.203, "2.5M", 211), (1437, 0.527, "26.5M", 479)),
+    "cup": ((59, 0.096, "272K", 119), (657, 0.199, "3.0M", 199), (1294, 0.474, "25.9M", 399)),
+    "bottle": ((66, 0.099, "308K", 123), (593, 0.191, "2.7M", 187), (2003, 0.506, "29.2M", 411)),
+    "table": ((62, 0.079, "289K", 95), (674, 0.181, "3.1M", 179), (1395, 0.415, "26.3M", 335)),
+    "light_mill": ((91, 0.187, "424K", 247), (982, 0.347, "4.5M", 375), (590, 0.776, "42.5M", 687)),
 }
 HERE = np.eye(4)
 
@@ -59,8 +64,11 @@ def solids() -> dict[str, engine.SolidOfRevolution]:
 
 def tessellated(
     solid: engine.SolidOfRevolution, precision: float, most: int
-) -> tuple[NDArray[np.float64], NDArray[np.int32], bool]:
-    """Vertices and faces no farther from the solid than the precision; and whether they are."""
+) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
+    """Vertices and faces no farther from the solid than the precision, and how far they may be.
+
+    That is more where there would be more triangles than `most`.
+    """
     while True:
         points = _polygon(solid, 0.5 * precision)
         widest = points[:, 0].max()
@@ -84,7 +92,7 @@ def tessellated(
     area = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    return vertices, faces[area > 0.0].astype(np.int32), precision in PRECISIONS
+    return vertices, faces[area > 0.0].astype(np.int32), precision
 
 
 def _polygon(solid: engine.SolidOfRevolution, error: float) -> NDArray[np.float64]:
@@ -158,14 +166,17 @@ def main(arguments: list[str] | None = None) -> int:
     randoms, frames = (40, 300) if options.quick else (1000, options.frames)
     precisions = PRECISIONS[:2] if options.quick else PRECISIONS
     made = solids()
-    pages = [_sizes(made, precisions, options.finest)]
-    rows, wrong = _distances(made, precisions, randoms, frames, options.finest)
-    pages += [rows, _deforming(made, 20 if options.quick else 200)]
+    sizes, built = _sizes(made, precisions, options.finest)
+    distances, bars, wrong = _distances(made, precisions, randoms, frames, options.finest)
+    morphing, morphed = _morphing(made, precisions, 20 if options.quick else 1000)
+    deforming = _deforming(made, 20 if options.quick else 200)
     exact, contradicted = _exact(made, 10 if options.quick else 60)
-    pages.append(exact)
-    options.out.mkdir(parents=True, exist_ok=True)
-    page = "\n".join(pages)
-    (options.out / "revolution.md").write_text(page)
+    command = " ".join(["python benchmark/revolution.py", *(arguments or sys.argv[1:])])
+    page = write_page(
+        options.out, command, frames, (built, bars, morphed),
+        {"sizes": sizes, "distances": distances, "morphing": morphing, "deforming": deforming,
+         "exact": exact},
+    )  # fmt: skip
     print(page, end="")
     if wrong + contradicted:
         print(f"{wrong + contradicted} ANSWERS CONTRADICT EACH OTHER", file=sys.stderr)
@@ -177,8 +188,9 @@ def _table(headings: list[str], rows: list[list[str]]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def _sizes(made: dict, precisions: tuple, finest: int) -> str:
-    rows = []
+def _sizes(made: dict, precisions: tuple, finest: int) -> tuple[str, dict]:
+    """The table of hierarchies; and how long each takes to build, milliseconds, by precision."""
+    rows, built = [], {precision: [] for precision in precisions}
     for name, solid in made.items():
         hierarchy = solid._hierarchy
         for k, precision in enumerate(precisions):
@@ -188,34 +200,39 @@ def _sizes(made: dict, precisions: tuple, finest: int) -> str:
                 start = thread_time()
                 arcs = build_arcs(hierarchy.curves, size, precision)
                 best = min(best, thread_time() - start)
-            vertices, faces, fits = tessellated(solid, precision, finest)
+            built[precision].append(1e3 * best)
+            vertices, faces, reached = tessellated(solid, precision, finest)
             mesh = engine.TriangleMesh(vertices, faces, solid=False)
             own = arcs.nbytes + hierarchy.curves.nbytes
             theirs = sum(each.nbytes for each in mesh._hierarchy.tree)
-            theirs_nodes, pqp_nodes = PAPER_NODES[name]
+            fewer = "" if reached == precision else " (fewer)"
+            pqp_size, paper_size, pqp_nodes, paper_nodes = PAPER[name][k]
             rows.append([
-                name, f"{precision:g}", str(len(arcs)), str(theirs_nodes[k]), pqp_nodes[k],
-                f"{len(faces):,}" + ("" if fits else " (fewer)"), f"{own / 1e3:.0f}",
-                f"{theirs / own:.0f}", f"{1e3 * best:.2f}",
+                name.replace("_", " "), f"{precision:g}", f"{pqp_size}", f"{paper_size}",
+                f"{own / 1e6:.3f}", f"{theirs / 1e6:.1f}{fewer}",
+                f"{theirs / own:,.0f}", pqp_nodes, str(paper_nodes), str(len(arcs)),
+                f"{len(faces):,}", f"{1e3 * best:.3f}",
             ])  # fmt: skip
     return _table(
-        ["solid", "precision, m", "arcs", "paper: fat biarcs", "paper: PQP's nodes", "triangles",
-         "arcs, kB", "mesh hierarchy to that", "build, ms"], rows,
-    )  # fmt: skip
+        ["solid", "precision, m", "PQP, MB", "paper, MB", "fat arcs, MB", "our meshes, MB",
+         "meshes / arcs", "PQP, nodes", "paper, fat biarcs", "fat arcs", "triangles", "build, ms"],
+        rows,
+    ), built  # fmt: skip
 
 
 def _distances(
     made: dict, precisions: tuple, randoms: int, frames: int, finest: int
-) -> tuple[str, int]:
+) -> tuple[str, dict, int]:
+    """The table of times; the means along the motion of each pair by precision; contradictions."""
     fcl = next((each for each in peers.installed() if each.name == "fcl"), None)
     pairs = list(itertools.combinations_with_replacement(made, 2))
-    rows, wrong = [], 0
+    rows, bars, wrong = [], {}, 0
     scattered, moving = poses(randoms, 1), motion(frames)
     for precision in precisions:
         meshes = {name: tessellated(solid, precision, finest) for name, solid in made.items()}
         ours = {
-            name: engine.TriangleMesh(v, f, solid=False, deviation=precision)
-            for name, (v, f, _) in meshes.items()
+            name: engine.TriangleMesh(v, f, solid=False, deviation=reached)
+            for name, (v, f, reached) in meshes.items()
         }
         built = {name: fcl.build((v, f)) for name, (v, f, _) in meshes.items()} if fcl else {}
         found: dict[str, list] = {"r": [], "m": [], "rm": [], "mm": [], "f": [], "fm": []}
@@ -247,7 +264,10 @@ def _distances(
                     found[key].append(_time(lambda ask: ask(), queries)[0])
         median = {k: np.median(np.concatenate(v)) if v else np.nan for k, v in found.items()}
         mean = {k: np.concatenate(v).mean() if v else np.nan for k, v in found.items()}
-        fewer = "" if all(fits for _, _, fits in meshes.values()) else " (fewer)"
+        bars[precision] = {
+            key: [float(times.mean()) for times in found[key]] for key in ("rm", "mm", "fm")
+        }
+        fewer = "" if all(reached == precision for _, _, reached in meshes.values()) else " (fewer)"
         for what, key in (("random", ""), ("motion", "m")):
             r, m, f = "r" + key, "m" + key, "f" + key
             rows.append([
@@ -259,18 +279,46 @@ def _distances(
         "precision, m", "poses", "fat arcs, us", "mean", "our meshes", "FCL", "meshes / arcs",
         "FCL / arcs", "means",
     ]  # fmt: skip
-    return _table(headings, rows), wrong
+    return _table(headings, rows), bars, wrong
+
+
+def _copy(solid: engine.SolidOfRevolution) -> engine.SolidOfRevolution:
+    return engine.SolidOfRevolution(
+        [engine.Curve(net.points[:, :2], net.knots_u) for net in solid.profile.nets]
+    )
+
+
+def _morphing(made: dict, precisions: tuple, frames: int) -> tuple[str, dict]:
+    """A sixth solid, which morphs through the five, against each of them; milliseconds a frame."""
+    shapes = [solid.control_points for solid in made.values()]
+    path, found = motion(frames), {}
+    for precision in precisions:
+        found[precision] = []
+        for other in made.values():
+            moving = _copy(made["pawn"])
+            pair = engine.Pair(moving, other)
+            deform = ask = 0.0
+            for k in range(frames):
+                share, at_shape = (k % 50) / 50.0, k // 50
+                one, next_one = shapes[at_shape % 5], shapes[(at_shape + 1) % 5]
+                start = thread_time()
+                moving.deform((1.0 - share) * one + share * next_one)
+                middle = thread_time()
+                pair.distance(HERE, path[k], abs_err=precision)
+                ask += thread_time() - middle
+                deform += middle - start
+            found[precision].append((1e3 * deform / frames, 1e3 * ask / frames))
+    rows = [
+        [name.replace("_", " "), *(f"{deform:.2f} + {ask:.3f}" for deform, ask in times)]
+        for name, *times in zip(made, *found.values(), strict=True)
+    ]
+    return _table(["against", *(f"{precision:g} m" for precision in precisions)], rows), found
 
 
 def _deforming(made: dict, frames: int) -> str:
     """All ten pairs of five solids, each of which has another shape at each frame."""
     shapes = {name: solid.control_points for name, solid in made.items()}
-    moving = [
-        engine.SolidOfRevolution(
-            [engine.Curve(net.points[:, :2], net.knots_u) for net in solid.profile.nets]
-        )
-        for solid in made.values()
-    ]
+    moving = [_copy(solid) for solid in made.values()]
     ring = [*shapes.values()]
     deform, ask = [], []
     pairs = [engine.Pair(a, b) for a, b in itertools.combinations(moving, 2)]

@@ -152,6 +152,17 @@ def test_interlocked_and_near_contact(gap):
     assert found.upper - found.lower <= 1e-10
 
 
+@pytest.mark.parametrize("name", ["torus", "ball", "cylinder", "rational", "degree 7"])
+def test_one_direction_proves_a_rough_answer(name):
+    """Where both bulge towards each other nothing is divided: the first guess was the nearest."""
+    at = translation(3.0, 0.2, 0.1)
+    rough = engine.distance(SOLIDS["vase"], IDENTITY, SOLIDS[name], at, abs_err=1e-2)
+    exact = engine.distance(SOLIDS["vase"], IDENTITY, SOLIDS[name], at)
+    assert rough.bound_tests == 1
+    assert rough.lower <= exact.upper and exact.lower <= rough.upper
+    assert abs(rough.upper - exact.upper) < 1e-12
+
+
 def test_ratios_of_size():
     """A grain beside a mill-stone, and both where coordinates are large."""
     large, small = torus(1000.0, 300.0), ball(1e-3)

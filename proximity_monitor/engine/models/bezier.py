@@ -140,14 +140,14 @@ def basis(along: Spans, parameters: NDArray[np.float64], order: int) -> tuple[ND
     made = np.zeros((len(parameters), order + 1, degree + 1))
     differences = np.eye(degree + 1)
     for d in range(min(order, degree) + 1):
-        bernstein = _bernstein(degree - d, s, r) @ differences
+        values = bernstein(degree - d, s, r) @ differences
         scale = factorial(degree) / factorial(degree - d) / length**d
-        made[:, d] = np.einsum("kj,kji->ki", bernstein, along.coefficients[span]) * scale[:, None]
+        made[:, d] = np.einsum("kj,kji->ki", values, along.coefficients[span]) * scale[:, None]
         differences = np.diff(differences, axis=0)
     return along.first[span], made
 
 
-def _bernstein(degree: int, s: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
+def bernstein(degree: int, s: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
     """The Bernstein polynomials (k, degree + 1) at s = 1 - r, (k,)."""
     j = np.arange(degree + 1)
     binomials = np.array([comb(degree, i) for i in j], np.float64)

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.revolution.crossing import first_crossing
+from .bezier import bernstein
 from .checks import ModelError
 from .nurbs import HIGHEST_DEGREE, Net, frozen
 
@@ -34,6 +36,8 @@ class Profile(NamedTuple):
     """Metres: the largest coordinate of a control point."""
     leftward: bool
     """Whether the solid is on the left of the curves, with rho to the right and z upward."""
+    pieces: tuple[Reals, ...]
+    """Of each curve its Bezier pieces (s, degree + 1, 3): rho w, z w and w of control points."""
 
 
 def checked_profile(nets: Sequence[Net], name: str) -> Profile:
@@ -48,27 +52,27 @@ def checked_profile(nets: Sequence[Net], name: str) -> Profile:
             raise ModelError(f"{name}: curves[{i}]: not in the plane; give (rho, z) or (rho, z, 0)")
     size = max(float(np.abs(net.points).max()) for net in nets)
     near = JOINED * size
-    for i, net in enumerate(nets):
-        _check_axis(net, near, f"{name}: curves[{i}]")
-    closed = _check_ends(nets, near, name)
-    _check_simple(nets, size, name)
-    area = _area(nets)
+    pieces = tuple(frozen(net.pieces()[:, 0, :, 0][..., [0, 1, 3]]) for net in nets)
+    for i, (net, own) in enumerate(zip(nets, pieces, strict=True)):
+        _check_axis(net, own, near, f"{name}: curves[{i}]")
+    closed = _check_ends(pieces, near, name)
+    _check_simple(pieces, size, name)
+    area = sum(_area(own) for own in pieces)
     if not abs(area) > near * size:
         raise ModelError(f"{name}: curves: they enclose no area, so there is no solid")
-    return Profile(tuple(nets), closed, size, area > 0.0)
+    return Profile(tuple(nets), closed, size, area > 0.0, pieces)
 
 
-def _check_axis(net: Net, near: float, what: str) -> None:
+def _check_axis(net: Net, pieces: Reals, near: float, what: str) -> None:
     """Refuse a curve of which a point is beyond the axis, by more than what is `near`."""
     rho = net.points[:, 0]
     if (rho >= 0.0).all():
         return
     along, _ = net.spans
-    pieces = net.pieces()[:, 0, :, 0]
-    for k, piece in enumerate(pieces):
-        low, high = along.low[k], along.high[k]
-        t = np.linspace(low, high, 16 * len(piece) + 1)
-        found = _at(net, t)[:, 0]
+    count = 16 * pieces.shape[1] + 1
+    shares = np.linspace(0.0, 1.0, count)
+    for k, rows in enumerate(_points(pieces, count)[..., 0]):
+        found, t = rows, along.low[k] + shares * (along.high[k] - along.low[k])
         worst = int(found.argmin())
         if found[worst] < -near:
             raise ModelError(
@@ -77,10 +81,10 @@ def _check_axis(net: Net, near: float, what: str) -> None:
             )
 
 
-def _check_ends(nets: Sequence[Net], near: float, name: str) -> bool:
+def _check_ends(pieces: Sequence[Reals], near: float, name: str) -> bool:
     """Whether the curves are a loop; else they begin and end on the axis."""
-    ends = [_ends(net) for net in nets]
-    for i in range(1, len(nets)):
+    ends = [(own[0, 0, :2] / own[0, 0, 2], own[-1, -1, :2] / own[-1, -1, 2]) for own in pieces]
+    for i in range(1, len(ends)):
         gap = float(np.linalg.norm(ends[i][0] - ends[i - 1][1]))
         if gap > near:
             turned = float(np.linalg.norm(ends[i][1] - ends[i - 1][1])) <= near
@@ -103,25 +107,27 @@ def _check_ends(nets: Sequence[Net], near: float, name: str) -> bool:
     raise AssertionError("one of both ends is off the axis")
 
 
-def _ends(net: Net) -> tuple[Reals, Reals]:
-    along, _ = net.spans
-    first, last = _at(net, np.array([along.low[0], along.high[-1]]))
-    return first, last
+def _points(pieces: Reals, count: int) -> Reals:
+    """Points (s, count, 2) of pieces (s, degree + 1, 3), at equal steps of the parameter."""
+    found = _shares(pieces.shape[1] - 1, count) @ pieces
+    return found[..., :2] / found[..., 2:]
 
 
-def _at(net: Net, t: Reals) -> Reals:
-    """The points (k, 2) of a curve at parameters (k,)."""
-    return net.derivatives(t, np.zeros(len(t)), 0)[:, 0, 0, :2]
+@lru_cache(maxsize=64)
+def _shares(degree: int, count: int) -> Reals:
+    """What each control point counts (count, degree + 1) at equal steps from 0 to 1."""
+    s = np.linspace(0.0, 1.0, count)
+    return frozen(bernstein(degree, s, 1.0 - s))
 
 
-def _check_simple(nets: Sequence[Net], size: float, name: str) -> None:
+def _check_simple(pieces: Sequence[Reals], size: float, name: str) -> None:
     """Refuse a profile that crosses itself."""
-    pieces = [piece for net in nets for piece in net.pieces()[:, 0, :, 0]]
-    curves = np.repeat(np.arange(len(nets)), [len(net.spans[0].low) for net in nets])
-    padded = np.ones((len(pieces), HIGHEST_DEGREE + 1, 3))
-    for row, piece in zip(padded, pieces, strict=True):
-        row[: len(piece)] = piece[:, [0, 1, 3]]
-    degrees = np.array([len(piece) - 1 for piece in pieces])
+    counts = [len(own) for own in pieces]
+    curves = np.repeat(np.arange(len(pieces)), counts)
+    padded = np.ones((len(curves), HIGHEST_DEGREE + 1, 3))
+    for own, end in zip(pieces, np.cumsum(counts).tolist(), strict=True):
+        padded[end - len(own) : end, : own.shape[1]] = own
+    degrees = np.repeat([own.shape[1] - 1 for own in pieces], counts)
     i, j, rho, z = first_crossing(padded, degrees, size)
     if i >= 0:
         raise ModelError(
@@ -130,17 +136,10 @@ def _check_simple(nets: Sequence[Net], size: float, name: str) -> None:
         )
 
 
-def _area(nets: Sequence[Net]) -> float:
-    """About the area to the left of the curves, closed along the axis, square metres."""
-    found = 0.0
-    for net in nets:
-        along, _ = net.spans
-        ends = np.append(along.low, along.high[-1])
-        spans = np.arange(len(ends))
-        points = _at(net, np.interp(np.linspace(0.0, spans[-1], 8 * len(ends)), spans, ends))
-        (rho, z), (rho_next, z_next) = points[:-1].T, points[1:].T
-        found += 0.5 * float((rho * z_next - z * rho_next).sum())
-    return found
+def _area(pieces: Reals) -> float:
+    """About the area to the left of a curve's pieces, closed along the axis, square metres."""
+    rho, z = np.moveaxis(_points(pieces, 9), 2, 0)
+    return 0.5 * float((rho[:, :-1] * z[:, 1:] - z[:, :-1] * rho[:, 1:]).sum())
 
 
 _RIM = np.array([[1, 0], [1, 1], [0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0]])

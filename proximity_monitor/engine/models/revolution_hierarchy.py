@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..kernels.base.state import CURVE_PIECE, RevolutionTree, SurfaceTree
 from ..kernels.base.tables import revolution_table
 from ..kernels.revolution.build import build_arcs
+from ..kernels.revolution.guess import take_samples
 from .nurbs import frozen
 from .surface_hierarchy import SurfaceHierarchy
 from .surface_tree import parts_of
@@ -29,9 +30,9 @@ So much longer is the length of which arcs err by a share of 2.3e-13, for each m
 class RevolutionHierarchy(SurfaceHierarchy):
     """Volumes around the pieces of the patches, and fat arcs around those of the profile."""
 
-    KEPT = (*SurfaceHierarchy.KEPT, "arcs", "curves", "frame", "places")
+    KEPT = (*SurfaceHierarchy.KEPT, "arcs", "curves", "frame", "places", "samples")
 
-    __slots__ = ("arcs", "curves", "frame", "places")
+    __slots__ = ("arcs", "curves", "frame", "places", "samples")
 
     arcs: NDArray
     """(k,) ARC."""
@@ -41,6 +42,8 @@ class RevolutionHierarchy(SurfaceHierarchy):
     """Which piece in tree order is which part of a patch."""
     frame: NDArray[np.float64]
     """(5, 3) the frame's axes and origin; and of which length arcs err by a share, metres."""
+    samples: NDArray[np.float64]
+    """(m, 3) points of the profile, with which a search begins."""
 
     @classmethod
     def around(cls, patches: SurfaceHierarchy, profile: Profile, frame: NDArray) -> Self:
@@ -52,7 +55,10 @@ class RevolutionHierarchy(SurfaceHierarchy):
         rows[:3], rows[3], rows[4, 0] = frame[:3, :3].T, frame[:3, 3], extent
         arcs = build_arcs(curves, extent, PRECISION * profile.size)
         kept = {name: getattr(patches, name) for name in SurfaceHierarchy.KEPT}
-        own = {"arcs": arcs, "curves": curves, "places": places, "frame": rows}
+        own = {
+            "arcs": arcs, "curves": curves, "places": places, "frame": rows,
+            "samples": take_samples(curves),
+        }  # fmt: skip
         return cls._made(kept | {name: frozen(array) for name, array in own.items()})
 
     @property
@@ -61,12 +67,12 @@ class RevolutionHierarchy(SurfaceHierarchy):
         return RevolutionTree
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
-        whole = RevolutionTree(*tree, self.arcs, self.curves, self.places, self.frame)
+        whole = RevolutionTree(*tree, self.arcs, self.curves, self.places, self.frame, self.samples)
         return revolution_table(whole, self.numbers)
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:
-        own = (state["arcs"], state["curves"], state["places"], state["frame"])
+        own = (state["arcs"], state["curves"], state["places"], state["frame"], state["samples"])
         return *own, *SurfaceHierarchy._frozen(state)
 
 
@@ -76,9 +82,9 @@ def _curves(patches: SurfaceHierarchy, profile: Profile) -> tuple[NDArray, NDArr
     made = []
     first = 0
     for k, (net, patch) in enumerate(zip(profile.nets, patches.nets, strict=True)):
-        pieces, (along, _) = net.pieces()[:, 0, :, 0], net.spans
+        pieces, (along, _) = profile.pieces[k], net.spans
         own = np.zeros(len(pieces), CURVE_PIECE)
-        own["control"][:, : 3 * pieces.shape[1]] = pieces[..., [0, 1, 3]].reshape(len(pieces), -1)
+        own["control"][:, : 3 * pieces.shape[1]] = pieces.reshape(len(pieces), -1)
         own["degree"], own["patch"], own["parts"] = pieces.shape[1] - 1, k, parts
         own["around"] = len(patch.spans[1].low) * parts
         own["low"], own["high"] = along.low, along.high

@@ -108,14 +108,15 @@ PIECE = np.dtype(
 each control point, where the weights w are positive; the last point is repeated up to the end."""
 
 RevolutionTree = namedtuple(
-    "RevolutionTree", (*SurfaceTree._fields, "arcs", "curves", "places", "frame")
+    "RevolutionTree", (*SurfaceTree._fields, "arcs", "curves", "places", "frame", "samples")
 )
 """The same over the patches of a solid of revolution, and the fat arcs around its profile.
 
 arcs (k,) ARC, the first of them around all; curves (c,) CURVE_PIECE, one after the other along the
 profile; places (int32) which piece, in tree order, is which part of a patch: see CURVE_PIECE; frame
 (5, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres;
-and first in its last row the length of which arcs err by a share, metres.
+and first in its last row the length of which arcs err by a share, metres; samples (m, 3) points of
+the profile: see revolution/guess.py.
 """
 
 ARC = np.dtype(

@@ -23,6 +23,9 @@ _SWEEPS = 3
 """Sweeps of coordinate descent: see `facing`."""
 
 
+_WIDE, _FRONT = 3.0, 0.5
+"""Half the angle from which on a sector is all around, and that of what is parted from it."""
+
 _STACK = 128
 """Arcs that may wait: twice as many as a tree is deep."""
 
@@ -56,16 +59,17 @@ def reach(arc, x, z):
 
 
 @kernel
-def reach_of(arcs, own, i, fine, x, z):
+def reach_of(arcs, own, i, fine, x, z, floor):
     """What a part of a profile reaches along a vector, by its arcs of errors below `fine` metres.
 
-    Those that reach less than others are not looked into.
+    Those that reach less than others, or than what is asked about, the floor, are not looked into;
+    that is the answer where none reaches more.
     """
     arc = arc_at(arcs, own, i)
     if arc.error <= fine or arc.child == NONE:
         return reach(arc, x, z)
     stack = on_stack(_STACK, np.int32(0))
-    top, best = 1, -np.inf
+    top, best = 1, floor
     stack[0] = i
     while top > 0:
         top -= 1
@@ -84,8 +88,8 @@ def reach_of(arcs, own, i, fine, x, z):
 
 
 @inlined
-def reach_in(arcs, own, i, fine, sector, v):
-    """What an arc that turns about z in a sector reaches along a vector of space.
+def reach_in(arcs, own, i, fine, sector, v, floor):
+    """What an arc that turns about z in a sector reaches along a vector of space; see `reach_of`.
 
     The vector's part across z is largest in the half-plane nearest to it, and no arc is beyond the
     axis.
@@ -95,7 +99,7 @@ def reach_in(arcs, own, i, fine, sector, v):
     across = np.sqrt(v[0] * v[0] + v[1] * v[1])
     if a < across * far:
         across = a * far + abs(b) * side
-    return reach_of(arcs, own, i, fine, across, v[2])
+    return reach_of(arcs, own, i, fine, across, v[2], floor)
 
 
 @inlined
@@ -109,32 +113,31 @@ def to_b(motion, v):
 
 
 @kernel
-def gap(arcs_a, own_a, a, arcs_b, own_b, b, fine, sector, motion, normal, azimuth):
-    """How far b begins beyond a's end along a normal of a's plane, at that azimuth; metres.
+def begin_of(arcs_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
+    """Where b begins along a normal of a's plane, at that azimuth; metres.
 
-    Of both what lies under an arc, by arcs of errors below `fine` metres.
+    Of b what lies under an arc, by arcs of errors below `fine` metres. What is left of that beyond
+    what a reaches, `reach_of`, is a gap between both. Where it begins beyond what is wanted, that
+    is the answer.
     """
     n, m = normal
     x, y = azimuth
-    v = to_b(motion, (n * x, n * y, m))
     begin = n * (x * motion[9] + y * motion[10]) + m * motion[11]
-    begin -= reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]))
     if n < 0.0:
         v = to_b(motion, (-y, x, 0.0))
         offset = x * motion[10] - y * motion[9]
-        beside = reach_in(arcs_b, own_b, b, fine, sector, v) + offset
-        beside = max(
-            abs(beside),
-            abs(offset - reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]))),
-        )
+        beside = reach_in(arcs_b, own_b, b, fine, sector, v, -np.inf) + offset
+        less = reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
+        beside = max(abs(beside), abs(offset - less))
         v = to_b(motion, (x, y, 0.0))
         near = x * motion[9] + y * motion[10]
-        near -= reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]))
+        near -= reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
         if near > 0.0:
             begin += n * min(beside, beside * beside / (2.0 * near))
         else:
             begin += n * (beside - 2.0 * near)
-    return begin - reach_of(arcs_a, own_a, a, fine, n, m)
+    v = to_b(motion, (-n * x, -n * y, -m))
+    return begin - reach_in(arcs_b, own_b, b, fine, sector, v, begin - wanted)
 
 
 @kernel
@@ -191,6 +194,20 @@ def sector_of(angle, half):
     if half >= math.pi:
         return (1.0, 0.0, -1.0, 0.0)
     return (math.cos(angle), math.sin(angle), math.cos(half), math.sin(half))
+
+
+@inlined
+def half_of(angle, half, which):
+    """The middle of one of two parts of a sector, and half its angle.
+
+    What turns all around is nearest in the middle: that is parted from the rest.
+    """
+    if half > _WIDE:
+        if which == 0:
+            return angle, _FRONT
+        return angle + math.pi, (half - _FRONT) * (1.0 + 1e-15)
+    half *= 0.5
+    return angle + (half if which else -half), half * (1.0 + 1e-15)
 
 
 @inlined

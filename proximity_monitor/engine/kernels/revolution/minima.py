@@ -12,7 +12,7 @@ from ..base.state import NONE
 from ..base.vectors import moved, norm, sub
 from ..elements.primitives import keep
 from ..surface.edges import point_on
-from .bound import bends, facing, sector_of
+from .guess import near_samples
 from .newton import nearest_rings
 from .places import place_of, spot_of, turning_point
 
@@ -81,6 +81,16 @@ def find_minimum(state, a, b):
     return NONE
 
 
+@inlined
+def nearest_minimum(state):
+    """Which of the minima that are remembered is the nearest; NONE where none is known."""
+    minima, found = state.waiting.minima, NONE
+    for k in range(min(state.progress[0].minima, MINIMA)):
+        if found == NONE or minima[k].distance < minima[found].distance:
+            found = k
+    return found
+
+
 @kernel
 def keep_same(tree_a, tree_b, state):
     """Keep the points that progress tells of as the nearest."""
@@ -106,49 +116,13 @@ def measure_again(tree_a, tree_b, state):
 
 @kernel
 def look_around(tree_a, tree_b, state):
-    """Find a local minimum from nothing: halve what is least straight, and take the nearer half.
-
-    Of several nearest ones it may be any, or one that is farther.
-    """
+    """Find a local minimum from nothing: as a rule the nearest, but any of them may be found."""
     motion = on_stack(12, 0.0)
     relative(tree_a, tree_b, state.motions[0], motion)
-    arcs_a, arcs_b = tree_a.arcs, tree_b.arcs
-    a = b = np.int64(0)
-    angle, half = 0.0, math.pi
-    s = t = 0.0
-    while True:
-        arc_a, arc_b = arcs_a[a], arcs_b[b]
-        long_a, long_b, around = bends(arc_a, arc_b, sector_of(angle, half), half, motion)
-        whole = arc_a.curve == NONE, arc_b.curve == NONE
-        if not (whole[0] or whole[1] or half > SMALL):
-            break
-        of_a = whole[0] and (long_a >= max(long_b, around) or not (whole[1] or half > SMALL))
-        of_b = not of_a and whole[1] and (long_b >= around or half <= SMALL)
-        best, found = np.inf, 0
-        for k in range(2):
-            i, j, at_angle, at_half = a, b, angle, half
-            if of_a:
-                i = arc_a.child + k
-            elif of_b:
-                j = arc_b.child + k
-            else:
-                at_half = 0.5 * half
-                at_angle = angle + (at_half if k else -at_half)
-            sector = sector_of(at_angle, at_half)
-            apart, _, _, at = facing(arcs_a[i], arcs_b[j], sector, at_half, motion)
-            if apart < best:
-                best, found, s, t = apart, k, at[0], at[1]
-        if of_a:
-            a = np.int64(arc_a.child) + found
-        elif of_b:
-            b = np.int64(arc_b.child) + found
-        else:
-            half *= 0.5
-            angle += half if found else -half
-    arc_a, arc_b = arcs_a[a], arcs_b[b]
-    s = arc_a.low + 0.5 * (1.0 + s) * (arc_a.high - arc_a.low)
-    t = arc_b.low + 0.5 * (1.0 + t) * (arc_b.high - arc_b.low)
-    measure_rings(tree_a, tree_b, state, motion, arc_a.curve, arc_b.curve, s, t, angle)
+    i, j, angle = near_samples(tree_a.samples, tree_b.samples, motion)
+    at_a, at_b = tree_a.samples[i, 2], tree_b.samples[j, 2]
+    a, b = np.int64(at_a), np.int64(at_b)
+    measure_rings(tree_a, tree_b, state, motion, a, b, at_a - a, at_b - b, angle)
 
 
 @kernel

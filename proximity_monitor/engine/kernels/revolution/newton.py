@@ -16,6 +16,12 @@ from .profile import jet_of
 _MOST, _TRIALS = 24, 8
 """Iterations, and trials of a step, at the most."""
 
+_LEAST = 2e-16
+"""Share of the squared distance by which a step has to make it less: rounding does as much."""
+
+_ROUNDED = 1e-14
+"""Share of it by which rounding may make it more."""
+
 _WIDEST = 0.7
 """The largest step of the angle, radians."""
 
@@ -28,16 +34,6 @@ def turned(motion, x, y, z):
         motion[3] * x + motion[4] * y + motion[5] * z,
         motion[6] * x + motion[7] * y + motion[8] * z,
     )
-
-
-@inlined
-def _in_plane(curve_a, curve_b, motion, s, t, angle):
-    """From a's point to b's in a's plane, and b's point in a's frame."""
-    (rho, height), _, _ = jet_of(curve_a, s)
-    (r, z), _, _ = jet_of(curve_b, t)
-    x, y, h = turned(motion, r * np.cos(angle), r * np.sin(angle), z)
-    x, y, h = x + motion[9], y + motion[10], h + motion[11]
-    return np.sqrt(x * x + y * y) - rho, h - height, x, y
 
 
 @kernel
@@ -105,12 +101,10 @@ def _solved(h, damping, g):
 def nearest_rings(curve_a, curve_b, motion, s, t, angle):
     """The local minimum near s, t and an angle: the distance, metres, and these three there."""
     damping = 0.0
-    d0, d1, _, _ = _in_plane(curve_a, curve_b, motion, s, t, angle)
-    squared = d0 * d0 + d1 * d1
+    found = derivatives_at(curve_a, curve_b, motion, s, t, angle)
+    squared = found[0][0] * found[0][0] + found[0][1] * found[0][1]
     for _ in range(_MOST):
-        way, _, first, second, bend, _, _ = derivatives_at(curve_a, curve_b, motion, s, t, angle)
-        f0, f1, f2 = first
-        tt, ta, aa = second
+        way, _, (f0, f1, f2), (tt, ta, aa), bend, _, _ = found
         g0 = way[0] * f0[0] + way[1] * f0[1]
         g1 = way[0] * f1[0] + way[1] * f1[1]
         g2 = way[0] * f2[0] + way[1] * f2[1]
@@ -126,21 +120,28 @@ def nearest_rings(curve_a, curve_b, motion, s, t, angle):
         if (t <= 0.0 and g1 > 0.0) or (t >= 1.0 and g1 < 0.0):
             g1, h11, h10, h21 = 0.0, scale, 0.0, 0.0
         better = False
-        gain = 0.0
         for _ in range(_TRIALS):
             positive, step = _solved((h00, h10, h11, h20, h21, h22), damping, (g0, g1, g2))
             if positive:
+                # The square becomes less by as much, where it is nearly quadratic.
+                gain = -(g0 * step[0] + g1 * step[1] + g2 * step[2])
+                last = gain <= _LEAST * squared
                 new_s = min(max(s + step[0], 0.0), 1.0)
                 new_t = min(max(t + step[1], 0.0), 1.0)
                 new_angle = angle + min(max(step[2], -_WIDEST), _WIDEST)
-                d0, d1, _, _ = _in_plane(curve_a, curve_b, motion, new_s, new_t, new_angle)
-                trial = d0 * d0 + d1 * d1
-                if trial < squared:
-                    gain, squared, better = squared - trial, trial, True
+                trial = derivatives_at(curve_a, curve_b, motion, new_s, new_t, new_angle)
+                way = trial[0]
+                new = way[0] * way[0] + way[1] * way[1]
+                if last:  # the gradient becomes much less by it, even if the distance does not
+                    if new <= squared * (1.0 + _ROUNDED):
+                        return np.sqrt(new), new_s, new_t, new_angle
+                    return np.sqrt(squared), s, t, angle
+                if new < squared:
+                    squared, better, found = new, True, trial
                     s, t, angle = new_s, new_t, new_angle
                     damping = 0.1 * damping if damping > 1e-6 * scale else 0.0
                     break
             damping = max(4.0 * damping, 1e-3 * scale)
-        if not better or gain <= 1e-16 * squared:
+        if not better:
             break
     return np.sqrt(squared), s, t, angle

@@ -1,0 +1,156 @@
+"""The pair of all that turns, parted around a minimum that is known.
+
+As a rule that is the nearest, and one direction is enough to tell that all but a small pair of
+rings around it is farther: what a part of a reaches is compared with where all of b begins, then
+what one piece of a reaches with where parts of b begin, last of one piece in sectors. The small
+pair is made smaller in the same way until it is proven that it holds no other minimum.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.state import NONE
+from .bound import arc_at, begin_of, bends, reach_of, sector_of
+from .bounded import (
+    beyond,
+    bound_rings,
+    direction_kept,
+    fineness,
+    gap_along,
+    halves_of,
+    prove,
+    wait_rings,
+)
+
+_NEAR = 0.12
+"""Half the angle of the sector around a minimum in which a proof is tried first, radians."""
+
+_NARROWED = 40
+"""How often the small pair is made smaller, at most."""
+
+
+@inlined
+def _half_with(tree, i, first, end, curve):
+    """Of an arc around the pieces `first` to `end`, the half with one of them; and the other.
+
+    Returns them and the first half's pieces. See `build_arcs`.
+    """
+    child, middle = np.int64(tree.arcs[i].child), (first + end) // 2
+    if curve >= middle:
+        return child + 1, child, middle, end
+    return child, child + 1, first, middle
+
+
+@kernel
+def part_around(tree_a, tree_b, state, motion, minimum):
+    """Part the pair of all that turns around a minimum; returns the steps that took."""
+    progress, waiting = state.progress[0], state.waiting
+    curve_a, curve_b = minimum.curve_a, minimum.curve_b
+    s, t, angle = minimum.s, minimum.t, minimum.angle
+    own_a, own_b = waiting.arcs_a, waiting.arcs_b
+    progress.rings = progress.slots = 0
+    n, e = direction_kept(progress)
+    fine, lost = fineness(progress), progress.slack + progress.bound_slack
+    whole = sector_of(angle, math.pi)
+    begin = begin_of(tree_b.arcs, own_b, 0, fine, whole, motion, n, e, np.inf) - lost
+    floor = begin - beyond(progress)
+    least = begin - reach_of(tree_a.arcs, own_a, 0, fine, n[0], n[1], floor)
+    progress.bound_tests += 1
+    if least >= progress.limit:
+        return 1
+    steps, a, b = 1, np.int64(0), np.int64(0)
+    first, end = 0, len(tree_a.curves)
+    while tree_a.arcs[a].curve == NONE:
+        a, beside, first, end = _half_with(tree_a, a, first, end, curve_a)
+        progress.bound_tests += 1
+        floor = begin - beyond(progress)
+        bound = begin - reach_of(tree_a.arcs, own_a, beside, fine, n[0], n[1], floor)
+        if bound < progress.limit:
+            steps += bound_rings(
+                tree_a, tree_b, state, motion, beside, b, angle, math.pi, whole, bound
+            )
+    reach = reach_of(tree_a.arcs, own_a, a, fine, n[0], n[1], -np.inf) + lost
+    first, end = 0, len(tree_b.curves)
+    while tree_b.arcs[b].curve == NONE:
+        b, beside, first, end = _half_with(tree_b, b, first, end, curve_b)
+        progress.bound_tests += 1
+        wanted = reach + beyond(progress)
+        bound = begin_of(tree_b.arcs, own_b, beside, fine, whole, motion, n, e, wanted) - reach
+        if bound < progress.limit:
+            steps += bound_rings(
+                tree_a, tree_b, state, motion, a, beside, angle, math.pi, whole, bound
+            )
+    half = (math.pi - _NEAR) * (1.0 + 1e-15)
+    behind = sector_of(angle + math.pi, half)
+    progress.bound_tests += 1
+    wanted = reach + beyond(progress)
+    bound = begin_of(tree_b.arcs, own_b, b, fine, behind, motion, n, e, wanted) - reach
+    if bound < progress.limit:
+        steps += bound_rings(
+            tree_a, tree_b, state, motion, a, b, angle + math.pi, half, behind, bound
+        )
+    return steps + _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, least)
+
+
+@kernel
+def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
+    """Make a pair of rings smaller around the minimum at s, t and the angle, until that is proven.
+
+    Returns the steps that took.
+    """
+    progress, waiting = state.progress[0], state.waiting
+    own_a, own_b = waiting.arcs_a, waiting.arcs_b
+    steps, half = 0, _NEAR
+    for _ in range(_NARROWED):
+        arc_a, arc_b = arc_at(tree_a.arcs, own_a, a), arc_at(tree_b.arcs, own_b, b)
+        sector = sector_of(angle, half)
+        steps += 1
+        least = prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half)
+        if least >= 0.0:
+            bound = max(bound, least - progress.slack - progress.bound_slack)
+            break
+        n, e = direction_kept(progress)
+        fine, lost = fineness(progress), progress.slack + progress.bound_slack
+        long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
+        if around >= max(long_a, long_b):
+            half *= 0.5
+            reach = reach_of(tree_a.arcs, own_a, a, fine, n[0], n[1], -np.inf) + lost
+            for k in range(2):
+                middle = angle + (1.5 * half if k else -1.5 * half)
+                wide = 0.5 * half * (1.0 + 1e-15)
+                beside = sector_of(middle, wide)
+                progress.bound_tests += 1
+                wanted = reach + beyond(progress)
+                least = begin_of(tree_b.arcs, own_b, b, fine, beside, motion, n, e, wanted)
+                least -= reach
+                if least < progress.limit:
+                    steps += bound_rings(
+                        tree_a, tree_b, state, motion, a, b, middle, wide, beside, least
+                    )
+            continue
+        beside_a, beside_b = a, b
+        if long_a >= long_b:
+            child, progress.arcs_a = halves_of(tree_a, own_a, progress.arcs_a, a)
+            if child == NONE:
+                break
+            later = s >= arc_at(tree_a.arcs, own_a, child).high
+            a, beside_a = (child + 1, child) if later else (child, child + 1)
+        else:
+            child, progress.arcs_b = halves_of(tree_b, own_b, progress.arcs_b, b)
+            if child == NONE:
+                break
+            later = t >= arc_at(tree_b.arcs, own_b, child).high
+            b, beside_b = (child + 1, child) if later else (child, child + 1)
+        progress.bound_tests += 1
+        least = gap_along(tree_a, tree_b, state, beside_a, beside_b, sector, motion, n, e, fine)
+        if least < progress.limit:
+            steps += bound_rings(
+                tree_a, tree_b, state, motion, beside_a, beside_b, angle, half, sector, least
+            )
+    if bound < progress.limit:
+        wait_rings(state, a, b, angle, half, sector_of(angle, half), bound)
+    return steps

@@ -1,0 +1,162 @@
+"""A pair of rings, a fat arc of a that turns all around and one of b in a sector: its bounds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.state import NONE
+from .arcs import fit_arc
+from .bound import arc_at, begin_of, bulge, facing, reach_of
+from .build import NARROW, put_halves
+from .certificate import least_around
+from .heap import add_ring
+from .minima import find_minimum, measure_rings
+
+MINIMUM_STEPS = 6
+"""Steps of a search that a search for a local minimum takes as long as."""
+
+_AROUND = 1.5
+"""How far beyond a sector its minimum may be, as a multiple of half its angle."""
+
+_FINE = 0.25
+"""Share of the distance that was asked for as a tolerance that the errors of arcs may be."""
+
+_COARSE = 0.01
+"""Share of two chords' distance that they may be along the way between these."""
+
+
+@inlined
+def direction_kept(progress):
+    """The direction between the nearest points, and its azimuth."""
+    along = progress.along
+    return (along[0], along[1]), (along[2], along[3])
+
+
+@inlined
+def fineness(progress):
+    """Up to which error arcs are looked into, metres."""
+    return _FINE * (progress.distance - progress.enough)
+
+
+@inlined
+def beyond(progress):
+    """The limit and a little more, metres: what is so far is beyond it after a few roundings, too.
+
+    These only matter to how much is looked into: what is given for a reach is never less than it.
+    """
+    return progress.limit + progress.bound_slack
+
+
+@inlined
+def gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine):
+    """The gap of a pair of rings along a direction of a's plane, but for what rounding may do.
+
+    Where that is beyond the limit, how far does not matter.
+    """
+    progress, waiting = state.progress[0], state.waiting
+    reach = reach_of(tree_a.arcs, waiting.arcs_a, a, fine, n[0], n[1], -np.inf)
+    reach += progress.slack + progress.bound_slack
+    wanted = reach + beyond(progress)
+    return begin_of(tree_b.arcs, waiting.arcs_b, b, fine, sector, motion, n, e, wanted) - reach
+
+
+@kernel
+def halves_of(tree, own, count, i):
+    """The first of the halves of an arc, and how many arcs there are then; NONE if none can be."""
+    arcs = tree.arcs
+    arc = arc_at(arcs, own, i)
+    if arc.child != NONE:
+        return np.int64(arc.child), count
+    if count + 2 > len(own) or not arc.high - arc.low > NARROW:
+        return np.int64(NONE), count
+    child, size = len(arcs) + count, tree.frame[4, 0]
+    curve = tree.curves[arc.curve]
+    one, other = own[count], own[count + 1]
+    put_halves(arc, one, other)
+    fit_arc(curve, one.low, one.high, size, one)
+    fit_arc(curve, other.low, other.high, size, other)
+    if i >= len(arcs):
+        own[i - len(arcs)].child = child
+    return child, count + 2
+
+
+@kernel
+def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound):
+    """Bound a pair of rings, of which `bound` is a lower bound; add it where it may be nearer.
+
+    Where the arcs are nearer than all that is known, a minimum is looked for. Returns the steps
+    that it took.
+    """
+    progress, waiting = state.progress[0], state.waiting
+    progress.bound_tests += 1
+    n, e = direction_kept(progress)
+    fine = fineness(progress)
+    bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
+    if bound >= progress.limit:
+        return 1
+    arc_a = arc_at(tree_a.arcs, waiting.arcs_a, a)
+    arc_b = arc_at(tree_b.arcs, waiting.arcs_b, b)
+    apart, n, e, at = facing(arc_a, arc_b, sector, half, motion)
+    if apart > 0.0:
+        fine = max(fine, _COARSE * apart)
+        bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
+        if bound >= progress.limit:
+            return 1
+    steps = 1
+    apart += bulge(arc_a) + bulge(arc_b)
+    apart += (1.0 - max(sector[2], 0.0)) * (abs(arc_b.middle[0]) + abs(arc_b.half[0]))
+    if arc_a.curve != NONE and arc_b.curve != NONE and apart < progress.enough:
+        steps += MINIMUM_STEPS
+        s = arc_a.low + 0.5 * (1.0 + at[0]) * (arc_a.high - arc_a.low)
+        t = arc_b.low + 0.5 * (1.0 + at[1]) * (arc_b.high - arc_b.low)
+        where = angle + at[2] * min(half, 1.0)
+        measure_rings(tree_a, tree_b, state, motion, arc_a.curve, arc_b.curve, s, t, where)
+        n, e = direction_kept(progress)
+        bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
+        if bound >= progress.limit:
+            return steps
+    wait_rings(state, a, b, angle, half, sector, bound)
+    return steps
+
+
+@kernel
+def wait_rings(state, a, b, angle, half, sector, bound):
+    """Add a pair of rings to those that are open."""
+    progress, waiting = state.progress[0], state.waiting
+    slot = progress.slots
+    if slot == len(waiting.rings):
+        progress.least_cells = min(progress.least_cells, bound)
+        return
+    progress.slots += 1
+    ring = waiting.rings[slot]
+    ring.bound, ring.a, ring.b, ring.angle, ring.half = bound, a, b, angle, half
+    ring.sector[0], ring.sector[1], ring.sector[2], ring.sector[3] = sector
+    progress.rings = add_ring(waiting.rings, waiting.heap, progress.rings, slot)
+
+
+@kernel
+def prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half):
+    """A lower bound by a proof that a known minimum is the only one in a pair of rings; or -1."""
+    at = find_minimum(state, arc_a.curve, arc_b.curve)
+    if at == NONE:
+        return -1.0
+    minimum = state.waiting.minima[at]
+    beyond = minimum.angle - angle
+    beyond -= 2.0 * math.pi * np.floor(beyond / (2.0 * math.pi) + 0.5)
+    s, t = minimum.s, minimum.t
+    wide_a, wide_b = 0.5 * (arc_a.high - arc_a.low), 0.5 * (arc_b.high - arc_b.low)
+    near = abs(beyond) <= _AROUND * half
+    near = near and arc_a.low - wide_a <= s <= arc_a.high + wide_a
+    if not (near and arc_b.low - wide_b <= t <= arc_b.high + wide_b):
+        return -1.0
+    box = (
+        min(arc_a.low, s), max(arc_a.high, s), min(arc_b.low, t), max(arc_b.high, t),
+        (abs(beyond) + half) * 1.000001,
+    )  # fmt: skip
+    return least_around(
+        tree_a.curves[arc_a.curve], tree_b.curves[arc_b.curve], arc_a, arc_b, motion,
+        (s, t, minimum.angle), box, state.progress[0].distance,
+    )  # fmt: skip

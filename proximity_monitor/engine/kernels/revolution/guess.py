@@ -1,0 +1,120 @@
+"""Which points of two profiles that turn may well be the nearest: samples of both are compared.
+
+Where b's half-plane stands at one angle about its axis, its samples have places in a's plane, and
+each is compared with all of a's. The nearest two turn the half-plane: a's sample lies at one angle
+about b's axis, b's at one about a's. The first angle is that in which the axes are nearest. What is
+found is a place to begin at, and nothing is proven by it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.jit import allocating_entry, inlined, kernel
+from ..base.memory import on_stack
+from .newton import turned
+from .profile import jet_of
+
+_MOST, _ENOUGH = 64, 24
+"""Samples of a profile at the most, and where its pieces are fewer, about how many."""
+
+_ROUNDS, _TURNS = 2, 2
+"""How often all samples are compared, and how often the half-planes are turned to the nearest."""
+
+
+@allocating_entry
+def take_samples(curves):
+    """Points of a profile (k, 3): rho and z, metres, and of which piece at which t, added up.
+
+    Args:
+        curves: (c,) CURVE_PIECE.
+    """
+    count = len(curves)
+    each, every = max(_ENOUGH // count, 1), -(-count // _MOST)
+    made = np.empty((each * -(-count // every), 3))
+    for i in range(len(made)):
+        piece = i // each * every
+        t = (i % each + 0.5) / each
+        (made[i, 0], made[i, 1]), _, _ = jet_of(curves[piece], t)
+        made[i, 2] = piece + t
+    return made
+
+
+@inlined
+def _unit(x, y):
+    length = np.sqrt(x * x + y * y)
+    return (x / length, y / length) if length > 0.0 else (1.0, 0.0)
+
+
+@inlined
+def _seen_from_b(motion, x, y, z):
+    """The cosine and sine of the angle about b's axis at which a point of a's frame lies."""
+    x, y, z = x - motion[9], y - motion[10], z - motion[11]
+    return _unit(
+        motion[0] * x + motion[3] * y + motion[6] * z, motion[1] * x + motion[4] * y + motion[7] * z
+    )
+
+
+@inlined
+def _seen_from_a(motion, at, rho, z):
+    """The point of a's frame where b's sample lies, with its half-plane at an angle."""
+    x, y, z = turned(motion, rho * at[0], rho * at[1], z)
+    return x + motion[9], y + motion[10], z + motion[11]
+
+
+@inlined
+def _extent(samples):
+    low, high = samples[0, 1], samples[0, 1]
+    for i in range(len(samples)):
+        low, high = min(low, samples[i, 1]), max(high, samples[i, 1])
+    return low, high
+
+
+@inlined
+def _between_axes(samples_a, samples_b, motion):
+    """The angle about b's axis of the point of a's that is nearest to it, about."""
+    low_a, high_a = _extent(samples_a)
+    low_b, high_b = _extent(samples_b)
+    q = 0.5 * (low_b + high_b)
+    p = 0.5 * (low_a + high_a)
+    for _ in range(2):
+        p = min(max(motion[11] + motion[8] * q, low_a), high_a)
+        q = (p - motion[11]) * motion[8] - motion[9] * motion[2] - motion[10] * motion[5]
+        q = min(max(q, low_b), high_b)
+    return _seen_from_b(motion, 0.0, 0.0, p)
+
+
+@kernel
+def near_samples(samples_a, samples_b, motion):
+    """A sample of each profile, and the angle about b's axis at which they are near each other."""
+    rho, height = on_stack(64, 0.0), on_stack(64, 0.0)
+    least, which = on_stack(64, 0.0), on_stack(64, 0.0)
+    count = len(samples_a)
+    for i in range(count):
+        rho[i], height[i] = samples_a[i, 0], samples_a[i, 1]
+    at = _between_axes(samples_a, samples_b, motion)
+    a = b = 0
+    for _ in range(_ROUNDS):
+        for i in range(count):
+            least[i], which[i] = np.inf, 0.0
+        for j in range(len(samples_b)):
+            x, y, z = _seen_from_a(motion, at, samples_b[j, 0], samples_b[j, 1])
+            far, number = np.sqrt(x * x + y * y), float(j)
+            for i in range(count):
+                across, along = rho[i] - far, height[i] - z
+                squared = across * across + along * along
+                nearer = squared < least[i]
+                least[i] = squared if nearer else least[i]
+                which[i] = number if nearer else which[i]
+        a = 0
+        for i in range(1, count):
+            if least[i] < least[a]:
+                a = i
+        b = int(which[a])
+        for _ in range(_TURNS):
+            x, y, _ = _seen_from_a(motion, at, samples_b[b, 0], samples_b[b, 1])
+            ex, ey = _unit(x, y)
+            at = _seen_from_b(motion, rho[a] * ex, rho[a] * ey, height[a])
+    return a, b, math.atan2(at[1], at[0])
