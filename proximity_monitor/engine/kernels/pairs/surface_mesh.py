@@ -34,6 +34,9 @@ _ROUNDS = 2
 """Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
 cell it is as large as ever, and the way to it must not be tilted along it."""
 
+_LONG = 4.0
+"""How many times as long as wide a cell is long."""
+
 _WEIGHTS, _EDGE = 30, 33
 """Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
 along an edge, or of its normal where it lies within the face."""
@@ -148,31 +151,65 @@ def _point_of(cell, place):
     return along(p, vector(cell.along_v), place[1])
 
 
+@kernel
+def _across(p, way, triangle):
+    """The weights of the point of a triangle nearest to the line through p along `way`.
+
+    That is the one nearest to p when the triangle is projected along the line.
+    """
+    a, b, c = sub(triangle[0], p), sub(triangle[1], p), sub(triangle[2], p)
+    share = 1.0 / dot(way, way)
+    a = along(a, way, -share * dot(a, way))
+    b = along(b, way, -share * dot(b, way))
+    c = along(c, way, -share * dot(c, way))
+    return foot_on((0.0, 0.0, 0.0), (a, b, c))
+
+
+@kernel
+def _near_points(cell, triangle):
+    """Near points of a cell's parallelogram and of a triangle, the place of one and weights.
+
+    The way between them must not be tilted along a triangle, which beside a small cell is as large
+    as ever, nor along a cell that is far longer than wide: a line along it takes the cell's place.
+    """
+    p, u, v = vector(cell.centre), vector(cell.along_u), vector(cell.along_v)
+    uu, vv = dot(u, u), dot(v, v)
+    long = max(uu, vv) > _LONG * _LONG * min(uu, vv)
+    line = u if uu > vv else v
+    place = (0.0, 0.0)
+    for _ in range(_ROUNDS):
+        weights = _across(p, line, triangle) if long else foot_on(p, triangle)
+        place = _place_in(cell, mixed(triangle, weights))
+        p = _point_of(cell, place)
+    if not long:
+        return p, place, foot_on(p, triangle)
+    weights = _across(p, line, triangle)
+    q = mixed(triangle, weights)
+    more = dot(sub(q, p), line) / dot(line, line)
+    at = place[0] if uu > vv else place[1]
+    last = min(max(at + more, -1.0), 1.0)
+    p = along(p, line, last - at)
+    place = (last, place[1]) if uu > vv else (place[0], last)
+    return p, place, weights if last == at + more else foot_on(p, triangle)
+
+
 @implements(facing, SurfaceTree, MeshTree)
 @kernel
 def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
-    cell, triangle = cells_a[a], _placed(tree_b, b, motion)
-    p, place = vector(cell.centre), (0.0, 0.0)
-    for _ in range(_ROUNDS):
-        place = _place_in(cell, mixed(triangle, foot_on(p, triangle)))
-        p = _point_of(cell, place)
-    weights = foot_on(p, triangle)
-    return sub(mixed(triangle, weights), p), parameters_in(cell, place), weights
+    triangle = _placed(tree_b, b, motion)
+    p, place, weights = _near_points(cells_a[a], triangle)
+    return sub(mixed(triangle, weights), p), parameters_in(cells_a[a], place), weights
 
 
 @implements(facing, MeshTree, SurfaceTree)
 @kernel
 def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
-    cell, triangle = cells_b[b], corners(tree_a.triangles, a)
+    triangle = corners(tree_a.triangles, a)
     # In b's frame: the motion's matrix is a rotation, up to what no direction depends on.
     back = _back(motion, triangle[0]), _back(motion, triangle[1]), _back(motion, triangle[2])
-    q, place = vector(cell.centre), (0.0, 0.0)
-    for _ in range(_ROUNDS):
-        place = _place_in(cell, mixed(back, foot_on(q, back)))
-        q = _point_of(cell, place)
-    weights = foot_on(q, back)
+    q, place, weights = _near_points(cells_b[b], back)
     way = sub(moved(motion, q), mixed(triangle, weights))
-    return way, weights, parameters_in(cell, place)
+    return way, weights, parameters_in(cells_b[b], place)
 
 
 @kernel
