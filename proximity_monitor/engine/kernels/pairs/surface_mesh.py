@@ -9,7 +9,7 @@ from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority,
 from ..base.vectors import along, cross, dot, moved, norm, sub, turned_back, unit
 from ..elements.primitives import corners, mixed
 from ..search.search import answer_queries
-from ..surface.facing import closest_in, parameters_in, vector
+from ..surface.facing import closest_in, is_long, parameters_in, vector
 from ..surface.falling import ball_of, falls, is_crossed
 from ..surface.halved import halved_least
 from ..surface.jets import fixed_jet, get, moved_jet, put
@@ -33,9 +33,6 @@ from .triangle_proofs import foot_on
 _ROUNDS = 2
 """Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
 cell it is as large as ever, and the way to it must not be tilted along it."""
-
-_LONG = 4.0
-"""How many times as long as wide a cell is long."""
 
 _WEIGHTS, _EDGE = 30, 33
 """Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
@@ -174,7 +171,7 @@ def _near_points(cell, triangle):
     """
     p, u, v = vector(cell.centre), vector(cell.along_u), vector(cell.along_v)
     uu, vv = dot(u, u), dot(v, v)
-    long = max(uu, vv) > _LONG * _LONG * min(uu, vv)
+    long = is_long(uu, vv)
     line = u if uu > vv else v
     place = (0.0, 0.0)
     for _ in range(_ROUNDS):

@@ -6,11 +6,22 @@ a local search with. Nothing certain depends on either: a poor direction makes a
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.jit import inlined, kernel
+from ..base.memory import on_stack, table_on_stack
 from ..base.vectors import along, dot, moved, rotated, sub
 
 _SWEEPS = 3
 """Rounds of coordinate descent. Two cost six times as many divisions on near offsets."""
+
+
+_LONG = 4.0
+"""How many times as long as wide a cell is long."""
+
+_DEPENDENT = 1e-12
+"""Share of the square of an axis that may be left of it beside the others for it to be one of them,
+but for rounding."""
 
 
 @kernel
@@ -47,7 +58,66 @@ def parallelograms(cell_a, cell_b, motion):
         b, way = _step(way, f, ff, b, -1.0)
         c, way = _step(way, g, gg, c, 1.0)
         d, way = _step(way, h, hh, d, 1.0)
+    if is_long(ee, ff) or is_long(gg, hh):
+        # Descent goes in small steps where both are long, and a way that is tilted along a cell
+        # makes a bound that is worse by the tilt times its length.
+        places = on_stack(4, 0.0)
+        places[0], places[1], places[2], places[3] = a, b, c, d
+        axes = table_on_stack(4, 3, 0.0)
+        axes[0, 0], axes[0, 1], axes[0, 2] = -e[0], -e[1], -e[2]
+        axes[1, 0], axes[1, 1], axes[1, 2] = -f[0], -f[1], -f[2]
+        axes[2, 0], axes[2, 1], axes[2, 2] = g
+        axes[3, 0], axes[3, 1], axes[3, 2] = h
+        way = _straightened(way, axes, places)
+        a, b, c, d = places[0], places[1], places[2], places[3]
     return way, (a, b), (c, d)
+
+
+@inlined
+def is_long(uu, vv):
+    """Whether a cell is far longer than wide, from the squares of its half axes."""
+    return max(uu, vv) > _LONG * _LONG * min(uu, vv)
+
+
+@kernel
+def _straightened(way, axes, places):
+    """The way that is normal to all axes (4, 3) along which places (4,) are not at an end.
+
+    Places that would go beyond an end are held there, one after the other.
+    """
+    factor, step = table_on_stack(4, 4, 0.0), on_stack(4, 0.0)
+    for _ in range(4):
+        for i in range(4):
+            free = -1.0 < places[i] < 1.0
+            one = (axes[i, 0], axes[i, 1], axes[i, 2])
+            step[i] = -dot(one, way) if free else 0.0
+            for j in range(i + 1):
+                value = dot(one, (axes[j, 0], axes[j, 1], axes[j, 2])) if free else 0.0
+                for k in range(j):
+                    value -= factor[i, k] * factor[j, k]
+                if i == j:  # along what others do as well, or nothing, there is no step
+                    factor[i, i] = np.sqrt(value) if value > _DEPENDENT * dot(one, one) else 0.0
+                else:
+                    factor[i, j] = value / factor[j, j] if factor[j, j] > 0.0 else 0.0
+            for k in range(i):
+                step[i] -= factor[i, k] * step[k]
+            step[i] = step[i] / factor[i, i] if factor[i, i] > 0.0 else 0.0
+        for i in (3, 2, 1, 0):
+            for k in range(i + 1, 4):
+                step[i] -= factor[k, i] * step[k]
+            step[i] = step[i] / factor[i, i] if factor[i, i] > 0.0 else 0.0
+        share, last = 1.0, -1
+        for i in range(4):
+            end = 1.0 if step[i] > 0.0 else -1.0
+            if abs(places[i] + step[i]) > 1.0 and (end - places[i]) / step[i] < share:
+                share, last = (end - places[i]) / step[i], i
+        for i in range(4):
+            places[i] += share * step[i]
+            way = along(way, (axes[i, 0], axes[i, 1], axes[i, 2]), share * step[i])
+        if last < 0:
+            break
+        places[last] = 1.0 if step[last] > 0.0 else -1.0
+    return way
 
 
 @kernel

@@ -109,7 +109,7 @@ def _roughness(tree, cells, index):
     # Flat ones too are divided where nothing else is left to do, the larger one first.
     u, v = vector(cell.along_u), vector(cell.along_v)
     size = u[0] * u[0] + u[1] * u[1] + u[2] * u[2] + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    return cell.bend_u + cell.bend_v + cell.twist + 1e-6 * size**0.5
+    return cell.bend_u + cell.bend_v + cell.twist + 1e-12 * size**0.5
 
 
 @implements(least_of, SurfaceTree)
