@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
-from ..base.vectors import along, cross, dot, moved, norm, sub, turned_back, unit
+from ..base.vectors import along, cross, dot, moved, norm, rotated, scaled, sub, turned_back, unit
 from ..elements.primitives import corners, mixed
 from ..search.search import answer_queries
 from ..surface.facing import closest_in, is_long, parameters_in, vector
@@ -163,11 +163,12 @@ def _across(p, way, triangle):
 
 
 @kernel
-def _near_points(cell, triangle):
-    """Near points of a cell's parallelogram and of a triangle, the place of one and weights.
+def _facing(cell, triangle):
+    """The way from a near point of a cell's parallelogram to one of a triangle, in one frame.
 
-    The way between them must not be tilted along a triangle, which beside a small cell is as large
-    as ever, nor along a cell that is far longer than wide: a line along it takes the cell's place.
+    Returns also the place of the first and the weights of the other. The way must not be tilted
+    along a triangle, which beside a small cell is as large as ever, nor along a cell that is far
+    longer than wide: a line along it takes the cell's place.
     """
     p, u, v = vector(cell.centre), vector(cell.along_u), vector(cell.along_v)
     uu, vv = dot(u, u), dot(v, v)
@@ -179,23 +180,29 @@ def _near_points(cell, triangle):
         place = _place_in(cell, mixed(triangle, weights))
         p = _point_of(cell, place)
     if not long:
-        return p, place, foot_on(p, triangle)
+        weights = foot_on(p, triangle)
+        return sub(mixed(triangle, weights), p), place, weights
     weights = _across(p, line, triangle)
-    q = mixed(triangle, weights)
-    more = dot(sub(q, p), line) / dot(line, line)
+    way = sub(mixed(triangle, weights), p)
     at = place[0] if uu > vv else place[1]
-    last = min(max(at + more, -1.0), 1.0)
+    last = at + dot(way, line) / dot(line, line)
+    if -1.0 <= last <= 1.0:
+        place = (last, place[1]) if uu > vv else (place[0], last)
+        for _ in range(2):  # the second time what rounding has left
+            way = along(way, line, -dot(way, line) / dot(line, line))
+        return way, place, weights
+    last = min(max(last, -1.0), 1.0)
     p = along(p, line, last - at)
     place = (last, place[1]) if uu > vv else (place[0], last)
-    return p, place, weights if last == at + more else foot_on(p, triangle)
+    weights = foot_on(p, triangle)
+    return sub(mixed(triangle, weights), p), place, weights
 
 
 @implements(facing, SurfaceTree, MeshTree)
 @kernel
 def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
-    triangle = _placed(tree_b, b, motion)
-    p, place, weights = _near_points(cells_a[a], triangle)
-    return sub(mixed(triangle, weights), p), parameters_in(cells_a[a], place), weights
+    way, place, weights = _facing(cells_a[a], _placed(tree_b, b, motion))
+    return way, parameters_in(cells_a[a], place), weights
 
 
 @implements(facing, MeshTree, SurfaceTree)
@@ -204,9 +211,8 @@ def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     triangle = corners(tree_a.triangles, a)
     # In b's frame: the motion's matrix is a rotation, up to what no direction depends on.
     back = _back(motion, triangle[0]), _back(motion, triangle[1]), _back(motion, triangle[2])
-    q, place, weights = _near_points(cells_b[b], back)
-    way = sub(moved(motion, q), mixed(triangle, weights))
-    return way, weights, parameters_in(cells_b[b], place)
+    way, place, weights = _facing(cells_b[b], back)
+    return rotated(motion, scaled(way, -1.0)), weights, parameters_in(cells_b[b], place)
 
 
 @kernel

@@ -23,7 +23,6 @@ from .bounded import (
     gap_along,
     halves_of,
     prove,
-    wait_rings,
 )
 
 _NEAR = 0.12
@@ -152,5 +151,6 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
                 tree_a, tree_b, state, motion, beside_a, beside_b, angle, half, sector, least
             )
     if bound < progress.limit:
-        wait_rings(state, a, b, angle, half, sector_of(angle, half), bound)
+        sector = sector_of(angle, half)
+        steps += bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
     return steps

@@ -23,6 +23,10 @@ _SWEEPS = 3
 """Sweeps of coordinate descent: see `facing`."""
 
 
+_SHORTER, _NORMAL = 0.01, 0.9
+"""Share of the square of a chord up to which another one is far shorter; and the sine of the angle
+with a chord from which on a direction is about normal to it."""
+
 _WIDE, _FRONT = 3.0, 0.5
 """Half the angle from which on a sector is all around, and that of what is parted from it."""
 
@@ -184,8 +188,27 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
     if far > 0.0:
         ex, ey = px / far, py / far
     apart = np.sqrt(r0 * r0 + r1 * r1)
-    n, m = (r0 / apart, r1 / apart) if apart > 0.0 else (0.0, 0.0)
+    if not apart > 0.0:
+        return apart, (0.0, 0.0), (ex, ey), (s, t, q)
+    # What is tilted along a chord makes a bound that is worse by the tilt times its length: within
+    # the longer one, or the one of which an inner point was found, the way is normal to it.
+    n, m = r0 / apart, r1 / apart
+    within_a, within_b = -1.0 < s < 1.0, -1.0 < t < 1.0
+    if within_a and (not within_b or uu < _SHORTER * aa):
+        n, m = _normal_near(n, m, a0, a1, aa)
+    elif within_b and (not within_a or aa < _SHORTER * uu):
+        n, m = _normal_near(n, m, u0, u1, uu)
     return apart, (n, m), (ex, ey), (s, t, q)
+
+
+@inlined
+def _normal_near(n, m, x, z, squared):
+    """The unit normal of a chord where a direction is about that; else the direction."""
+    across = (m * x - n * z) / np.sqrt(squared)
+    if not abs(across) > _NORMAL:
+        return n, m
+    length = np.sqrt(squared) if across > 0.0 else -np.sqrt(squared)
+    return -z / length, x / length
 
 
 @inlined

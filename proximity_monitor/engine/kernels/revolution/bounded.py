@@ -118,23 +118,16 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
         if bound >= progress.limit:
             return steps
-    wait_rings(state, a, b, angle, half, sector, bound)
-    return steps
-
-
-@kernel
-def wait_rings(state, a, b, angle, half, sector, bound):
-    """Add a pair of rings to those that are open."""
-    progress, waiting = state.progress[0], state.waiting
     slot = progress.slots
     if slot == len(waiting.rings):
         progress.least_cells = min(progress.least_cells, bound)
-        return
+        return steps
     progress.slots += 1
     ring = waiting.rings[slot]
     ring.bound, ring.a, ring.b, ring.angle, ring.half = bound, a, b, angle, half
     ring.sector[0], ring.sector[1], ring.sector[2], ring.sector[3] = sector
     progress.rings = add_ring(waiting.rings, waiting.heap, progress.rings, slot)
+    return steps
 
 
 @kernel

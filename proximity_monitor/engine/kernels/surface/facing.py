@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.memory import on_stack, table_on_stack
-from ..base.vectors import along, dot, moved, rotated, sub
+from ..base.vectors import along, dot, moved, norm, rotated, sub
 
 _SWEEPS = 3
 """Rounds of coordinate descent. Two cost six times as many divisions on near offsets."""
@@ -22,6 +22,10 @@ _LONG = 4.0
 _DEPENDENT = 1e-12
 """Share of the square of an axis that may be left of it beside the others for it to be one of them,
 but for rounding."""
+
+_MOST, _INWARD = 16, 1e-9
+"""Changes of what is held at the most; and the cosine between the way and an axis from which on a
+place is let go."""
 
 
 @kernel
@@ -81,31 +85,18 @@ def is_long(uu, vv):
 
 @kernel
 def _straightened(way, axes, places):
-    """The way that is normal to all axes (4, 3) along which places (4,) are not at an end.
+    """The shortest way between two parallelograms, whose places (4,) along axes (4, 3) it moves.
 
-    Places that would go beyond an end are held there, one after the other.
+    By an active set (Nocedal and Wright, Numerical Optimization, section 16.5): places that would
+    go beyond an end are held there, one after the other, and let go where the way becomes shorter
+    inwards. It is normal to the axes of all others.
     """
-    factor, step = table_on_stack(4, 4, 0.0), on_stack(4, 0.0)
-    for _ in range(4):
-        for i in range(4):
-            free = -1.0 < places[i] < 1.0
-            one = (axes[i, 0], axes[i, 1], axes[i, 2])
-            step[i] = -dot(one, way) if free else 0.0
-            for j in range(i + 1):
-                value = dot(one, (axes[j, 0], axes[j, 1], axes[j, 2])) if free else 0.0
-                for k in range(j):
-                    value -= factor[i, k] * factor[j, k]
-                if i == j:  # along what others do as well, or nothing, there is no step
-                    factor[i, i] = np.sqrt(value) if value > _DEPENDENT * dot(one, one) else 0.0
-                else:
-                    factor[i, j] = value / factor[j, j] if factor[j, j] > 0.0 else 0.0
-            for k in range(i):
-                step[i] -= factor[i, k] * step[k]
-            step[i] = step[i] / factor[i, i] if factor[i, i] > 0.0 else 0.0
-        for i in (3, 2, 1, 0):
-            for k in range(i + 1, 4):
-                step[i] -= factor[k, i] * step[k]
-            step[i] = step[i] / factor[i, i] if factor[i, i] > 0.0 else 0.0
+    factor, step, held = table_on_stack(4, 4, 0.0), on_stack(4, 0.0), on_stack(4, 0)
+    for i in range(4):
+        held[i] = 0 if -1.0 < places[i] < 1.0 else 1
+    straight = False
+    for _ in range(_MOST):
+        _put_step(way, axes, held, factor, step)
         share, last = 1.0, -1
         for i in range(4):
             end = 1.0 if step[i] > 0.0 else -1.0
@@ -113,11 +104,51 @@ def _straightened(way, axes, places):
                 share, last = (end - places[i]) / step[i], i
         for i in range(4):
             places[i] += share * step[i]
-            way = along(way, (axes[i, 0], axes[i, 1], axes[i, 2]), share * step[i])
+            way = along(way, _axis(axes, i), share * step[i])
+        if last >= 0:
+            places[last], held[last], straight = 1.0 if step[last] > 0.0 else -1.0, 1, False
+            continue
+        if not straight:  # once more for what rounding has left
+            straight = True
+            continue
+        worst = _INWARD * norm(way)
+        for i in range(4):
+            one = _axis(axes, i)
+            inward = dot(one, way) * places[i]
+            if held[i] != 0 and inward > worst * norm(one):
+                worst, last = inward / norm(one), i
         if last < 0:
             break
-        places[last] = 1.0 if step[last] > 0.0 else -1.0
+        held[last], straight = 0, False
     return way
+
+
+@inlined
+def _axis(axes, i):
+    return (axes[i, 0], axes[i, 1], axes[i, 2])
+
+
+@kernel
+def _put_step(way, axes, held, factor, step):
+    """Write the step to where the way is normal to all axes along which nothing is held."""
+    for i in range(4):
+        one, free = _axis(axes, i), held[i] == 0
+        step[i] = -dot(one, way) if free else 0.0
+        for j in range(i + 1):
+            value = dot(one, _axis(axes, j)) if free else 0.0
+            for k in range(j):
+                value -= factor[i, k] * factor[j, k]
+            if i == j:  # along what others do as well, or nothing, there is no step
+                factor[i, i] = np.sqrt(value) if value > _DEPENDENT * dot(one, one) else 0.0
+            else:
+                factor[i, j] = value / factor[j, j] if factor[j, j] > 0.0 else 0.0
+        for k in range(i):
+            step[i] -= factor[i, k] * step[k]
+        step[i] = step[i] / factor[i, i] if factor[i, i] > 0.0 else 0.0
+    for i in (3, 2, 1, 0):
+        for k in range(i + 1, 4):
+            step[i] -= factor[k, i] * step[k]
+        step[i] = step[i] / factor[i, i] if factor[i, i] > 0.0 else 0.0
 
 
 @kernel
