@@ -152,6 +152,22 @@ def test_interlocked_and_near_contact(gap):
     assert found.upper - found.lower <= 1e-10
 
 
+@pytest.mark.parametrize("name", ["torus", "thin ring", "cylinder"])
+@pytest.mark.parametrize("tipped", ["rational", "degree 7"])
+def test_where_a_profile_ends_on_the_axis(name, tipped):
+    """A tip lies in all sectors about its axis, and none of them is farther than another."""
+    a, b = SOLIDS[name], SOLIDS[tipped]
+    rng = np.random.default_rng(1)
+    for _ in range(25):
+        way = rng.normal(size=3)
+        at = pose(rng)
+        tip = at[:3, :3] @ (0.0, 0.0, 1.5 if way @ at[:3, 2] < 0.0 else 0.0)
+        at[:3, 3] = a.centre + rng.uniform(1.0, 1.4) * a.radius * way / np.linalg.norm(way) - tip
+        found = engine.distance(a, IDENTITY, b, at)
+        assert found.status in (Status.EXACT, Status.INTERSECTING)
+        assert found.bound_tests < 6000
+
+
 @pytest.mark.parametrize("name", ["torus", "ball", "cylinder", "rational", "degree 7"])
 def test_one_direction_proves_a_rough_answer(name):
     """Where both bulge towards each other nothing is divided: the first guess was the nearest."""

@@ -238,7 +238,8 @@ def bends(arc_a, arc_b, sector, half, motion):
     """How far from straight the arcs are, and b's sector, metres.
 
     In a's plane what is long and near a's axis is bent, too: a chord by its length's square over
-    eight times its distance.
+    eight times its distance. Where b's arc begins on its axis, all sectors have that point, and to
+    divide them does not help: so of circles about it the smallest counts.
     """
     rho, z = arc_b.middle[0], arc_b.middle[1]
     x, y, _ = turned(motion, rho * sector[0], rho * sector[1], z)
@@ -248,7 +249,8 @@ def bends(arc_a, arc_b, sector, half, motion):
     width = 2.0 * min(half, 1.5) * rho
     long = arc_b.length
     of_b = arc_b.error + bulge(arc_b) + long * long / (8.0 * max(far, 0.5 * long) + 1e-300)
-    around = (1.0 - sector[2]) * rho + width * width / (8.0 * max(far, 0.5 * width) + 1e-300)
+    around = width * width / (8.0 * max(far, 0.5 * width) + 1e-300)
+    around += (1.0 - sector[2]) * max(rho - 2.0 * abs(arc_b.half[0]), 0.0)
     return arc_a.error + bulge(arc_a), of_b, around
 
 
