@@ -19,6 +19,9 @@ JETS = 40
 MOST = 48
 """Iterations at the most: from a point within the valley that leads to a minimum it takes five."""
 
+_QUICK = 0.1
+"""Share of the squared distance that a step leaves where as many iterations again are worth it."""
+
 _DONE = 1e-16
 """Share of the squared distance below which a step's gain is nothing."""
 
@@ -68,8 +71,10 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
     way = way_at(tree_a, tree_b, element_a, element_b, motion, x, jets)
     squared = dot(way, way)
     weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
-    damping, fresh = 0.0, True
-    for _ in range(most):
+    damping, fresh, quick = 0.0, True, False
+    for k in range(2 * most):
+        if k >= most and not quick:
+            break
         if fresh:
             derivatives(tree_a, tree_b, way, jets, gradient, hessian)
         fresh = False
@@ -86,6 +91,7 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
             break
         new_way = way_at(tree_a, tree_b, element_a, element_b, motion, trial, jets)
         new_squared = dot(new_way, new_way)
+        quick = new_squared < _QUICK * squared
         if new_squared < squared:
             for i in range(4):
                 x[i] = trial[i]

@@ -1,7 +1,8 @@
-"""What is straight one way, as the wall of a cylinder, against what is flat, faceted or curved.
+"""Poses of curved parts at which searches once went on for long, or ended open.
 
-Its parts are long strips. A bound along a direction that is tilted along one of them is worse by
-the tilt times its length, so the way between near points has to be normal to it.
+What is straight one way, as the wall of a cylinder, falls into long strips. A bound along a
+direction that is tilted along one of them is worse by the tilt times its length, so the way between
+near points has to be normal to it.
 """
 
 from __future__ import annotations
@@ -10,8 +11,11 @@ import numpy as np
 import pytest
 from engine_bodies import IDENTITY, pose
 from engine_surfaces import bumps
+from test_revolution import vase
+from test_rings import patches
 
 from proximity_monitor import engine
+from proximity_monitor.study import shapes
 
 
 def cube():
@@ -54,3 +58,17 @@ def test_exact_answers_end_soon(name, order):
         found = engine.distance(*(models if order == "first" else models[2:] + models[:2]))
         assert found.status in (engine.Status.EXACT, engine.Status.INTERSECTING)
         assert found.bound_tests < 6000
+
+
+def test_a_crossing_that_is_come_upon_slowly():
+    """Of as many iterations as are the most, the last ones go to the crossing in leaps."""
+    vase_at = np.array([
+        [0.9177479610525869, -0.31945153960445094, 0.23598600345818294, 0.10701492452381386],
+        [-0.3903726744331293, -0.8349589740232916, 0.3878823104420951, 0.39762330341264784],
+        [0.07312903007524249, -0.4481006868353558, -0.8909870478396061, 0.7258137979978522],
+        [0.0, 0.0, 0.0, 1.0],
+    ])  # fmt: skip
+    ball = engine.TriangleMesh(*shapes.sphere(1.0))
+    found = engine.distance(patches(vase()), IDENTITY, ball, vase_at)
+    assert found.status is engine.Status.INTERSECTING
+    assert found.bound_tests < 2000
