@@ -13,25 +13,10 @@ from proximity_monitor.engine import SolidOfRevolution
 
 pytest.importorskip("OCP", reason="needs OpenCASCADE: pip install cadquery-ocp")
 
+from OCP import BRepBuilderAPI, BRepPrimAPI
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
-from OCP.BRepBuilderAPI import (
-    BRepBuilderAPI_MakeEdge,
-    BRepBuilderAPI_MakeFace,
-    BRepBuilderAPI_MakePolygon,
-    BRepBuilderAPI_MakeVertex,
-    BRepBuilderAPI_MakeWire,
-)
 from OCP.BRepClass3d import BRepClass3d_SolidClassifier
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
-from OCP.BRepPrimAPI import (
-    BRepPrimAPI_MakeBox,
-    BRepPrimAPI_MakeCone,
-    BRepPrimAPI_MakeCylinder,
-    BRepPrimAPI_MakePrism,
-    BRepPrimAPI_MakeRevol,
-    BRepPrimAPI_MakeSphere,
-    BRepPrimAPI_MakeTorus,
-)
 from OCP.Geom import Geom_BezierCurve
 from OCP.gp import gp_Ax1, gp_Ax2, gp_Circ, gp_Dir, gp_Elips, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
@@ -54,29 +39,40 @@ SLANTED = gp_Ax2(gp_Pnt(3, -4, 5), gp_Dir(1, 2, 3))
 def outline(points, bend=None):
     """A face in the plane of x and z with straight edges, the last a Bezier curve through poles."""
     if bend is None:
-        polygon = BRepBuilderAPI_MakePolygon()
+        polygon = BRepBuilderAPI.BRepBuilderAPI_MakePolygon()
         for rho, z in points:
             polygon.Add(gp_Pnt(rho, 0, z))
         polygon.Close()
-        return BRepBuilderAPI_MakeFace(polygon.Wire()).Face()
-    wire = BRepBuilderAPI_MakeWire()
+        return BRepBuilderAPI.BRepBuilderAPI_MakeFace(polygon.Wire()).Face()
+    wire = BRepBuilderAPI.BRepBuilderAPI_MakeWire()
     for (a, b), (c, d) in itertools.pairwise(points):
-        wire.Add(BRepBuilderAPI_MakeEdge(gp_Pnt(a, 0, b), gp_Pnt(c, 0, d)).Edge())
+        wire.Add(BRepBuilderAPI.BRepBuilderAPI_MakeEdge(gp_Pnt(a, 0, b), gp_Pnt(c, 0, d)).Edge())
     poles = Points(1, len(bend) + 2)
     for i, (rho, z) in enumerate([points[-1], *bend, points[0]], 1):
         poles.SetValue(i, gp_Pnt(rho, 0, z))
-    wire.Add(BRepBuilderAPI_MakeEdge(Geom_BezierCurve(poles)).Edge())
-    return BRepBuilderAPI_MakeFace(wire.Wire()).Face()
+    wire.Add(BRepBuilderAPI.BRepBuilderAPI_MakeEdge(Geom_BezierCurve(poles)).Edge())
+    return BRepBuilderAPI.BRepBuilderAPI_MakeFace(wire.Wire()).Face()
 
 
 def revolved(points, angle=2.0 * math.pi, bend=None):
     """A polygon of (rho, z) turned about z."""
-    return BRepPrimAPI_MakeRevol(outline(points, bend), UP, angle).Shape()
+    return BRepPrimAPI.BRepPrimAPI_MakeRevol(outline(points, bend), UP, angle).Shape()
 
 
 def cylinder(radius, height, axes=None):
     axes = axes or gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1))
-    return BRepPrimAPI_MakeCylinder(axes, radius, height).Shape()
+    return BRepPrimAPI.BRepPrimAPI_MakeCylinder(axes, radius, height).Shape()
+
+
+def sphere(radius, *where):
+    return BRepPrimAPI.BRepPrimAPI_MakeSphere(gp_Pnt(*where), radius).Shape()
+
+
+def filled(rim):
+    """A plane face inside a closed curve."""
+    edge = BRepBuilderAPI.BRepBuilderAPI_MakeEdge(rim).Edge()
+    wire = BRepBuilderAPI.BRepBuilderAPI_MakeWire(edge).Wire()
+    return BRepBuilderAPI.BRepBuilderAPI_MakeFace(wire).Face()
 
 
 def cut(one, other):
@@ -86,7 +82,7 @@ def cut(one, other):
 def capsule():
     made = cylinder(2.0, 6.0)
     for z in (0.0, 6.0):
-        made = BRepAlgoAPI_Fuse(made, BRepPrimAPI_MakeSphere(gp_Pnt(0, 0, z), 2.0).Shape()).Shape()
+        made = BRepAlgoAPI_Fuse(made, sphere(2.0, 0, 0, z)).Shape()
     return made
 
 
@@ -95,27 +91,24 @@ def two_halves():
     halves = []
     for sign in (1.0, -1.0):
         rim = gp_Circ(gp_Ax2(gp_Pnt(5, 0, 0), gp_Dir(0, 1, 0)), 2.0)
-        wire = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(rim).Edge()).Wire()
-        face = BRepBuilderAPI_MakeFace(wire).Face()
-        halves.append(BRepPrimAPI_MakeRevol(face, UP, sign * math.pi).Shape())
+        halves.append(BRepPrimAPI.BRepPrimAPI_MakeRevol(filled(rim), UP, sign * math.pi).Shape())
     return BRepAlgoAPI_Fuse(*halves).Shape()
 
 
 def extruded():
     """A round bar, whose surface is an extruded circle, with a bore of the usual kind."""
-    rim = BRepBuilderAPI_MakeEdge(gp_Circ(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), 3.0)).Edge()
-    face = BRepBuilderAPI_MakeFace(BRepBuilderAPI_MakeWire(rim).Wire()).Face()
-    return cut(BRepPrimAPI_MakePrism(face, gp_Vec(0, 0, 4)).Shape(), cylinder(1.0, 9.0))
+    face = filled(gp_Circ(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), 3.0))
+    return cut(BRepPrimAPI.BRepPrimAPI_MakePrism(face, gp_Vec(0, 0, 4)).Shape(), cylinder(1.0, 9.0))
 
 
 SHAFT = [(0, -24), (4, -24), (5, -23), (5, -13), (6, -12.5), (6, 12.5), (5, 13), (5, 20), (0, 20)]
 TURNED = {
     "shaft": lambda: revolved(SHAFT),
     "bore": lambda: cut(revolved(SHAFT), cylinder(1.5, 99.0)),
-    "cone": lambda: BRepPrimAPI_MakeCone(SLANTED, 4.0, 0.0, 7.0).Shape(),
-    "ball": lambda: BRepPrimAPI_MakeSphere(gp_Pnt(1, 2, 3), 4.0).Shape(),
-    "dome": lambda: BRepPrimAPI_MakeSphere(SLANTED, 4.0, -0.5, 1.2).Shape(),
-    "torus": lambda: BRepPrimAPI_MakeTorus(SLANTED, 7.0, 2.0).Shape(),
+    "cone": lambda: BRepPrimAPI.BRepPrimAPI_MakeCone(SLANTED, 4.0, 0.0, 7.0).Shape(),
+    "ball": lambda: sphere(4.0, 1, 2, 3),
+    "dome": lambda: BRepPrimAPI.BRepPrimAPI_MakeSphere(SLANTED, 4.0, -0.5, 1.2).Shape(),
+    "torus": lambda: BRepPrimAPI.BRepPrimAPI_MakeTorus(SLANTED, 7.0, 2.0).Shape(),
     "two halves": two_halves,
     "capsule": capsule,
     "bar": extruded,
@@ -145,7 +138,7 @@ def test_a_part_that_turns_about_an_axis(name, tmp_path):
     points = np.random.default_rng(1).uniform(low - 1.0, high + 1.0, (16, 3))
     found = engine.closest_points(made, IDENTITY, 1e-3 * points, signed=True)
     for point, lower, upper in zip(points, 1e3 * found.lower, 1e3 * found.upper, strict=True):
-        vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
+        vertex = BRepBuilderAPI.BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
         away = BRepExtrema_DistShapeShape(vertex, shape).Value()
         side = BRepClass3d_SolidClassifier(shape, gp_Pnt(*point), 1e-9).State()
         if side == TopAbs_State.TopAbs_IN:  # it measures 0 inside
@@ -163,15 +156,13 @@ def faces_of(shape):
 
 
 def keyway():
-    slot = BRepPrimAPI_MakeBox(gp_Pnt(4.5, -1.5, -4), gp_Pnt(8, 1.5, 4)).Shape()
+    slot = BRepPrimAPI.BRepPrimAPI_MakeBox(gp_Pnt(4.5, -1.5, -4), gp_Pnt(8, 1.5, 4)).Shape()
     return cut(revolved(SHAFT), slot)
 
 
 def elliptic():
     rim = gp_Elips(gp_Ax2(gp_Pnt(0, 0, 0), gp_Dir(0, 0, 1)), 3.001, 3.0)
-    wire = BRepBuilderAPI_MakeWire(BRepBuilderAPI_MakeEdge(rim).Edge()).Wire()
-    face = BRepBuilderAPI_MakeFace(wire).Face()
-    return BRepPrimAPI_MakePrism(face, gp_Vec(0, 0, 4)).Shape()
+    return BRepPrimAPI.BRepPrimAPI_MakePrism(filled(rim), gp_Vec(0, 0, 4)).Shape()
 
 
 def beside(x):
@@ -181,7 +172,7 @@ def beside(x):
 OTHERS = {
     "keyway": keyway,
     "half a turn": lambda: revolved(SHAFT, math.pi),
-    "box": lambda: BRepPrimAPI_MakeBox(1.0, 2.0, 3.0).Shape(),
+    "box": lambda: BRepPrimAPI.BRepPrimAPI_MakeBox(1.0, 2.0, 3.0).Shape(),
     "eccentric bore": lambda: cut(cylinder(4.0, 5.0), cylinder(2.0, 9.0, beside(1e-3))),
     "slanted bore": lambda: cut(
         cylinder(4.0, 5.0),
@@ -190,7 +181,7 @@ OTHERS = {
     "two bores": lambda: cut(
         cut(cylinder(4.0, 5.0), cylinder(1.0, 9.0)), cylinder(0.5, 9.0, beside(2.5))
     ),
-    "hollow": lambda: cut(BRepPrimAPI_MakeSphere(4.0).Shape(), BRepPrimAPI_MakeSphere(3.0).Shape()),
+    "hollow": lambda: cut(sphere(4.0, 0, 0, 0), sphere(3.0, 0, 0, 0)),
     "slanted end": lambda: cut(
         cylinder(2.0, 9.0), cylinder(9.0, 9.0, gp_Ax2(gp_Pnt(0, 0, 5), gp_Dir(1e-4, 0, 1)))
     ),

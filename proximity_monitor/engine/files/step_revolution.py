@@ -16,7 +16,6 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.rounding import DOUBLE_EPS
 from ..models.bezier import product
 from .step_curves import Profile, on_circle
 from .step_faces import Face
@@ -24,12 +23,13 @@ from .step_surfaces import Net, around_z
 
 Reals = NDArray[np.float64]
 
-_ROUNDING = 128.0 * DOUBLE_EPS
+_EPS = float(np.finfo(np.float64).eps)
+_ROUNDING = 64.0 * _EPS
 """Share of the largest coordinate P by which a comparison may err. Turning a control point takes
 sums of three products, each of which errs by some units, and so do a height above a plane and the
-square of a radius. Weights that agree to 8 u move no point by more than 16 u times 2 P."""
+square of a radius. Weights that agree to 4 eps move no point by more than 8 eps times 2 P."""
 
-_SAME_WEIGHTS = 8.0 * DOUBLE_EPS
+_SAME_WEIGHTS = 4.0 * _EPS
 
 
 class Revolution(NamedTuple):
