@@ -248,3 +248,19 @@ def test_coherent_and_deforming():
         found, fresh = pair.distance(IDENTITY, at), engine.distance(a, IDENTITY, b, at)
         assert abs(found.upper - fresh.upper) < 1e-10
         assert found.lower <= fresh.upper and fresh.lower <= found.upper
+
+
+@pytest.mark.parametrize("inner", [-0.2, -0.02, 0.0])
+def test_control_points_beyond_the_axis(inner):
+    """Only the curve must stay off it: bounds are as close as if all control points did."""
+    bend = Curve([[0.3, 0.0], [0.6, 0.3], [inner, 0.5], [0.2, 0.9], [0.0, 0.9]])
+    made = SolidOfRevolution([Curve([[0, 0], [0.3, 0]]), bend])
+    rng = np.random.default_rng(8)
+    for _ in range(4):
+        at_a, at_b = pose(rng), pose(rng, 1.2)
+        found = engine.distance(made, at_a, SOLIDS["vase"], at_b)
+        expected = engine.distance(patches(made), at_a, patches(SOLIDS["vase"]), at_b)
+        assert found.lower <= expected.upper + 1e-12
+        assert found.upper >= expected.lower - 1e-12
+        assert found.upper - found.lower <= 1e-11
+        assert found.bound_tests < 500

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..models.patch import Patch
-from ..models.surface import ParametricSurface
+from ..models.checks import ModelError
+from ..models.patch import Curve, Patch
+from ..models.revolution import SolidOfRevolution
+from ..models.surface import ParametricSurface, Surface
 from .triangles import FormatError
 
 if TYPE_CHECKING:
@@ -36,8 +38,11 @@ class Placement(NamedTuple):
     """The name of the first part of the same shape: parts of one shape can share a model."""
 
 
-def read_step(data: bytes, file: Path, how: Reading) -> ParametricSurface:
-    """Read a STEP file, which states its own unit: one part in its frame, or all as one surface."""
+def read_step(data: bytes, file: Path, how: Reading) -> Surface:
+    """Read a STEP file, which states its own unit: one part in its frame, or all as one surface.
+
+    A single part that is a solid of revolution becomes one, unless it must be a surface.
+    """
     if how.volume != "rss":
         raise FormatError(
             f"volume = {how.volume!r}: parametric surfaces have rectangle swept spheres alone"
@@ -52,12 +57,35 @@ def read_step(data: bytes, file: Path, how: Reading) -> ParametricSurface:
             raise FormatError(f"part = {how.part!r}: there is none; there are {known}")
         parts = [own[0]._replace(pose=np.eye(4))]
     metres = _MILLIMETRE * how.scale
+    if len(parts) == 1 and how.solid is not False:
+        made = _revolution(parts[0], metres, str(file), how.deviation)
+        if made is not None:
+            return made
     patches = [
         _patch(face, part.pose, metres, f"{part.name}, face {i}", how.deviation)
         for part in parts
         for i, face in enumerate(part.shape.faces, 1)
     ]
     return ParametricSurface(patches, name=str(file), solid=how.solid)
+
+
+def _revolution(part: Part, metres: float, name: str, deviation: float) -> SolidOfRevolution | None:
+    """A part that is a solid of revolution; None: it is none, or its profile crosses itself."""
+    found = part.shape.revolution
+    if found is None:
+        return None
+    turn, shift = part.pose[:3, :3], part.pose[:3, 3]
+    aside = max(face.tolerance for face in part.shape.faces) + found.apart
+    try:
+        return SolidOfRevolution(
+            [Curve(points * metres, knots, weights) for points, weights, knots in found.curves],
+            (turn @ found.origin + shift) * metres,
+            turn @ found.axis,
+            name=name,
+            deviation=deviation + aside * metres,
+        )
+    except ModelError:
+        return None
 
 
 def step_placements(data: bytes, file: Path, scale: float) -> list[Placement]:

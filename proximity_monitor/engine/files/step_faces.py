@@ -15,9 +15,9 @@ from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 from ..models.checks import ModelError
-from ..models.trim import Trim, TrimCurve, hull
+from ..models.trim import SNAP, Trim, TrimCurve, hull
 from .step_curves import trim_curves, turned, xyz
-from .step_surfaces import Net, basis, kind_of, net
+from .step_surfaces import Net, apex_of, axis_of, basis, kind_of, net
 from .triangles import FormatError
 
 Reals = NDArray[np.float64]
@@ -41,6 +41,8 @@ class Face(NamedTuple):
     """None: all of the patch belongs to the face."""
     tolerance: float
     """Millimetres: how far its edges may be from those of its neighbours."""
+    axis: tuple[Reals, Reals] | None
+    """Millimetres: a point and the direction of the axis that it turns about; None: about none."""
 
 
 def cast(shape: Any, kind: str) -> Any:
@@ -90,7 +92,8 @@ def _read(face: Any, surface: Any, backward: bool) -> Face:
     trim = Trim(loops, low, high, patch.arcs) if loops else None
     if trim is not None:
         tolerance += float(trim.snapped @ _speeds(patch))
-    return Face(patch, None if trim is None or trim.whole else trim, tolerance)
+    left = None if trim is None or trim.whole else trim
+    return Face(patch, left, tolerance, axis_of(surface))
 
 
 def _loop(wire: Any, face: Any, surface: Any) -> tuple[list[TrimCurve], float]:
@@ -175,6 +178,7 @@ def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals
     if loops:
         points = np.vstack([hull(curve) for loop in loops for curve in loop])
         inner = points.min(axis=0), points.max(axis=0)
+        low[1], high[1] = _one_nappe(surface, low[1], high[1], inner[0][1], inner[1][1])
         for axis, period in enumerate(_periods(surface)):
             if period:
                 beyond[axis] = max(inner[1][axis] - inner[0][axis] - period, 0.0)
@@ -191,6 +195,20 @@ def _rectangle(loops: list[list[TrimCurve]], surface: Any) -> tuple[Reals, Reals
     if not (high > low).all():
         raise FormatError("its loops enclose nothing")
     return low, high, beyond
+
+
+def _one_nappe(
+    surface: Any, low: float, high: float, begin: float, end: float
+) -> tuple[float, float]:
+    """Bounds of v, on a cone no farther than its apex where loops pass it by rounding alone."""
+    apex = apex_of(surface)
+    if apex is None:
+        return low, high
+    reach = SNAP * (end - begin)
+    return (
+        apex if abs(begin - apex) <= reach else low,
+        apex if abs(end - apex) <= reach else high,
+    )
 
 
 def _periods(surface: Any) -> tuple[float, float]:

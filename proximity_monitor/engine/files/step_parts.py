@@ -33,6 +33,7 @@ except ImportError:  # 7.9
     from OCP.TDF import TDF_LabelSequence as Labels
 
 from .step_faces import Face, read_face, shapes_in
+from .step_revolution import Revolution, find_revolution
 from .triangles import FormatError
 
 Reals = NDArray[np.float64]
@@ -50,8 +51,8 @@ class PartShape(NamedTuple):
     """A shape that may be placed several times."""
 
     faces: list[Face]
-    solid: bool
-    """Whether its faces close up, with their normals outward."""
+    revolution: Revolution | None
+    """What they bound together, where that is a solid of revolution."""
 
 
 class Part(NamedTuple):
@@ -180,9 +181,7 @@ def read_shape(shape: Any, name: str) -> PartShape:
     if refused:
         more = f"; and {len(refused) - 3} more" if len(refused) > 3 else ""
         raise FormatError("; ".join(refused[:3]) + more)
-    in_solids = sum(1 for solid in shapes_in(shape, "Solid") for _ in shapes_in(solid, "Face"))
-    closed = all(shell.Closed() for shell in shapes_in(shape, "Shell"))
-    return PartShape(faces, bool(faces) and in_solids == len(faces) and closed)
+    return PartShape(faces, find_revolution(faces))
 
 
 def _each(labels: Any) -> Iterator[Any]:

@@ -59,6 +59,23 @@ def kind_of(surface: Any) -> str:
     return type(surface).__name__.removeprefix("Geom_").removesuffix("Surface").lower()
 
 
+def axis_of(surface: Any) -> tuple[Reals, Reals] | None:
+    """A point (3,) and the direction (3,) of the axis that a surface turns about; None: of none."""
+    if isinstance(surface, Geom.Geom_Plane):
+        return None
+    if isinstance(surface, Geom.Geom_ElementarySurface | Geom.Geom_SurfaceOfRevolution):
+        axis = surface.Axis()
+        return xyz(axis.Location()), xyz(axis.Direction())
+    return None
+
+
+def apex_of(surface: Any) -> float | None:
+    """The parameter v of a cone's apex; None: the surface is no cone."""
+    if isinstance(surface, Geom.Geom_ConicalSurface):
+        return -surface.RefRadius() / math.sin(surface.SemiAngle())
+    return None
+
+
 def net(surface: Any, low: Reals, high: Reals) -> Net:
     """A surface between two corners (2,) of its parameters.
 
@@ -80,7 +97,7 @@ def net(surface: Any, low: Reals, high: Reals) -> Net:
         axes = surface.Position()
         frame = [xyz(each()) for each in (axes.XDirection, axes.YDirection, axes.Direction)]
         flat = _meridian(surface, low[1], high[1])
-        return _around_z(flat, xyz(axes.Location()), frame, low[0], high[0])
+        return around_z(flat, xyz(axes.Location()), frame, low[0], high[0])
     raise FormatError("this type of surface is not read")
 
 
@@ -115,7 +132,7 @@ def _meridian(surface: Any, low: float, high: float) -> Profile:
     return Profile(control, weights, knots, arcs)
 
 
-def _around_z(flat: Profile, origin: Reals, frame: list[Reals], low: float, high: float) -> Net:
+def around_z(flat: Profile, origin: Reals, frame: list[Reals], low: float, high: float) -> Net:
     """A curve (rho, 0, z) turned about the axis of a frame; rho < 0 may be, inside a spindle."""
     unit, weights, knots, arcs = arc_net(low, high)
     rho, z = flat.control[:, 0], flat.control[:, 2]

@@ -152,3 +152,14 @@ def bernstein(degree: int, s: NDArray[np.float64], r: NDArray[np.float64]) -> ND
     j = np.arange(degree + 1)
     binomials = np.array([comb(degree, i) for i in j], np.float64)
     return binomials * s[:, None] ** j * r[:, None] ** (degree - j)
+
+
+def product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The Bernstein coefficients (n + m - 1, c) of the product of polynomials (n, c) and (m, 1)."""
+    scaled = [
+        each * np.array([[float(comb(len(each) - 1, i))] for i in range(len(each))])
+        for each in (a, b)
+    ]
+    size = len(a) + len(b) - 2
+    columns = [np.convolve(column, scaled[1][:, 0]) for column in scaled[0].T]
+    return np.stack(columns, axis=1) / [[float(comb(size, k))] for k in range(size + 1)]

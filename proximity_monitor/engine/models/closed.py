@@ -13,7 +13,6 @@ than its second derivative allows, and the chords are nowhere farther apart than
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
+from .bezier import product
 from .nurbs import Net
 from .outline import ChartCurve, Edge, RationalCurve, outline
 
@@ -251,19 +251,8 @@ def _difference(a: NDArray[np.float64], b: NDArray[np.float64], faster: float) -
     no longer than its control points.
     """
     b = b * faster ** np.arange(len(b))[:, None]
-    x, w = _product(a[:, :3], b[:, 3:]), _product(a[:, 3:], b[:, 3:])
-    return float(np.linalg.norm((x - _product(b[:, :3], a[:, 3:])) / w, axis=1).max())
-
-
-def _product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The Bernstein coefficients (n + m - 1, c) of the product of polynomials (n, c) and (m, 1)."""
-    scaled = [
-        each * np.array([[float(math.comb(len(each) - 1, i))] for i in range(len(each))])
-        for each in (a, b)
-    ]
-    size = len(a) + len(b) - 2
-    columns = [np.convolve(column, scaled[1][:, 0]) for column in scaled[0].T]
-    return np.stack(columns, axis=1) / [[float(math.comb(size, k))] for k in range(size + 1)]
+    x, w = product(a[:, :3], b[:, 3:]), product(a[:, 3:], b[:, 3:])
+    return float(np.linalg.norm((x - product(b[:, :3], a[:, 3:])) / w, axis=1).max())
 
 
 def _cut(edges: list[Edge], gap: float) -> list[Edge]:

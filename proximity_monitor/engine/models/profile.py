@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.revolution.crossing import first_crossing
 from .bezier import bernstein
 from .checks import ModelError
@@ -24,6 +25,10 @@ Reals = NDArray[np.float64]
 JOINED = 1e-12
 """How far apart two ends may be that coincide, and an end from the axis that it lies on, as a share
 of the profile's size."""
+
+_AREA_ROUNDING = 64.0 * DOUBLE_EPS
+"""A point errs by some units of the profile's size, which counts in an area times how far apart its
+neighbours are: all around that is about twice what the profile is wide and high."""
 
 
 class Profile(NamedTuple):
@@ -57,8 +62,9 @@ def checked_profile(nets: Sequence[Net], name: str) -> Profile:
         _check_axis(net, own, near, f"{name}: curves[{i}]")
     closed = _check_ends(pieces, near, name)
     _check_simple(pieces, size, name)
-    area = sum(_area(own) for own in pieces)
-    if not abs(area) > near * size:
+    area = sum(_area(own, pieces[0][0, 0], closed) for own in pieces)
+    wide, high, _ = np.ptp(np.concatenate([net.points for net in nets]), axis=0)
+    if not abs(area) > JOINED * wide * high + _AREA_ROUNDING * size * (wide + high):
         raise ModelError(f"{name}: curves: they enclose no area, so there is no solid")
     return Profile(tuple(nets), closed, size, area > 0.0, pieces)
 
@@ -136,9 +142,14 @@ def _check_simple(pieces: Sequence[Reals], size: float, name: str) -> None:
         )
 
 
-def _area(pieces: Reals) -> float:
-    """About the area to the left of a curve's pieces, closed along the axis, square metres."""
-    rho, z = np.moveaxis(_points(pieces, 9), 2, 0)
+def _area(pieces: Reals, first: Reals, closed: bool) -> float:
+    """About the area to the left of a curve's pieces, square metres, by triangles from one place.
+
+    That is where a loop begins; of any other profile beside this on the axis, along which it is
+    closed. So a ring as thin as a hair is not lost in rounding.
+    """
+    place = first[:2] / first[2] * [float(closed), 1.0]
+    rho, z = np.moveaxis(_points(pieces, 9) - place, 2, 0)
     return 0.5 * float((rho[:, :-1] * z[:, 1:] - z[:, :-1] * rho[:, 1:]).sum())
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.state import CURVE_PIECE, RevolutionTree, SurfaceTree
 from ..kernels.base.tables import revolution_table
 from ..kernels.revolution.build import build_arcs
@@ -25,6 +26,10 @@ those that are thinner where it needs them."""
 _BEYOND = 1e13
 """Bounds take it that no point is beyond the axis, and `checked_profile` allows for rounding there.
 So much longer is the length of which arcs err by a share of 2.3e-13, for each metre beyond."""
+
+
+_HALVINGS = 24
+"""Until control points are as near to a curve as rounding would have them."""
 
 
 class RevolutionHierarchy(SurfaceHierarchy):
@@ -50,8 +55,7 @@ class RevolutionHierarchy(SurfaceHierarchy):
         """The hierarchy of patches that a profile sweeps, turning about the z of a frame (4, 4)."""
         curves, places = _curves(patches, profile)
         rows = np.zeros((5, 3))
-        beyond = max(0.0, *(-float(net.points[:, 0].min()) for net in profile.nets))
-        extent = profile.size + _BEYOND * beyond
+        extent = profile.size + _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
         rows[:3], rows[3], rows[4, 0] = frame[:3, :3].T, frame[:3, 3], extent
         arcs = build_arcs(curves, extent, PRECISION * profile.size)
         kept = {name: getattr(patches, name) for name in SurfaceHierarchy.KEPT}
@@ -74,6 +78,30 @@ class RevolutionHierarchy(SurfaceHierarchy):
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:
         own = (state["arcs"], state["curves"], state["places"], state["frame"], state["samples"])
         return *own, *SurfaceHierarchy._frozen(state)
+
+
+def _beyond(pieces: NDArray[np.float64]) -> float:
+    """How far the pieces (s, degree + 1, 3) of a curve may be beyond the axis at most, metres.
+
+    They are no farther than their control points. Where these are beyond it, pieces are halved.
+    Each time the mean of neighbours is taken degree times, which errs by a unit of the largest.
+    """
+    count = pieces.shape[1]
+    left = pieces[(pieces[..., 0] < 0.0).any(axis=1)][..., [0, 2]]
+    if not len(left):
+        return 0.0
+    largest = np.abs(left[..., 0]).max(axis=1) / left[..., 1].min(axis=1)
+    rounding = _HALVINGS * count * DOUBLE_EPS * float(largest.max())
+    for _ in range(_HALVINGS):
+        below, above = np.empty_like(left), np.empty_like(left)
+        for k in range(count):
+            below[:, k], above[:, -1 - k] = left[:, 0], left[:, -1]
+            left = 0.5 * (left[:, :-1] + left[:, 1:])
+        left = np.concatenate((below, above))
+        left = left[(left[..., 0] < 0.0).any(axis=1)]
+        if not len(left):
+            return rounding
+    return rounding + float((-left[..., 0] / left[..., 1]).max())
 
 
 def _curves(patches: SurfaceHierarchy, profile: Profile) -> tuple[NDArray, NDArray[np.int32]]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 Reals = NDArray[np.float64]
 
-_SNAP = 1e-9
+SNAP = 1e-9
 """Shares of the rectangle's extent: what is nearer to a side lies on it."""
 _FLAT = 1e-3
 """The band that a segment should not be wider than, a share of the rectangle's extent."""
@@ -141,7 +141,7 @@ class Trim:
             raise ModelError("trim: a curve with points or weights that are not finite or positive")
         unit = (control - low) / extent
         sides = np.round(unit)
-        near = (np.abs(unit - sides) <= _SNAP) & ((sides == 0.0) | (sides == 1.0))
+        near = (np.abs(unit - sides) <= SNAP) & ((sides == 0.0) | (sides == 1.0))
         moved = np.where(near, np.abs(unit - sides), 0.0).max(axis=0)
         self.snapped = np.maximum(self.snapped, moved)
         return np.column_stack([np.where(near, sides, unit), weights])

@@ -1,0 +1,191 @@
+"""Rings as thin as hairs against circles in 30 digits, and other pairs at their limits."""
+
+import itertools
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY, pose, translation
+from scipy.interpolate import BSpline
+from scipy.spatial import cKDTree
+from test_revolution import torus
+
+from proximity_monitor import engine
+from proximity_monitor.engine import Curve, SolidOfRevolution
+
+DIGITS, STARTS = 30, 720
+
+
+def squared(large, radius, at, angle):
+    """The square of the distance of a placed circle's point from a circle about z; 30 digits."""
+    cos, sin = mpmath.cos(angle), mpmath.sin(angle)
+    x, y, z = (at[i][3] + (at[i][0] * cos + at[i][1] * sin) * radius for i in range(3))
+    return (mpmath.hypot(x, y) - large) ** 2 + z**2
+
+
+def circles_apart(large, radius, at, most=False):
+    """The least distance of a circle about z and a placed one; or how far its points are at most.
+
+    Every place where it is least among STARTS samples is narrowed by golden sections.
+    """
+    sign = -1 if most else 1
+    with mpmath.workdps(DIGITS):
+        exact = [[mpmath.mpf(float(each)) for each in row] for row in at]
+        turn = 2.0 * np.pi * np.arange(STARTS) / STARTS
+        rim = at[:3, :2] @ np.array([np.cos(turn), np.sin(turn)]) * radius + at[:3, 3:]
+        values = sign * ((np.hypot(rim[0], rim[1]) - large) ** 2 + rim[2] ** 2)
+        near = np.minimum(np.roll(values, 1), np.roll(values, -1))
+        chosen = np.flatnonzero(values <= near)
+        chosen = chosen[np.argsort(values[chosen], kind="stable")][:8]
+        share = (mpmath.sqrt(5) - 1) / 2
+        found = []
+        for i in chosen:
+            low = mpmath.mpf(float(turn[i])) - 2 * mpmath.pi / STARTS
+            high = low + 4 * mpmath.pi / STARTS
+            a, b = high - share * (high - low), low + share * (high - low)
+            at_a, at_b = (sign * squared(large, radius, exact, each) for each in (a, b))
+            for _ in range(60):
+                if at_a < at_b:
+                    high, b, at_b = b, a, at_a
+                    a = high - share * (high - low)
+                    at_a = sign * squared(large, radius, exact, a)
+                else:
+                    low, a, at_a = a, b, at_b
+                    b = low + share * (high - low)
+                    at_b = sign * squared(large, radius, exact, b)
+            found.append(min(at_a, at_b))
+        return float(mpmath.sqrt(sign * min(found)))
+
+
+def upright(x, y=0.0, z=0.0):
+    """A place whose axis lies along y."""
+    made = translation(x, y, z)
+    made[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    return made
+
+
+def tilted(angle, x=0.0, y=0.0, z=0.0):
+    """A place turned about x."""
+    made, cos, sin = translation(x, y, z), math.cos(angle), math.sin(angle)
+    made[1:3, 1:3] = [[cos, -sin], [sin, cos]]
+    return made
+
+
+POSES = {
+    "parallel axes": (0.7, translation(2.5, 0.0, 0.3)),
+    "parallel axes, across": (0.7, translation(1.1, 0.2, 0.3)),
+    "perpendicular axes": (0.7, upright(2.0, 0.3, 0.1)),
+    "interlocked": (0.7, upright(0.9, 0.1, 0.0)),
+    "interlocked, the other side": (0.7, upright(-1.2, 0.0, 0.3)),
+    "equal minima": (0.5, upright(0.0)),
+    "equal minima, tilted": (0.5, tilted(0.4)),
+    "nearly concentric": (0.5, translation(1e-9, 0.0, 0.0)),
+    "nearly coaxial": (0.5, tilted(1e-7, z=0.2)),
+    "through the axis": (0.3, upright(0.3)),
+    "across the axis": (0.5, translation(0.5, 0.0, 0.4)),
+    "beside the axis": (0.5, tilted(0.3, 0.5 + 1e-8, 0.0, 0.4)),
+    "much larger": (1e6, tilted(1.0, 1e6 + 3.0, 0.0, 0.5)),
+    "much smaller": (1e-6, tilted(1.0, 1.5, 0.2, 0.5)),
+    "much smaller, near": (1e-6, tilted(1.0, 1.0 + 2e-3, 0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("thin", [1e-3, 1e-9])
+@pytest.mark.parametrize("name", POSES)
+def test_thin_rings_are_as_far_apart_as_circles(name, thin):
+    radius, at = POSES[name]
+    small = min(thin * radius, 0.1)
+    one, other = torus(1.0, thin), torus(radius, small)
+    expected = circles_apart(1.0, radius, at) - thin - small
+    back = np.linalg.inv(at)
+    size = max(1.0, radius)
+    for found in (
+        engine.distance(one, IDENTITY, other, at),
+        engine.distance(other, IDENTITY, one, back),
+    ):
+        assert found.lower <= expected + 1e-15 * size
+        assert found.upper >= expected - 1e-15 * size
+        assert found.upper - found.lower <= 1e-5 * size
+
+
+def test_thin_rings_at_random():
+    rng = np.random.default_rng(4)
+    for k in range(24):
+        radius, thin = 10.0 ** rng.uniform(-2, 2), 10.0 ** rng.uniform(-9, -3)
+        small = thin * radius
+        at = pose(rng, (1.0 + radius) * (0.3, 0.8, 1.5)[k % 3])
+        expected = circles_apart(1.0, radius, at) - thin - small
+        found = engine.distance(torus(1.0, thin), IDENTITY, torus(radius, small), at)
+        if expected > 0.0:
+            assert found.lower <= expected + 1e-14 * (1.0 + radius)
+            assert found.upper >= expected - 1e-14 * (1.0 + radius)
+            assert found.upper - found.lower <= 1e-11 * (1.0 + radius)
+        else:
+            assert found.lower == 0.0
+
+
+@pytest.mark.parametrize("gap", [1e-12, 1e-9, 1e-3])
+@pytest.mark.parametrize("kind", ["outside", "interlocked", "tilted"])
+def test_rings_that_nearly_touch(kind, gap):
+    """To a gap that circles in 30 digits confirm."""
+    apart = 0.3 + 0.2 + gap
+    at = {
+        "outside": translation(1.0 + 0.7 + apart, 0.0, 0.0),
+        "interlocked": upright(1.0 - 0.7 + apart, 0.0, 0.0),
+        "tilted": tilted(0.7, 1.0 + 0.7 + apart, 0.0, 0.0),
+    }[kind]
+    expected = circles_apart(1.0, 0.7, at) - 0.3 - 0.2
+    assert expected == pytest.approx(gap, abs=1e-15)
+    found = engine.distance(torus(1.0, 0.3), IDENTITY, torus(0.7, 0.2), at)
+    assert found.lower <= expected + 1e-15 and found.upper >= expected - 1e-15
+    assert found.upper - found.lower <= 4e-12
+
+
+@pytest.mark.parametrize(
+    "at", [translation(0.05, 0.0, 0.1), tilted(0.2), tilted(0.1, 0.02, 0.03, 0.04)]
+)
+def test_a_ring_in_the_tube_of_another(at):
+    """Their surfaces are apart by the tube's radius less how far the inner circle strays."""
+    expected = 0.4 - 0.02 - circles_apart(1.0, 0.95, at, most=True)
+    found = engine.distance(torus(1.0, 0.4), IDENTITY, torus(0.95, 0.02), at)
+    assert found.lower <= expected + 1e-14 and found.upper >= expected - 1e-14
+    assert found.upper - found.lower <= 1e-10
+    signed = engine.signed_distance(torus(1.0, 0.4), IDENTITY, torus(0.95, 0.02), at)
+    assert signed.lower <= -0.04 <= signed.upper + 1e-12
+
+
+@pytest.mark.parametrize("bulge", [1e-3, 1e-9, 1e-14, 0.0])
+@pytest.mark.parametrize("at", [translation(2.5, 0.0, 0.1), tilted(0.6, 2.5)])
+def test_arcs_that_are_nearly_straight(bulge, at):
+    """Barrels whose sides are parabolas of that height, by the middles of their sides."""
+    corners = [(0.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0)]
+    curves = [Curve(ends) for ends in itertools.pairwise(corners)]
+    curves[1] = Curve([(1.0, -1.0), (1.0 + 2.0 * bulge, 0.0), (1.0, 1.0)])
+    barrel = SolidOfRevolution(curves)
+    found = engine.distance(barrel, IDENTITY, barrel, at)
+    low = 0.5 - 2.0 * bulge
+    # Side by side they are nearest a little off the middles, where these are at unlike heights.
+    assert found.lower <= low + 0.01 * bulge + 1e-15 and found.upper >= low - 1e-15
+    # Where sides bend by less than what bounds resolve, they bend unknown to these.
+    assert found.upper - found.lower <= 1e-10 + 2.0 * bulge
+
+
+def test_two_profiles_of_500_spans():
+    """On parallel axes the nearest points are in the plane of both: samples of it, by scipy."""
+    count = 503
+    knots = np.concatenate((np.zeros(3), np.arange(501.0), np.full(3, 500.0)))
+    z = np.linspace(0.0, 1.0, count)
+    nets = []
+    for pace in (1.0, 1.3):
+        rho = 0.2 + 0.02 * np.sin(pace * np.arange(count)) + 0.05 * np.sin(9.0 * pace * z)
+        rho[[0, -1]] = 0.0
+        nets.append(np.column_stack((rho, z)))
+    solids = [SolidOfRevolution([Curve(net, knots)]) for net in nets]
+    t = np.linspace(0.0, 500.0, 200_001)
+    one, other = (BSpline(knots, net, 3)(t) for net in nets)
+    for apart, up in ((0.7, 0.013), (0.6, -0.4), (1.5, 0.9)):
+        away, _ = cKDTree(one).query([apart, up] + other * [-1.0, 1.0])
+        found = engine.distance(solids[0], IDENTITY, solids[1], translation(apart, 0.0, up))
+        assert found.lower <= away.min() and found.upper == pytest.approx(away.min(), abs=1e-7)
+        assert found.upper - found.lower <= 1e-10
