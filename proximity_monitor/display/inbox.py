@@ -35,8 +35,12 @@ class News:
     """Why the monitor refused the last parameters; empty if it took them."""
     playing: Playing | None = None
     """The motion of the player; None: there is no player."""
+    player_ended: bool = False
+    """Whether there was one before."""
     player_refusal: str = ""
     """Why the player refused the last parameters; empty if it took them."""
+    reset: str = ""
+    """What became of the last request to forget the monitor's smallest clearances."""
 
     @property
     def complete(self) -> bool:
