@@ -191,10 +191,10 @@ class Section:
     def _coats(self, view: PartView, plane: Plane) -> Iterator[viser.SceneNodeHandle]:
         """Cut each of a part's coats, and show what is left of it."""
         for i, (corners, colour) in enumerate(view.coats):
-            left = cut(corners, np.arange(len(corners)).reshape(-1, 3), plane)
-            if len(left.triangles):
-                corners = left.vertices[left.triangles].reshape(-1, 3)
-                yield view.coloured(self._api, f"{view.frame.name}/cut_{i}", corners, colour)
+            vertices, triangles, _ = cut(corners, np.arange(len(corners)).reshape(-1, 3), plane)
+            if len(triangles):
+                left = vertices[triangles].reshape(-1, 3)
+                yield view.coloured(self._api, f"{view.frame.name}/cut_{i}", left, colour)
 
     def _clear(self, view: PartView) -> None:
         self._made.pop(view.name, None)
