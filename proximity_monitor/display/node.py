@@ -82,6 +82,8 @@ class ProximityDisplay(Node):
         self._asked: frozenset[str] | None = None  # what the player shall leave alone
         self._released: frozenset[str] | None = None  # the bodies to which it agreed; None: unknown
         self.create_timer(1.0 / HELD_HZ, self._publish_held)
+        # What is dragged does not wait for the timer.
+        holds.on_move = self.create_guard_condition(self._publish_held).trigger
         self.create_timer(0.5, self._look_around)
 
     def set_parameters_of_monitor(self, values: Mapping[str, float | str]) -> None:

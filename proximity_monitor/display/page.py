@@ -113,6 +113,7 @@ class Page:
                 self._show(news, told, now_s)
             else:
                 self._banner.content = ""  # it spoke of the previous scene
+        self._client.flush()  # else it waits for what else may come
 
     def admit(self, fault: str, now_s: float) -> None:
         """Show an error of the page's own, and for a while after the last; empty: there is none."""

@@ -23,6 +23,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from proximity_monitor.display import node as module
 from proximity_monitor.display import run
 from proximity_monitor.display.holds import Hand, Holds
 from proximity_monitor.display.inbox import Inbox
@@ -166,6 +167,24 @@ def test_a_body_that_the_scene_has_not_is_neither_published_nor_looked_for(displ
     display.until(lambda: heard, "the die's pose")
 
 
+@pytest.fixture
+def no_timer(monkeypatch):
+    """The timer of held bodies does not ring while a test runs."""
+    monkeypatch.setattr(module, "HELD_HZ", 1e-4)
+
+
+def test_what_is_dragged_is_published_at_once(no_timer, display):
+    heard = []
+    display.node.create_subscription(PoseStamped, DIE, heard.append, 1)
+    display.holds.take("die", HERE)
+
+    def moved():
+        display.holds.move("die", HERE)
+        return heard
+
+    display.until(moved, "the die's pose")
+
+
 def test_what_fails_beside_the_page_ends_the_program_with_its_error(display):
     display.executor.remove_node(display.node)
     display.node.create_timer(0.001, lambda: 1 / 0)
@@ -175,7 +194,29 @@ def test_what_fails_beside_the_page_ends_the_program_with_its_error(display):
     assert stop.is_set()
 
 
+def test_a_tick_that_comes_is_shown_at_once(monkeypatch):
+    monkeypatch.setattr(run, "FRAMES_HZ", 1e-4)
+    inbox, stop, stepped = Inbox(), threading.Event(), threading.Semaphore(0)
+
+    def step():
+        inbox.read()
+        stepped.release()
+
+    thread = threading.Thread(target=run._frames, args=(SimpleNamespace(step=step), inbox, stop))
+    thread.start()
+    try:
+        assert stepped.acquire(timeout=DEADLINE_S)
+        inbox.put_points(b"....stampxxx....")
+        inbox.put_poses(b"....stampxxx")
+        assert stepped.acquire(timeout=DEADLINE_S)
+    finally:
+        stop.set()
+        inbox.put_poses(b"....stampxxx")
+        thread.join()
+
+
 BROKEN = """
+from proximity_monitor.display import node as module
 from proximity_monitor.display import run
 
 def broken(node, holds, stop):
