@@ -64,16 +64,17 @@ CAMERA = {
 
 
 class Child:
-    """One of our programs, on a core of its own if there are two, and what it said."""
+    """One of our programs, and what it said."""
 
-    def __init__(self, module: str, arguments: list[str], core: int) -> None:
-        """Start it."""
+    def __init__(self, module: str, arguments: list[str], core: int | None) -> None:
+        """Start it on that core; None: on any."""
         command = [sys.executable, "-c", f"import sys; from {module} import main; sys.exit(main())"]
         self.process = subprocess.Popen(
             [*command, "--ros-args", *arguments],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         )  # fmt: skip
-        os.sched_setaffinity(self.process.pid, {sorted(os.sched_getaffinity(0))[core]})
+        if core is not None:
+            os.sched_setaffinity(self.process.pid, {sorted(os.sched_getaffinity(0))[core]})
         self.said: list[str] = []
         self._news: SimpleQueue[str] = SimpleQueue()
         Thread(target=self._listen, daemon=True).start()

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display import bands
-from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.parts import Coat, Parts
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, STOP_SIGN, WARN_SIGN, length
 from proximity_monitor.display.state import Frame, SceneInfo
@@ -48,7 +48,6 @@ class Banding:
         self._parts = parts
         self._scene = scene
         self._number = {body.name: i for i, body in enumerate(scene.bodies)}
-        self._nodes: dict[str, list[viser.MeshHandle]] = {}
         self._made: dict[str, tuple[_Near | None, float]] = {}  # of what, and from which tick
         self._job: _Job | None = None
         self._due_s = 0.0
@@ -59,8 +58,9 @@ class Banding:
         self, frame: Frame, parts: Sequence[Part], wanted: Sequence[str], now_s: float
     ) -> None:
         """Colour the parts that are wanted, one after the other, and no other."""
-        for name in self._nodes.keys() - set(wanted):
-            self._clear(name)
+        for name in self._made.keys() - set(wanted):
+            del self._made[name]
+            self._parts[name].coat(self._api, ())
         if self._job is not None and self._job.answer.done():
             job, self._job = self._job, None
             if job.name in wanted:
@@ -73,14 +73,10 @@ class Banding:
             self._due_s = now_s + EVERY_S
             name = min(old, key=lambda each: self._made[each][1] if each in self._made else -np.inf)
             self._job = _Job(name, near[name], frame.stamp_s, _WORKER.submit(_bands, near[name]))
-        for name, nodes in self._nodes.items():
-            for node in nodes:
-                if node.opacity != (opacity := self._parts[name].mesh.opacity):
-                    node.opacity = opacity
 
     def legend(self) -> str:
         """Return what the colours mean, as HTML; empty: there are none."""
-        if not self._nodes and self._job is None:
+        if not self._made and self._job is None:
             return ""
         boxes = "".join(
             f"<span style='background:rgb{colour};padding:0 6px'>{shown.glyph}</span> {word} "
@@ -111,23 +107,14 @@ class Banding:
 
     def _draw(self, job: _Job) -> None:
         corners, of, self._sampled_m = job.answer.result()  # an error in it is the page's
-        self._clear(job.name)
-        view, scale = self._parts[job.name], self._parts.scale
+        scale = self._parts.scale
         # What there was no time for is tried again.
         self._made[job.name] = (None if _is_cut(job.near, of) else job.near, job.stamp_s)
-        nodes = self._nodes[job.name] = []
-        for band, colour in enumerate(COLOURS):
-            found = corners[of == band].reshape(-1, 3) * scale
-            if len(found):
-                name = f"{view.frame.name}/band_{band}"
-                nodes.append(view.coloured(self._api, name, found, colour))
-        view.cut_away(True)
-
-    def _clear(self, name: str) -> None:
-        for node in self._nodes.pop(name, []):
-            node.remove()
-        self._made.pop(name, None)
-        self._parts[name].cut_away(False)
+        coats = [
+            Coat(corners[of == band].reshape(-1, 3) * scale, colour)
+            for band, colour in enumerate(COLOURS)
+        ]
+        self._parts[job.name].coat(self._api, coats if len(corners) else ())
 
 
 def _is_placed(near: _Near) -> bool:

@@ -10,7 +10,9 @@ from proximity_monitor.display.bridge import PRESSES, word
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.conflicts import UNDECIDED, row_mark
 from proximity_monitor.display.decisions import Decision
+from proximity_monitor.display.event_picture import EventPicture
 from proximity_monitor.display.events import Event
+from proximity_monitor.display.inbox import News
 from proximity_monitor.display.shared import Shared
 from proximity_monitor.display.state import SceneInfo
 
@@ -24,31 +26,46 @@ EVERY_S = 0.3
 class EventList:
     """The list, and the button that begins the smallest clearances anew."""
 
-    def __init__(self, gui: viser.GuiApi, shared: Shared, choice: Choice) -> None:
-        """Add both at this place of the GUI."""
+    def __init__(
+        self, gui: viser.GuiApi, shared: Shared, choice: Choice, picture: EventPicture
+    ) -> None:
+        """Add both at this place of the GUI, with the picture of the pressed event between."""
         self._events = shared.events
         self._session = shared.session
         self._conflicts = shared.conflicts
         self._choice = choice
         self._due_s = 0.0
-        button = gui.add_button("Forget the smallest clearances", icon=viser.Icon.ERASER)
+        self._reset_here = False
+        button = gui.add_button(
+            "Forget the smallest clearances", icon=viser.Icon.ERASER,
+            hint="Here, for all browsers, and in the monitor, for all who listen to it",
+        )  # fmt: skip
+        self._reset = gui.add_html("")
+        self._picture = picture
+        picture.add(gui)
         self._list = gui.add_html("")
 
         @button.on_click
         async def _(_) -> None:
             self._session.forget_worst()
+            self._reset_here = True
+            shared.reset_minima()
 
-    def show(self, scene: SceneInfo, now_s: float) -> None:
+    def show(self, news: News, now_s: float) -> None:
         """Bring the list up to date."""
+        self._picture.show(news.scene, self._session.span_s[0])
         if now_s >= self._due_s:
             self._due_s = now_s + EVERY_S
-            self._list.content = self._html(scene)
+            self._list.content = self._html(news.scene)
+            told = escape(news.reset) if self._reset_here else ""
+            self._reset.content = f'<div class="pm pm-small" id="pm-reset">{told}</div>'
 
     def go(self, number: str) -> None:
         """Look back at an event's moment, at its pair."""
         event = self._events.at(int(number)) if number.isdecimal() else None
         if event is not None:
             self._choice.at_s, self._choice.pair = event.stamp_s, event.pair
+            self._picture.choose(event)
 
     def _html(self, scene: SceneInfo) -> str:
         events, start, decisions = self._events, self._session.span_s[0], self._conflicts.all

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.signs import CLEAR_SIGN, Sign, clearance, sign
+from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import Frame, Pairs, SceneInfo
 
 MOST = 2000
 """How many events are kept; beyond it the oldest go."""
+
+BYTES = 64_000_000
+"""Bytes that their poses may take at most, so of many bodies fewer are kept."""
+
+PICTURES = 100
+"""Of how many events the pictures are kept; beyond it those that were taken first go."""
 
 
 class Event(NamedTuple):
@@ -25,9 +33,24 @@ class Event(NamedTuple):
     before: Sign
     after: Sign
     clearance: str
-    lower: float
-    """Metres, as is `upper`; NaN: beyond the pair's range, or without a pose."""
-    upper: float
+    then: Snapshot | None
+    """The pair then; None: beyond its range."""
+
+    @property
+    def lower(self) -> float:
+        """Metres, as is `upper`; NaN: beyond the pair's range, or without a pose."""
+        return math.nan if self.then is None else self.then.lower
+
+    @property
+    def upper(self) -> float:
+        """The other bound."""
+        return math.nan if self.then is None else self.then.upper
+
+    @property
+    def sight(self) -> Snapshot | None:
+        """What a picture of it shows; None: the pair's closest points are not known."""
+        known = self.then is not None and not np.isnan(self.then.points).any()
+        return self.then if known else None
 
 
 class Events:
@@ -41,12 +64,15 @@ class Events:
         """The oldest first."""
         self.lost = 0
         """How many of the oldest were dropped."""
+        self.pictures: Mapping[int, bytes] = {}
+        """PNG files of events, by their numbers: those that browsers have taken."""
 
     def clear(self) -> None:
         """Begin anew."""
         self._last = None
         self.all = []
         self._count = self.lost = 0
+        self.pictures = {}
 
     def note(self, frame: Frame, scene: SceneInfo) -> bool:
         """Note what changed since the tick before; return whether anything did."""
@@ -58,13 +84,12 @@ class Events:
             was, now = (_sign(pairs, pair, scene) for pairs in (before.pairs, frame.pairs))
             if was.word != now.word:
                 row = frame.pairs.places.get(pair)
-                told, bounds = "", (math.nan, math.nan)
-                if row is not None:
-                    told = clearance(frame.pairs, row, scene.unit)
-                    bounds = (float(frame.pairs.lower[row]), float(frame.pairs.upper[row]))
-                found.append(Event(self._count, frame.stamp_s, pair, was, now, told, *bounds))
+                told = "" if row is None else clearance(frame.pairs, row, scene.unit)
+                then = None if row is None else Snapshot.of(frame, row)
+                found.append(Event(self._count, frame.stamp_s, pair, was, now, told, then))
                 self._count += 1
-        self.all = (self.all + found)[-MOST:]
+        most = max(min(MOST, BYTES // max(frame.poses.nbytes, 1)), 1)
+        self.all = (self.all + found)[-most:]
         self.lost = self._count - len(self.all)
         return bool(found)
 
@@ -72,6 +97,16 @@ class Events:
         """Return an event by its number, if it is still kept."""
         i = number - self.lost
         return self.all[i] if 0 <= i < len(self.all) else None
+
+    def of(self, stamp_s: float, pair: PairName | None) -> Event | None:
+        """Return the event of a pair at a stamp, if there is one."""
+        return next((e for e in self.all if e.stamp_s == stamp_s and e.pair == pair), None)
+
+    def keep(self, event: Event, picture: bytes) -> None:
+        """Keep a picture of an event that is still known. Any thread may call."""
+        if self.at(event.number) is event:
+            kept = [*self.pictures.items(), (event.number, picture)]
+            self.pictures = dict(kept[-PICTURES:])
 
 
 def _changed(before: Pairs, after: Pairs) -> list[PairName]:

@@ -14,7 +14,8 @@ from proximity_monitor.display.conflicts import UNDECIDED
 from proximity_monitor.display.decisions import Decision, Decisions
 from proximity_monitor.display.events import Event, Events
 from proximity_monitor.display.order import CLEAR_KIND, KINDS, STALE_KIND, kinds
-from proximity_monitor.display.session import Session, Worst
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import Frame
 
 CLOCK_S = 1e9
@@ -27,7 +28,7 @@ class Conflict(NamedTuple):
     pair: PairName
     state: str
     """The worst of the session, one of `order.KINDS`."""
-    worst: Worst | None
+    worst: Snapshot | None
     """Its smallest clearance; None: it never had one."""
     decision: Decision
     events: Sequence[Event]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -22,6 +22,8 @@ class Holds:
         self._lock = threading.RLock()
         self._poses: dict[str, np.ndarray] = {}
         self._owners: dict[str, Hand] = {}
+        self.on_move: Callable[[], None] = lambda: None
+        """Called after a body was moved, in whatever thread."""
 
     @property
     def poses(self) -> Mapping[str, np.ndarray]:
@@ -99,8 +101,10 @@ class Hand:
     def move(self, name: str, pose: np.ndarray) -> None:
         """Move a body in this hand within a step."""
         with self._lock:
-            if self._has(name):
-                self._holds._poses[name] = pose
+            if not self._has(name):
+                return
+            self._holds._poses[name] = pose
+        self._holds.on_move()
 
     def place(self, name: str, pose: np.ndarray, now: np.ndarray) -> None:
         """Hold a body at a pose, as one step; `now` is where it is."""

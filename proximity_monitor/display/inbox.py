@@ -35,8 +35,12 @@ class News:
     """Why the monitor refused the last parameters; empty if it took them."""
     playing: Playing | None = None
     """The motion of the player; None: there is no player."""
+    player_ended: bool = False
+    """Whether there was one before."""
     player_refusal: str = ""
     """Why the player refused the last parameters; empty if it took them."""
+    reset: str = ""
+    """What became of the last request to forget the monitor's smallest clearances."""
 
     @property
     def complete(self) -> bool:
@@ -58,6 +62,7 @@ class Inbox:
         self._news = News()
         self._points = self._poses = self._parts = b""
         self._matched: tuple[bytes, bytes, float] | None = None
+        self._came = threading.Event()
 
     @property
     def news(self) -> News:
@@ -105,8 +110,13 @@ class Inbox:
             self._matched = None
             self._news = replace(self._news, parts=None, frame=None, unreadable={})
 
+    def wait(self, timeout_s: float) -> None:
+        """Wait until a tick has come that is not read yet, but no longer than so many seconds."""
+        self._came.wait(timeout_s)
+
     def read(self) -> News:
         """Return the news, after reading what came since the last call."""
+        self._came.clear()
         with self._lock:
             matched, self._matched = self._matched, None
             parts, self._parts = self._parts, b""
@@ -129,6 +139,7 @@ class Inbox:
         """A tick is complete when both messages with its stamp have come."""
         if self._points[_STAMP] == self._poses[_STAMP] and self._points:
             self._matched = (self._points, self._poses, time.monotonic())
+            self._came.set()
 
 
 def _tick(points: bytes, poses: bytes, came_s: float) -> Mapping[str, object]:

@@ -76,7 +76,7 @@ class Inspect:
     ) -> None:
         """Cut the parts where they are now, or colour them by clearance unless they are plain."""
         self._frame = frame
-        looks = {} if plain or self._section.plane is not None else self._choice.looks
+        looks = {} if plain else self._choice.looks
         wanted = [name for name, look in looks.items() if look.bands]
         self._banding.show(frame, parts, wanted, now_s)
         self._legend.content = self._banding.legend()

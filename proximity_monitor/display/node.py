@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from proximity_monitor.display.holds import Holds
@@ -75,11 +76,14 @@ class ProximityDisplay(Node):
         self._to_monitor = self.create_client(
             SetParametersAtomically, f"{self.monitor}/set_parameters_atomically"
         )
+        self._to_reset = self.create_client(Trigger, f"{self.monitor}/reset_minima")
         self._to_player = self.create_client(SetParameters, f"{self._player}/set_parameters")
         self.create_subscription(String, f"{self._player}/motion", self._on_motion, _LATCHED)
         self._asked: frozenset[str] | None = None  # what the player shall leave alone
         self._released: frozenset[str] | None = None  # the bodies to which it agreed; None: unknown
         self.create_timer(1.0 / HELD_HZ, self._publish_held)
+        # What is dragged does not wait for the timer.
+        holds.on_move = self.create_guard_condition(self._publish_held).trigger
         self.create_timer(0.5, self._look_around)
 
     def set_parameters_of_monitor(self, values: Mapping[str, float | str]) -> None:
@@ -97,6 +101,18 @@ class ProximityDisplay(Node):
             self._to_monitor.call_async(request).add_done_callback(on_answer)
         else:
             self._inbox.tell(refusal=f"{self._to_monitor.srv_name} does not answer")
+
+    def reset_minima_of_monitor(self) -> None:
+        """Ask it to forget the smallest clearances; the inbox gets its answer. Any thread may."""
+        if not self._to_reset.service_is_ready():
+            self._inbox.tell(
+                reset=f"{self._to_reset.srv_name} does not answer: forgotten here alone"
+            )
+            return
+        self._inbox.tell(reset="forgotten here; the monitor was asked")
+        self._to_reset.call_async(Trigger.Request()).add_done_callback(
+            lambda future: self._inbox.tell(reset=f"the monitor {future.result().message}")
+        )
 
     def set_parameters_of_player(self, values: Mapping[str, float]) -> None:
         """Ask the player for new values; the inbox gets a refusal. Any thread may call."""
@@ -139,7 +155,7 @@ class ProximityDisplay(Node):
 
     def _on_motion(self, message: String) -> None:
         try:
-            self._inbox.tell(playing=Playing.read(message.data))
+            self._inbox.tell(playing=Playing.read(message.data), player_ended=False)
         except ValueError as error:
             self.get_logger().error(str(error))
 
@@ -199,8 +215,8 @@ class ProximityDisplay(Node):
             if self._is_rival(name, f"{info.node_namespace.rstrip('/')}/{info.node_name}")
         }
         self._inbox.tell(present=present, rivals=tuple(sorted(rivals)))
-        if self.count_publishers(f"{self._player}/motion") == 0:
-            self._inbox.tell(playing=None)
+        if self.count_publishers(f"{self._player}/motion") == 0 and news.playing is not None:
+            self._inbox.tell(playing=None, player_ended=True)
         if self._scene is not None:
             self._hear_parts(news.parts is None or bool(self._scene.deforming))
 

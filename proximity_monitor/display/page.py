@@ -14,6 +14,7 @@ from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.connection import Connection, banner, pill
 from proximity_monitor.display.deciding import Deciding
 from proximity_monitor.display.event_list import EventList
+from proximity_monitor.display.event_picture import EventPicture
 from proximity_monitor.display.fresh import Beat, patience_s
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
@@ -60,6 +61,7 @@ class Page:
         self._client = client
         self._server = shared.server
         self._session = shared.session
+        self._events = shared.events
         self._conflicts = shared.conflicts
         self.hand = Hand(shared.holds, f"browser {client.client_id + 1}")
         self._choice = Choice()
@@ -93,8 +95,11 @@ class Page:
         with tabs.add_tab("Session", viser.Icon.HISTORY):
             self._player = PlayerPanel(gui, shared.ask_player)
             self._timeline = Timeline(gui, plot, self._session, self._choice, self._return_to_worst)
-            self._events = EventList(gui, shared, self._choice)
             self._portraits = Portraits(client, self._move.hide)
+            picture = EventPicture(
+                shared.events, self._choice, self._portraits, lambda: self._parts
+            )
+            self._event_list = EventList(gui, shared, self._choice, picture)
             self._save = Save(gui, shared, self._choice, lambda: self._shown, self._move.hide)
             self._files = ReportFiles(
                 gui, shared, self._portraits, lambda: self._shown, lambda: self._parts
@@ -108,6 +113,7 @@ class Page:
                 self._show(news, told, now_s)
             else:
                 self._banner.content = ""  # it spoke of the previous scene
+        self._client.flush()  # else it waits for what else may come
 
     def admit(self, fault: str, now_s: float) -> None:
         """Show an error of the page's own, and for a while after the last; empty: there is none."""
@@ -125,7 +131,7 @@ class Page:
         elif news.parts is not before.parts:
             self._parts.reshape(news.parts, scene.deforming)
         at, choice = self._choice.at_s, self._choice
-        frame = news.frame if at is None else self._session.at(at)
+        frame = news.frame if at is None else self._at(at)
         self._shown = Shown(scene, frame, news.parts, news.frame)
         self._portraits.follow()
         self._draw(frame, news.scene)
@@ -148,7 +154,16 @@ class Page:
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(listed)), LONGEST_S)
         self._timeline.show(scene, now_s)
         self._player.show(news, now_s)
-        self._events.show(scene, now_s)
+        self._event_list.show(news, now_s)
+
+    def _at(self, stamp_s: float) -> Frame:
+        """Return the tick at a stamp; of an event whose tick was thinned out, its pair alone."""
+        frame = self._session.at(stamp_s)
+        if frame.stamp_s != stamp_s:
+            event = self._events.of(stamp_s, self._choice.pair)
+            if event is not None and event.then is not None:
+                return event.then.frame(event.pair)
+        return frame
 
     def _draw(self, frame: Frame, scene: SceneInfo) -> None:
         """Bring the picture up to date: parts, lines and labels."""
@@ -231,7 +246,7 @@ class Page:
         if what == "unfilter":
             self._filters.clear()
         elif what == "event":
-            self._events.go(name)
+            self._event_list.go(name)
         elif (
             self._shown is None
             or pair not in self._shown.frame.pairs.places.keys() | choice.ignored

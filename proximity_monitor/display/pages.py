@@ -40,7 +40,11 @@ class Pages:
             holds: the bodies that are held here.
             node: carries requests to the monitor, and logs.
         """
-        asks = (node.set_parameters_of_monitor, node.set_parameters_of_player)
+        asks = (
+            node.set_parameters_of_monitor,
+            node.set_parameters_of_player,
+            node.reset_minima_of_monitor,
+        )
         conflicts = Conflicts(node.conflicts)
         self._shared = Shared(server, holds, Session(), Events(), conflicts, Tried(), *asks)
         self._inbox = inbox

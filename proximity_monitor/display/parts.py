@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from itertools import islice
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -33,6 +34,14 @@ _PLACE = 3 * 8
 # The corners of a box's triangles, for each coordinate 0 if it is the low one.
 _SIDE = np.array([(0, 0), (1, 0), (1, 1), (0, 0), (1, 1), (0, 1)]).reshape(2, 3, 2)
 _BOX = np.concatenate([np.insert(_SIDE, axis, end, axis=2) for axis in range(3) for end in (0, 1)])
+
+
+class Coat(NamedTuple):
+    """Some triangles of a part in another colour."""
+
+    corners: np.ndarray
+    """(3n, 3) in the part's own frame and the page's units."""
+    colour: tuple[int, int, int]
 
 
 class _Look:
@@ -81,7 +90,9 @@ class PartView:
         self.point = body.point
         self.colour = tuple(round(255 * c) for c in part.colour[:3])
         self.shape = 0
-        """Differs after each change of shape."""
+        """Differs after each change of shape or of coats."""
+        self.coats: Sequence[Coat] = ()
+        """What is shown in place of its mesh; empty: the mesh."""
         self.edges = np.zeros((0, 2, 3))
         """(m, 2, 3) its sharp and open edges, in its own frame and the page's units."""
         self.edges_wanted = True
@@ -89,6 +100,7 @@ class PartView:
         """Whether its name is shown."""
         self._opacity = float(part.colour[3])
         self._cut_away = False
+        self._coated: list[viser.MeshHandle] = []
         self._told: tuple = (b"",)  # what was shown last, its pose as bytes first
         look = _look(part, scale)
         self.low, self.high = look.low, look.high
@@ -160,6 +172,20 @@ class PartView:
         """Add another mesh that looks like this part's."""
         return self._meshed(api, name, vertices, triangles, self.opacity)
 
+    def coat(self, api: viser.SceneApi, coats: Sequence[Coat]) -> None:
+        """Show triangles of several colours in place of the mesh; without any, the mesh again."""
+        for node in self._coated:
+            node.remove()
+        self.coats = coats
+        self.shape += 1
+        name = self.frame.name
+        self._coated = [
+            self.coloured(api, f"{name}/coat_{i}", *coat)
+            for i, coat in enumerate(coats)
+            if len(coat.corners)
+        ]
+        self._show_what_is_left()
+
     def coloured(
         self, api: viser.SceneApi, name: str, corners: np.ndarray, colour: tuple[int, int, int]
     ) -> viser.MeshHandle:
@@ -168,9 +194,14 @@ class PartView:
         return self._meshed(api, name, corners, triangles, self.opacity, colour)
 
     def cut_away(self, cut: bool) -> None:
-        """Hide the mesh and its edges, because something else is shown instead."""
+        """Hide all of it, because something else is shown instead."""
         self._cut_away = cut
-        self.mesh.visible = not cut
+        self._show_what_is_left()
+
+    def _show_what_is_left(self) -> None:
+        self.mesh.visible = not (self._cut_away or self.coats)
+        for node in self._coated:
+            node.visible = not self._cut_away
 
     def _meshed(
         self, api, name, vertices, triangles, opacity=None, colour=None
@@ -193,7 +224,8 @@ class PartView:
     ) -> None:
         """Place it, or hide it while it has no pose; what is as before costs next to nothing."""
         placed = b"" if pose is None else pose.tobytes()
-        told = (placed, look, dim, names, self._cut_away)
+        hidden = not self.mesh.visible
+        told = (placed, look, dim, names, hidden)
         if told == self._told:
             return
         before, self._told = self._told[0], told
@@ -208,11 +240,12 @@ class PartView:
         opacity = self._opacity if look.opacity is None else look.opacity
         opacity = min(DIM, opacity) if dim else opacity
         opacity = None if opacity >= 1.0 else opacity
-        if self.mesh.opacity != opacity:
-            self.mesh.opacity = opacity
+        for mesh in (self.mesh, *self._coated):
+            if mesh.opacity != opacity:
+                mesh.opacity = opacity
         self.edges_wanted = look.edges and not dim
         if self._edges is not None:
-            self._edges.visible = self.edges_wanted and not self._cut_away
+            self._edges.visible = self.edges_wanted and not hidden
         self.named = names and not dim
 
 

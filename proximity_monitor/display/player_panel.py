@@ -25,6 +25,12 @@ SPEED_MOST = 1000.0
 
 PLAY, PAUSE = "Play", "Pause"
 
+NONE = "No player publishes a motion."
+ENDED = (
+    "The player has ended, as one with loop:=false does after its motion. Start it again to play;"
+    " the session so far stays."
+)
+
 
 class PlayerPanel:
     """Sets the player's own parameters."""
@@ -72,7 +78,7 @@ class PlayerPanel:
             each.disabled = news.playing is None
         if news.playing is None:
             self._wanted.clear()
-            self._note.content = _note("No player publishes a motion.")
+            self._note.content = _note(ENDED if news.player_ended else NONE)
             return
         if self._wanted:
             if now_s >= self._asked_s + ASK_S:

@@ -11,10 +11,11 @@ import numpy as np
 
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.decisions import Decision
+from proximity_monitor.display.events import Event
 from proximity_monitor.display.export import csv_of
 from proximity_monitor.display.found import Conflict, moment
-from proximity_monitor.display.session import Worst
 from proximity_monitor.display.signs import Sign, clearance, length, number, sign
+from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import Frame, SceneInfo
 
 PICTURES = 40
@@ -22,6 +23,12 @@ PICTURES = 40
 
 EVENTS = 50
 """So many changes of state of a conflict are told, the newest."""
+
+PICTURED = 5
+"""So many changes of state of a conflict have a picture, the newest."""
+
+EVENT_PICTURES = 40
+"""So many changes of state have one at most, of the worst conflicts."""
 
 _HEAD = """<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
@@ -33,6 +40,7 @@ body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 62em; margi
 section { border-top: 2px solid #8886; margin-top: 2em; break-inside: avoid-page; }
 h2 { overflow-wrap: anywhere; }
 img { max-width: 100%; border: 1px solid #8886; }
+td img { width: 15em; }
 table { border-collapse: collapse; margin: .6em 0; }
 th, td { text-align: left; padding: 2px 14px 2px 0; vertical-align: top; }
 .n { text-align: right; white-space: nowrap; }
@@ -46,6 +54,7 @@ def report_html(
     scene: SceneInfo,
     last: Frame,
     span_s: tuple[float, float],
+    of_events: Mapping[int, bytes],
 ) -> str:
     """Return the document.
 
@@ -55,6 +64,7 @@ def report_html(
         scene: of the session.
         last: the newest tick.
         span_s: stamps of the session's begin and end.
+        of_events: PNG files of some of their changes of state, by the events' numbers.
     """
     start, end = span_s
     limits = scene.thresholds
@@ -72,19 +82,30 @@ def report_html(
         f" bounds.{f' {rest} have no picture.' if rest else ''}</p>",
     ]
     for conflict in found:
-        told.append(_section(conflict, pictures.get(conflict.pair), scene, last, start))
+        picture = pictures.get(conflict.pair)
+        told.append(_section(conflict, picture, of_events, scene, last, start))
     return "\n".join([*told, "</body></html>\n"])
 
 
+def pictured(found: Sequence[Conflict]) -> list[Event]:
+    """Return the changes of state of conflicts that shall have a picture."""
+    events = [event for conflict in found for event in conflict.events[-PICTURED:]]
+    return [event for event in events if event.sight is not None][:EVENT_PICTURES]
+
+
 def _section(
-    conflict: Conflict, picture: bytes | None, scene: SceneInfo, last: Frame, start: float
+    conflict: Conflict,
+    picture: bytes | None,
+    of_events: Mapping[int, bytes],
+    scene: SceneInfo,
+    last: Frame,
+    start: float,
 ) -> str:
     pair, unit = conflict.pair, scene.unit
     name, limits = escape(" - ".join(pair)), scene.thresholds_of(pair)
     image = ""
     if picture is not None:
-        data = base64.b64encode(picture).decode()
-        image = f'<img alt="{name} at its smallest clearance" src="data:image/png;base64,{data}">'
+        image = _image(picture, f"{name} at its smallest clearance")
     row = last.pairs.places.get(pair)
     rows = [("status", escape(_decision(conflict.decision)))]
     if conflict.worst is not None:
@@ -95,13 +116,18 @@ def _section(
     rows.append(("limits", f"warn {length(limits.warn, unit)}, stop {length(limits.stop, unit)}"))
     table = "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows)
     return (
-        f"<section><h2>{name}</h2>{image}<table>{table}</table>{_events(conflict, scene, start)}"
-        "</section>"
+        f"<section><h2>{name}</h2>{image}<table>{table}</table>"
+        f"{_events(conflict, of_events, scene, start)}</section>"
     )
 
 
+def _image(picture: bytes, alt: str) -> str:
+    """Return a PNG file as HTML, with escaped words that stand for it."""
+    return f'<img alt="{alt}" src="data:image/png;base64,{base64.b64encode(picture).decode()}">'
+
+
 def _smallest(
-    worst: Worst, pair: PairName, scene: SceneInfo, start: float
+    worst: Snapshot, pair: PairName, scene: SceneInfo, start: float
 ) -> list[tuple[str, str]]:
     unit, told = scene.unit, worst.frame(pair).pairs
     points = (f"({', '.join(number(float(x), unit) for x in point)})" for point in worst.points)
@@ -125,22 +151,26 @@ def _shown(shown: Sign) -> str:
     return f"<b>{shown.glyph} {escape(shown.word)}</b>"
 
 
-def _events(conflict: Conflict, scene: SceneInfo, start: float) -> str:
+def _events(
+    conflict: Conflict, of_events: Mapping[int, bytes], scene: SceneInfo, start: float
+) -> str:
     if not conflict.events:
         return ""
-    unit = scene.unit
-    rows = "".join(
-        f"<tr><td class=n>{moment(event.stamp_s, start)}</td>"
-        f"<td>{event.before.glyph} {event.before.word} → {_shown(event.after)}</td>"
-        f"<td class=n>{number(event.lower, unit)}</td><td class=n>{number(event.upper, unit)}</td>"
-        "</tr>"
-        for event in conflict.events[-EVENTS:]
-    )
+    unit, rows = scene.unit, ""
+    for event in conflict.events[-EVENTS:]:
+        picture = of_events.get(event.number)
+        image = "" if picture is None else _image(picture, "the pair then")
+        rows += (
+            f"<tr><td class=n>{moment(event.stamp_s, start)}</td>"
+            f"<td>{event.before.glyph} {event.before.word} → {_shown(event.after)}</td>"
+            f"<td class=n>{number(event.lower, unit)}</td>"
+            f"<td class=n>{number(event.upper, unit)}</td><td>{image}</td></tr>"
+        )
     more = len(conflict.events) - EVENTS
     rest = f"<p class=dim>{more} older changes are left out.</p>" if more > 0 else ""
     return (
         f"<table><tr><th>moment</th><th>change</th><th class=n>lower [{unit.symbol}]</th>"
-        f"<th class=n>upper [{unit.symbol}]</th></tr>{rows}</table>{rest}"
+        f"<th class=n>upper [{unit.symbol}]</th><th>then</th></tr>{rows}</table>{rest}"
     )
 
 

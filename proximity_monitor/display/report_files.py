@@ -6,12 +6,14 @@ from collections.abc import Callable
 
 import viser
 
+from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.found import Conflict, conflicts
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.portraits import Portraits
-from proximity_monitor.display.report import PICTURES, conflicts_csv, report_html
+from proximity_monitor.display.report import PICTURES, conflicts_csv, pictured, report_html
 from proximity_monitor.display.save import png, sender
 from proximity_monitor.display.shared import Shared, Shown
+from proximity_monitor.display.snapshot import Snapshot
 
 
 class ReportFiles:
@@ -53,14 +55,24 @@ class ReportFiles:
         return conflicts(shown.newest, shared.session, shared.events, shared.conflicts.all)
 
     def _report(self, shown: Shown, _: viser.ClientHandle) -> bytes:
-        found, parts = self._found(shown), self._parts()
+        found, events, parts = self._found(shown), self._shared.events, self._parts()
+
+        def portrait(of: Snapshot, pair: PairName) -> bytes:
+            return png(self._portraits.take(of.frame(pair), pair, parts))
+
         pictures = {
-            each.pair: png(self._portraits.take(each.worst.frame(each.pair), each.pair, parts))
+            each.pair: portrait(each.worst, each.pair)
             for each in found[:PICTURES]
             if each.worst is not None
         }
+        of_events = dict(events.pictures)
+        for event in pictured(found):
+            if event.number not in of_events:
+                of_events[event.number] = portrait(event.sight, event.pair)
+                events.keep(event, of_events[event.number])
         span_s = self._shared.session.span_s
-        return report_html(found, pictures, shown.scene, shown.newest, span_s).encode()
+        document = report_html(found, pictures, shown.scene, shown.newest, span_s, of_events)
+        return document.encode()
 
     def _table(self, shown: Shown, _: viser.ClientHandle) -> bytes:
         span_s = self._shared.session.span_s

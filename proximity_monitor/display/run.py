@@ -21,7 +21,10 @@ from proximity_monitor.display.node import ProximityDisplay
 from proximity_monitor.display.pages import Pages
 
 FRAMES_HZ = 25.0
-"""Seconds between two updates of the page."""
+"""Updates of the page a second at least."""
+
+LEAST_S = 0.02
+"""Seconds between the begins of two updates at least, however often the monitor ticks."""
 
 FAREWELL_S = 1.0
 """Seconds for a player to hear that nothing is held here any more."""
@@ -54,7 +57,7 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         pages = Pages(server, inbox, holds, node)
         _say_where(node, server)
-        _frames(pages, stop)
+        _frames(pages, inbox, stop)
     finally:
         stop.set()
         threads.shutdown()
@@ -82,12 +85,13 @@ def _spin(node: ProximityDisplay, holds: Holds, stop: threading.Event) -> None:
         executor.shutdown()
 
 
-def _frames(pages: Pages, stop: threading.Event) -> None:
-    due = time.monotonic()
+def _frames(pages: Pages, inbox: Inbox, stop: threading.Event) -> None:
+    """Update the page as soon as a tick has come, and regularly without."""
     while not stop.is_set():
+        began = time.monotonic()
         pages.step()
-        due = max(due + 1.0 / FRAMES_HZ, time.monotonic())
-        stop.wait(due - time.monotonic())
+        stop.wait(began + LEAST_S - time.monotonic())
+        inbox.wait(began + 1.0 / FRAMES_HZ - time.monotonic())
 
 
 def _say_where(node: ProximityDisplay, server) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -173,10 +174,12 @@ class Section:
         vertices, triangles, outline = cut(*view.triangles, plane)
         nodes = self._nodes[view.name] = []
         name = view.frame.name
-        if len(triangles):
+        if view.coats:
+            nodes += self._coats(view, plane)
+        elif len(triangles):
             nodes.append(view.like(self._api, f"{name}/cut", vertices, triangles))
         edges = behind(view.edges, plane)
-        if view.edges_wanted and len(edges):
+        if view.edges_wanted and len(edges) and not view.coats:
             nodes.append(_lines(self._api, f"{name}/cut_edges", edges, EDGE, 1.0))
         if len(outline):
             lines = hatching(outline, plane, spacing, math.radians(45.0 if i % 2 else 135.0))
@@ -184,6 +187,14 @@ class Section:
             if len(lines):
                 dark = tuple(int(0.6 * c) for c in view.colour)
                 nodes.append(_lines(self._api, f"{name}/hatching", lines, dark, 1.2))
+
+    def _coats(self, view: PartView, plane: Plane) -> Iterator[viser.SceneNodeHandle]:
+        """Cut each of a part's coats, and show what is left of it."""
+        for i, (corners, colour) in enumerate(view.coats):
+            vertices, triangles, _ = cut(corners, np.arange(len(corners)).reshape(-1, 3), plane)
+            if len(triangles):
+                left = vertices[triangles].reshape(-1, 3)
+                yield view.coloured(self._api, f"{view.frame.name}/cut_{i}", left, colour)
 
     def _clear(self, view: PartView) -> None:
         self._made.pop(view.name, None)

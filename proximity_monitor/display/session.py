@@ -5,11 +5,11 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_left
 from collections.abc import Collection
-from dataclasses import dataclass
 
 import numpy as np
 
 from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import STALE, Frame, PairNames, Pairs
 
 PERIOD_S = 0.1
@@ -25,39 +25,6 @@ POINTS = 600
 """How many points a plot has at most."""
 
 
-@dataclass(frozen=True, eq=False)
-class Worst:
-    """The tick at which a pair was nearest, among all that the page saw."""
-
-    lower: float
-    upper: float
-    """Metres; surely reached."""
-    stamp_s: float
-    poses: np.ndarray
-    """(m, 7) poses of the moving bodies at that tick."""
-    points: np.ndarray
-    """(2, 3) the closest points then."""
-    status: int
-    """A position in `state.STATUSES`."""
-    level: int
-    """A position in `state.LEVELS`."""
-
-    def frame(self, pair: PairName) -> Frame:
-        """Return that tick with this pair alone."""
-        told = Pairs(
-            (pair,),
-            np.array([self.lower]),
-            np.array([self.upper]),
-            self.points[None],
-            np.array([self.status], np.int8),
-            np.array([self.level], np.int8),
-            np.zeros(1),
-            np.array([self.stamp_s]),
-            ("",),
-        )
-        return Frame(self.stamp_s, self.poses, told)
-
-
 class Session:
     """Remembers frames."""
 
@@ -68,7 +35,7 @@ class Session:
         self._period_s = PERIOD_S
         # By pair and ignored pairs: stamp, lower and upper bound of each kept frame.
         self._curves: dict[tuple[PairName | None, frozenset[PairName]], array] = {}
-        self._worst: dict[PairName, Worst] = {}
+        self._worst: dict[PairName, Snapshot] = {}
         self._least: tuple[PairNames, np.ndarray] = ((), np.zeros(0))  # upper bounds, of pairs
         self.newest: Frame | None = None
         """The last added frame, kept or not."""
@@ -132,7 +99,7 @@ class Session:
 
     def worst(
         self, pair: PairName | None = None, ignored: Collection[PairName] = ()
-    ) -> tuple[PairName, Worst] | None:
+    ) -> tuple[PairName, Snapshot] | None:
         """Return the smallest clearance of a pair, or of all that are not ignored."""
         if pair is not None:
             found = self._worst.get(pair)
@@ -142,7 +109,7 @@ class Session:
         ]
         return min(watched, key=lambda each: each[1].upper, default=None)
 
-    def worst_of_each(self) -> dict[PairName, Worst]:
+    def worst_of_each(self) -> dict[PairName, Snapshot]:
         """Return the smallest clearance of each pair that had one."""
         return dict(self._worst)
 
@@ -191,15 +158,7 @@ class Session:
         nearer = pairs.upper < least  # NaN is not
         for i in np.flatnonzero(nearer & (pairs.level != STALE)):
             least[i] = pairs.upper[i]
-            self._worst[pairs.names[i]] = Worst(
-                float(pairs.lower[i]),
-                float(pairs.upper[i]),
-                frame.stamp_s,
-                frame.poses,
-                pairs.points[i].copy(),  # not all of the tick
-                int(pairs.status[i]),
-                int(pairs.level[i]),
-            )
+            self._worst[pairs.names[i]] = Snapshot.of(frame, i)
 
 
 def _bounds(

@@ -42,3 +42,5 @@ class Shared:
     """Sends parameters to the monitor."""
     ask_player: Callable[[Mapping[str, float]], None]
     """Sends parameters to the player."""
+    reset_minima: Callable[[], None]
+    """Lets the monitor forget its smallest clearances."""

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import re
-import unicodedata
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from typing import Any
 
 from proximity_monitor import engine
 from proximity_monitor.scene.description import Body
-from proximity_monitor.scene.naming import safe
+from proximity_monitor.scene.naming import EVERYTHING, fitting, safe
 from proximity_monitor.scene.report import Keys, Report
-
-_UNFIT = re.compile(r"[^a-z0-9_]+")
 
 
 def parts_of(
@@ -22,12 +18,14 @@ def parts_of(
     keys: Keys,
     report: Report,
     read_topic: Callable[[str, Keys, Report], str],
+    taken: Collection[str],
 ) -> Iterator[Body]:
     """The bodies that one of the file is: the parts of its model, or itself.
 
-    They are called NAME_PART and have the colours of the file, unless the scene gives one. `pose`
-    is that of the assembly; parts in `moving_parts`, or with `moving` all, have topics of their
-    own, and their poses are those of their own frames. Problems go to the report.
+    They have the names and colours of the file, unless the scene gives a colour, and NAME/PART
+    where a name is `taken` by the assembly itself or by bodies above it. `pose` is that of the
+    assembly; parts in `moving_parts`, or with `moving` all, have topics of their own, and their
+    poses are those of their own frames. Problems go to the report.
     """
     placements: list[engine.Placement] = []
     if body.model is not None and data.get("parts", True):
@@ -44,7 +42,7 @@ def parts_of(
     if "topic" in data:
         message = "an assembly's parts have topics of their own; say 'moving: true', or "
         report.add((*keys, "topic"), message + "'parts: false' if it is one rigid body")
-    names = _names(body.name, [each.name for each in placements])
+    names = _names(body.name, [each.name for each in placements], {*taken, EVERYTHING})
     loose = set(data.get("moving_parts", ()))
     for missing in sorted(loose - {*names, *(each.name for each in placements)}):
         known = ", ".join(names)
@@ -63,15 +61,14 @@ def parts_of(
         )  # fmt: skip
 
 
-def _names(whole: str, parts: list[str]) -> list[str]:
-    """NAME_PART in the letters that a body's name may have, numbered where they would be alike."""
+def _names(whole: str, parts: list[str], taken: Collection[str]) -> list[str]:
+    """The parts' own names, as far as a body may have them and no other has them."""
     made: list[str] = []
     for part in parts:
-        plain = unicodedata.normalize("NFKD", part.lower()).encode("ascii", "ignore").decode()
-        own = _UNFIT.sub("_", plain).strip("_") or "part"
-        base = own if own.startswith(f"{whole}_") else f"{whole}_{own}"
+        own = fitting(part)
+        base = fitting(f"{whole}/{own}") if own in taken else own
         name, number = base, 2
-        while name in made:
-            name, number = f"{base}_{number}", number + 1
+        while name in made or name in taken:
+            name, number = fitting(base, f" {number}"), number + 1
         made.append(name)
     return made

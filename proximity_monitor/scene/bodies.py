@@ -43,7 +43,7 @@ def read_bodies(
         whole = _body(data, keys, folder, unit, report)
         # Two bodies of one name also share their default topic; that is one problem, not two.
         own = _unique(whole.name, names, (*keys, "name"), report)
-        found = list(parts_of(whole, data, keys, report, read_topic))
+        found = list(parts_of(whole, data, keys, report, read_topic, names))
         for body in found:
             if body.name != whole.name:
                 own = _unique(body.name, names, (*keys, "name"), report)

@@ -6,6 +6,9 @@ import re
 import unicodedata
 from hashlib import sha256
 
+EVERYTHING = "all"
+"""The name that stands for every body in pairs, unless something has that name."""
+
 _WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _UNFIT = re.compile(r"[^a-z0-9]+")
 _LONGEST = 160
@@ -13,6 +16,9 @@ _LONGEST = 160
 
 _KEPT = 40
 """Characters of another name that its word keeps."""
+
+_LENGTH = 200
+"""Characters that a name may have, as the schema of scene files says."""
 
 
 def safe(name: str) -> str:
@@ -28,3 +34,19 @@ def safe(name: str) -> str:
     kept = _UNFIT.sub("_", plain).strip("_")[:_KEPT].rstrip("_")
     kept = kept if kept and kept[0].isalpha() else f"part_{kept}".rstrip("_")
     return f"{kept}_{sha256(name.encode()).hexdigest()[:8]}"
+
+
+def fitting(text: str, end: str = "") -> str:
+    """Return the name of a body for a text of CAD, which is that text wherever a body may have it.
+
+    A name is one line of 1 to 200 characters. A pair is told as ``A - B``, so no name has a
+    hyphen between spaces.
+
+    Args:
+        text: any.
+        end: is put behind it, and stays whole where the text is shortened.
+    """
+    plain = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    while " - " in plain:
+        plain = plain.replace(" - ", "-")
+    return (plain[: _LENGTH - len(end)].strip() or "part") + end

@@ -9,12 +9,10 @@ from typing import Any
 import numpy as np
 
 from proximity_monitor.scene.description import Body, Thresholds, Unit
+from proximity_monitor.scene.naming import EVERYTHING
 from proximity_monitor.scene.report import Keys, Report
 from proximity_monitor.scene.robots import Robots
 from proximity_monitor.scene.watch import CONTACT, UNWATCHED, PairSettings, WatchedPairs
-
-_EVERYTHING = "all"
-"""The name that stands for every body, unless something has that name."""
 
 
 def read_settings(
@@ -148,12 +146,12 @@ class _Names:
                 continue
             members = [self._find(name, single, (*keys, at)) for at, name in enumerate(names)]
             self._members[group] = [index for found in members for index in found]
-        self._named_so = _EVERYTHING in self._members
-        self._members.setdefault(_EVERYTHING, list(range(len(bodies))))
+        self._named_so = EVERYTHING in self._members
+        self._members.setdefault(EVERYTHING, list(range(len(bodies))))
 
     def mean_everything(self, two: list[str]) -> bool:
         """Whether an entry is about every pair that there is."""
-        return two == [_EVERYTHING, _EVERYTHING] and not self._named_so
+        return two == [EVERYTHING, EVERYTHING] and not self._named_so
 
     def watched(self, two: list[str], keys: Keys) -> np.ndarray:
         """The pairs of an entry whose clearance can change; a file without any is mistaken."""

@@ -54,6 +54,7 @@ def page_of(server, raw, monkeypatch, conflicts):
     node = SimpleNamespace(
         set_parameters_of_monitor=lambda values: None,
         set_parameters_of_player=asked.append,
+        reset_minima_of_monitor=lambda: None,
         get_logger=lambda: SimpleNamespace(error=logged.append),
         conflicts=str(conflicts),
     )

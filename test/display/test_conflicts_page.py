@@ -75,8 +75,10 @@ def test_the_report_shows_each_conflict_at_its_smallest_clearance(page, near, br
     assert "warn 100.000 mm, stop 20.000 mm" in words
     assert "● clear → ▲ warn" in words or "● clear → ■ STOP" in words
     assert told.locator("section", has_text="table - die").count() == 0
-    assert section.locator("img").evaluate("each => each.complete && each.naturalWidth") > 200
-    picture = section.locator("img").get_attribute("src").partition(",")[2]
+    image, *of_events = section.locator("img").all()
+    assert image.evaluate("each => each.complete && each.naturalWidth") > 200
+    assert len({each.get_attribute("src") for each in of_events}) >= 2  # one a change of state
+    picture = image.get_attribute("src").partition(",")[2]
     pixels = decoded(base64.b64decode(picture)).astype(int)
     # The line is in stop's colour, and the ball is before what is dim; now all is clear.
     assert (np.abs(pixels - (213, 94, 0)).max(axis=2) < 40).sum() > 20

@@ -300,6 +300,37 @@ def test_the_oldest_events_go_and_that_is_known(monkeypatch):
     assert events.at(3).stamp_s == 4.0
 
 
+def test_an_event_keeps_the_poses_of_its_moment_in_bounds(monkeypatch):
+    scene, _ = scene_and_frame()
+    events, poses = Events(), np.arange(14.0).reshape(2, 7)
+    monkeypatch.setattr(event_list, "BYTES", 2 * poses.nbytes)
+    for i in range(4):
+        tick = replace(at(float(i), (0.05, 1, 1), (WARN * (i % 2), 0, 0)), poses=poses + i)
+        events.note(tick, scene)
+    assert [e.stamp_s for e in events.all] == [2.0, 3.0]
+    then = events.of(3.0, ("a", "b")).sight.frame(("a", "b"))
+    np.testing.assert_array_equal(then.poses, poses + 3)
+    assert (then.pairs.lower[0], then.pairs.level[0]) == (0.05, WARN)
+    assert events.of(3.0, ("b", "c")) is None
+    events.note(at(4.0, (1, 1), (0, 0), (("c", "a"), ("b", "c"))), scene)
+    assert events.all[-1].sight is None  # beyond its range, so there is nothing to look at
+
+
+def test_pictures_of_events_are_bounded_and_end_with_the_session(monkeypatch):
+    monkeypatch.setattr(event_list, "PICTURES", 2)
+    scene, _ = scene_and_frame()
+    events = Events()
+    for i in range(4):
+        events.note(at(float(i), (0.05, 1, 1), (WARN * (i % 2), 0, 0)), scene)
+    for event in events.all:
+        events.keep(event, b"%d" % event.number)
+    assert events.pictures == {1: b"1", 2: b"2"}
+    last = events.all[-1]
+    events.clear()
+    events.keep(last, b"late")
+    assert not events.pictures
+
+
 def test_a_tick_with_an_event_is_kept_so_that_one_can_look_back_at_it():
     session = Session()
     for stamp_s, keep in ((0.0, False), (0.01, False), (0.02, True), (0.03, False)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 import signal
 
@@ -21,6 +22,7 @@ from page_hand import (
     TEXTS,
     button,
     choose,
+    decoded,
     field,
     lines_of,
     press,
@@ -233,18 +235,26 @@ def test_the_bore_is_coloured_by_the_peg_s_clearance(page, put, wait):
     page.keyboard.press("ArrowDown")
     page.keyboard.press("Enter")
     bands = page.locator("input[type=checkbox]:visible").nth(2)
-    assert not page.evaluate(BAND, "/parts/1/band_2")
+    assert not page.evaluate(BAND, "/parts/1/coat_2")
     bands.click()
-    wait(lambda: page.evaluate(BAND, "/parts/1/band_0"), "what is below stop")
-    wait(lambda: page.evaluate(BAND, "/parts/1/band_2"), "what is above warn")
+    wait(lambda: page.evaluate(BAND, "/parts/1/coat_0"), "what is below stop")
+    wait(lambda: page.evaluate(BAND, "/parts/1/coat_2"), "what is above warn")
     wait(lambda: not page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the plain block to go")
     assert "below stop" in page.locator("#pm-bands").inner_text()
+    button(page, "Section through it").click()
+    wait(lambda: page.evaluate(BAND, "/parts/1/cut_0"), "what is below stop behind the plane")
+    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/1/coat_0"), "what is before it to go")
+    assert page.evaluate(IS_SHOWN, "/parts/1/outline")
+    assert not page.evaluate(IS_SHOWN, "/parts/1/cut")
+    button(page, "Whole scene").click()
+    wait(lambda: page.evaluate(IS_SHOWN, "/parts/1/coat_0"), "the whole block")
+    assert not page.evaluate(BAND, "/parts/1/cut_0")
     put(20, 0, 40)
-    wait(lambda: not page.evaluate(BAND, "/parts/1/band_0"), "nothing below stop")
+    wait(lambda: not page.evaluate(BAND, "/parts/1/coat_0"), "nothing below stop")
     tab(page, "Clearances")
     bands.click()
     wait(lambda: page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the plain block")
-    assert not page.evaluate(BAND, "/parts/1/band_2")
+    assert not page.evaluate(BAND, "/parts/1/coat_2")
     page.get_by_text("Picture", exact=True).click()
 
 
@@ -325,11 +335,30 @@ def at_place(page, place):
     return held(page) == pytest.approx(place, abs=1e-6)
 
 
+# How far a node's origin is from another's.
+APART = """names => {
+  const [to, from] = names.map(name => {
+    const node = window.__viserMutable.nodeRefFromName[name];
+    node.updateWorldMatrix(true, false);
+    return node.matrixWorld.elements.slice(12, 15);
+  });
+  return to.map((x, i) => x - from[i]);
+}"""
+
+
 def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
     put(0, 0, 40)
+    page.evaluate(DRAWN)
+    apart = page.evaluate(APART, ["/gizmo", "/parts/0"])
+
+    def followed():
+        """Whether the peg, which follows by steps, is at its handles again."""
+        now = page.evaluate(APART, ["/gizmo", "/parts/0"])
+        return held(page)[0] > 5.0 and now == pytest.approx(apart, abs=1e-6)
+
     dragged(page, 0, 60)
     page.mouse.up()
-    wait(lambda: held(page)[0] > 5.0, "a drag")
+    wait(followed, "a drag")
     far = held(page)[0]
     put(0, 0, 40)
     pick(page, "Drag", "1 : 100")
@@ -342,7 +371,8 @@ def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
     dragged(page, 0, 60)
     page.mouse.up()
     wait(lambda: held(page)[0] > 0.0, "a drag")
-    assert held(page)[0] / 0.05 == pytest.approx(round(held(page)[0] / 0.05), abs=1e-6)
+    steps = held(page)[0] / 0.05
+    assert steps == pytest.approx(round(steps), abs=1e-6)
     page.get_by_text("Snap drags to the steps").click()
     pick(page, "Drag", "1 : 1")
 
@@ -362,6 +392,9 @@ def test_a_drag_stops_before_the_clearance_is_below_stop(put, page, wait, eventu
     assert row(page, PAIR)[0] >= 0.005e-3
     tab(page, "Move")
     pick(page, "Drags stop", "nowhere")
+
+
+WIDTH = "image => image.complete && image.naturalWidth"
 
 
 def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, eventually):
@@ -389,6 +422,13 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
         assert (x, z) == pytest.approx((0.046e-2, -0.1), abs=1e-6)
 
     eventually(there)
+    told = page.locator("#pm-event")
+    wait(lambda: "between 0.004 mm and 0.004 mm" in told.inner_text(), "its bounds")
+    picture = told.locator("img")
+    wait(lambda: picture.count() and picture.evaluate(WIDTH) > 200, "the picture")
+    pixels = decoded(base64.b64decode(picture.get_attribute("src").partition(",")[2]))
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
+    tab(page, "Session")
     with page.expect_download(timeout=SAVE_MS) as download:
         button(page, "Events as CSV").click()
     *_, last = lines_of(download.value)
@@ -437,3 +477,5 @@ def test_the_smallest_clearances_begin_anew(put, page, wait):
     tab(page, "Session")
     button(page, "Forget the smallest clearances").click()
     wait(lambda: "0.050 mm" in worst.inner_text(), "the present one")
+    told = page.locator("#pm-reset")
+    wait(lambda: told.inner_text() == "the monitor forgot the minima of 1 pairs", "its answer")

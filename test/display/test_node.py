@@ -19,8 +19,11 @@ from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
+from proximity_monitor.display import node as module
 from proximity_monitor.display import run
 from proximity_monitor.display.holds import Hand, Holds
 from proximity_monitor.display.inbox import Inbox
@@ -30,6 +33,7 @@ NAMESPACE = "/shown"
 """Of the display and its player. The monitors of other tests are heard elsewhere: a scene of theirs
 would replace the one below, and let go what is held."""
 BALL, DIE = f"{NAMESPACE}/bodies/ball/pose", f"{NAMESPACE}/bodies/die/pose"
+RETRY_S = 2.0
 HERE = np.array([0.0, 0, 0, 1, 0, 0, 0])
 BODIES = [
     {"name": name, "moving": True, "topic": topic, "point": False, "mesh": "1"}
@@ -163,6 +167,24 @@ def test_a_body_that_the_scene_has_not_is_neither_published_nor_looked_for(displ
     display.until(lambda: heard, "the die's pose")
 
 
+@pytest.fixture
+def no_timer(monkeypatch):
+    """The timer of held bodies does not ring while a test runs."""
+    monkeypatch.setattr(module, "HELD_HZ", 1e-4)
+
+
+def test_what_is_dragged_is_published_at_once(no_timer, display):
+    heard = []
+    display.node.create_subscription(PoseStamped, DIE, heard.append, 1)
+    display.holds.take("die", HERE)
+
+    def moved():
+        display.holds.move("die", HERE)
+        return heard
+
+    display.until(moved, "the die's pose")
+
+
 def test_what_fails_beside_the_page_ends_the_program_with_its_error(display):
     display.executor.remove_node(display.node)
     display.node.create_timer(0.001, lambda: 1 / 0)
@@ -172,7 +194,29 @@ def test_what_fails_beside_the_page_ends_the_program_with_its_error(display):
     assert stop.is_set()
 
 
+def test_a_tick_that_comes_is_shown_at_once(monkeypatch):
+    monkeypatch.setattr(run, "FRAMES_HZ", 1e-4)
+    inbox, stop, stepped = Inbox(), threading.Event(), threading.Semaphore(0)
+
+    def step():
+        inbox.read()
+        stepped.release()
+
+    thread = threading.Thread(target=run._frames, args=(SimpleNamespace(step=step), inbox, stop))
+    thread.start()
+    try:
+        assert stepped.acquire(timeout=DEADLINE_S)
+        inbox.put_points(b"....stampxxx....")
+        inbox.put_poses(b"....stampxxx")
+        assert stepped.acquire(timeout=DEADLINE_S)
+    finally:
+        stop.set()
+        inbox.put_poses(b"....stampxxx")
+        thread.join()
+
+
 BROKEN = """
+from proximity_monitor.display import node as module
 from proximity_monitor.display import run
 
 def broken(node, holds, stop):
@@ -190,6 +234,54 @@ def test_the_program_says_so_with_its_exit_code(ros_environment):
     )
     assert ended.returncode == 1
     assert "ZeroDivisionError" in ended.stderr
+
+
+def test_the_monitor_is_asked_to_forget_its_smallest_clearances(display):
+    display.node.reset_minima_of_monitor()
+    assert "does not answer" in display.inbox.news.reset
+    monitor, asked = rclpy.create_node("proximity_monitor", namespace=NAMESPACE), []
+
+    def on_reset(request, response):
+        asked.append(request)
+        response.success, response.message = True, "forgot the minima of 6 pairs"
+        return response
+
+    monitor.create_service(Trigger, "~/reset_minima", on_reset)
+    display.executor.add_node(monitor)
+    try:
+        display.until(display.node._to_reset.service_is_ready, "the service")
+        asked_s = -RETRY_S
+
+        def answered():
+            nonlocal asked_s
+            # An answer is lost where the server has not heard of this client yet.
+            if time.monotonic() > asked_s + RETRY_S:
+                asked_s = time.monotonic()
+                display.node.reset_minima_of_monitor()
+            return display.inbox.news.reset == "the monitor forgot the minima of 6 pairs"
+
+        display.until(answered, "the answer")
+        assert asked
+    finally:
+        display.executor.remove_node(monitor)
+        monitor.destroy_node()
+
+
+def test_a_player_that_ends_is_known_to_have_ended(display, player):
+    display.node._look_around()
+    assert not display.inbox.news.player_ended
+    node = player.start()
+    motion = {"moment_s": 1.0, "stamp_s": 5.0, "speed": 1.0, "period_s": 2.0}
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_publisher(String, "~/motion", latched).publish(String(data=json.dumps(motion)))
+    display.until(lambda: display.inbox.news.playing is not None, "the motion")
+    player.end(node)
+    display.until(lambda: display.inbox.news.playing is None, "the end")
+    assert display.inbox.news.player_ended
+    again = player.start()
+    again.create_publisher(String, "~/motion", latched).publish(String(data=json.dumps(motion)))
+    display.until(lambda: display.inbox.news.playing is not None, "the next player")
+    assert not display.inbox.news.player_ended
 
 
 def test_a_scene_of_another_version_is_said_to_be_unreadable(display):

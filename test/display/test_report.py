@@ -11,6 +11,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 
 from page_alone import NAMES, SCENE, frame
 
+from proximity_monitor.display import report
 from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.export import events_csv, pairs_csv
@@ -42,6 +43,15 @@ def test_what_was_near_for_one_tick_is_a_conflict_with_its_own_numbers():
     assert picture.pairs.level[0] == STOP
 
 
+def test_the_newest_changes_of_state_have_pictures_the_worst_conflicts_first(monkeypatch):
+    monkeypatch.setattr(report, "PICTURED", 3)
+    last, session, events = told(*((0.3, 0), (0.05, WARN)) * 4)
+    found = conflicts(last, session, events, {})
+    assert [event.stamp_s - 1e9 for event in report.pictured(found)] == [5, 6, 7]
+    monkeypatch.setattr(report, "EVENT_PICTURES", 2)
+    assert len(report.pictured(found)) == 2
+
+
 def test_what_is_clear_or_stale_is_none_unless_somebody_decided_about_it():
     last, session, events = told((0.3, 0), (0.3, STALE), (0.3, 0))
     assert conflicts(last, session, events, {}) == []
@@ -52,16 +62,17 @@ def test_what_is_clear_or_stale_is_none_unless_somebody_decided_about_it():
 def test_the_report_holds_numbers_words_and_picture_and_no_html_of_others():
     last, session, events = told((0.3, 0), (0.0123456, STOP), (0.3, 0))
     found = conflicts(last, session, events, {frozenset(NAMES): EVIL})
-    html = report_html(found, {NAMES: b"abc"}, SCENE, last, session.span_s)
+    html = report_html(found, {NAMES: b"abc"}, SCENE, last, session.span_s, {1: b"then"})
     for expected in (
         "&lt;i&gt;a - b", "lower bound 12.346 mm, upper bound 12.346 mm", "accepted", "■ STOP",
-        "&lt;script&gt;", "data:image/png;base64,YWJj", "1.00 s (2001-09-09 01:46:41.000 UTC)",
+        "&lt;script&gt;", "data:image/png;base64,YWJj",
+        "data:image/png;base64,dGhlbg==", "1.00 s (2001-09-09 01:46:41.000 UTC)",
         "warn 100.000 mm, stop 20.000 mm", "default-src 'none'",
     ):  # fmt: skip
         assert expected in html, expected
     assert "<script" not in html and "<i>" not in html
     assert "have no picture" not in html
-    assert "1 have no picture" in report_html(found, {}, SCENE, last, session.span_s)
+    assert "1 have no picture" in report_html(found, {}, SCENE, last, session.span_s, {})
     (row,) = csv.DictReader(io.StringIO(conflicts_csv(found, SCENE, last, session.span_s)))
     assert (row["a"], row["b"]) == NAMES
     assert (row["decided"], row["comment"]) == (EVIL.status, EVIL.comment)

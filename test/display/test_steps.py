@@ -15,6 +15,7 @@ from page_alone import CORNERS, HERE, NAMES, SCENE, THERE, drag, frame, words
 
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.limits import ASK_S, HAND_S, LimitsPanel
+from proximity_monitor.display.player_panel import ENDED, NONE
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import STALE, STOP, Thresholds, Unit
 from proximity_monitor.display.tried import Tried
@@ -34,6 +35,26 @@ def test_the_banner_is_of_now_while_somebody_looks_back(page):
     assert "looking back" in words(page.all._pill)
     assert "clear" in words(page.all._table)
     assert words(page.all._banner).startswith("■ STOP now: &lt;i&gt;a - b: 10.000 mm")
+
+
+def test_an_event_is_seen_as_it_was_even_where_the_session_was_thinned(page):
+    for i in range(1, 10):
+        page.tell(frame=frame(float(i), 0.01 * (i % 2) + 0.01, STOP * (i % 2), (HERE, i * THERE)))
+    for _ in range(3):
+        page.session._thin()
+    event = page.all._events.of(3.0, NAMES)
+    assert event is not None and page.session.at(3.0).stamp_s != 3.0
+    page.all._event_list.go(f"{event.number}")
+    page.tell()
+    assert page.all._shown.frame.stamp_s == 3.0
+    np.testing.assert_allclose(page.all._parts["b"].pose, 3.0 * THERE)
+
+
+def test_a_player_that_has_ended_is_told_from_none(page):
+    note = page.all._player._note
+    assert words(note) == NONE
+    page.tell(player_ended=True)
+    assert words(note) == ENDED
 
 
 def test_a_banner_does_not_outlive_its_scene(page):

@@ -172,12 +172,13 @@ def test_a_held_part_has_an_owner_and_is_let_go_with_it(two, sources, wait):
     one.locator("input[role=combobox]:visible").first.click()
     one.get_by_role("option", name="die").click()
     wait(lambda: "held by browser 2" in one.inner_text("#pm-held"), "the owner to be shown")
+    # A browser draws picture and panel one after the other, so each is waited for.
     visible = "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"
-    assert not one.evaluate(visible)
-    assert button(one, "Put it there").is_disabled()
+    wait(lambda: not one.evaluate(visible), "no handles")
+    wait(button(one, "Put it there").is_disabled, "no button")
     other.close()
     wait(lambda: one.evaluate(visible), "the die to be let go")
-    assert "take the part" in one.inner_text("#pm-held")
+    wait(lambda: "take the part" in one.inner_text("#pm-held"), "the panel to say so")
     tab(one, "Clearances")
     sources.restore()
     wait(lambda: row(one, "table - die")[0] == pytest.approx(0.225), "its own source")

@@ -16,7 +16,7 @@ LEAST = {
     "peg": ("peg - block", "mm", 0.0097),
     "probe": ("tip - pebble", "mm", 0.309),
     # 0.119; but one gear may be a tick or two ahead of the other, and a tooth moves 0.05 in each.
-    "gearbox": ("gearbox_pinion - gearbox_wheel", "mm", 0.01),
+    "gearbox": ("pinion - wheel", "mm", 0.01),
     "turbine": ("blade_4 - shroud", "mm", 0.2489),
     "chess": ("pawn - cup", "mm", 1.109),
     "arm": ("jaw_2 - panda_leftfinger", "mm", 11.99),

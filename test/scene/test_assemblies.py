@@ -1,6 +1,8 @@
 """An assembly in a scene: its parts become bodies, in one line."""
 
 import importlib.util
+import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +10,13 @@ import pytest
 
 from proximity_monitor import engine
 from proximity_monitor.scene import SceneError, load_scene
+from proximity_monitor.scene.assemblies import _names
+from proximity_monitor.scene.naming import safe
 from proximity_monitor.scene.opening import load_models
 
-GEARBOX = Path(engine.__file__).parents[1] / "scene/bundled/gearbox/models/gearbox.step"
+SCENES = Path(engine.__file__).parents[1] / "scene"
+GEARBOX = SCENES / "bundled/gearbox/models/gearbox.step"
+SCHEMA = SCENES / "schema.json"
 TEXT = """
 version: 1
 unit: mm
@@ -47,26 +53,26 @@ def test_parts_become_bodies_where_the_file_places_them(tmp_path):
     made = load(tmp_path, turned)
     bodies = {body.name: body for body in made.bodies}
     assert len(bodies) == 16
-    wheel, bolt = bodies["gearbox_wheel"], bodies["gearbox_bolt_2"]
+    wheel, bolt = bodies["wheel"], bodies["bolt 2"]
     np.testing.assert_allclose(wheel.pose[:3, 3], [-0.0352, 0.0, 0.095], atol=1e-12)
     turn = np.pi + np.pi / 34  # that of the assembly, and half a tooth
     assert wheel.pose[:2, 0] == pytest.approx([np.cos(turn), np.sin(turn)])
     assert wheel.colour == pytest.approx((0.8, 0.45, 0.15, 1.0), abs=1e-6)
     assert not bolt.moving
     models = load_models(made)
-    assert models["gearbox_bolt_1"] is models["gearbox_bolt_4"]
-    assert {models[f"gearbox_{each}"].kind for each in ("wheel", "bolt_2")} == {"surface"}
-    assert models["gearbox_seal_2"].name == "seal 1"
+    assert models["bolt 1"] is models["bolt 4"]
+    assert {models[each].kind for each in ("wheel", "bolt 2")} == {"surface"}
+    assert models["seal 2"].name == "seal 1"
 
 
 @pytest.mark.usefixtures("needs_opencascade")
 def test_some_parts_move_and_a_group_holds_all(tmp_path):
-    more = "pose: {position: [0, 0, 0]}, moving_parts: [pinion, gearbox_wheel], colour: [1, 0, 0]"
+    more = "pose: {position: [0, 0, 0]}, moving_parts: [pinion, input shaft], colour: [1, 0, 0]"
     made = load(tmp_path, more, "pairs: {watch: [{between: [gearbox, bench]}]}")
     moving = {body.name: body.topic for body in made.bodies[:-1] if body.moving}
     assert moving == {
-        "gearbox_pinion": "bodies/gearbox_pinion/pose",
-        "gearbox_wheel": "bodies/gearbox_wheel/pose",
+        "pinion": "bodies/pinion/pose",
+        "input shaft": f"bodies/{safe('input shaft')}/pose",
     }
     assert len(made.pairs) == 15  # all parts are in the group
     assert {body.colour for body in made.bodies[:-1]} == {(1.0, 0.0, 0.0, 1.0)}
@@ -91,3 +97,31 @@ def test_an_assembly_may_be_one_rigid_body(tmp_path):
 def test_what_means_nothing_is_refused(tmp_path, more, message):
     with pytest.raises(SceneError, match=message):
         load(tmp_path, more)
+
+
+@pytest.mark.usefixtures("needs_opencascade")
+def test_a_second_assembly_s_parts_are_called_after_it_where_a_name_is_taken(tmp_path):
+    again = f"""\
+  - {{name: wheel of another, model: {GEARBOX}, moving: true}}
+pairs: {{watch: [{{between: [pinion, wheel of another/pinion]}}]}}"""
+    made = load(tmp_path, "moving: true", again)
+    names = [body.name for body in made.bodies]
+    assert len(set(names)) == len(names) == 31
+    assert {"bolt 2", "wheel of another/bolt 2"} <= set(names)
+    assert [(pair.a, pair.b) for pair in made.pairs] == [("pinion", "wheel of another/pinion")]
+
+
+NAME = re.compile(json.loads(SCHEMA.read_text(encoding="utf-8"))["$defs"]["name"]["pattern"])
+
+
+def test_names_of_cad_stay_as_they_are_where_a_body_may_have_them():
+    same = ["Schraube M8×40", "轴承座 左", "input shaft", "a/b", "x-1", "-", "Part1:1"]
+    assert _names("whole", same, ()) == same
+    told = ["M8 - 40", " two\nlines\t", "x" * 300, "a - - b", "whole", "M8-40", "x" * 201]
+    made = _names("whole", told, {"whole"})
+    assert made[:2] == ["M8-40", "two lines"]
+    assert made[4:6] == ["whole/whole", "M8-40 2"]
+    assert made[2][:190] == made[6][:190] == "x" * 190 and made[6].endswith("x 2")
+    assert len(set(made)) == len(made)
+    for name in (*same, *made):
+        assert NAME.search(name), name

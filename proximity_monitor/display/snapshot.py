@@ -1,0 +1,57 @@
+"""One pair at one tick, with all that a picture of it needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.state import Frame, Pairs
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """A pair at a tick, and where all bodies were."""
+
+    lower: float
+    upper: float
+    """Metres; surely reached."""
+    stamp_s: float
+    poses: np.ndarray
+    """(m, 7) poses of the moving bodies at that tick."""
+    points: np.ndarray
+    """(2, 3) the closest points then."""
+    status: int
+    """A position in `state.STATUSES`."""
+    level: int
+    """A position in `state.LEVELS`."""
+
+    @classmethod
+    def of(cls, frame: Frame, row: int) -> Snapshot:
+        """Return that of a row of a tick; of the tick's pairs it keeps nothing else."""
+        pairs = frame.pairs
+        return cls(
+            float(pairs.lower[row]),
+            float(pairs.upper[row]),
+            frame.stamp_s,
+            frame.poses,
+            pairs.points[row].copy(),
+            int(pairs.status[row]),
+            int(pairs.level[row]),
+        )
+
+    def frame(self, pair: PairName) -> Frame:
+        """Return that tick with this pair alone."""
+        told = Pairs(
+            (pair,),
+            np.array([self.lower]),
+            np.array([self.upper]),
+            self.points[None],
+            np.array([self.status], np.int8),
+            np.array([self.level], np.int8),
+            np.zeros(1),
+            np.array([self.stamp_s]),
+            ("",),
+        )
+        return Frame(self.stamp_s, self.poses, told)
