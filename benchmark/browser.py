@@ -25,7 +25,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from display import START_S, Child
+from display import SIDE, START_S, Child, crowd_text
 from drag import HELD, NAMES, PAIR, drag_text, percentiles
 from playwright.sync_api import Page, sync_playwright
 
@@ -35,27 +35,6 @@ FLAGS = (
     "--ignore-gpu-blocklist",
     "--no-sandbox",
 )
-CROWD = """\
-version: 1
-frame: world
-unit: mm
-rate_hz: {rate}
-budget_ms: 50
-thresholds: {{warn: 30, stop: 10}}
-bodies:
-{bodies}
-pairs: {{watch: [{{between: [all, all], range: 140}}]}}
-motion:
-  script:
-    bodies:
-{moves}
-"""
-BALL = (
-    "  - {{name: ball_{i}, primitive: {{sphere: {{radius: 20, subdivisions: 1}}}}, moving: true}}"
-)
-SIDE = 10
-"""Bodies along each edge of the crowd."""
-
 PATIENCE_S = 60.0
 """Seconds for the page to do what it is told."""
 
@@ -113,21 +92,6 @@ WATCH_LIST = """() => {
   const frame = () => { window.frames.push(performance.now()); requestAnimationFrame(frame); };
   frame();
 }"""
-
-
-def crowd_text(rate: float) -> str:
-    """Balls on a lattice, each going to and fro by itself."""
-    rng = random.Random(1)
-    bodies, moves = [], []
-    for i, place in enumerate(itertools.product(range(SIDE), repeat=3)):
-        home = [100.0 * x for x in place]
-        there = [x + rng.uniform(-5.0, 5.0) for x in home]
-        half = rng.uniform(1.0, 4.0)
-        keys = [(0.0, home), (half, there), (2.0 * half, home)]
-        bodies.append(BALL.format(i=i))
-        told = ", ".join(f"{{t: {t:.3f}, position: {at}}}" for t, at in keys)
-        moves.append(f"      ball_{i}: {{keys: [{told}]}}")
-    return CROWD.format(rate=rate, bodies="\n".join(bodies), moves="\n".join(moves))
 
 
 def measure_drag(page: Page, chosen: argparse.Namespace) -> None:

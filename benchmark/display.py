@@ -46,9 +46,31 @@ motion:
 BODY = (
     "  - {{name: part_{i}, primitive: {{sphere: {{radius: 50, subdivisions: 5}}}}, moving: true}}"
 )
+CROWD = """\
+version: 1
+frame: world
+unit: mm
+rate_hz: {rate}
+budget_ms: 50
+thresholds: {{warn: 30, stop: 10}}
+bodies:
+{bodies}
+pairs: {{watch: [{{between: [all, all], range: 140}}]}}
+motion:
+  script:
+    bodies:
+{moves}
+"""
+BALL = (
+    "  - {{name: ball_{i}, primitive: {{sphere: {{radius: 20, subdivisions: 1}}}}, moving: true}}"
+)
+SIDE = 10
+"""Bodies along each edge of the crowd."""
+
 START_S = 300.0  # the first start on a machine compiles the kernels
 STOP_S = 10.0
 MOVED = b"/distances/points"
+LIST = b'id="pm-pairs"'
 CAMERA = {
     "type": "ViewerCameraMessage",
     "wxyz": [1.0, 0.0, 0.0, 0.0],
@@ -127,6 +149,21 @@ def scene_text(parts: int, rate: float, budget: float) -> str:
     return SCENE.format(rate=rate, budget=budget, bodies="\n".join(bodies), moves="\n".join(moves))
 
 
+def crowd_text(rate: float) -> str:
+    """Balls on a lattice, each going to and fro by itself."""
+    rng = random.Random(1)
+    bodies, moves = [], []
+    for i, place in enumerate(itertools.product(range(SIDE), repeat=3)):
+        home = [100.0 * x for x in place]
+        there = [x + rng.uniform(-5.0, 5.0) for x in home]
+        half = rng.uniform(1.0, 4.0)
+        keys = [(0.0, home), (half, there), (2.0 * half, home)]
+        bodies.append(BALL.format(i=i))
+        told = ", ".join(f"{{t: {t:.3f}, position: {at}}}" for t, at in keys)
+        moves.append(f"      ball_{i}: {{keys: [{told}]}}")
+    return CROWD.format(rate=rate, bodies="\n".join(bodies), moves="\n".join(moves))
+
+
 def main() -> int:
     """Measure and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -134,18 +171,22 @@ def main() -> int:
     parser.add_argument("--parts", type=int, default=20, help="how many parts (default: 20)")
     parser.add_argument("--rate", type=float, default=30.0, help="the monitor's ticks a second")
     parser.add_argument("--budget", type=float, default=20.0, help="of a tick, in milliseconds")
+    parser.add_argument(
+        "--crowd", action="store_true", help="1,000 bodies and 10,476 pairs in range instead"
+    )
     chosen = parser.parse_args()
     os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randint(1, 100))
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     last = len(os.sched_getaffinity(0)) - 1
     with tempfile.TemporaryDirectory() as folder:
         scene = Path(folder) / "ring.yaml"
-        scene.write_text(scene_text(chosen.parts, chosen.rate, chosen.budget))
+        moving = scene_text(chosen.parts, chosen.rate, chosen.budget)
+        scene.write_text(crowd_text(chosen.rate) if chosen.crowd else moving)
         ros = "proximity_monitor.ros"
         given = ["-p", f"scene:={scene}"]
         children = [
             Child(f"{ros}.node", given, 0),
-            Child(f"{ros}.player", given, 0),
+            Child(f"{ros}.player", [*given, "-p", f"bulk:={str(chosen.crowd).lower()}"], 0),
             Child("proximity_monitor.display.run", ["-p", "port:=0"], last),
         ]
         try:
@@ -171,19 +212,23 @@ def report(children: list[Child], chosen: argparse.Namespace) -> int:
                 return 1
         used = [child.seconds() for child in children]
         began = time.monotonic()
-        stamps, size = [began], 0
+        stamps, size, lists = [began], 0, 0
         while stamps[-1] < began + chosen.seconds:
             data = socket.recv(timeout=START_S)
             size += len(data)
+            lists += brings(data, "GuiUpdateMessage", LIST)
             if brings_points(data):
                 stamps.append(time.monotonic())
         took = stamps[-1] - began
         gaps = sorted(1e3 * (b - a) for a, b in itertools.pairwise(stamps))
         share = [100.0 * (c.seconds() - u) / took for c, u in zip(children, used, strict=True)]
     n = chosen.parts
-    print(f"{n} parts of 20,480 triangles, {n * (n - 1) // 2} pairs, {took:.1f} s")
+    parts = f"{n} parts of 20,480 triangles, {n * (n - 1) // 2} pairs"
+    parts = f"{SIDE**3} bodies, 10,476 pairs in range" if chosen.crowd else parts
+    print(f"{parts}, {took:.1f} s")
     print(f"  ticks asked for                 {chosen.rate:8.1f} a second")
     print(f"  updates of the page             {len(gaps) / took:8.1f} a second")
+    print(f"  other lists of pairs            {lists / took:8.1f} a second")
     print(f"  between two, median             {gaps[len(gaps) // 2]:8.1f} ms")
     print(f"  between two, 99th percentile    {gaps[int(0.99 * len(gaps))]:8.1f} ms")
     print(f"  sent to the browser             {size / took / 1e3:8.1f} kB a second")
@@ -194,10 +239,15 @@ def report(children: list[Child], chosen: argparse.Namespace) -> int:
 
 def brings_points(data: bytes) -> bool:
     """Whether a window of messages brings new closest points."""
+    return brings(data, "SceneNodeUpdateMessage", MOVED)
+
+
+def brings(data: bytes, kind: str, sign: bytes) -> bool:
+    """Whether a window of messages has one of a kind with a text in it."""
     size = int.from_bytes(data[8:16], "little")
     told = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
-    return MOVED in told and any(
-        message.get("name") == MOVED.decode() and message["type"] == "SceneNodeUpdateMessage"
+    return sign in told and any(
+        message["type"] == kind and sign.decode() in f"{message.get('name')} {message['updates']}"
         for message in msgspec.msgpack.decode(told)["messages"]
     )
 
