@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -150,6 +151,21 @@ def test_interlocked_and_near_contact(gap):
     found = engine.distance(ring, IDENTITY, ring, at)
     assert found.lower <= expected.upper + 1e-12 and found.upper >= expected.lower - 1e-12
     assert found.upper - found.lower <= 1e-10
+
+
+def test_straight_pieces_in_a_row():
+    """Several of them are as straight as one, but the nearest points are looked for on one."""
+    models = files("proximity_monitor.scene") / "bundled" / "chess" / "models"
+    table = engine.load(models / "table.json")
+    pair = engine.Pair(table, table)
+    pair.distance(IDENTITY, translation(100.0, 0.0, 0.0))
+    at = np.eye(4)
+    at[:3] = [
+        [0.01584110206802403, -0.9198458152960557, -0.3919601198688521, 56.21622507403139],
+        [0.7206425818886372, 0.282249237163882, -0.6332532173540737, 52.946058187186296],
+        [0.6931257668375557, -0.2724317239286587, 0.667351202248943, 72.96456904338966],
+    ]
+    assert pair.distance(IDENTITY, at, abs_err=0.076).bound_tests < 2000
 
 
 @pytest.mark.parametrize("name", ["torus", "thin ring", "cylinder"])

@@ -30,6 +30,9 @@ with a chord from which on a direction is about normal to it."""
 _WIDE, _FRONT = 3.0, 0.5
 """Half the angle from which on a sector is all around, and that of what is parted from it."""
 
+_PIECES = 1e-3
+"""Share of half its chord that counts as a bend of an arc around several pieces."""
+
 _STACK = 128
 """Arcs that may wait: twice as many as a tree is deep."""
 
@@ -251,7 +254,17 @@ def bends(arc_a, arc_b, sector, half, motion):
     of_b = arc_b.error + bulge(arc_b) + long * long / (8.0 * max(far, 0.5 * long) + 1e-300)
     around = width * width / (8.0 * max(far, 0.5 * width) + 1e-300)
     around += (1.0 - sector[2]) * max(rho - 2.0 * abs(arc_b.half[0]), 0.0)
-    return arc_a.error + bulge(arc_a), of_b, around
+    return max(arc_a.error + bulge(arc_a), _apart(arc_a)), max(of_b, _apart(arc_b)), around
+
+
+@inlined
+def _apart(arc):
+    """What counts as a bend of an arc around several pieces, metres.
+
+    Only of single pieces are the nearest points looked for, so straight ones must come to that.
+    """
+    half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
+    return _PIECES * half if arc.curve == NONE else 0.0
 
 
 @inlined
