@@ -6,6 +6,7 @@ import contextlib
 import http
 import io
 import socket
+import warnings
 from collections.abc import Iterator
 from urllib.parse import urlsplit
 
@@ -33,6 +34,8 @@ def serve(host: str, port: int, title: str) -> viser.ViserServer:
     # viser would wait for ever on an address that is not ours.
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     socket.create_server((host, 0), family=family).close()
+    # A browser may go in the middle of a step of its page; the next step knows.
+    warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection")
     intake = Intake()
     with _guarded(intake), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)

@@ -1,12 +1,16 @@
 """Whom the page's server answers."""
 
 import socket
+import time
+import warnings
 
 import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
 import viser
+from deadlines import DEADLINE_S
+from raw_browser import RawBrowser
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
@@ -54,5 +58,23 @@ def test_the_address_may_be_one_of_ipv6():
         address = f"ws://[::1]:{server.get_port()}"
         with connect(address, subprotocols=PROTOCOL) as websocket:
             assert websocket.recv(timeout=60.0)
+    finally:
+        serving.stop(server)
+
+
+def test_what_a_browser_no_longer_hears_is_not_warned_of():
+    """It may go while its page is brought up to date."""
+    server = serving.serve("127.0.0.1", 0, "test")
+    try:
+        with warnings.catch_warnings(record=True) as told:
+            browser = RawBrowser(server)
+            words = browser.client.gui.add_html("here")
+            browser.close()
+            deadline = time.monotonic() + DEADLINE_S
+            while server.get_clients():
+                assert time.monotonic() < deadline, "the server to know that the browser has gone"
+                time.sleep(0.005)
+            words.content = "gone"
+        assert told == []
     finally:
         serving.stop(server)
