@@ -174,9 +174,12 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
 
 
 @kernel
-def walk(tree, p, found):
-    """The first element of the leaf where the volume whose middle is nearest to p leads to."""
-    query, child = Middle(p, 0.0), tree.children[0]
+def walk(query, tree, found):
+    """The first element of the leaf where the nearest volume, level by level, leads to.
+
+    That is the nearest by its bound to a Point, or by its middle to a Middle.
+    """
+    child = tree.children[0]
     while child >= 0:
         visit.visit(query, tree, child, np.inf, found)
         least = smallest(found, 0, _ALL)

@@ -21,7 +21,7 @@ from ..base.state import (
 from ..base.vectors import moved, norm, scaled, sub
 from ..elements.errors import points_err
 from ..elements.primitives import collect
-from ..inside.nearest import begin_nearest, nearest, walk
+from ..inside.nearest import Point, begin_nearest, nearest, walk
 from ..inside.visit import ROOM, at_root, descend
 from ..search import stubs
 from ..search.approach import far_from_nearest
@@ -204,9 +204,11 @@ def _guess(tree_a, tree_b, state):
         return
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
-    a, from_a = begin_on(tree_a, walk(tree_a, middle, found))
+    # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
+    a, from_a = begin_on(tree_a, walk(Point(middle, 0.0, 0.0), tree_a, found))
     p = stubs.witness(tree_a, a, from_a)
-    b, from_b = begin_on(tree_b, walk(tree_b, moved(state.motions[1], p), found))
+    near_b = Point(moved(state.motions[1], p), 0.0, 0.0)
+    b, from_b = begin_on(tree_b, walk(near_b, tree_b, found))
     measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
     if not far_from_nearest(progress):  # else that is what the search begins with
         _approach(tree_a, tree_b, state, _NEAR_STEPS, found)

@@ -9,7 +9,7 @@ from ..base.memory import on_stack
 from ..base.state import MESHES
 from ..base.vectors import along, dot, moved, scaled, sub
 from ..elements.primitives import corners, measure_triangles, mixed
-from ..inside.nearest import begin_nearest, nearest, point_triangle, walk
+from ..inside.nearest import Middle, begin_nearest, nearest, point_triangle, walk
 from ..inside.visit import ROOM
 from ..search import stubs
 from ..tree.layout import WIDTH, row
@@ -50,9 +50,9 @@ def _guess(tree_a, tree_b, state):
     way = sub(q, scaled(row(tree_a.centres, 0), tree_a.scale[0]))
     reach = tree_a.centres[0, 3] * tree_a.scale[0] + tree_b.centres[0, 3] * tree_b.scale[0]
     for _ in range(2 if dot(way, way) < reach * reach else 1):
-        ta = walk(tree_a, q, found)
+        ta = walk(Middle(q, 0.0), tree_a, found)
         p = moved(motions[1], _point_near(tree_a, ta, q))
-        tb = walk(tree_b, p, found)
+        tb = walk(Middle(p, 0.0), tree_b, found)
         q = moved(motions[0], _point_near(tree_b, tb, p))
     progress.primitive_tests += 1
     measure_triangles(tree_a, tree_b, state, ta, tb, 0.0)
