@@ -7,6 +7,7 @@ import re
 import signal
 
 import numpy as np
+import peg_hand as peg
 import pytest
 from deadlines import DEADLINE_S, START_DEADLINE_S
 from page_hand import (
@@ -33,9 +34,6 @@ from page_hand import (
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
-
-PAIR = "peg - block"
-POSITION = "name => window.__viserMutable.nodeRefFromName[name].position.toArray()"
 
 
 @pytest.fixture(scope="module")
@@ -91,19 +89,9 @@ def put(page, wait):
         for i, number in enumerate(place):
             field(page, "Position [mm]", i).fill(f"{number}")
         button(page, "Put it there").click()
-        wait(lambda: held(page) == pytest.approx(place, abs=1e-6), f"the peg at {place}")
+        wait(lambda: peg.held(page) == pytest.approx(place, abs=1e-6), f"the peg at {place}")
 
     return put
-
-
-def held(page):
-    """The peg's position in mm, where the picture has it: the fields show what is typed at once."""
-    return [100.0 * x for x in page.evaluate(POSITION, "/parts/0")]  # the page's unit is 0.1 m
-
-
-def turned(page):
-    """Its turn in degrees."""
-    return [float(field(page, "Turn [deg]", i).input_value()) for i in range(3)]
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2], ids="xyz")
@@ -123,7 +111,9 @@ def test_the_peg_s_handles_are_gripped_where_the_peg_covers_them(page, put, wait
     page.mouse.up()
     # Another handle may be before this one on the screen, but the peg is not.
     wait(
-        lambda: held(page) != pytest.approx((0, 0, -10), abs=1e-3) or turned(page) != [0, 0, 0],
+        lambda: (
+            peg.held(page) != pytest.approx((0, 0, -10), abs=1e-3) or peg.turned(page) != [0, 0, 0]
+        ),
         "the peg to move",
     )
     np.testing.assert_allclose(page.evaluate(CAMERA), camera, atol=1e-9)
@@ -139,33 +129,16 @@ def test_a_part_is_chosen_by_a_click_through_what_is_transparent(page, put, wait
     wait(lambda: "held here" in note.inner_text(), "the peg to be chosen")
 
 
-# The corners of the lines of a node, three numbers each.
-CORNERS = """name => {
-  const bytes = window.__viserSceneTree.getState()[name].message.props.points;
-  const at = bytes.byteOffset ?? 0;
-  return [...new Float32Array(bytes.buffer.slice(at, at + bytes.byteLength))];
-}"""
-IS_SHOWN = "name => window.__viserSceneTree.getState()[name]?.effectiveVisibility ?? false"
-
-
-def gap_on_screen(page):
-    """Where the closest points of the one pair are on the screen, (2, 2) in pixels."""
-    ends = np.array(page.evaluate(CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
-    assert len(ends) == 2
-    page.evaluate(DRAWN)
-    return np.array([page.evaluate(ON_SCREEN, ["/distances/points", end.tolist()]) for end in ends])
-
-
 def test_a_gap_of_0_02_mm_fills_the_picture_and_is_named(page, put, wait, eventually):
     put(0.03, 0, -10)
     tab(page, "Clearances")
-    wait(lambda: row(page, PAIR)[1] == pytest.approx(0.02e-3, abs=1e-8), "the clearance")
-    first, second = gap_on_screen(page)
+    wait(lambda: row(page, peg.PAIR)[1] == pytest.approx(0.02e-3, abs=1e-8), "the clearance")
+    first, second = peg.gap_on_screen(page)
     assert np.linalg.norm(second - first) < 2.0
     button(page, "Zoom to the gap").click()
 
     def filled():
-        first, second = gap_on_screen(page)
+        first, second = peg.gap_on_screen(page)
         canvas = page.evaluate(CANVAS)
         assert np.linalg.norm(second - first) > 0.3 * min(canvas["width"], canvas["height"])
         for x, y in (first, second):
@@ -175,7 +148,7 @@ def test_a_gap_of_0_02_mm_fills_the_picture_and_is_named(page, put, wait, eventu
 
     eventually(filled)
     button(page, "Whole scene").click()
-    wait(lambda: np.ptp(gap_on_screen(page), axis=0).max() < 2.0, "the whole scene")
+    wait(lambda: np.ptp(peg.gap_on_screen(page), axis=0).max() < 2.0, "the whole scene")
 
 
 def test_a_section_is_one_click(page, put, wait, eventually):
@@ -184,22 +157,22 @@ def test_a_section_is_one_click(page, put, wait, eventually):
     button(page, "Section through it").click()
 
     def cut():
-        assert page.evaluate(IS_SHOWN, "/parts/1/cut")
-        assert page.evaluate(IS_SHOWN, "/parts/1/hatching")
-        assert not page.evaluate(IS_SHOWN, "/parts/1/mesh")
+        assert page.evaluate(peg.IS_SHOWN, "/parts/1/cut")
+        assert page.evaluate(peg.IS_SHOWN, "/parts/1/hatching")
+        assert not page.evaluate(peg.IS_SHOWN, "/parts/1/mesh")
         # The plane goes through both closest points, so they lie in the plane of the outline.
-        ends = np.array(page.evaluate(CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
-        lines = np.array(page.evaluate(CORNERS, "/parts/1/outline")).reshape(-1, 3)
+        ends = np.array(page.evaluate(peg.CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
+        lines = np.array(page.evaluate(peg.CORNERS, "/parts/1/outline")).reshape(-1, 3)
         *_, normal = np.linalg.svd(lines - lines.mean(axis=0))[2]
         np.testing.assert_allclose((ends - lines.mean(axis=0)) @ normal, 0.0, atol=1e-5)
 
     eventually(cut)
     put(20, 0, 40)
-    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/0/cut"), "the peg to leave the plane")
+    wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/0/cut"), "the peg to leave the plane")
     tab(page, "Clearances")
     button(page, "Whole scene").click()
-    wait(lambda: page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the whole block")
-    assert not page.evaluate(IS_SHOWN, "/parts/1/cut")
+    wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/mesh"), "the whole block")
+    assert not page.evaluate(peg.IS_SHOWN, "/parts/1/cut")
 
 
 def test_each_part_is_as_transparent_as_one_likes(page, wait):
@@ -211,20 +184,14 @@ def test_each_part_is_as_transparent_as_one_likes(page, wait):
     field(page, "Opacity", 1).fill("0.5")
     wait(lambda: page.evaluate(OPACITY, 0) == pytest.approx(0.5), "the peg to be transparent")
     assert page.evaluate(OPACITY, 1) == pytest.approx(0.4)
-    assert page.evaluate(IS_SHOWN, "/parts/0/edges")
+    assert page.evaluate(peg.IS_SHOWN, "/parts/0/edges")
     page.locator("input[type=checkbox]:visible").nth(1).click()
-    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/0/edges"), "its edges to go")
-    assert page.evaluate(IS_SHOWN, "/parts/1/edges")
+    wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/0/edges"), "its edges to go")
+    assert page.evaluate(peg.IS_SHOWN, "/parts/1/edges")
     field(page, "Opacity", 1).fill("1")
     page.locator("input[type=checkbox]:visible").nth(1).click()
     page.get_by_text("Picture", exact=True).click()
     wait(lambda: page.evaluate(OPACITY, 0) is None, "the peg to be opaque")
-
-
-BAND = """name => {
-  const node = window.__viserSceneTree.getState()[name];
-  return node ? node.message.props.vertices.byteLength / 36 : 0;
-}"""
 
 
 def test_the_bore_is_coloured_by_the_peg_s_clearance(page, put, wait):
@@ -235,42 +202,27 @@ def test_the_bore_is_coloured_by_the_peg_s_clearance(page, put, wait):
     page.keyboard.press("ArrowDown")
     page.keyboard.press("Enter")
     bands = page.locator("input[type=checkbox]:visible").nth(2)
-    assert not page.evaluate(BAND, "/parts/1/coat_2")
+    assert not page.evaluate(peg.BAND, "/parts/1/coat_2")
     bands.click()
-    wait(lambda: page.evaluate(BAND, "/parts/1/coat_0"), "what is below stop")
-    wait(lambda: page.evaluate(BAND, "/parts/1/coat_2"), "what is above warn")
-    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the plain block to go")
+    wait(lambda: page.evaluate(peg.BAND, "/parts/1/coat_0"), "what is below stop")
+    wait(lambda: page.evaluate(peg.BAND, "/parts/1/coat_2"), "what is above warn")
+    wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/1/mesh"), "the plain block to go")
     assert "below stop" in page.locator("#pm-bands").inner_text()
     button(page, "Section through it").click()
-    wait(lambda: page.evaluate(BAND, "/parts/1/cut_0"), "what is below stop behind the plane")
-    wait(lambda: not page.evaluate(IS_SHOWN, "/parts/1/coat_0"), "what is before it to go")
-    assert page.evaluate(IS_SHOWN, "/parts/1/outline")
-    assert not page.evaluate(IS_SHOWN, "/parts/1/cut")
+    wait(lambda: page.evaluate(peg.BAND, "/parts/1/cut_0"), "what is below stop behind the plane")
+    wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/1/coat_0"), "what is before it to go")
+    assert page.evaluate(peg.IS_SHOWN, "/parts/1/outline")
+    assert not page.evaluate(peg.IS_SHOWN, "/parts/1/cut")
     button(page, "Whole scene").click()
-    wait(lambda: page.evaluate(IS_SHOWN, "/parts/1/coat_0"), "the whole block")
-    assert not page.evaluate(BAND, "/parts/1/cut_0")
+    wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/coat_0"), "the whole block")
+    assert not page.evaluate(peg.BAND, "/parts/1/cut_0")
     put(20, 0, 40)
-    wait(lambda: not page.evaluate(BAND, "/parts/1/coat_0"), "nothing below stop")
+    wait(lambda: not page.evaluate(peg.BAND, "/parts/1/coat_0"), "nothing below stop")
     tab(page, "Clearances")
     bands.click()
-    wait(lambda: page.evaluate(IS_SHOWN, "/parts/1/mesh"), "the plain block")
-    assert not page.evaluate(BAND, "/parts/1/coat_2")
+    wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/mesh"), "the plain block")
+    assert not page.evaluate(peg.BAND, "/parts/1/coat_2")
     page.get_by_text("Picture", exact=True).click()
-
-
-# How many pixels are between two clearances in the plot, and whether the plot shows a third.
-IN_PLOT = """([first, second, third]) => {
-  const {chart} = Object.values(window.__viserTestpoints.uplots)[0];
-  const at = value => chart.valToPos(value, 'y');
-  return [at(second) - at(first), at(third), chart.over.clientHeight];
-}"""
-# Whether the middle of an element is what a press there would meet.
-UNCOVERED = """each => {
-  each.scrollIntoView({block: 'nearest'});  // within the panel's own half
-  const r = each.getBoundingClientRect();
-  const met = document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2);
-  return each.contains(met) || met.contains(each);
-}"""
 
 
 @pytest.mark.parametrize("scale", ["Log", "Limits"])
@@ -283,7 +235,7 @@ def test_the_plot_tells_fits_apart_after_a_long_way_and_shows_the_thresholds(
 
     def told_apart():
         for threshold in (0.03, 0.005):
-            apart, there, height = page.evaluate(IN_PLOT, [0.05, 0.02, threshold])
+            apart, there, height = page.evaluate(peg.IN_PLOT, [0.05, 0.02, threshold])
             assert apart > 0.03 * height
             assert 0.0 < there < height
 
@@ -293,26 +245,7 @@ def test_the_plot_tells_fits_apart_after_a_long_way_and_shows_the_thresholds(
 def test_the_plot_covers_nothing_of_a_small_window(page):
     tab(page, "Clearances")
     for shown in ("#pm-pairs .pm-sign", "#pm-pairs .pm-press", "#pm-banner", "canvas[data-engine]"):
-        assert page.locator(shown).first.evaluate(UNCOVERED), shown
-
-
-def dragged(page, axis, pixels):
-    """Drag the arrow of an axis by so many pixels along itself."""
-    handle = 0.75 * page.evaluate(LENGTH) * np.eye(3)[axis]
-    page.evaluate(DRAWN)
-    begin = np.array(page.evaluate(ON_SCREEN, ["/gizmo", handle.tolist()]))
-    along = np.array(page.evaluate(ON_SCREEN, ["/gizmo", (1.1 * handle).tolist()])) - begin
-    end = begin + pixels * along / np.linalg.norm(along)
-    page.mouse.move(*begin)
-    page.evaluate(DRAWN)
-    page.mouse.down()
-    page.mouse.move(*end, steps=8)
-
-
-def pick(page, label, option):
-    """Choose of a list."""
-    field(page, label).click()
-    page.locator("[role=option]:visible").get_by_text(option, exact=True).click()
+        assert page.locator(shown).first.evaluate(peg.UNCOVERED), shown
 
 
 def test_enter_puts_the_part_there_steps_go_down_to_a_micrometre_and_ctrl_z_undoes(put, page, wait):
@@ -321,80 +254,65 @@ def test_enter_puts_the_part_there_steps_go_down_to_a_micrometre_and_ctrl_z_undo
     put(0, 0, 40)  # what was typed before is known when it is there
     field(page, "Position [mm]", 0).fill("20.5")
     page.keyboard.press("Enter")
-    wait(lambda: at_place(page, (20.5, 0, 40)), "Enter to put it there")
+    wait(lambda: peg.at_place(page, (20.5, 0, 40)), "Enter to put it there")
     page.get_by_role("button", name="-Y", exact=True).click()
-    wait(lambda: at_place(page, (20.5, -0.001, 40)), "a step of a micrometre")
+    wait(lambda: peg.at_place(page, (20.5, -0.001, 40)), "a step of a micrometre")
     page.get_by_role("button", name="+RZ", exact=True).click()
-    wait(lambda: turned(page) == [0, 0, 1], "a turn by a degree")
+    wait(lambda: peg.turned(page) == [0, 0, 1], "a turn by a degree")
     for there in ((20.5, -0.001, 40), (20.5, 0, 40), (0, 0, 40)):
         page.keyboard.press("Control+z")
-        wait(lambda there=there: at_place(page, there) and turned(page) == [0, 0, 0], f"{there}")
-
-
-def at_place(page, place):
-    return held(page) == pytest.approx(place, abs=1e-6)
-
-
-# How far a node's origin is from another's.
-APART = """names => {
-  const [to, from] = names.map(name => {
-    const node = window.__viserMutable.nodeRefFromName[name];
-    node.updateWorldMatrix(true, false);
-    return node.matrixWorld.elements.slice(12, 15);
-  });
-  return to.map((x, i) => x - from[i]);
-}"""
+        wait(
+            lambda there=there: peg.at_place(page, there) and peg.turned(page) == [0, 0, 0],
+            f"{there}",
+        )
 
 
 def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
     put(0, 0, 40)
     page.evaluate(DRAWN)
-    apart = page.evaluate(APART, ["/gizmo", "/parts/0"])
+    apart = page.evaluate(peg.APART, ["/gizmo", "/parts/0"])
 
     def followed():
         """Whether the peg, which follows by steps, is at its handles again."""
-        now = page.evaluate(APART, ["/gizmo", "/parts/0"])
-        return held(page)[0] > 5.0 and now == pytest.approx(apart, abs=1e-6)
+        now = page.evaluate(peg.APART, ["/gizmo", "/parts/0"])
+        return peg.held(page)[0] > 5.0 and now == pytest.approx(apart, abs=1e-6)
 
-    dragged(page, 0, 60)
+    peg.dragged(page, 0, 60)
     page.mouse.up()
     wait(followed, "a drag")
-    far = held(page)[0]
+    far = peg.held(page)[0]
     put(0, 0, 40)
-    pick(page, "Drag", "1 : 100")
-    dragged(page, 0, 60)
+    peg.pick(page, "Drag", "1 : 100")
+    peg.dragged(page, 0, 60)
     page.mouse.up()
-    wait(lambda: held(page)[0] == pytest.approx(far / 100.0, rel=0.2), "a hundredth of it")
+    wait(lambda: peg.held(page)[0] == pytest.approx(far / 100.0, rel=0.2), "a hundredth of it")
     page.get_by_text("Snap drags to the steps").click()
     field(page, "Step [mm]").fill("0.05")
     put(0, 0, 40)
-    dragged(page, 0, 60)
+    peg.dragged(page, 0, 60)
     page.mouse.up()
-    wait(lambda: held(page)[0] > 0.0, "a drag")
-    steps = held(page)[0] / 0.05
+    wait(lambda: peg.held(page)[0] > 0.0, "a drag")
+    steps = peg.held(page)[0] / 0.05
     assert steps == pytest.approx(round(steps), abs=1e-6)
     page.get_by_text("Snap drags to the steps").click()
-    pick(page, "Drag", "1 : 1")
+    peg.pick(page, "Drag", "1 : 1")
 
 
 def test_a_drag_stops_before_the_clearance_is_below_stop(put, page, wait, eventually):
     put(0, 0, -10)
-    pick(page, "Drags stop", "at stop")
-    dragged(page, 0, 60)  # some millimetres into the wall, which is 0.05 mm away
+    peg.pick(page, "Drags stop", "at stop")
+    peg.dragged(page, 0, 60)  # some millimetres into the wall, which is 0.05 mm away
 
     def stopped():
         assert page.locator("#pm-near").inner_text().split()[-2:] == ["0.005", "mm"]
-        assert held(page)[0] == pytest.approx(0.045, abs=0.0011)
+        assert peg.held(page)[0] == pytest.approx(0.045, abs=0.0011)
 
     eventually(stopped)
     page.mouse.up()
     tab(page, "Clearances")
-    assert row(page, PAIR)[0] >= 0.005e-3
+    assert row(page, peg.PAIR)[0] >= 0.005e-3
     tab(page, "Move")
-    pick(page, "Drags stop", "nowhere")
-
-
-WIDTH = "image => image.complete && image.naturalWidth"
+    peg.pick(page, "Drags stop", "nowhere")
 
 
 def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, eventually):
@@ -407,7 +325,7 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
     def told():
         _, change, pair, clearance = latest.inner_text().split("\t")
         assert change.endswith("→ ■ STOP")
-        assert (pair, clearance) == (PAIR, "0.004 mm")
+        assert (pair, clearance) == (peg.PAIR, "0.004 mm")
 
     eventually(told)
     put(0, 0, 40)
@@ -417,15 +335,15 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
 
     def there():
         assert page.get_attribute("#pm-connection", "data-state") == "past"
-        assert row(page, PAIR)[1] == pytest.approx(0.004e-3, abs=1e-7)
-        x, _, z = page.evaluate(POSITION, "/parts/0")
+        assert row(page, peg.PAIR)[1] == pytest.approx(0.004e-3, abs=1e-7)
+        x, _, z = page.evaluate(peg.POSITION, "/parts/0")
         assert (x, z) == pytest.approx((0.046e-2, -0.1), abs=1e-6)
 
     eventually(there)
     told = page.locator("#pm-event")
     wait(lambda: "between 0.004 mm and 0.004 mm" in told.inner_text(), "its bounds")
     picture = told.locator("img")
-    wait(lambda: picture.count() and picture.evaluate(WIDTH) > 200, "the picture")
+    wait(lambda: picture.count() and picture.evaluate(peg.WIDTH) > 200, "the picture")
     pixels = decoded(base64.b64decode(picture.get_attribute("src").partition(",")[2]))
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
     tab(page, "Session")
@@ -452,18 +370,18 @@ def test_the_motion_is_sought_played_and_paused_from_the_page(page, wait):
     tab(page, "Session")
     note = page.locator("#pm-motion")
     wait(lambda: re.fullmatch(r"At 0.00 of .*, speed 1e-09.", note.inner_text()), "the motion")
-    before = held(page)
+    before = peg.held(page)
     field(page, "Moment [s]", 1).fill("2")
     wait(lambda: note.inner_text().startswith("At 2.00 of"), "the player to go there")
-    wait(lambda: held(page) != pytest.approx(before, abs=1e-3), "the peg to be elsewhere")
+    wait(lambda: peg.held(page) != pytest.approx(before, abs=1e-3), "the peg to be elsewhere")
     button(page, "Pause").click()
     wait(lambda: note.inner_text().endswith("paused."), "the player to pause")
     page.get_by_role("button", name="Play", exact=True).click()
     wait(lambda: note.inner_text().endswith("speed 1e-09."), "the player to go on")
     field(page, "Speed").fill("0.5")
     wait(lambda: note.inner_text().endswith("speed 0.5."), "the player to be faster")
-    there = held(page)
-    wait(lambda: held(page) != pytest.approx(there, abs=1e-3), "the peg to move")
+    there = peg.held(page)
+    wait(lambda: peg.held(page) != pytest.approx(there, abs=1e-3), "the peg to move")
     button(page, "Pause").click()
     wait(lambda: note.inner_text().endswith("paused."), "the player to pause")
 

@@ -1,0 +1,100 @@
+"""The peg in its bore on the page: where it is, what is drawn, and a hand that drags it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from page_hand import DRAWN, LENGTH, ON_SCREEN, field
+
+PAIR = "peg - block"
+
+POSITION = "name => window.__viserMutable.nodeRefFromName[name].position.toArray()"
+
+
+def held(page):
+    """The peg's position in mm, where the picture has it: the fields show what is typed at once."""
+    return [100.0 * x for x in page.evaluate(POSITION, "/parts/0")]  # the page's unit is 0.1 m
+
+
+def turned(page):
+    """Its turn in degrees."""
+    return [float(field(page, "Turn [deg]", i).input_value()) for i in range(3)]
+
+
+# The corners of the lines of a node, three numbers each.
+CORNERS = """name => {
+  const bytes = window.__viserSceneTree.getState()[name].message.props.points;
+  const at = bytes.byteOffset ?? 0;
+  return [...new Float32Array(bytes.buffer.slice(at, at + bytes.byteLength))];
+}"""
+
+
+IS_SHOWN = "name => window.__viserSceneTree.getState()[name]?.effectiveVisibility ?? false"
+
+
+def gap_on_screen(page):
+    """Where the closest points of the one pair are on the screen, (2, 2) in pixels."""
+    ends = np.array(page.evaluate(CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
+    assert len(ends) == 2
+    page.evaluate(DRAWN)
+    return np.array([page.evaluate(ON_SCREEN, ["/distances/points", end.tolist()]) for end in ends])
+
+
+BAND = """name => {
+  const node = window.__viserSceneTree.getState()[name];
+  return node ? node.message.props.vertices.byteLength / 36 : 0;
+}"""
+
+
+# How many pixels are between two clearances in the plot, and whether the plot shows a third.
+IN_PLOT = """([first, second, third]) => {
+  const {chart} = Object.values(window.__viserTestpoints.uplots)[0];
+  const at = value => chart.valToPos(value, 'y');
+  return [at(second) - at(first), at(third), chart.over.clientHeight];
+}"""
+
+
+# Whether the middle of an element is what a press there would meet.
+UNCOVERED = """each => {
+  each.scrollIntoView({block: 'nearest'});  // within the panel's own half
+  const r = each.getBoundingClientRect();
+  const met = document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2);
+  return each.contains(met) || met.contains(each);
+}"""
+
+
+def dragged(page, axis, pixels):
+    """Drag the arrow of an axis by so many pixels along itself."""
+    handle = 0.75 * page.evaluate(LENGTH) * np.eye(3)[axis]
+    page.evaluate(DRAWN)
+    begin = np.array(page.evaluate(ON_SCREEN, ["/gizmo", handle.tolist()]))
+    along = np.array(page.evaluate(ON_SCREEN, ["/gizmo", (1.1 * handle).tolist()])) - begin
+    end = begin + pixels * along / np.linalg.norm(along)
+    page.mouse.move(*begin)
+    page.evaluate(DRAWN)
+    page.mouse.down()
+    page.mouse.move(*end, steps=8)
+
+
+def pick(page, label, option):
+    """Choose of a list."""
+    field(page, label).click()
+    page.locator("[role=option]:visible").get_by_text(option, exact=True).click()
+
+
+def at_place(page, place):
+    return held(page) == pytest.approx(place, abs=1e-6)
+
+
+# How far a node's origin is from another's.
+APART = """names => {
+  const [to, from] = names.map(name => {
+    const node = window.__viserMutable.nodeRefFromName[name];
+    node.updateWorldMatrix(true, false);
+    return node.matrixWorld.elements.slice(12, 15);
+  });
+  return to.map((x, i) => x - from[i]);
+}"""
+
+
+WIDTH = "image => image.complete && image.naturalWidth"
