@@ -315,6 +315,16 @@ def test_the_pawn_dips_into_the_cup_as_its_comment_says(chess):
     assert 1.109 - 1e-3 <= near.min() < 1.12
 
 
+def test_the_cup_over_the_board_is_as_near_all_around_and_known_soon(chess):
+    described = scene.load_scene(scene.bundled("chess"))
+    pair = next(each for each in described.pairs if {each.a, each.b} == {"cup", "board"})
+    board = next(body for body in described.bodies if body.name == "board").pose
+    models, cup = chess.models, chess.poses(0.0)["cup"]
+    found = engine.distance(models["cup"], cup, models["board"], board, abs_err=pair.abs_err)
+    assert found.status is engine.Status.WITHIN_TOLERANCE
+    assert found.bound_tests < 2000
+
+
 def test_the_changing_solid_is_each_of_the_five_and_stays_clear(chess):
     """At every time it is a solid: `deform` raises where its profile would cross itself."""
     model, rest = chess.models["changing"], chess.models["changing"].control_points
