@@ -12,13 +12,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from llvmlite.binding import ModuleRef
+from llvmlite import ir
+from llvmlite.binding import ModuleRef, get_host_cpu_features
 from numba.core.codegen import CodeLibrary, JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.environment import lookup_environment
 
 _OBJECTS = "_ZN08NumbaEnv"
 """How the names begin by which code finds its function's Python objects."""
+
+
+_WIDE = '"prefer-vector-width"="512"'
+_PROVEN = "avx512vbmi2"
+"""Vectors of sixteen float32 in one register: a tenth of a query's time, a fifth of a long one's.
+LLVM halves them, because the first processors that have such registers slow down as a whole where
+they are used. Those with this feature, Ice Lake and Zen 4 and what came after, do not.
+"""
 
 
 class _Unset:
@@ -34,7 +43,20 @@ class _Unset:
         """Leave a function's Python objects to the roots that it is linked into."""
 
 
-class _Helper(JITCodeLibrary):
+class _Library(JITCodeLibrary):
+    """A function's code, with the vectors that suit this processor."""
+
+    def add_ir_module(self, ir_module: ir.Module) -> None:
+        """Take what numba's front end made."""
+        if get_host_cpu_features().get(_PROVEN):
+            for function in ir_module.functions:
+                if not function.is_declaration:
+                    # llvmlite knows no attributes with values, and hands on what is in the set.
+                    set.add(function.attributes, _WIDE)
+        super().add_ir_module(ir_module)
+
+
+class _Helper(_Library):
     """A function that is linked into roots."""
 
     @property
@@ -59,7 +81,7 @@ class _Helper(JITCodeLibrary):
         return 0
 
 
-class _Root(JITCodeLibrary):
+class _Root(_Library):
     """A kernel with all helpers below it."""
 
     needs: tuple[tuple[str, str], ...] = ()
