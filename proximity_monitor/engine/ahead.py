@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from queue import Empty, Queue
 from threading import Thread
 from typing import Any
 
@@ -15,36 +16,77 @@ from numpy.typing import NDArray
 from .kernels.base import ahead, cache, claims
 from .kernels.inside import ball, solids
 from .kernels.inside.contain import Insides, settle_signs
-from .kernels.pairs import mesh_mesh
+from .kernels.pairs import (
+    late,
+    mesh_mesh,
+    revolution_revolution,
+    surface_mesh,
+    surface_surface,
+)
 from .kernels.tree import build, fit_tree, pairing
 
 Kernel = tuple[Any, tuple[Any, ...]]
 """An entry, and examples of its arguments: their types are what counts."""
 
+_IDLE_S = 5.0
+"""How long a process waits for something to do."""
 
-def kernels(watching: bool) -> Iterator[Kernel]:
-    """The kernels that take long to compile, those first that are needed late and take longest.
 
-    All questions about the distances of meshes need some of them, `watching` a scene the rest.
-    """
-    real, reals, rows = 0.0, np.empty(0), np.empty((0, 4))
+def _meshes() -> Iterator[Kernel]:
+    """What the distances of meshes need, those first that are needed late and take longest."""
+    real, rows = 0.0, np.empty((0, 4))
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
-    table = np.empty((2, 0), np.int64)
-    tables = np.empty((0, 2, 0), np.int64)
-    asked = tables, table, rows, rows, table, 0, 0, 1, 0, True, reals
+    table, tables = np.empty((2, 0), np.int64), np.empty((0, 2, 0), np.int64)
+    asked = tables, table, rows, rows, table, 0, 0, 1, 0, True, np.empty(0)
     yield mesh_mesh.search, asked
-    frozen_rows = _frozen(rows)
-    if watching:
-        yield ball.search_ball, (tables, table, True, 0)
-        signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
-        insides = Insides(np.empty(0, np.int8), table, lanes, tables)
-        progress, scratch = np.empty((2, 2), np.int64), np.empty((2, 2, 0), np.int32)
-        settled = insides, poses, integers, rows, signs, 0, 0, 1, 0, progress, scratch, rows
-        yield settle_signs, settled
-        yield solids.part_volumes, (frozen_rows, real, lanes, lanes)
     yield fit_tree.fit_tree, (rows, integers, lanes, real, None)
     yield build.build_tree, (rows, integers, 0)
     yield pairing.pair_up, (rows, _frozen(integers), lanes, real)
+
+
+def _watching() -> Iterator[Kernel]:
+    """What watching a scene of meshes needs besides."""
+    rows, integers = np.empty((0, 4)), np.empty((0, 2), np.int32)
+    lanes, table = np.empty(0, np.int32), np.empty((2, 0), np.int64)
+    tables = np.empty((0, 2, 0), np.int64)
+    yield ball.search_ball, (tables, table, True, 0)
+    signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
+    insides = Insides(np.empty(0, np.int8), table, lanes, tables)
+    progress, scratch = np.empty((2, 2), np.int64), np.empty((2, 2, 0), np.int32)
+    settled = insides, poses, integers, rows, signs, 0, 0, 1, 0, progress, scratch, rows
+    yield settle_signs, settled
+    yield solids.part_volumes, (_frozen(rows), 0.0, lanes, lanes)
+
+
+def _searches(*searches: Any) -> Callable[[], Iterator[Kernel]]:
+    """Searches of models with elements that are divided, each with the part that it needs late."""
+
+    def kernels() -> Iterator[Kernel]:
+        rows, table = np.empty((0, 4)), np.empty((2, 0), np.int64)
+        for part, _ in searches:
+            yield part, (np.empty((2, 2, 0), np.int64), table)
+        asked = np.empty((0, 2, 0), np.int64), table, rows, rows, table, 0, 0, 1, 0, True
+        for _, search in searches:
+            yield search, (*asked, np.empty(0))
+
+    return kernels
+
+
+_OF_SURFACES = _searches((late.surfaces, surface_surface.search))
+_ACROSS = _searches(
+    (late.surface_mesh, surface_mesh.search), (late.mesh_surface, surface_mesh.search_turned)
+)
+
+FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
+    ({"surface"}, _OF_SURFACES),
+    ({"solid of revolution"}, _searches((late.rings, revolution_revolution.search))),
+    ({"mesh"}, _meshes),
+    ({"mesh", ahead.WATCHING}, _watching),
+    ({"surface", "mesh"}, _ACROSS),
+    ({"solid of revolution", "mesh"}, _ACROSS),
+    ({"surface", "solid of revolution"}, _OF_SURFACES),
+)
+"""What is compiled, in this order, once all of these are wanted: kinds of models, and WATCHING."""
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -54,25 +96,43 @@ def _frozen(array: NDArray[Any]) -> NDArray[Any]:
     return view
 
 
-def work(directory: str, watching: bool) -> None:
-    """Compile what no other process does, and keep it in a directory.
+def work(directory: str) -> None:
+    """Compile what is wanted and no other process compiles, and keep it in a directory.
 
-    Ends at once when the standard input does.
+    The names of what is wanted come by the standard input, a line each; it ends at once when that
+    does, or when it has had nothing to do for a while.
     """
-    Thread(target=_end_with_parent, daemon=True).start()
     ahead.not_here()
     if str(cache.CACHE_DIRECTORY) != directory:
         return
-    for kernel, arguments in kernels(watching):
+    names: Queue[str] = Queue()
+    Thread(target=_listen, args=(names,), daemon=True).start()
+    wanted: set[str] = set()
+    done: set[int] = set()
+    with suppress(Empty):
+        while True:
+            wanted.add(names.get(timeout=_IDLE_S))
+            for i, (needs, kernels) in enumerate(FORESEEN):
+                if needs <= wanted and i not in done and names.empty():
+                    done.add(i)
+                    _compile(kernels())
+
+
+def _compile(kernels: Iterator[Kernel]) -> None:
+    """Compile those that no process has or compiles."""
+    for kernel, arguments in kernels:
         types = tuple(typeof(argument) for argument in arguments)
         if kernel._cache.is_wanting(types, kernel.targetctx):
             with suppress(Exception):  # whoever needs it compiles it, and says what is wrong
                 kernel.compile(types)
 
 
-def _end_with_parent() -> None:
-    """Wait until the process that began this one has ended, and end."""
-    while os.read(0, 1):  # not by sys.stdin, which would keep its lock when the interpreter ends
-        pass
+def _listen(names: Queue[str]) -> None:
+    """Hand on what is wanted, until the process that began this one has ended; then end."""
+    left = b""
+    while read := os.read(0, 4096):  # not by sys.stdin, which would keep its lock at the end
+        *lines, left = (left + read).split(b"\n")
+        for line in lines:
+            names.put(line.decode())
     with claims.writing:
         os._exit(0)

@@ -83,7 +83,8 @@ class Progress(event.Listener):
 
     def __enter__(self) -> Progress:
         """Begin to count."""
-        ahead.watching |= self._needed >= WATCHING
+        if self._needed >= WATCHING:
+            ahead.want(ahead.WATCHING)
         event.register("numba:compile", self)
         claims.waiting.append(self._on_wait)
         return self

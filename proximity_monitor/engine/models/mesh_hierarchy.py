@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.base import ahead
 from ..kernels.base.tables import mesh_table
 from .hierarchy import Hierarchy, Solid
 from .solid import find_sides
@@ -45,6 +46,7 @@ class MeshHierarchy(Hierarchy):
         solid: Solid,
     ) -> Self:
         """The hierarchy of checked triangles."""
+        ahead.want("mesh")
         corners = np.ascontiguousarray(vertices[faces].reshape(-1, 9))
         built = build(corners, vertices, faces, volume, swept_radius, deviation)
         return cls._made({

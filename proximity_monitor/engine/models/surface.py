@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_reals
+from ..kernels.base import ahead
 from ..kernels.base.cache import KERNELS
 from .checks import ModelError, checked_length, checked_vertices
 from .closed import Joints, find_joints
@@ -63,6 +64,7 @@ class Surface(Model):
     @property
     def _hierarchy(self) -> SurfaceHierarchy:
         if self._made is None:
+            ahead.want(self.kind)
             if self._joints is None:
                 self._joints = self._checked(self.nets)
             self._made = SurfaceHierarchy.of(

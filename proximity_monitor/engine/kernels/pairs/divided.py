@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import implements, inlined, kernel
+from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, RESOLUTION
@@ -172,7 +172,7 @@ def _compare(waiting, tree_a, tree_b, state, a, b):
 
 
 @implements(stubs.divide, Dividing)
-@kernel
+@shared
 def _divide(waiting, tree_a, tree_b, state, steps):
     progress = state.progress[0]
     while progress.dividing > 0 and progress.distance - progress.slack > progress.stop:

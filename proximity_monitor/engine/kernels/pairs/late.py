@@ -1,0 +1,43 @@
+"""The parts of searches that are kernels of their own, each called as its search calls it.
+
+Nobody asks these: compiling them compiles the part, beside the search that will wait for it.
+"""
+
+from __future__ import annotations
+
+from ..base.jit import entry, specialised
+from ..base.state import DepthFirst, Dividing, MeshTree, RevolutionTree, SurfaceTree, Turning
+from ..base.tables import state_at, tree_at
+from ..revolution.rings import search_rings
+from ..search.stubs import divide
+from . import divided  # noqa: F401 - it implements the stub
+
+KIND_A = KIND_B = WAITING = None
+"""Other ones in each."""
+
+
+def _cells(models, memory):
+    """The cells of two models, models (2, 2, m) their tables and memory that of a state."""
+    state = state_at(DepthFirst, WAITING, memory)
+    tree_a, _ = tree_at(KIND_A, models[0])
+    tree_b, _ = tree_at(KIND_B, models[1])
+    return divide(state.waiting, tree_a, tree_b, state, state.progress[0].steps)
+
+
+def _rings(models, memory):
+    """The rings of two models, likewise."""
+    state = state_at(DepthFirst, WAITING, memory)
+    tree_a, _ = tree_at(KIND_A, models[0])
+    tree_b, _ = tree_at(KIND_B, models[1])
+    return search_rings(tree_a, tree_b, state)
+
+
+def _part(function, name, kind_a, kind_b, waiting):
+    kinds = {"KIND_A": kind_a, "KIND_B": kind_b, "WAITING": waiting}
+    return entry(specialised(function, name, __name__=__name__, **kinds))
+
+
+surfaces = _part(_cells, "surfaces", SurfaceTree, SurfaceTree, Dividing)
+surface_mesh = _part(_cells, "surface_mesh", SurfaceTree, MeshTree, Dividing)
+mesh_surface = _part(_cells, "mesh_surface", MeshTree, SurfaceTree, Dividing)
+rings = _part(_rings, "rings", RevolutionTree, RevolutionTree, Turning)
