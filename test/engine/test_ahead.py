@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import fcntl
+import io
 import os
 import subprocess
 import sys
 import time
 
 import pytest
+from numba import typeof
 
-from proximity_monitor.engine.kernels.base import ahead, claims
+from proximity_monitor.engine import ahead as foreseen
+from proximity_monitor.engine.kernels.base import ahead, cache, claims
+from proximity_monitor.engine.kernels.pairs import late
 
 SOON_S = 20.0
 """Seconds within which a process does what takes it a part of one, on any machine."""
@@ -24,16 +28,18 @@ import sys
 import numpy as np
 from proximity_monitor.engine import ahead
 from proximity_monitor.engine.kernels.base import cache, motion
-ahead.kernels = lambda watching: [(motion.pose_deviation, (np.eye(4),))]
-ahead.work(str(cache.CACHE_DIRECTORY), False)
+ahead._IDLE_S = 0.5
+ahead.FORESEEN = (({"one", "two"}, lambda: [(motion.pose_deviation, (np.eye(4),))]),)
+ahead.work(str(cache.CACHE_DIRECTORY))
 """
 PARENT = """
 import os, signal, sys
 from pathlib import Path
 from proximity_monitor.engine.kernels.base import ahead
 ahead._processors = lambda: 2
-ahead._RUN = "import sys, time; from proximity_monitor.engine import ahead; {}, {}, {}; " \\
-    "ahead.Thread(target=ahead._end_with_parent).start(); time.sleep(600)"
+ahead._RUN = "import sys, time; from proximity_monitor.engine import ahead; {}, {}; " \\
+    "ahead.Thread(target=ahead._listen, args=(ahead.Queue(),)).start(); time.sleep(600)"
+ahead.want("mesh")
 ahead.begin(Path("/tmp/proximity_monitor/kernels"))
 (helper,) = ahead._helpers
 print(helper.pid, flush=True)
@@ -64,8 +70,19 @@ def warm(tmp_path_factory):
     """Where a process has kept a kernel that it compiled ahead."""
     place = tmp_path_factory.mktemp("ahead")
     with run(WORK, place) as worker:
-        assert worker.wait(10 * SOON_S) == 0
+        for name in ("one", "two"):
+            worker.stdin.write(f"{name}\n")
+            worker.stdin.flush()
+        assert worker.wait(10 * SOON_S) == 0, "it ends when there is nothing to do"
     return place
+
+
+def test_what_is_only_half_wanted_is_not_compiled(tmp_path):
+    with run(WORK, tmp_path) as worker:
+        worker.stdin.write("one\n")
+        worker.stdin.flush()
+        assert worker.wait(SOON_S) == 0
+    assert not kept(tmp_path)
 
 
 def test_what_a_worker_keeps_is_taken_and_no_claim_is_left(warm):
@@ -134,27 +151,71 @@ def _is_gone(number):
         return True
 
 
+class Started:
+    """A process that is not started: what it was to run, and what it is told."""
+
+    def __init__(self, arguments):
+        self.arguments, self.stdin, self.ended = arguments, io.BytesIO(), None
+
+    def poll(self):
+        return self.ended
+
+    def told(self):
+        return self.stdin.getvalue().decode().split()
+
+
 @pytest.fixture
 def begun(monkeypatch):
-    """Processes that are started, as arguments."""
+    """Processes that are started."""
     started = []
-    monkeypatch.setattr(ahead, "_begun", False)
+
+    def start(arguments, **_):
+        started.append(Started(arguments))
+        return started[-1]
+
+    monkeypatch.setattr(ahead, "_alone", False)
+    monkeypatch.setattr(ahead, "_wanted", ["mesh"])
+    monkeypatch.setattr(ahead, "_told", 0)
     monkeypatch.setattr(ahead, "_helpers", [])
     monkeypatch.setattr(ahead, "_processors", lambda: 2)
     monkeypatch.setattr(ahead.atexit, "register", lambda end: None)
-    monkeypatch.setattr(ahead.subprocess, "Popen", lambda *args, **_: started.append(args))
+    monkeypatch.setattr(ahead.subprocess, "Popen", start)
     return started
 
 
-def test_one_processor_has_no_helper_two_have_one(begun, monkeypatch, tmp_path):
+def test_two_processors_have_one_helper_which_hears_what_is_wanted(begun, tmp_path):
     ahead.begin(tmp_path / "a" / "b")
-    assert len(begun) == 1
+    assert [each.told() for each in begun] == [["mesh"]]
+    ahead.want("surface")
+    assert [each.told() for each in begun] == [["mesh"]], "all may be kept: nothing is started"
     ahead.begin(tmp_path / "a" / "b")
-    assert len(begun) == 1, "and no second one"
-    monkeypatch.setattr(ahead, "_begun", False)
-    monkeypatch.setattr(ahead, "_processors", lambda: 1)
+    ahead.want("mesh")
     ahead.begin(tmp_path / "a" / "b")
-    assert len(begun) == 1
+    assert [each.told() for each in begun] == [["mesh", "surface"]], "and no second one"
+
+
+def test_a_helper_that_has_ended_has_a_successor(begun, tmp_path):
+    ahead.begin(tmp_path / "a" / "b")
+    begun[0].ended = 0
+    ahead.begin(tmp_path / "a" / "b")
+    assert len(begun) == 1, "it did what was wanted"
+    ahead.want("surface")
+    ahead.begin(tmp_path / "a" / "b")
+    assert [each.told() for each in begun] == [["mesh"], ["surface"]]
+
+
+@pytest.mark.parametrize("processors, helpers", [(1, 0), (2, 2), (8, 3)])
+def test_a_monitor_has_more_helpers(processors, helpers, begun, monkeypatch, tmp_path):
+    monkeypatch.setattr(ahead, "_processors", lambda: processors)
+    ahead.want(ahead.WATCHING)
+    ahead.begin(tmp_path / "a" / "b")
+    assert len(begun) == helpers
+
+
+def test_who_wants_nothing_has_no_helper(begun, monkeypatch, tmp_path):
+    monkeypatch.setattr(ahead, "_wanted", [])
+    ahead.begin(tmp_path / "a" / "b")
+    assert not begun
 
 
 @pytest.mark.parametrize("where", ["frozen", "another program", "nowhere"])
@@ -175,6 +236,28 @@ def test_a_process_that_cannot_be_started_is_no_error(begun, monkeypatch, tmp_pa
     monkeypatch.setattr(ahead.subprocess, "Popen", fails)
     ahead.begin(tmp_path / "a" / "b")
     assert ahead._helpers == []
+
+
+@pytest.mark.parametrize("wanted", ["surface", "solid of revolution"])
+def test_what_is_compiled_ahead_is_what_a_search_needs(wanted):
+    (kernels,) = [kernels for needs, kernels in foreseen.FORESEEN if needs == {wanted}]
+    parts, searches = [], []
+    for kernel, arguments in kernels():
+        types = tuple(map(typeof, arguments))
+        kernel.compile(types)
+        name = kernel._cache._name(types, kernel.targetctx.codegen())
+        (parts if kernel.py_func.__module__ == late.__name__ else searches).append(name)
+    for part, search in zip(parts, searches, strict=True):
+        assert needed(part) > {part}
+        assert needed(part) - {part} < needed(search), "it was compiled for other types"
+
+
+def needed(name):
+    """The names of a kept kernel and of all that it calls."""
+    (path,) = [each / name for each in cache.DIRECTORIES if (each / name).exists()]
+    with path.open("rb") as file:
+        below, _ = cache._read(file, name)
+    return {name}.union(*(needed(each) for each, _ in below))
 
 
 def test_a_worker_with_another_store_does_nothing(tmp_path):

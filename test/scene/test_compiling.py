@@ -37,9 +37,10 @@ inside = {"a": PoseSample(np.eye(4)), "b": PoseSample(np.eye(4))}
 monitor.tick(inside, 1.0)
 monitor.tick(inside, 1.0, distances=False)
 print(*sorted(loaded()))
-for kernel, arguments in ahead.kernels(True):
-    types = tuple(map(typeof, arguments))
-    print(kernel.py_func.__name__, types in kernel.overloads or [types, kernel.signatures])
+for wanted, kernels in ahead.FORESEEN:
+    for kernel, arguments in kernels() if wanted <= {"mesh", "watching"} else ():
+        types = tuple(map(typeof, arguments))
+        print(kernel.py_func.__name__, types in kernel.overloads or [types, kernel.signatures])
 """
 SCENE = """version: 1
 unit: m

@@ -45,6 +45,9 @@ needs."""
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
 
+_ASK_S = 1.0
+"""Budget of each question that is asked to compile what it needs."""
+
 
 class Single(NamedTuple):
     """A question about one pair."""
@@ -200,18 +203,29 @@ def prepare(assembly: Assembly) -> None:
     one_each = {
         (kinds[i], kinds[j]): (i, j) for i in range(len(models)) for j in range(i + 1, len(models))
     }
+    of_all = {"clearance": 0.0, "signed": True, "budget_s": _ASK_S}
     for pair in one_each.values() or [(0, 0)]:
-        assembly.distances(apart, [pair], clearance=0.0, signed=True, budget_s=1.0)
+        _compile(assembly.distances, apart, [pair], **of_all)
     # One solid of meshes and one of parametric surfaces, where there are any.
     solids = {are_divided(m._hierarchy): m for m in reversed(models) if m.is_solid}
     chosen = next(iter(solids.values()), models[0])
-    Pair(chosen, chosen).distance(near, far, rel_err=0.5, budget_s=1.0)
+    roughly = {"rel_err": 0.5, "budget_s": _ASK_S}
+    _compile(Pair(chosen, chosen).distance, near, far, **roughly)
     # Depths have kernels of their own, for each pair of kinds, and those of surfaces others yet.
     surfaces = {k: m for k, m in zip(kinds, models, strict=True) if not m.is_solid}
     for solid, other in combinations_with_replacement(solids.values(), 2):
         pair = Pair(solid, other)
-        pair.signed_distance(near, far, rel_err=0.5, budget_s=1.0)
-        pair.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
+        _compile(pair.signed_distance, near, far, **roughly)
+        _compile(pair.signed_distance, near, near, depth_err=math.inf, budget_s=_ASK_S)
     for solid, surface in product(solids.values(), surfaces.values()):
-        pair = Pair(solid, surface)
-        pair.signed_distance(near, near, depth_err=math.inf, budget_s=1.0)
+        ask = Pair(solid, surface).signed_distance
+        _compile(ask, near, near, depth_err=math.inf, budget_s=_ASK_S)
+
+
+def _compile(ask: Callable[..., object], *poses: object, **options: object) -> None:
+    """Ask until nothing is compiled any more: that uses up a budget before all has been needed."""
+    took = math.inf
+    while took > 2.0 * _ASK_S:
+        begun = perf_counter()
+        ask(*poses, **options)
+        took = perf_counter() - begun
