@@ -7,7 +7,13 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from proximity_monitor.display.received import Part, read_pairs, read_parts, read_poses
+from proximity_monitor.display.received import (
+    OfAnotherSceneError,
+    Part,
+    read_pairs,
+    read_parts,
+    read_poses,
+)
 from proximity_monitor.display.state import Frame, Health, Playing, SceneInfo
 
 _STAMP = slice(4, 12)  # in a serialised message that begins with a header
@@ -60,7 +66,7 @@ class Inbox:
         """Begin without messages."""
         self._lock = threading.Lock()
         self._news = News()
-        self._points = self._poses = self._parts = b""
+        self._pairs = self._poses = self._parts = b""
         self._matched: tuple[bytes, bytes, float] | None = None
         self._came = threading.Event()
 
@@ -75,10 +81,10 @@ class Inbox:
         with self._lock:
             self._news = replace(self._news, **changes)
 
-    def put_points(self, data: bytes) -> None:
-        """Take a serialised ~/closest_points."""
+    def put_pairs(self, data: bytes) -> None:
+        """Take a serialised ~/pairs."""
         with self._lock:
-            self._points = data
+            self._pairs = data
             self._match()
 
     def put_poses(self, data: bytes) -> None:
@@ -106,22 +112,25 @@ class Inbox:
     def forget(self) -> None:
         """Forget what belonged to another scene."""
         with self._lock:
-            self._points = self._poses = self._parts = b""
+            self._pairs = self._poses = self._parts = b""
             self._matched = None
             self._news = replace(self._news, parts=None, frame=None, unreadable={})
 
-    def wait(self, timeout_s: float) -> None:
-        """Wait until a tick has come that is not read yet, but no longer than so many seconds."""
-        self._came.wait(timeout_s)
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until a tick has come that is not read yet, but no longer than so many seconds.
+
+        Return whether one has come.
+        """
+        return self._came.wait(timeout_s)
 
     def read(self) -> News:
         """Return the news, after reading what came since the last call."""
         self._came.clear()
         with self._lock:
-            matched, self._matched = self._matched, None
+            matched, self._matched, scene = self._matched, None, self._news.scene
             parts, self._parts = self._parts, b""
-        if matched is not None:
-            self._take("tick", lambda: _tick(*matched))
+        if matched is not None and scene is not None:
+            self._take("tick", lambda: _tick(*matched, scene))
         if parts:
             self._take("parts", lambda: {"parts": read_parts(parts)})
         return self.news
@@ -129,6 +138,8 @@ class Inbox:
     def _take(self, kind: str, read: Callable[[], Mapping[str, object]]) -> None:
         try:
             found = read()
+        except OfAnotherSceneError:
+            return  # the scene's own message is under way, or the next tick is
         except ValueError as error:  # from a monitor of another version, or from no monitor at all
             self.judge(kind, str(error))
         else:
@@ -137,11 +148,11 @@ class Inbox:
 
     def _match(self) -> None:
         """A tick is complete when both messages with its stamp have come."""
-        if self._points[_STAMP] == self._poses[_STAMP] and self._points:
-            self._matched = (self._points, self._poses, time.monotonic())
+        if self._pairs[_STAMP] == self._poses[_STAMP] and self._pairs:
+            self._matched = (self._pairs, self._poses, time.monotonic())
             self._came.set()
 
 
-def _tick(points: bytes, poses: bytes, came_s: float) -> Mapping[str, object]:
-    stamp_s, pairs = read_pairs(points)
-    return {"frame": Frame(stamp_s, read_poses(poses)[1], pairs), "frame_at_s": came_s}
+def _tick(pairs: bytes, poses: bytes, came_s: float, scene: SceneInfo) -> Mapping[str, object]:
+    stamp_s, read = read_pairs(pairs, scene)
+    return {"frame": Frame(stamp_s, read_poses(poses)[1], read), "frame_at_s": came_s}

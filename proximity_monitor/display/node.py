@@ -11,6 +11,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
@@ -70,7 +71,7 @@ class ProximityDisplay(Node):
             return self.create_subscription(kind, f"{self.monitor}/{topic}", take, qos, raw=raw)
 
         hear(String, "scene", self._on_scene, _LATCHED)
-        hear(DiagnosticArray, "closest_points", inbox.put_points, _LATEST, raw=True)
+        hear(PointCloud2, "pairs", inbox.put_pairs, _LATEST, raw=True)
         hear(PoseArray, "poses", inbox.put_poses, _LATEST, raw=True)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self._to_monitor = self.create_client(

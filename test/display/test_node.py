@@ -46,6 +46,8 @@ SCENE = {
     "frame": "world",
     "unit": {"symbol": "mm", "to_metre": 0.001},
     "bodies": BODIES,
+    "checksum": 1,
+    "words": [],
     "deforming": [],
     "pairs": 1,
     "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
@@ -206,7 +208,7 @@ def test_a_tick_that_comes_is_shown_at_once(monkeypatch):
     thread.start()
     try:
         assert stepped.acquire(timeout=DEADLINE_S)
-        inbox.put_points(b"....stampxxx....")
+        inbox.put_pairs(b"....stampxxx....")
         inbox.put_poses(b"....stampxxx")
         assert stepped.acquire(timeout=DEADLINE_S)
     finally:

@@ -46,6 +46,8 @@ TOLD = {
         {"name": "b", "moving": True, "topic": "/bodies/b/pose", "point": False, "mesh": "2"},
         {"name": "c", "moving": True, "topic": None, "point": True, "mesh": "3"},
     ],
+    "checksum": 1,
+    "words": [],
     "deforming": [],
     "pairs": 2,
     "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
