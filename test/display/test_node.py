@@ -198,6 +198,7 @@ def test_what_fails_beside_the_page_ends_the_program_with_its_error(display):
 
 def test_a_tick_that_comes_is_shown_at_once(monkeypatch):
     monkeypatch.setattr(run, "FRAMES_HZ", 1e-4)
+    monkeypatch.setattr(run, "LEAST_S", 1e4)  # only ticks make later ticks wait
     inbox, stop, stepped = Inbox(), threading.Event(), threading.Semaphore(0)
 
     def step():

@@ -37,6 +37,15 @@ def test_the_banner_is_of_now_while_somebody_looks_back(page):
     assert words(page.all._banner).startswith("■ STOP now: &lt;i&gt;a - b: 10.000 mm")
 
 
+def test_a_part_s_numbers_do_not_wait_for_the_picture(page, monkeypatch):
+    page.move.pick("b")
+    page.tell(frame=frame(1.0, 0.3))
+    assert "300.000 mm" in words(page.move._near)
+    monkeypatch.setattr(page.all, "_draw", None)  # the picture never comes
+    page.tell(frame=frame(2.0, 0.2))
+    assert "200.000 mm" in words(page.move._near)
+
+
 def test_an_event_is_seen_as_it_was_even_where_the_session_was_thinned(page):
     for i in range(1, 10):
         page.tell(frame=frame(float(i), 0.01 * (i % 2) + 0.01, STOP * (i % 2), (HERE, i * THERE)))
