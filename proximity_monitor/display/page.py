@@ -28,7 +28,7 @@ from proximity_monitor.display.move import Move
 from proximity_monitor.display.pairs import as_pair, table
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.player_panel import PlayerPanel
-from proximity_monitor.display.portraits import Portraits
+from proximity_monitor.display.portraits import Portraits, Sitting
 from proximity_monitor.display.report_files import ReportFiles
 from proximity_monitor.display.save import Save
 from proximity_monitor.display.shared import Shared, Shown
@@ -70,6 +70,7 @@ class Page:
         self._lines: Lines | None = None
         self._labels: Labels | None = None
         self._drawn: tuple = ()
+        self._sat: Sitting | None = None
         self._all_placed = True
         self._due_s = self._table_due_s = self._fault_until_s = 0.0
         gui = client.gui
@@ -187,6 +188,9 @@ class Page:
         if drawn != self._drawn:
             self._drawn = drawn
             self._lines.show(frame.pairs, scene, choice)
+        if self._sat is not sitting:  # no picture may show a number of another moment
+            self._sat = sitting
+            self._labels.clear()
         labels = [*self._lines.labels, *self._parts.labels()]
         self._labels.show(labels, view, self._lines.tips, at_once=sitting is not None)
 
