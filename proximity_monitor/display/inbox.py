@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 from proximity_monitor.display.received import (
     OfAnotherSceneError,
@@ -15,6 +17,9 @@ from proximity_monitor.display.received import (
     read_poses,
 )
 from proximity_monitor.display.state import Frame, Health, Playing, SceneInfo
+
+UNREAD = 16
+"""How many ticks are kept until the page reads them; beyond it the oldest go."""
 
 _STAMP = slice(4, 12)  # in a serialised message that begins with a header
 
@@ -29,6 +34,8 @@ class News:
     """The last readable tick."""
     frame_at_s: float = float("-inf")
     """When it came, by the monotonic clock."""
+    passed: tuple[Frame, ...] = ()
+    """The readable ticks before it that came since the news before, the oldest first."""
     health: Health | None = None
     health_at_s: float = float("-inf")
     unreadable: Mapping[str, str] = field(default_factory=dict)
@@ -66,8 +73,10 @@ class Inbox:
         """Begin without messages."""
         self._lock = threading.Lock()
         self._news = News()
-        self._pairs = self._poses = self._parts = b""
-        self._matched: tuple[bytes, bytes, float] | None = None
+        self._parts = b""
+        self._pairs: dict[bytes, bytes] = {}  # by stamp, of ticks whose poses have not come
+        self._poses: dict[bytes, bytes] = {}
+        self._matched: deque[tuple[bytes, bytes, float]] = deque(maxlen=UNREAD)
         self._came = threading.Event()
 
     @property
@@ -84,14 +93,12 @@ class Inbox:
     def put_pairs(self, data: bytes) -> None:
         """Take a serialised ~/pairs."""
         with self._lock:
-            self._pairs = data
-            self._match()
+            self._match(data, self._pairs, self._poses)
 
     def put_poses(self, data: bytes) -> None:
         """Take a serialised ~/poses."""
         with self._lock:
-            self._poses = data
-            self._match()
+            self._match(data, self._poses, self._pairs)
 
     def put_parts(self, data: bytes) -> None:
         """Take a serialised ~/parts."""
@@ -112,9 +119,11 @@ class Inbox:
     def forget(self) -> None:
         """Forget what belonged to another scene."""
         with self._lock:
-            self._pairs = self._poses = self._parts = b""
-            self._matched = None
-            self._news = replace(self._news, parts=None, frame=None, unreadable={})
+            self._parts = b""
+            self._pairs.clear()
+            self._poses.clear()
+            self._matched.clear()
+            self._news = replace(self._news, parts=None, frame=None, passed=(), unreadable={})
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until a tick has come that is not read yet, but no longer than so many seconds.
@@ -127,30 +136,44 @@ class Inbox:
         """Return the news, after reading what came since the last call."""
         self._came.clear()
         with self._lock:
-            matched, self._matched, scene = self._matched, None, self._news.scene
+            matched, scene = tuple(self._matched), self._news.scene
+            self._matched.clear()
             parts, self._parts = self._parts, b""
-        if matched is not None and scene is not None:
-            self._take("tick", lambda: _tick(*matched, scene))
+        if scene is not None:
+            come = [
+                self.news.frame
+                for tick in matched
+                if self._take("tick", partial(_tick, *tick, scene))
+            ]
+            self.tell(passed=tuple(come[:-1]))
         if parts:
             self._take("parts", lambda: {"parts": read_parts(parts)})
         return self.news
 
-    def _take(self, kind: str, read: Callable[[], Mapping[str, object]]) -> None:
+    def _take(self, kind: str, read: Callable[[], Mapping[str, object]]) -> bool:
+        """Read a message; return whether it is news."""
         try:
             found = read()
         except OfAnotherSceneError:
-            return  # the scene's own message is under way, or the next tick is
+            return False  # the scene's own message is under way, or the next tick is
         except ValueError as error:  # from a monitor of another version, or from no monitor at all
             self.judge(kind, str(error))
-        else:
-            self.judge(kind, None)
-            self.tell(**found)
+            return False
+        self.judge(kind, None)
+        self.tell(**found)
+        return True
 
-    def _match(self) -> None:
+    def _match(self, data: bytes, own: dict[bytes, bytes], other: dict[bytes, bytes]) -> None:
         """A tick is complete when both messages with its stamp have come."""
-        if self._pairs[_STAMP] == self._poses[_STAMP] and self._pairs:
-            self._matched = (self._pairs, self._poses, time.monotonic())
-            self._came.set()
+        stamp = bytes(data[_STAMP])
+        if stamp not in other:
+            own[stamp] = data
+            while len(own) > UNREAD:
+                del own[next(iter(own))]
+            return
+        pairs, poses = (data, other.pop(stamp)) if own is self._pairs else (other.pop(stamp), data)
+        self._matched.append((pairs, poses, time.monotonic()))
+        self._came.set()
 
 
 def _tick(pairs: bytes, poses: bytes, came_s: float, scene: SceneInfo) -> Mapping[str, object]:

@@ -214,7 +214,8 @@ def test_a_tick_that_comes_is_shown_at_once(monkeypatch):
         assert stepped.acquire(timeout=DEADLINE_S)
     finally:
         stop.set()
-        inbox.put_poses(b"....stampxxx")
+        inbox.put_pairs(b"....stampyyy....")
+        inbox.put_poses(b"....stampyyy")
         thread.join()
 
 
