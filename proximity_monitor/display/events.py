@@ -110,12 +110,31 @@ class Events:
 
 
 def _changed(before: Pairs, after: Pairs) -> list[PairName]:
-    """Return the pairs whose state may have changed."""
+    """Return the pairs whose state may have changed; those beyond their range are clear."""
     if before.names == after.names:
-        same = (before.level == after.level) & (before.status == after.status)
-        same &= before.touching == after.touching
-        return [after.names[i] for i in np.flatnonzero(~same)]
-    return list(dict.fromkeys((*before.names, *after.names)))
+        return [after.names[i] for i in np.flatnonzero(_differ(before, after, slice(None)))]
+    known = (before.places.get(name, -1) for name in after.names)
+    was = np.fromiter(known, int, len(after))
+    came = was < 0
+    changed = came & _unclear(after)
+    changed[~came] = _differ(before, after, ~came, was[~came])
+    gone = (before.names[i] for i in np.flatnonzero(_unclear(before)))
+    return [
+        *(name for name in gone if name not in after.places),
+        *(after.names[i] for i in np.flatnonzero(changed)),
+    ]
+
+
+def _unclear(pairs: Pairs) -> np.ndarray:
+    return (pairs.level != 0) | pairs.touching
+
+
+def _differ(
+    before: Pairs, after: Pairs, now: np.ndarray | slice, was: np.ndarray | slice = slice(None)
+) -> np.ndarray:
+    """Return whether what decides on a sign differs between rows of two ticks."""
+    same = (before.level[was] == after.level[now]) & (before.status[was] == after.status[now])
+    return ~(same & (before.touching[was] == after.touching[now]))
 
 
 def _sign(pairs: Pairs, pair: PairName, scene: SceneInfo) -> Sign:

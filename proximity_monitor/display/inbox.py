@@ -4,11 +4,22 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
-from proximity_monitor.display.received import Part, read_pairs, read_parts, read_poses
+from proximity_monitor.display.received import (
+    OfAnotherSceneError,
+    Part,
+    read_pairs,
+    read_parts,
+    read_poses,
+)
 from proximity_monitor.display.state import Frame, Health, Playing, SceneInfo
+
+UNREAD = 16
+"""How many ticks are kept until the page reads them; beyond it the oldest go."""
 
 _STAMP = slice(4, 12)  # in a serialised message that begins with a header
 
@@ -23,6 +34,8 @@ class News:
     """The last readable tick."""
     frame_at_s: float = float("-inf")
     """When it came, by the monotonic clock."""
+    passed: tuple[Frame, ...] = ()
+    """The readable ticks before it that came since the news before, the oldest first."""
     health: Health | None = None
     health_at_s: float = float("-inf")
     unreadable: Mapping[str, str] = field(default_factory=dict)
@@ -60,8 +73,10 @@ class Inbox:
         """Begin without messages."""
         self._lock = threading.Lock()
         self._news = News()
-        self._points = self._poses = self._parts = b""
-        self._matched: tuple[bytes, bytes, float] | None = None
+        self._parts = b""
+        self._pairs: dict[bytes, bytes] = {}  # by stamp, of ticks whose poses have not come
+        self._poses: dict[bytes, bytes] = {}
+        self._matched: deque[tuple[bytes, bytes, float]] = deque(maxlen=UNREAD)
         self._came = threading.Event()
 
     @property
@@ -75,17 +90,15 @@ class Inbox:
         with self._lock:
             self._news = replace(self._news, **changes)
 
-    def put_points(self, data: bytes) -> None:
-        """Take a serialised ~/closest_points."""
+    def put_pairs(self, data: bytes) -> None:
+        """Take a serialised ~/pairs."""
         with self._lock:
-            self._points = data
-            self._match()
+            self._match(data, self._pairs, self._poses)
 
     def put_poses(self, data: bytes) -> None:
         """Take a serialised ~/poses."""
         with self._lock:
-            self._poses = data
-            self._match()
+            self._match(data, self._poses, self._pairs)
 
     def put_parts(self, data: bytes) -> None:
         """Take a serialised ~/parts."""
@@ -106,42 +119,63 @@ class Inbox:
     def forget(self) -> None:
         """Forget what belonged to another scene."""
         with self._lock:
-            self._points = self._poses = self._parts = b""
-            self._matched = None
-            self._news = replace(self._news, parts=None, frame=None, unreadable={})
+            self._parts = b""
+            self._pairs.clear()
+            self._poses.clear()
+            self._matched.clear()
+            self._news = replace(self._news, parts=None, frame=None, passed=(), unreadable={})
 
-    def wait(self, timeout_s: float) -> None:
-        """Wait until a tick has come that is not read yet, but no longer than so many seconds."""
-        self._came.wait(timeout_s)
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until a tick has come that is not read yet, but no longer than so many seconds.
+
+        Return whether one has come.
+        """
+        return self._came.wait(timeout_s)
 
     def read(self) -> News:
         """Return the news, after reading what came since the last call."""
         self._came.clear()
         with self._lock:
-            matched, self._matched = self._matched, None
+            matched, scene = tuple(self._matched), self._news.scene
+            self._matched.clear()
             parts, self._parts = self._parts, b""
-        if matched is not None:
-            self._take("tick", lambda: _tick(*matched))
+        if scene is not None:
+            come = [
+                self.news.frame
+                for tick in matched
+                if self._take("tick", partial(_tick, *tick, scene))
+            ]
+            self.tell(passed=tuple(come[:-1]))
         if parts:
             self._take("parts", lambda: {"parts": read_parts(parts)})
         return self.news
 
-    def _take(self, kind: str, read: Callable[[], Mapping[str, object]]) -> None:
+    def _take(self, kind: str, read: Callable[[], Mapping[str, object]]) -> bool:
+        """Read a message; return whether it is news."""
         try:
             found = read()
+        except OfAnotherSceneError:
+            return False  # the scene's own message is under way, or the next tick is
         except ValueError as error:  # from a monitor of another version, or from no monitor at all
             self.judge(kind, str(error))
-        else:
-            self.judge(kind, None)
-            self.tell(**found)
+            return False
+        self.judge(kind, None)
+        self.tell(**found)
+        return True
 
-    def _match(self) -> None:
+    def _match(self, data: bytes, own: dict[bytes, bytes], other: dict[bytes, bytes]) -> None:
         """A tick is complete when both messages with its stamp have come."""
-        if self._points[_STAMP] == self._poses[_STAMP] and self._points:
-            self._matched = (self._points, self._poses, time.monotonic())
-            self._came.set()
+        stamp = bytes(data[_STAMP])
+        if stamp not in other:
+            own[stamp] = data
+            while len(own) > UNREAD:
+                del own[next(iter(own))]
+            return
+        pairs, poses = (data, other.pop(stamp)) if own is self._pairs else (other.pop(stamp), data)
+        self._matched.append((pairs, poses, time.monotonic()))
+        self._came.set()
 
 
-def _tick(points: bytes, poses: bytes, came_s: float) -> Mapping[str, object]:
-    stamp_s, pairs = read_pairs(points)
-    return {"frame": Frame(stamp_s, read_poses(poses)[1], pairs), "frame_at_s": came_s}
+def _tick(pairs: bytes, poses: bytes, came_s: float, scene: SceneInfo) -> Mapping[str, object]:
+    stamp_s, read = read_pairs(pairs, scene)
+    return {"frame": Frame(stamp_s, read_poses(poses)[1], read), "frame_at_s": came_s}

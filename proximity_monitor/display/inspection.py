@@ -74,12 +74,13 @@ class Inspect:
     def show(
         self, frame: Frame, parts: Sequence[Part], now_s: float, *, plain: bool = False
     ) -> None:
-        """Cut the parts where they are now, or colour them by clearance unless they are plain."""
+        """Cut the parts where they are now, or colour them by clearance, unless they are plain."""
         self._frame = frame
         looks = {} if plain else self._choice.looks
         wanted = [name for name, look in looks.items() if look.bands]
         self._banding.show(frame, parts, wanted, now_s)
         self._legend.content = self._banding.legend()
+        self._section.lift(plain)
         if self._section.plane is not None:
             self._section.show(View.of(self._client.camera), now_s)
 

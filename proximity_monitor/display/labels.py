@@ -155,6 +155,13 @@ class Labels:
         if leaders:
             self._leaders.points = np.array(leaders, np.float32)
 
+    def clear(self) -> None:
+        """Remove all labels. A label that changes its text shows the old one for some frames."""
+        for node in self._nodes:
+            node.remove()
+        self._nodes, self._drawn = [], ()
+        self._leaders.visible = False
+
     def _node(self, i: int) -> viser.LabelHandle:
         if i == len(self._nodes):
             name = f"{self._under}/label_{i}"

@@ -63,7 +63,8 @@ def shown_rows(pairs: Pairs, choice: Choice) -> np.ndarray:
     rows = np.flatnonzero(wanted)
     rows = rows[np.argsort(pairs.lower[rows], kind="stable")]
     near = np.arange(len(rows)) < choice.lines
-    near |= np.array([choice.body in pairs.names[i] for i in rows], bool)
+    if choice.body is not None:
+        near |= np.array([choice.body in pairs.names[i] for i in rows], bool)
     return rows[near | (pairs.level[rows] != 0) | pairs.touching[rows]]
 
 

@@ -11,6 +11,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
@@ -23,6 +24,8 @@ HELD_HZ = 40.0
 """Seconds between two publications of held bodies' poses."""
 
 _LATEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+_EACH = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+"""Of ticks: each counts for the smallest clearances and the events, also where none is shown."""
 _LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
@@ -70,8 +73,8 @@ class ProximityDisplay(Node):
             return self.create_subscription(kind, f"{self.monitor}/{topic}", take, qos, raw=raw)
 
         hear(String, "scene", self._on_scene, _LATCHED)
-        hear(DiagnosticArray, "closest_points", inbox.put_points, _LATEST, raw=True)
-        hear(PoseArray, "poses", inbox.put_poses, _LATEST, raw=True)
+        hear(PointCloud2, "pairs", inbox.put_pairs, _EACH, raw=True)
+        hear(PoseArray, "poses", inbox.put_poses, _EACH, raw=True)
         self.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         self._to_monitor = self.create_client(
             SetParametersAtomically, f"{self.monitor}/set_parameters_atomically"

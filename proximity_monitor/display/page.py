@@ -28,7 +28,7 @@ from proximity_monitor.display.move import Move
 from proximity_monitor.display.pairs import as_pair, table
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.player_panel import PlayerPanel
-from proximity_monitor.display.portraits import Portraits
+from proximity_monitor.display.portraits import Portraits, Sitting
 from proximity_monitor.display.report_files import ReportFiles
 from proximity_monitor.display.save import Save
 from proximity_monitor.display.shared import Shared, Shown
@@ -70,6 +70,7 @@ class Page:
         self._lines: Lines | None = None
         self._labels: Labels | None = None
         self._drawn: tuple = ()
+        self._sat: Sitting | None = None
         self._all_placed = True
         self._due_s = self._table_due_s = self._fault_until_s = 0.0
         gui = client.gui
@@ -106,13 +107,18 @@ class Page:
             )
 
     def step(self, news: News, told: Connection, now_s: float) -> None:
-        """Bring the page up to date: one block of changes."""
+        """Bring the page up to date; the part in the hand and its numbers come first."""
         with self._client.atomic():
             self._pill.content = pill(told, self._choice, self._session.span_s[1])
             if news.complete:
-                self._show(news, told, now_s)
+                self._begin_step(news)
             else:
                 self._banner.content = ""  # it spoke of the previous scene
+        if news.complete:
+            if self._choice.body is not None:
+                self._client.flush()
+            with self._client.atomic():
+                self._show(news, told, now_s)
         self._client.flush()  # else it waits for what else may come
 
     def admit(self, fault: str, now_s: float) -> None:
@@ -124,22 +130,26 @@ class Page:
         elif now_s >= self._fault_until_s and self._fault.content:
             self._fault.content = ""
 
-    def _show(self, news: News, told: Connection, now_s: float) -> None:
+    def _begin_step(self, news: News) -> None:
+        """Take the news, and tell about the part at the gizmo."""
         scene, before = news.scene, self._shown
         if before is None or before.scene.key != scene.key:
             self._build(news)
         elif news.parts is not before.parts:
             self._parts.reshape(news.parts, scene.deforming)
-        at, choice = self._choice.at_s, self._choice
+        at = self._choice.at_s
         frame = news.frame if at is None else self._at(at)
         self._shown = Shown(scene, frame, news.parts, news.frame)
         self._portraits.follow()
-        self._draw(frame, news.scene)
+        self._move.show(frame, news)
+
+    def _show(self, news: News, told: Connection, now_s: float) -> None:
+        scene, frame, choice = news.scene, self._shown.frame, self._choice
+        self._draw(frame, scene)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
         sitting = self._portraits.sitting is not None
         self._inspect.show(frame, news.parts, now_s, plain=sitting)
-        self._move.show(frame, news)
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told)
@@ -178,6 +188,9 @@ class Page:
         if drawn != self._drawn:
             self._drawn = drawn
             self._lines.show(frame.pairs, scene, choice)
+        if self._sat is not sitting:  # no picture may show a number of another moment
+            self._sat = sitting
+            self._labels.clear()
         labels = [*self._lines.labels, *self._parts.labels()]
         self._labels.show(labels, view, self._lines.tips, at_once=sitting is not None)
 

@@ -87,10 +87,12 @@ class Pages:
             shared.events.clear()
             shared.holds.release()  # bodies held since the scene came belong to the previous one
         self._scene = news.scene
-        if news.frame is not shared.session.newest:
-            if shared.session.span_s[1] > news.frame.stamp_s:
+        for frame in (*news.passed, news.frame):  # no tick is lost, but only the last is shown
+            if frame is shared.session.newest or len(frame.poses) != len(news.scene.moving):
+                continue
+            if shared.session.span_s[1] > frame.stamp_s:
                 shared.events.clear()  # the clock went back, and a new session begins
-            shared.session.add(news.frame, keep=shared.events.note(news.frame, news.scene))
+            shared.session.add(frame, keep=shared.events.note(frame, news.scene))
         shared.tried.note(news.scene, news.frame, news.health)
         shared.conflicts.follow(news.scene, time.monotonic())
         if shared.conflicts.problem not in ("", self._problem):

@@ -19,6 +19,10 @@ from proximity_monitor.display.view import View, facing
 SIZE = (960, 600)
 """Pixels of a picture at most."""
 
+TRIAL, TRIALS = (8, 8), 2
+"""Pixels and number of pictures that are thrown away. A browser adds and removes meshes a frame
+after it is told to, and labels two frames after; once it has answered these, it has done so."""
+
 PATIENCE_S = 30.0
 """Seconds after which a browser that has sent no picture will send none."""
 
@@ -78,20 +82,26 @@ class Portraits:
             try:
                 if not self._is_shown.wait(PATIENCE_S):
                     raise TimeoutError("the page did not show the moment")
-                image = self._client.get_render(
-                    height,
-                    width,
-                    position=view.position,
-                    wxyz=viser.transforms.SO3.from_matrix(view.axes.T).wxyz,
-                    fov=2.0 * math.atan(height / (2.0 * view.focal)),
-                    transport_format="png",
-                    timeout=PATIENCE_S,
-                )
+                for _ in range(TRIALS):
+                    self._render(view, TRIAL)
+                image = self._render(view, (width, height))
             finally:
                 self.sitting = None
                 self._hide_gizmo(False)
         opaque = image[..., 3:] / 255.0
         return np.round(image[..., :3] * opaque + 255.0 * (1.0 - opaque)).astype(np.uint8)
+
+    def _render(self, view: View, size: tuple[int, int]) -> np.ndarray:
+        width, height = size
+        return self._client.get_render(
+            height,
+            width,
+            position=view.position,
+            wxyz=viser.transforms.SO3.from_matrix(view.axes.T).wxyz,
+            fov=2.0 * math.atan(height / (2.0 * view.focal)),
+            transport_format="png",
+            timeout=PATIENCE_S,
+        )
 
 
 def _aimed(

@@ -2,86 +2,149 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from proximity_monitor.cdr import Reader, from_octahedral
-from proximity_monitor.display.state import LEVELS, STATUSES, Pairs, shared
+from proximity_monitor.display.state import (
+    LEVELS,
+    STALE,
+    STATUSES,
+    STOP,
+    WARN,
+    PairNames,
+    Pairs,
+    SceneInfo,
+)
+from proximity_monitor.scene.state import silence
 
-_LEVEL = {name.encode(): i for i, name in enumerate(LEVELS)}
-_STATUS = {name.encode(): i for i, name in enumerate(STATUSES)}
-_SILENT = re.compile(r"no (recent|new|[\w ]+ yet)\b.* of .*")
-_NOWHERE = b"nan nan nan"
+_KINDS = {2: "u1", 4: "u2", 5: "i4", 6: "u4", 8: "f8"}
+"""Of the numbers in a cloud, by the codes of `sensor_msgs/PointField`."""
+
+_POINTS = ("x", "y", "z", "x_b", "y_b", "z_b")
+_READ = {
+    *_POINTS, "lower", "upper", "age_s", "stamp", "status", "level", "a", "b", "checksum",
+    "silent_a", "silent_b", "on_a", "on_b", "element_a", "element_b",
+    "u_a", "v_a", "w_a", "u_b", "v_b", "w_b",
+}  # fmt: skip
 
 
-def read_pairs(data: bytes) -> tuple[float, Pairs]:
-    """Read ~/closest_points, a serialised DiagnosticArray.
+class OfAnotherSceneError(ValueError):
+    """A message belongs to another scene than the one that is known."""
+
+
+def read_pairs(data: bytes, scene: SceneInfo) -> tuple[float, Pairs]:
+    """Read ~/pairs, a serialised PointCloud2.
 
     Returns:
         The stamp of the tick in seconds, and its pairs.
 
     Raises:
+        OfAnotherSceneError: its bodies are not those of `scene`.
         ValueError: it is not what a monitor publishes.
     """
     reader = Reader(data)
     stamp_s = reader.stamp_s()
     reader.text()
-    names, silent, told = [], [], []
-    for _ in range(reader.count()):
-        reader.byte()
-        a, _, b = reader.text().partition(" - ")
-        names.append((a, b))
-        message = reader.text()
-        found = _SILENT.search(message)
-        silent.append(found[0] if found else "")
-        reader.text()
-        told.append(_values(reader))
+    height, count = reader.count(), reader.count()
+    rows = _rows(reader, height * count)
     try:
-        numbers = np.array(
-            [
-                (*map(float, (t[b"lower_m"], t[b"upper_m"], t[b"age_s"], t[b"stamp"])),
-                 _code(_STATUS, t[b"status"]), _code(_LEVEL, t[b"state"]))
-                for t in told
-            ]
-        ).reshape(-1, 6)  # fmt: skip
-        points = b" ".join(t[key] or _NOWHERE for t in told for key in (b"point_a", b"point_b"))
-        places = np.array(points.split(), float).reshape(-1, 2, 3)
-    except KeyError as error:
-        raise ValueError(f"a pair of ~/closest_points has no {error}") from error
-    lower, upper, age, stamp, status, level = numbers.T
-    features = {
-        i: (t[b"feature_a"].decode(), t[b"feature_b"].decode())
-        for i, t in enumerate(told)
-        if b"feature_a" in t and b"feature_b" in t
-    }
-    return stamp_s, Pairs(
-        shared(tuple(names)), lower, upper, places, status.astype(np.int8), level.astype(np.int8),
-        age, stamp, tuple(silent), features,
-    )  # fmt: skip
+        if (rows["checksum"] != scene.checksum).any():
+            raise OfAnotherSceneError("~/pairs is of another scene than ~/scene")
+        bodies = np.stack((rows["a"], rows["b"]), axis=1)
+        names = _names(scene.names, bodies.astype("<u4").tobytes())
+        status, level = rows["status"].astype(np.int8), rows["level"].astype(np.int8)
+        if (status >= len(STATUSES)).any() or (level >= len(LEVELS)).any():
+            raise ValueError("a pair of ~/pairs has a level or a status that is not known")
+        lower, upper, age, stamp = (
+            rows[name].astype(np.float64) for name in ("lower", "upper", "age_s", "stamp")
+        )
+        points = np.stack([rows[name] for name in _POINTS], axis=1).reshape(-1, 2, 3)
+        silent = _silent(rows, names, level, scene.words)
+        features = _features(rows, level, scene.words)
+    except IndexError as error:
+        raise ValueError(f"~/pairs is not what is read here: {error}") from error
+    return stamp_s, Pairs(names, lower, upper, points, status, level, age, stamp, silent, features)
 
 
-def _code(codes: Mapping[bytes, int], word: bytes) -> int:
-    code = codes.get(word)
-    if code is None:
-        raise ValueError(f"{word.decode()} of a pair of ~/closest_points is not known")
-    return code
+def _rows(reader: Reader, count: int) -> np.ndarray:
+    """Return the points of a cloud as records (count,), by its own account of its fields."""
+    names, kinds, offsets = [], [], []
+    for _ in range(reader.count()):
+        names.append(reader.text())
+        offsets.append(reader.count())
+        kind = reader.byte()
+        reader.count()  # how many numbers: one
+        kinds.append(_KINDS.get(kind))
+    order = ">" if reader.byte() else "<"
+    size = reader.count()
+    reader.count()  # bytes of a row
+    if missing := _READ.difference(names):
+        raise ValueError(f"~/pairs has no {', '.join(sorted(missing))}")
+    if None in kinds or reader.count() != size * count:
+        raise ValueError("the fields of ~/pairs are not those that are read here")
+    formats = [f"{order}{kind}" for kind in kinds]
+    layout = {"names": names, "formats": formats, "offsets": offsets, "itemsize": size}
+    return np.frombuffer(reader.data, np.dtype(layout), count, reader.at)
 
 
-def _values(reader: Reader) -> dict[bytes, bytes]:
-    """Read the named values of a pair without decoding, because they are most of the bytes."""
-    data, count, found = reader.data, reader.count, {}
-    for _ in range(count()):
-        length = count()
-        at = reader.at
-        reader.at = at + length
-        key = data[at : at + length - 1]
-        length = count()
-        at = reader.at
-        reader.at = at + length
-        found[key] = data[at : at + length - 1]
+@lru_cache(maxsize=16)
+def _names(bodies: Sequence[str], places: bytes) -> PairNames:
+    """Return the pairs' names: one object for the same pairs, as most ticks share them."""
+    known, count = _known(bodies), len(bodies)
+    a, b = np.frombuffer(places, "<u4").reshape(-1, 2).T.astype(np.int64)
+    if len(a) and max(a.max(), b.max()) >= count:
+        raise IndexError("it tells of a body that the scene does not have")
+    return tuple(
+        known.get(code) or known.setdefault(code, (bodies[code // count], bodies[code % count]))
+        for code in (a * count + b).tolist()
+    )
+
+
+@lru_cache(maxsize=2)
+def _known(bodies: Sequence[str]) -> dict[int, tuple[str, str]]:
+    """Return the names of the scene's pairs that ticks listed: the same objects for each tick."""
+    return {}
+
+
+def _silent(
+    rows: np.ndarray, names: PairNames, level: np.ndarray, words: Sequence[str]
+) -> tuple[str, ...]:
+    """Return for each pair why its bodies are silent."""
+    found = [""] * len(rows)
+    for i in np.flatnonzero(level == STALE).tolist():
+        codes = rows["silent_a"][i], rows["silent_b"][i]
+        told = {
+            name: _word(code, words, "no news")
+            for name, code in zip(names[i], codes, strict=True)
+            if code
+        }
+        found[i] = silence(told, told)
+    return tuple(found)
+
+
+def _features(
+    rows: np.ndarray, level: np.ndarray, words: Sequence[str]
+) -> Mapping[int, tuple[str, str]]:
+    """Return on what the closest points lie, by row, where that is told."""
+    near = (level == WARN) | (level == STOP)
+    found = {}
+    for i in np.flatnonzero(near & (rows["element_a"] >= 0)).tolist():
+        row, told = rows[i], []
+        for side in "ab":
+            where = [row[f"{axis}_{side}"] for axis in "uvw"]
+            numbers = (f"{value:.9g}" for value in where if not np.isnan(value))
+            kind = _word(row[f"on_{side}"], words, "element")
+            told.append(" ".join((kind, str(row[f"element_{side}"]), *numbers)))
+        found[i] = (told[0], told[1])
     return found
+
+
+def _word(code: int, words: Sequence[str], otherwise: str) -> str:
+    """Return what a number stands for; a new word may come a moment later, with ~/scene."""
+    return words[code - 1] if 0 < code <= len(words) else otherwise
 
 
 def read_poses(data: bytes) -> tuple[float, np.ndarray]:

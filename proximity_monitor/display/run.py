@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 import threading
@@ -24,10 +25,14 @@ FRAMES_HZ = 25.0
 """Updates of the page a second at least."""
 
 LEAST_S = 0.02
-"""Seconds between the begins of two updates at least, however often the monitor ticks."""
+"""Seconds between the begins of two updates by ticks at least, however often the monitor ticks."""
 
 FAREWELL_S = 1.0
 """Seconds for a player to hear that nothing is held here any more."""
+
+SWITCH_S = 0.001
+"""Seconds for which a thread of Python may keep the others waiting, a fifth of the usual: a drag
+passes through those of the server, of ROS and of the page."""
 
 _IDLE_S = 0.1
 
@@ -35,6 +40,7 @@ _IDLE_S = 0.1
 def main(args: Sequence[str] | None = None) -> int:
     """Run the display until SIGINT, SIGTERM or ROS shuts down; return 1 if it cannot start."""
     stop = threading.Event()
+    sys.setswitchinterval(SWITCH_S)
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, lambda *_: stop.set())
@@ -87,11 +93,17 @@ def _spin(node: ProximityDisplay, holds: Holds, stop: threading.Event) -> None:
 
 def _frames(pages: Pages, inbox: Inbox, stop: threading.Event) -> None:
     """Update the page as soon as a tick has come, and regularly without."""
+    # What exists now, a hundred thousand objects of libraries, stays to the end: a collection that
+    # searches them takes as long as some ticks.
+    gc.collect()
+    gc.freeze()
+    came = False
     while not stop.is_set():
         began = time.monotonic()
         pages.step()
-        stop.wait(began + LEAST_S - time.monotonic())
-        inbox.wait(began + 1.0 / FRAMES_HZ - time.monotonic())
+        if came:  # a tick does not wait because of an update without one
+            stop.wait(began + LEAST_S - time.monotonic())
+        came = inbox.wait(began + 1.0 / FRAMES_HZ - time.monotonic())
 
 
 def _say_where(node: ProximityDisplay, server) -> None:

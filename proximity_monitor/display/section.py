@@ -135,6 +135,7 @@ class Section:
         self._due_s = -math.inf
         self._nodes: dict[str, list[viser.SceneNodeHandle]] = {}
         self._made: dict[str, tuple] = {}
+        self._lifted = False
         self.plane: Plane | None = None
 
     def aim(self, plane: Plane | None) -> None:
@@ -142,12 +143,17 @@ class Section:
         self.plane = plane
         self._due_s = -math.inf
         if plane is None:
-            for view in self._parts.shown():
-                self._clear(view)
+            self._clear_all()
+
+    def lift(self, lifted: bool) -> None:
+        """Show whole parts for as long as it is lifted; the plane stays where it is."""
+        if lifted != self._lifted:
+            self._lifted, self._due_s = lifted, -math.inf
+            self._clear_all()
 
     def show(self, view: View, now_s: float) -> None:
         """Cut the parts where they are now."""
-        if self.plane is None or now_s < self._due_s:
+        if self.plane is None or self._lifted or now_s < self._due_s:
             return
         self._due_s = now_s + EVERY_S
         distance = float(np.linalg.norm(view.position - self.plane.middle))
@@ -195,6 +201,10 @@ class Section:
             if len(triangles):
                 left = vertices[triangles].reshape(-1, 3)
                 yield view.coloured(self._api, f"{view.frame.name}/cut_{i}", left, colour)
+
+    def _clear_all(self) -> None:
+        for view in self._parts.shown():
+            self._clear(view)
 
     def _clear(self, view: PartView) -> None:
         self._made.pop(view.name, None)

@@ -9,8 +9,9 @@ from collections.abc import Collection
 import numpy as np
 
 from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.smallest import Smallest
 from proximity_monitor.display.snapshot import Snapshot
-from proximity_monitor.display.state import STALE, Frame, PairNames, Pairs
+from proximity_monitor.display.state import Frame, Pairs
 
 PERIOD_S = 0.1
 """Least seconds between two kept ticks."""
@@ -35,8 +36,7 @@ class Session:
         self._period_s = PERIOD_S
         # By pair and ignored pairs: stamp, lower and upper bound of each kept frame.
         self._curves: dict[tuple[PairName | None, frozenset[PairName]], array] = {}
-        self._worst: dict[PairName, Snapshot] = {}
-        self._least: tuple[PairNames, np.ndarray] = ((), np.zeros(0))  # upper bounds, of pairs
+        self._smallest = Smallest()
         self.newest: Frame | None = None
         """The last added frame, kept or not."""
 
@@ -50,7 +50,7 @@ class Session:
         if self._frames and frame.stamp_s < self._frames[-1].stamp_s:
             self.clear()
         self.newest = frame
-        self._note_worst(frame)
+        self._smallest.note(frame)
         due_s = self._frames[-1].stamp_s + self._period_s if self._frames else -np.inf
         if frame.stamp_s < due_s and not keep:
             return
@@ -70,8 +70,7 @@ class Session:
 
     def forget_worst(self) -> None:
         """Begin the smallest clearances anew."""
-        self._worst.clear()
-        self._least = ((), np.zeros(0))
+        self._smallest.clear()
 
     @property
     def thinned_s(self) -> float | None:
@@ -102,16 +101,13 @@ class Session:
     ) -> tuple[PairName, Snapshot] | None:
         """Return the smallest clearance of a pair, or of all that are not ignored."""
         if pair is not None:
-            found = self._worst.get(pair)
+            found = self._smallest.of(pair)
             return None if found is None else (pair, found)
-        watched = [
-            (name, worst) for name, worst in list(self._worst.items()) if name not in ignored
-        ]
-        return min(watched, key=lambda each: each[1].upper, default=None)
+        return self._smallest.least(ignored)
 
     def worst_of_each(self) -> dict[PairName, Snapshot]:
         """Return the smallest clearance of each pair that had one."""
-        return dict(self._worst)
+        return self._smallest.each()
 
     def series(
         self, pair: PairName | None = None, ignored: Collection[PairName] = ()
@@ -146,19 +142,6 @@ class Session:
         self._bytes = sum(map(_size, self._frames))
         self._period_s *= 2.0
         self._curves.clear()
-
-    def _note_worst(self, frame: Frame) -> None:
-        pairs = frame.pairs
-        names, least = self._least
-        if pairs.names is not names:  # most ticks share them
-            known = (self._worst.get(name) for name in pairs.names)
-            uppers = (np.inf if worst is None else worst.upper for worst in known)
-            least = np.fromiter(uppers, float, len(pairs))
-            self._least = (pairs.names, least)
-        nearer = pairs.upper < least  # NaN is not
-        for i in np.flatnonzero(nearer & (pairs.level != STALE)):
-            least[i] = pairs.upper[i]
-            self._worst[pairs.names[i]] = Snapshot.of(frame, i)
 
 
 def _bounds(

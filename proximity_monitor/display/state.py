@@ -60,6 +60,10 @@ class SceneInfo:
     settings: Mapping[str, float | None]
     path: str = ""
     """Of the scene's file, on the monitor's machine."""
+    checksum: int = 0
+    """Of the bodies' names: ~/pairs of the same scene bears it."""
+    words: tuple[str, ...] = ()
+    """What the numbers in ~/pairs stand for."""
     attachments: Mapping[str, str] = field(default_factory=dict)
     """The parent's name by the child's, of bodies that move together."""
 
@@ -88,6 +92,8 @@ class SceneInfo:
                 own_parameters=told["own_parameters"],
                 settings=told["settings"],
                 path=told["path"],
+                checksum=told["checksum"],
+                words=tuple(told["words"]),
                 attachments=told["attachments"],
             )
         except (KeyError, TypeError, AttributeError) as error:
@@ -95,6 +101,11 @@ class SceneInfo:
                 f"~/scene is not what this version of the display reads ({error}): is the monitor"
                 " of the same version?"
             ) from error
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The names of all bodies."""
+        return tuple(body.name for body in self.bodies)
 
     @cached_property
     def moving(self) -> tuple[str, ...]:
@@ -126,12 +137,6 @@ class SceneInfo:
     @cached_property
     def _limits(self) -> dict[str, tuple]:
         return {}
-
-
-@lru_cache(maxsize=16)
-def shared(names: PairNames) -> PairNames:
-    """Return the same object for the same names, because most ticks of a session share them."""
-    return names
 
 
 @lru_cache(maxsize=16)

@@ -13,6 +13,7 @@ from geometry_msgs.msg import PoseArray
 from rclpy.duration import Duration
 from rclpy.lifecycle import LifecycleNode
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Float64, String
 from visualization_msgs.msg import MarkerArray
 
@@ -20,6 +21,7 @@ from proximity_monitor import engine
 from proximity_monitor.ros import messages
 from proximity_monitor.ros.looks import Looks
 from proximity_monitor.ros.markers import ClearanceMarkers
+from proximity_monitor.ros.pairs_message import PairsMessage
 from proximity_monitor.ros.parts import PartsMessage
 from proximity_monitor.ros.poses_message import PosesMessage
 from proximity_monitor.ros.qos import LATCHED, LATEST, Incompatible
@@ -27,7 +29,7 @@ from proximity_monitor.ros.scene_message import SceneMessage
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Level
-from proximity_monitor.scene.state import PoseSample, Tick
+from proximity_monitor.scene.state import PoseSample, Tick, as_arrays
 
 KEPT_ALERTS = 1000
 """How many alerts are kept for slow or late subscribers. No more of one tick are published, the
@@ -76,6 +78,7 @@ class Outputs:
         self._alerts = create(DiagnosticStatus, "alerts", alerts)
         self._clearance = create(Float64, "clearance", LATEST)
         self._closest = create(DiagnosticArray, "closest_points", LATEST)
+        self._pairs = create(PointCloud2, "pairs", LATEST)
         self._markers = create(MarkerArray, "markers", LATEST)
         self._parts = create(MarkerArray, "parts", LATCHED)
         self._poses = create(PoseArray, "poses", LATEST)
@@ -84,7 +87,9 @@ class Outputs:
         self._deforming: set[str] = set()
         moving = [body.name for body in scene.bodies if body.moving]
         self._poses_message = PosesMessage(moving, settings.frame)
+        self._pairs_message = PairsMessage([body.name for body in scene.bodies], settings.frame)
         self._points_wanted = self._clearance_wanted = self._marks_wanted = False
+        self._pairs_wanted = False
         self._message: PartsMessage | None = None
         self._looks = Looks()
         self._shown: dict[str, np.ndarray | None] = {}
@@ -109,9 +114,15 @@ class Outputs:
     def check_demand(self) -> bool:
         """Note who listens, for the next `publish`; return whether anybody wants distances."""
         self._points_wanted = self._closest.get_subscription_count() > 0
+        self._pairs_wanted = self._pairs.get_subscription_count() > 0
         self._clearance_wanted = self._clearance.get_subscription_count() > 0
         self._marks_wanted = self._settings.markers and self._markers.get_subscription_count() > 0
-        return self._points_wanted or self._clearance_wanted or self._marks_wanted
+        return (
+            self._points_wanted
+            or self._pairs_wanted
+            or self._clearance_wanted
+            or self._marks_wanted
+        )
 
     def publish(
         self,
@@ -142,6 +153,20 @@ class Outputs:
             self._send(
                 "alerts", self._alerts, messages.alert(change, stamp=stamp, frame=self._frame)
             )
+        if self._pairs_wanted:
+            words = len(self._pairs_message.words)
+            self._send(
+                "pairs",
+                self._pairs,
+                self._pairs_message.serialised(
+                    as_arrays(tick.pairs),
+                    levels,
+                    stamp=stamp,
+                    pose_stamp_ns=pose_stamp_ns,
+                    silent=silent,
+                ),
+            )
+            self._scene_is_new |= len(self._pairs_message.words) > words
         pairs = tuple(tick.pairs) if self._marks_wanted or self._points_wanted else ()
         if self._points_wanted:
             self._send(
@@ -185,7 +210,9 @@ class Outputs:
         """Publish the scene and the settings in force, if they changed."""
         if self._scene_is_new:
             self._scene_is_new = False
-            message = self._scene_message.message(self._settings, self._deforming)
+            message = self._scene_message.message(
+                self._settings, self._deforming, self._pairs_message.words
+            )
             self._send("scene", self._described, message)
 
     def publish_poses(self, samples: Mapping[str, PoseSample | None], stamp: Time) -> None:
@@ -212,7 +239,7 @@ class Outputs:
         with six processes on two cores.
         """
         until = time.monotonic() + LAST_WORD_S
-        for publisher in (self._closest, self._clearance, self._markers):
+        for publisher in (self._closest, self._pairs, self._clearance, self._markers):
             left_s = max(0.0, until - time.monotonic())
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 log = self._node.get_logger()

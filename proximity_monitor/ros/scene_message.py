@@ -1,8 +1,8 @@
 """The scene as a viewer on another machine needs it: ``~/scene``, latched, JSON in a String.
 
 JSON because common_interfaces has no type with named things of several kinds. All lengths are in
-metres; `unit` is the one that people read. It is published again when a setting in it changes, or
-when a body's control points arrive for the first time.
+metres; `unit` is the one that people read. It is published again when a setting in it changes, when
+a body's control points arrive for the first time, or when there is a new word.
 
 ==================  ===========================================================================
 ``name``            of the scene file, without its suffix; a bundled scene's is its folder's
@@ -13,6 +13,8 @@ when a body's control points arrive for the first time.
 ``bodies``          in the scene's order (that of the markers of ``~/parts``): ``name``,
                     ``moving``, ``topic`` (its full name) of its PoseStamped or null where none are
                     taken in, ``point``, whether it is a single point, and ``mesh``, a checksum
+``checksum``        of the bodies' names, CRC-32, which ``~/pairs`` bears too
+``words``           texts that ``~/pairs`` has numbers for; new ones are appended
 ``deforming``       names of the bodies whose control points have arrived since the start
 ``pairs``           how many are watched
 ``thresholds``      ``warn``, ``stop`` and ``hysteresis`` of the pairs that have none of their own
@@ -27,12 +29,13 @@ when a body's control points arrive for the first time.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 from std_msgs.msg import String
 
 from proximity_monitor import engine
+from proximity_monitor.ros.pairs_message import checksum
 from proximity_monitor.ros.scene_parameters import MAX_PAIRS, Settings
 from proximity_monitor.scene import Body, Scene, Thresholds
 from proximity_monitor.scene.description import Point
@@ -50,16 +53,20 @@ class SceneMessage:
         """Take the scene that is watched, its models, and what returns a topic's full name."""
         self._scene = scene
         self._bodies = [_body(body, models[body.name], full_name) for body in scene.bodies]
+        self._checksum = checksum([body.name for body in scene.bodies])
         self._own = [i for i, pair in enumerate(scene.pairs) if pair.own_thresholds]
         with_own = set(self._own)
         self._common = next((i for i in range(len(scene.pairs)) if i not in with_own), None)
 
-    def message(self, settings: Settings, deforming: Collection[str]) -> String:
+    def message(
+        self, settings: Settings, deforming: Collection[str], words: Sequence[str]
+    ) -> String:
         """Return the message.
 
         Args:
             settings: in force.
             deforming: bodies whose control points have arrived.
+            words: that ~/pairs has numbers for.
         """
         scene, limits = self._scene, settings.thresholds
         path, unit = scene.path, scene.unit
@@ -72,6 +79,8 @@ class SceneMessage:
             "bodies": [
                 body if settings.body_topics else body | {"topic": None} for body in self._bodies
             ],
+            "checksum": self._checksum,
+            "words": list(words),
             "deforming": sorted(deforming),
             "pairs": len(scene.pairs),
             "thresholds": _limits(

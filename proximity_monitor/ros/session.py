@@ -17,6 +17,7 @@ from rclpy.task import Future
 
 from proximity_monitor import engine
 from proximity_monitor.engine import compiling
+from proximity_monitor.motion.motion import counted
 from proximity_monitor.ros import spin
 from proximity_monitor.ros.cloud_bodies import CloudBodies
 from proximity_monitor.ros.diagnostics import Health, NodeState
@@ -365,7 +366,7 @@ class Session:
 
     def _reset_minima(self) -> str:
         self._monitor.reset_minima()
-        return f"forgot the minima of {len(self.scene.pairs)} pairs"
+        return f"forgot the minima of {counted(len(self.scene.pairs), 'pair', 'pairs')}"
 
     def _pause(self, wanted: bool) -> str:
         was, self._paused = self._paused, wanted

@@ -288,6 +288,20 @@ def test_each_change_of_state_is_an_event_and_nothing_else():
     assert events.at(3) is None
 
 
+def test_pairs_that_come_into_range_and_leave_it_are_events_if_they_are_not_clear():
+    scene, _ = scene_and_frame()
+    events, (ab, ca, bc) = Events(), (("a", "b"), ("c", "a"), ("b", "c"))
+    events.note(at(0.0, (1,), (0,), (ab,)), scene)
+    assert not events.note(at(1.0, (1, 1), (0, 0), (ca, bc)), scene)
+    assert events.note(at(2.0, (0.01, 1, 0.05), (STOP, 0, WARN), (ab, ca, bc)), scene)
+    assert [(e.pair, e.after.word) for e in events.all] == [(ab, "STOP"), (bc, "warn")]
+    assert events.note(at(3.0, (0.05, 1), (WARN, 0), (bc, ca)), scene)
+    assert [(e.pair, e.after.word) for e in events.all[2:]] == [(ab, "clear")]
+    assert events.note(at(4.0, (), (), ()), scene)
+    assert events.note(at(5.0, (0.01,), (STOP,), (ca,)), scene)
+    assert [(e.pair, e.after.word) for e in events.all[3:]] == [(bc, "clear"), (ca, "STOP")]
+
+
 def test_the_oldest_events_go_and_that_is_known(monkeypatch):
     monkeypatch.setattr(event_list, "MOST", 5)
     scene, _ = scene_and_frame()

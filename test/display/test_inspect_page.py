@@ -362,6 +362,37 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
     press(page, CHOSEN)
 
 
+def test_an_event_s_picture_shows_whole_parts_also_while_a_section_is_on(page, put, wait):
+    told, pictures, before = page.locator("#pm-event"), [], ""
+    picture = told.locator("img")
+    for cut in (False, True):
+        put(0, 0, -10)
+        wait(lambda: word(page) == "clear", "a clear scene")
+        put(0.046, 0, -10)
+        wait(lambda: "STOP" in word(page), "the peg to be too near")
+        if cut:
+            tab(page, "Clearances")
+            button(page, "Section through it").click()
+            wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/cut"), "the section")
+        tab(page, "Session")
+        stop = page.locator("#pm-events .pm-row", has_text="→ ■ STOP").first
+        stop.dispatch_event("pointerdown")
+        wait(lambda before=before: told.inner_text() not in ("", before), "the event")
+        wait(lambda: picture.count() and picture.evaluate(peg.WIDTH) > 200, "the picture")
+        before = told.inner_text()
+        png = picture.get_attribute("src").partition(",")[2]
+        pictures.append(decoded(base64.b64decode(png)).astype(int))
+        button(page, "Back to live").click()
+        wait(lambda: page.get_attribute("#pm-connection", "data-state") == "live", "the present")
+        tab(page, "Clearances")
+        press(page, CHOSEN)
+    whole, other = pictures
+    assert (np.abs(whole - other).max(axis=2) > 60).mean() < 0.005
+    wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/cut"), "the section to be back")
+    button(page, "Whole scene").click()
+    wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/1/cut"), "the whole block")
+
+
 def test_the_motion_is_sought_played_and_paused_from_the_page(page, wait):
     choose(page, "peg")
     release = button(page, "Let go: its own source moves it")
@@ -396,4 +427,4 @@ def test_the_smallest_clearances_begin_anew(put, page, wait):
     button(page, "Forget the smallest clearances").click()
     wait(lambda: "0.050 mm" in worst.inner_text(), "the present one")
     told = page.locator("#pm-reset")
-    wait(lambda: told.inner_text() == "the monitor forgot the minima of 1 pairs", "its answer")
+    wait(lambda: told.inner_text() == "the monitor forgot the minima of 1 pair", "its answer")

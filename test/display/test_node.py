@@ -46,6 +46,8 @@ SCENE = {
     "frame": "world",
     "unit": {"symbol": "mm", "to_metre": 0.001},
     "bodies": BODIES,
+    "checksum": 1,
+    "words": [],
     "deforming": [],
     "pairs": 1,
     "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
@@ -196,6 +198,7 @@ def test_what_fails_beside_the_page_ends_the_program_with_its_error(display):
 
 def test_a_tick_that_comes_is_shown_at_once(monkeypatch):
     monkeypatch.setattr(run, "FRAMES_HZ", 1e-4)
+    monkeypatch.setattr(run, "LEAST_S", 1e4)  # only ticks make later ticks wait
     inbox, stop, stepped = Inbox(), threading.Event(), threading.Semaphore(0)
 
     def step():
@@ -206,12 +209,13 @@ def test_a_tick_that_comes_is_shown_at_once(monkeypatch):
     thread.start()
     try:
         assert stepped.acquire(timeout=DEADLINE_S)
-        inbox.put_points(b"....stampxxx....")
+        inbox.put_pairs(b"....stampxxx....")
         inbox.put_poses(b"....stampxxx")
         assert stepped.acquire(timeout=DEADLINE_S)
     finally:
         stop.set()
-        inbox.put_poses(b"....stampxxx")
+        inbox.put_pairs(b"....stampyyy....")
+        inbox.put_poses(b"....stampyyy")
         thread.join()
 
 

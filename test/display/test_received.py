@@ -9,9 +9,9 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -19,18 +19,22 @@ from proximity_monitor import engine
 from proximity_monitor.cdr import as_octahedral, from_octahedral
 from proximity_monitor.display import state
 from proximity_monitor.display.inbox import Inbox
-from proximity_monitor.display.received import read_pairs, read_parts, read_poses
+from proximity_monitor.display.received import (
+    OfAnotherSceneError,
+    read_pairs,
+    read_parts,
+    read_poses,
+)
 from proximity_monitor.display.signs import feature
-from proximity_monitor.display.state import LEVELS, STATUSES, SceneInfo, Unit
-from proximity_monitor.ros import messages
+from proximity_monitor.display.state import LEVELS, STATUSES, Body, SceneInfo, Unit
+from proximity_monitor.ros.pairs_message import PairsMessage, checksum
 from proximity_monitor.ros.poses_message import PosesMessage
 from proximity_monitor.ros.scene_message import SceneMessage
 from proximity_monitor.ros.scene_parameters import Settings
 from proximity_monitor.scene import Thresholds, load_scene
 from proximity_monitor.scene.alerts import Level
-from proximity_monitor.scene.description import UNITS
 from proximity_monitor.scene.opening import load_models
-from proximity_monitor.scene.state import PairState, PairStatus, PoseSample
+from proximity_monitor.scene.state import PairState, PairStatus, PoseSample, as_arrays
 
 
 def pair(i, status, lower, upper, silent=(), names=("piston_1", "block")):
@@ -52,15 +56,29 @@ def pair(i, status, lower, upper, silent=(), names=("piston_1", "block")):
     )
 
 
-def told(pairs, levels, frame):
-    return messages.closest_points(
-        pairs,
+ONE = [pair(0, PairStatus.EXACT, 0.1, 0.1)]
+
+
+def told(pairs, levels, frame="world", silent=None):
+    """The message of a tick, and what ~/scene says about it."""
+    arrays = as_arrays(pairs)
+    made = PairsMessage(arrays.names, frame)
+    data = made.serialised(
+        arrays,
         levels,
         stamp=Time(sec=5, nanosec=500_000_000),
-        frame=frame,
-        unit=UNITS["mm"],
         pose_stamp_ns=lambda name: 4_000_000_000,
+        silent=silent or {},
     )
+    return data, scene_of(arrays.names, made.words)
+
+
+def scene_of(names, words=()):
+    bodies = tuple(Body(name, True, None, False, "") for name in names)
+    return SceneInfo(
+        "cell", "", "world", Unit("mm", 1e-3), bodies, frozenset(), 1, Thresholds(2, 1, 0), {},
+        False, {}, checksum=checksum(names), words=tuple(words),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("frame", ["w", "wo", "wor", "worl", "world"])
@@ -72,16 +90,17 @@ def test_pairs_are_read_as_the_monitor_writes_them(frame):
         pair(3, PairStatus.OVERLAPPING, -0.2, -0.1),
     ]
     levels = {0: Level.CLEAR, 1: Level.STALE, 2: Level.STALE, 3: Level.STOP}
-    stamp_s, read = read_pairs(told(pairs, levels, frame))
+    stamp_s, read = read_pairs(*told(pairs, levels, frame))
     assert stamp_s == 5.5
     assert read.names == (("piston_1", "block"), ("a", "block"), ("a", "b"), ("piston_1", "block"))
     np.testing.assert_array_equal(read.lower, [0.1, 0.02, np.nan, -0.2])
     np.testing.assert_array_equal(read.upper, [0.1, 0.3, np.nan, -0.1])
     assert [STATUSES[code] for code in read.status] == [p.status.value for p in pairs]
     assert [LEVELS[code] for code in read.level] == ["clear", "stale", "stale", "stop"]
-    np.testing.assert_allclose(read.points[0], [[0.1, -0.2, 3e-9], [0.1, -0.2, 0.5]], rtol=1e-8)
+    np.testing.assert_array_equal(read.points[0], [[0.1, -0.2, 3e-9], [0.1, -0.2, 0.5]])
     assert np.isnan(read.points[2]).all()
     np.testing.assert_array_equal(read.stamp_s, [4.0, 4.0, np.nan, 4.0])
+    np.testing.assert_array_equal(read.age_s, [0.25, 0.25, np.nan, 0.25])
     assert read.silent == ("", "no recent pose of block", "no pose yet of a and b", "")
     np.testing.assert_array_equal(read.touching, [False, False, False, True])
 
@@ -94,12 +113,33 @@ def test_features_of_near_pairs_are_read_as_the_monitor_writes_them():
         parameters=np.array([[1.0, 0.803846512, 0.0], [0.5, 0.5, 0.0]]),
     )
     pairs = [pair(0, PairStatus.EXACT, 0.1, 0.1), near]
-    read = read_pairs(told(pairs, {0: Level.CLEAR, 1: Level.WARN}, "world"))[1]
+    data, scene = told(pairs, {0: Level.CLEAR, 1: Level.WARN})
+    read = read_pairs(data, scene)[1]
     assert read.features == {1: ("patch 4 1 0.803846512", "edge 12 0.5 0.5 0")}
     assert [feature(each) for each in read.features[1]] == [
         "patch 4, u 1.000, v 0.804",
         "edge 12, 0.500, 0.500, 0.000",
     ]
+
+
+def test_what_a_new_word_means_comes_with_the_scene():
+    silent = [pair(0, PairStatus.EXACT, 0.1, 0.1, ("block",))]
+    data, scene = told(silent, {0: Level.STALE}, silent={"block": "no recent vertices"})
+    assert scene.words[0] == "no recent vertices"
+    assert read_pairs(data, scene)[1].silent == ("no recent vertices of block",)
+    before = dataclasses.replace(scene, words=())
+    assert read_pairs(data, before)[1].silent == ("no news of block",)
+
+
+def test_it_is_a_cloud_of_which_each_point_is_a_pair():
+    cloud = deserialize_message(told(ONE, {0: Level.CLEAR})[0], PointCloud2)
+    assert (cloud.height, cloud.width, cloud.header.frame_id) == (1, 1, "world")
+    assert len(cloud.data) == cloud.row_step == cloud.point_step
+    at = {field.name: field.offset for field in cloud.fields}
+    numbers = np.frombuffer(cloud.data, np.uint8)
+    first = numbers[at["x"] : at["x"] + 24].view("<f8")
+    np.testing.assert_array_equal(first, [0.1, -0.2, 3e-9])
+    assert numbers[at["lower"] : at["lower"] + 8].view("<f8")[0] == 0.1
 
 
 def test_unit_vectors_come_back_from_the_octahedron():
@@ -112,7 +152,7 @@ def test_unit_vectors_come_back_from_the_octahedron():
 
 
 def test_a_message_without_pairs_is_read():
-    assert len(read_pairs(told([], {}, "world"))[1]) == 0
+    assert len(read_pairs(*told([], {}))[1]) == 0
 
 
 def test_levels_and_statuses_stand_where_their_names_say():
@@ -123,61 +163,107 @@ def test_levels_and_statuses_stand_where_their_names_say():
 
 
 def test_what_is_no_pair_is_refused():
-    message = DiagnosticArray()
-    message.status.append(DiagnosticStatus(name="a - b"))
-    with pytest.raises(ValueError, match="has no b'lower_m'"):
-        read_pairs(serialize_message(message))
+    data, scene = told(ONE, {0: Level.CLEAR})
+    for name in (b"lower", b"silent_b"):
+        with pytest.raises(ValueError, match=f"~/pairs has no {name.decode()}"):
+            read_pairs(data.replace(name, name[:-1] + b"?"), scene)
+    with pytest.raises(ValueError, match="~/pairs has no"):
+        read_pairs(serialize_message(PointCloud2(width=1, height=1, point_step=8)), scene)
 
 
 def test_a_state_of_another_version_is_refused():
-    pairs = [pair(0, PairStatus.EXACT, 0.1, 0.1)]
-    message = told(pairs, {0: Level.CLEAR}, "world")
-    read_pairs(message)
-    with pytest.raises(ValueError, match="clean of a pair of ~/closest_points is not known"):
-        read_pairs(message.replace(b"clear", b"clean"))
+    data, scene = told(ONE, {0: Level.CLEAR})
+    read_pairs(data, scene)
+    with pytest.raises(ValueError, match="a level or a status that is not known"):
+        read_pairs(of_another_version(data), scene)
+
+
+def of_another_version(data):
+    """The same with a status, the last byte of its only pair, that nobody knows."""
+    assert data[-2:] == b"\0\0"
+    return data[:-2] + b"\x09\0"
+
+
+def test_pairs_of_another_scene_are_not_taken_for_those_of_this_one():
+    data, _ = told(ONE, {0: Level.CLEAR})
+    with pytest.raises(OfAnotherSceneError):
+        read_pairs(data, scene_of(("piston_1", "lid")))
 
 
 @pytest.mark.parametrize("read", [read_pairs, read_poses, read_parts])
 def test_a_message_that_ends_too_early_is_refused(read):
     whole = {
-        read_pairs: told([pair(0, PairStatus.EXACT, 0.1, 0.1)], {0: Level.CLEAR}, "world"),
-        read_poses: serialize_message(PoseArray(poses=[Pose()])),
-        read_parts: serialize_message(MarkerArray(markers=[marker(1, 1)])),
+        read_pairs: told(ONE, {0: Level.CLEAR}),
+        read_poses: (serialize_message(PoseArray(poses=[Pose()])),),
+        read_parts: (serialize_message(MarkerArray(markers=[marker(1, 1)])),),
     }[read]
-    read(whole)
-    for end in range(len(whole)):  # within the last texts it may go unseen
+    read(*whole)
+    data, *scene = whole
+    for end in range(len(data)):  # within the last texts it may go unseen
         with contextlib.suppress(ValueError):
-            read(whole[:end])
+            read(data[:end], *scene)
     with pytest.raises(ValueError):
-        read(whole[: len(whole) // 2])
+        read(data[: len(data) // 2], *scene)
 
 
 def test_ticks_with_the_same_pairs_share_their_names():
-    message = told([pair(0, PairStatus.EXACT, 0.1, 0.1)], {0: Level.CLEAR}, "world")
-    assert read_pairs(message)[1].names is read_pairs(message)[1].names
+    message = told(ONE, {0: Level.CLEAR})
+    assert read_pairs(*message)[1].names is read_pairs(*message)[1].names
+
+
+def test_ticks_that_come_while_the_page_is_busy_are_not_lost():
+    inbox = Inbox()
+    _, scene = told(ONE, {0: Level.CLEAR})
+    inbox.tell(scene=scene)
+    ticks = []
+    for second in (5, 6, 7):
+        stamp = Time(sec=second)
+        data = PairsMessage(scene.names, "world").serialised(
+            as_arrays(ONE), {0: Level.CLEAR}, stamp=stamp, pose_stamp_ns={}.get, silent={}
+        )
+        ticks.append((data, serialize_message(PoseArray(header=Header(stamp=stamp)))))
+    for data, _ in ticks[:2]:
+        inbox.put_pairs(data)
+    inbox.put_poses(ticks[2][1])  # the two topics are not in step
+    for _, poses in ticks[:2]:
+        inbox.put_poses(poses)
+    inbox.put_pairs(ticks[2][0])
+    news = inbox.read()
+    assert [frame.stamp_s for frame in (*news.passed, news.frame)] == [5.0, 6.0, 7.0]
+    news = inbox.read()
+    assert (news.frame.stamp_s, news.passed) == (7.0, ())
 
 
 def test_a_tick_is_of_the_moment_in_which_it_came_and_only_if_it_can_be_read():
     inbox = Inbox()
-    points = told([pair(0, PairStatus.EXACT, 0.1, 0.1)], {0: Level.CLEAR}, "world")
+    pairs, scene = told(ONE, {0: Level.CLEAR})
     stamp = Time(sec=5, nanosec=500_000_000)
     poses = serialize_message(PoseArray(header=Header(stamp=stamp), poses=[Pose()]))
-    inbox.put_points(points)
+    inbox.tell(scene=scene)
+    inbox.put_pairs(pairs)
     assert inbox.read().frame is None
     inbox.put_poses(poses)
     good = inbox.read()
     assert (good.frame.stamp_s, good.unreadable) == (5.5, {})
-    inbox.put_points(points.replace(b"clear", b"clean"))
+    inbox.put_pairs(of_another_version(pairs))
+    inbox.put_poses(poses)
     bad = inbox.read()
     assert bad.frame is good.frame
     assert bad.frame_at_s == good.frame_at_s
-    assert "clean" in bad.unreadable["tick"]
+    assert "not known" in bad.unreadable["tick"]
     inbox.put_parts(serialize_message(MarkerArray(markers=[marker(1, 1)])))
     assert "tick" in inbox.read().unreadable
-    inbox.put_points(points)
+    inbox.put_pairs(pairs)
+    inbox.put_poses(poses)
     better = inbox.read()
     assert better.frame_at_s > good.frame_at_s
     assert not better.unreadable
+    inbox.tell(scene=scene_of(("piston_1", "lid")))
+    inbox.put_pairs(pairs)
+    inbox.put_poses(poses)
+    other = inbox.read()
+    assert other.frame is better.frame
+    assert not other.unreadable, "it was under way when the scene changed"
 
 
 SCENE = """
@@ -200,7 +286,7 @@ def described(folder, text, **settings):
         "frame": "cell", "budget_s": 0.01, "body_topics": True,
         "thresholds": (Thresholds(2, 1, 0),), "attachments": {"cursor": "ball"},
     } | settings  # fmt: skip
-    return SceneInfo.read(made.message(Settings(**in_force), ()).data)
+    return SceneInfo.read(made.message(Settings(**in_force), (), ["a word"]).data)
 
 
 def test_the_scene_is_read_as_the_monitor_writes_it(tmp_path):
@@ -209,6 +295,8 @@ def test_the_scene_is_read_as_the_monitor_writes_it(tmp_path):
     assert scene.moving == ("ball", "cursor")
     assert scene.attachments == {"cursor": "ball"}
     assert scene.path == str(tmp_path / "cell.yaml")
+    assert scene.checksum == checksum(("table", "ball", "cursor"))
+    assert scene.words == ("a word",)
     topics = [body.topic for body in scene.bodies]
     assert topics == [None, "/left/bodies/ball/pose", "/left/hand"]
     assert [body.point for body in scene.bodies] == [False, False, True]

@@ -1,6 +1,7 @@
 """The page's model, without a browser: scene, session, signs, holds, connection."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,6 +47,8 @@ TOLD = {
         {"name": "b", "moving": True, "topic": "/bodies/b/pose", "point": False, "mesh": "2"},
         {"name": "c", "moving": True, "topic": None, "point": True, "mesh": "3"},
     ],
+    "checksum": 1,
+    "words": [],
     "deforming": [],
     "pairs": 2,
     "thresholds": {"warn": 0.1, "stop": 0.02, "hysteresis": 0.0},
@@ -178,6 +181,27 @@ def test_the_session_keeps_ten_ticks_a_second_and_every_worst():
     assert session.worst(ignored={("a", "c")})[0] == ("a", "b")
     assert session.at(5.0).stamp_s == pytest.approx(5.0, abs=0.1)
     assert session.at(99.0) is session.frames[-1]
+
+
+def test_the_smallest_clearances_of_pairs_that_come_and_go_are_kept():
+    session = Session()
+    full = frame(0.0, [0.3, 0.2])
+    session.add(full)
+    row = [1]
+    alone = Pairs(
+        (full.pairs.names[1],), *(getattr(full.pairs, name)[row] for name in (
+            "lower", "upper", "points", "status", "level", "age_s", "stamp_s")), ("",),
+    )  # fmt: skip
+    nearer = replace(alone, lower=np.array([0.05]), upper=np.array([0.1]))
+    session.add(Frame(1.0, np.full((2, 7), 1.0), nearer))
+    session.add(frame(2.0, [0.25, 0.4]))
+    found = {name: (w.lower, w.upper, w.stamp_s) for name, w in session.worst_of_each().items()}
+    assert found == {("a", "b"): (0.25, 0.25, 2.0), ("a", "c"): (0.05, 0.1, 1.0)}
+    session.forget_worst()
+    assert session.worst() is None
+    session.add(frame(3.0, [0.25, np.nan]))
+    assert set(session.worst_of_each()) == {("a", "b")}
+    assert session.worst(("a", "c")) is None
 
 
 def test_a_stale_pair_is_no_worst():

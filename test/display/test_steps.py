@@ -11,7 +11,11 @@ import pytest
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Pose, PoseArray
 from page_alone import CORNERS, HERE, NAMES, SCENE, THERE, drag, frame, words
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Header
 
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.limits import ASK_S, HAND_S, LimitsPanel
@@ -19,6 +23,9 @@ from proximity_monitor.display.player_panel import ENDED, NONE
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import STALE, STOP, Thresholds, Unit
 from proximity_monitor.display.tried import Tried
+from proximity_monitor.ros.pairs_message import PairsMessage, checksum
+from proximity_monitor.scene.alerts import Level
+from proximity_monitor.scene.state import PairState, PairStatus, as_arrays
 
 PERSON = SimpleNamespace(client=object())
 
@@ -35,6 +42,36 @@ def test_the_banner_is_of_now_while_somebody_looks_back(page):
     assert "looking back" in words(page.all._pill)
     assert "clear" in words(page.all._table)
     assert words(page.all._banner).startswith("■ STOP now: &lt;i&gt;a - b: 10.000 mm")
+
+
+def test_a_tick_that_is_not_shown_still_counts(page):
+    inbox = page.pages._inbox
+    inbox.tell(scene=replace(SCENE, checksum=checksum(NAMES)))
+    levels = [Level.STOP, Level.CLEAR, Level.CLEAR]
+    for i, (lower, level) in enumerate(zip((0.01, 0.2, 0.3), levels, strict=True)):
+        state = PairState(
+            *NAMES, lower, lower, np.zeros(3), np.zeros(3), PairStatus.EXACT, 0.0, (), 0.1, 0.1
+        )
+        told = {"stamp": Time(sec=i + 1), "pose_stamp_ns": {}.get, "silent": {}}
+        made = PairsMessage(NAMES, "world").serialised(as_arrays([state]), {0: level}, **told)
+        header = Header(stamp=Time(sec=i + 1))
+        inbox.put_pairs(made)
+        inbox.put_poses(serialize_message(PoseArray(header=header, poses=[Pose(), Pose()])))
+    page.pages.step()
+    assert "300.000 mm" in words(page.all._table)
+    assert page.session.worst(NAMES)[1].upper == 0.01
+    assert [event.stamp_s for event in page.all._events.all] == [1.0, 2.0]
+    page.pages.step()
+    assert len(page.all._events.all) == 2
+
+
+def test_a_part_s_numbers_do_not_wait_for_the_picture(page, monkeypatch):
+    page.move.pick("b")
+    page.tell(frame=frame(1.0, 0.3))
+    assert "300.000 mm" in words(page.move._near)
+    monkeypatch.setattr(page.all, "_draw", None)  # the picture never comes
+    page.tell(frame=frame(2.0, 0.2))
+    assert "200.000 mm" in words(page.move._near)
 
 
 def test_an_event_is_seen_as_it_was_even_where_the_session_was_thinned(page):

@@ -50,7 +50,7 @@ def test_what_nobody_listens_to_is_not_built(launch, scene_file, new_peer):
         lambda: asked.told and asked.told[-1]["pairs warn"] == "1", "a warning", START_DEADLINE_S
     )
     quiet.wait(lambda: len(asked.told) > 2, "some seconds")
-    for topic in ("closest_points", "clearance", "markers", "parts"):
+    for topic in ("closest_points", "pairs", "clearance", "markers", "parts"):
         assert last(f"built: {topic}") == 0, topic
     assert last("built: alerts") == 3
     assert last("ticks with distances") == 0, "the thresholds are all that is asked for"
@@ -60,7 +60,7 @@ def test_what_nobody_listens_to_is_not_built(launch, scene_file, new_peer):
     )
     quiet.wait(lambda: last("built: clearance") > 0, "the clearance")
     assert last("ticks with distances") > 0
-    for topic in ("closest_points", "markers", "parts"):
+    for topic in ("closest_points", "pairs", "markers", "parts"):
         assert last(f"built: {topic}") == 0, topic
 
     quiet.node.destroy_subscription(clearance)

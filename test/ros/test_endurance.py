@@ -70,7 +70,16 @@ def left_behind(peer):
     names = node.get_publisher_names_and_types_by_node("proximity_monitor", where)
     names += node.get_subscriber_names_and_types_by_node("proximity_monitor", where)
     names += node.get_service_names_and_types_by_node("proximity_monitor", where)
-    ours = ("/bodies/", "/poses", "/closest_points", "/alerts", "/parts", "/pause", "/diagnostics")
+    ours = (
+        "/bodies/",
+        "/poses",
+        "/closest_points",
+        "/pairs",
+        "/alerts",
+        "/parts",
+        "/pause",
+        "/diagnostics",
+    )
     return [name for name, _ in names if any(each in name for each in ours)]
 
 

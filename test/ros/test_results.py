@@ -1,11 +1,17 @@
 """What a running node publishes, against the library's own answers for the same poses."""
 
+import json
+
 import numpy as np
 import pytest
+from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
 from proximity_monitor import engine
@@ -101,6 +107,98 @@ def test_a_pair_that_is_not_clear_says_on_which_triangles_its_points_lie(peer, w
         # The ball is a point that is swept: the sphere's point lies off it by the radius.
         away = np.linalg.norm(vector(near[f"point_{side}"]) - point)
         assert away == pytest.approx(models[body].swept_radius, abs=1e-8)
+
+
+def test_the_cloud_of_pairs_says_in_numbers_what_closest_points_say_in_words(peer, listen):
+    clouds, scenes = listen(PointCloud2, "pairs"), listen(String, "scene", latched=True)
+    peer.settle(**NEAR)
+
+    def both():
+        """The words and the numbers of one tick."""
+        told = {stamp_of(message): message for message in peer.received["closest_points"]}
+        return next(((told[at], c) for c in clouds if (at := stamp_of(c)) in told), None)
+
+    clouds.clear()
+    message, cloud = peer.wait(both, "both messages of a tick")
+    scene = peer.wait(lambda: scenes and json.loads(scenes[-1].data), "the scene")
+    bodies = [body["name"] for body in scene["bodies"]]
+    rows = rows_of(cloud)
+    assert (cloud.header.frame_id, len(rows)) == ("cell", len(message.status))
+    assert set(rows["checksum"]) == {scene["checksum"]}
+    words = peer.pairs(message)
+    for row in rows:
+        pair = words.pop(f"{bodies[row['a']]} - {bodies[row['b']]}")
+        for name in ("lower", "upper", "session_min", "session_min_lower"):
+            assert row[name] == float(pair[f"{name}_m"])
+        assert [row["x"], row["y"], row["z"]] == pytest.approx(vector(pair["point_a"]), abs=1e-9)
+        point_b = [row["x_b"], row["y_b"], row["z_b"]]
+        assert point_b == pytest.approx(vector(pair["point_b"]), abs=1e-9)
+        assert row["level"] == pair["level"][0]
+        assert (row["status"], pair["status"]) == (0, "exact")
+        assert row["stamp"] == pytest.approx(float(pair["stamp"]), abs=1e-6)
+        for side in "ab":
+            told = pair.get(f"feature_{side}", "").split()
+            assert bool(told) == (row[f"element_{side}"] >= 0)
+            if told:
+                assert scene["words"][row[f"on_{side}"] - 1] == told[0]
+                assert row[f"element_{side}"] == int(told[1])
+                where = [row[f"{axis}_{side}"] for axis in "uvw"][: len(told) - 2]
+                assert where == pytest.approx([float(each) for each in told[2:]], rel=1e-8)
+        assert (row["silent_a"], row["silent_b"]) == (0, 0)
+    assert not words
+
+
+def test_the_cloud_of_pairs_says_why_a_body_is_silent(peer, listen):
+    clouds, scenes = listen(PointCloud2, "pairs"), listen(String, "scene", latched=True)
+    peer.settle(**NEAR)
+    del peer.held["die"]
+
+    def told():
+        """The reasons of a tick's pairs, by the numbers that the scene has words for."""
+        if not clouds or not scenes:
+            return None
+        rows, words = rows_of(clouds[-1]), ["", *json.loads(scenes[-1].data)["words"]]
+        codes = {(row["a"], row["b"]): (row["silent_a"], row["silent_b"]) for row in rows}
+        if max(max(each) for each in codes.values()) >= len(words):
+            return None
+        reasons = {pair: tuple(words[i] for i in each) for pair, each in codes.items()}
+        wanted = ("", "no recent pose")
+        return reasons == {(0, 1): ("", ""), (0, 2): wanted, (1, 2): wanted} or None
+
+    peer.wait(told, "the reasons", START_DEADLINE_S)
+
+
+def stamp_of(message):
+    return message.header.stamp.sec, message.header.stamp.nanosec
+
+
+def rows_of(cloud):
+    """The points of a cloud, by its own account of its fields."""
+    kinds = {2: "u1", 4: "<u2", 5: "<i4", 6: "<u4", 8: "<f8"}
+    layout = {
+        "names": [field.name for field in cloud.fields],
+        "formats": [kinds[field.datatype] for field in cloud.fields],
+        "offsets": [field.offset for field in cloud.fields],
+        "itemsize": cloud.point_step,
+    }
+    return np.frombuffer(bytes(cloud.data), layout)
+
+
+@pytest.fixture
+def listen(peer):
+    """Listen to another topic of the monitor; gives the list of what has come."""
+    made = []
+
+    def start(kind, topic, latched=False):
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+        found, qos = [], QoSProfile(depth=10, durability=durability)
+        name = f"proximity_monitor/{topic}"
+        made.append(peer.node.create_subscription(kind, name, found.append, qos))
+        return found
+
+    yield start
+    for each in made:
+        peer.node.destroy_subscription(each)
 
 
 def test_clearance_is_the_smallest_lower_bound(peer, own_answers):

@@ -1,0 +1,106 @@
+"""The smallest clearance of each pair in the session, in columns: a tick may change thousands."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Collection
+
+import numpy as np
+
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.snapshot import Snapshot
+from proximity_monitor.display.state import STALE, Frame, PairNames
+
+_MOMENT = np.dtype(
+    [
+        ("lower", float),
+        ("upper", float),
+        ("stamp_s", float),
+        ("poses", object),
+        ("points", float, (2, 3)),
+        ("status", np.int8),
+        ("level", np.int8),
+    ]
+)
+_READ = ("lower", "upper", "points", "status", "level")
+
+
+class Smallest:
+    """Remembers them, each as a `Snapshot` has it. Any thread may call."""
+
+    def __init__(self) -> None:
+        """Begin without pairs."""
+        self._lock = threading.Lock()
+        self._places: dict[PairName, int] = {}
+        self._moments = np.empty(0, _MOMENT)
+        self._last: tuple[PairNames, np.ndarray] = ((), np.empty(0, int))
+
+    def clear(self) -> None:
+        """Begin anew."""
+        with self._lock:
+            self._places = {}
+            self._moments = np.empty(0, _MOMENT)
+            self._last = ((), np.empty(0, int))
+
+    def note(self, frame: Frame) -> None:
+        """Take a tick. What is stale does not count."""
+        pairs = frame.pairs
+        with self._lock:
+            at = self._rows(pairs.names)
+            nearer = pairs.upper < self._moments["upper"][at]  # NaN is not
+            nearer &= pairs.level != STALE
+            at = at[nearer]
+            for name in _READ:
+                self._moments[name][at] = getattr(pairs, name)[nearer]
+            self._moments["stamp_s"][at] = frame.stamp_s
+            poses = np.empty((), object)
+            poses[()] = frame.poses
+            self._moments["poses"][at] = poses
+
+    def of(self, pair: PairName) -> Snapshot | None:
+        """Return that of a pair; None: it never had one."""
+        with self._lock:
+            row = self._places.get(pair)
+            return None if row is None else self._snapshot(row)
+
+    def least(self, ignored: Collection[PairName]) -> tuple[PairName, Snapshot] | None:
+        """Return the smallest of all pairs that are not ignored."""
+        with self._lock:
+            uppers = self._moments["upper"].copy()
+            uppers[[self._places[name] for name in ignored if name in self._places]] = np.inf
+            if not np.isfinite(uppers).any():
+                return None
+            row = int(np.argmin(uppers))
+            pair = next(name for name, at in self._places.items() if at == row)
+            return pair, self._snapshot(row)
+
+    def each(self) -> dict[PairName, Snapshot]:
+        """Return that of each pair that had one."""
+        with self._lock:
+            found = {name: self._snapshot(row) for name, row in self._places.items()}
+        return {name: moment for name, moment in found.items() if moment is not None}
+
+    def _rows(self, names: PairNames) -> np.ndarray:
+        """Return the places (k,) of pairs, new ones too."""
+        if self._last[0] is not names:  # most ticks share them
+            places = self._places
+            at = np.fromiter((places.setdefault(n, len(places)) for n in names), int, len(names))
+            more = np.zeros(len(places) - len(self._moments), _MOMENT)
+            more["upper"] = np.inf
+            self._moments = np.concatenate((self._moments, more))
+            self._last = (names, at)
+        return self._last[1]
+
+    def _snapshot(self, row: int) -> Snapshot | None:
+        found = self._moments[row]
+        if np.isinf(found["upper"]):
+            return None
+        return Snapshot(
+            float(found["lower"]),
+            float(found["upper"]),
+            float(found["stamp_s"]),
+            found["poses"],
+            found["points"].copy(),
+            int(found["status"]),
+            int(found["level"]),
+        )
