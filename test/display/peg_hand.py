@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
+
 import numpy as np
 import pytest
-from page_hand import DRAWN, LENGTH, ON_SCREEN, field
+from page_hand import CHOSEN, DRAWN, LENGTH, ON_SCREEN, button, choose, decoded, field, press, tab
 
 PAIR = "peg - block"
 
@@ -98,3 +100,36 @@ APART = """names => {
 
 
 WIDTH = "image => image.complete && image.naturalWidth"
+
+
+def look_back_at_stop(page):
+    """Press the newest event at which the peg came too near."""
+    tab(page, "Session")
+    stop = page.locator("#pm-events .pm-row", has_text="→ ■ STOP").first
+    stop.dispatch_event("pointerdown")
+
+
+def picture_of_event(page, wait):
+    """The pixels of the picture of the event that is looked at."""
+    picture = page.locator("#pm-event img")
+    wait(lambda: picture.count() and picture.evaluate(WIDTH) > 200, "the picture")
+    return decoded(base64.b64decode(picture.get_attribute("src").partition(",")[2]))
+
+
+def back_to_live(page, wait):
+    """Look at the present again, and at all pairs."""
+    button(page, "Back to live").click()
+    wait(lambda: page.get_attribute("#pm-connection", "data-state") == "live", "the present")
+    tab(page, "Clearances")
+    press(page, CHOSEN)
+
+
+def put_there(page, wait, *place):
+    """Type a position of the peg in mm, and wait until the page shows it there, upright."""
+    choose(page, "peg")
+    for i in range(3):
+        field(page, "Turn [deg]", i).fill("0")
+    for i, number in enumerate(place):
+        field(page, "Position [mm]", i).fill(f"{number}")
+    button(page, "Put it there").click()
+    wait(lambda: at_place(page, place), f"the peg at {place}")

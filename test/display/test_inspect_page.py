@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import base64
 import re
 import signal
+from functools import partial
 
 import numpy as np
 import peg_hand as peg
@@ -13,7 +13,6 @@ from deadlines import DEADLINE_S, START_DEADLINE_S
 from page_hand import (
     CAMERA,
     CANVAS,
-    CHOSEN,
     DRAWN,
     LENGTH,
     NO_NOTES,
@@ -23,10 +22,8 @@ from page_hand import (
     TEXTS,
     button,
     choose,
-    decoded,
     field,
     lines_of,
-    press,
     row,
     tab,
     word,
@@ -80,18 +77,8 @@ def page(bench):
 
 @pytest.fixture
 def put(page, wait):
-    """Type a position of the peg in mm, and wait until the page shows it there, upright."""
-
-    def put(*place):
-        choose(page, "peg")
-        for i in range(3):
-            field(page, "Turn [deg]", i).fill("0")
-        for i, number in enumerate(place):
-            field(page, "Position [mm]", i).fill(f"{number}")
-        button(page, "Put it there").click()
-        wait(lambda: peg.held(page) == pytest.approx(place, abs=1e-6), f"the peg at {place}")
-
-    return put
+    """Put the peg somewhere, in mm."""
+    return partial(peg.put_there, page, wait)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2], ids="xyz")
@@ -329,9 +316,7 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
 
     eventually(told)
     put(0, 0, 40)
-    tab(page, "Session")
-    stop = page.locator("#pm-events .pm-row", has_text="→ ■ STOP").first
-    stop.dispatch_event("pointerdown")
+    peg.look_back_at_stop(page)
 
     def there():
         assert page.get_attribute("#pm-connection", "data-state") == "past"
@@ -342,29 +327,20 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
     eventually(there)
     told = page.locator("#pm-event")
     wait(lambda: "between 0.004 mm and 0.004 mm" in told.inner_text(), "its bounds")
-    picture = told.locator("img")
-    wait(lambda: picture.count() and picture.evaluate(peg.WIDTH) > 200, "the picture")
-    pixels = decoded(base64.b64decode(picture.get_attribute("src").partition(",")[2]))
+    pixels = peg.picture_of_event(page, wait)
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 50
     tab(page, "Session")
     with page.expect_download(timeout=SAVE_MS) as download:
         button(page, "Events as CSV").click()
     *_, last = lines_of(download.value)
-    assert (last["a"], last["b"], last["before"], last["after"]) == (
-        "peg",
-        "block",
-        "stop",
-        "clear",
-    )
-    button(page, "Back to live").click()
-    wait(lambda: page.get_attribute("#pm-connection", "data-state") == "live", "the present")
-    tab(page, "Clearances")
-    press(page, CHOSEN)
+    assert " ".join(last[name] for name in ("a", "b", "before", "after")) == "peg block stop clear"
+    peg.back_to_live(page, wait)
 
 
 def test_an_event_s_picture_shows_whole_parts_also_while_a_section_is_on(page, put, wait):
-    told, pictures, before = page.locator("#pm-event"), [], ""
-    picture = told.locator("img")
+    tab(page, "Session")
+    told, pictures = page.locator("#pm-event"), []
+    before = told.inner_text()  # another event's, perhaps
     for cut in (False, True):
         put(0, 0, -10)
         wait(lambda: word(page) == "clear", "a clear scene")
@@ -374,18 +350,11 @@ def test_an_event_s_picture_shows_whole_parts_also_while_a_section_is_on(page, p
             tab(page, "Clearances")
             button(page, "Section through it").click()
             wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/cut"), "the section")
-        tab(page, "Session")
-        stop = page.locator("#pm-events .pm-row", has_text="→ ■ STOP").first
-        stop.dispatch_event("pointerdown")
+        peg.look_back_at_stop(page)
         wait(lambda before=before: told.inner_text() not in ("", before), "the event")
-        wait(lambda: picture.count() and picture.evaluate(peg.WIDTH) > 200, "the picture")
+        pictures.append(peg.picture_of_event(page, wait).astype(int))
         before = told.inner_text()
-        png = picture.get_attribute("src").partition(",")[2]
-        pictures.append(decoded(base64.b64decode(png)).astype(int))
-        button(page, "Back to live").click()
-        wait(lambda: page.get_attribute("#pm-connection", "data-state") == "live", "the present")
-        tab(page, "Clearances")
-        press(page, CHOSEN)
+        peg.back_to_live(page, wait)
     whole, other = pictures
     assert (np.abs(whole - other).max(axis=2) > 60).mean() < 0.005
     wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/cut"), "the section to be back")
