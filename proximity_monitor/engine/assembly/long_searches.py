@@ -37,7 +37,7 @@ whenever a kernel returns. Then what the search finds depends on no clock, but f
 _DECIDING_S = 0.2e-3
 """The same where it is looked at, besides, whether a signed distance decides a clearance."""
 
-BEGIN_FIRST_S, _BEGIN_S = 2e-4, 1e-4
+BEGIN_FIRST_S, BEGIN_S = 2e-4, 1e-4
 """Seconds that it may take to begin a search: with less left, it waits for another call. The first
 one of a call takes three times as long as the others, as the processor's caches do not hold what it
 needs."""
@@ -98,6 +98,16 @@ class LongSearches:
         pair = self._kept[asked.key] = Pair(*asked.models)
         pair.signed_search().known = asked.known
 
+    def prepare(self, asked: Single, depth_err: float) -> NDArray[np.float64] | None:
+        """Do a part of what it takes to begin a signed distance that is kept.
+
+        Returns what is known of it (ANSWER,); or None if it has begun, so that `search` goes on.
+        """
+        rel_err, abs_err, clearance = asked.wanted.tolist()
+        tolerated = _tolerated(clearance, depth_err)
+        search = self._kept[asked.key].signed_search()
+        return search.prepare(*asked.poses, rel_err, abs_err, tolerated)
+
     def search(
         self,
         asked: Callable[[int], Single],
@@ -129,7 +139,7 @@ class LongSearches:
         def answer(first: int, stopped: Event) -> None:
             fresh = None
             for k in range(first, min(first + step, count)):
-                if stopped.is_set() or (k and perf_counter() + _BEGIN_S >= deadline):
+                if stopped.is_set() or (k and perf_counter() + BEGIN_S >= deadline):
                     return
                 each = asked(k)
                 pair = kept.pop(each.key, None)
@@ -161,8 +171,7 @@ def _search(
     """The row of an answer, and whether its search came to an end or decided the clearance."""
     rel_err, abs_err, clearance = asked.wanted.tolist()
     deciding = clearance < math.inf
-    # Models that overlap are nearer than any clearance, however deep.
-    tolerated = math.inf if deciding else depth_err
+    tolerated = _tolerated(clearance, depth_err)
     if deciding and asked.signed:
         longest = _DECIDING_S
     while True:
@@ -188,6 +197,11 @@ def _search(
             tolerated = depth_err  # only a larger ball is more than models deviate by
         if stopped.is_set() or perf_counter() >= deadline_of(now, left):
             return row, False
+
+
+def _tolerated(clearance: float, depth_err: float) -> float:
+    """What the depth may err by: models that overlap are nearer than any clearance."""
+    return math.inf if clearance < math.inf else depth_err
 
 
 def prepare(assembly: Assembly) -> None:
