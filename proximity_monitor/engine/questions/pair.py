@@ -211,6 +211,8 @@ class Pair:
         ended = pieces.run(deadline)
         if ended:
             self._pieces = None
+        elif not pieces.answered:
+            return Collision(search.answer, first, False)
         found = pieces.met(first)
         complete = ended and code == index.ENDED and found.decided
         return Collision(search.answer, found, complete)

@@ -86,6 +86,11 @@ class PieceSearch:
             self._fresh = code == index.CUT_BETWEEN
         return self._row == len(self._queries)
 
+    @property
+    def answered(self) -> int:
+        """How many pairs are answered."""
+        return self._row
+
     def met(self, first: Met) -> MetPieces:
         """The contacts so far; `first` is what the search before knows."""
         return MetPieces(first, self.answers[: self._row].copy())
