@@ -37,10 +37,13 @@ whenever a kernel returns. Then what the search finds depends on no clock, but f
 _DECIDING_S = 0.2e-3
 """The same where it is looked at, besides, whether a signed distance decides a clearance."""
 
-BEGIN_FIRST_S, BEGIN_S = 2e-4, 1e-4
+BEGIN_FIRST_S, _BEGIN_S = 2e-4, 1e-4
 """Seconds that it may take to begin a search: with less left, it waits for another call. The first
 one of a call takes three times as long as the others, as the processor's caches do not hold what it
 needs."""
+
+END_S = 3e-5
+"""Seconds that a call takes to end after it has searched for depths."""
 
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
@@ -98,11 +101,16 @@ class LongSearches:
         pair = self._kept[asked.key] = Pair(*asked.models)
         pair.signed_search().known = asked.known
 
-    def prepare(self, asked: Single, depth_err: float) -> NDArray[np.float64] | None:
-        """Do a part of what it takes to begin a signed distance that is kept.
+    def prepare(
+        self, asked: Single, depth_err: float, deadline: float
+    ) -> NDArray[np.float64] | None:
+        """Do a part of what it takes to begin a signed distance that is kept, if time is short.
 
-        Returns what is known of it (ANSWER,); or None if it has begun, so that `search` goes on.
+        Returns what is known of it (ANSWER,), as that is work enough; or None if it has begun, or
+        there is time until the deadline, of `perf_counter`: then `search` goes on.
         """
+        if perf_counter() + _BEGIN_S < deadline:
+            return None
         rel_err, abs_err, clearance = asked.wanted.tolist()
         tolerated = _tolerated(clearance, depth_err)
         search = self._kept[asked.key].signed_search()
@@ -139,7 +147,7 @@ class LongSearches:
         def answer(first: int, stopped: Event) -> None:
             fresh = None
             for k in range(first, min(first + step, count)):
-                if stopped.is_set() or (k and perf_counter() + BEGIN_S >= deadline):
+                if stopped.is_set() or (k and perf_counter() + _BEGIN_S >= deadline):
                     return
                 each = asked(k)
                 pair = kept.pop(each.key, None)

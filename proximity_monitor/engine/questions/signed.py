@@ -106,18 +106,14 @@ class SignedSearch:
         return distance_of(row, start, None, (type(a), type(b)))
 
     def prepare(
-        self,
-        pose_a: NDArray[np.float64],
-        pose_b: NDArray[np.float64],
-        rel_err: float,
-        abs_err: float,
-        depth_err: float,
+        self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], *errors: float
     ) -> NDArray[np.float64] | None:
         """Do a part of what it takes to begin with what is `known`, as a budget may be less.
 
-        Returns what is known (ANSWER,); or None if nothing is left to do, so that `ask` goes on.
+        `errors` are rel_err, abs_err and depth_err of the question that is asked next. Returns what
+        is known (ANSWER,); or None if nothing is left to do, so that `ask` goes on.
         """
-        asked = self._question(pose_a, pose_b, rel_err, abs_err, depth_err)
+        asked = self._question(pose_a, pose_b, *errors)
         row = self.known
         if row is None or asked == self._asked:
             return None
@@ -125,20 +121,15 @@ class SignedSearch:
             self._take_memory()
             self._apart.take_memory()
         else:
-            self._begin(pose_a, pose_b, rel_err, abs_err, depth_err)
+            self._begin(pose_a, pose_b, *errors)
             self._asked = asked
         return row
 
     def _question(
-        self,
-        pose_a: NDArray[np.float64],
-        pose_b: NDArray[np.float64],
-        rel_err: float,
-        abs_err: float,
-        depth_err: float,
+        self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], *errors: float
     ) -> tuple[object, ...]:
         """Everything that an answer depends on."""
-        return pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, depth_err, self._shapes()
+        return pose_a.tobytes(), pose_b.tobytes(), errors, self._shapes()
 
     def _take_memory(self) -> BallSearch | CoreSearch:
         """The search for the depth of models as they are now; a refit may call for another kind."""

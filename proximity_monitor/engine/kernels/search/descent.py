@@ -126,8 +126,9 @@ def advance(tree_a, tree_b, state):
     tolerant = progress.rel_err + progress.abs_err > 0.0
     many = 1 if tolerant or progress.limit < enough(progress) else BATCH
     larger = 2.0 if tolerant else 4.0
-    # Without, lowest nodes meet sooner if all that counts next to one is how large the other is.
-    inner = 2 if many == 1 else 1
+    # Next to a lowest node only size counts, so that two of them meet soon; but not where all that
+    # is asked for is a clearance.
+    inner = 2 if progress.limit < enough(progress) else 1
     while True:
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
         while n >= many or (
