@@ -10,6 +10,7 @@ import pytest
 from engine_bodies import IDENTITY, SMALL, pose, sphere, torus
 
 from proximity_monitor import engine
+from proximity_monitor.engine.questions.ball import BallSearch
 from proximity_monitor.engine.questions.result import Distances
 
 STATUS = tuple(engine.Status)
@@ -254,9 +255,43 @@ def test_a_depth_begins_with_what_is_known_of_the_surfaces(monkeypatch):
     poses = np.array([pose(rng, 0.4) for _ in range(12)])
     twice = np.repeat(list(itertools.combinations(range(12), 2)), 2, axis=0)
     assembly = engine.Assembly([torus(12)] * 12)
+    assembly.distances(poses, twice[:40], signed=True)  # to compile may take more than the budget
     found = assembly.distances(poses, twice, signed=True, budget_s=60.0)
     assert (found.upper < 0.0).sum() > 40
     assert len(repeated) > 10
     assert not any(repeated)
     # The same question has the same answer, whether a search of it has just ended or not.
     np.testing.assert_allclose(found.upper[::2], found.upper[1::2], rtol=0.02, atol=1e-12)
+
+
+@pytest.mark.parametrize("offset", [0.4, 1.5], ids=["deep", "shallow"])
+def test_a_depth_begins_little_by_little_where_no_time_is_left(monkeypatch, offset):
+    done, poses = [], np.array([IDENTITY, IDENTITY])
+    poses[1, 0, 3] = offset
+
+    def watch(kind, name):
+        work = getattr(kind, name)
+
+        def watched(*given):
+            done.append(name)
+            return work(*given)
+
+        monkeypatch.setattr(kind, name, watched)
+
+    assembly = engine.Assembly([sphere(3), sphere(3)])
+    asked = {"poses": poses, "pairs": [[0, 1]], "signed": True}
+    whole = assembly.distances(**asked)
+    watch(engine.Assembly, "rows")
+    for kind, name in ((BallSearch, "__init__"), (BallSearch, "begin"), (BallSearch, "_slice")):
+        watch(kind, name)
+    calls = []
+    while True:
+        done.clear()
+        found = assembly.distances(**asked, budget_s=0.0)
+        calls.append(done[:])
+        assert found.lower[0] <= whole.upper[0]
+        assert whole.lower[0] <= found.upper[0]
+        if STATUS[found.status[0]] is not engine.Status.OUT_OF_TIME and found.upper[0] < 0.0:
+            break
+    ways = {tuple(names) for names in calls}
+    assert ways == {("rows",), ("__init__",), ("begin",), ("_slice",)}, calls

@@ -28,6 +28,7 @@ from proximity_monitor.engine.kernels.search import descent, stubs
 from proximity_monitor.engine.kernels.search.search import answer_queries
 from proximity_monitor.engine.kernels.tree.layout import (
     EMPTY,
+    EXTENT,
     STRIDE,
     WIDTH,
     first_of,
@@ -55,9 +56,9 @@ def tree_of(made: np.ndarray) -> BallTree:
     children[0] = 1
     children[WIDTH : WIDTH + COUNT] = [leaf.py_func(i, 1) for i in range(COUNT)]
     reach = float((np.linalg.norm(made[:, :3], axis=1) + made[:, 3]).max()) * (1.0 + 1e-12)
-    sizes = np.zeros(2 * WIDTH, np.float32)
+    sizes = np.zeros((2 * WIDTH, 2), np.float32)
     sizes[0] = reach
-    sizes[WIDTH : WIDTH + COUNT] = made[:, 3]
+    sizes[WIDTH : WIDTH + COUNT, EXTENT] = made[:, 3]
     centres = np.array([[0.0, 0.0, 0.0, reach]] * 2)
     scale = np.array([1.0, 1.0, reach, 0.0, 0.0, 0.0])
     return BallTree(centres, children, sizes, made, scale)
@@ -70,7 +71,7 @@ def _tree_at(kind, model):
     tree = BallTree(
         read_only(rows_at(at[0], rows[0], 4, 0.0)),
         read_only(rows_at(at[1], rows[1], 0, np.int32(0))),
-        read_only(rows_at(at[2], rows[2], 0, np.float32(0.0))),
+        read_only(rows_at(at[2], rows[2], 2, np.float32(0.0))),
         read_only(rows_at(at[3], rows[3], 4, 0.0)),
         read_only(rows_at(at[4], rows[4], 0, 0.0)),
     )
@@ -97,7 +98,7 @@ def _sphere_of_volume(tree, lane):
     node = lane // WIDTH
     at = np.uint64(node * STRIDE + lane % WIDTH)
     centre = add(read_vector(tree.nodes, at), row(tree.centres, node))
-    return scaled(centre, tree.scale[0]), 1.5 * np.float64(tree.sizes[lane]) * tree.scale[0]
+    return scaled(centre, tree.scale[0]), 1.5 * np.float64(tree.sizes[lane, EXTENT]) * tree.scale[0]
 
 
 def implements_all(stub):

@@ -268,7 +268,7 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
         search.waiting.lanes[1, 1], search.waiting.bounds[1] = 5, 6.0
         search.open.pairs[3, 1], search.open.bounds[3], search.open.frames[1] = 7, 8.0, 9
         search.keys[3], search.reaches[3] = 10, 11.0
-        return (tree.nodes[-1], tree.centres[-1, 3], tree.children[-1], tree.sizes[-1],
+        return (tree.nodes[-1], tree.centres[-1, 3], tree.children[-1], tree.sizes[-1, 1],
                 tree.triangles[-1, 8], tree.scale[-1], faces[-1])  # fmt: skip
 
     hierarchy = torus(16)._hierarchy

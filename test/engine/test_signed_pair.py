@@ -292,8 +292,12 @@ def test_a_point_equally_far_from_everything_does_not_hold_up_a_search():
 
 def test_a_question_whose_time_is_over_does_one_thing_more(monkeypatch):
     begun = []
+
+    def watched(module):
+        return lambda end: begun.append(module) or Slices(end)
+
     for module in (ball, parts, run):
-        monkeypatch.setattr(module, "slices_until", lambda end: begun.append(end) or Slices(end))
+        monkeypatch.setattr(module, "slices_until", watched(module))
     for a, b, there in QUESTIONS.values():
         pair = engine.Pair(a, b)
         for _ in range(2):  # the second time the last ball's centre comes first
@@ -301,7 +305,8 @@ def test_a_question_whose_time_is_over_does_one_thing_more(monkeypatch):
             while status is Status.OUT_OF_TIME:
                 begun.clear()
                 status = pair.signed_distance(IDENTITY, there, budget_s=0.0).status
-                assert len(begun) <= 2, "of the surfaces and, where they are apart, of parts inside"
+                # The point that may be a ball's centre says nothing of the distance.
+                assert begun in ([], [ball], [parts], [run], [ball, run])
 
 
 def test_the_surfaces_are_not_compared_again_while_the_depth_is_searched(monkeypatch):

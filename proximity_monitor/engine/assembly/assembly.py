@@ -31,7 +31,7 @@ from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
 from .answers import no_answers
 from .asked import checked_pairs, checked_tolerances
-from .long_searches import BEGIN_FIRST_S, LongSearches, Single
+from .long_searches import BEGIN_FIRST_S, END_S, LongSearches, Single
 
 _NO_HINTS = np.empty((0, 2), np.int32)
 
@@ -141,11 +141,9 @@ class Assembly:
             if len(hints) != k:
                 raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
         asked = poses, chosen, wanted, hints
-        if signed:
-            rows = self._signed_rows(*asked, of_solids, depth_err, deadline, threads)
-        else:
-            rows = self.rows(*asked, of_solids, deadline, threads)
-        return Distances(rows)
+        if not signed:
+            return Distances(self.rows(*asked, of_solids, deadline, threads))
+        return Distances(self._signed_rows(*asked, of_solids, depth_err, deadline, threads))
 
     def rows(
         self,
@@ -216,7 +214,7 @@ class Assembly:
 
         def depths(chosen: Sequence[int] | NDArray[np.int64]) -> None:
             found = self._depths.search(
-                lambda i: single(chosen[i]), len(chosen), depth_err, end, threads
+                lambda i: single(chosen[i]), len(chosen), depth_err, end - END_S, threads
             )
             reached = np.flatnonzero(~np.isnan(found[:, index.STATUS]))
             answers[np.asarray(chosen)[reached]] = found[reached]
@@ -227,8 +225,11 @@ class Assembly:
             answers = no_answers(len(pairs))
             answers[signed, index.LOWER] = -np.inf
         if 0 in begun:
+            if (known := self._depths.prepare(single(0), depth_err, end)) is not None:
+                answers[0] = known
+                return answers
             depths([0])
-            if perf_counter() >= end:
+            if perf_counter() + END_S >= end:
                 return answers
         if begun:
             rest = np.ones(len(pairs), np.bool_)

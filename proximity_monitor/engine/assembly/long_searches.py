@@ -42,6 +42,9 @@ BEGIN_FIRST_S, _BEGIN_S = 2e-4, 1e-4
 one of a call takes three times as long as the others, as the processor's caches do not hold what it
 needs."""
 
+END_S = 3e-5
+"""Seconds that a call takes to end after it has searched for depths."""
+
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
 
@@ -100,6 +103,21 @@ class LongSearches:
         """Let the search about a signed distance count as one that is kept: it has not begun."""
         pair = self._kept[asked.key] = Pair(*asked.models)
         pair.signed_search().known = asked.known
+
+    def prepare(
+        self, asked: Single, depth_err: float, deadline: float
+    ) -> NDArray[np.float64] | None:
+        """Do a part of what it takes to begin a signed distance that is kept, if time is short.
+
+        Returns what is known of it (ANSWER,), as that is work enough; or None if it has begun, or
+        there is time until the deadline, of `perf_counter`: then `search` goes on.
+        """
+        if perf_counter() + _BEGIN_S < deadline:
+            return None
+        rel_err, abs_err, clearance = asked.wanted.tolist()
+        tolerated = _tolerated(clearance, depth_err)
+        search = self._kept[asked.key].signed_search()
+        return search.prepare(*asked.poses, rel_err, abs_err, tolerated)
 
     def search(
         self,
@@ -164,8 +182,7 @@ def _search(
     """The row of an answer, and whether its search came to an end or decided the clearance."""
     rel_err, abs_err, clearance = asked.wanted.tolist()
     deciding = clearance < math.inf
-    # Models that overlap are nearer than any clearance, however deep.
-    tolerated = math.inf if deciding else depth_err
+    tolerated = _tolerated(clearance, depth_err)
     if deciding and asked.signed:
         longest = _DECIDING_S
     while True:
@@ -191,6 +208,11 @@ def _search(
             tolerated = depth_err  # only a larger ball is more than models deviate by
         if stopped.is_set() or perf_counter() >= deadline_of(now, left):
             return row, False
+
+
+def _tolerated(clearance: float, depth_err: float) -> float:
+    """What the depth may err by: models that overlap are nearer than any clearance."""
+    return math.inf if clearance < math.inf else depth_err
 
 
 def prepare(assembly: Assembly) -> None:

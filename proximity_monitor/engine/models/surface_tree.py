@@ -15,7 +15,16 @@ from ..kernels.surface.limits import fit_limits
 from ..kernels.surface.trim import INSIDE
 from ..kernels.tree.build import build_tree
 from ..kernels.tree.fit_surface import fit_surface, project
-from ..kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, STRIDE, WIDTH, first_of, last_of
+from ..kernels.tree.layout import (
+    EMPTY,
+    EMPTY_RADIUS,
+    EXTENT,
+    FIELDS,
+    STRIDE,
+    WIDTH,
+    first_of,
+    last_of,
+)
 from ..kernels.tree.measure import measure
 from .edges import with_edges
 from .nurbs import Net, frozen
@@ -212,6 +221,6 @@ def _check_node(
         reach = np.sqrt(volume[:3] @ volume[:3]) + radius + a + b
         if not reach <= tree.centres[node, 3]:
             raise TreeError(f"{where}: reaches {reach} beyond its node's reach")
-        if not 1.5 * tree.sizes[node * WIDTH + lane] >= a + b + radius:
+        if not 1.5 * tree.sizes[node * WIDTH + lane, EXTENT] >= a + b + radius:
             raise TreeError(f"{where}: its size is too small")
     return np.concatenate(held)

@@ -12,7 +12,16 @@ from ..kernels.base.state import REVISION, BoxTree, MeshTree
 from ..kernels.tree.build import build_tree
 from ..kernels.tree.fit import AABB, HYBRID, LSS, OBB, PSS, RSS
 from ..kernels.tree.fit_tree import fit_tree
-from ..kernels.tree.layout import EMPTY, EMPTY_RADIUS, FIELDS, STRIDE, WIDTH, first_of, last_of
+from ..kernels.tree.layout import (
+    EMPTY,
+    EMPTY_RADIUS,
+    EXTENT,
+    FIELDS,
+    STRIDE,
+    WIDTH,
+    first_of,
+    last_of,
+)
 from ..kernels.tree.measure import measure
 from ..kernels.tree.pairing import pair_up
 from ..kernels.tree.welding import first_drawn, first_equal, without_twins
@@ -278,6 +287,6 @@ def _check_core(tree: Tree, node: int, lane: int, volume: NDArray[np.float64], e
     gram = np.array((u, v)) @ np.array((u, v)).T
     if not np.abs(gram - np.eye(2)).max() <= 4.0 * SINGLE_EPS:
         raise TreeError(f"node {node} lane {lane}: its axes are not perpendicular units")
-    size = float(tree.sizes[node * WIDTH + lane])
+    size = float(tree.sizes[node * WIDTH + lane, EXTENT])
     if not 1.5 * size >= a + b + radius:
         raise TreeError(f"node {node} lane {lane}: its size {size} is too small")

@@ -155,6 +155,11 @@ class Pair:
             self._signed = SignedSearch(self.a, self.b, Pair(self.a, self.b, coherent=coherent))
         return self._signed
 
+    def take_memory(self) -> None:
+        """Take the memory of a search now, which otherwise waits for the first question."""
+        if self._search is None:
+            self._begin_search()
+
     def begin_at(self, nearest: tuple[int, int]) -> None:
         """Let the next search begin anew, with two elements, in tree order."""
         self._asked = None
@@ -206,6 +211,8 @@ class Pair:
         ended = pieces.run(deadline)
         if ended:
             self._pieces = None
+        elif not pieces.answered:
+            return Collision(search.answer, first, False)
         found = pieces.met(first)
         complete = ended and code == index.ENDED and found.decided
         return Collision(search.answer, found, complete)

@@ -31,7 +31,7 @@ Stage = Callable[["SignedSearch"], "Stage | None"]
 class SignedSearch:
     """The memory of signed distances of two models, as `Pair` is that of their distances.
 
-    A search has three stages. First it tries the centre of the last ball: if that lies inside both
+    A search has four stages. First it tries the centre of the last ball: if that lies inside both
     models still, their surfaces need not be compared. Else it finds the distance of the surfaces;
     where they do not meet, a part of one model may still lie inside the other. Where the models
     overlap, the search for the depth follows. A search that was cut goes on in the same stage.
@@ -86,7 +86,7 @@ class SignedSearch:
         self._deadline = math.inf if budget_s is None else deadline_of(start, budget_s)
         asked = None
         if budget_s is not None:
-            asked = pose_a.tobytes(), pose_b.tobytes(), rel_err, abs_err, depth_err, self._shapes()
+            asked = self._question(pose_a, pose_b, rel_err, abs_err, depth_err)
         fresh = asked is None or asked != self._asked
         self._asked = None
         if fresh:
@@ -105,15 +105,34 @@ class SignedSearch:
         a, b = self._models
         return distance_of(row, start, None, (type(a), type(b)))
 
-    def _begin(
-        self,
-        pose_a: NDArray[np.float64],
-        pose_b: NDArray[np.float64],
-        rel_err: float,
-        abs_err: float,
-        depth_err: float,
-    ) -> None:
-        """Start a search with what the last one found."""
+    def prepare(
+        self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], *errors: float
+    ) -> NDArray[np.float64] | None:
+        """Do a part of what it takes to begin with what is `known`, as a budget may be less.
+
+        `errors` are rel_err, abs_err and depth_err of the question that is asked next. Returns what
+        is known (ANSWER,); or None if nothing is left to do, so that `ask` goes on.
+        """
+        asked = self._question(pose_a, pose_b, *errors)
+        row = self.known
+        if row is None or asked == self._asked:
+            return None
+        if self._depth is None:
+            self._take_memory()
+            self._apart.take_memory()
+        else:
+            self._begin(pose_a, pose_b, *errors)
+            self._asked = asked
+        return row
+
+    def _question(
+        self, pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], *errors: float
+    ) -> tuple[object, ...]:
+        """Everything that an answer depends on."""
+        return pose_a.tobytes(), pose_b.tobytes(), errors, self._shapes()
+
+    def _take_memory(self) -> BallSearch | CoreSearch:
+        """The search for the depth of models as they are now; a refit may call for another kind."""
         a, b = self._models
         self._regions = sides_of(a).region, sides_of(b).region
         solids = a.is_solid, b.is_solid
@@ -126,8 +145,21 @@ class SignedSearch:
             kind = CoreSearch
         else:
             kind = BallSearch if all(solids) else DeepestSearch
-        if type(self._depth) is not kind:  # a refit may change it
+        if type(self._depth) is not kind:
             self._depth = kind(a, b)
+        return self._depth
+
+    def _begin(
+        self,
+        pose_a: NDArray[np.float64],
+        pose_b: NDArray[np.float64],
+        rel_err: float,
+        abs_err: float,
+        depth_err: float,
+    ) -> None:
+        """Start a search with what the last one found."""
+        a, b = self._models
+        depth = self._take_memory()
         # A deviation changes how deep a point lies in either model by as much, and a ball's
         # diameter by twice that.
         self._deviation = 2.0 * max(a.deviation, b.deviation)
@@ -143,7 +175,7 @@ class SignedSearch:
         self._found: Distance | None = None
         self._inside_other: bool | None = None
         self._parts: PartSearch | None = None
-        self._depth.begin(*self._poses, depth_err, abs_err)
+        depth.begin(*self._poses, depth_err, abs_err)
         self._stage: Stage | None = SignedSearch._try_last_ball
 
     def _search(self) -> bool:
@@ -161,22 +193,30 @@ class SignedSearch:
         return SignedSearch._find_depth if self._depth.found else SignedSearch._compare_surfaces
 
     def _compare_surfaces(self) -> Stage | None:
-        """Find out how far the surfaces are apart, and whether a part of one model is inside."""
+        """Find out how far the surfaces are apart."""
         apart = self._distance()
-        cut = apart.status is Status.OUT_OF_TIME
-        if apart.lower > 0.0:
-            if self._inside_other is None:
-                self._inside_other = self._part_inside(apart)
-            if not self._inside_other:
-                return SignedSearch._compare_surfaces if cut or self._inside_other is None else None
-            if self._parts is None:  # a surface with holes: nothing tells where its inside may be
-                return SignedSearch._find_depth
-        elif cut:
+        if apart.lower > 0.0 and self._inside_other is None:
+            return SignedSearch._look_inside
+        if apart.status is Status.OUT_OF_TIME:
             return SignedSearch._compare_surfaces
-        part = self._parts.part if self._parts else None
-        if part is not None:
-            self._depth.seed_part(*part)
-        else:
+        if apart.lower > 0.0:
+            return None
+        self._depth.seed_contact(apart.row)
+        return SignedSearch._find_depth
+
+    def _look_inside(self) -> Stage | None:
+        """Find out whether a part of one model is inside the other; the surfaces are apart."""
+        apart = self._found
+        inside = self._inside_other = self._part_inside(apart)
+        if inside is None:
+            return SignedSearch._look_inside
+        if not inside:
+            cut = apart.status is Status.OUT_OF_TIME
+            return SignedSearch._compare_surfaces if cut else None
+        # A surface with holes has no parts: nothing tells where its inside may be.
+        if self._parts is not None and self._parts.part is not None:
+            self._depth.seed_part(*self._parts.part)
+        elif self._parts is not None:
             self._depth.seed_contact(apart.row)
         return SignedSearch._find_depth
 
@@ -235,10 +275,9 @@ class SignedSearch:
         b = self._models[1]
         then, there = _relative(*poses, b.centre)
         turn, place = _relative(*self._poses, b.centre)
-        moved = math.sqrt(((place - there) ** 2).sum())
-        moved += math.sqrt(((turn - then) ** 2).sum()) * b.radius
-        size = abs(place).sum() + abs(there).sum() + sum(model.radius for model in self._models)
-        return bool(moved + 1e-12 * size < 0.9 * clear)
+        moved = math.dist(place, there) + math.dist(turn, then) * b.radius
+        size = sum(map(abs, (*place, *there))) + sum(model.radius for model in self._models)
+        return moved + 1e-12 * size < 0.9 * clear
 
     def _shapes(self) -> tuple[int, ...]:
         """How often the models were refitted."""
@@ -292,8 +331,19 @@ class SignedSearch:
 
 def _relative(
     pose_a: NDArray[np.float64], pose_b: NDArray[np.float64], centre: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The rotation of b in a's frame, and its centre there."""
-    turn = pose_a[:3, :3].T @ pose_b[:3, :3]
-    place = pose_a[:3, :3].T @ (pose_b[:3, 3] - pose_a[:3, 3]) + turn @ centre
+) -> tuple[list[float], list[float]]:
+    """The rotation of b in a's frame, by rows, and its centre there.
+
+    In Python's own numbers: so few of them take numpy three times as long.
+    """
+    *a, (ax, ay, az) = zip(*pose_a.tolist()[:3], strict=True)  # the columns
+    *b, (bx, by, bz) = zip(*pose_b.tolist()[:3], strict=True)
+    dx, dy, dz = bx - ax, by - ay, bz - az
+    p, q, r = centre.tolist()
+    turn: list[float] = []
+    place: list[float] = []
+    for x, y, z in a:
+        row = [x * i + y * j + z * k for i, j, k in b]
+        turn += row
+        place.append(x * dx + y * dy + z * dz + row[0] * p + row[1] * q + row[2] * r)
     return turn, place

@@ -14,6 +14,9 @@ LONG = 1 << 18
 _FIRST = 64
 """Steps of the first slice, some 10 µs, as the time that a step takes is not known yet."""
 _LEAST, _MOST = 32, 1 << 14
+_SOON_S = 2e-5
+"""With less time left, seconds, the first slice has no more than the least of steps: where models
+are curved a step takes some ten times as long as between meshes."""
 _SHARE = 3.0
 """A slice takes a third of the time that is left, provided its steps take as long as the last ones
 did. So a search looks at the clock some ten times in a budget, and is late only where steps
@@ -56,7 +59,9 @@ class Slices:
         self._deadline = None if deadline == math.inf else deadline
         self._begun = perf_counter()
         self._pace = 0.0  # seconds that a step took
-        self.steps = LONG if self._deadline is None else _FIRST
+        self.steps = LONG
+        if self._deadline is not None:
+            self.steps = _FIRST if self._deadline - self._begun > _SOON_S else _LEAST
 
     def over(self, alike: bool = True) -> bool:
         """Look at the clock: whether no time is left for another slice.

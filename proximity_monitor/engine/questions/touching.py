@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,10 @@ Reals = NDArray[np.float64]
 Pairs = NDArray[np.int64]
 
 
+_PART_S = 5e-5
+"""Seconds that a part of what it takes to begin may take."""
+
+
 class PieceSearch:
     """Decides which pairs of elements touch, in slices.
 
@@ -35,25 +40,44 @@ class PieceSearch:
         asked: the question, by which it is known again.
     """
 
-    __slots__ = ("_asked", "_fresh", "_poses", "_queries", "_row", "_search", "answers", "question")
+    __slots__ = (
+        "_asked", "_beginning", "_fresh", "_poses", "_queries", "_row", "_search", "answers",
+        "question",
+    )  # fmt: skip
 
     answers: Reals
-    """(k, ANSWER) about each pair."""
+    """(k, ANSWER) about each pair; none before it has begun."""
 
     def __init__(self, search: Search, poses: tuple[Reals, Reals], asked: object) -> None:
         self.question = asked
-        pairs = _pairs_of(search)
+        self._poses = poses[0].copy(), poses[1].copy()
+        self.answers, self._row, self._fresh = np.empty((0, index.ANSWER)), 0, True
+        self._beginning = self._begin(search)
+
+    def _begin(self, search: Search) -> Iterator[None]:
+        """Begin in parts, as each may take longer than a budget: it yields before each of them."""
+        yield
+        found = _of_cells(search)
+        yield
+        pairs = np.unique(np.concatenate((found, _of_leaves(search))), axis=0)
         queries = np.zeros(len(pairs), index.QUERY)
         queries["bodies"], queries["nearest"], queries["alone"] = (0, 1), pairs, 1
         queries["limit"], queries["param_err"] = math.ulp(0.0), math.inf
+        yield
         self._queries, self._asked = queries, table((queries,))
         self._search = Search(*search.models, coherent=False)
-        self._poses = poses[0].copy(), poses[1].copy()
-        self._row, self._fresh = 0, True
         self.answers = np.empty((len(pairs), index.ANSWER))
+        yield
 
     def run(self, deadline: float | None) -> bool:
-        """Go on until a deadline, of perf_counter; returns whether all pairs are answered."""
+        """Go on until a deadline, of perf_counter; returns whether all pairs are answered.
+
+        It does a part of what it takes to begin, but the first time nothing where the search for
+        the pairs has used up the time.
+        """
+        for _ in self._beginning:
+            if deadline is not None and perf_counter() + _PART_S >= deadline:
+                return False
         if self._row < len(self._queries):
             code, self._row = self._search.run_queries(
                 self._asked, len(self._queries), self._row, *self._poses, deadline, self._fresh,
@@ -61,6 +85,11 @@ class PieceSearch:
             )  # fmt: skip
             self._fresh = code == index.CUT_BETWEEN
         return self._row == len(self._queries)
+
+    @property
+    def answered(self) -> int:
+        """How many pairs are answered."""
+        return self._row
 
     def met(self, first: Met) -> MetPieces:
         """The contacts so far; `first` is what the search before knows."""
@@ -117,24 +146,30 @@ class MetPieces:
         return np.where(pieces["edge"] == NONE, elements, pieces["face"])
 
 
-def _pairs_of(search: Search) -> Pairs:
-    """The pairs of elements (k, 2), in tree order, that may touch as far as a search knows."""
-    found = []
+def _of_cells(search: Search) -> Pairs:
+    """The pairs of elements (k, 2), in tree order, whose cells may touch as far as is known."""
     cells = search.divided()
-    if cells is not None:
-        near = cells.pairs[cells.pairs["bound"] <= search.progress["limit"]]
-        sides = []
-        for which, own, model in zip("ab", cells.sides, search.models, strict=True):
-            divided = isinstance(model._hierarchy.tree, SurfaceTree)
-            sides.append(own["element"][near[which]] if divided else near[which])
-        found.append(np.stack(sides, axis=1))
-    for block in search.collected():  # there was no room for these
-        leaves = ~block[:, :2].astype(np.int64)
-        a, b = (model._hierarchy for model in search.models)
-        for one, other in leaves:
-            found.append(np.array([[i, j] for i in _under(a, one) for j in _under(b, other)]))
-    pairs = np.concatenate([each.astype(np.int64).reshape(-1, 2) for each in found])
-    return np.unique(pairs, axis=0)
+    if cells is None:
+        return np.empty((0, 2), np.int64)
+    near = cells.pairs[cells.pairs["bound"] <= search.progress["limit"]]
+    sides = []
+    for which, own, model in zip("ab", cells.sides, search.models, strict=True):
+        divided = isinstance(model._hierarchy.tree, SurfaceTree)
+        sides.append(own["element"][near[which]] if divided else near[which])
+    return np.stack(sides, axis=1).astype(np.int64)
+
+
+def _of_leaves(search: Search) -> Pairs:
+    """Those of leaves: there was no room for their cells."""
+    a, b = (model._hierarchy for model in search.models)
+    found = [
+        (i, j)
+        for block in search.collected()
+        for one, other in ~block[:, :2].astype(np.int64)
+        for i in _under(a, one)
+        for j in _under(b, other)
+    ]
+    return np.array(found, np.int64).reshape(-1, 2)
 
 
 def _under(hierarchy: Hierarchy, lane: int) -> Iterator[int]:

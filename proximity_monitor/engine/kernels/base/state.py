@@ -10,11 +10,11 @@ MeshTree = namedtuple("MeshTree", "nodes centres children sizes triangles scale"
 """A hierarchy of swept spheres over triangles, as the kernels see it.
 
 nodes (float32, flat) the volumes; centres (k, 4) each node's centre and reach in node units;
-children (int32, k × 16) a node, a leaf or EMPTY (see layout.py); sizes (float32, k × 16) each
-volume's extent in node units; triangles (m, 9) in tree order, metres; scale (6,) metres in a node
-unit, its inverse, the largest norm of a vertex in metres, how often it was refitted, the radius of
-the ball that sweeps the triangles, and how far they may deviate from what they stand for, both in
-metres.
+children (int32, k × 16) a node, a leaf or EMPTY (see layout.py); sizes (float32, k × 16, 2) each
+volume's extent and what opening it promises (see tree/promise.py), in node units; triangles (m, 9)
+in tree order, metres; scale (6,) metres in a node unit, its inverse, the largest norm of a vertex
+in metres, how often it was refitted, the radius of the ball that sweeps the triangles, and how far
+they may deviate from what they stand for, both in metres.
 
 Each kind of model has a tree of a type of its own, by which kernels are chosen when they are
 compiled (see search/stubs.py). All kinds have children, sizes, centres and scale as here.

@@ -56,7 +56,7 @@ def _fill(arrays, made):
 
 _SHARED = {
     "nodes": (np.float32, 0), "centres": (np.float64, 4), "children": (np.int32, 0),
-    "sizes": (np.float32, 0),
+    "sizes": (np.float32, 2),
 }  # fmt: skip
 _OVER_TRIANGLES = _SHARED | {
     "triangles": (np.float64, 9), "scale": (np.float64, 0), "faces": (np.int32, 0),
@@ -131,7 +131,7 @@ def mesh_tree_at(model, first):
         read_only(rows_at(at[first], rows[first], 0, np.float32(0.0))),
         read_only(rows_at(at[first + 1], rows[first + 1], 4, 0.0)),
         read_only(rows_at(at[first + 2], rows[first + 2], 0, np.int32(0))),
-        read_only(rows_at(at[first + 3], rows[first + 3], 0, np.float32(0.0))),
+        read_only(rows_at(at[first + 3], rows[first + 3], 2, np.float32(0.0))),
         read_only(rows_at(at[first + 4], rows[first + 4], 9, 0.0)),
         read_only(rows_at(at[first + 5], rows[first + 5], 0, 0.0)),
     )
@@ -159,7 +159,7 @@ def _surface_at(kind, model):
         read_only(rows_at(at[0], rows[0], 0, np.float32(0.0))),
         read_only(rows_at(at[1], rows[1], 4, 0.0)),
         read_only(rows_at(at[2], rows[2], 0, np.int32(0))),
-        read_only(rows_at(at[3], rows[3], 0, np.float32(0.0))),
+        read_only(rows_at(at[3], rows[3], 2, np.float32(0.0))),
         read_only(records_at(at[4], rows[4], PIECE)),
         read_only(rows_at(at[5], rows[5], 0, 0.0)),
         read_only(rows_at(at[6], rows[6], 0, 0.0)),

@@ -21,7 +21,7 @@ from numba import uint64
 from ..base.jit import kernel
 from ..base.rounding import SINGLE_EPS, SINGLE_TINY
 from ..base.vectors import add, along, cross, dot, moved, rotated, scaled, sub
-from ..tree.layout import HALF_U, HALF_V, RADIUS, STRIDE, U_X, V_X, WIDTH, read_vector, row
+from ..tree.layout import EXTENT, HALF_U, HALF_V, RADIUS, STRIDE, U_X, V_X, WIDTH, read_vector, row
 
 _STEPS = 24
 """Most corners that a walk visits; four are usual. One that is cut short gives a weaker bound."""
@@ -51,7 +51,7 @@ def box_bounds(fixed, lane, motion, tree, node, slack, reach, bounds, first):
     # `slack` pays for the motion, as in `place`. All is float64 but the bound itself, which is no
     # longer than all coordinates together: rounded to float32 it errs by u32 of those. The margin
     # is twice that, of which float64 takes a millionth.
-    size = abs(c[0]) + abs(c[1]) + abs(c[2]) + 1.5 * fixed.sizes[lane] * ratio
+    size = abs(c[0]) + abs(c[1]) + abs(c[2]) + 1.5 * fixed.sizes[lane, EXTENT] * ratio
     margin = 2.0 * SINGLE_EPS * (size + tree.centres[node, 3]) + slack * tree.scale[1]
     for k in range(WIDTH):
         if bounds[first + k] >= reach:

@@ -23,6 +23,7 @@ from ..tree.layout import (
     CENTRE_Y,
     CENTRE_Z,
     EMPTY,
+    EXTENT,
     HALF_U,
     HALF_V,
     RADIUS,
@@ -157,7 +158,8 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
     o = sub(add(read_vector(fixed.nodes, base), row(fixed.centres, above)), centre)
     reach = (
         abs(d[0]) + abs(d[1]) + abs(d[2]) + tree.centres[node, 3] * ratio
-        + abs(o[0]) + abs(o[1]) + abs(o[2]) + 1.5 * fixed.sizes[lane] + fixed.centres[other, 3]
+        + abs(o[0]) + abs(o[1]) + abs(o[2]) + 1.5 * fixed.sizes[lane, EXTENT]
+        + fixed.centres[other, 3]
     )  # fmt: skip
     slack = progress.bound_slack * inverse
     if not (reach + slack < SINGLE_LIMIT and ratio < SINGLE_LIMIT):

@@ -28,6 +28,7 @@ from ..tree.layout import (
     CENTRE_X,
     CENTRE_Y,
     CENTRE_Z,
+    EXTENT,
     HALF_U,
     HALF_V,
     RADIUS,
@@ -144,7 +145,7 @@ def place(fixed, lane, motion, tree, node, slack, out):
     x = c[0] - tree.centres[node, 0]
     y = c[1] - tree.centres[node, 1]
     z = c[2] - tree.centres[node, 2]
-    size = fixed.sizes[lane] * ratio
+    size = fixed.sizes[lane, EXTENT] * ratio
     # 1.5 times the diagonal exceeds the sum of both half edges and the radius. A slack that is far
     # larger than both models would drown even the radius of an unused lane.
     reach = abs(x) + abs(y) + abs(z) + 1.5 * size
@@ -177,7 +178,7 @@ def far_bound(fixed, lane, motion, tree, node, slack):
     c = moved(motion, scaled(own_centre, fixed.scale[0]))
     unit = tree.scale[0]
     d = sub(c, scaled(row(tree.centres, node), unit))
-    reach = 1.5 * fixed.sizes[lane] * fixed.scale[0] + tree.centres[node, 3] * unit
+    reach = 1.5 * fixed.sizes[lane, EXTENT] * fixed.scale[0] + tree.centres[node, 3] * unit
     return (np.sqrt(dot(d, d)) - reach) * (1.0 - 1e-12) - slack
 
 

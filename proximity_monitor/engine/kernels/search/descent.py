@@ -2,8 +2,9 @@
 
 Depth first (Larsen et al. 1999, sections 5.1 and 6): the pair whose bound is smallest comes first;
 or the nearest of all (queue.py), or level by level (levels.py). The larger volume of a pair is
-opened, sixteen bounds at a time; two lowest nodes are dealt with in one go (cross.py). Where
-volumes overlap their bounds are negative, and the deepest comes first.
+opened, or the one that promises more (promise.py), sixteen bounds at a time; two lowest nodes are
+dealt with in one go (cross.py). Where volumes overlap their bounds are negative, and the deepest
+comes first.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ..base.state import (
 from ..bounds.cross import Scratch
 from ..bounds.gaps import BATCH
 from ..elements.primitives import collect, enough
-from ..tree.layout import LARGEST, STRIDE, WIDTH
+from ..tree.layout import EXTENT, LARGEST, PROMISE, STRIDE, WIDTH
 from .approach import APPROACH_STEPS, come_nearer, far_from_nearest
 from .coherence import is_coherent, remember_far, still_far
 from .stubs import cross_leaves, divide, lane_bounds, push, resolve, take
@@ -31,6 +32,9 @@ _CROSSED = WIDTH * WIDTH
 _FOUND = WIDTH + _CROSSED
 WAITING_ROOM = BATCH + _CROSSED
 """Pairs of leaves that there is room for."""
+
+_HOPE = 1.25
+"""How many times what a volume promises a bound may grow by: its parts promise something, too."""
 
 
 @inlined
@@ -122,6 +126,9 @@ def advance(tree_a, tree_b, state):
     tolerant = progress.rel_err + progress.abs_err > 0.0
     many = 1 if tolerant or progress.limit < enough(progress) else BATCH
     larger = 2.0 if tolerant else 4.0
+    # Next to a lowest node only size counts, so that two of them meet soon; but not where all that
+    # is asked for is a clearance.
+    inner = 2 if progress.limit < enough(progress) else 1
     while True:
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
         while n >= many or (
@@ -164,8 +171,14 @@ def advance(tree_a, tree_b, state):
         # Lane 0 of a lowest node, and of no other, holds a triangle.
         lowest_a = child_a < 0 or tree_a.children[child_a * WIDTH] < 0
         lowest_b = child_b < 0 or tree_b.children[child_b * WIDTH] < 0
-        size_a = tree_a.sizes[a] * tree_a.scale[0]
-        size_b = tree_b.sizes[b] * tree_b.scale[0]
+        size_a = tree_a.sizes[a, EXTENT] * tree_a.scale[0]
+        size_b = tree_b.sizes[b, EXTENT] * tree_b.scale[0]
+        if bound > 0.0 and lowest_a + lowest_b < inner:
+            # Apart: their bound grows by what one of them promises, if that may be enough.
+            promise_a = tree_a.sizes[a, PROMISE] * tree_a.scale[0]
+            promise_b = tree_b.sizes[b, PROMISE] * tree_b.scale[0]
+            if bound + _HOPE * max(promise_a, promise_b) >= progress.limit:
+                size_a, size_b = promise_a, promise_b
         if lowest_a and lowest_b and child_a >= 0 and child_b >= 0:
             before, tests = n, progress.bound_tests
             flip = not size_a > size_b

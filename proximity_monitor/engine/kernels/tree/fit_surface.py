@@ -7,10 +7,11 @@ from numba import uint64
 
 from ..base.jit import allocating_entry, kernel
 from ..base.rounding import DOUBLE_EPS, SINGLE_EPS
-from ..tree.layout import RADIUS, STRIDE, WIDTH
+from ..tree.layout import EXTENT, RADIUS, STRIDE, WIDTH
 from .axes import axes_of_points
 from .fit import RSS
 from .layout import EMPTY, first_of
+from .promise import find_promises
 from .ranges import node_ranges
 from .record import close_node, fit_lane, put_centre
 
@@ -51,7 +52,7 @@ def _enlarge(points, n, nodes, node, lane, sizes):
     at = uint64(node * STRIDE + lane) + RADIUS
     more = 2.0 * DOUBLE_EPS * largest
     nodes[at] = np.float32((np.float64(nodes[at]) + more) * (1.0 + 2.0 * SINGLE_EPS))
-    sizes[node * WIDTH + lane] += np.float32(more)
+    sizes[node * WIDTH + lane, EXTENT] += np.float32(more)
 
 
 @allocating_entry
@@ -66,7 +67,7 @@ def fit_surface(points, starts, children, unit):
     count = len(children) // WIDTH
     nodes = np.zeros(count * STRIDE, np.float32)
     centres = np.zeros((count, 4))
-    sizes = np.zeros(count * WIDTH, np.float32)
+    sizes = np.zeros((count * WIDTH, 2), np.float32)
     ranges = node_ranges(children)
     points = points * inverse
     local = np.empty((len(points), 3))
@@ -88,4 +89,5 @@ def fit_surface(points, starts, children, unit):
             _enlarge(held, n, nodes, node, lane, sizes)
             used += 1
         close_node(nodes, node, used, centres)
+    find_promises(nodes, centres, children, sizes)
     return nodes, centres, sizes

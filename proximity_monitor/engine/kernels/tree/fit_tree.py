@@ -8,6 +8,7 @@ from ..base.jit import allocating, allocating_entry, kernel
 from ..tree.layout import STRIDE, WIDTH
 from .axes import axes_of_leaf, axes_of_points
 from .layout import EMPTY, first_of, last_of
+from .promise import find_promises
 from .ranges import node_ranges
 from .record import close_node, fit_lane, put_centre
 
@@ -98,14 +99,14 @@ def fit_tree(triangles, faces, children, unit, volume):
     structure; `unit` is that of the nodes, metres, and `volume` one of the codes in fit.py.
 
     Returns nodes (float32, flat), centres (k, 4) with each node's reach in node units, and sizes
-    (float32, k × 16).
+    (float32, k × 16, 2).
     """
     m = triangles.shape[0]
     inverse = 1.0 / unit  # a power of two, like the unit
     count = len(children) // WIDTH
     nodes = np.zeros(count * STRIDE, np.float32)
     centres = np.zeros((count, 4))
-    sizes = np.zeros(count * WIDTH, np.float32)
+    sizes = np.zeros((count * WIDTH, 2), np.float32)
     ranges = node_ranges(children)
     points, local = np.empty((3 * m, 3)), np.empty((3 * m + 1, 3))
     starts = np.empty(m + 1, np.int64)
@@ -131,4 +132,5 @@ def fit_tree(triangles, faces, children, unit, volume):
             fit_lane(held, n, own, volume, local, nodes, centre, node, lane, sizes)
             used += 1
         close_node(nodes, node, used, centres)
+    find_promises(nodes, centres, children, sizes)
     return nodes, centres, sizes

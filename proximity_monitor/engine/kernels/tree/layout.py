@@ -35,6 +35,9 @@ RADIUS, HALF_U, HALF_V = uint64(9 * WIDTH), uint64(10 * WIDTH), uint64(11 * WIDT
 EMPTY = -(2**31)
 """Child of an unused lane."""
 
+EXTENT, PROMISE = 0, 1
+"""Columns of a tree's sizes: how large a volume is, and what opening it promises (promise.py)."""
+
 LARGEST = 2
 """Triangles of a leaf, at the most."""
 

@@ -11,6 +11,7 @@ from ..tree.layout import (
     CENTRE_Y,
     CENTRE_Z,
     EMPTY_RADIUS,
+    EXTENT,
     HALF_U,
     HALF_V,
     RADIUS,
@@ -74,7 +75,7 @@ def write_radius(points, n, volume, nodes, centre, node, lane, sizes):
         nodes[base + HALF_U], nodes[base + HALF_V] = long_u, long_v
         a, b = np.float64(long_u), np.float64(long_v)
     nodes[base + RADIUS] = radius
-    sizes[node * WIDTH + lane] = np.float32(np.sqrt(a * a + b * b) + radius)
+    sizes[node * WIDTH + lane, EXTENT] = np.float32(np.sqrt(a * a + b * b) + radius)
 
 
 @kernel
