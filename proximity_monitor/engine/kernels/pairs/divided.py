@@ -48,8 +48,9 @@ _SMALL = 0.02
 _NEAR_STEPS = 32
 """Steps of each search for near points with which a search that has a tolerance begins."""
 
-_FEW = 6
-"""Pairs of elements that a search compares before it looks for a ball that dismisses others."""
+_FEW, _MORE = 8, 24
+"""Pairs of elements that a search compares before it looks for a ball that dismisses others; and
+that one compares which remembers what was far: most have only a few."""
 
 ROOM_STEPS = 256
 """Steps that making room for more cells takes as long as."""
@@ -96,7 +97,8 @@ def _prepare(cells, tree_a, tree_b, state):
     progress = state.progress[0]
     progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
-    progress.compared, progress.due, progress.leaning = 0, _FEW, NONE
+    progress.compared, progress.leaning = 0, NONE
+    progress.due = _FEW if state.keys.shape[0] == 0 else _MORE
     # Cells stand in their model's own frame: they serve again while the models are the same.
     same = state.keys.shape[0] > 0
     shapes = tree_a.scale[REVISION], tree_b.scale[REVISION]

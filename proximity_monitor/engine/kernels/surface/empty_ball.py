@@ -38,6 +38,8 @@ needed, the least is 0."""
 LOOKS = 256
 """Looks at rectangles of pieces until a search gives up. It tolerates no more by then (foot.py)."""
 
+_ALL, _ITSELF, _OTHERS = 0, 1, 2
+
 _ROUNDS, _SMALLER, _HALF, _LEAST = 4, 0.9, 0.5, 0.01
 """Balls that are tried; how large the next one is, as a share of that through the point found in
 this one; as a share of this one, where nothing could be proven; and as such at the least."""
@@ -95,14 +97,26 @@ def _look(query, tree, t, answer):
     return distance, nearest, u, v, 0.0, cost
 
 
-@inlined
-def _search(tree, query, answer):
-    """The answer about all elements."""
+@shared
+def _nearest(tree, place, radius, more, element, u, v, which):
+    """About the point of a surface nearest to a place, metres: element, u, v.
+
+    It is looked for within a radius, among ALL elements, in the given one or in all OTHERS, and the
+    given point is the answer where there is none. Returns also a lower bound of the distance, which
+    is `more` less than that at least, and what it cost.
+    """
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
-    top = at_root(stack, bounds)
-    answer, _, _ = descend(query, tree, answer, top, stack, bounds, found, TO_THE_END)
-    return answer
+    query = Empty(place, points_err(tree), more, 0.0, element if which == _OTHERS else NONE)
+    answer = unlooked(radius, element, u, v)
+    if which == _ITSELF:
+        if tree.pieces[element].edge == NONE:  # else its patch is among the others
+            answer = _look(query, tree, element, answer)
+    else:
+        top = at_root(stack, bounds)
+        answer, _, _ = descend(query, tree, answer, top, stack, bounds, found, TO_THE_END)
+    nearest, least = bounded(query, answer)
+    return nearest, answer[2], answer[3], least, answer[5]
 
 
 @inlined
@@ -110,16 +124,16 @@ def _spare(tree):
     return _SPARE * tree.scale[2] + points_err(tree)
 
 
-@shared
+@kernel
 def nearest_on(tree, element, u, v, place):
     """About the point of a surface nearest to a place, metres: element, u, v; and what it cost.
 
     The search begins with such a point.
     """
     radius = norm(sub(point_on(tree, element, u, v), place))
-    query = Empty(place, points_err(tree), max(_ROUGH * radius, _spare(tree)), 0.0, NONE)
-    answer = _search(tree, query, unlooked(radius, element, u, v))
-    return max(answer[1], ~answer[1]), answer[2], answer[3], answer[5]
+    spare = max(_ROUGH * radius, _spare(tree))
+    element, u, v, _, cost = _nearest(tree, place, radius, spare, element, u, v, _ALL)
+    return element, u, v, cost
 
 
 @kernel
@@ -137,32 +151,31 @@ def _normal_at(tree, element, u, v, n):
     return scaled(way, np.copysign(1.0 / length, cosine)) if abs(cosine) > _ALONG else n
 
 
-@shared
+@kernel
 def empty_ball(tree, element, u, v, n, radius, more):
     """A ball of that radius at most beside a point of a surface, metres, on the side that n tells.
 
     Returns its centre; a lower bound of that one's distance to the element, and one of that to all
     others, which is `more` larger than the radius at the most; and what it cost.
     """
-    p, slack, spare = point_on(tree, element, u, v), points_err(tree), _spare(tree)
+    p, spare = point_on(tree, element, u, v), _spare(tree)
     c, own, others, cost = p, 0.0, 0.0, 0
     n = _normal_at(tree, element, u, v, n)
     for _ in range(_ROUNDS):
         c = along(p, n, radius)
-        query = Empty(c, slack, spare, 0.0, np.int64(element))
-        answer = unlooked(radius, element, u, v)
-        if tree.pieces[element].edge == NONE:  # else its patch is among the others
-            answer = _look(query, tree, element, answer)
-            cost += answer[5]
-        nearest, own = bounded(query, answer)
-        others = 0.0
-        if own >= radius - 4.0 * spare:
-            answer = _search(tree, query, unlooked(radius + more, element, u, v))
-            cost += answer[5]
-            nearest, others = bounded(query, answer)
-        if others >= radius - 4.0 * spare or cost >= LOOKS:
+        least, others = radius - 4.0 * spare, 0.0
+        other, other_u, other_v, own, looks = _nearest(
+            tree, c, radius, spare, element, u, v, _ITSELF
+        )  # fmt: skip
+        cost += looks
+        if own >= least:
+            other, other_u, other_v, others, looks = _nearest(
+                tree, c, radius + more, spare, element, u, v, _OTHERS
+            )  # fmt: skip
+            cost += looks
+        if others >= least or cost >= LOOKS:
             break
-        way = sub(point_on(tree, nearest, answer[2], answer[3]), p)
+        way = sub(point_on(tree, other, other_u, other_v), p)
         height = dot(way, n)
         through = _SMALLER * dot(way, way) / (2.0 * height) if height > 0.0 else radius
         shrunk = radius if own > 0.0 and others > 0.0 else _HALF * radius
