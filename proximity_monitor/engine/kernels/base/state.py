@@ -325,6 +325,13 @@ PROGRESS = np.dtype(
         ("cells_a", np.int64),  # how many cells there are of either model
         ("cells_b", np.int64),
         ("least_cells", np.float64),  # the least bound of pairs that cannot be divided any more
+        ("ball", np.float64, (6,)),  # of a surface and a mesh, in the mesh's frame: the centre of a
+        # ball, how near one element of the surface is to that at least, and how near all others,
+        # and the distance that was known then (see mesh_in_ball.py)
+        ("leaning", np.int64),  # that element
+        ("support", np.float64),  # how far it reaches along the direction that was known then
+        ("compared", np.int64),  # pairs of elements that have been compared
+        ("due", np.int64),  # ... until a ball is looked for
         ("rings", np.int64),  # how many pairs of rings are open
         ("slots", np.int64),  # how many there have been room for
         ("arcs_a", np.int64),  # how many arcs there are besides a's tree, and b's

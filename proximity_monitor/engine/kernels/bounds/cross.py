@@ -49,6 +49,13 @@ other's along a direction (16,)."""
 _ALL = (1 << WIDTH) - 1  # lanes
 
 
+def left_by_ball(waiting, tree, node, progress, limit, reaches):
+    """The bits of the lanes of a node that no ball keeps beyond `limit`, metres: a stub.
+
+    `reaches` is room for sixteen float32.
+    """
+
+
 @loop16
 def move_lanes(nodes, base, frame, placed):
     """All volumes of the node at `base`, turned, scaled and shifted, into `placed` (STRIDE,).
@@ -144,8 +151,10 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
     room = limit - apart
     nearest = smallest(other_lows, 0, _ALL) * unit
     rows = not_above(lows, 0, np.float32((room - nearest) * tree.scale[1]))
+    rows &= left_by_ball(waiting, tree, node, progress, limit, found)
+    others = left_by_ball(waiting, fixed, other, progress, limit, found)
     aligned, whole = rows, rows
-    if not rows:
+    if not (rows and others):
         progress.proven = apart + nearest + smallest(lows, 0, _ALL) * tree.scale[0]
         return n
     ratio = tree.scale[0] * inverse
@@ -201,7 +210,7 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
     for i in range(count):
         at = (i + 1) * WIDTH
         own_room = np.float32((room - lows[owns[i]] * tree.scale[0]) * inverse)
-        survivors = not_above(found, at, threshold) & not_above(other_lows, 0, own_room)
+        survivors = not_above(found, at, threshold) & not_above(other_lows, 0, own_room) & others
         while survivors:
             k = lowest(survivors)
             survivors &= survivors - 1

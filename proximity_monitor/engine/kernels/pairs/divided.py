@@ -28,6 +28,7 @@ from ..search.approach import far_from_nearest
 from ..surface import cell_proofs  # noqa: F401 - it implements what proofs ask of cells
 from ..surface.around import Around
 from ..surface.divide import add_elements, divide_nearest
+from ..surface.empty_ball import find_ball, is_in_ball
 from ..surface.facing import vector
 from ..surface.measure import measure_near
 from ..surface.newton import MOST
@@ -46,6 +47,10 @@ _SMALL = 0.02
 
 _NEAR_STEPS = 32
 """Steps of each search for near points with which a search that has a tolerance begins."""
+
+_FEW, _MORE = 8, 24
+"""Pairs of elements that a search compares before it looks for a ball that dismisses others; and
+that one compares which remembers what was far: most have only a few."""
 
 ROOM_STEPS = 256
 """Steps that making room for more cells takes as long as."""
@@ -91,6 +96,9 @@ def resolution(waiting, tree_a, tree_b, slack):
 def _prepare(cells, tree_a, tree_b, state):
     progress = state.progress[0]
     progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
+    progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
+    progress.compared, progress.leaning = 0, NONE
+    progress.due = _FEW if state.keys.shape[0] == 0 else _MORE
     # Cells stand in their model's own frame: they serve again while the models are the same.
     same = state.keys.shape[0] > 0
     shapes = tree_a.scale[REVISION], tree_b.scale[REVISION]
@@ -143,6 +151,9 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     first_b, last_b = _elements(tree_b, waiting.lanes[n, 1])
     for a in range(first_a, last_a + 1):
         for b in range(first_b, last_b + 1):
+            if is_in_ball(tree_a, tree_b, state, a, b):
+                continue
+            progress.compared += 1
             taken = add_elements(tree_a, tree_b, state, a, b, bound)
             if taken == NONE and make_room(state):
                 taken = add_elements(tree_a, tree_b, state, a, b, bound)
@@ -152,7 +163,7 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
                     collect(state, ~waiting.lanes[n, 0], ~waiting.lanes[n, 1], bound)
                 taken = 1
             steps -= min(steps, taken)
-    return n, steps
+    return n, steps - min(steps, find_ball(tree_a, tree_b, state))
 
 
 @inlined
@@ -247,6 +258,18 @@ def _near_triangle(tree, p, element, weights, steps, slack, stack, bounds, found
     distance, t, top = begin_nearest(tree, p, element, stack, bounds)
     _, t, _, _ = nearest(tree, p, distance, t, top, slack, 0.0, stack, bounds, found, steps)
     return begin_on(tree, t)
+
+
+@implements(find_ball, SurfaceTree, SurfaceTree)
+@inlined
+def _find_none(tree_a, tree_b, state):
+    return 0
+
+
+@implements(is_in_ball, SurfaceTree, SurfaceTree)
+@inlined
+def _is_in_none(tree_a, tree_b, state, a, b):
+    return False
 
 
 @_implements(stubs.sample)

@@ -27,7 +27,7 @@ from ..surface.sides import (
     roughness,
     whole,
 )
-from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
+from . import divided, mesh_in_ball, swept  # noqa: F401 - each implements stubs for these kinds
 from .triangle_proofs import foot_on
 
 _ROUNDS = 2

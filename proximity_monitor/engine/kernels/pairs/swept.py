@@ -9,9 +9,9 @@ import numpy as np
 from numba import uint64
 
 from ..base.jit import implements, inlined
-from ..base.state import BoxTree, MeshTree, SurfaceTree
+from ..base.state import BoxTree, Dividing, MeshTree, SurfaceTree, Waiting
 from ..bounds.boxes import box_bounds
-from ..bounds.cross import cross_nodes
+from ..bounds.cross import cross_nodes, left_by_ball
 from ..bounds.volumes import far_bound, lower_bounds, place, tighten
 from ..search import stubs
 from ..tree.layout import EMPTY, STRIDE, WIDTH
@@ -47,3 +47,10 @@ def _tighter(fixed, tree, lane, motion, node, slack, reach, bounds, first):
 
 
 implements(stubs.cross_leaves, _TREES, _TREES)(cross_nodes)
+
+
+@implements(left_by_ball, Waiting, _TREES)
+@implements(left_by_ball, Dividing, SurfaceTree)
+@inlined
+def _all_are_left(waiting, tree, node, progress, limit, reaches):
+    return (1 << WIDTH) - 1

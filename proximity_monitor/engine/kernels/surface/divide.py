@@ -18,6 +18,7 @@ from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
 from ..base.vectors import dot, norm, rotated, scaled, turned_back
 from .certificate import is_done
+from .empty_ball import is_in_ball
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
 from .halved import halved_least
@@ -92,6 +93,12 @@ def divide_nearest(tree_a, tree_b, state):
     if bound >= progress.limit:
         progress.dividing = 0
         return 0
+    if is_in_ball(
+        tree_a, tree_b, state,
+        element_of(tree_a, cells.cells_a, a), element_of(tree_b, cells.cells_b, b),
+    ):  # fmt: skip
+        progress.dividing = drop_first(pairs, progress.dividing)
+        return PAIR_STEPS
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
     # Where pairs are collected and nothing nearer is to be found, only what is too long is divided.

@@ -64,7 +64,7 @@ every search ends: around the centre of a sphere all of it is about as near."""
 _NEARER = 0.25
 """Share of what is tolerated from which on an edge's bend is worth a division."""
 
-_RECTANGLES, _FEW, _EVERY = 16, 4, 4
+RECTANGLES, _FEW, _EVERY = 16, 4, 4
 """Rectangles of a piece that are looked at before its control points are divided, and of a part;
 and how many divisions later the next parts are looked at so, after the first ones: about a pole
 control points alone tell."""
@@ -140,7 +140,8 @@ def foot_in(query, tree, t, answer):
             u, v = 0.5, (0.5 if tree.pieces[nearest].degree_v > 0 else 0.0)
             distance = norm(sub(point_on(tree, nearest, u, v), query.place))
             answer = distance, ~nearest, u, v, answer[4], first
-        done, answer = _look_at_whole(query, tree, t, answer)
+        most = 1 if piece.side == CROSSING else RECTANGLES
+        done, answer = look_at_whole(query, tree, t, answer, most)
         if not done:
             answer = _look_at_parts(query, tree, t, answer)
     if answer[5] > _PATIENCE:  # more is tolerated than the query knows
@@ -174,8 +175,11 @@ def _improved(query, tree, t, answer, limits, at, u, v):
 
 
 @kernel
-def _look_at_whole(query, tree, t, answer):
-    """Whether a piece is done with, without a division of control points, and the answer then."""
+def look_at_whole(query, tree, t, answer, most):
+    """Whether a piece is done with, without a division of control points, and the answer then.
+
+    No more than `most` of its rectangles are looked at.
+    """
     piece, p = tree.pieces[t], query.place
     below = enough(query, answer)
     centre, e, f = sub(vector(piece.centre), p), vector(piece.along_u), vector(piece.along_v)
@@ -190,7 +194,6 @@ def _look_at_whole(query, tree, t, answer):
             return True, answer
     whole = Rectangle(0.0, 1.0, 0.0, 1.0 if piece.degree_v > 0 else 0.0)
     u, v = 0.5 + 0.5 * a, 0.5 + 0.5 * b
-    most = 1 if piece.side == CROSSING else _RECTANGLES
     return _look_at_rectangle(query, tree, t, answer, limits_of(piece), whole, u, v, most)
 
 
@@ -200,7 +203,7 @@ def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, most):
 
     Minima are looked for from u, v on.
     """
-    stack = table_on_stack(_RECTANGLES, 6, 0.0)
+    stack = table_on_stack(RECTANGLES, 6, 0.0)
     _put(stack, 0, at)
     stack[0, 4], stack[0, 5] = u, v
     top = looks = 1

@@ -46,7 +46,7 @@ _NEARER = 0.25
 
 
 @inlined
-def _least_rise(slope, error, bend, low, high):
+def least_rise(slope, error, bend, low, high):
     """The least of slope d + bend d² / 2 for steps d from low to high, slope being right to error.
 
     low is not positive, high not negative; nor is the result positive.
@@ -56,6 +56,28 @@ def _least_rise(slope, error, bend, low, high):
     if bend > 0.0:
         d, e = min(max(-up / bend, 0.0), high), min(max(-down / bend, 0.0), back)
     return min(min(d * (up + 0.5 * bend * d), e * (down + 0.5 * bend * e)), 0.0)
+
+
+@inlined
+def least_around(gu, slope_u, a, gv, slope_v, b, h, at, u, v):
+    """The least that F rises by in a rectangle from one of its points on; not positive.
+
+    Namely of g_u x + g_v y + (a x² + b y²) / 2 - h |x y|, where g_u is right to `slope_u`, and g_v
+    to `slope_v`; t is chosen so that what is left of a and b does most good.
+    """
+    k, m = max(u - at.low_u, at.high_u - u), max(v - at.low_v, at.high_v - v)
+    if k > 0.0 and m > 0.0 and h > 0.0:
+        t = 1.0
+        if a > 0.0 and b > 0.0 and a * b > h * h:
+            t = np.sqrt(a / b)
+        elif b > 0.0 and not (a > 0.0 and abs(gu) * k < abs(gv) * m):
+            t = 2.0 * h / b
+        elif a > 0.0:
+            t = a / (2.0 * h)
+        a, b = a - h * t, b - h / t
+    less = least_rise(gu, slope_u, a, at.low_u - u, at.high_u - u)
+    less += least_rise(gv, slope_v, b, at.low_v - v, at.high_v - v)
+    return less
 
 
 @kernel
@@ -103,17 +125,7 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
     lost_v = (vvv * m + 0.25 * uvv * k + max(-3.0 * b, 0.0)) * m * m
     a -= less_a + uuu * k * (1.0 / 3.0) + uuv * m
     b -= less_b + uvv * k + vvv * m * (1.0 / 3.0)
-    if k > 0.0 and m > 0.0 and h > 0.0:
-        t = 1.0
-        if a > 0.0 and b > 0.0 and a * b > h * h:
-            t = np.sqrt(a / b)
-        elif b > 0.0 and not (a > 0.0 and abs(gu) * k < abs(gv) * m):
-            t = 2.0 * h / b
-        elif a > 0.0:
-            t = a / (2.0 * h)
-        a, b = a - h * t, b - h / t
-    less = _least_rise(gu, slope_u, a, at.low_u - u, at.high_u - u)
-    less += _least_rise(gv, slope_v, b, at.low_v - v, at.high_v - v)
+    less = least_around(gu, slope_u, a, gv, slope_v, b, h, at, u, v)
     across_u, across_v = limits.u * k, limits.v * m
     if not less > -_HOPELESS * (distance * distance + across_u * across_u + across_v * across_v):
         return -np.inf, left, lost_u >= lost_v

@@ -1,0 +1,200 @@
+"""The triangles of a mesh that lie in an empty ball of a surface: all are dismissed by that.
+
+Pairs of a surface's pieces and triangles are many where pieces bend by more than the triangles are
+farther than the nearest one. Most of these lie in a ball that touches the surface at its nearest
+point (see surface/empty_ball.py), and the distances of their corners from its centre tell. About
+the nearest point of the mesh, where it lies within a triangle or on an edge, corners are a little
+outside: the pieces that the ball does not touch are farther from its centre than the one that it
+leans on, and that one, where it bends away, is dismissed along the direction between both points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel
+from ..base.memory import on_stack
+from ..base.state import NONE, MeshTree, SurfaceTree
+from ..base.vectors import along, dot, moved, norm, scaled, sub
+from ..elements.direction import begin_along, end_along, gap_between
+from ..elements.primitives import corners
+from ..inside.visit import ROOM
+from ..search import stubs
+from ..surface.empty_ball import LOOKS, empty_ball, find_ball, is_in_ball, nearest_on
+from ..surface.facing import vector
+from ..surface.measure import MINIMUM_STEPS, measure_near
+from ..surface.newton import MOST
+from ..surface.sides import near
+from ..surface.support import support_of
+from ..tree.layout import WIDTH
+from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
+
+_STEPS, _LOOK = 48, 2
+"""Steps of a search that looking for a ball takes as long as, but for what improving the nearest
+points takes; and those of a look at a rectangle of a piece."""
+
+_LARGE, _MORE = 4.0, 2e-4
+"""How large a ball is at the most, as a share of the spheres around both models; and how much
+farther from its centre other pieces may be known to be."""
+
+_LATER = 4
+"""How many times as many pairs are compared until the next ball is looked for."""
+
+_TURNS, _NEAR_STEPS = 8, 32
+"""Times that the nearest points are improved first, at the most; and steps of each search for a
+near triangle."""
+
+_LITTLE = 1e-6
+"""Share of the distance, or of its square, less than which ends the turns."""
+
+
+@inlined
+def _reach(tree):
+    return tree.centres[0, 3] * tree.scale[0]
+
+
+@kernel
+def _nearest_points(state, flip):
+    """The elements and weights of the nearest points known: the surface's first, then the mesh's.
+
+    `flip` says that the surface is b.
+    """
+    progress = state.progress[0]
+    a, wa = progress.element_a, vector(progress.weights_a)
+    b, wb = progress.element_b, vector(progress.weights_b)
+    return (b, wb, a, wa) if flip else (a, wa, b, wb)
+
+
+@kernel
+def _improve(tree_a, tree_b, state, surface, mesh, flip):
+    """Move the nearest points known to where the models are nearest near by; returns the steps.
+
+    In turns: the point of the surface nearest to the mesh's point, the triangle nearest to that,
+    and Newton's method between both. Between models that are near each other for their size such
+    projections go in small steps. So they are made from a place behind the mesh's point: from the
+    middle of a ball, all of its surface is as near. Where that leads nowhere, from the point.
+    """
+    progress = state.progress[0]
+    to_surface, to_mesh = state.motions[1 if flip else 0], state.motions[0 if flip else 1]
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
+    found = on_stack(WIDTH, np.float32(0.0))
+    behind, steps, cost = _reach(mesh), 0, 0
+    for _ in range(_TURNS):
+        before = progress.distance
+        s, ws, t, wt = _nearest_points(state, flip)
+        p = stubs.witness(surface, s, ws)
+        q = moved(to_surface, stubs.witness(mesh, t, wt))
+        place = along(q, sub(q, p), behind / before)
+        other, u, v, looks = nearest_on(surface, s, ws[0], ws[1], place)
+        cost += looks
+        new = stubs.witness(surface, other, (u, v, 0.0))
+        last, from_t = near(
+            mesh, moved(to_mesh, new), t, wt, _NEAR_STEPS, progress.bound_slack,
+            stack, bounds, found,
+        )  # fmt: skip
+        steps += _NEAR_STEPS
+        way = sub(new, p)
+        little = dot(way, way) < _LITTLE * before * before
+        if little and other == s and last == t:
+            break
+        if flip:
+            measure_near(tree_a, tree_b, state, last, from_t, other, (u, v, 0.0), MOST)
+        else:
+            measure_near(tree_a, tree_b, state, other, (u, v, 0.0), last, from_t, MOST)
+        steps += MINIMUM_STEPS
+        if not progress.distance > progress.slack or cost >= LOOKS:
+            break
+        if not progress.distance < before * (1.0 - _LITTLE):
+            if little or behind == 0.0:
+                break
+            behind = 0.0
+    return steps + _LOOK * cost
+
+
+@kernel
+def _find(tree_a, tree_b, state, surface, mesh, flip):
+    """Look for a ball of a surface beside its nearest point; returns the steps taken.
+
+    Moving the centre c errs by no more than moving a point of the models does, but for its larger
+    norm: that of a surface's point is at most `size`, so by 1 + |c| / `size` times the slack of
+    volumes. That holds also for how much longer or shorter an imperfect rotation makes the way to a
+    corner of the mesh, and for what the distance to that errs by, 8 u (|c| + |corner|): of the
+    slack moving the centre takes less than half (see POINT_MARGIN).
+    """
+    progress, size = state.progress[0], surface.scale[2]
+    if progress.compared < progress.due:
+        return 0
+    progress.due = _LATER * progress.compared
+    ball = progress.ball
+    if not (progress.slack < progress.distance < ball[5] and size > 0.0):
+        return 0
+    steps = _improve(tree_a, tree_b, state, surface, mesh, flip)
+    distance = progress.distance
+    if not distance > progress.slack:
+        return steps
+    s, ws, _, _ = _nearest_points(state, flip)
+    n = scaled(vector(progress.normal_b), -1.0) if flip else vector(progress.normal_a)
+    reach = _reach(surface) + _reach(mesh)
+    c, own, others, cost = empty_ball(
+        surface, s, ws[0], ws[1], n, _LARGE * reach, _MORE * reach
+    )  # fmt: skip
+    error = progress.bound_slack * (1.0 + norm(c) / size)
+    ball[0], ball[1], ball[2] = moved(state.motions[0 if flip else 1], c)
+    ball[3], ball[4], ball[5] = own - error, others - error, distance
+    progress.leaning, progress.support = s, support_of(surface, s, ws[0], ws[1], n)
+    return steps + _STEPS + _LOOK * cost
+
+
+@implements(find_ball, SurfaceTree, MeshTree)
+@inlined
+def _find_ball_of_a(tree_a, tree_b, state):
+    return _find(tree_a, tree_b, state, tree_a, tree_b, False)
+
+
+@implements(find_ball, MeshTree, SurfaceTree)
+@inlined
+def _find_ball_of_b(tree_a, tree_b, state):
+    return _find(tree_a, tree_b, state, tree_b, tree_a, True)
+
+
+@inlined
+def _is_in_ball(tree, t, surface, element, progress):
+    own, room = progress.ball[3], progress.ball[4]
+    if surface.pieces[element].edge != NONE:  # nothing is known of it but of the piece it lies on
+        room = min(own, room)
+    elif element == progress.leaning:
+        room = own
+    room -= progress.limit
+    if not room > 0.0:
+        return False
+    centre = vector(progress.ball)
+    a, b, c = corners(tree.triangles, t)
+    a, b, c = sub(a, centre), sub(b, centre), sub(c, centre)
+    return max(max(dot(a, a), dot(b, b)), dot(c, c)) <= room * room
+
+
+@inlined
+def _is_beyond(progress, element, end, begin):
+    """Whether an element and a triangle are beyond the limit along the direction of the ball."""
+    same = element == progress.leaning and progress.distance == progress.ball[5]
+    return same and gap_between(progress, end, begin) >= progress.limit
+
+
+@implements(is_in_ball, SurfaceTree, MeshTree)
+@inlined
+def _is_b_in_ball(tree_a, tree_b, state, a, b):
+    progress = state.progress[0]
+    begin = begin_along(progress, tree_b.triangles, b)
+    if _is_beyond(progress, a, progress.support, begin):
+        return True
+    return _is_in_ball(tree_b, b, tree_a, a, progress)
+
+
+@implements(is_in_ball, MeshTree, SurfaceTree)
+@inlined
+def _is_a_in_ball(tree_a, tree_b, state, a, b):
+    progress = state.progress[0]
+    end = end_along(progress, tree_a.triangles, a)
+    if _is_beyond(progress, b, end, -progress.support):
+        return True
+    return _is_in_ball(tree_a, a, tree_b, b, progress)

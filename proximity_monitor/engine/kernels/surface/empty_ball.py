@@ -1,0 +1,183 @@
+"""A ball beside a surface that no point of the surface lies in, and that touches it at one point.
+
+What lies within such a ball is at least as far from the surface as from the ball's own surface: for
+a centre c, a point t and any point s of the surface, |s - t| >= |s - c| - |t - c|. So one search
+from a point dismisses all of another model that the ball holds, however many pieces are beside it.
+Where the ball leans on the surface at the nearest point, and its centre lies behind that of the
+other model, the bound of that point is the distance itself.
+
+The larger the ball, the more it holds. It begins as a large one and shrinks where the surface
+enters it, until it touches that in two points (Ma, Bae and Choi, 3D medial axis point approximation
+using nearest neighbors and the normal field, 2012).
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel, shared
+from ..base.memory import on_stack
+from ..base.rounding import RESOLUTION
+from ..base.state import NONE
+from ..base.vectors import along, cross, dot, norm, scaled, sub
+from ..elements.errors import points_err
+from ..inside import visit
+from ..inside.nearest import point_gaps
+from ..inside.visit import ROOM, TO_THE_END, at_root, descend
+from ..tree.layout import WIDTH
+from .edges import point_on
+from .evaluate import jet_at
+from .foot import RECTANGLES, bounded, enough, look_at_whole, unlooked
+
+Empty = namedtuple("Empty", "place slack spare share own")
+"""The query, as Foot, but `own` is not looked into, and pieces are not divided: where that would be
+needed, the least is 0."""
+
+LOOKS = 256
+"""Looks at rectangles of pieces until a search gives up. It tolerates no more by then (foot.py)."""
+
+_ALL, _ITSELF, _OTHERS = 0, 1, 2
+
+_ROUNDS, _SMALLER, _HALF, _LEAST = 4, 0.9, 0.5, 0.01
+"""Balls that are tried; how large the next one is, as a share of that through the point found in
+this one; as a share of this one, where nothing could be proven; and as such at the least."""
+
+_ALONG = 0.9
+"""Cosine of a normal and the way between nearest points from which on the ball leans on it."""
+
+_ROUGH = 1e-7
+"""Share of the distance by which another point may be nearer than the one that is found."""
+
+_SPARE = 0.25 * RESOLUTION
+"""Share of the surface's size that its distance to the centre need not be known to. It has to be
+less than all of it, so that the bound of nearest points is among those that are not nearer."""
+
+
+def find_ball(tree_a, tree_b, state):
+    """Look for a ball between the nearest points known so far, where it is time to.
+
+    Returns the steps of a search that this took.
+    """
+
+
+def is_in_ball(tree_a, tree_b, state, a, b):
+    """Whether two elements are beyond the limit by what is known of a ball."""
+
+
+@implements(visit.lane_gaps, Empty)
+@inlined
+def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
+    point_gaps(nodes, base, x, y, z, margin, gaps)
+
+
+@implements(visit.limit, Empty)
+@inlined
+def _limit(query, answer):
+    return enough(query, answer) if answer[5] < LOOKS else -np.inf
+
+
+@implements(visit.meet, Empty)
+@inlined
+def _meet(query, tree, t, answer):
+    # An edge lies on a part of its patch.
+    if tree.pieces[t].edge != NONE or t == query.own:
+        return answer
+    return _look(query, tree, t, answer)
+
+
+@kernel
+def _look(query, tree, t, answer):
+    """The answer when an element has been looked into, as far as that goes without a division."""
+    done, answer = look_at_whole(query, tree, t, answer, RECTANGLES)
+    distance, nearest, u, v, _, cost = answer
+    if done and cost < LOOKS:
+        return answer
+    return distance, nearest, u, v, 0.0, cost
+
+
+@shared
+def _nearest(tree, place, radius, more, element, u, v, which):
+    """About the point of a surface nearest to a place, metres: element, u, v.
+
+    It is looked for within a radius, among ALL elements, in the given one or in all OTHERS, and the
+    given point is the answer where there is none. Returns also a lower bound of the distance, which
+    is `more` less than that at least, and what it cost.
+    """
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
+    found = on_stack(WIDTH, np.float32(0.0))
+    query = Empty(place, points_err(tree), more, 0.0, element if which == _OTHERS else NONE)
+    answer = unlooked(radius, element, u, v)
+    if which == _ITSELF:
+        if tree.pieces[element].edge == NONE:  # else its patch is among the others
+            answer = _look(query, tree, element, answer)
+    else:
+        top = at_root(stack, bounds)
+        answer, _, _ = descend(query, tree, answer, top, stack, bounds, found, TO_THE_END)
+    nearest, least = bounded(query, answer)
+    return nearest, answer[2], answer[3], least, answer[5]
+
+
+@inlined
+def _spare(tree):
+    return _SPARE * tree.scale[2] + points_err(tree)
+
+
+@kernel
+def nearest_on(tree, element, u, v, place):
+    """About the point of a surface nearest to a place, metres: element, u, v; and what it cost.
+
+    The search begins with such a point.
+    """
+    radius = norm(sub(point_on(tree, element, u, v), place))
+    spare = max(_ROUGH * radius, _spare(tree))
+    element, u, v, _, cost = _nearest(tree, place, radius, spare, element, u, v, _ALL)
+    return element, u, v, cost
+
+
+@kernel
+def _normal_at(tree, element, u, v, n):
+    """The surface's normal at one of its points, on the side of n, where it is about along that."""
+    piece = tree.pieces[element]
+    if piece.edge != NONE or piece.degree_v == 0:
+        return n
+    _, du, dv, _, _, _ = jet_at(piece, tree.nets, u, v)
+    way = cross(du, dv)
+    length = norm(way)
+    if not length > 0.0:
+        return n
+    cosine = dot(way, n) / length
+    return scaled(way, np.copysign(1.0 / length, cosine)) if abs(cosine) > _ALONG else n
+
+
+@kernel
+def empty_ball(tree, element, u, v, n, radius, more):
+    """A ball of that radius at most beside a point of a surface, metres, on the side that n tells.
+
+    Returns its centre; a lower bound of that one's distance to the element, and one of that to all
+    others, which is `more` larger than the radius at the most; and what it cost.
+    """
+    p, spare = point_on(tree, element, u, v), _spare(tree)
+    c, own, others, cost = p, 0.0, 0.0, 0
+    n = _normal_at(tree, element, u, v, n)
+    for _ in range(_ROUNDS):
+        c = along(p, n, radius)
+        least, others = radius - 4.0 * spare, 0.0
+        other, other_u, other_v, own, looks = _nearest(
+            tree, c, radius, spare, element, u, v, _ITSELF
+        )  # fmt: skip
+        cost += looks
+        if own >= least:
+            other, other_u, other_v, others, looks = _nearest(
+                tree, c, radius + more, spare, element, u, v, _OTHERS
+            )  # fmt: skip
+            cost += looks
+        if others >= least or cost >= LOOKS:
+            break
+        way = sub(point_on(tree, other, other_u, other_v), p)
+        height = dot(way, n)
+        through = _SMALLER * dot(way, way) / (2.0 * height) if height > 0.0 else radius
+        shrunk = radius if own > 0.0 and others > 0.0 else _HALF * radius
+        radius = max(min(shrunk, through), _LEAST * radius)
+    return c, own, others, cost

@@ -1,0 +1,102 @@
+"""Balls that no point of a surface lies in, and the triangles that they dismiss."""
+
+import numpy as np
+import pytest
+from engine_bodies import IDENTITY, from_python
+from engine_surfaces import bumps, sphere_patches, torus_patches
+from test_outliers import apart
+from test_trimmed import PLATE
+
+from proximity_monitor import engine
+from proximity_monitor.engine.kernels.base.state import PROGRESS
+from proximity_monitor.engine.kernels.pairs import mesh_in_ball
+from proximity_monitor.engine.kernels.surface import edges, empty_ball, evaluate, support
+from proximity_monitor.study import shapes
+
+ball_of, support_of = from_python(empty_ball.empty_ball), from_python(support.support_of)
+point_on, jet_at = from_python(edges.point_on), from_python(evaluate.jet_at)
+is_in_ball = from_python(mesh_in_ball._is_in_ball)
+RING = engine.ParametricSurface(torus_patches())
+SURFACES = {"ring": RING, "bumps": engine.ParametricSurface([bumps(2)])}
+BALL = engine.TriangleMesh(*shapes.sphere(1.0))
+GRID = np.linspace(0.0, 1.0, 9)
+
+
+def sample(tree, piece):
+    """Points (81, 3) of a piece."""
+    return np.array([point_on(tree, piece, u, v) for u in GRID for v in GRID])
+
+
+def places(tree, count):
+    """Points of pieces, and the normals there: element, u, v, point, normal."""
+    rng = np.random.default_rng(5)
+    for element in rng.integers(len(tree.pieces), size=count):
+        u, v = rng.choice([0.0, 0.4, 0.6, 1.0], 2)
+        jet = jet_at(tree.pieces[element], tree.nets, u, v)
+        n = np.cross(jet[1], jet[2])
+        yield int(element), u, v, np.array(jet[0]), n / np.linalg.norm(n)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_no_point_of_the_surface_is_nearer_than_is_said(name):
+    tree, tight = SURFACES[name]._hierarchy.tree, 0
+    for element, u, v, p, n in places(tree, 40):
+        for side in (1.0, -1.0):
+            c, own, others, _ = ball_of(tree, element, u, v, tuple(side * n), 20.0, 1e-3)
+            near = np.linalg.norm(sample(tree, element) - c, axis=1).min()
+            assert own <= near + 1e-12
+            found = engine.closest_points(SURFACES[name], IDENTITY, np.array([c]))
+            assert min(own, others) <= found.upper[0]
+            tight += min(own, others) >= np.linalg.norm(np.array(c) - p) - 1e-9
+    assert tight >= 30  # of 80: such a ball touches the surface where it was asked to
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_an_element_reaches_no_farther_than_its_support(name):
+    tree, tight = SURFACES[name]._hierarchy.tree, 0
+    for element, u, v, p, n in places(tree, 40):
+        points = sample(tree, element)
+        for side in (1.0, -1.0):
+            found = support_of(tree, element, u, v, tuple(side * n))
+            assert (points @ (side * n)).max() <= found + 1e-12
+            tight += found <= side * (n @ p) + 1e-11
+    assert tight >= 2  # where it bends away both ways, and ends neither way there
+
+
+def test_an_edge_is_no_farther_than_the_piece_it_lies_on():
+    """A ball may lean on an edge, of which nothing is known: its piece may enter that ball."""
+    tree, mesh = engine.ParametricSurface([PLATE])._hierarchy.tree, BALL._hierarchy.tree
+    edges_of = tree.pieces["edge"] >= 0
+    assert edges_of.any() and not edges_of.all()
+    progress = np.zeros(1, PROGRESS)[0]
+    progress["ball"] = 0.0, 0.0, 0.0, 2.0, 0.5, 1.0  # triangles are as far as 1
+    for element in (int(np.argmax(edges_of)), int(np.argmin(edges_of))):
+        progress["leaning"] = element
+        assert is_in_ball(mesh, 0, tree, element, progress) == (not edges_of[element])
+
+
+def test_triangles_in_a_ball_are_dismissed_together():
+    """Each pair of a piece and a triangle had a bound of its own: 15,000 in all, now 8,000."""
+    poses, tests = apart(RING, BALL, 4, 30), []
+    for order in ("first", "second"):
+        for at in poses[[13, 16, 28]]:
+            models = (RING, IDENTITY, BALL, at)
+            found = engine.distance(*(models if order == "first" else models[2:] + models[:2]))
+            assert found.status is engine.Status.EXACT
+            tests.append(found.bound_tests)
+    assert sum(tests[:3]) < 10_000
+    assert sum(tests[3:]) < 10_000
+
+
+@pytest.mark.parametrize("offset", [0.05, 0.3])
+def test_a_mesh_inside_a_sphere(offset):
+    """About its centre all of the sphere is as near to a ball's, and looking for one gives up."""
+    vertices, faces = shapes.sphere(0.5)
+    mesh = engine.TriangleMesh(vertices * [1.0, 0.9, 1.1], faces)
+    at = np.eye(4)
+    at[:3, 3] = offset * np.array([0.6, 0.0, 0.8])
+    hollow = engine.ParametricSurface(sphere_patches())
+    found = engine.distance(hollow, IDENTITY, mesh, at, budget_s=0.1)
+    least = 1.0 - np.linalg.norm(mesh.vertices + at[:3, 3], axis=1).max()
+    assert found.lower - 1e-12 <= least <= found.upper + 1e-12
+    assert found.status is engine.Status.EXACT or offset < 0.1
