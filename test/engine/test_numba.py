@@ -14,6 +14,7 @@ import numba
 import numpy as np
 import pytest
 from engine_bodies import torus
+from llvmlite.binding import get_host_cpu_features
 from numba.core import compiler, event
 from numba.core.caching import NullCache
 
@@ -26,6 +27,7 @@ from proximity_monitor.engine.kernels.base.state import (
     State,
     Waiting,
 )
+from proximity_monitor.engine.kernels.bounds import volumes
 from proximity_monitor.engine.kernels.inside.ball_state import (
     CELL,
     POINT,
@@ -36,6 +38,7 @@ from proximity_monitor.engine.kernels.inside.ball_state import (
 )
 from proximity_monitor.engine.kernels.inside.solid_table import solid_at
 from proximity_monitor.engine.kernels.inside.solids import HALF
+from proximity_monitor.engine.kernels.tree.layout import STRIDE, WIDTH
 
 KNOWN = "0.68"
 BASE = Path(engine.__file__).parent / "kernels" / "base"
@@ -68,6 +71,19 @@ def test_arrays_stand_at_addresses():
 
     table = np.arange(6.0).reshape(2, 3)
     assert total(address(table), 2) == 7.0, broken("makes arrays of addresses (memory.rows_at)")
+
+
+@pytest.mark.skipif(
+    not get_host_cpu_features().get("avx512vbmi2"), reason="no processor for vectors as wide"
+)
+def test_vectors_are_as_wide_as_registers():
+    @run
+    def bound(nodes, single, bounds):
+        volumes.lower_bounds(nodes, np.uint64(0), single, bounds, np.uint64(0))
+
+    bound(*(np.ones(size, np.float32) for size in (STRIDE, 15, WIDTH)))
+    (compiled,) = bound.overloads.values()
+    assert "zmm" in compiled.library.get_asm_str(), broken("hands on a function's attributes")
 
 
 def test_records_stand_at_addresses():
