@@ -48,8 +48,9 @@ END_S = 3e-5
 _FAR = 8.0
 """At so many radii, the first volumes prove that two bodies are apart."""
 
-_ASK_S = 1.0
-"""Budget of each question that is asked to compile what it needs."""
+_ASK_S, _MOST_ASKED = 1.0, 8
+"""Budget of each question that is asked to compile what it needs; and how often it is asked at the
+most, as a search has fewer stages whose kernels are compiled one after the other."""
 
 
 class Single(NamedTuple):
@@ -246,8 +247,8 @@ def prepare(assembly: Assembly) -> None:
 
 def _compile(ask: Callable[..., object], *poses: object, **options: object) -> None:
     """Ask until nothing is compiled any more: that uses up a budget before all has been needed."""
-    took = math.inf
-    while took > 2.0 * _ASK_S:
+    for _ in range(_MOST_ASKED):
         begun = perf_counter()
         ask(*poses, **options)
-        took = perf_counter() - begun
+        if perf_counter() - begun < 2.0 * _ASK_S:
+            break
