@@ -201,7 +201,7 @@ def test_a_depth_that_is_due_when_time_is_over_begins_the_next_call(monkeypatch)
     for _ in range(12):
         calls.append([])
         found = bodies.distances(poses, [[0, 1]], signed=True, budget_s=0.0)
-    assert all(len(each) == 1 for each in calls)
+    assert all(len(each) <= 1 for each in calls), "or a part of what it takes to begin"
     assert calls[0] == ["rows"]
     assert ["search"] in calls
     assert found.lower[0] < found.upper[0]
