@@ -7,9 +7,10 @@ import math
 import numpy as np
 import pytest
 from engine_bodies import IDENTITY, pose, soup, sphere, translation
+from engine_surfaces import torus_patches
 
 from proximity_monitor import engine
-from proximity_monitor.engine.questions import slices
+from proximity_monitor.engine.questions import slices, touching
 
 NESTED = sphere(3, 1.0), sphere(3, 1.03)
 """Two shells whose distance is much the same everywhere: the hardest question there is."""
@@ -179,3 +180,25 @@ def test_a_share_of_a_budget_is_kept_for_the_end_of_a_call():
     assert slices.deadline_of(1.0, math.inf) == math.inf
     assert slices.deadline_of(1.0, 1e-3) == pytest.approx(1.0 + 0.99e-3, abs=1e-12)
     assert slices.deadline_of(1.0, 1.0) == pytest.approx(2.0 - 5e-5, abs=1e-12)
+
+
+def test_contacts_begin_little_by_little_where_no_time_is_left(monkeypatch):
+    done = []
+
+    def watch(owner, name):
+        work = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda *given: done.append(name) or work(*given))
+
+    for owner, name in (
+        (touching, "_of_cells"), (touching, "_of_leaves"), (touching.Search, "run_queries")
+    ):  # fmt: skip
+        watch(owner, name)
+    ring, at = engine.ParametricSurface(torus_patches()), np.eye(4)
+    at[:3, 3] = 1.0, 0.0, 0.1
+    pair, complete, calls = engine.Pair(ring, ring), False, []
+    while not complete:
+        done.clear()
+        found = pair.collide(np.eye(4), at, all_contacts=True, budget_s=0.0)
+        complete = found.complete
+        calls.append(tuple(done))
+    assert set(calls) == {(), ("_of_cells",), ("_of_leaves",), ("run_queries",)}

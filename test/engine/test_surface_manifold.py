@@ -16,7 +16,6 @@ from test_trimmed import CENTRE, PLATE, RADIUS
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, ParametricSurface, Patch, Status
-from proximity_monitor.engine.questions import touching
 
 HERE = np.eye(4)
 SQUARE = Patch(np.array([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]], float))
@@ -342,26 +341,6 @@ def test_contacts_that_a_budget_cuts_go_on_to_the_same_end():
     assert sorted(map(tuple, found[-1].contacts)) == sorted(map(tuple, whole.contacts))
     counts = [len(each.contacts) for each in found]
     assert counts == sorted(counts)
-
-
-def test_contacts_begin_little_by_little_where_no_time_is_left(monkeypatch):
-    done = []
-
-    def watch(owner, name):
-        work = getattr(owner, name)
-        monkeypatch.setattr(owner, name, lambda *given: done.append(name) or work(*given))
-
-    for owner, name in (
-        (touching, "_of_cells"), (touching, "_of_leaves"), (touching.Search, "run_queries")
-    ):  # fmt: skip
-        watch(owner, name)
-    pair, complete, calls = engine.Pair(TORUS, TORUS), False, []
-    while not complete:
-        done.clear()
-        found = pair.collide(HERE, moved(1.0, 0.0, 0.1), all_contacts=True, budget_s=0.0)
-        complete = found.complete
-        calls.append(tuple(done))
-    assert set(calls) == {(), ("_of_cells",), ("_of_leaves",), ("run_queries",)}
 
 
 def test_triangles_and_pieces_that_meet():
