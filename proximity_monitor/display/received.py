@@ -55,9 +55,9 @@ def read_pairs(data: bytes, scene: SceneInfo) -> tuple[float, Pairs]:
             raise OfAnotherSceneError("~/pairs is of another scene than ~/scene")
         bodies = np.stack((rows["a"], rows["b"]), axis=1)
         names = _names(scene.names, bodies.astype("<u4").tobytes())
-        status, level = rows["status"].astype(np.int8), rows["level"].astype(np.int8)
-        if (status >= len(STATUSES)).any() or (level >= len(LEVELS)).any():
+        if (rows["status"] >= len(STATUSES)).any() or (rows["level"] >= len(LEVELS)).any():
             raise ValueError("a pair of ~/pairs has a level or a status that is not known")
+        status, level = rows["status"].astype(np.int8), rows["level"].astype(np.int8)
         lower, upper, age, stamp = (
             rows[name].astype(np.float64) for name in ("lower", "upper", "age_s", "stamp")
         )

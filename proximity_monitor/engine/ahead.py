@@ -78,13 +78,12 @@ _ACROSS = _searches(
 )
 
 FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
+    ({"surface", "mesh"}, _ACROSS),
+    ({"solid of revolution", "mesh"}, _ACROSS),
     ({"surface"}, _OF_SURFACES),
     ({"solid of revolution"}, _searches((late.rings, revolution_revolution.search))),
     ({"mesh"}, _meshes),
     ({"mesh", ahead.WATCHING}, _watching),
-    ({"surface", "mesh"}, _ACROSS),
-    ({"solid of revolution", "mesh"}, _ACROSS),
-    ({"surface", "solid of revolution"}, _OF_SURFACES),
 )
 """What is compiled, in this order, once all of these are wanted: kinds of models, and WATCHING."""
 

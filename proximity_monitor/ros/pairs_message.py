@@ -1,6 +1,6 @@
 """All pairs of a tick in numbers: ``~/pairs``, a `sensor_msgs/PointCloud2` of one point a pair.
 
-It lists the pairs of ``~/closest_points`` in the same order, in a fiftieth of that message's time:
+It lists the pairs of ``~/closest_points`` in the same order, in a small part of the time of texts:
 numpy writes the columns, and a reader takes them as they are. The type describes its own fields,
 and every viewer and converter of clouds reads it. Bodies and texts stand as numbers, which
 ``~/scene`` explains; the checksum tells whether it is of the same scene.

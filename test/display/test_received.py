@@ -174,14 +174,15 @@ def test_what_is_no_pair_is_refused():
 def test_a_state_of_another_version_is_refused():
     data, scene = told(ONE, {0: Level.CLEAR})
     read_pairs(data, scene)
-    with pytest.raises(ValueError, match="a level or a status that is not known"):
-        read_pairs(of_another_version(data), scene)
+    for status in (9, 200):
+        with pytest.raises(ValueError, match="a level or a status that is not known"):
+            read_pairs(of_another_version(data, status), scene)
 
 
-def of_another_version(data):
+def of_another_version(data, status=9):
     """The same with a status, the last byte of its only pair, that nobody knows."""
     assert data[-2:] == b"\0\0"
-    return data[:-2] + b"\x09\0"
+    return data[:-2] + bytes((status, 0))
 
 
 def test_pairs_of_another_scene_are_not_taken_for_those_of_this_one():
