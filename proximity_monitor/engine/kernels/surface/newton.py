@@ -3,6 +3,11 @@
 It makes upper bounds alone, so whatever it does is right. Parameters at the end of their range that
 the gradient presses outwards are held there (an active set), so edges and corners need no more
 than that; where the Hessian is not positive it is made so (Levenberg 1944, Marquardt 1963).
+
+A step that leads farther away gets one more from where it led to before it is shortened (Chamberlain,
+Powell, Lemarechal and Pedersen 1982, the watchdog technique). Second derivatives change at once
+where a triangle's point comes to lie on an edge: there the step within the face leads across the
+edge, and only the next one knows of it. Shortened steps would zigzag along the edge.
 """
 
 from __future__ import annotations
@@ -71,7 +76,7 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
     way = way_at(tree_a, tree_b, element_a, element_b, motion, x, jets)
     squared = dot(way, way)
     weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
-    damping, fresh, quick = 0.0, True, False
+    damping, fresh, quick, tried = 0.0, True, False, False
     for k in range(2 * most):
         if k >= most and not quick:
             break
@@ -91,11 +96,22 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
             break
         new_way = way_at(tree_a, tree_b, element_a, element_b, motion, trial, jets)
         new_squared = dot(new_way, new_way)
+        if not tried and not new_squared < squared:
+            tried = True
+            derivatives(tree_a, tree_b, new_way, jets, gradient, hessian)
+            if _solve(trial, gradient, hessian, 0.0, factor, step):
+                for i in range(4):
+                    trial[i] = min(max(trial[i] + step[i], 0.0), 1.0)
+                new_way = way_at(tree_a, tree_b, element_a, element_b, motion, trial, jets)
+                new_squared = dot(new_way, new_way)
+            if not new_squared < squared:  # back, to what `derivatives` needs
+                way_at(tree_a, tree_b, element_a, element_b, motion, x, jets)
+                fresh = True
         quick = new_squared < _QUICK * squared
         if new_squared < squared:
             for i in range(4):
                 x[i] = trial[i]
-            way, squared, fresh = new_way, new_squared, True
+            way, squared, fresh, tried = new_way, new_squared, True, False
             weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
             damping = _LESS * damping if damping > _LEAST else 0.0
         else:
