@@ -15,6 +15,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.rounding import NET_SPLIT
 from ..base.state import CONVERSION
+from ..base.vectors import sub
 from .trim import CROSSING, classify_rectangle
 
 EACH = 4
@@ -107,12 +108,17 @@ def divide(piece, parts, at, high, in_u):
 
 
 @inlined
+def _point(parts, k):
+    """A control point, projected."""
+    inverse = 1.0 / parts[k + 3]
+    return (parts[k] * inverse, parts[k + 1] * inverse, parts[k + 2] * inverse)
+
+
+@inlined
 def corner_of(piece, parts, at, i):
     """The corner 0 to 3 of a part: u is low in the first two, v in the first and third."""
     n, p = np.int64(piece.degree_v) + 1, np.int64(piece.degree_u)
-    k = at + EACH * ((p * n if i >= 2 else 0) + (n - 1 if i % 2 == 1 else 0))
-    inverse = 1.0 / parts[k + 3]
-    return (parts[k] * inverse, parts[k + 1] * inverse, parts[k + 2] * inverse)
+    return _point(parts, at + EACH * ((p * n if i >= 2 else 0) + (n - 1 if i % 2 == 1 else 0)))
 
 
 @kernel
@@ -120,24 +126,24 @@ def extents_of(piece, parts, at, by_length):
     """How much a part extends along u and along v, and the share that a division leaves.
 
     A part is divided where it extends more. What counts is how much it bends, of which a quarter is
-    left; or how long it is, where that is asked for, or it bends little.
+    left; or how long it is, where that is asked for, or it bends little. Both are those of projected
+    points: homogeneous ones change with their weights, however near a pole they are.
     """
     u = v = long_u = long_v = 0.0
     for parameter in range(2):
         lines, apart, step, count = lines_of(piece, parameter == 1)
         bend = length = 0.0
         for line in range(lines):
-            reach = 0.0
-            for i in range(count - 1):
-                k = at + line * apart + i * step
-                first = second = 0.0
-                for c in range(3):
-                    change = parts[k + step + c] - parts[k + c]
-                    first += abs(change)
-                    if i + 2 < count:
-                        second += abs(parts[k + 2 * step + c] - parts[k + step + c] - change)
-                reach += first / parts[k + 3]
-                bend = max(bend, second / parts[k + 3])
+            reach, here = 0.0, _point(parts, at + line * apart)
+            before = here
+            for i in range(1, count):
+                there = _point(parts, at + line * apart + i * step)
+                change = sub(there, here)
+                reach += abs(change[0]) + abs(change[1]) + abs(change[2])
+                if i > 1:
+                    second = sub(change, before)
+                    bend = max(bend, abs(second[0]) + abs(second[1]) + abs(second[2]))
+                here, before = there, change
             length = max(length, reach)
         v, long_v = u, long_u
         u, long_u = 0.125 * count * count * bend, length
