@@ -322,6 +322,7 @@ PROGRESS = np.dtype(
         ("waiting", np.int64),  # how many pairs of leaves wait
         ("dividing", np.int64),  # how many pairs of cells
         ("aside", np.int64),  # how many besides are set aside
+        ("narrow", np.int64),  # whether the room for cells is short (see surface/room.py)
         ("cells_a", np.int64),  # how many cells there are of either model
         ("cells_b", np.int64),
         ("least_cells", np.float64),  # the least bound of pairs that cannot be divided any more

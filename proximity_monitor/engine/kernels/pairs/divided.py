@@ -32,7 +32,7 @@ from ..surface.empty_ball import find_ball, is_in_ball
 from ..surface.facing import vector
 from ..surface.measure import measure_near
 from ..surface.newton import MOST
-from ..surface.room import make_room
+from ..surface.room import is_narrow, make_room
 from ..surface.sides import begin_on, near
 from ..tree.layout import WIDTH, first_of, last_of, row
 
@@ -96,6 +96,7 @@ def resolution(waiting, tree_a, tree_b, slack):
 def _prepare(cells, tree_a, tree_b, state):
     progress = state.progress[0]
     progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
+    progress.narrow = 0
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
     progress.compared, progress.leaning = 0, NONE
     progress.due = _FEW if state.keys.shape[0] == 0 else _MORE
@@ -146,6 +147,11 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     bound = waiting.bounds[n]
     if bound >= progress.limit:
         return n, steps
+    apart = progress.distance - progress.slack > progress.stop
+    if apart and progress.dividing > 0 and is_narrow(progress, waiting.pairs):
+        taken = divide_nearest(tree_a, tree_b, state)
+        if taken != NONE or make_room(state):
+            return n + 1, steps - min(steps, max(taken, 1))
     # A leaf of a mesh may hold two triangles.
     first_a, last_a = _elements(tree_a, waiting.lanes[n, 0])
     first_b, last_b = _elements(tree_b, waiting.lanes[n, 1])
@@ -192,11 +198,23 @@ def _divide(waiting, tree_a, tree_b, state, steps):
         taken = divide_nearest(tree_a, tree_b, state)
         if taken == NONE:
             if not make_room(state):
-                return CELLS_FULL, steps
+                return _code(state, -np.inf), steps
             taken = ROOM_STEPS
         steps -= min(steps, taken)
-    apart = progress.distance - progress.slack > progress.stop
-    return (CELLS_FULL if apart and progress.least_cells < progress.enough else ENDED), steps
+    return _code(state, progress.least_cells), steps
+
+
+@inlined
+def _code(state, least):
+    """How a search ended, when `least` is the least bound of what there was no room for.
+
+    As no distance is negative, an upper bound that may err by all of itself needs no lower one.
+    """
+    progress = state.progress[0]
+    if progress.distance - progress.slack <= progress.stop or least >= progress.enough:
+        return ENDED
+    near = progress.distance + progress.slack <= progress.abs_err
+    return ENDED if near and state.collected.shape[0] == 0 else CELLS_FULL
 
 
 @implements(stubs.least_undivided, Dividing)

@@ -26,7 +26,7 @@ from ..surface.measure import MINIMUM_STEPS, measure_near
 from ..surface.newton import MOST
 from ..surface.sides import near
 from ..surface.support import support_of
-from ..tree.layout import WIDTH
+from ..tree.layout import WIDTH, row
 from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
 
 _STEPS, _LOOK = 48, 2
@@ -135,9 +135,11 @@ def _find(tree_a, tree_b, state, surface, mesh, flip):
     s, ws, _, _ = _nearest_points(state, flip)
     n = scaled(vector(progress.normal_b), -1.0) if flip else vector(progress.normal_a)
     reach = _reach(surface) + _reach(mesh)
+    middle = scaled(row(mesh.centres, 0), mesh.scale[0])
+    middle = moved(state.motions[1 if flip else 0], middle)
     c, own, others, cost = empty_ball(
-        surface, s, ws[0], ws[1], n, _LARGE * reach, _MORE * reach
-    )  # fmt: skip
+        surface, s, ws[0], ws[1], n, _LARGE * reach, _MORE * reach, middle
+    )
     error = progress.bound_slack * (1.0 + norm(c) / size)
     ball[0], ball[1], ball[2] = moved(state.motions[0 if flip else 1], c)
     ball[3], ball[4], ball[5] = own - error, others - error, distance

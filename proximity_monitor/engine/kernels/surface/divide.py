@@ -22,9 +22,10 @@ from .empty_ball import is_in_ball
 from .facing import vector
 from .falling import is_crossed, leads_to_edges
 from .halved import halved_least
-from .heap import add_pair, drop_first, put_aside
+from .heap import add_pair, drop, put_aside
 from .measure import MINIMUM_STEPS, measure_near
 from .newton import MOST
+from .room import is_narrow
 from .sides import (
     divide_side,
     element_of,
@@ -84,20 +85,22 @@ def add_elements(tree_a, tree_b, state, a, b, bound):
 def divide_nearest(tree_a, tree_b, state):
     """Divide the pair of cells with the least bound; returns the steps it took.
 
+    Or the last one where room is short (see room.py).
     Or NONE where there is no room for its parts: nothing has changed then.
     """
     progress, cells = state.progress[0], state.waiting
     pairs = cells.pairs
-    a, b, bound = np.int64(pairs[0].a), np.int64(pairs[0].b), pairs[0].bound
-    normal = vector(pairs[0].normal)
+    at = progress.dividing - 1 if is_narrow(progress, pairs) else 0
+    a, b, bound = np.int64(pairs[at].a), np.int64(pairs[at].b), pairs[at].bound
+    normal = vector(pairs[at].normal)
     if bound >= progress.limit:
-        progress.dividing = 0
+        progress.dividing = at  # all that follow are farther
         return 0
     if is_in_ball(
         tree_a, tree_b, state,
         element_of(tree_a, cells.cells_a, a), element_of(tree_b, cells.cells_b, b),
     ):  # fmt: skip
-        progress.dividing = drop_first(pairs, progress.dividing)
+        progress.dividing = drop(pairs, progress.dividing, at)
         return PAIR_STEPS
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
@@ -108,7 +111,7 @@ def divide_nearest(tree_a, tree_b, state):
     if not settled:
         done, steps = is_done(tree_a, tree_b, state, a, b, slack)
         if done and not collects:
-            progress.dividing = drop_first(pairs, progress.dividing)
+            progress.dividing = drop(pairs, progress.dividing, at)
             return steps
         if done:
             bound, settled = progress.enough, True
@@ -120,7 +123,7 @@ def divide_nearest(tree_a, tree_b, state):
         rough_b = -1.0 if is_short(tree_b, cells.cells_b, b, most) else rough_b
     on_edges = leads_to_edges(tree_a, tree_b, state, a, b, slack)
     if on_edges or (rough_a < 0.0 and rough_b < 0.0):
-        progress.dividing = drop_first(pairs, progress.dividing)
+        progress.dividing = drop(pairs, progress.dividing, at)
         if not on_edges and not settled:
             progress.least_cells = min(progress.least_cells, bound)
         if not on_edges and collects:
@@ -140,7 +143,7 @@ def divide_nearest(tree_a, tree_b, state):
     first, count = np.int64(side[index].child), np.int64(side[index].children)
     if first == NONE:
         return NONE
-    progress.dividing = drop_first(pairs, progress.dividing)
+    progress.dividing = drop(pairs, progress.dividing, at)
     for part in range(first, first + count):
         if side[part].side == OUTSIDE:
             continue

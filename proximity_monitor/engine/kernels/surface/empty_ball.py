@@ -8,7 +8,9 @@ other model, the bound of that point is the distance itself.
 
 The larger the ball, the more it holds. It begins as a large one and shrinks where the surface
 enters it, until it touches that in two points (Ma, Bae and Choi, 3D medial axis point approximation
-using nearest neighbors and the normal field, 2012).
+using nearest neighbors and the normal field, 2012). Where the other model surrounds the centre of
+one that touches the surface in two points, it may fill a bowl: then the surface is a sphere's,
+perhaps, and only the whole ball holds all of what is about as near as the nearest point.
 """
 
 from __future__ import annotations
@@ -30,6 +32,11 @@ from ..tree.layout import WIDTH
 from .edges import point_on
 from .evaluate import jet_at
 from .foot import RECTANGLES, bounded, enough, look_at_whole, unlooked
+from .parts import margin_of, take_whole
+from .square import is_beyond
+
+Bowl = namedtuple("Bowl", "place slack radius")
+"""The query whether nothing is nearer to a place than a radius; the answer is (yes, cost)."""
 
 Empty = namedtuple("Empty", "place slack spare share own")
 """The query, as Foot, but `own` is not looked into, and pieces are not divided: where that would be
@@ -53,6 +60,14 @@ _ROUGH = 1e-7
 _SPARE = 0.25 * RESOLUTION
 """Share of the surface's size that its distance to the centre need not be known to. It has to be
 less than all of it, so that the bound of nearest points is among those that are not nearer."""
+
+
+_AROUND = 0.25
+"""How far the middle of the other model may be from a ball's centre, as a share of its radius, for
+that to be taken for a bowl."""
+
+_NUMBERS = 1024
+"""Room for the net of a whole piece."""
 
 
 def find_ball(tree_a, tree_b, state):
@@ -119,6 +134,44 @@ def _nearest(tree, place, radius, more, element, u, v, which):
     return nearest, answer[2], answer[3], least, answer[5]
 
 
+@implements(visit.lane_gaps, Bowl)
+@inlined
+def _lane_gaps_of_bowl(query, nodes, base, x, y, z, margin, gaps):
+    point_gaps(nodes, base, x, y, z, margin, gaps)
+
+
+@implements(visit.limit, Bowl)
+@inlined
+def _limit_of_bowl(query, answer):
+    return query.radius if answer[0] else -np.inf
+
+
+@implements(visit.meet, Bowl)
+@kernel
+def _meet_bowl(query, tree, t, answer):
+    piece, parts = tree.pieces[t], on_stack(_NUMBERS, 0.0)
+    if piece.edge != NONE:  # it lies on a part of its patch
+        return answer
+    take_whole(piece, tree.nets, query.place, parts)
+    margin = margin_of(tree, piece, query.place, 0)
+    return answer[0] and is_beyond(piece, parts, 0, query.radius, margin), answer[1] + 1
+
+
+@shared
+def _is_bowl(tree, place, radius):
+    """Whether no point of a surface is nearer to a place than a radius, metres; what it cost.
+
+    By the squared distance of each piece alone: from the centre of a sphere that is the same all
+    over it, and no step of Newton's method leads anywhere.
+    """
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
+    found = on_stack(WIDTH, np.float32(0.0))
+    query = Bowl(place, points_err(tree), radius)
+    answer, top = (True, np.int64(0)), at_root(stack, bounds)
+    answer, _, _ = descend(query, tree, answer, top, stack, bounds, found, TO_THE_END)
+    return answer
+
+
 @inlined
 def _spare(tree):
     return _SPARE * tree.scale[2] + points_err(tree)
@@ -152,8 +205,10 @@ def _normal_at(tree, element, u, v, n):
 
 
 @kernel
-def empty_ball(tree, element, u, v, n, radius, more):
+def empty_ball(tree, element, u, v, n, radius, more, middle):
     """A ball of that radius at most beside a point of a surface, metres, on the side that n tells.
+
+    `middle` is that of the other model. All is in the surface's frame.
 
     Returns its centre; a lower bound of that one's distance to the element, and one of that to all
     others, which is `more` larger than the radius at the most; and what it cost.
@@ -177,7 +232,14 @@ def empty_ball(tree, element, u, v, n, radius, more):
             break
         way = sub(point_on(tree, other, other_u, other_v), p)
         height = dot(way, n)
-        through = _SMALLER * dot(way, way) / (2.0 * height) if height > 0.0 else radius
+        through = dot(way, way) / (2.0 * height) if height > 0.0 else np.inf
+        centre = along(p, n, through)
+        if norm(sub(centre, middle)) < _AROUND * through and through > spare:
+            bowl, looks = _is_bowl(tree, centre, through - spare)
+            cost += looks
+            if bowl:
+                return centre, through - spare, through - spare, cost
+        through = min(_SMALLER * through, radius)
         shrunk = radius if own > 0.0 and others > 0.0 else _HALF * radius
         radius = max(min(shrunk, through), _LEAST * radius)
     return c, own, others, cost

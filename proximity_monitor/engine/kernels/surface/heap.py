@@ -42,6 +42,12 @@ def drop_first(pairs, count):
     return last
 
 
+@inlined
+def drop(pairs, count, at):
+    """Take the first pair off, or the last; returns how many there are then."""
+    return drop_first(pairs, count) if at == 0 else count - 1
+
+
 @kernel
 def put_aside(pairs, aside, a, b, bound):
     """Add a pair to those that are set aside; returns how many they are then."""

@@ -4,10 +4,10 @@ It makes upper bounds alone, so whatever it does is right. Parameters at the end
 the gradient presses outwards are held there (an active set), so edges and corners need no more
 than that; where the Hessian is not positive it is made so (Levenberg 1944, Marquardt 1963).
 
-A step that leads farther away gets one more from where it led to before it is shortened (Chamberlain,
-Powell, Lemarechal and Pedersen 1982, the watchdog technique). Second derivatives change at once
-where a triangle's point comes to lie on an edge: there the step within the face leads across the
-edge, and only the next one knows of it. Shortened steps would zigzag along the edge.
+A step that leads farther away gets one more from where it led to before it is shortened (the
+watchdog technique of Chamberlain, Powell, Lemarechal and Pedersen 1982). Second derivatives change
+at once where a triangle's point comes to lie on an edge: there the step within the face leads
+across the edge, and only the next one knows of it. Shortened steps would zigzag along the edge.
 """
 
 from __future__ import annotations

@@ -126,8 +126,8 @@ def extents_of(piece, parts, at, by_length):
     """How much a part extends along u and along v, and the share that a division leaves.
 
     A part is divided where it extends more. What counts is how much it bends, of which a quarter is
-    left; or how long it is, where that is asked for, or it bends little. Both are those of projected
-    points: homogeneous ones change with their weights, however near a pole they are.
+    left; or how long it is, where that is asked for, or it bends little. Both are those of
+    projected points: homogeneous ones change with their weights, however near a pole they are.
     """
     u = v = long_u = long_v = 0.0
     for parameter in range(2):

@@ -1,13 +1,25 @@
-"""Room for more cells: those that no pair needs any more are given up."""
+"""Room for more cells: those that no pair needs any more are given up.
+
+Where very many pairs are about equally near, all of them would be divided by turns, and none ended
+before there is no room for more. So where room is short the last pair of the heap is divided, and
+then its parts, which stand there now: one pair after the other ends and gives up its cells.
+"""
 
 from __future__ import annotations
 
-from ..base.jit import kernel
+from ..base.jit import inlined, kernel
 from ..base.state import NONE
 from .heap import kept_aside, place, rebuilt
 
-_SPARE = 0.75
-"""Share of the room that may be in use afterwards; with more, it would soon be full again."""
+_SHORT, _FULL = 0.5, 0.9375
+"""Shares of the room: where more is in use, it is short; and it suffices no more, as the parts of a
+single pair may need some hundred cells."""
+
+
+@inlined
+def is_narrow(progress, pairs):
+    """Whether room is short, so that the last pair is taken and not the nearest one."""
+    return progress.narrow != 0 or progress.dividing + progress.aside > _SHORT * len(pairs)
 
 
 @kernel
@@ -28,9 +40,15 @@ def make_room(state):
             progress.cells_a = used
         else:
             progress.cells_b = used
-    fits = count + aside <= _SPARE * len(pairs)
-    fits = fits and progress.cells_a <= _SPARE * len(waiting.cells_a)
-    return fits and progress.cells_b <= _SPARE * len(waiting.cells_b)
+    used = _share(progress.cells_a, waiting.cells_a), _share(progress.cells_b, waiting.cells_b)
+    progress.narrow = 1 if max(used[0], used[1]) > _SHORT else 0
+    return max(max(used[0], used[1]), _share(count + aside, pairs)) <= _FULL
+
+
+@inlined
+def _share(used, room):
+    """The share of a room that is in use."""
+    return used / len(room) if len(room) > 0 else 0.0
 
 
 @kernel
