@@ -323,6 +323,9 @@ PROGRESS = np.dtype(
         ("dividing", np.int64),  # how many pairs of cells
         ("aside", np.int64),  # how many besides are set aside
         ("narrow", np.int64),  # whether the room for cells is short (see surface/room.py)
+        ("lasts", np.int64),  # how many pairs of cells have been divided meanwhile
+        ("review", np.int64),  # ... when it is next looked back at
+        ("crowd", np.int64),  # how many pairs of cells there were when it was looked back at last
         ("cells_a", np.int64),  # how many cells there are of either model
         ("cells_b", np.int64),
         ("least_cells", np.float64),  # the least bound of pairs that cannot be divided any more

@@ -32,7 +32,7 @@ from ..surface.empty_ball import find_ball, is_in_ball
 from ..surface.facing import vector
 from ..surface.measure import measure_near
 from ..surface.newton import MOST
-from ..surface.room import is_narrow, make_room
+from ..surface.room import is_narrow, look_back, make_room
 from ..surface.sides import begin_on, near
 from ..tree.layout import WIDTH, first_of, last_of, row
 
@@ -96,7 +96,7 @@ def resolution(waiting, tree_a, tree_b, slack):
 def _prepare(cells, tree_a, tree_b, state):
     progress = state.progress[0]
     progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
-    progress.narrow = 0
+    progress.narrow, progress.lasts, progress.review, progress.crowd = 0, 0, 1, 0
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
     progress.compared, progress.leaning = 0, NONE
     progress.due = _FEW if state.keys.shape[0] == 0 else _MORE
@@ -200,6 +200,7 @@ def _divide(waiting, tree_a, tree_b, state, steps):
             if not make_room(state):
                 return _code(state, -np.inf), steps
             taken = ROOM_STEPS
+        look_back(progress)
         steps -= min(steps, taken)
     return _code(state, progress.least_cells), steps
 

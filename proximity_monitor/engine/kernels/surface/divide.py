@@ -25,7 +25,7 @@ from .halved import halved_least
 from .heap import add_pair, drop, put_aside
 from .measure import MINIMUM_STEPS, measure_near
 from .newton import MOST
-from .room import is_narrow
+from .room import PATIENCE, is_narrow
 from .sides import (
     divide_side,
     element_of,
@@ -90,7 +90,12 @@ def divide_nearest(tree_a, tree_b, state):
     """
     progress, cells = state.progress[0], state.waiting
     pairs = cells.pairs
-    at = progress.dividing - 1 if is_narrow(progress, pairs) else 0
+    at = 0
+    if is_narrow(progress, pairs):
+        if progress.lasts >= PATIENCE:
+            return NONE
+        progress.lasts += 1
+        at = progress.dividing - 1
     a, b, bound = np.int64(pairs[at].a), np.int64(pairs[at].b), pairs[at].bound
     normal = vector(pairs[at].normal)
     if bound >= progress.limit:

@@ -2,7 +2,8 @@
 
 Where very many pairs are about equally near, all of them would be divided by turns, and none ended
 before there is no room for more. So where room is short the last pair of the heap is divided, and
-then its parts, which stand there now: one pair after the other ends and gives up its cells.
+then its parts, which stand there now: one pair after the other ends and gives up its cells. Where
+all of a surface is equally near, none ends in any time. The search sees that few do, and ends.
 """
 
 from __future__ import annotations
@@ -11,15 +12,32 @@ from ..base.jit import inlined, kernel
 from ..base.state import NONE
 from .heap import kept_aside, place, rebuilt
 
-_SHORT, _FULL = 0.5, 0.9375
+_SHORT, _FULL = 0.75, 0.9375
 """Shares of the room: where more is in use, it is short; and it suffices no more, as the parts of a
 single pair may need some hundred cells."""
+
+_TURN, _TURNS = 1 << 12, 1 << 5
+"""Pairs that are divided so until it is looked back at that, some hundredths of a second; and how
+many such turns there are at the most."""
+
+PATIENCE = _TURN * _TURNS
+"""Pairs that are divided so in all."""
 
 
 @inlined
 def is_narrow(progress, pairs):
     """Whether room is short, so that the last pair is taken and not the nearest one."""
     return progress.narrow != 0 or progress.dividing + progress.aside > _SHORT * len(pairs)
+
+
+@inlined
+def look_back(progress):
+    """Lose patience where so few pairs end that all will not in the turns that there are."""
+    if progress.lasts < progress.review:
+        return
+    if progress.crowd > 0 and (progress.crowd - progress.dividing) * _TURNS < progress.dividing:
+        progress.lasts = PATIENCE
+    progress.crowd, progress.review = progress.dividing, progress.lasts + _TURN
 
 
 @kernel
@@ -42,7 +60,8 @@ def make_room(state):
             progress.cells_b = used
     used = _share(progress.cells_a, waiting.cells_a), _share(progress.cells_b, waiting.cells_b)
     progress.narrow = 1 if max(used[0], used[1]) > _SHORT else 0
-    return max(max(used[0], used[1]), _share(count + aside, pairs)) <= _FULL
+    fits = max(max(used[0], used[1]), _share(count + aside, pairs)) <= _FULL
+    return fits and progress.lasts < PATIENCE
 
 
 @inlined
