@@ -171,6 +171,19 @@ def test_poles_are_exact_from_inside():
         assert np.abs(found.upper - truth).max() < 1e-11
 
 
+@pytest.mark.parametrize("away", [1e-2, 1e-3, 1e-5])
+@pytest.mark.parametrize("height", [1.3, 0.7])
+def test_points_beside_the_axis_through_a_pole(away, height):
+    """Weights change about a pole where the surface does not, and parts were divided for that."""
+    around = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False) + 0.1
+    points = np.stack((away * np.cos(around), away * np.sin(around), 0.0 * around + height), axis=1)
+    found = engine.closest_points(engine.ParametricSurface(sphere_patches()), HERE, points)
+    truth = np.abs(np.linalg.norm(points, axis=1) - 1.0)
+    assert (found.lower <= truth + 1e-15).all()
+    assert (truth <= found.upper + 1e-15).all()
+    assert (found.upper - found.lower).max() < 5e-12  # 1e-8, as the search had to tolerate more
+
+
 @pytest.mark.parametrize("name", ["bumps", "rational", "sphere", "curve"])
 def test_squared_distances_tell_what_is_beyond(name):
     """Nothing of a piece is nearer than what its control points were found to be beyond."""

@@ -2,9 +2,11 @@
 
 import numpy as np
 from engine_bodies import IDENTITY
+from engine_surfaces import bumps, sphere_patches, torus_patches
 from test_revolution import torus
 
 from proximity_monitor import engine
+from proximity_monitor.study import shapes
 
 
 def test_an_assembly_of_a_surface_and_a_mesh():
@@ -19,3 +21,39 @@ def test_an_assembly_of_a_surface_and_a_mesh():
         assert together.lower[0] <= alone.upper + 1e-12
         assert together.upper[0] >= alone.lower - 1e-12
         assert 0.399 <= together.upper[0] <= 0.4 + 1e-9
+
+
+def test_very_many_pairs_that_are_about_as_near_end_one_by_one():
+    """All were divided by turns, until there was no room for their parts."""
+    shape = np.array([1.0, 1.0, 1.0001])  # no sphere, so that no ball holds the mesh
+    patches = [
+        engine.Patch(each.control * shape, weights=each.weights) for each in sphere_patches()
+    ]
+    vertices, faces = shapes.sphere(0.9, around=40, bands=20)
+    mesh = engine.TriangleMesh(vertices * shape, faces)
+    answer = engine.distance(engine.ParametricSurface(patches), IDENTITY, mesh, IDENTITY)
+    assert answer.status is engine.Status.EXACT
+    assert answer.lower <= 0.1 + 1e-13
+    assert answer.upper >= 0.1 - 1e-13
+    assert answer.upper - answer.lower < 1e-11
+
+
+def test_a_continuum_ends_soon():
+    """No pair ends in any time: that is seen, and the bounds so far are the answer."""
+    one, other = (engine.ParametricSurface(torus_patches(1.0, minor)) for minor in (0.3, 0.2))
+    answer = engine.distance(one, IDENTITY, other, IDENTITY)
+    assert answer.status is engine.Status.OUT_OF_TIME
+    assert answer.lower > 0.09
+    assert answer.lower <= 0.1 <= answer.upper + 1e-13
+    assert answer.bound_tests < 1_000_000
+
+
+def test_what_is_nearer_than_bounds_can_tell_is_exact():
+    """A copy of a surface as near as rounding: the bounds are 0 and that, and no budget ended."""
+    sheet = engine.ParametricSurface([bumps(1)])
+    above = IDENTITY.copy()
+    above[2, 3] = 1e-12
+    answer = engine.distance(sheet, IDENTITY, sheet, above)
+    assert answer.status in (engine.Status.EXACT, engine.Status.INTERSECTING)
+    assert answer.lower == 0.0
+    assert answer.upper < 2e-12
