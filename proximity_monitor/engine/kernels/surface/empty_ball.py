@@ -81,7 +81,7 @@ def is_in_ball(tree_a, tree_b, state, a, b):
     """Whether two elements are beyond the limit by what is known of a ball."""
 
 
-@implements(visit.lane_gaps, Empty)
+@implements(visit.lane_gaps, (Empty, Bowl))
 @inlined
 def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
     point_gaps(nodes, base, x, y, z, margin, gaps)
@@ -134,12 +134,6 @@ def _nearest(tree, place, radius, more, element, u, v, which):
     return nearest, answer[2], answer[3], least, answer[5]
 
 
-@implements(visit.lane_gaps, Bowl)
-@inlined
-def _lane_gaps_of_bowl(query, nodes, base, x, y, z, margin, gaps):
-    point_gaps(nodes, base, x, y, z, margin, gaps)
-
-
 @implements(visit.limit, Bowl)
 @inlined
 def _limit_of_bowl(query, answer):
@@ -162,7 +156,8 @@ def _is_bowl(tree, place, radius):
     """Whether no point of a surface is nearer to a place than a radius, metres; what it cost.
 
     By the squared distance of each piece alone: from the centre of a sphere that is the same all
-    over it, and no step of Newton's method leads anywhere.
+    over it, and no step of Newton's method leads anywhere. What rounding does to a piece and that
+    distance is in the margin (see square.py); edges lie on a part of their patch.
     """
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
