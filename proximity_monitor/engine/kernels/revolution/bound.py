@@ -15,9 +15,9 @@ import math
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.memory import on_stack
 from ..base.state import NONE
 from .newton import turned
+from .reach import reach_in
 
 _SWEEPS = 3
 """Sweeps of coordinate descent: see `facing`."""
@@ -33,82 +33,6 @@ _WIDE, _FRONT = 3.0, 0.5
 _PIECES = 1e-3
 """Share of half its chord that counts as a bend of an arc around several pieces."""
 
-_STACK = 128
-"""Arcs that may wait: twice as many as a tree is deep."""
-
-
-@inlined
-def arc_at(arcs, own, i):
-    """An arc of a tree, or one of those that follow it."""
-    return arcs[i] if i < len(arcs) else own[i - len(arcs)]
-
-
-@inlined
-def reach(arc, x, z):
-    """What a fat arc reaches along a vector of the plane."""
-    length = np.sqrt(x * x + z * z)
-    base = x * arc.middle[0] + z * arc.middle[1] + arc.error * length
-    hx, hz = arc.half[0], arc.half[1]
-    along = x * hx + z * hz
-    if arc.sine != 0.0:
-        # Where the vector is a normal of the arc, by r (|v| - cos(alpha) v . bulge), r = half /
-        # sin(alpha): written so that nothing cancels where the arc is nearly straight.
-        half = np.sqrt(hx * hx + hz * hz)
-        sine = abs(arc.sine)
-        up = (hx * z - hz * x) / half
-        up = up if arc.sine > 0.0 else -up
-        if up > 0.0 and abs(along) * arc.cosine <= up * sine * half:
-            along /= half
-            return base + half * (along * along / sine + up * up * sine) / (
-                length + up * arc.cosine
-            )
-    return base + abs(along)
-
-
-@kernel
-def reach_of(arcs, own, i, fine, x, z, floor):
-    """What a part of a profile reaches along a vector, by its arcs of errors below `fine` metres.
-
-    Those that reach less than others, or than what is asked about, the floor, are not looked into;
-    that is the answer where none reaches more.
-    """
-    arc = arc_at(arcs, own, i)
-    if arc.error <= fine or arc.child == NONE:
-        return reach(arc, x, z)
-    stack = on_stack(_STACK, np.int32(0))
-    top, best = 1, floor
-    stack[0] = i
-    while top > 0:
-        top -= 1
-        arc = arc_at(arcs, own, np.int64(stack[top]))
-        here = reach(arc, x, z)
-        if here <= best:
-            continue
-        if arc.error <= fine or arc.child == NONE or top + 2 > _STACK:
-            best = here
-            continue
-        one, other = np.int64(arc.child), np.int64(arc.child) + 1
-        first = reach(arc_at(arcs, own, one), x, z) < reach(arc_at(arcs, own, other), x, z)
-        stack[top], stack[top + 1] = (one, other) if first else (other, one)
-        top += 2
-    return best
-
-
-@inlined
-def reach_in(arcs, own, i, fine, sector, v, floor):
-    """What an arc that turns about z in a sector reaches along a vector of space; see `reach_of`.
-
-    The vector's part across z is largest in the half-plane nearest to it, and no arc is beyond the
-    axis.
-    """
-    cosine, sine, far, side = sector
-    a, b = v[0] * cosine + v[1] * sine, v[1] * cosine - v[0] * sine
-    across = np.sqrt(v[0] * v[0] + v[1] * v[1])
-    if a < across * far:
-        across = a * far + abs(b) * side
-    return reach_of(arcs, own, i, fine, across, v[2], floor)
-
-
 @inlined
 def to_b(motion, v):
     """A vector of a's frame in that of b."""
@@ -120,7 +44,7 @@ def to_b(motion, v):
 
 
 @kernel
-def begin_of(arcs_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
+def begin_of(tree_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
     """Where b begins along a normal of a's plane, at that azimuth; metres.
 
     Of b what lies under an arc, by arcs of errors below `fine` metres. What is left of that beyond
@@ -133,18 +57,18 @@ def begin_of(arcs_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
     if n < 0.0:
         v = to_b(motion, (-y, x, 0.0))
         offset = x * motion[10] - y * motion[9]
-        beside = reach_in(arcs_b, own_b, b, fine, sector, v, -np.inf) + offset
-        less = reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
+        beside = reach_in(tree_b, own_b, b, fine, sector, v, -np.inf) + offset
+        less = reach_in(tree_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
         beside = max(abs(beside), abs(offset - less))
         v = to_b(motion, (x, y, 0.0))
         near = x * motion[9] + y * motion[10]
-        near -= reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
+        near -= reach_in(tree_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
         if near > 0.0:
             begin += n * min(beside, beside * beside / (2.0 * near))
         else:
             begin += n * (beside - 2.0 * near)
     v = to_b(motion, (-n * x, -n * y, -m))
-    return begin - reach_in(arcs_b, own_b, b, fine, sector, v, begin - wanted)
+    return begin - reach_in(tree_b, own_b, b, fine, sector, v, begin - wanted)
 
 
 @kernel

@@ -9,11 +9,12 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.state import NONE
 from .arcs import fit_arc
-from .bound import arc_at, begin_of, bulge, facing, reach_of
+from .bound import begin_of, bulge, facing
 from .build import NARROW, put_halves
 from .certificate import least_around
 from .heap import add_ring
 from .minima import find_minimum, measure_rings
+from .reach import arc_at, reach_of
 
 MINIMUM_STEPS = 6
 """Steps of a search that a search for a local minimum takes as long as."""
@@ -57,10 +58,10 @@ def gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine):
     Where that is beyond the limit, how far does not matter.
     """
     progress, waiting = state.progress[0], state.waiting
-    reach = reach_of(tree_a.arcs, waiting.arcs_a, a, fine, n[0], n[1], -np.inf)
+    reach = reach_of(tree_a, waiting.arcs_a, a, fine, n[0], n[1], -np.inf)
     reach += progress.slack + progress.bound_slack
     wanted = reach + beyond(progress)
-    return begin_of(tree_b.arcs, waiting.arcs_b, b, fine, sector, motion, n, e, wanted) - reach
+    return begin_of(tree_b, waiting.arcs_b, b, fine, sector, motion, n, e, wanted) - reach
 
 
 @kernel

@@ -17,10 +17,11 @@ from ..base.jit import kernel, shared
 from ..base.memory import on_stack
 from ..base.state import CELLS_FULL, CUT, ENDED, NONE
 from .around import part_around
-from .bound import arc_at, bends, facing, half_of, sector_of
+from .bound import bends, facing, half_of, sector_of
 from .bounded import MINIMUM_STEPS, bound_rings, halves_of, prove
 from .heap import drop_ring
 from .minima import SMALL, find_minimum, measure_rings, nearest_minimum, relative, take_plane
+from .reach import arc_at
 
 _SHORT = 1e-13
 """Share of the models' sizes below which an arc is not halved."""
