@@ -121,7 +121,7 @@ the profile: see revolution/guess.py; reaches (p, VECTORS) metres,
 what parts of it reach: see revolution/reach.py.
 """
 
-VECTORS = 65
+VECTORS = 33
 """Vectors of the half-plane along which is kept what parts of a profile reach: the same number of
 each side of a square, and the first one again."""
 

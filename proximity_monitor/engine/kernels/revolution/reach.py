@@ -49,14 +49,14 @@ def _reach(arc, x, z):
     if arc.sine != 0.0:
         # Where the vector is a normal of the arc, by r (|v| - cos(alpha) v . bulge), r = half /
         # sin(alpha): written so that nothing cancels where the arc is nearly straight.
-        half = np.sqrt(hx * hx + hz * hz)
         sine = abs(arc.sine)
-        up = (hx * z - hz * x) / half
+        up = hx * z - hz * x
         up = up if arc.sine > 0.0 else -up
-        if up > 0.0 and abs(along) * arc.cosine <= up * sine * half:
-            along /= half
-            return base + half * (along * along / sine + up * up * sine) / (
-                length + up * arc.cosine
+        if up > 0.0 and abs(along) * arc.cosine <= up * sine:
+            half = np.sqrt(hx * hx + hz * hz)
+            risen = up * sine
+            return base + (along * along + risen * risen) / (
+                sine * (half * length + up * arc.cosine)
             )
     return base + abs(along)
 
