@@ -93,16 +93,11 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
     """
     progress, waiting = state.progress[0], state.waiting
     progress.bound_tests += 1
-    n, e = direction_kept(progress)
-    fine = fineness(progress)
-    bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
-    if bound >= progress.limit:
-        return 1
     arc_a = arc_at(tree_a.arcs, waiting.arcs_a, a)
     arc_b = arc_at(tree_b.arcs, waiting.arcs_b, b)
     apart, n, e, at = facing(arc_a, arc_b, sector, half, motion)
     if apart > 0.0:
-        fine = max(fine, _COARSE * apart)
+        fine = max(fineness(progress), _COARSE * apart)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
         if bound >= progress.limit:
             return 1
@@ -116,6 +111,7 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
         where = angle + at[2] * min(half, 1.0)
         measure_rings(tree_a, tree_b, state, motion, arc_a.curve, arc_b.curve, s, t, where)
         n, e = direction_kept(progress)
+        fine = fineness(progress)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
         if bound >= progress.limit:
             return steps
