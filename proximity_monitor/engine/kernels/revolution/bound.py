@@ -19,7 +19,7 @@ from ..base.state import NONE
 from .newton import turned
 from .reach import reach_in
 
-_SWEEPS = 3
+_SWEEPS = 2
 """Sweeps of coordinate descent: see `facing`."""
 
 
@@ -101,14 +101,15 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
     a0, a1 = arc_a.half[0], arc_a.half[1]
     u0, u1, w0, w1 = ux * ex + uy * ey, uz, wx * ex + wy * ey, wz
     aa, uu, ww = a0 * a0 + a1 * a1 + 1e-300, u0 * u0 + u1 * u1 + 1e-300, w0 * w0 + w1 * w1 + 1e-300
+    per_a, per_u, per_w = 1.0 / aa, 1.0 / uu, 1.0 / ww
     s = t = q = 0.0
     for _ in range(_SWEEPS):
         r0, r1 = d0 + t * u0 + q * w0, d1 + t * u1 + q * w1
-        s = min(max((r0 * a0 + r1 * a1) / aa, -1.0), 1.0)
+        s = min(max((r0 * a0 + r1 * a1) * per_a, -1.0), 1.0)
         r0, r1 = d0 - s * a0 + q * w0, d1 - s * a1 + q * w1
-        t = min(max(-(r0 * u0 + r1 * u1) / uu, -1.0), 1.0)
+        t = min(max(-(r0 * u0 + r1 * u1) * per_u, -1.0), 1.0)
         r0, r1 = d0 - s * a0 + t * u0, d1 - s * a1 + t * u1
-        q = min(max(-(r0 * w0 + r1 * w1) / ww, -1.0), 1.0)
+        q = min(max(-(r0 * w0 + r1 * w1) * per_w, -1.0), 1.0)
     r0, r1 = d0 - s * a0 + t * u0 + q * w0, d1 - s * a1 + t * u1 + q * w1
     px, py = px + t * ux + q * wx, py + t * uy + q * wy
     far = np.sqrt(px * px + py * py)
