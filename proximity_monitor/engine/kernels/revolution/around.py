@@ -26,7 +26,7 @@ from .bounded import (
 )
 from .reach import arc_at, reach_of
 
-_NEAR = 0.12
+_NEAR = 0.1
 """Half the angle of the sector around a minimum in which a proof is tried first, radians."""
 
 _NARROWED = 40
@@ -73,13 +73,11 @@ def part_around(tree_a, tree_b, state, motion, minimum):
             steps += bound_rings(
                 tree_a, tree_b, state, motion, beside, b, angle, math.pi, whole, bound
             )
-    reach = reach_of(tree_a, own_a, a, fine, n[0], n[1], -np.inf) + lost
     first, end = 0, len(tree_b.curves)
     while tree_b.arcs[b].curve == NONE:
         b, beside, first, end = _half_with(tree_b, b, first, end, curve_b)
         progress.bound_tests += 1
-        wanted = reach + beyond(progress)
-        bound = begin_of(tree_b, own_b, beside, fine, whole, motion, n, e, wanted) - reach
+        bound = gap_along(tree_a, tree_b, state, a, beside, whole, motion, n, e, fine)
         if bound < progress.limit:
             steps += bound_rings(
                 tree_a, tree_b, state, motion, a, beside, angle, math.pi, whole, bound
@@ -87,8 +85,7 @@ def part_around(tree_a, tree_b, state, motion, minimum):
     half = (math.pi - _NEAR) * (1.0 + 1e-15)
     behind = sector_of(angle + math.pi, half)
     progress.bound_tests += 1
-    wanted = reach + beyond(progress)
-    bound = begin_of(tree_b, own_b, b, fine, behind, motion, n, e, wanted) - reach
+    bound = gap_along(tree_a, tree_b, state, a, b, behind, motion, n, e, fine)
     if bound < progress.limit:
         steps += bound_rings(
             tree_a, tree_b, state, motion, a, b, angle + math.pi, half, behind, bound
@@ -114,19 +111,16 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
             bound = max(bound, least - progress.slack - progress.bound_slack)
             break
         n, e = direction_kept(progress)
-        fine, lost = fineness(progress), progress.slack + progress.bound_slack
+        fine = fineness(progress)
         long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
         if around >= max(long_a, long_b):
             half *= 0.5
-            reach = reach_of(tree_a, own_a, a, fine, n[0], n[1], -np.inf) + lost
             for k in range(2):
                 middle = angle + (1.5 * half if k else -1.5 * half)
                 wide = 0.5 * half * (1.0 + 1e-15)
                 beside = sector_of(middle, wide)
                 progress.bound_tests += 1
-                wanted = reach + beyond(progress)
-                least = begin_of(tree_b, own_b, b, fine, beside, motion, n, e, wanted)
-                least -= reach
+                least = gap_along(tree_a, tree_b, state, a, b, beside, motion, n, e, fine)
                 if least < progress.limit:
                     steps += bound_rings(
                         tree_a, tree_b, state, motion, a, b, middle, wide, beside, least

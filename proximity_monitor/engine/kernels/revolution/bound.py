@@ -33,6 +33,7 @@ _WIDE, _FRONT = 3.0, 0.5
 _PIECES = 1e-3
 """Share of half its chord that counts as a bend of an arc around several pieces."""
 
+
 @inlined
 def to_b(motion, v):
     """A vector of a's frame in that of b."""

@@ -22,10 +22,10 @@ MINIMUM_STEPS = 6
 _AROUND = 1.5
 """How far beyond a sector its minimum may be, as a multiple of half its angle."""
 
-_FINE = 0.25
+_FINE = 0.5
 """Share of the distance that was asked for as a tolerance that the errors of arcs may be."""
 
-_COARSE = 0.01
+_COARSE = 0.03
 """Share of two chords' distance that they may be along the way between these."""
 
 

@@ -84,9 +84,12 @@ def _coarse(arcs, own, reaches, i, x, z, place, size):
 @kernel
 def _reach_of(arcs, own, reaches, i, fine, x, z, floor):
     place, size = _around(x, z)
+    here = _coarse(arcs, own, reaches, i, x, z, place, size)
+    if here <= floor:
+        return floor
     stack, values = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
     top, best = 1, floor
-    stack[0], values[0] = i, _coarse(arcs, own, reaches, i, x, z, place, size)
+    stack[0], values[0] = i, here
     while top > 0:
         top -= 1
         here = values[top]
@@ -155,10 +158,13 @@ def take_reaches(arcs, size):
             from_middle = x * middle[0] + z * middle[1]
             if NONE < child < count:
                 one, other = arcs[child].middle, arcs[child + 1].middle
-                made[i, k] = max(
-                    made[child, k] + (x * one[0] + z * one[1]),
-                    made[child + 1, k] + (x * other[0] + z * other[1]),
-                ) - from_middle
+                made[i, k] = (
+                    max(
+                        made[child, k] + (x * one[0] + z * one[1]),
+                        made[child + 1, k] + (x * other[0] + z * other[1]),
+                    )
+                    - from_middle
+                )
             else:
                 reach = _reach_of(arcs, arcs[:0], none, i, 0.0, x, z, -np.inf)
                 made[i, k] = reach - from_middle + _ROUNDING * size
