@@ -343,6 +343,7 @@ PROGRESS = np.dtype(
         ("arcs_a", np.int64),  # how many arcs there are besides a's tree, and b's
         ("arcs_b", np.int64),
         ("minima", np.int64),  # how many minima have been found
+        ("narrowed", np.int64),  # how often a pair of rings was made smaller until one was proven
         ("along", np.float64, (4,)),  # the unit vector (rho, z) of a's half-plane from its nearest
         # point to that of b, and which half-plane that is: cosine and sine
         ("collected", np.int64),  # how many are collected

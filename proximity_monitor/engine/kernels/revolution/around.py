@@ -97,26 +97,29 @@ def part_around(tree_a, tree_b, state, motion, minimum):
 def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
     """Make a pair of rings smaller around the minimum at s, t and the angle, until that is proven.
 
-    Returns the steps that took.
+    That is first tried one step before it held in the search before. Returns the steps that took.
     """
     progress, waiting = state.progress[0], state.waiting
     own_a, own_b = waiting.arcs_a, waiting.arcs_b
-    steps, half = 0, _NEAR
-    for _ in range(_NARROWED):
+    steps, half, before = 0, _NEAR, progress.narrowed
+    progress.narrowed = 0
+    for k in range(_NARROWED):
         arc_a, arc_b = arc_at(tree_a.arcs, own_a, a), arc_at(tree_b.arcs, own_b, b)
         sector = sector_of(angle, half)
-        steps += 1
-        least = prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half)
-        if least >= 0.0:
-            bound = max(bound, least - progress.slack - progress.bound_slack)
-            break
+        if k >= before - 1:
+            steps += 1
+            least = prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half)
+            if least >= 0.0:
+                bound = max(bound, least - progress.slack - progress.bound_slack)
+                progress.narrowed = k
+                break
         n, e = direction_kept(progress)
         fine = fineness(progress)
         long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
         if around >= max(long_a, long_b):
             half *= 0.5
-            for k in range(2):
-                middle = angle + (1.5 * half if k else -1.5 * half)
+            for side in (-1.5, 1.5):
+                middle = angle + side * half
                 wide = 0.5 * half * (1.0 + 1e-15)
                 beside = sector_of(middle, wide)
                 progress.bound_tests += 1
