@@ -218,6 +218,15 @@ def test_what_an_operator_does_is_looked_up_once(monkeypatch):
         numba.njit(lambda x, values: x << values)(1.5, np.ones(2))
 
 
+def test_what_numba_compiles_for_an_operator_has_its_caller_s_options():
+    codes = []
+    for fast in (True, False):
+        largest = numba.njit(lambda x, y: max(x, y), fastmath=fast)
+        assert largest(np.float32(1.0), 2.0) == 2.0
+        codes += largest.inspect_llvm().values()
+    assert [" fast " in code for code in codes] == [True, False]
+
+
 def test_lanes_become_masks():
     @run
     def masks(values):

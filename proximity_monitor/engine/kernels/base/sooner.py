@@ -52,16 +52,19 @@ _look_up = BaseFunction.get_call_type
 def _get_call_type(self: BaseFunction, context: Any, args: tuple, kws: dict[str, Any]) -> Any:
     """The signature of a call, of an operator of numbers and arrays as it was found before.
 
-    That depends on the types alone: no option says what a sum of two numbers is.
+    That is kept only where numba has code of its own for it, which depends on the types alone. What
+    it would compile a function for, as for some of `max`, it compiles by its caller's options.
     """
     if kws or self.typing_key not in _OPERATORS:
         return _look_up(self, context, args, kws)
     if not all(isinstance(each, _PLAIN) for each in args):
         return _look_up(self, context, args, kws)
     known = vars(self).setdefault("_known", {})
-    if (context, args) not in known:
-        known[context, args] = _look_up(self, context, args, kws)
-    return known[context, args]
+    if (found := known.get((context, args))) is None:
+        found = _look_up(self, context, args, kws)
+        if self.get_impl_key(found) is self.typing_key:
+            known[context, args] = found
+    return found
 
 
 BaseFunction.get_call_type = _get_call_type
