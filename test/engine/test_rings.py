@@ -295,4 +295,4 @@ def test_poses_that_leap_begin_anew():
     alone = [engine.distance(table, IDENTITY, table, at, abs_err=1e-3 * size) for at in poses]
     found = engine.distances(table, here, table, poses, abs_err=1e-3 * size)
     tests = sum(each.bound_tests for each in alone)
-    assert found.bound_tests.sum() < 1.1 * tests
+    assert found.bound_tests.sum() < 1.5 * tests  # four times where they do not

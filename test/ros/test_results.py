@@ -120,9 +120,16 @@ def test_the_cloud_of_pairs_says_in_numbers_what_closest_points_say_in_words(pee
 
     clouds.clear()
     message, cloud = peer.wait(both, "both messages of a tick")
-    scene = peer.wait(lambda: scenes and json.loads(scenes[-1].data), "the scene")
-    bodies = [body["name"] for body in scene["bodies"]]
     rows = rows_of(cloud)
+    codes = max(rows["on_a"].max(), rows["on_b"].max())
+
+    def described():
+        """The scene that knows all words of that tick: it is published after them."""
+        told = json.loads(scenes[-1].data) if scenes else {"words": ()}
+        return told if len(told["words"]) >= codes else None
+
+    scene = peer.wait(described, "the scene")
+    bodies = [body["name"] for body in scene["bodies"]]
     assert (cloud.header.frame_id, len(rows)) == ("cell", len(message.status))
     assert set(rows["checksum"]) == {scene["checksum"]}
     words = peer.pairs(message)
