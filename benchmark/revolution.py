@@ -37,6 +37,7 @@ from surfaces import at, turned
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.revolution.build import build_arcs
+from proximity_monitor.engine.kernels.revolution.reach import take_reaches
 
 OUT = Path(__file__).resolve().parents[1] / "build" / "benchmark"
 MODELS = Path(engine.__file__).parents[1] / "scene" / "bundled" / "chess" / "models"
@@ -150,6 +151,17 @@ def _time(ask: Any, arguments: Any) -> tuple[NDArray[np.float64], list[Any]]:
     return np.array(times), answers
 
 
+def _in_batch(a: Any, b: Any, many: NDArray[np.float64], how: dict[str, float]) -> float:
+    """Mean time of a question where all poses of b are asked about in one call, microseconds."""
+    here = np.tile(HERE, (len(many), 1, 1))
+    best = math.inf
+    for _ in range(3):
+        start = thread_time()
+        engine.distances(a, here, b, many, **how)
+        best = min(best, thread_time() - start)
+    return 1e6 * best / len(many)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     first, _, rest = __doc__.partition("\n")
@@ -199,11 +211,12 @@ def _sizes(made: dict, precisions: tuple, finest: int) -> tuple[str, dict]:
             for _ in range(20):
                 start = thread_time()
                 arcs = build_arcs(hierarchy.curves, size, precision)
+                reaches = take_reaches(arcs, size)
                 best = min(best, thread_time() - start)
             built[precision].append(1e3 * best)
             vertices, faces, reached = tessellated(solid, precision, finest)
             mesh = engine.TriangleMesh(vertices, faces, solid=False)
-            own = arcs.nbytes + hierarchy.curves.nbytes
+            own = arcs.nbytes + reaches.nbytes + hierarchy.curves.nbytes
             theirs = sum(each.nbytes for each in mesh._hierarchy.tree)
             fewer = "" if reached == precision else " (fewer)"
             pqp_size, paper_size, pqp_nodes, paper_nodes = PAPER[name][k]
@@ -235,7 +248,8 @@ def _distances(
             for name, (v, f, reached) in meshes.items()
         }
         built = {name: fcl.build((v, f)) for name, (v, f, _) in meshes.items()} if fcl else {}
-        found: dict[str, list] = {"r": [], "m": [], "rm": [], "mm": [], "f": [], "fm": []}
+        found: dict[str, list] = {key: [] for key in ("r", "m", "rm", "mm", "f", "fm")}
+        batches: dict[str, list] = {key: [] for key in ("r", "m", "rm", "mm")}
         for i, (a, b) in enumerate(pairs):
             some = scattered[i::15] if len(scattered) > 600 else scattered[:: max(randoms // 20, 1)]
             part = moving[i * frames // 15 : (i + 1) * frames // 15]
@@ -252,6 +266,8 @@ def _distances(
                 pair = engine.Pair(models[a], models[b])
                 times, _ = _time(lambda at, p=pair, k=kwargs: p.distance(HERE, at, **k), part)
                 found[key + "m"].append(times)
+                for each, many in ((key, scattered), (key + "m", part)):
+                    batches[each].append(_in_batch(models[a], models[b], many, kwargs))
                 if key == "r":
                     known = answers
                 else:
@@ -270,14 +286,16 @@ def _distances(
         fewer = "" if all(reached == precision for _, _, reached in meshes.values()) else " (fewer)"
         for what, key in (("random", ""), ("motion", "m")):
             r, m, f = "r" + key, "m" + key, "f" + key
+            fast, slow = np.mean(batches[r]), np.mean(batches[m])
             rows.append([
                 f"{precision:g}{fewer}", what, f"{median[r]:.1f}", f"{mean[r]:.1f}",
                 f"{median[m]:.1f}", f"{median[f]:.0f}", f"{median[m] / median[r]:.1f}",
                 f"{median[f] / median[r]:.0f}", f"{mean[f] / mean[r]:.0f}",
+                f"{fast:.1f}", f"{slow:.1f}", f"{slow / fast:.1f}",
             ])  # fmt: skip
     headings = [
         "precision, m", "poses", "fat arcs, us", "mean", "our meshes", "FCL", "meshes / arcs",
-        "FCL / arcs", "means",
+        "FCL / arcs", "means", "in batches: arcs", "meshes", "ratio",
     ]  # fmt: skip
     return _table(headings, rows), bars, wrong
 

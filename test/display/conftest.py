@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 
 import pytest
-from deadlines import DEADLINE_S, START_DEADLINE_S
+from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
 from page_hand import NO_NOTES
 
 SCENE = """
@@ -44,7 +44,6 @@ pairs:
 KINDS = Path(__file__).parents[1] / "kinds"
 """Where the package is that brings the ball's kind of model; see `test_own_kind.py`."""
 START = {"ball": (-0.2, 0.0, 0.3), "die": (0.2, 0.0, 0.3), "cursor": (0.2, -0.2, 0.3)}
-POSE_TIMEOUT_S = 3.0  # a busy machine lets the sources be silent for a while
 LOOK_S = 0.1
 RETRY_S = 2.0
 

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import peg_hand as peg
 import pytest
-from deadlines import DEADLINE_S, START_DEADLINE_S
+from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
 from page_hand import (
     CAMERA,
     CANVAS,
@@ -39,7 +39,7 @@ def bench(browser, domain, launch_for_all, wait):
     from proximity_monitor.scene import bundled
 
     settings = {"scene": bundled("peg"), "environment": {"ROS_DOMAIN_ID": domain}}
-    monitor = launch_for_all("node", **settings)
+    monitor = launch_for_all("node", pose_timeout_s=POSE_TIMEOUT_S, **settings)
     player = launch_for_all("player", speed=1e-9, **settings)
     display = launch_for_all("display", port=0, environment=settings["environment"])
 
@@ -334,7 +334,7 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
         button(page, "Events as CSV").click()
     lines = lines_of(download.value)
     assert {(line["a"], line["b"]) for line in lines} == {("peg", "block")}
-    # A machine that stands still for half a second makes poses stale in between.
+    # A machine that stands still for long makes poses stale in between.
     after = [line["after"] for line in lines]
     assert [line["before"] for line in lines][1:] == after[:-1]
     assert "stop" in after

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 
 import pytest
-from deadlines import DEADLINE_S, START_DEADLINE_S
+from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
 from page_hand import CHOSEN, NO_NOTES, button, field, listed, press, row, tab
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
@@ -47,7 +47,9 @@ def page(browser, domain, launch_for_all, wait, tmp_path_factory):
     path = tmp_path_factory.mktemp("names") / "teile.yaml"
     path.write_text(SCENE, encoding="utf-8")
     environment = {"ROS_DOMAIN_ID": domain}
-    monitor = launch_for_all("node", scene=path, pose_timeout_s=3.0, environment=environment)
+    monitor = launch_for_all(
+        "node", scene=path, pose_timeout_s=POSE_TIMEOUT_S, environment=environment
+    )
     player = launch_for_all("player", scene=path, environment=environment)
     display = launch_for_all("display", port=0, environment=environment)
 

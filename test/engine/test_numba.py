@@ -7,6 +7,7 @@ which assumption it broke; the newest numba that the engine is known to work wit
 from __future__ import annotations
 
 import ast
+import operator
 from collections import namedtuple
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from numba.core import compiler, event
 from numba.core.caching import NullCache
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.base import cache, jit, lanes, memory, tables
+from proximity_monitor.engine.kernels.base import cache, jit, lanes, memory, sooner, tables
 from proximity_monitor.engine.kernels.base.state import (
     PROGRESS,
     MeshTree,
@@ -196,6 +197,34 @@ def test_options_are_read_as_numba_reads_them():
     assert flags.values() == read, broken("keeps options in _values (sooner._values)")
     assert flags == flags.copy() and flags != compiler.Flags()
     assert hash(flags) == hash(flags.copy())
+
+
+def test_what_an_operator_does_is_looked_up_once(monkeypatch):
+    known, looked_up = sooner._look_up, []
+
+    def look_up(function, context, args, kws):
+        looked_up.append((function.typing_key, args))
+        return known(function, context, args, kws)
+
+    monkeypatch.setattr(sooner, "_look_up", look_up)
+    for _ in range(2):
+        at = numba.njit(lambda values, i: values[i] * 2.0)
+        assert at(np.array([1.0, 3.0]), 1) == 6.0
+        assert numba.njit(lambda x: 2.0 * x)(3) == 6.0, "the types decide"
+    what = broken("asks a function for a call's signature (sooner._get_call_type)")
+    products = [args for key, args in looked_up if key is operator.mul]
+    assert len(products) == len(set(products)), what
+    with pytest.raises(numba.TypingError):
+        numba.njit(lambda x, values: x << values)(1.5, np.ones(2))
+
+
+def test_what_numba_compiles_for_an_operator_has_its_caller_s_options():
+    codes = []
+    for fast in (True, False):
+        largest = numba.njit(lambda x, y: max(x, y), fastmath=fast)
+        assert largest(np.float32(1.0), 2.0) == 2.0
+        codes += largest.inspect_llvm().values()
+    assert [" fast " in code for code in codes] == [True, False]
 
 
 def test_lanes_become_masks():

@@ -74,15 +74,28 @@ def test_curves_agree_with_scipy(knots):
     assert made.evaluate(t[3]).shape == (3,)
 
 
-def blossom(knots, degree, points, span, arguments):
-    """The value of a B-spline's blossom in exact arithmetic (de Boor's scheme)."""
-    d = {i: points[i] for i in range(span - degree, span + 1)}
-    for level, x in enumerate(arguments, 1):
-        for i in range(span, span - degree + level - 1, -1):
+def blossoms(knots, degree, points, span, low, high):
+    """The values of a B-spline's blossom in exact arithmetic (de Boor's scheme).
+
+    Of its arguments none, one, two ... are `high`, and the others `low`.
+    """
+
+    def step(d, level, x):
+        found = {}
+        for i in range(span - degree + level, span + 1):
             left, right = knots[i], knots[i + degree + 1 - level]
             share = (x - left) / (right - left)
-            d[i] = [(1 - share) * a + share * b for a, b in zip(d[i - 1], d[i], strict=True)]
-    return d[span]
+            found[i] = [(1 - share) * a + share * b for a, b in zip(d[i - 1], d[i], strict=True)]
+        return found
+
+    begun = [{i: points[i] for i in range(span - degree, span + 1)}]
+    for level in range(1, degree + 1):
+        begun.append(step(begun[-1], level, low))
+    for lows in range(degree, -1, -1):
+        d = begun[lows]
+        for level in range(lows + 1, degree + 1):
+            d = step(d, level, high)
+        yield d[span]
 
 
 @pytest.mark.parametrize("decades", [0.0, 8.0])
@@ -105,8 +118,7 @@ def test_pieces_are_those_of_exact_arithmetic(knots, degree, decades):
         rows = tree.nets[piece["net"] :][: 4 * piece["room"]].reshape(4, -1)
         assert (rows[3] > 0.0).all()
         assert (rows[:, degree + 1 :] == rows[:, degree : degree + 1]).all()
-        for j in range(degree + 1):
-            *x, w = blossom(vector, degree, exact, span, [low] * (degree - j) + [high] * j)
+        for j, (*x, w) in enumerate(blossoms(vector, degree, exact, span, low, high)):
             *y, k = (Fraction(float(each)) for each in rows[:, j])
             way = [a / w - b / k for a, b in zip(x, y, strict=True)]
             assert sum(each * each for each in way) <= error * error

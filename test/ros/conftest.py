@@ -8,14 +8,14 @@ from __future__ import annotations
 import time
 
 import pytest
-from deadlines import DEADLINE_S, START_DEADLINE_S
+from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
 
 SCENE = """
 version: 1
 frame: cell
 unit: mm
 rate_hz: 50
-budget_ms: 1000
+budget_ms: 10000
 thresholds: {warn: 100, stop: 20, hysteresis: 10}
 bodies:
   - {name: table, primitive: {box: {size: [2000, 2000, 100]}}, pose: {position: [0, 0, -50]}}
@@ -280,7 +280,7 @@ class Peer:
 @pytest.fixture(scope="module")
 def shared_monitor(launch_for_all, scene_file):
     """One monitor for all tests of a file that leave it as they found it."""
-    return launch_for_all("node", scene=scene_file, pose_timeout_s=3.0)
+    return launch_for_all("node", scene=scene_file, pose_timeout_s=POSE_TIMEOUT_S)
 
 
 @pytest.fixture(scope="module")
@@ -297,6 +297,14 @@ def peer(shared_peer):
     assert {pair["state"] for pair in pairs.values()} == {"clear"}
     shared_peer.forget()
     return shared_peer
+
+
+@pytest.fixture
+def impatient(peer):
+    """The same, of whose monitor a body is silent after a second."""
+    assert peer.set_parameters(pose_timeout_s=1.0) == (True, "")
+    yield peer
+    assert peer.set_parameters(pose_timeout_s=POSE_TIMEOUT_S) == (True, "")
 
 
 @pytest.fixture(scope="module")

@@ -42,7 +42,7 @@ def test_an_alert_says_pair_bounds_level_and_reason(peer):
     assert alert.level == DiagnosticStatus.ERROR
     assert alert.hardware_id == "cell"
     assert alert.message.startswith("clear -> stop: distance ")
-    assert " mm <= stop 20 mm, closing at " in alert.message
+    assert " mm <= stop 20 mm" in alert.message
     assert (values["lower_m"], values["upper_m"]) == (
         pairs[PAIR]["lower_m"],
         pairs[PAIR]["upper_m"],
@@ -72,7 +72,7 @@ def test_an_alert_says_the_way_out_and_how_long_there_is(peer):
     assert float(values["closing_m_s"]) == pytest.approx(0.01, rel=0.05)
     left = (float(values["lower_m"]) - 0.02) / 0.01
     assert float(values["seconds_left"]) == pytest.approx(left, rel=0.05)
-    assert "closing at" in alert.message
+    assert " mm <= warn 100 mm, closing at " in alert.message
     assert "stop in" in alert.message
 
 

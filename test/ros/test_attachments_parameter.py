@@ -32,7 +32,7 @@ def attach(peer):
 def test_an_attached_body_goes_where_the_other_goes_and_their_pair_is_not_watched(detached):
     peer = detached
     lead = attach(peer)
-    (alert,) = peer.wait(
+    alert, *_ = peer.wait(
         lambda: [a for a in peer.alerts("ball - die") if "attached" in a.message], "its alert"
     )
     assert alert.level == DiagnosticStatus.OK
@@ -55,8 +55,8 @@ def test_an_attached_body_goes_where_the_other_goes_and_their_pair_is_not_watche
     assert inputs(peer) is not None
 
 
-def test_a_child_is_stale_with_its_parent_and_stays_where_it_was_put_down(detached):
-    peer = detached
+def test_a_child_is_stale_with_its_parent_and_stays_where_it_was_put_down(detached, impatient):
+    peer = impatient
     attach(peer)
     peer.hold(ball=(0.0, 0.0, 5.0))
     stale = peer.wait(

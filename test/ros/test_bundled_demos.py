@@ -39,7 +39,7 @@ def test_a_bundled_scene_runs(ros_environment, name):
         pytest.skip("needs OpenCASCADE: pip install cadquery-ocp")
     pair, unit, least = LEAST[name]
     # The first ticks of curved solids take a second on an idle machine, and tests run beside.
-    seconds = "15" if name == "gearbox" else "5"
+    seconds = "15" if name in ("gearbox", "chess") else "5"
     # A domain apart from the other tests' monitors, which have the same names.
     domain = str(int(os.environ["ROS_DOMAIN_ID"]) % 100 + 1)
     run = subprocess.run(

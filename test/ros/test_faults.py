@@ -60,7 +60,8 @@ def at(peer, height, state):
     )
 
 
-def test_a_source_that_is_killed_is_stale_and_a_new_one_is_heard_at_once(peer, source):
+def test_a_source_that_is_killed_is_stale_and_a_new_one_is_heard_at_once(impatient, source):
+    peer = impatient
     peer.hold(die=APART["die"])
     first = source("ball", (0.0, 0.0, 0.7), 50)
     peer.wait(lambda: at(peer, 0.7, "clear"), "the source")

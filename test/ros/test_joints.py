@@ -308,7 +308,8 @@ def settled(robot, lowest):
     def near():
         pairs = robot.pairs()
         lower = float(pairs["floor - gantry_arm"]["lower_m"]) if pairs else math.nan
-        return pairs if abs(lower - lowest) < 1e-9 else None
+        known = all(pair["state"] != "stale" for pair in pairs.values())
+        return pairs if known and abs(lower - lowest) < 1e-9 else None
 
     return robot.wait(near, f"the arm at {lowest} m", START_DEADLINE_S)
 

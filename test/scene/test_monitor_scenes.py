@@ -16,7 +16,7 @@ from proximity_monitor.scene.opening import load_models
 from proximity_monitor.scene.paths import bundled_names
 from proximity_monitor.scene.state import PoseSample
 
-TICKS = 4
+TICKS = 3
 BUDGETS = (0.0, 1e-4, 1e-3, 0.1)
 
 

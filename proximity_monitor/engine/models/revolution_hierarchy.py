@@ -12,6 +12,7 @@ from ..kernels.base.state import CURVE_PIECE, RevolutionTree, SurfaceTree
 from ..kernels.base.tables import revolution_table
 from ..kernels.revolution.build import build_arcs
 from ..kernels.revolution.guess import take_samples
+from ..kernels.revolution.reach import take_reaches
 from .nurbs import frozen
 from .surface_hierarchy import SurfaceHierarchy
 from .surface_tree import parts_of
@@ -35,9 +36,9 @@ _HALVINGS = 24
 class RevolutionHierarchy(SurfaceHierarchy):
     """Volumes around the pieces of the patches, and fat arcs around those of the profile."""
 
-    KEPT = (*SurfaceHierarchy.KEPT, "arcs", "curves", "frame", "places", "samples")
+    KEPT = (*SurfaceHierarchy.KEPT, "arcs", "curves", "frame", "places", "reaches", "samples")
 
-    __slots__ = ("arcs", "curves", "frame", "places", "samples")
+    __slots__ = ("arcs", "curves", "frame", "places", "reaches", "samples")
 
     arcs: NDArray
     """(k,) ARC."""
@@ -49,6 +50,8 @@ class RevolutionHierarchy(SurfaceHierarchy):
     """(5, 3) the frame's axes and origin; and of which length arcs err by a share, metres."""
     samples: NDArray[np.float64]
     """(m, 3) points of the profile, with which a search begins."""
+    reaches: NDArray[np.float64]
+    """(p, q) metres; what the largest parts of the profile reach along vectors."""
 
     @classmethod
     def around(cls, patches: SurfaceHierarchy, profile: Profile, frame: NDArray) -> Self:
@@ -61,7 +64,7 @@ class RevolutionHierarchy(SurfaceHierarchy):
         kept = {name: getattr(patches, name) for name in SurfaceHierarchy.KEPT}
         own = {
             "arcs": arcs, "curves": curves, "places": places, "frame": rows,
-            "samples": take_samples(curves),
+            "samples": take_samples(curves), "reaches": take_reaches(arcs, extent),
         }  # fmt: skip
         return cls._made(kept | {name: frozen(array) for name, array in own.items()})
 
@@ -71,12 +74,15 @@ class RevolutionHierarchy(SurfaceHierarchy):
         return RevolutionTree
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
-        whole = RevolutionTree(*tree, self.arcs, self.curves, self.places, self.frame, self.samples)
-        return revolution_table(whole, self.numbers)
+        own = (
+            self.arcs, self.curves, self.places, self.frame, self.samples, self.reaches,
+        )  # fmt: skip
+        return revolution_table(RevolutionTree(*tree, *own), self.numbers)
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:
-        own = (state["arcs"], state["curves"], state["places"], state["frame"], state["samples"])
+        names = "arcs", "curves", "places", "frame", "samples", "reaches"
+        own = tuple(state[name] for name in names)
         return *own, *SurfaceHierarchy._frozen(state)
 
 

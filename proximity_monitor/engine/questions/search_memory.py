@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -71,9 +72,13 @@ class CellRoom(NamedTuple):
         if not divided:
             return None
         width = max([each.cell_width for each in divided])
-        whole = max([len(each.numbers) for each in divided])
-        # All whole elements must find room besides the parts of some.
-        return cls(min(parts, max(_BYTES // (8 * width), _FEWEST)) + whole, width, whole)
+        return _room(width, max([len(each.numbers) for each in divided]), parts)
+
+
+@lru_cache(maxsize=256)  # what is the same object is compared at once
+def _room(width: int, whole: int, parts: int) -> CellRoom:
+    # All whole elements must find room besides the parts of some.
+    return CellRoom(min(parts, max(_BYTES // (8 * width), _FEWEST)) + whole, width, whole)
 
 
 def cells_for(room: CellRoom | None) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
@@ -114,9 +119,10 @@ class SearchKind(NamedTuple):
             either = CellRoom.of([model._hierarchy for model in among])
             rings = any(model._hierarchy.tree_kind is RevolutionTree for model in among)
             return cls(order, coherent, levels, pairs, either, either, rings)
-        # Of meshes nothing is divided; to hear it from `CellRoom.of` takes a microsecond.
-        cells_a = CellRoom.of((first,)) if first.cell_width else None
-        cells_b = CellRoom.of((second,)) if second.cell_width else None
+        # As `CellRoom.of`, which takes a microsecond.
+        width_a, width_b = first.cell_width, second.cell_width
+        cells_a = _room(width_a, len(first.numbers), _CELLS) if width_a else None
+        cells_b = _room(width_b, len(second.numbers), _CELLS) if width_b else None
         rings = first.tree_kind is RevolutionTree and second.tree_kind is RevolutionTree
         return cls(order, coherent, levels, pairs, cells_a, cells_b, rings)
 

@@ -108,7 +108,8 @@ PIECE = np.dtype(
 each control point, where the weights w are positive; the last point is repeated up to the end."""
 
 RevolutionTree = namedtuple(
-    "RevolutionTree", (*SurfaceTree._fields, "arcs", "curves", "places", "frame", "samples")
+    "RevolutionTree",
+    (*SurfaceTree._fields, "arcs", "curves", "places", "frame", "samples", "reaches"),
 )
 """The same over the patches of a solid of revolution, and the fat arcs around its profile.
 
@@ -116,8 +117,13 @@ arcs (k,) ARC, the first of them around all; curves (c,) CURVE_PIECE, one after 
 profile; places (int32) which piece, in tree order, is which part of a patch: see CURVE_PIECE; frame
 (5, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres;
 and first in its last row the length of which arcs err by a share, metres; samples (m, 3) points of
-the profile: see revolution/guess.py.
+the profile: see revolution/guess.py; reaches (p, VECTORS) metres,
+what parts of it reach: see revolution/reach.py.
 """
+
+VECTORS = 33
+"""Vectors of the half-plane along which is kept what parts of a profile reach: the same number of
+each side of a square, and the first one again."""
 
 ARC = np.dtype(
     [
@@ -157,7 +163,7 @@ CURVE_PIECE = np.dtype(
 NET_WIDTH = 16
 """Control points are bounded so many at a time."""
 
-REVISION, SWEPT, DEVIATION, CONVERSION, JOINTS = 3, 4, 5, 6, 7
+LARGEST, REVISION, SWEPT, DEVIATION, CONVERSION, JOINTS = 2, 3, 4, 5, 6, 7
 """Of a tree's `scale`; the last two of a SurfaceTree's alone."""
 
 DepthFirst = namedtuple("DepthFirst", "pairs bounds")
@@ -341,6 +347,7 @@ PROGRESS = np.dtype(
         ("arcs_a", np.int64),  # how many arcs there are besides a's tree, and b's
         ("arcs_b", np.int64),
         ("minima", np.int64),  # how many minima have been found
+        ("narrowed", np.int64),  # how often a pair of rings was made smaller until one was proven
         ("along", np.float64, (4,)),  # the unit vector (rho, z) of a's half-plane from its nearest
         # point to that of b, and which half-plane that is: cosine and sine
         ("collected", np.int64),  # how many are collected

@@ -23,6 +23,7 @@ from .state import (
     RING,
     SEGMENT,
     TRIM,
+    VECTORS,
     BoxTree,
     BreadthFirst,
     DepthFirst,
@@ -68,7 +69,7 @@ _OVER_PIECES = _SHARED | {
 }  # fmt: skip
 _OF_REVOLUTION = _OVER_PIECES | {
     "arcs": (ARC, 0), "profile": (CURVE_PIECE, 0), "places": (np.int32, 0),
-    "frame": (np.float64, 3), "samples": (np.float64, 3),
+    "frame": (np.float64, 3), "samples": (np.float64, 3), "reaches": (np.float64, VECTORS),
 }  # fmt: skip
 """What kernels take each array for: its type, and its columns; 0 for one dimension."""
 
@@ -187,6 +188,7 @@ def _revolution_at(kind, model):
         read_only(rows_at(at[15], rows[15], 0, np.int32(0))),
         read_only(rows_at(at[16], rows[16], 3, 0.0)),
         read_only(rows_at(at[17], rows[17], 3, 0.0)),
+        read_only(rows_at(at[18], rows[18], VECTORS, 0.0)),
     ), patches  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from ..base.state import DepthFirst, RevolutionTree, Turning
 from ..revolution.minima import keep_same, look_around, measure_again
 from ..revolution.rings import begin_rings, search_rings
 from ..search import stubs
+from ..search.coherence import has_leapt
 from ..search.search import answer_queries
 from . import divided
 
@@ -32,7 +33,8 @@ def _settle(waiting, tree_a, tree_b, state):
 @kernel
 def _guess(tree_a, tree_b, state):
     progress = state.progress[0]
-    if progress.element_a == 0 and progress.element_b == 0:  # as where nothing is known
+    unknown = progress.element_a == 0 and progress.element_b == 0  # as where nothing is known
+    if unknown or has_leapt(tree_a, tree_b, state):
         look_around(tree_a, tree_b, state)
     else:
         measure_again(tree_a, tree_b, state)

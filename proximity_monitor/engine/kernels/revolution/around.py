@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.state import NONE
-from .bound import arc_at, begin_of, bends, reach_of, sector_of
+from .bound import begin_of, bends, sector_of
 from .bounded import (
     beyond,
     bound_rings,
@@ -24,8 +24,9 @@ from .bounded import (
     halves_of,
     prove,
 )
+from .reach import arc_at, reach_of
 
-_NEAR = 0.12
+_NEAR = 0.1
 """Half the angle of the sector around a minimum in which a proof is tried first, radians."""
 
 _NARROWED = 40
@@ -55,9 +56,9 @@ def part_around(tree_a, tree_b, state, motion, minimum):
     n, e = direction_kept(progress)
     fine, lost = fineness(progress), progress.slack + progress.bound_slack
     whole = sector_of(angle, math.pi)
-    begin = begin_of(tree_b.arcs, own_b, 0, fine, whole, motion, n, e, np.inf) - lost
+    begin = begin_of(tree_b, own_b, 0, fine, whole, motion, n, e, np.inf) - lost
     floor = begin - beyond(progress)
-    least = begin - reach_of(tree_a.arcs, own_a, 0, fine, n[0], n[1], floor)
+    least = begin - reach_of(tree_a, own_a, 0, fine, n[0], n[1], floor)
     progress.bound_tests += 1
     if least >= progress.limit:
         return 1
@@ -67,18 +68,16 @@ def part_around(tree_a, tree_b, state, motion, minimum):
         a, beside, first, end = _half_with(tree_a, a, first, end, curve_a)
         progress.bound_tests += 1
         floor = begin - beyond(progress)
-        bound = begin - reach_of(tree_a.arcs, own_a, beside, fine, n[0], n[1], floor)
+        bound = begin - reach_of(tree_a, own_a, beside, fine, n[0], n[1], floor)
         if bound < progress.limit:
             steps += bound_rings(
                 tree_a, tree_b, state, motion, beside, b, angle, math.pi, whole, bound
             )
-    reach = reach_of(tree_a.arcs, own_a, a, fine, n[0], n[1], -np.inf) + lost
     first, end = 0, len(tree_b.curves)
     while tree_b.arcs[b].curve == NONE:
         b, beside, first, end = _half_with(tree_b, b, first, end, curve_b)
         progress.bound_tests += 1
-        wanted = reach + beyond(progress)
-        bound = begin_of(tree_b.arcs, own_b, beside, fine, whole, motion, n, e, wanted) - reach
+        bound = gap_along(tree_a, tree_b, state, a, beside, whole, motion, n, e, fine)
         if bound < progress.limit:
             steps += bound_rings(
                 tree_a, tree_b, state, motion, a, beside, angle, math.pi, whole, bound
@@ -86,8 +85,7 @@ def part_around(tree_a, tree_b, state, motion, minimum):
     half = (math.pi - _NEAR) * (1.0 + 1e-15)
     behind = sector_of(angle + math.pi, half)
     progress.bound_tests += 1
-    wanted = reach + beyond(progress)
-    bound = begin_of(tree_b.arcs, own_b, b, fine, behind, motion, n, e, wanted) - reach
+    bound = gap_along(tree_a, tree_b, state, a, b, behind, motion, n, e, fine)
     if bound < progress.limit:
         steps += bound_rings(
             tree_a, tree_b, state, motion, a, b, angle + math.pi, half, behind, bound
@@ -99,33 +97,33 @@ def part_around(tree_a, tree_b, state, motion, minimum):
 def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
     """Make a pair of rings smaller around the minimum at s, t and the angle, until that is proven.
 
-    Returns the steps that took.
+    That is first tried one step before it held in the search before. Returns the steps that took.
     """
     progress, waiting = state.progress[0], state.waiting
     own_a, own_b = waiting.arcs_a, waiting.arcs_b
-    steps, half = 0, _NEAR
-    for _ in range(_NARROWED):
+    steps, half, before = 0, _NEAR, progress.narrowed
+    progress.narrowed = 0
+    for k in range(_NARROWED):
         arc_a, arc_b = arc_at(tree_a.arcs, own_a, a), arc_at(tree_b.arcs, own_b, b)
         sector = sector_of(angle, half)
-        steps += 1
-        least = prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half)
-        if least >= 0.0:
-            bound = max(bound, least - progress.slack - progress.bound_slack)
-            break
+        if k >= before - 1:
+            steps += 1
+            least = prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half)
+            if least >= 0.0:
+                bound = max(bound, least - progress.slack - progress.bound_slack)
+                progress.narrowed = k
+                break
         n, e = direction_kept(progress)
-        fine, lost = fineness(progress), progress.slack + progress.bound_slack
+        fine = fineness(progress)
         long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
         if around >= max(long_a, long_b):
             half *= 0.5
-            reach = reach_of(tree_a.arcs, own_a, a, fine, n[0], n[1], -np.inf) + lost
-            for k in range(2):
-                middle = angle + (1.5 * half if k else -1.5 * half)
+            for side in (-1.5, 1.5):
+                middle = angle + side * half
                 wide = 0.5 * half * (1.0 + 1e-15)
                 beside = sector_of(middle, wide)
                 progress.bound_tests += 1
-                wanted = reach + beyond(progress)
-                least = begin_of(tree_b.arcs, own_b, b, fine, beside, motion, n, e, wanted)
-                least -= reach
+                least = gap_along(tree_a, tree_b, state, a, b, beside, motion, n, e, fine)
                 if least < progress.limit:
                     steps += bound_rings(
                         tree_a, tree_b, state, motion, a, b, middle, wide, beside, least

@@ -15,11 +15,11 @@ import math
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.memory import on_stack
 from ..base.state import NONE
 from .newton import turned
+from .reach import reach_in
 
-_SWEEPS = 3
+_SWEEPS = 2
 """Sweeps of coordinate descent: see `facing`."""
 
 
@@ -33,81 +33,6 @@ _WIDE, _FRONT = 3.0, 0.5
 _PIECES = 1e-3
 """Share of half its chord that counts as a bend of an arc around several pieces."""
 
-_STACK = 128
-"""Arcs that may wait: twice as many as a tree is deep."""
-
-
-@inlined
-def arc_at(arcs, own, i):
-    """An arc of a tree, or one of those that follow it."""
-    return arcs[i] if i < len(arcs) else own[i - len(arcs)]
-
-
-@inlined
-def reach(arc, x, z):
-    """What a fat arc reaches along a vector of the plane."""
-    length = np.sqrt(x * x + z * z)
-    base = x * arc.middle[0] + z * arc.middle[1] + arc.error * length
-    hx, hz = arc.half[0], arc.half[1]
-    along = x * hx + z * hz
-    if arc.sine != 0.0:
-        # Where the vector is a normal of the arc, by r (|v| - cos(alpha) v . bulge), r = half /
-        # sin(alpha): written so that nothing cancels where the arc is nearly straight.
-        half = np.sqrt(hx * hx + hz * hz)
-        sine = abs(arc.sine)
-        up = (hx * z - hz * x) / half
-        up = up if arc.sine > 0.0 else -up
-        if up > 0.0 and abs(along) * arc.cosine <= up * sine * half:
-            along /= half
-            return base + half * (along * along / sine + up * up * sine) / (
-                length + up * arc.cosine
-            )
-    return base + abs(along)
-
-
-@kernel
-def reach_of(arcs, own, i, fine, x, z, floor):
-    """What a part of a profile reaches along a vector, by its arcs of errors below `fine` metres.
-
-    Those that reach less than others, or than what is asked about, the floor, are not looked into;
-    that is the answer where none reaches more.
-    """
-    arc = arc_at(arcs, own, i)
-    if arc.error <= fine or arc.child == NONE:
-        return reach(arc, x, z)
-    stack = on_stack(_STACK, np.int32(0))
-    top, best = 1, floor
-    stack[0] = i
-    while top > 0:
-        top -= 1
-        arc = arc_at(arcs, own, np.int64(stack[top]))
-        here = reach(arc, x, z)
-        if here <= best:
-            continue
-        if arc.error <= fine or arc.child == NONE or top + 2 > _STACK:
-            best = here
-            continue
-        one, other = np.int64(arc.child), np.int64(arc.child) + 1
-        first = reach(arc_at(arcs, own, one), x, z) < reach(arc_at(arcs, own, other), x, z)
-        stack[top], stack[top + 1] = (one, other) if first else (other, one)
-        top += 2
-    return best
-
-
-@inlined
-def reach_in(arcs, own, i, fine, sector, v, floor):
-    """What an arc that turns about z in a sector reaches along a vector of space; see `reach_of`.
-
-    The vector's part across z is largest in the half-plane nearest to it, and no arc is beyond the
-    axis.
-    """
-    cosine, sine, far, side = sector
-    a, b = v[0] * cosine + v[1] * sine, v[1] * cosine - v[0] * sine
-    across = np.sqrt(v[0] * v[0] + v[1] * v[1])
-    if a < across * far:
-        across = a * far + abs(b) * side
-    return reach_of(arcs, own, i, fine, across, v[2], floor)
-
 
 @inlined
 def to_b(motion, v):
@@ -120,7 +45,7 @@ def to_b(motion, v):
 
 
 @kernel
-def begin_of(arcs_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
+def begin_of(tree_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
     """Where b begins along a normal of a's plane, at that azimuth; metres.
 
     Of b what lies under an arc, by arcs of errors below `fine` metres. What is left of that beyond
@@ -133,18 +58,18 @@ def begin_of(arcs_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
     if n < 0.0:
         v = to_b(motion, (-y, x, 0.0))
         offset = x * motion[10] - y * motion[9]
-        beside = reach_in(arcs_b, own_b, b, fine, sector, v, -np.inf) + offset
-        less = reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
+        beside = reach_in(tree_b, own_b, b, fine, sector, v, -np.inf) + offset
+        less = reach_in(tree_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
         beside = max(abs(beside), abs(offset - less))
         v = to_b(motion, (x, y, 0.0))
         near = x * motion[9] + y * motion[10]
-        near -= reach_in(arcs_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
+        near -= reach_in(tree_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
         if near > 0.0:
             begin += n * min(beside, beside * beside / (2.0 * near))
         else:
             begin += n * (beside - 2.0 * near)
     v = to_b(motion, (-n * x, -n * y, -m))
-    return begin - reach_in(arcs_b, own_b, b, fine, sector, v, begin - wanted)
+    return begin - reach_in(tree_b, own_b, b, fine, sector, v, begin - wanted)
 
 
 @kernel
@@ -177,14 +102,15 @@ def facing(arc_a, arc_b, sector, half_angle, motion):
     a0, a1 = arc_a.half[0], arc_a.half[1]
     u0, u1, w0, w1 = ux * ex + uy * ey, uz, wx * ex + wy * ey, wz
     aa, uu, ww = a0 * a0 + a1 * a1 + 1e-300, u0 * u0 + u1 * u1 + 1e-300, w0 * w0 + w1 * w1 + 1e-300
+    per_a, per_u, per_w = 1.0 / aa, 1.0 / uu, 1.0 / ww
     s = t = q = 0.0
     for _ in range(_SWEEPS):
         r0, r1 = d0 + t * u0 + q * w0, d1 + t * u1 + q * w1
-        s = min(max((r0 * a0 + r1 * a1) / aa, -1.0), 1.0)
+        s = min(max((r0 * a0 + r1 * a1) * per_a, -1.0), 1.0)
         r0, r1 = d0 - s * a0 + q * w0, d1 - s * a1 + q * w1
-        t = min(max(-(r0 * u0 + r1 * u1) / uu, -1.0), 1.0)
+        t = min(max(-(r0 * u0 + r1 * u1) * per_u, -1.0), 1.0)
         r0, r1 = d0 - s * a0 + t * u0, d1 - s * a1 + t * u1
-        q = min(max(-(r0 * w0 + r1 * w1) / ww, -1.0), 1.0)
+        q = min(max(-(r0 * w0 + r1 * w1) * per_w, -1.0), 1.0)
     r0, r1 = d0 - s * a0 + t * u0 + q * w0, d1 - s * a1 + t * u1 + q * w1
     px, py = px + t * ux + q * wx, py + t * uy + q * wy
     far = np.sqrt(px * px + py * py)

@@ -9,11 +9,12 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.state import NONE
 from .arcs import fit_arc
-from .bound import arc_at, begin_of, bulge, facing, reach_of
+from .bound import begin_of, bulge, facing
 from .build import NARROW, put_halves
 from .certificate import least_around
 from .heap import add_ring
 from .minima import find_minimum, measure_rings
+from .reach import arc_at, reach_of
 
 MINIMUM_STEPS = 6
 """Steps of a search that a search for a local minimum takes as long as."""
@@ -21,10 +22,10 @@ MINIMUM_STEPS = 6
 _AROUND = 1.5
 """How far beyond a sector its minimum may be, as a multiple of half its angle."""
 
-_FINE = 0.25
+_FINE = 0.5
 """Share of the distance that was asked for as a tolerance that the errors of arcs may be."""
 
-_COARSE = 0.01
+_COARSE = 0.03
 """Share of two chords' distance that they may be along the way between these."""
 
 
@@ -57,10 +58,10 @@ def gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine):
     Where that is beyond the limit, how far does not matter.
     """
     progress, waiting = state.progress[0], state.waiting
-    reach = reach_of(tree_a.arcs, waiting.arcs_a, a, fine, n[0], n[1], -np.inf)
+    reach = reach_of(tree_a, waiting.arcs_a, a, fine, n[0], n[1], -np.inf)
     reach += progress.slack + progress.bound_slack
     wanted = reach + beyond(progress)
-    return begin_of(tree_b.arcs, waiting.arcs_b, b, fine, sector, motion, n, e, wanted) - reach
+    return begin_of(tree_b, waiting.arcs_b, b, fine, sector, motion, n, e, wanted) - reach
 
 
 @kernel
@@ -92,16 +93,11 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
     """
     progress, waiting = state.progress[0], state.waiting
     progress.bound_tests += 1
-    n, e = direction_kept(progress)
-    fine = fineness(progress)
-    bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
-    if bound >= progress.limit:
-        return 1
     arc_a = arc_at(tree_a.arcs, waiting.arcs_a, a)
     arc_b = arc_at(tree_b.arcs, waiting.arcs_b, b)
     apart, n, e, at = facing(arc_a, arc_b, sector, half, motion)
     if apart > 0.0:
-        fine = max(fine, _COARSE * apart)
+        fine = max(fineness(progress), _COARSE * apart)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
         if bound >= progress.limit:
             return 1
@@ -115,6 +111,7 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
         where = angle + at[2] * min(half, 1.0)
         measure_rings(tree_a, tree_b, state, motion, arc_a.curve, arc_b.curve, s, t, where)
         n, e = direction_kept(progress)
+        fine = fineness(progress)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
         if bound >= progress.limit:
             return steps

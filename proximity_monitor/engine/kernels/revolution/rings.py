@@ -17,10 +17,19 @@ from ..base.jit import kernel, shared
 from ..base.memory import on_stack
 from ..base.state import CELLS_FULL, CUT, ENDED, NONE
 from .around import part_around
-from .bound import arc_at, bends, facing, half_of, sector_of
-from .bounded import MINIMUM_STEPS, bound_rings, halves_of, prove
+from .bound import bends, facing, half_of, sector_of
+from .bounded import (
+    MINIMUM_STEPS,
+    bound_rings,
+    direction_kept,
+    fineness,
+    gap_along,
+    halves_of,
+    prove,
+)
 from .heap import drop_ring
 from .minima import SMALL, find_minimum, measure_rings, nearest_minimum, relative, take_plane
+from .reach import arc_at
 
 _SHORT = 1e-13
 """Share of the models' sizes below which an arc is not halved."""
@@ -90,6 +99,7 @@ def _take_apart(tree_a, tree_b, state, motion):
     else:
         progress.least_cells = min(progress.least_cells, bound)
         return steps
+    n, e = direction_kept(progress)
     for k in range(2):
         next_a, next_b, next_angle, next_half, next_sector = a, b, angle, half, sector
         if of_a != NONE:
@@ -99,9 +109,15 @@ def _take_apart(tree_a, tree_b, state, motion):
         else:
             next_angle, next_half = half_of(angle, half, k)
             next_sector = sector_of(next_angle, next_half)
+        fine = fineness(progress)
+        least = gap_along(tree_a, tree_b, state, next_a, next_b, next_sector, motion, n, e, fine)
+        if least >= progress.limit:
+            progress.bound_tests += 1
+            continue
         steps += bound_rings(
-            tree_a, tree_b, state, motion, next_a, next_b, next_angle, next_half, next_sector, bound
-        )
+            tree_a, tree_b, state, motion, next_a, next_b, next_angle, next_half, next_sector,
+            max(bound, least),
+        )  # fmt: skip
     return steps
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..elements.primitives import enough
 from ..tree.layout import WIDTH
+from .coherence import has_leapt
 from .stubs import approach, guess, least_open, settle
 
 APPROACH_STEPS = 64
@@ -46,6 +47,8 @@ keeps more volumes open; but no less than distances change from step to step of 
 def begin_near(tree_a, tree_b, state, last):
     """Begin elsewhere where the remembered elements are much farther apart than when they were.
 
+    After a leap to elsewhere they tell nothing, however near they are.
+
     `last` is the distance, metres, that the search before ended with.
     """
     progress = state.progress[0]
@@ -53,10 +56,11 @@ def begin_near(tree_a, tree_b, state, last):
     if progress.limit < enough(progress):
         return
     near = (1.0 + max(progress.rel_err, _POOR)) * last
-    if progress.distance <= near:
+    leapt = has_leapt(tree_a, tree_b, state)
+    if progress.distance <= near and not leapt:
         settle(state.waiting, tree_a, tree_b, state)
     poor = _POOR if progress.rel_err == 0.0 else max(_POOR_SHARE * progress.rel_err, _PATH)
-    if progress.distance > (1.0 + poor) * last:
+    if leapt or progress.distance > (1.0 + poor) * last:
         guess(tree_a, tree_b, state)
     if progress.distance <= near:
         progress.approached, progress.patience = progress.distance, _LONG

@@ -1,0 +1,171 @@
+"""How far parts of a profile reach along vectors of its plane: the support functions of fat arcs.
+
+What a part reaches along a vector is no more than what its arcs do, and the finer these, the less.
+To look into them takes some thirty arcs from the whole down. So what the largest parts reach along
+a few vectors is kept, those around the square |x| + |z| = 1. A support function is sublinear: along
+a vector between two of these a part reaches no more than what is interpolated.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import allocating_entry, inlined, kernel
+from ..base.memory import on_stack
+from ..base.rounding import DOUBLE_EPS
+from ..base.state import NONE, VECTORS
+
+_SIDE = (VECTORS - 1) // 4
+"""Vectors that are kept of each side of the square."""
+
+_PARTS = 64
+"""Parts of a profile of which they are kept, at most: all its pieces, if these are about 30."""
+
+_ROUNDING = 512.0 * DOUBLE_EPS
+"""What rounding does to an interpolated reach, as a share of the largest coordinate P.
+
+The place around the square errs by less than 12 u of a vector of length 1, and what a part reaches
+from its middle changes by less than 3 P times that. Both products with the middle, what is kept and
+the sums err by less than 32 u P, and by 8 u P for each part that this one is a part of.
+"""
+
+_STACK = 128
+"""Arcs that may wait: twice as many as a tree is deep."""
+
+
+@inlined
+def arc_at(arcs, own, i):
+    """An arc of a tree, or one of those that follow it."""
+    return arcs[i] if i < len(arcs) else own[i - len(arcs)]
+
+
+@inlined
+def _reach(arc, x, z):
+    """What a fat arc reaches along a vector of the plane."""
+    length = np.sqrt(x * x + z * z)
+    base = x * arc.middle[0] + z * arc.middle[1] + arc.error * length
+    hx, hz = arc.half[0], arc.half[1]
+    along = x * hx + z * hz
+    if arc.sine != 0.0:
+        # Where the vector is a normal of the arc, by r (|v| - cos(alpha) v . bulge), r = half /
+        # sin(alpha): written so that nothing cancels where the arc is nearly straight.
+        sine = abs(arc.sine)
+        up = hx * z - hz * x
+        up = up if arc.sine > 0.0 else -up
+        if up > 0.0 and abs(along) * arc.cosine <= up * sine:
+            half = np.sqrt(hx * hx + hz * hz)
+            risen = up * sine
+            return base + (along * along + risen * risen) / (
+                sine * (half * length + up * arc.cosine)
+            )
+    return base + abs(along)
+
+
+@inlined
+def _around(x, z):
+    """Where a vector is around the square, in parts of its sides, and its |x| + |z|."""
+    size = max(abs(x) + abs(z), 1e-300)
+    back = _SIDE * (1.0 - x / size)
+    return (back if z >= 0.0 else 4.0 * _SIDE - back), size
+
+
+@inlined
+def _coarse(arcs, own, reaches, i, x, z, place, size):
+    """What is known of a part's reach without looking into it; place and size as of `_around`."""
+    if i >= len(reaches):
+        return _reach(arc_at(arcs, own, i), x, z)
+    row, k = reaches[i], min(np.int64(place), np.int64(4 * _SIDE - 1))
+    share = place - k
+    middle = arcs[i].middle
+    between = row[k] + share * (row[k + 1] - row[k])
+    return x * middle[0] + z * middle[1] + size * between
+
+
+@kernel
+def _reach_of(arcs, own, reaches, i, fine, x, z, floor):
+    place, size = _around(x, z)
+    here = _coarse(arcs, own, reaches, i, x, z, place, size)
+    if here <= floor:
+        return floor
+    stack, values = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
+    top, best = 1, floor
+    stack[0], values[0] = i, here
+    while top > 0:
+        top -= 1
+        here = values[top]
+        if here <= best:
+            continue
+        i = np.int64(stack[top])
+        arc = arc_at(arcs, own, i)
+        if arc.error <= fine or arc.child == NONE or top + 2 > _STACK:
+            best = max(best, min(here, _reach(arc, x, z)) if i < len(reaches) else here)
+            continue
+        one, other = np.int64(arc.child), np.int64(arc.child) + 1
+        first = _coarse(arcs, own, reaches, one, x, z, place, size)
+        second = _coarse(arcs, own, reaches, other, x, z, place, size)
+        if first >= second:
+            one, other, first, second = other, one, second, first
+        stack[top], values[top] = one, first
+        stack[top + 1], values[top + 1] = other, second
+        top += 2
+    return best
+
+
+@inlined
+def reach_of(tree, own, i, fine, x, z, floor):
+    """What a part of a profile reaches along a vector, by its arcs of errors below `fine` metres.
+
+    Those that reach less than others, or than what is asked about, the floor, are not looked into;
+    that is the answer where none reaches more.
+    """
+    return _reach_of(tree.arcs, own, tree.reaches, i, fine, x, z, floor)
+
+
+@inlined
+def reach_in(tree, own, i, fine, sector, v, floor):
+    """What an arc that turns about z in a sector reaches along a vector of space; see `reach_of`.
+
+    The vector's part across z is largest in the half-plane nearest to it, and no arc is beyond the
+    axis.
+    """
+    cosine, sine, far, side = sector
+    a, b = v[0] * cosine + v[1] * sine, v[1] * cosine - v[0] * sine
+    across = np.sqrt(v[0] * v[0] + v[1] * v[1])
+    if a < across * far:
+        across = a * far + abs(b) * side
+    return reach_of(tree, own, i, fine, across, v[2], floor)
+
+
+@allocating_entry
+def take_reaches(arcs, size):
+    """What the largest parts of a profile reach along vectors around the square, from their middle.
+
+    Args:
+        arcs: (k,) ARC, the tree around all.
+        size: metres; the largest coordinate of a control point.
+
+    Returns:
+        (m, VECTORS) metres, those of the tree's first m parts; the last vector is the first again.
+    """
+    # Both halves of a part stand together, after an odd number of them.
+    count = min(len(arcs), _PARTS - 1)
+    made, none = np.empty((count, VECTORS)), np.empty((0, VECTORS))
+    for i in range(count - 1, -1, -1):
+        child, middle = np.int64(arcs[i].child), arcs[i].middle
+        for k in range(VECTORS):
+            x = abs(2 * _SIDE - k) / _SIDE - 1.0
+            z = (1.0 - abs(x)) if k <= 2 * _SIDE else abs(x) - 1.0
+            from_middle = x * middle[0] + z * middle[1]
+            if NONE < child < count:
+                one, other = arcs[child].middle, arcs[child + 1].middle
+                made[i, k] = (
+                    max(
+                        made[child, k] + (x * one[0] + z * one[1]),
+                        made[child + 1, k] + (x * other[0] + z * other[1]),
+                    )
+                    - from_middle
+                )
+            else:
+                reach = _reach_of(arcs, arcs[:0], none, i, 0.0, x, z, -np.inf)
+                made[i, k] = reach - from_middle + _ROUNDING * size
+    return made
