@@ -74,6 +74,7 @@ def ros_environment(tmp_path_factory):
         ROS_LOG_DIR=str(tmp_path_factory.mktemp("ros_log")),
         PATH=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         PYTHONSAFEPATH="1",
+        PYTHONFAULTHANDLER="1",
     )
     with claim:
         yield
@@ -102,7 +103,9 @@ class Process:
             )
 
     def ended(self, timeout_s=START_DEADLINE_S):
-        return self.popen.wait(timeout_s)
+        code = self.popen.wait(timeout_s)
+        assert code >= 0, f"ended by signal {-code}:\n{self.text}"
+        return code
 
     def stop(self, kind=signal.SIGINT):
         """Signal the process; return its exit code and how many seconds it took to end."""
