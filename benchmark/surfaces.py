@@ -18,8 +18,9 @@ scenes:
 Needs OCCT for all but `mesh`: pip install cadquery-ocp. Times are processor time, milliseconds: of
 three rounds over all queries, each query's best, for both. `ratio` is OCCT's median over ours.
 `wrong` counts queries where OCCT's distance is above our certified upper bound by more than a
-millionth of the models' size, `by` says by how much at the most. The other way round, OCCT below our lower bound, ends the benchmark with status 1.
-`open` are queries whose bounds did not meet within --budget, as where nearest points form a line.
+millionth of the models' size, `by` says by how much at the most. The other way round, OCCT below
+our lower bound, ends the benchmark with status 1. `open` are queries whose bounds did not meet
+within --budget, as where nearest points form a line.
 """
 
 from __future__ import annotations
