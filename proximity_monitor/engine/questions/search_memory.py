@@ -24,6 +24,7 @@ from ..kernels.base.state import (
     Waiting,
 )
 from ..kernels.base.tables import MODEL_COLUMNS, state_table, table
+from ..kernels.revolution.front import FRONT
 from ..kernels.revolution.minima import MINIMA
 from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
@@ -175,6 +176,7 @@ class SearchMemory(Memory):
             waiting = Turning(
                 *waiting, np.empty(_RINGS, RING), np.empty(_RINGS, np.int32),
                 np.empty(_ARCS, ARC), np.empty(_ARCS, ARC), np.empty(MINIMA, MINIMUM),
+                np.empty(2 * FRONT, RING),
             )  # fmt: skip
         motions, keys = np.zeros((2, 12)), np.empty(_COHERENT if coherent else 0, np.int64)
         keys.fill(-1)

@@ -204,10 +204,13 @@ where it has none. A model whose elements are not divided has none of the three.
 that are asked about alone, lanes hold ~element.
 """
 
-Turning = namedtuple("Turning", (*Dividing._fields, "rings", "heap", "arcs_a", "arcs_b", "minima"))
+Turning = namedtuple(
+    "Turning", (*Dividing._fields, "rings", "heap", "arcs_a", "arcs_b", "minima", "front")
+)
 """The same for two solids of revolution: besides what their patches need, rings (n,) RING, where
 those that are open have their places in the heap (int32, n); arcs (k,) ARC that are finer than
-those of either tree, in whose order they follow; and minima (m,) MINIMUM found last."""
+those of either tree, in whose order they follow; minima (m,) MINIMUM found last; and front (2 f,)
+RING, what the last search parted all into, in one half (see revolution/front.py)."""
 
 RING = np.dtype(
     [
@@ -215,6 +218,7 @@ RING = np.dtype(
         ("angle", np.float64),  # the middle of a sector about b's axis, radians
         ("half", np.float64),  # half its angle
         ("sector", np.float64, (4,)),  # cosine and sine of the middle, and of half its angle
+        ("way", np.float64, (4,)),  # the direction that the bound is along, as `PROGRESS.along`
         ("a", np.int32),  # the arcs
         ("b", np.int32),
     ],
@@ -348,6 +352,10 @@ PROGRESS = np.dtype(
         ("arcs_b", np.int64),
         ("minima", np.int64),  # how many minima have been found
         ("narrowed", np.int64),  # how often a pair of rings was made smaller until one was proven
+        ("front", np.int64),  # how many pairs of rings the front has, 0 where there is none; and
+        ("front_half", np.int64),  # in which half of its room they are
+        ("parted", np.int64),  # how many the present search has for the next; NONE where not all
+        ("grown", np.int64),  # how many of them are too many
         ("along", np.float64, (4,)),  # the unit vector (rho, z) of a's half-plane from its nearest
         # point to that of b, and which half-plane that is: cosine and sine
         ("collected", np.int64),  # how many are collected

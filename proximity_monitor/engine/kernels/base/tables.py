@@ -264,6 +264,7 @@ def _rings_at(kind, at, rows):
         records_at(at[_RINGS + 2], rows[_RINGS + 2], ARC),
         records_at(at[_RINGS + 3], rows[_RINGS + 3], ARC),
         records_at(at[_RINGS + 4], rows[_RINGS + 4], MINIMUM),
+        records_at(at[_RINGS + 5], rows[_RINGS + 5], RING),
     )  # fmt: skip
 
 
@@ -289,7 +290,7 @@ def queries_at(asked):
     return (queries,)
 
 
-_CELLS, _RINGS, _COLUMNS = 11, 18, 23
+_CELLS, _RINGS, _COLUMNS = 11, 18, 24
 """Where the arrays of elements that are divided begin in the table of a state, and those of solids
 of revolution; and how many columns there are."""
 

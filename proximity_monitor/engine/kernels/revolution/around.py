@@ -20,10 +20,12 @@ from .bounded import (
     bound_rings,
     direction_kept,
     fineness,
-    gap_along,
+    go_over,
     halves_of,
+    part_off,
     prove,
 )
+from .front import forget_front, has_front, keep_ring
 from .reach import arc_at, reach_of
 
 _NEAR = 0.1
@@ -62,34 +64,29 @@ def part_around(tree_a, tree_b, state, motion, minimum):
     progress.bound_tests += 1
     if least >= progress.limit:
         return 1
+    if has_front(tree_a, tree_b, state):
+        return 1 + go_over(tree_a, tree_b, state, motion)
+    forget_front(tree_a, tree_b, state)
     steps, a, b = 1, np.int64(0), np.int64(0)
     first, end = 0, len(tree_a.curves)
     while tree_a.arcs[a].curve == NONE:
         a, beside, first, end = _half_with(tree_a, a, first, end, curve_a)
-        progress.bound_tests += 1
         floor = begin - beyond(progress)
         bound = begin - reach_of(tree_a, own_a, beside, fine, n[0], n[1], floor)
-        if bound < progress.limit:
+        if bound >= progress.limit:
+            progress.bound_tests += 1
+            keep_ring(state, beside, b, angle, math.pi, whole, n, e)
+        else:
             steps += bound_rings(
                 tree_a, tree_b, state, motion, beside, b, angle, math.pi, whole, bound
             )
     first, end = 0, len(tree_b.curves)
     while tree_b.arcs[b].curve == NONE:
         b, beside, first, end = _half_with(tree_b, b, first, end, curve_b)
-        progress.bound_tests += 1
-        bound = gap_along(tree_a, tree_b, state, a, beside, whole, motion, n, e, fine)
-        if bound < progress.limit:
-            steps += bound_rings(
-                tree_a, tree_b, state, motion, a, beside, angle, math.pi, whole, bound
-            )
+        steps += part_off(tree_a, tree_b, state, motion, a, beside, angle, math.pi, whole, least)
     half = (math.pi - _NEAR) * (1.0 + 1e-15)
     behind = sector_of(angle + math.pi, half)
-    progress.bound_tests += 1
-    bound = gap_along(tree_a, tree_b, state, a, b, behind, motion, n, e, fine)
-    if bound < progress.limit:
-        steps += bound_rings(
-            tree_a, tree_b, state, motion, a, b, angle + math.pi, half, behind, bound
-        )
+    steps += part_off(tree_a, tree_b, state, motion, a, b, angle + math.pi, half, behind, least)
     return steps + _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, least)
 
 
@@ -113,8 +110,6 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
                 bound = max(bound, least - progress.slack - progress.bound_slack)
                 progress.narrowed = k
                 break
-        n, e = direction_kept(progress)
-        fine = fineness(progress)
         long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
         if around >= max(long_a, long_b):
             half *= 0.5
@@ -122,12 +117,7 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
                 middle = angle + side * half
                 wide = 0.5 * half * (1.0 + 1e-15)
                 beside = sector_of(middle, wide)
-                progress.bound_tests += 1
-                least = gap_along(tree_a, tree_b, state, a, b, beside, motion, n, e, fine)
-                if least < progress.limit:
-                    steps += bound_rings(
-                        tree_a, tree_b, state, motion, a, b, middle, wide, beside, least
-                    )
+                steps += part_off(tree_a, tree_b, state, motion, a, b, middle, wide, beside, bound)
             continue
         beside_a, beside_b = a, b
         if long_a >= long_b:
@@ -142,13 +132,13 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
                 break
             later = t >= arc_at(tree_b.arcs, own_b, child).high
             b, beside_b = (child + 1, child) if later else (child, child + 1)
-        progress.bound_tests += 1
-        least = gap_along(tree_a, tree_b, state, beside_a, beside_b, sector, motion, n, e, fine)
-        if least < progress.limit:
-            steps += bound_rings(
-                tree_a, tree_b, state, motion, beside_a, beside_b, angle, half, sector, least
-            )
-    if bound < progress.limit:
-        sector = sector_of(angle, half)
+        steps += part_off(
+            tree_a, tree_b, state, motion, beside_a, beside_b, angle, half, sector, bound
+        )
+    sector = sector_of(angle, half)
+    if bound >= progress.limit:
+        n, e = direction_kept(progress)
+        keep_ring(state, a, b, angle, half, sector, n, e)
+    else:
         steps += bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
     return steps

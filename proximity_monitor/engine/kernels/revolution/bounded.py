@@ -12,6 +12,7 @@ from .arcs import fit_arc
 from .bound import begin_of, bulge, facing
 from .build import NARROW, put_halves
 from .certificate import least_around
+from .front import FRONT, keep_ring
 from .heap import add_ring
 from .minima import find_minimum, measure_rings
 from .reach import arc_at, reach_of
@@ -40,6 +41,12 @@ def direction_kept(progress):
 def fineness(progress):
     """Up to which error arcs are looked into, metres."""
     return _FINE * (progress.distance - progress.enough)
+
+
+@inlined
+def coarseness(progress, apart):
+    """The same of arcs so far apart, metres: where that is far they need not be as fine."""
+    return max(fineness(progress), _COARSE * apart)
 
 
 @inlined
@@ -97,9 +104,10 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
     arc_b = arc_at(tree_b.arcs, waiting.arcs_b, b)
     apart, n, e, at = facing(arc_a, arc_b, sector, half, motion)
     if apart > 0.0:
-        fine = max(fineness(progress), _COARSE * apart)
+        fine = coarseness(progress, apart)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
         if bound >= progress.limit:
+            keep_ring(state, a, b, angle, half, sector, n, e)
             return 1
     steps = 1
     apart += bulge(arc_a) + bulge(arc_b)
@@ -114,16 +122,56 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
         fine = fineness(progress)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
         if bound >= progress.limit:
+            keep_ring(state, a, b, angle, half, sector, n, e)
             return steps
     slot = progress.slots
     if slot == len(waiting.rings):
         progress.least_cells = min(progress.least_cells, bound)
+        progress.parted = NONE
         return steps
     progress.slots += 1
     ring = waiting.rings[slot]
     ring.bound, ring.a, ring.b, ring.angle, ring.half = bound, a, b, angle, half
     ring.sector[0], ring.sector[1], ring.sector[2], ring.sector[3] = sector
+    ring.way[0], ring.way[1], ring.way[2], ring.way[3] = n[0], n[1], e[0], e[1]
     progress.rings = add_ring(waiting.rings, waiting.heap, progress.rings, slot)
+    return steps
+
+
+@inlined
+def part_off(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound):
+    """Bound a part of a pair, first along the direction that is kept; as `bound_rings`."""
+    progress = state.progress[0]
+    n, e = direction_kept(progress)
+    fine = fineness(progress)
+    least = gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine)
+    if least >= progress.limit:
+        progress.bound_tests += 1
+        keep_ring(state, a, b, angle, half, sector, n, e)
+        return 0
+    bound = max(bound, least)
+    return bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
+
+
+@kernel
+def go_over(tree_a, tree_b, state, motion):
+    """Bound the pairs of the front, each along its own direction first; returns the steps."""
+    progress, front = state.progress[0], state.waiting.front
+    first, steps = FRONT * progress.front_half, 0
+    progress.parted = 0
+    for i in range(first, first + progress.front):
+        ring = front[i]
+        a, b, angle, half = np.int64(ring.a), np.int64(ring.b), ring.angle, ring.half
+        sector = (ring.sector[0], ring.sector[1], ring.sector[2], ring.sector[3])
+        n, e = (ring.way[0], ring.way[1]), (ring.way[2], ring.way[3])
+        fine = coarseness(progress, ring.bound)
+        least = gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine)
+        steps += 1
+        if least >= progress.limit:
+            progress.bound_tests += 1
+            keep_ring(state, a, b, angle, half, sector, n, e)
+        else:
+            steps += part_off(tree_a, tree_b, state, motion, a, b, angle, half, sector, least)
     return steps
 
 

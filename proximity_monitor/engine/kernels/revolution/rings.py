@@ -18,15 +18,8 @@ from ..base.memory import on_stack
 from ..base.state import CELLS_FULL, CUT, ENDED, NONE
 from .around import part_around
 from .bound import bends, facing, half_of, sector_of
-from .bounded import (
-    MINIMUM_STEPS,
-    bound_rings,
-    direction_kept,
-    fineness,
-    gap_along,
-    halves_of,
-    prove,
-)
+from .bounded import MINIMUM_STEPS, halves_of, part_off, prove
+from .front import begin_front, end_front, keep_ring
 from .heap import drop_ring
 from .minima import SMALL, find_minimum, measure_rings, nearest_minimum, relative, take_plane
 from .reach import arc_at
@@ -40,7 +33,8 @@ def begin_rings(tree_a, tree_b, state):
     """Open the pair of all that turns."""
     progress, waiting = state.progress[0], state.waiting
     progress.rings, progress.slots, progress.least_cells = 1, 1, np.inf
-    progress.arcs_a, progress.arcs_b, progress.minima = 0, 0, 0
+    progress.minima = 0
+    begin_front(tree_a, tree_b, state)
     progress.dividing, progress.aside = 0, 0
     ring = waiting.rings[0]
     ring.bound, ring.a, ring.b, ring.angle, ring.half = -np.inf, 0, 0, 0.0, math.pi
@@ -60,6 +54,7 @@ def _take_apart(tree_a, tree_b, state, motion):
     bound, a, b = ring.bound, np.int64(ring.a), np.int64(ring.b)
     angle, half = ring.angle, ring.half
     sector = (ring.sector[0], ring.sector[1], ring.sector[2], ring.sector[3])
+    n, e = (ring.way[0], ring.way[1]), (ring.way[2], ring.way[3])
     arc_a, arc_b = arc_at(tree_a.arcs, waiting.arcs_a, a), arc_at(tree_b.arcs, waiting.arcs_b, b)
     steps = 1
     if arc_a.curve != NONE and arc_b.curve != NONE and half <= SMALL:
@@ -78,6 +73,7 @@ def _take_apart(tree_a, tree_b, state, motion):
             bound = max(bound, least - progress.slack - progress.bound_slack)
     progress.rings = drop_ring(waiting.rings, waiting.heap, progress.rings)
     if bound >= progress.limit:
+        keep_ring(state, a, b, angle, half, sector, n, e)
         return steps
     # What is farthest from straight is halved: bounds of chords that turn nowhere are exact.
     short = _SHORT * (tree_a.scale[2] + tree_b.scale[2])
@@ -98,8 +94,8 @@ def _take_apart(tree_a, tree_b, state, motion):
             long_b = 0.0
     else:
         progress.least_cells = min(progress.least_cells, bound)
+        progress.parted = NONE
         return steps
-    n, e = direction_kept(progress)
     for k in range(2):
         next_a, next_b, next_angle, next_half, next_sector = a, b, angle, half, sector
         if of_a != NONE:
@@ -109,15 +105,9 @@ def _take_apart(tree_a, tree_b, state, motion):
         else:
             next_angle, next_half = half_of(angle, half, k)
             next_sector = sector_of(next_angle, next_half)
-        fine = fineness(progress)
-        least = gap_along(tree_a, tree_b, state, next_a, next_b, next_sector, motion, n, e, fine)
-        if least >= progress.limit:
-            progress.bound_tests += 1
-            continue
-        steps += bound_rings(
-            tree_a, tree_b, state, motion, next_a, next_b, next_angle, next_half, next_sector,
-            max(bound, least),
-        )  # fmt: skip
+        steps += part_off(
+            tree_a, tree_b, state, motion, next_a, next_b, next_angle, next_half, next_sector, bound
+        )
     return steps
 
 
@@ -136,7 +126,6 @@ def search_rings(tree_a, tree_b, state):
     code = ENDED
     while progress.rings > 0 and progress.distance - progress.slack > progress.stop:
         if waiting.rings[waiting.heap[0]].bound >= progress.limit:
-            progress.rings = 0
             break
         if steps == 0:
             code = CUT
@@ -144,6 +133,9 @@ def search_rings(tree_a, tree_b, state):
         steps -= min(steps, _take_apart(tree_a, tree_b, state, motion))
     progress.steps = steps
     apart = progress.distance - progress.slack > progress.stop
+    if code == ENDED and apart:
+        end_front(state)
+        progress.rings = 0
     if code == ENDED and apart and progress.least_cells < progress.enough:
         code = CELLS_FULL
     return code
