@@ -7,10 +7,14 @@ import numpy as np
 from ..base.jit import inlined, kernel, shared
 from ..base.lanes import lowest
 from ..base.rounding import OFFSET_MARGIN
+from ..base.state import LARGEST
 from ..base.vectors import along, moved, scaled, sub
 from .direction import take_direction
 from .swept import reach_of
 from .triangles import certainly_cross, distance_apart, triangle_distance
+
+_LEAP = 0.1
+"""Share of the models' sizes."""
 
 _TIED = 8.0
 """Up to how many times what rounding does to distances two of them count as equal."""
@@ -25,6 +29,16 @@ def enough(progress):
     share = (upper - radii) / (1.0 + progress.rel_err)
     least = min(distance - slack, radii + share - OFFSET_MARGIN * radii)
     return min(least, upper - progress.abs_err)
+
+
+@inlined
+def has_leapt(tree_a, tree_b, state):
+    """Whether the models have moved so far since the last search that other points may be nearest.
+
+    Where nothing is known of that, they have not.
+    """
+    sizes = tree_a.scale[LARGEST] + tree_b.scale[LARGEST]
+    return state.keys.shape[0] > 0 and state.progress[0].step >= _LEAP * sizes
 
 
 @inlined

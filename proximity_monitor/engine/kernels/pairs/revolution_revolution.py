@@ -6,10 +6,10 @@ import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import DepthFirst, RevolutionTree, Turning
+from ..elements.primitives import has_leapt
 from ..revolution.minima import keep_same, look_around, measure_again
 from ..revolution.rings import begin_rings, search_rings
 from ..search import stubs
-from ..search.coherence import has_leapt
 from ..search.search import answer_queries
 from . import divided
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.state import NONE, REVISION
-from ..search.coherence import has_leapt
+from ..elements.primitives import has_leapt
 
 FRONT = 128
 """Pairs of rings that a front may have."""

@@ -13,9 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..elements.primitives import enough
+from ..elements.primitives import enough, has_leapt
 from ..tree.layout import WIDTH
-from .coherence import has_leapt
 from .stubs import approach, guess, least_open, settle
 
 APPROACH_STEPS = 64

@@ -14,14 +14,11 @@ import numpy as np
 from ..base.hashing import EMPTY_HASH, mixed, slot
 from ..base.jit import inlined, kernel
 from ..base.rounding import TRAVEL_SHARE
-from ..base.state import LARGEST, REVISION
+from ..base.state import REVISION
 from ..base.vectors import dot, scaled
 from ..tree.layout import row
 
 _NONE = -1
-
-_LEAP = 0.1
-"""Share of the models' sizes."""
 
 
 @kernel
@@ -84,16 +81,6 @@ def travel(tree_a, tree_b, state, before, slack):
 def is_coherent(state):
     """Whether the models have moved so little since the last search that its bounds may serve."""
     return state.keys.shape[0] > 0 and state.progress[0].step < 2.0 * state.progress[0].limit
-
-
-@inlined
-def has_leapt(tree_a, tree_b, state):
-    """Whether the models have moved so far since the last search that other points may be nearest.
-
-    Where nothing is known of that, they have not.
-    """
-    sizes = tree_a.scale[LARGEST] + tree_b.scale[LARGEST]
-    return state.keys.shape[0] > 0 and state.progress[0].step >= _LEAP * sizes
 
 
 @inlined
