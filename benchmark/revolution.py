@@ -21,6 +21,7 @@ Ends with status 1 where two answers contradict each other.
 from __future__ import annotations
 
 import argparse
+import gc
 import itertools
 import math
 import sys
@@ -177,6 +178,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     randoms, frames = (40, 300) if options.quick else (1000, options.frames)
     precisions = PRECISIONS[:2] if options.quick else PRECISIONS
+    gc.disable()  # to search all of numba's objects takes as long as thousands of questions
     made = solids()
     sizes, built = _sizes(made, precisions, options.finest)
     distances, bars, wrong = _distances(made, precisions, randoms, frames, options.finest)

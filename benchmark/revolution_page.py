@@ -45,7 +45,7 @@ medians, and means where it says so. With no work at all, one at random poses ta
 these, and one along a motion about 2 us; the last three columns are means of all poses of a pair in
 one call, of the 15 pairs. Fat arcs are asked for the distance of the true solids
 within the precision; meshes, which are that far from the solids, for their own exactly. The bars
-are means: in some of the 15 pairs at 1e-3 meshes are the faster ones.
+are means of one pair.
 
 {distances}
 ![Mean time of a question along a motion, for each pair](images/revolution_distance.png)
