@@ -10,6 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+EDGE = (45, 50, 60)
+"""Of parts' edges."""
+
 _EXPOSURE = 0.6
 _INTO = np.array(
     [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]]
