@@ -11,7 +11,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Look
-from proximity_monitor.display.geometry import IDENTITY, borders, feature_edges, rotate, smoothed
+from proximity_monitor.display.geometry import IDENTITY, borders, feature_edges, smoothed
 from proximity_monitor.display.inks import EDGE
 from proximity_monitor.display.instances import Shape
 from proximity_monitor.display.received import Part
@@ -156,10 +156,10 @@ class PartView:
         """The middle of its box, in its own frame and the page's units."""
         return (self.low + self.high) / 2.0
 
-    def top(self, scale: float) -> np.ndarray:
-        """Return the middle of its upper side (3,) in the scene, in the page's units."""
-        top = np.array([*self.centre[:2], self.high[2]])
-        return self.pose[:3] * scale + rotate(self.pose[3:], top)
+    @property
+    def top(self) -> np.ndarray:
+        """The middle of its box's upper side (3,), as `centre`."""
+        return np.array([*self.centre[:2], self.high[2]])
 
     @property
     def triangles(self) -> tuple[np.ndarray, np.ndarray]:

@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import PLAIN, Choice, Look
+from proximity_monitor.display.geometry import rotate
 from proximity_monitor.display.instances import Instances
 from proximity_monitor.display.labels import Label, short
 from proximity_monitor.display.part_view import PartView, seen
@@ -104,10 +105,11 @@ class Parts:
 
     def labels(self) -> list[Label]:
         """Return the names that are shown, those of the first bodies where they are many."""
-        named = (view for view in self.shown() if view.named)
-        return [
-            Label(short(view.name), view.top(self.scale), 0.85) for view in islice(named, NAMES)
-        ]
+        named = list(islice((view for view in self.shown() if view.named), NAMES))
+        poses = np.array([view.pose for view in named]).reshape(-1, 7)
+        tops = rotate(poses[:, 3:], np.array([view.top for view in named]).reshape(-1, 3))
+        tops += poses[:, :3] * self.scale
+        return [Label(short(view.name), top, 0.85) for view, top in zip(named, tops, strict=True)]
 
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the low and high corners of the whole scene, in the page's units."""
