@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from proximity_monitor.display.inks import EDGE
+from proximity_monitor.display.inks import EDGE, linear
 
 
 class Shape(NamedTuple):
@@ -33,7 +33,7 @@ class Instances:
             api: takes them.
             name: of the node.
             shape: of each body.
-            colours: (m, 3) of the bodies, 0 to 255.
+            colours: (m, 3) of the bodies, 0 to 255 of sRGB.
         """
         count = len(colours)
         self._told = {
@@ -46,7 +46,7 @@ class Instances:
             vertices, index = np.unique(vertices, axis=0, return_inverse=True)
             triangles = index.reshape(-1)[triangles]
         self._mesh = api.add_batched_meshes_simple(
-            name, vertices, triangles, **self._told, batched_colors=colours.astype(np.uint8),
+            name, vertices, triangles, **self._told, batched_colors=linear(colours),
             flat_shading=shape.flat, side="double", lod="off", visible=False,
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
