@@ -266,7 +266,7 @@ class PartView:
             alone: whether it is drawn by its own nodes; else it is an instance among others.
         """
         placed = b"" if pose is None else pose.tobytes()
-        told = (placed, look, dim, names, self._cut_away, self.coats, alone)
+        told = (placed, look, dim, names, self._cut_away, self.shape, alone)
         if told == self._told:
             return
         self._told = told

@@ -167,6 +167,14 @@ def test_what_is_set_apart_is_drawn_by_its_own_nodes_and_comes_back(server, why)
     assert not api._handle_from_node_name["/parts/2"].visible
 
 
+def test_a_part_that_rests_may_get_other_coats(server):
+    parts, frame = crowd(server)
+    for colour in ((1, 2, 3), (4, 5, 6)):
+        parts["b2"].coat(server.scene, [Coat(CORNERS.copy(), colour)])
+        parts.show(frame, {}, Choice(), ())
+    assert server.scene._handle_from_node_name["/parts/2/coat_0"].color == (4, 5, 6)
+
+
 def test_what_all_of_a_shape_look_like_their_instances_look_like(server):
     parts, frame = crowd(server)
     looks = {f"b{i}": Look(0.4) for i in range(10)}
