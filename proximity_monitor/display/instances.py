@@ -13,10 +13,10 @@ from proximity_monitor.display.inks import EDGE, linear
 class Shape(NamedTuple):
     """A mesh in its own frame and the page's units."""
 
-    vertices: np.ndarray
+    corners: np.ndarray
     """(n, 3)"""
     triangles: np.ndarray
-    """(m, 3) of vertices."""
+    """(m, 3) of corners."""
     edges: np.ndarray
     """(k, 2, 3) that are drawn."""
     flat: bool
@@ -41,12 +41,12 @@ class Instances:
             "batched_wxyzs": np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
             "batched_scales": np.zeros(count, np.float32),
         }
-        vertices, triangles = shape.vertices, shape.triangles
+        corners, triangles = shape.corners, shape.triangles
         if shape.flat:  # its triangles share no corners, but could: a card computes each but once
-            vertices, index = np.unique(vertices, axis=0, return_inverse=True)
+            corners, index = np.unique(corners, axis=0, return_inverse=True)
             triangles = index.reshape(-1)[triangles]
         self._mesh = api.add_batched_meshes_simple(
-            name, vertices, triangles, **self._told, batched_colors=linear(colours),
+            name, corners, triangles, **self._told, batched_colors=linear(colours),
             flat_shading=shape.flat, side="double", lod="off", visible=False,
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
