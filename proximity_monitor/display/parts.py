@@ -23,9 +23,10 @@ POINT_RADIUS = 0.008
 NAMES = 60
 """How many bodies have their names shown at most."""
 
-MANY = 8
-"""So many bodies of one shape are drawn as instances of one mesh. Fewer cost less each by itself:
-where one of them moves, the poses of all instances are sent."""
+MANY = 20
+"""So many bodies of one shape are drawn as instances of one mesh. Fewer are better drawn each by
+itself: where one of them moves, the poses of all instances are sent, and their edges are wires of
+a pixel, which the faces beside them cover in places."""
 
 
 class _Group:

@@ -10,6 +10,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 from deadlines import START_DEADLINE_S
 from page_hand import NO_NOTES
 
+from proximity_monitor.display import parts as parts_module
 from proximity_monitor.display.choice import Choice, Look
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
@@ -19,8 +20,9 @@ SIDE = 3
 
 
 @pytest.fixture
-def boxes(server):
+def boxes(server, monkeypatch):
     """Boxes of one shape in rows, before a camera that looks down on them."""
+    monkeypatch.setattr(parts_module, "MANY", SIDE**2)
     bodies = tuple(Body(f"b{i}", True, f"b{i}", False, "1") for i in range(SIDE**2))
     scene = SceneInfo(
         "s", "", "w", Unit("m", 1.0), bodies, frozenset(), 0, Thresholds(1, 0, 0), {}, True, {}

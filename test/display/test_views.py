@@ -5,6 +5,7 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
+from proximity_monitor.display import parts as parts_module
 from proximity_monitor.display.choice import Choice, Look
 from proximity_monitor.display.geometry import borders, smoothed
 from proximity_monitor.display.lines import pattern, shown_rows
@@ -103,6 +104,12 @@ def test_whatever_a_scene_measures_it_is_about_a_unit_on_the_page(server, size):
     np.testing.assert_allclose(parts["a"].mesh.vertices, parts.scale * size * CORNERS, rtol=1e-6)
 
 
+@pytest.fixture
+def few(monkeypatch):
+    """Few bodies of one shape are instances already."""
+    monkeypatch.setattr(parts_module, "MANY", 9)
+
+
 def crowd(server):
     """Nine bodies of one shape, of which no two have the same pose, and one of another."""
     bodies = tuple(Body(f"b{i}", i > 0, f"b{i}", False, "1") for i in range(10))
@@ -121,7 +128,7 @@ def shown(api, name):
     return drawn[:, 0].tolist(), node.opacity
 
 
-def test_many_of_one_shape_are_drawn_by_one_node_that_has_all_poses(server):
+def test_many_of_one_shape_are_drawn_by_one_node_that_has_all_poses(server, few):
     parts, frame = crowd(server)
     parts.show(frame, {}, Choice(), ())
     assert shown(server.scene, "/instances/0") == (list(range(9)), None)
@@ -137,7 +144,7 @@ def test_many_of_one_shape_are_drawn_by_one_node_that_has_all_poses(server):
 
 
 @pytest.mark.parametrize("why", ["look", "cut", "coat", "shape", "light"])
-def test_what_is_set_apart_is_drawn_by_its_own_nodes_and_comes_back(server, why):
+def test_what_is_set_apart_is_drawn_by_its_own_nodes_and_comes_back(server, few, why):
     parts, frame = crowd(server)
     api, view, choice, lit = server.scene, parts["b2"], Choice(), ()
     parts.show(frame, {}, choice, lit)
@@ -167,7 +174,7 @@ def test_what_is_set_apart_is_drawn_by_its_own_nodes_and_comes_back(server, why)
     assert not api._handle_from_node_name["/parts/2"].visible
 
 
-def test_a_part_that_rests_may_get_other_coats(server):
+def test_a_part_that_rests_may_get_other_coats(server, few):
     parts, frame = crowd(server)
     for colour in ((1, 2, 3), (4, 5, 6)):
         parts["b2"].coat(server.scene, [Coat(CORNERS.copy(), colour)])
@@ -175,7 +182,7 @@ def test_a_part_that_rests_may_get_other_coats(server):
     assert server.scene._handle_from_node_name["/parts/2/coat_0"].color == (4, 5, 6)
 
 
-def test_what_all_of_a_shape_look_like_their_instances_look_like(server):
+def test_what_all_of_a_shape_look_like_their_instances_look_like(server, few):
     parts, frame = crowd(server)
     looks = {f"b{i}": Look(0.4) for i in range(10)}
     parts.show(frame, {}, Choice(looks=looks), ())
