@@ -10,7 +10,8 @@ import numpy as np
 import viser
 
 from proximity_monitor.display import bands
-from proximity_monitor.display.parts import Coat, Parts
+from proximity_monitor.display.part_view import Coat
+from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, STOP_SIGN, WARN_SIGN, length
 from proximity_monitor.display.state import Frame, SceneInfo

@@ -10,8 +10,8 @@ IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def rotate(quaternion: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Turn points (..., 3) by a unit quaternion w x y z."""
-    w, axis = quaternion[0], quaternion[1:]
+    """Turn points (..., 3) by a unit quaternion w x y z, or each by its own, (..., 4)."""
+    w, axis = quaternion[..., :1], quaternion[..., 1:]
     twice = 2.0 * np.cross(axis, points)
     return points + w * twice + np.cross(axis, twice)
 

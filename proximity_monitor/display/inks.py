@@ -10,6 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+EDGE = (45, 50, 60)
+"""Of parts' edges."""
+
 _EXPOSURE = 0.6
 _INTO = np.array(
     [[0.59719, 0.35458, 0.04823], [0.07600, 0.90834, 0.01566], [0.02840, 0.13383, 0.83777]]
@@ -26,7 +29,7 @@ def sent(colours: np.ndarray) -> np.ndarray:
 
     What the film curve cannot give, such as a pure blue, comes as near as it can.
     """
-    y = _linear(np.asarray(colours, float) / 255.0) @ np.linalg.inv(_OUT_OF).T
+    y = _light(colours) @ np.linalg.inv(_OUT_OF).T
     # The curve is inverted by the greater root of a quadratic equation in v.
     a, b, c = 1.0 - _C * y, _A - _D * y, -_B - _E * y
     v = (-b + np.sqrt(np.maximum(b * b - 4.0 * a * c, 0.0))) / (2.0 * a)
@@ -34,6 +37,15 @@ def sent(colours: np.ndarray) -> np.ndarray:
     return np.round(255.0 * np.clip(light, 0.0, 1.0)).astype(np.uint8)
 
 
-def _linear(colours: np.ndarray) -> np.ndarray:
-    """Return colours of sRGB, 0 to 1, as linear light (IEC 61966-2-1)."""
-    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+def linear(colours: np.ndarray) -> np.ndarray:
+    """Return what to send (n, 3), 0 to 255, so that instances look like meshes of colours (n, 3).
+
+    viser's picture takes the colours of meshes for sRGB, but those of instances for linear light.
+    """
+    return np.round(255.0 * _light(colours)).astype(np.uint8)
+
+
+def _light(colours: np.ndarray) -> np.ndarray:
+    """Return colours of sRGB, 0 to 255, as linear light, 0 to 1 (IEC 61966-2-1)."""
+    share = np.asarray(colours, float) / 255.0
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)

@@ -134,7 +134,11 @@ class Labels:
             return
         self._drawn, self._due_s = drawn, now_s + self._every_s
         found = places(labels, view, keep_free)
-        leaders = []
+        leaders, put = [], [i for i, place in enumerate(found) if place is not None]
+        at = np.array([labels[i].at for i in put]).reshape(-1, 3)
+        steps = np.array([found[i] for i in put]).reshape(-1, 2) - view.project(at)[0]
+        shifted = zip(view.shift(at, steps), np.abs(steps), strict=True)
+        positions = dict(zip(put, shifted, strict=True))
         for i, (label, place) in enumerate(zip(labels, found, strict=True)):
             node = self._node(i)
             node.visible = place is not None
@@ -144,10 +148,8 @@ class Labels:
                 node.text = label.text
             if node.font_screen_scale != label.scale:
                 node.font_screen_scale = label.scale
-            there = view.project(label.at[None])[0][0]
-            node.position = view.shift(label.at[None], (place - there)[None])[0]
-            gap = np.abs(place - there) - extent(label) / 2.0
-            if gap.max() > LED:
+            node.position, step = positions[i]
+            if (step - extent(label) / 2.0).max() > LED:
                 leaders.append((label.at, node.position))
         for node in self._nodes[len(labels) :]:
             node.visible = False

@@ -12,7 +12,8 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.geometry import rotate
-from proximity_monitor.display.parts import Parts, PartView
+from proximity_monitor.display.part_view import PartView
+from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.section import Plane
 
 FAINT = 0.3

@@ -187,6 +187,13 @@ class Part:
         self.corners = corners
         self.normals = normals
 
+    def looks_like(self, other: Part) -> bool:
+        """Whether both have the same triangles and normals."""
+        if (self.normals is None) != (other.normals is None):
+            return False
+        same = self.normals is None or np.array_equal(self.normals, other.normals)
+        return same and np.array_equal(self.corners, other.corners)
+
 
 def read_parts(data: bytes) -> list[Part]:
     """Read ~/parts, a serialised MarkerArray with one marker a body in the scene's order.

@@ -10,7 +10,9 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.geometry import rotate
-from proximity_monitor.display.parts import EDGE, Parts, PartView
+from proximity_monitor.display.inks import EDGE
+from proximity_monitor.display.part_view import PartView
+from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.view import View
 
 EVERY_S = 0.2
@@ -179,7 +181,7 @@ class Section:
         view.cut_away(True)
         vertices, triangles, outline = cut(*view.triangles, plane)
         nodes = self._nodes[view.name] = []
-        name = view.frame.name
+        name = view.path
         if view.coats:
             nodes += self._coats(view, plane)
         elif len(triangles):
@@ -200,7 +202,7 @@ class Section:
             vertices, triangles, _ = cut(corners, np.arange(len(corners)).reshape(-1, 3), plane)
             if len(triangles):
                 left = vertices[triangles].reshape(-1, 3)
-                yield view.coloured(self._api, f"{view.frame.name}/cut_{i}", left, colour)
+                yield view.coloured(self._api, f"{view.path}/cut_{i}", left, colour)
 
     def _clear_all(self) -> None:
         for view in self._parts.shown():

@@ -195,13 +195,11 @@ class Outputs:
             return
         if self._message is None:
             self._message = self._build_parts()
-        moved = False
-        for name, sample in samples.items():
-            pose = None if sample is None else sample.pose
-            if self._shown.get(name) is not pose:  # a new good message makes a new array
-                self._shown[name] = pose
-                self._message.place(name, pose)
-                moved = True
+        poses = {name: None if at is None else at.pose for name, at in samples.items()}
+        # A new good message makes a new array.
+        moved = {name: pose for name, pose in poses.items() if self._shown.get(name) is not pose}
+        self._shown.update(moved)
+        self._message.place(moved)
         if came or moved:
             self._send("parts", self._parts, self._message.serialised())
             self._parts_due_s = now_s + self._message.period_s
@@ -256,7 +254,5 @@ class Outputs:
     def _build_parts(self) -> PartsMessage:
         """Build the message for the first viewer."""
         message = PartsMessage(self._scene.bodies, self._models, self._frame, self._looks)
-        for body in self._scene.bodies:
-            if not body.moving:
-                message.place(body.name, body.pose)
+        message.place({body.name: body.pose for body in self._scene.bodies if not body.moving})
         return message

@@ -124,7 +124,7 @@ class PairsMessage:
             known = getattr(pairs, name)
             rows[name] = np.where(np.isinf(known), np.nan, known)
         rows["a"], rows["b"], rows["checksum"] = first, second, self._checksum
-        rows["level"] = [_LEVELS.index(levels[i]) for i in pairs.positions.tolist()]
+        self._tell_levels(rows, pairs, levels)
         told = (pose_stamp_ns(name) for name in self._names)
         stamps = np.array([np.nan if ns is None else ns * 1e-9 for ns in told])
         unknown = pairs.status == _UNKNOWN
@@ -154,6 +154,15 @@ class PairsMessage:
         if word not in self.words:
             self.words.append(word)
         return self.words.index(word) + 1
+
+    def _tell_levels(
+        self, rows: np.ndarray, pairs: PairStates, levels: Mapping[int, Level]
+    ) -> None:
+        """Tell the levels; only few pairs are not clear, which is 0."""
+        clear = Level.CLEAR
+        unclear = {i: level for i, level in levels.items() if level is not clear}
+        for row in np.flatnonzero(np.isin(pairs.positions, list(unclear))).tolist():
+            rows["level"][row] = _LEVELS.index(unclear[int(pairs.positions[row])])
 
     def _tell_silent(
         self, rows: np.ndarray, pairs: PairStates, reasons: Mapping[str, str], unknown: np.ndarray

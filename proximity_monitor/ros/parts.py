@@ -15,7 +15,7 @@ them, and viewers heed it where there is a texture alone.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from geometry_msgs.msg import Point, Quaternion
@@ -77,20 +77,21 @@ class PartsMessage:
         self._bytes, self._places = template.filled(few)
         self._prove(few)
         self._bytes, self._places = template.filled(every)
-        for name in self._index:
-            self.place(name, None)
+        self.place(dict.fromkeys(self._index))
 
     @property
     def period_s(self) -> float:
         """Seconds between two messages, so that neither limit is passed."""
         return max(1.0 / RATE_HZ, len(self._bytes) / BYTES_PER_S)
 
-    def place(self, name: str, pose: np.ndarray | None) -> None:
-        """Write a body's (4, 4) pose; None takes the body out of the picture."""
-        action, at = self._places[self._index[name]]
-        struct.pack_into("<i", self._bytes, action, Marker.DELETE if pose is None else Marker.ADD)
-        if pose is not None:
-            _POSE.pack_into(self._bytes, at, *pose[:3, 3].tolist(), *to_quaternion(pose[:3, :3]))
+    def place(self, poses: Mapping[str, np.ndarray | None]) -> None:
+        """Write bodies' (4, 4) poses; None takes a body out of the picture."""
+        for name, pose in poses.items():
+            action = Marker.DELETE if pose is None else Marker.ADD
+            struct.pack_into("<i", self._bytes, self._places[self._index[name]][0], action)
+        known = {name: pose for name, pose in poses.items() if pose is not None}
+        for name, numbers in zip(known, to_numbers(known.values()).tolist(), strict=True):
+            _POSE.pack_into(self._bytes, self._places[self._index[name]][1], *numbers)
 
     def serialised(self) -> bytes:
         """Return the message as it is published."""
@@ -98,10 +99,9 @@ class PartsMessage:
 
     def _prove(self, looks: Sequence[Look]) -> None:
         """Refuse a middleware that lays messages out in another way, before one is published."""
-        for i, name in enumerate(self._index):
-            pose = np.eye(4)
-            pose[:3, 3] = i + 0.25, i + 0.5, i + 0.75
-            self.place(name, pose)
+        poses = np.tile(np.eye(4), (len(self._index), 1, 1))
+        poses[:, :3, 3] = np.arange(len(poses))[:, None] + (0.25, 0.5, 0.75)
+        self.place(dict(zip(self._index, poses, strict=True)))
         read = deserialize_message(self.serialised(), MarkerArray)
         for i, marker in enumerate(read.markers):
             p, q = marker.pose.position, marker.pose.orientation
@@ -179,23 +179,31 @@ def _marker(i: int, body: Body, frame: str) -> Marker:
     return marker
 
 
-def to_quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    """Return the unit quaternion xyzw, w >= 0, of a (3, 3) rotation.
+def to_numbers(poses: Iterable[np.ndarray]) -> np.ndarray:
+    """Return positions and quaternions xyzw (k, 7) of k poses (4, 4), as messages have them."""
+    stacked = np.array(list(poses)).reshape(-1, 4, 4)
+    return np.hstack((stacked[:, :3, 3], to_quaternions(stacked[:, :3, :3])))
+
+
+def to_quaternions(rotations: np.ndarray) -> np.ndarray:
+    """Return the unit quaternions xyzw (k, 4), w >= 0, of rotations (k, 3, 3).
 
     The largest of the four components is found first, so that no small number is divided by.
     """
-    (m00, m01, m02), (m10, m11, m12), (m20, m21, m22) = rotation.tolist()
-    squares = (1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22, 1 + m00 + m11 + m22)
-    largest = max(range(4), key=squares.__getitem__)
-    rows = (
-        (squares[0], m01 + m10, m02 + m20, m21 - m12),
-        (m01 + m10, squares[1], m12 + m21, m02 - m20),
-        (m02 + m20, m12 + m21, squares[2], m10 - m01),
-        (m21 - m12, m02 - m20, m10 - m01, squares[3]),
-    )
-    row = rows[largest]
-    norm = sum(value * value for value in row) ** 0.5
-    if row[3] < 0.0:
-        norm = -norm
-    x, y, z, w = (value / norm for value in row)
+    (m00, m01, m02), (m10, m11, m12), (m20, m21, m22) = np.moveaxis(rotations, 0, -1)
+    xx, yy, zz, ww = (1 + m00 - m11 - m22, 1 - m00 + m11 - m22, 1 - m00 - m11 + m22,
+                      1 + m00 + m11 + m22)  # fmt: skip
+    xy, xz, yz = m01 + m10, m02 + m20, m12 + m21
+    xw, yw, zw = m21 - m12, m02 - m20, m10 - m01
+    # Four times the quaternion's outer product with itself: each row is a multiple of it.
+    rows = np.array(((xx, xy, xz, xw), (xy, yy, yz, yw), (xz, yz, zz, zw), (xw, yw, zw, ww)))
+    largest = np.argmax((xx, yy, zz, ww), axis=0)
+    found = rows[largest, :, np.arange(len(largest))]
+    norm = np.sqrt((found * found).sum(axis=1))
+    return found / np.where(found[:, 3] < 0.0, -norm, norm)[:, None]
+
+
+def to_quaternion(rotation: np.ndarray) -> tuple[float, float, float, float]:
+    """Return that of one rotation (3, 3)."""
+    x, y, z, w = to_quaternions(rotation[None])[0].tolist()
     return x, y, z, w

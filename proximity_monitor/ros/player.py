@@ -6,7 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 
-from geometry_msgs.msg import Pose, PoseArray, PoseStamped
+from geometry_msgs.msg import PoseArray, PoseStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.exceptions import ParameterException
 from rclpy.node import Node
@@ -20,10 +20,12 @@ from proximity_monitor.ros.descriptions import Descriptions
 from proximity_monitor.ros.motion_clock import MotionClock
 from proximity_monitor.ros.parameters import AS_SCENE, declare_one
 from proximity_monitor.ros.played import as_cloud, as_joint_state, set_pose
+from proximity_monitor.ros.poses_message import PosesMessage
 from proximity_monitor.ros.qos import LATCHED, LATEST
 from proximity_monitor.ros.spin import interruptible, ros, spin
 from proximity_monitor.scene import Scene, load_scene
 from proximity_monitor.scene.opening import find_scene
+from proximity_monitor.scene.state import PoseSample
 
 LEAST = 10.0
 """Hertz: at a lower rate poses could be stale before the next ones come."""
@@ -139,6 +141,7 @@ class ProximityPlayer(Node):
                     f" not drive {', '.join(strangers)}; set bulk to false"
                 )
             self._order = tuple(moving)
+            self._bulk_message = PosesMessage(moving, self._frame)
             self._bulk = self.create_publisher(PoseArray, "poses", LATEST)
         else:
             self._outputs = {
@@ -216,9 +219,8 @@ class ProximityPlayer(Node):
                     set_pose(message.pose, pose)
                     self._outputs[name].publish(message)
         elif len(poses) == len(self._order):  # else one has no pose yet, and no value means that
-            message = PoseArray(header=header)
-            message.poses = [set_pose(Pose(), poses[name]) for name in self._order]
-            self._bulk.publish(message)
+            samples = {name: PoseSample(pose) for name, pose in poses.items()}
+            self._bulk.publish(self._bulk_message.serialised(samples, header.stamp))
 
 
 def _judged(parameters: Sequence[Parameter]) -> SetParametersResult:

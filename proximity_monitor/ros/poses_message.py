@@ -14,7 +14,7 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from proximity_monitor import cdr
-from proximity_monitor.ros.parts import to_quaternion
+from proximity_monitor.ros.parts import to_numbers
 from proximity_monitor.scene.state import PoseSample
 
 
@@ -24,19 +24,18 @@ class PosesMessage:
     def __init__(self, moving: Sequence[str], frame: str) -> None:
         """Begin with no poses of the bodies named in `moving`."""
         self._names = tuple(moving)
-        self._shown: dict[str, np.ndarray | None] = {}
+        self._shown: list[np.ndarray | None] = [None] * len(self._names)
         self._numbers = np.zeros((len(self._names), 7), "<f8")
         self._head = cdr.text(frame) + cdr.count(len(self._names))
         self._head += bytes(-(8 + len(self._head)) % 8)  # 8: the stamp; numbers are aligned to 8
 
     def serialised(self, samples: Mapping[str, PoseSample | None], stamp: Time) -> bytes:
         """Return the message with the samples' poses."""
-        for i, name in enumerate(self._names):
-            sample = samples.get(name)
-            pose = None if sample is None else sample.pose
-            if self._shown.get(name) is not pose:  # a new good message makes a new array
-                self._shown[name] = pose
-                self._numbers[i] = (
-                    0.0 if pose is None else (*pose[:3, 3], *to_quaternion(pose[:3, :3]))
-                )
+        poses = [None if at is None else at.pose for at in map(samples.get, self._names)]
+        # A new good message makes a new array.
+        moved = [i for i, pose in enumerate(poses) if self._shown[i] is not pose]
+        known = [i for i in moved if poses[i] is not None]
+        self._shown = poses
+        self._numbers[moved] = 0.0
+        self._numbers[known] = to_numbers(poses[i] for i in known)
         return cdr.stamped(stamp.sec, stamp.nanosec) + self._head + self._numbers.tobytes()

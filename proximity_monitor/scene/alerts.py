@@ -89,6 +89,7 @@ class Alerts:
         self._pairs = pairs
         self._unit = unit
         self._levels: dict[int, Level] = {}
+        self._unclear: dict[int, Level] = {}  # those of them that are not clear
         self._held: dict[int, _Held] = {}
         self._unlisted = Level.STALE  # of pairs that are not in _levels
         self._thresholds: Sequence[Thresholds] = ()
@@ -123,35 +124,39 @@ class Alerts:
         """
         changes = []
         pairs = as_arrays(tick.pairs)
-        before, levels = self._levels, dict.fromkeys(pairs.positions.tolist(), Level.CLEAR)
+        # Pairs that are clear are many, so they are gone through in C alone.
+        before, clear = self._levels, Level.CLEAR
+        levels = dict.fromkeys(pairs.positions.tolist(), clear)
         as_silent = self._as_silent(pairs)
-        levels.update(dict.fromkeys(pairs.positions[as_silent].tolist(), Level.STALE))
+        unclear = dict.fromkeys(pairs.positions[as_silent].tolist(), Level.STALE)
         for place in self._suspects(pairs, thresholds, ~as_silent):
             pair = pairs[place]
             i = pair.index
             new, reason = self._judge(pair, thresholds[i], now_s, silent)
-            levels[i] = new
+            if new is not clear:
+                unclear[i] = new
             old = before.get(i, self._unlisted)
             if new is not old:
                 changes.append(self._alert(pair, old, new, reason, thresholds[i], courses))
-        for i, old in before.items():
-            if old is not Level.CLEAR and i not in levels:
+        for i, old in self._unclear.items():
+            if i not in levels:
                 new, reason, lower = self._release(
                     i, thresholds[i], now_s, unwatched.get(i), silent
                 )
-                if new is not Level.CLEAR:
-                    levels[i] = new
+                if new is not clear:
+                    unclear[i] = new
                 if new is not old:
                     a, b = self._pairs[i].a, self._pairs[i].b
                     changes.append(Alert(i, a, b, old, new, lower, math.inf, reason))
-        self._levels, self._unlisted = levels, Level.CLEAR
+        levels.update(unclear)
+        self._levels, self._unclear, self._unlisted = levels, unclear, clear
         return changes
 
     def _as_silent(self, pairs: PairStates) -> np.ndarray:
         """Return which pairs (k,) were silent before and still are."""
-        still = pairs.silent.any(axis=1)
+        still = pairs.unsure
         if self._unlisted is not Level.STALE:
-            stale = [i for i, level in self._levels.items() if level is Level.STALE]
+            stale = [i for i, level in self._unclear.items() if level is Level.STALE]
             still &= np.isin(pairs.positions, stale)
         return still
 
@@ -164,11 +169,10 @@ class Alerts:
             self._warn = np.array([limits.warn for limits in thresholds])
         if self._unlisted is not Level.CLEAR:
             return np.flatnonzero(among).tolist()  # of the first tick every change is told
-        suspect = ~(pairs.lower > self._warn[pairs.positions]) | pairs.silent.any(axis=1)
+        suspect = ~(pairs.lower > self._warn[pairs.positions]) | pairs.unsure
         suspect |= pairs.status == _INTERSECTING
-        unclear = [i for i, level in self._levels.items() if level is not Level.CLEAR]
-        if unclear:
-            suspect |= np.isin(pairs.positions, unclear)
+        if self._unclear:
+            suspect |= np.isin(pairs.positions, list(self._unclear))
         return np.flatnonzero(suspect & among).tolist()
 
     def _judge(

@@ -215,10 +215,15 @@ class PairStates(LazySequence[PairState]):
                 parameters=self.parameters[k] if known else None,
             )
 
+    @property
+    def unsure(self) -> np.ndarray:
+        """(k,) whether either body's pose or shape is stale or unknown."""
+        return self.silent[:, 0] | self.silent[:, 1]  # of two columns `any` takes ten times as long
+
     def clearance(self) -> float:
         """As `Tick.clearance`, but of the listed pairs alone."""
         # A bound is NaN if a pose is unknown; it counts as 0, like that of every silent pair.
-        lowest = np.where(self.silent.any(axis=1), np.fmin(self.lower, 0.0), self.lower)
+        lowest = np.where(self.unsure, np.fmin(self.lower, 0.0), self.lower)
         return float(lowest.min(initial=np.inf))
 
 

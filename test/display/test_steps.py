@@ -17,6 +17,7 @@ from page_alone import CORNERS, HERE, NAMES, SCENE, THERE, drag, frame, words
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
+from proximity_monitor.display import page as pages
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.limits import ASK_S, HAND_S, LimitsPanel
 from proximity_monitor.display.player_panel import ENDED, NONE
@@ -42,6 +43,16 @@ def test_the_banner_is_of_now_while_somebody_looks_back(page):
     assert "looking back" in words(page.all._pill)
     assert "clear" in words(page.all._table)
     assert words(page.all._banner).startswith("■ STOP now: &lt;i&gt;a - b: 10.000 mm")
+
+
+def test_a_list_that_is_shown_already_keeps_no_newer_one_waiting(page, monkeypatch):
+    monkeypatch.setattr(pages, "TABLE_S", 1e6)
+    monkeypatch.setattr(pages, "LONGEST_S", 1e6)
+    page.pages.step()  # between two ticks: nothing is new
+    page.tell(frame=frame(1.0, 0.25))
+    assert "250.000 mm" in words(page.all._table)
+    page.tell(frame=frame(2.0, 0.2))  # this one has to wait
+    assert "250.000 mm" in words(page.all._table)
 
 
 def test_a_tick_that_is_not_shown_still_counts(page):

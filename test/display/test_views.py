@@ -5,9 +5,11 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from proximity_monitor.display.choice import Choice
+from proximity_monitor.display import parts as parts_module
+from proximity_monitor.display.choice import Choice, Look
 from proximity_monitor.display.geometry import borders, smoothed
 from proximity_monitor.display.lines import pattern, shown_rows
+from proximity_monitor.display.part_view import DIM, Coat
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import (
@@ -16,6 +18,7 @@ from proximity_monitor.display.state import (
     UNKNOWN,
     WARN,
     Body,
+    Frame,
     Pairs,
     SceneInfo,
     Thresholds,
@@ -99,6 +102,93 @@ def test_whatever_a_scene_measures_it_is_about_a_unit_on_the_page(server, size):
     parts = Parts(server, scene, [Part(POSE, np.ones(4), size * CORNERS)])
     assert 0.3 < parts.size < 4.0
     np.testing.assert_allclose(parts["a"].mesh.vertices, parts.scale * size * CORNERS, rtol=1e-6)
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Few bodies of one shape are instances already."""
+    monkeypatch.setattr(parts_module, "MANY", 9)
+
+
+def crowd(server):
+    """Nine bodies of one shape, of which no two have the same pose, and one of another."""
+    bodies = tuple(Body(f"b{i}", i > 0, f"b{i}", False, "1") for i in range(10))
+    scene = SceneInfo(
+        "s", "", "w", Unit("m", 1.0), bodies, frozenset(), 0, Thresholds(1, 0, 0), {}, True, {}
+    )
+    parts = [Part(POSE, np.ones(4), CORNERS * (1 if i < 9 else 2)) for i in range(10)]
+    poses = np.tile(POSE, (9, 1)) + np.arange(1.0, 10.0)[:, None] * np.eye(7)[0]
+    return Parts(server, scene, parts), Frame(0.0, poses, None)
+
+
+def shown(api, name):
+    """The positions of the bodies that a node draws, and its opacity."""
+    node = api._handle_from_node_name[name]
+    drawn = node.batched_positions[node.batched_scales > 0.0] if node.visible else np.zeros((0, 3))
+    return drawn[:, 0].tolist(), node.opacity
+
+
+def test_many_of_one_shape_are_drawn_by_one_node_that_has_all_poses(server, few):
+    parts, frame = crowd(server)
+    parts.show(frame, {}, Choice(), ())
+    assert shown(server.scene, "/instances/0") == (list(range(9)), None)
+    assert parts["b9"].mesh is not None  # of another shape, so it stands alone
+    assert all(parts[f"b{i}"].mesh is None for i in range(9))
+    parts.show(frame, {"b3": POSE}, Choice(), ())
+    assert shown(server.scene, "/instances/0")[0] == [0, 1, 2, 0, *range(4, 9)]
+    assert [label.at[0] for label in parts.labels()][:4] == [0.5, 1.5, 2.5, 0.5]
+    nowhere = frame.poses.copy()
+    nowhere[0] = 0.0
+    parts.show(Frame(1.0, nowhere, None), {}, Choice(), ())
+    assert shown(server.scene, "/instances/0")[0] == [0, *range(2, 9)]
+
+
+@pytest.mark.parametrize("why", ["look", "cut", "coat", "shape", "light"])
+def test_what_is_set_apart_is_drawn_by_its_own_nodes_and_comes_back(server, few, why):
+    parts, frame = crowd(server)
+    api, view, choice, lit = server.scene, parts["b2"], Choice(), ()
+    parts.show(frame, {}, choice, lit)
+    if why == "look":
+        choice.looks = {"b2": Look(0.5)}
+    elif why == "cut":
+        view.cut_away(True)
+    elif why == "coat":
+        view.coat(api, [Coat(CORNERS, (1, 2, 3))])
+    elif why == "shape":
+        parts.reshape([Part(POSE, np.ones(4), 3.0 * CORNERS)] * 10, {"b2"})
+    else:
+        lit = ("b2",)
+    parts.show(frame, {}, choice, lit)
+    rest = [0, 1, *range(3, 9)]
+    assert shown(api, "/instances/0") == (rest, DIM if why == "light" else None)
+    assert api._handle_from_node_name["/parts/2"].visible
+    assert api._handle_from_node_name["/parts/2"].position[0] == 2.0
+    assert view.mesh.opacity == (0.5 if why == "look" else None)
+    assert view.mesh.visible == (why not in ("cut", "coat"))
+    if why == "shape":
+        return  # it has another shape now
+    view.cut_away(False)
+    view.coat(api, ())
+    parts.show(frame, {}, Choice(), ())
+    assert shown(api, "/instances/0") == (list(range(9)), None)
+    assert not api._handle_from_node_name["/parts/2"].visible
+
+
+def test_a_part_that_rests_may_get_other_coats(server, few):
+    parts, frame = crowd(server)
+    for colour in ((1, 2, 3), (4, 5, 6)):
+        parts["b2"].coat(server.scene, [Coat(CORNERS.copy(), colour)])
+        parts.show(frame, {}, Choice(), ())
+    assert server.scene._handle_from_node_name["/parts/2/coat_0"].color == (4, 5, 6)
+
+
+def test_what_all_of_a_shape_look_like_their_instances_look_like(server, few):
+    parts, frame = crowd(server)
+    looks = {f"b{i}": Look(0.4) for i in range(10)}
+    parts.show(frame, {}, Choice(looks=looks), ())
+    assert shown(server.scene, "/instances/0") == (list(range(9)), 0.4)
+    assert parts["b3"].opacity == 0.4
+    assert parts["b9"].mesh.opacity == 0.4
 
 
 def test_every_state_has_a_pattern_of_its_own_and_uncertainty_a_gap():

@@ -173,7 +173,7 @@ def test_every_corner_of_every_body_is_in_the_parts():
     parts = PartsMessage(bodies, models, "world")
     pose = pose_matrix((1.5, -2.5, 3.5), (0.5, 0.5, 0.5, 0.5))
     for body in bodies:
-        parts.place(body.name, pose)
+        parts.place({body.name: pose})
     for i, marker in enumerate(deserialize_message(parts.serialised(), MarkerArray).markers):
         model = models[f"body{i}"]
         points = [(p.x, p.y, p.z) for p in marker.points]
@@ -224,7 +224,7 @@ def test_poses_are_written_into_the_serialised_parts(frame):
 
     assert [marker.action for marker in read()] == [Marker.DELETE] * 3
     turned = pose_matrix((1.5, -2.5, 3.5), (0.5, 0.5, 0.5, 0.5))
-    parts.place("two", turned)
+    parts.place({"two": turned})
     assert [m.action for m in read()] == [Marker.DELETE, Marker.ADD, Marker.DELETE]
     two = read()[1]
     place, turn = two.pose.position, two.pose.orientation
@@ -232,7 +232,7 @@ def test_poses_are_written_into_the_serialised_parts(frame):
     assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((0.5, 0.5, 0.5, 0.5))
     assert [(p.x, p.y, p.z) for p in two.points] == [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
     assert two.header.frame_id == frame
-    parts.place("two", None)
+    parts.place({"two": None})
     assert [marker.action for marker in read()] == [Marker.DELETE] * 3
 
 

@@ -1,0 +1,89 @@
+"""Bodies of one shape, drawn as instances of one mesh: one draw call, and one message of poses."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import viser
+
+from proximity_monitor.display.inks import EDGE, linear
+
+
+class Shape(NamedTuple):
+    """A mesh in its own frame and the page's units."""
+
+    corners: np.ndarray
+    """(n, 3)"""
+    triangles: np.ndarray
+    """(m, 3) of corners."""
+    edges: np.ndarray
+    """(k, 2, 3) that are drawn."""
+    flat: bool
+    """Whether each triangle is shaded by its own normal."""
+
+
+class Instances:
+    """The nodes of bodies of one shape. Those that are not drawn here have the size 0."""
+
+    def __init__(self, api: viser.SceneApi, name: str, shape: Shape, colours: np.ndarray) -> None:
+        """Add them, with nothing to show.
+
+        Args:
+            api: takes them.
+            name: of the node.
+            shape: of each body.
+            colours: (m, 3) of the bodies, 0 to 255 of sRGB.
+        """
+        count = len(colours)
+        self._told = {
+            "batched_positions": np.zeros((count, 3), np.float32),
+            "batched_wxyzs": np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+            "batched_scales": np.zeros(count, np.float32),
+        }
+        corners, triangles = shape.corners, shape.triangles
+        if shape.flat:  # its triangles share no corners, but could: a card computes each but once
+            corners, index = np.unique(corners, axis=0, return_inverse=True)
+            triangles = index.reshape(-1)[triangles]
+        self._mesh = api.add_batched_meshes_simple(
+            name, corners, triangles, **self._told, batched_colors=linear(colours),
+            flat_shading=shape.flat, side="double", lod="off", visible=False,
+            cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+        self._nodes = [self._mesh]
+        self._edges = None
+        if len(shape.edges):
+            # Only meshes have instances: an edge is a triangle with two equal corners, as wires.
+            ends = np.arange(2 * len(shape.edges)).reshape(-1, 2)
+            self._edges = api.add_batched_meshes_simple(
+                f"{name}/edges", shape.edges.reshape(-1, 3), ends[:, [0, 1, 1]], **self._told,
+                batched_colors=EDGE, wireframe=True, lod="off",
+                cast_shadow=False, receive_shadow=False,
+            )  # fmt: skip
+            self._nodes.append(self._edges)
+
+    def show(
+        self, poses: np.ndarray, drawn: np.ndarray, scale: float, *, opacity: float, edges: bool
+    ) -> None:
+        """Place the bodies; what is as before is not sent.
+
+        Args:
+            poses: (m, 7) in metres.
+            drawn: (m,) whether a body is drawn here.
+            scale: units of the page a metre.
+            opacity: of all.
+            edges: whether edges are drawn.
+        """
+        values = (poses[:, :3] * scale, poses[:, 3:], drawn)
+        for name, value in zip(self._told, values, strict=True):
+            told = value.astype(np.float32)
+            if not np.array_equal(told, self._told[name]):
+                self._told[name] = told
+                for node in self._nodes:
+                    setattr(node, name, told)
+        told = None if opacity >= 1.0 else opacity
+        if self._mesh.opacity != told:
+            self._mesh.opacity = told
+        self._mesh.visible = bool(drawn.any())
+        if self._edges is not None:
+            self._edges.visible = edges
