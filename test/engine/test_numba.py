@@ -7,6 +7,7 @@ which assumption it broke; the newest numba that the engine is known to work wit
 from __future__ import annotations
 
 import ast
+import gc
 import operator
 from collections import namedtuple
 from pathlib import Path
@@ -225,6 +226,71 @@ def test_what_numba_compiles_for_an_operator_has_its_caller_s_options():
         assert largest(np.float32(1.0), 2.0) == 2.0
         codes += largest.inspect_llvm().values()
     assert [" fast " in code for code in codes] == [True, False]
+
+
+def test_what_lives_in_each_block_is_left_out(monkeypatch):
+    asked = []
+    everything = sooner._post_process
+
+    def count(self, *options):
+        asked.append(self.func_ir.func_id.func_qualname)
+        everything(self, *options)
+
+    monkeypatch.setattr(sooner, "_post_process", count)
+    assert run(_branching)(3, 2.0) == 12.0
+    kernel = run(_branching)
+    monkeypatch.setattr(sooner, "_KERNELS", __name__)
+    asked.clear()
+    what = broken("prepares code for its passes by PostProcessor.run (sooner._run)")
+    assert kernel(3, 2.0) == 12.0
+    assert "_branching" not in asked, what
+    numba.njit(_yielding)
+    assert list(numba.njit(_yielding)(3)) == [0.0, 1.0, 2.0]
+    assert "_yielding" in asked, what
+
+
+def _branching(count, x):
+    total = 0.0
+    for i in range(count):
+        if i > 0:
+            total += x * i
+        else:
+            total += 3.0 * x
+    return total
+
+
+def _yielding(count):
+    x = 0.0
+    for _ in range(count):
+        yield x
+        x += 1.0
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_what_the_compiler_made_is_not_looked_through_at_once(frozen):
+    looked = []
+
+    class Listener(event.Listener):  # hears of it after ours
+        def on_start(self, start):
+            looked.clear()
+
+        def on_end(self, end):
+            looked.append("end")
+
+    def look(phase, info):
+        looked.append(phase)
+
+    gc.callbacks.append(look)
+    if frozen:
+        gc.freeze()
+    count = gc.get_freeze_count()
+    with event.install_listener("numba:compile", Listener()):
+        run(lambda x: x)(1.0)
+    gc.callbacks.remove(look)
+    assert gc.isenabled()
+    assert gc.get_freeze_count() >= count // 2, "what somebody has frozen stays so"
+    assert frozen or (looked[0], gc.get_freeze_count()) == ("end", 0)
+    gc.unfreeze()
 
 
 def test_lanes_become_masks():

@@ -77,6 +77,9 @@ class _Uncollected(event.Listener):
         """Go on as before when the outermost is done."""
         self._depth -= 1
         if self._depth == 0 and self._enabled:
+            if gc.get_freeze_count() == 0:  # else somebody has frozen some, which stay so
+                gc.freeze()  # all count as old from now on, without a look at each
+                gc.unfreeze()
             gc.enable()
 
 

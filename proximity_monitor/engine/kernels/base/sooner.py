@@ -2,8 +2,9 @@
 
 It would compile a kernel once for each integer that a call writes out, and for integers of each
 size. No kernel needs that: LLVM puts in the constants where it inlines a call. It compares its
-options so often that how they are read matters. And it looks through dozens of meanings for each
-`+` and each element of an array, of which kernels have thousands.
+options so often that how they are read matters. It looks through dozens of meanings for each `+`
+and each element of an array, of which kernels have thousands. After each of its passes it finds out
+which variables live in each block, for nobody.
 """
 
 from __future__ import annotations
@@ -13,7 +14,11 @@ from typing import Any
 
 from numba import types
 from numba.core.compiler import Flags
+from numba.core.postproc import PostProcessor, VariableLifetime
+from numba.core.transforms import canonicalize_cfg
 from numba.core.types.functions import BaseFunction
+
+_KERNELS = __package__.rpartition(".")[0] + "."
 
 
 def widened(compiled: Any) -> Any:
@@ -68,3 +73,25 @@ def _get_call_type(self: BaseFunction, context: Any, args: tuple, kws: dict[str,
 
 
 BaseFunction.get_call_type = _get_call_type
+
+
+_post_process = PostProcessor.run
+
+
+def _run(self: PostProcessor, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
+    """Prepare a function's code for the next pass, without the variables that live in each block.
+
+    Only generators and what runs by Python's objects ask for these: no kernel is either.
+    """
+    code = self.func_ir
+    if code.is_generator or not code.func_id.modname.startswith(_KERNELS):
+        _post_process(self, emit_dels, extend_lifetimes)
+        return
+    code.blocks = canonicalize_cfg(code.blocks)
+    code.variable_lifetime = VariableLifetime(code.blocks)
+    code.generator_info = None
+    if emit_dels:
+        self._insert_var_dels(extend_lifetimes=extend_lifetimes)
+
+
+PostProcessor.run = _run

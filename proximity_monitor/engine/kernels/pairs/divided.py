@@ -148,10 +148,23 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
     if bound >= progress.limit:
         return n, steps
     apart = progress.distance - progress.slack > progress.stop
-    if apart and progress.dividing > 0 and is_narrow(progress, waiting.pairs):
-        taken = divide_nearest(tree_a, tree_b, state)
-        if taken != NONE or make_room(state):
-            return n + 1, steps - min(steps, max(taken, 1))
+    narrow = apart and progress.dividing > 0 and is_narrow(progress, waiting.pairs)
+    while True:
+        # Numba compiles what is called in the order in which it is written: what other processes
+        # compile ahead stands last, where it is needed latest.
+        if not narrow:
+            steps = _add(tree_a, tree_b, state, n, bound, steps)
+            return n, steps - min(steps, find_ball(tree_a, tree_b, state))
+        code, left = _divide_some(tree_a, tree_b, state, steps, True)
+        if code == CUT:
+            return n + 1, left
+        narrow = False
+
+
+@inlined
+def _add(tree_a, tree_b, state, n, bound, steps):
+    """Take up the elements of the waiting pair n; returns how many of the steps are left."""
+    progress, waiting = state.progress[0], state.waiting
     # A leaf of a mesh may hold two triangles.
     first_a, last_a = _elements(tree_a, waiting.lanes[n, 0])
     first_b, last_b = _elements(tree_b, waiting.lanes[n, 1])
@@ -169,7 +182,7 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
                     collect(state, ~waiting.lanes[n, 0], ~waiting.lanes[n, 1], bound)
                 taken = 1
             steps -= min(steps, taken)
-    return n, steps - min(steps, find_ball(tree_a, tree_b, state))
+    return steps
 
 
 @inlined
@@ -189,8 +202,17 @@ def _compare(waiting, tree_a, tree_b, state, a, b):
 
 
 @implements(stubs.divide, Dividing)
-@shared
+@inlined
 def _divide(waiting, tree_a, tree_b, state, steps):
+    return _divide_some(tree_a, tree_b, state, steps, False)
+
+
+@shared
+def _divide_some(tree_a, tree_b, state, steps, one):
+    """Divide all pairs that wait, or as many as there are steps for, as `divide` says.
+
+    Or only ONE, or none for which room is made: CUT then, unless there is no room.
+    """
     progress = state.progress[0]
     while progress.dividing > 0 and progress.distance - progress.slack > progress.stop:
         if steps == 0:
@@ -199,7 +221,9 @@ def _divide(waiting, tree_a, tree_b, state, steps):
         if taken == NONE:
             if not make_room(state):
                 return _code(state, -np.inf), steps
-            taken = ROOM_STEPS
+            taken = 1 if one else ROOM_STEPS
+        if one:
+            return CUT, steps - min(steps, max(taken, 1))
         look_back(progress)
         steps -= min(steps, taken)
     return _code(state, progress.least_cells), steps

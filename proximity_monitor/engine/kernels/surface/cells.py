@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import inlined, kernel, shared
 from ..base.rounding import NET_SPLIT
 from ..base.state import CONVERSION, NONE
 from ..base.vectors import norm
@@ -57,7 +57,7 @@ def root_cell(tree, element, cells, nets, roots, used):
     return used, used + 1
 
 
-@kernel
+@shared
 def divide_cell(tree, index, cells, nets, used, most):
     """Divide a cell in two or four, unless it is; returns how many cells are in use then.
 
