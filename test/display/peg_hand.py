@@ -133,3 +133,11 @@ def put_there(page, wait, *place):
         field(page, "Position [mm]", i).fill(f"{number}")
     button(page, "Put it there").click()
     wait(lambda: at_place(page, place), f"the peg at {place}")
+
+
+def let_go(page):
+    """Leave the peg to its own source."""
+    choose(page, "peg")
+    release = button(page, "Let go: its own source moves it")
+    if release.is_enabled():
+        release.click()

@@ -21,7 +21,6 @@ from page_hand import (
     SAVE_MS,
     TEXTS,
     button,
-    choose,
     field,
     lines_of,
     row,
@@ -368,10 +367,7 @@ def test_an_event_s_picture_shows_whole_parts_also_while_a_section_is_on(page, p
 
 
 def test_the_motion_is_sought_played_and_paused_from_the_page(page, wait):
-    choose(page, "peg")
-    release = button(page, "Let go: its own source moves it")
-    if release.is_enabled():
-        release.click()
+    peg.let_go(page)
     tab(page, "Session")
     note = page.locator("#pm-motion")
     wait(lambda: re.fullmatch(r"At 0.00 of .*, speed 1e-09.", note.inner_text()), "the motion")

@@ -7,8 +7,6 @@ which assumption it broke; the newest numba that the engine is known to work wit
 from __future__ import annotations
 
 import ast
-import gc
-import operator
 from collections import namedtuple
 from pathlib import Path
 
@@ -17,11 +15,11 @@ import numpy as np
 import pytest
 from engine_bodies import torus
 from llvmlite.binding import get_host_cpu_features
-from numba.core import compiler, event
+from numba.core import event
 from numba.core.caching import NullCache
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.base import cache, jit, lanes, memory, sooner, tables
+from proximity_monitor.engine.kernels.base import cache, jit, lanes, memory, tables
 from proximity_monitor.engine.kernels.base.state import (
     PROGRESS,
     MeshTree,
@@ -188,109 +186,6 @@ def test_one_kernel_takes_all_integers():
     what = broken("asks a kernel for its template (sooner.widened)")
     assert sums(1, np.array([4], np.int32)) == 2 + 2 + 4 + 5, what
     assert len(helper.overloads) == 1, what
-
-
-def test_options_are_read_as_numba_reads_them():
-    flags = compiler.Flags()
-    flags.fastmath = {"contract"}
-    flags.error_model = "numpy"
-    read = {name: getattr(flags, name) for name in flags.options}
-    assert flags.values() == read, broken("keeps options in _values (sooner._values)")
-    assert flags == flags.copy() and flags != compiler.Flags()
-    assert hash(flags) == hash(flags.copy())
-
-
-def test_what_an_operator_does_is_looked_up_once(monkeypatch):
-    known, looked_up = sooner._look_up, []
-
-    def look_up(function, context, args, kws):
-        looked_up.append((function.typing_key, args))
-        return known(function, context, args, kws)
-
-    monkeypatch.setattr(sooner, "_look_up", look_up)
-    for _ in range(2):
-        at = numba.njit(lambda values, i: values[i] * 2.0)
-        assert at(np.array([1.0, 3.0]), 1) == 6.0
-        assert numba.njit(lambda x: 2.0 * x)(3) == 6.0, "the types decide"
-    what = broken("asks a function for a call's signature (sooner._get_call_type)")
-    products = [args for key, args in looked_up if key is operator.mul]
-    assert len(products) == len(set(products)), what
-    with pytest.raises(numba.TypingError):
-        numba.njit(lambda x, values: x << values)(1.5, np.ones(2))
-
-
-def test_what_numba_compiles_for_an_operator_has_its_caller_s_options():
-    codes = []
-    for fast in (True, False):
-        largest = numba.njit(lambda x, y: max(x, y), fastmath=fast)
-        assert largest(np.float32(1.0), 2.0) == 2.0
-        codes += largest.inspect_llvm().values()
-    assert [" fast " in code for code in codes] == [True, False]
-
-
-def test_what_lives_in_each_block_is_left_out(monkeypatch):
-    asked = []
-    everything = sooner._post_process
-
-    def count(self, *options):
-        asked.append(self.func_ir.func_id.func_qualname)
-        everything(self, *options)
-
-    monkeypatch.setattr(sooner, "_post_process", count)
-    assert run(_branching)(3, 2.0) == 12.0
-    kernel = run(_branching)
-    monkeypatch.setattr(sooner, "_KERNELS", __name__)
-    asked.clear()
-    what = broken("prepares code for its passes by PostProcessor.run (sooner._run)")
-    assert kernel(3, 2.0) == 12.0
-    assert "_branching" not in asked, what
-    numba.njit(_yielding)
-    assert list(numba.njit(_yielding)(3)) == [0.0, 1.0, 2.0]
-    assert "_yielding" in asked, what
-
-
-def _branching(count, x):
-    total = 0.0
-    for i in range(count):
-        if i > 0:
-            total += x * i
-        else:
-            total += 3.0 * x
-    return total
-
-
-def _yielding(count):
-    x = 0.0
-    for _ in range(count):
-        yield x
-        x += 1.0
-
-
-@pytest.mark.parametrize("frozen", [False, True])
-def test_what_the_compiler_made_is_not_looked_through_at_once(frozen):
-    looked = []
-
-    class Listener(event.Listener):  # hears of it after ours
-        def on_start(self, start):
-            looked.clear()
-
-        def on_end(self, end):
-            looked.append("end")
-
-    def look(phase, info):
-        looked.append(phase)
-
-    gc.callbacks.append(look)
-    if frozen:
-        gc.freeze()
-    count = gc.get_freeze_count()
-    with event.install_listener("numba:compile", Listener()):
-        run(lambda x: x)(1.0)
-    gc.callbacks.remove(look)
-    assert gc.isenabled()
-    assert gc.get_freeze_count() >= count // 2, "what somebody has frozen stays so"
-    assert frozen or (looked[0], gc.get_freeze_count()) == ("end", 0)
-    gc.unfreeze()
 
 
 def test_lanes_become_masks():
