@@ -111,7 +111,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _leave(kept: list[FrameType | None]) -> None:
     """End an interrupted process while the frames that it cut are kept.
 
-    A module that LLVM was just linking would be freed twice: see the same in ros/spin.py.
+    A module that LLVM was just linking would be freed twice: see `leave_with` in ending.py.
     """
     sys.stdout.flush()
     sys.stderr.flush()
@@ -205,15 +205,19 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _demo(chosen: argparse.Namespace) -> int:
+    from proximity_monitor.ending import leave_with
     from proximity_monitor.ros.demo import run
 
-    return run(chosen.scene, seconds=chosen.seconds, speed=chosen.speed, page=not chosen.no_page)
+    page = not chosen.no_page
+    return leave_with(run(chosen.scene, seconds=chosen.seconds, speed=chosen.speed, page=page))
 
 
 def _display(chosen: argparse.Namespace) -> int:
     from proximity_monitor.display.run import main
+    from proximity_monitor.ending import leave_with
 
-    return main(["--ros-args", "-p", f"host:={chosen.host}", "-p", f"port:={chosen.port}"])
+    parameters = "-p", f"host:={chosen.host}", "-p", f"port:={chosen.port}"
+    return leave_with(main(["--ros-args", *parameters]))
 
 
 def _check(chosen: argparse.Namespace) -> int:

@@ -169,6 +169,12 @@ def run(ros_environment, tmp_path):
         process.stop(signal.SIGKILL)
 
 
+@pytest.fixture
+def executable(ros_environment):
+    """Where an installed executable is, by its name."""
+    return _executable
+
+
 @pytest.fixture(scope="session")
 def rclpy_context(ros_environment):
     import rclpy

@@ -53,9 +53,10 @@ KNOWS = {
     "motion": {"motion", "scene", *_PUBLIC},
     "study": {"study", "motion", "scene", *_ENGINE} - set(_KERNEL_ROOMS),
     "cdr": set(),  # messages as bytes
-    "ros": {"ros", "motion", "scene", "cdr", *_PUBLIC},
-    "display": {"display", "scene", "cdr", *_PUBLIC},
-    "__main__": {"display", "ros", "motion", "scene", *_PUBLIC},
+    "ending": set(),  # of processes
+    "ros": {"ros", "motion", "scene", "cdr", "ending", *_PUBLIC},
+    "display": {"display", "scene", "cdr", "ending", *_PUBLIC},
+    "__main__": {"display", "ros", "motion", "scene", "ending", *_PUBLIC},
     "": set(),  # the package's own __init__.py, which everybody may know
 }
 # Third-party packages of the engine, whose readers compile nothing; other rooms take what they

@@ -3,5 +3,6 @@
 import sys
 
 from proximity_monitor.display.run import main
+from proximity_monitor.ending import leave_with
 
-sys.exit(main())
+sys.exit(leave_with(main()))

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import atexit
 import gc
-import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -17,6 +15,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+
+from proximity_monitor.ending import leave_with
 
 POLL_S = 0.1
 """How long an idle executor waits before it checks whether it should stop: Python's signal handlers
@@ -36,7 +36,7 @@ class Stop:
         """The signal's name."""
         self.cut: list[FrameType | None] = []
         """The frames of computations that it interrupted. Kept, so that nothing in them is ever
-        destroyed: see `_leave`."""
+        destroyed: see `leave_with`."""
 
     def on_signal(self, number: int, frame: FrameType | None) -> None:
         """Take a signal."""
@@ -110,23 +110,10 @@ def ros(args: Sequence[str] | None = None, name: str = "") -> Iterator[Stop]:
         if not stop.asked:
             sys.unraisablehook = complain
         if stop.cut:
-            atexit.register(_leave)
+            leave_with(0)
         gc.freeze()  # else Python searches all objects once more at the end, for half a second
         for kind, handler in zip(kinds, before, strict=True):
             signal.signal(kind, handler)
-
-
-def _leave() -> None:
-    """End the process without destroying its objects.
-
-    Python handles a signal that comes during a call into LLVM when that call returns, before
-    llvmlite has noted what it did. A module that was linked into another is then freed twice: the
-    process crashes when the frame that holds it goes, which is before this function is called. So
-    a cut frame is kept, and with it those that called it.
-    """
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(0)
 
 
 def _unraisable(complain: Callable[[Any], None], told: Any) -> None:

@@ -43,6 +43,19 @@ def test_a_scene_that_cannot_be_used_ends_the_node_with_a_message(launch, tmp_pa
     assert "Traceback" not in process.text
 
 
+@pytest.mark.parametrize("name", ["node", "player"])
+def test_what_libraries_do_as_they_are_unloaded_crashes_nothing(run, executable, tmp_path, name):
+    program = (
+        "import atexit, os, runpy, sys\n"
+        "atexit.register(os.abort)  # as the middleware did, one time of a thousand\n"
+        "runpy.run_path(sys.argv[1], run_name='__main__')"
+    )
+    scene = f"scene:={tmp_path / 'missing.yaml'}"
+    process = run(sys.executable, "-c", program, executable(name), "--ros-args", "-p", scene)
+    assert process.ended() == 1
+    assert "missing.yaml" in process.text
+
+
 def test_a_model_that_is_no_mesh_ends_the_node_with_a_message(launch, tmp_path):
     (tmp_path / "torn.stl").write_bytes(b"\x00\x01 no mesh")
     (tmp_path / "torn.yaml").write_text(BROKEN["model.yaml"][0].replace("nowhere", "torn"))
