@@ -45,6 +45,21 @@ def to_degrees(quaternion: np.ndarray) -> tuple[float, float, float]:
     return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
 
 
+def shared(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Let triangles share corners that are equal: a viewer computes each of them but once.
+
+    Args:
+        corners: (3n, 3) of the triangles.
+
+    Returns:
+        (k,) the first corner at each place; (n, 3) which of these each triangle has.
+    """
+    rows = np.ascontiguousarray(corners + 0.0)  # -0.0 has other bytes than 0.0
+    whole = rows.view(np.dtype((np.void, rows.itemsize * 3))).reshape(-1)
+    _, first, index = np.unique(whole, return_index=True, return_inverse=True)
+    return first, index.reshape(-1, 3)
+
+
 def feature_edges(corners: np.ndarray, degrees: float = 30.0) -> np.ndarray:
     """Return the edges (m, 2, 3) of a mesh that are sharp or open.
 
@@ -52,8 +67,8 @@ def feature_edges(corners: np.ndarray, degrees: float = 30.0) -> np.ndarray:
         corners: (3n, 3) of the triangles.
         degrees: between the normals of the two triangles of a sharp edge.
     """
-    points, index = np.unique(np.round(corners, 9), axis=0, return_inverse=True)
-    faces = index.reshape(-1, 3)
+    first, faces = shared(np.round(corners, 9))
+    points = corners[first]
     normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
@@ -85,7 +100,7 @@ def smoothed(
     Returns:
         (k, 3) corners; (n, 3) which of them each triangle has.
     """
-    _, place = np.unique(np.round(corners, 9), axis=0, return_inverse=True)
+    place = shared(np.round(corners, 9))[1].reshape(-1)
     index, left, first_free = np.empty(len(corners), np.int64), np.arange(len(corners)), 0
     chosen = []
     while len(left):

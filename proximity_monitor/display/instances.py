@@ -41,12 +41,8 @@ class Instances:
             "batched_wxyzs": np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
             "batched_scales": np.zeros(count, np.float32),
         }
-        corners, triangles = shape.corners, shape.triangles
-        if shape.flat:  # its triangles share no corners, but could: a card computes each but once
-            corners, index = np.unique(corners, axis=0, return_inverse=True)
-            triangles = index.reshape(-1)[triangles]
         self._mesh = api.add_batched_meshes_simple(
-            name, corners, triangles, **self._told, batched_colors=linear(colours),
+            name, shape.corners, shape.triangles, **self._told, batched_colors=linear(colours),
             flat_shading=shape.flat, side="double", lod="off", visible=False,
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip

@@ -11,7 +11,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Look
-from proximity_monitor.display.geometry import IDENTITY, borders, feature_edges, smoothed
+from proximity_monitor.display.geometry import IDENTITY, borders, feature_edges, shared, smoothed
 from proximity_monitor.display.inks import EDGE
 from proximity_monitor.display.instances import Shape
 from proximity_monitor.display.received import Part
@@ -39,33 +39,50 @@ class Coat(NamedTuple):
 class _Look:
     """The triangles of a part, in the page's units."""
 
-    def __init__(self, part: Part, scale: float) -> None:
-        """Let triangles share corners where the part is smooth."""
+    def __init__(self, part: Part, scale: float, before: _Look | None) -> None:
+        """Let triangles share corners where the part is smooth, or where each has its own shade.
+
+        Args:
+            part: of the scene.
+            scale: units of the page a metre.
+            before: its look before it took this shape.
+        """
         soup = part.corners * scale
         self.low, self.high = soup.min(axis=0), soup.max(axis=0)
-        self.corners, self.triangles = soup, np.arange(len(soup)).reshape(-1, 3)
-        self._flat = part.normals is None
-        if not self._flat:
+        self.flat = part.normals is None
+        if self.flat:
+            if before is None or not before.shares(soup):
+                self._first, self.triangles = shared(soup)
+            else:
+                self._first, self.triangles = before._first, before.triangles
+            self.corners = soup[self._first]
+        else:
             lines = ~part.normals.any(axis=1).reshape(-1, 3).any(axis=1)
             self._curves = soup.reshape(-1, 3, 3)[lines, :2]
             self.corners, self.triangles = smoothed(soup, part.normals)
 
+    def shares(self, soup: np.ndarray) -> bool:
+        """Return whether the triangles with these corners (3n, 3) share the same ones as here."""
+        if not self.flat or len(soup) != 3 * len(self.triangles):
+            return False
+        return np.array_equal(soup[self._first][self.triangles.reshape(-1)], soup)
+
     @cached_property
     def edges(self) -> np.ndarray:
         """The edges (m, 2, 3) that are sharp or open."""
-        if self._flat:
-            return feature_edges(self.corners)
+        if self.flat:
+            return feature_edges(self.corners[self.triangles].reshape(-1, 3))
         return np.concatenate((self.corners[borders(self.triangles)], self._curves))
 
 
 _LOOKS: WeakKeyDictionary[Part, tuple[float, _Look]] = WeakKeyDictionary()
 
 
-def _look(part: Part, scale: float) -> _Look:
+def _look(part: Part, scale: float, before: _Look | None = None) -> _Look:
     """Return a part's look, which all browsers share: it takes a while to find."""
     known = _LOOKS.get(part)
     if known is None or known[0] != scale:
-        known = _LOOKS[part] = scale, _Look(part, scale)
+        known = _LOOKS[part] = scale, _Look(part, scale, before)
     return known[1]
 
 
@@ -112,10 +129,9 @@ class PartView:
         self._coated: list[viser.MeshHandle] = []
         self._told: tuple = ()  # what was shown last
         self._placed_at = b""  # where its own nodes are
-        self._flat, self._radius = part.normals is None, radius
-        look = _look(part, scale)
+        self._radius = radius
+        self._look = look = _look(part, scale)
         self.low, self.high = look.low, look.high
-        self._corners, self._triangles = look.corners, look.triangles
         self.edges = look.edges if not body.point else np.zeros((0, 2, 3))
         """(m, 2, 3) its sharp and open edges, in its own frame and the page's units."""
         if body.point:
@@ -133,7 +149,7 @@ class PartView:
             )
             return
         self.mesh = self._meshed(
-            api, f"{name}/mesh", self._corners, self._triangles, self.usual_opacity
+            api, f"{name}/mesh", self._look.corners, self._look.triangles, self.usual_opacity
         )
         if not self._reshaped:
             self._edges = api.add_line_segments(
@@ -149,7 +165,7 @@ class PartView:
     @property
     def whole(self) -> Shape:
         """Its shape."""
-        return Shape(self._corners, self._triangles, self.edges, self._flat)
+        return Shape(self._look.corners, self._look.triangles, self.edges, self._look.flat)
 
     @property
     def centre(self) -> np.ndarray:
@@ -164,7 +180,7 @@ class PartView:
     @property
     def triangles(self) -> tuple[np.ndarray, np.ndarray]:
         """Its vertices (n, 3), in its own frame and the page's units, and triangles (m, 3)."""
-        return self._corners, self._triangles
+        return self._look.corners, self._look.triangles
 
     def corners(self) -> np.ndarray:
         """Return its triangles' corners (n, 3, 3), in its own frame and the page's units.
@@ -173,18 +189,17 @@ class PartView:
         """
         if self.point:
             return np.stack((self.low, self.high))[_BOX, np.arange(3)]
-        return self._corners[self._triangles]
+        return self._look.corners[self._look.triangles]
 
     def reshape(self, part: Part, scale: float) -> None:
         """Take another shape; edges are not found again each time."""
         self.stand()
         self._reshaped = True
-        look = _look(part, scale)
-        if not np.array_equal(look.triangles, self._triangles):
-            self._triangles = look.triangles
+        before, look = self._look, _look(part, scale, self._look)
+        self._look = look
+        if not np.array_equal(look.triangles, before.triangles):
             self.mesh.faces = look.triangles.astype(np.uint32)
         self.shape += 1
-        self._corners = look.corners
         self.mesh.vertices = look.corners.astype(np.float32)
         self.low, self.high = look.low, look.high
         if self._edges is not None:
@@ -238,7 +253,7 @@ class PartView:
             vertices,
             triangles,
             color=self.colour if colour is None else colour,
-            flat_shading=self._flat or colour is not None,
+            flat_shading=self._look.flat or colour is not None,
             side="double",
             opacity=None if opacity >= 1.0 else opacity,
             cast_shadow=False,

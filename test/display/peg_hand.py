@@ -102,9 +102,16 @@ APART = """names => {
 WIDTH = "image => image.complete && image.naturalWidth"
 
 
-def look_back_at_stop(page):
-    """Press the newest event at which the peg came too near."""
+def newest_stop(page):
+    """What is listed of the newest event at which the peg came too near; empty: there is none."""
+    stops = page.locator("#pm-events .pm-row", has_text="→ ■ STOP")
+    return stops.first.inner_text() if stops.count() else ""
+
+
+def look_back_at_stop(page, wait, before=""):
+    """Press the newest of these events, once it is another than that before."""
     tab(page, "Session")
+    wait(lambda: newest_stop(page) not in ("", before), "the event in the list")
     stop = page.locator("#pm-events .pm-row", has_text="→ ■ STOP").first
     stop.dispatch_event("pointerdown")
 

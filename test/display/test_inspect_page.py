@@ -315,7 +315,7 @@ def test_an_event_is_listed_and_a_press_goes_to_its_moment(put, page, wait, even
 
     eventually(told)
     put(0, 0, 40)
-    peg.look_back_at_stop(page)
+    peg.look_back_at_stop(page, wait)
 
     def there():
         assert page.get_attribute("#pm-connection", "data-state") == "past"
@@ -346,6 +346,7 @@ def test_an_event_s_picture_shows_whole_parts_also_while_a_section_is_on(page, p
     told, pictures = page.locator("#pm-event"), []
     before = told.inner_text()  # another event's, perhaps
     for cut in (False, True):
+        last = peg.newest_stop(page)
         put(0, 0, -10)
         wait(lambda: word(page) == "clear", "a clear scene")
         put(0.046, 0, -10)
@@ -354,13 +355,12 @@ def test_an_event_s_picture_shows_whole_parts_also_while_a_section_is_on(page, p
             tab(page, "Clearances")
             button(page, "Section through it").click()
             wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/cut"), "the section")
-        peg.look_back_at_stop(page)
+        peg.look_back_at_stop(page, wait, last)
         wait(lambda before=before: told.inner_text() not in ("", before), "the event")
         pictures.append(peg.picture_of_event(page, wait).astype(int))
         before = told.inner_text()
         peg.back_to_live(page, wait)
-    whole, other = pictures
-    assert (np.abs(whole - other).max(axis=2) > 60).mean() < 0.005
+    assert (np.abs(np.subtract(*pictures)).max(axis=2) > 60).mean() < 0.005
     wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/cut"), "the section to be back")
     button(page, "Whole scene").click()
     wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/1/cut"), "the whole block")
