@@ -6,6 +6,12 @@ import math
 
 import numpy as np
 
+SHARP = 30.0
+"""Degrees between the normals of two triangles, from which on their edge is sharp."""
+
+SMOOTH = 10.0
+"""Degrees between a surface's own normals at one place, up to which it is smooth there."""
+
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
@@ -60,7 +66,13 @@ def shared(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return first, index.reshape(-1, 3)
 
 
-def feature_edges(corners: np.ndarray, degrees: float = 30.0) -> np.ndarray:
+def face_normals(corners: np.ndarray) -> np.ndarray:
+    """Return the unit normals (n, 3) of triangles with corners (3n, 3); 0 where there is none."""
+    normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+
+
+def feature_edges(corners: np.ndarray, degrees: float = SHARP) -> np.ndarray:
     """Return the edges (m, 2, 3) of a mesh that are sharp or open.
 
     Args:
@@ -69,8 +81,7 @@ def feature_edges(corners: np.ndarray, degrees: float = 30.0) -> np.ndarray:
     """
     first, faces = shared(np.round(corners, 9))
     points = corners[first]
-    normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    normals = face_normals(corners)
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     face = np.repeat(np.arange(len(faces)), 3)
     order = np.lexsort(edges.T)
@@ -85,7 +96,7 @@ def feature_edges(corners: np.ndarray, degrees: float = 30.0) -> np.ndarray:
 
 
 def smoothed(
-    corners: np.ndarray, normals: np.ndarray, degrees: float = 10.0
+    corners: np.ndarray, normals: np.ndarray, degrees: float = SMOOTH
 ) -> tuple[np.ndarray, np.ndarray]:
     """Let triangles share the corners where their surface is smooth.
 

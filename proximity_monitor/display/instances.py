@@ -21,6 +21,8 @@ class Shape(NamedTuple):
     """(k, 2, 3) that are drawn."""
     flat: bool
     """Whether each triangle is shaded by its own normal."""
+    levels: tuple[tuple[float, float], ...]
+    """From which distance on which share of the triangles is drawn."""
 
 
 class Instances:
@@ -43,7 +45,7 @@ class Instances:
         }
         self._mesh = api.add_batched_meshes_simple(
             name, shape.corners, shape.triangles, **self._told, batched_colors=linear(colours),
-            flat_shading=shape.flat, side="double", lod="off", visible=False,
+            flat_shading=shape.flat, side="double", lod=shape.levels or "off", visible=False,
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
         self._nodes = [self._mesh]

@@ -205,7 +205,8 @@ class Page:
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
         self._filters.begin(news.scene)
-        self._parts = Parts(self._client, news.scene, news.parts)
+        focal = View.of(self._client.camera).focal
+        self._parts = Parts(self._client, news.scene, news.parts, focal)
         self._parts.show(news.frame, {}, self._choice, ())
         self._lines = Lines(self._client, self._parts.scale, self._parts.size)
         self._labels = Labels(self._client.scene, "/distances")

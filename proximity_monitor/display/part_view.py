@@ -11,8 +11,18 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Look
-from proximity_monitor.display.geometry import IDENTITY, borders, feature_edges, shared, smoothed
-from proximity_monitor.display.inks import EDGE
+from proximity_monitor.display.detail import has_levels, levels
+from proximity_monitor.display.geometry import (
+    IDENTITY,
+    SHARP,
+    SMOOTH,
+    borders,
+    face_normals,
+    feature_edges,
+    shared,
+    smoothed,
+)
+from proximity_monitor.display.inks import EDGE, linear
 from proximity_monitor.display.instances import Shape
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import Body
@@ -39,27 +49,31 @@ class Coat(NamedTuple):
 class _Look:
     """The triangles of a part, in the page's units."""
 
-    def __init__(self, part: Part, scale: float, before: _Look | None) -> None:
-        """Let triangles share corners where the part is smooth, or where each has its own shade.
+    def __init__(self, part: Part, scale: float, before: _Look | None, *, detailed: bool) -> None:
+        """Let triangles share corners: where the part is smooth, or where each has its own shade.
 
         Args:
             part: of the scene.
             scale: units of the page a metre.
             before: its look before it took this shape.
+            detailed: whether it may have levels of detail. Coarser levels look like it only if they
+                have its normals, so it has no shades by triangles.
         """
         soup = part.corners * scale
         self.low, self.high = soup.min(axis=0), soup.max(axis=0)
-        self.flat = part.normals is None
-        if self.flat:
-            if before is None or not before.shares(soup):
-                self._first, self.triangles = shared(soup)
-            else:
-                self._first, self.triangles = before._first, before.triangles
-            self.corners = soup[self._first]
+        self._soup, self._normals = soup, part.normals
+        self.flat = part.normals is None and not (detailed and has_levels(len(soup) // 3))
+        if not self.flat:
+            normals, sharp = part.normals, SMOOTH
+            if normals is None:
+                normals, sharp = np.repeat(face_normals(soup), 3, axis=0), SHARP
+            self.corners, self.triangles = smoothed(soup, normals, sharp)
+            return
+        if before is None or not before.shares(soup):
+            self._first, self.triangles = shared(soup)
         else:
-            lines = ~part.normals.any(axis=1).reshape(-1, 3).any(axis=1)
-            self._curves = soup.reshape(-1, 3, 3)[lines, :2]
-            self.corners, self.triangles = smoothed(soup, part.normals)
+            self._first, self.triangles = before._first, before.triangles
+        self.corners = soup[self._first]
 
     def shares(self, soup: np.ndarray) -> bool:
         """Return whether the triangles with these corners (3n, 3) share the same ones as here."""
@@ -70,19 +84,21 @@ class _Look:
     @cached_property
     def edges(self) -> np.ndarray:
         """The edges (m, 2, 3) that are sharp or open."""
-        if self.flat:
-            return feature_edges(self.corners[self.triangles].reshape(-1, 3))
-        return np.concatenate((self.corners[borders(self.triangles)], self._curves))
+        if self._normals is None:
+            return feature_edges(self._soup)
+        curves = ~self._normals.any(axis=1).reshape(-1, 3).any(axis=1)
+        lines = self._soup.reshape(-1, 3, 3)[curves, :2]
+        return np.concatenate((self.corners[borders(self.triangles)], lines))
 
 
 _LOOKS: WeakKeyDictionary[Part, tuple[float, _Look]] = WeakKeyDictionary()
 
 
-def _look(part: Part, scale: float, before: _Look | None = None) -> _Look:
+def _look(part: Part, scale: float, before: _Look | None = None, *, detailed: bool) -> _Look:
     """Return a part's look, which all browsers share: it takes a while to find."""
     known = _LOOKS.get(part)
     if known is None or known[0] != scale:
-        known = _LOOKS[part] = scale, _Look(part, scale, before)
+        known = _LOOKS[part] = scale, _Look(part, scale, before, detailed=detailed)
     return known[1]
 
 
@@ -90,7 +106,14 @@ class PartView:
     """One body in the scene graph."""
 
     def __init__(
-        self, api: viser.SceneApi, i: int, body: Body, part: Part, scale: float, radius: float
+        self,
+        api: viser.SceneApi,
+        i: int,
+        body: Body,
+        part: Part,
+        scale: float,
+        radius: float,
+        focal: float,
     ) -> None:
         """Take a body, which has no nodes before it is shown alone.
 
@@ -101,6 +124,7 @@ class PartView:
             part: its looks.
             scale: units of the page a metre.
             radius: of a point's ball.
+            focal: length in pixels of the camera; 0 if the body deforms, which is drawn as it is.
         """
         self._api = api
         self.name = body.name
@@ -119,7 +143,7 @@ class PartView:
         """Whether its name is shown."""
         self.placed = False
         """Whether it has a pose."""
-        self.mesh: viser.MeshHandle | None = None
+        self.mesh: viser.MeshHandle | viser.BatchedMeshHandle | None = None
         """None: it was never shown alone."""
         self.opacity = self.usual_opacity = float(part.colour[3])
         """How opaque it is drawn now, and without a wish."""
@@ -130,7 +154,8 @@ class PartView:
         self._told: tuple = ()  # what was shown last
         self._placed_at = b""  # where its own nodes are
         self._radius = radius
-        self._look = look = _look(part, scale)
+        self._look = look = _look(part, scale, detailed=focal > 0.0)
+        self._levels = levels(look.corners, len(look.triangles), focal) if focal > 0.0 else ()
         self.low, self.high = look.low, look.high
         self.edges = look.edges if not body.point else np.zeros((0, 2, 3))
         """(m, 2, 3) its sharp and open edges, in its own frame and the page's units."""
@@ -148,8 +173,12 @@ class PartView:
                 f"{name}/mesh", self._radius, color=self.colour, subdivisions=3, cast_shadow=False
             )
             return
-        self.mesh = self._meshed(
-            api, f"{name}/mesh", self._look.corners, self._look.triangles, self.usual_opacity
+        self.mesh = (
+            self._detailed(f"{name}/mesh")
+            if self._levels
+            else self._meshed(
+                api, f"{name}/mesh", self._look.corners, self._look.triangles, self.usual_opacity
+            )
         )
         if not self._reshaped:
             self._edges = api.add_line_segments(
@@ -165,7 +194,8 @@ class PartView:
     @property
     def whole(self) -> Shape:
         """Its shape."""
-        return Shape(self._look.corners, self._look.triangles, self.edges, self._look.flat)
+        look = self._look
+        return Shape(look.corners, look.triangles, self.edges, look.flat, self._levels)
 
     @property
     def centre(self) -> np.ndarray:
@@ -195,7 +225,7 @@ class PartView:
         """Take another shape; edges are not found again each time."""
         self.stand()
         self._reshaped = True
-        before, look = self._look, _look(part, scale, self._look)
+        before, look = self._look, _look(part, scale, self._look, detailed=False)
         self._look = look
         if not np.array_equal(look.triangles, before.triangles):
             self.mesh.faces = look.triangles.astype(np.uint32)
@@ -246,6 +276,23 @@ class PartView:
             self.mesh.visible = not hidden
         for node in self._coated:
             node.visible = not self._cut_away
+
+    def _detailed(self, name: str) -> viser.BatchedMeshHandle:
+        """Add its mesh as the one instance of itself: only instances have levels of detail."""
+        return self._api.add_batched_meshes_simple(
+            name,
+            self._look.corners,
+            self._look.triangles,
+            batched_positions=np.zeros((1, 3)),
+            batched_wxyzs=IDENTITY[None, 3:],
+            batched_colors=linear(np.array([self.colour])),
+            flat_shading=self._look.flat,
+            side="double",
+            opacity=None if self.usual_opacity >= 1.0 else self.usual_opacity,
+            lod=self._levels,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
 
     def _meshed(self, api, name, vertices, triangles, opacity, colour=None) -> viser.MeshHandle:
         return api.add_mesh_simple(

@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.choice import PLAIN, Choice, Look
+from proximity_monitor.display.detail import FOCAL
 from proximity_monitor.display.geometry import rotate
 from proximity_monitor.display.instances import Instances
 from proximity_monitor.display.labels import Label, short
@@ -56,8 +57,21 @@ class _Group:
 class Parts:
     """All bodies of a scene."""
 
-    def __init__(self, server: viser.ViserServer, scene: SceneInfo, parts: Sequence[Part]) -> None:
-        """Add them."""
+    def __init__(
+        self,
+        server: viser.ViserServer | viser.ClientHandle,
+        scene: SceneInfo,
+        parts: Sequence[Part],
+        focal: float = FOCAL,
+    ) -> None:
+        """Add them.
+
+        Args:
+            server: takes the nodes, for all browsers or for one.
+            scene: has the bodies.
+            parts: their looks, in its order.
+            focal: length in pixels of the camera.
+        """
         boxes = [part.corners for part in parts if len(part.corners)]
         size = max((float(np.ptp(c, axis=0).max()) for c in boxes), default=1.0) or 1.0
         # Graphics show only a range of distances, so the largest part of every scene is about one
@@ -67,7 +81,10 @@ class Parts:
         self._views: dict[str, PartView] = {}
         self._rows = {body.name: i for i, body in enumerate(scene.bodies) if body.moving}
         for i, (body, part) in enumerate(zip(scene.bodies, parts, strict=True)):
-            view = PartView(server.scene, i, body, part, self.scale, POINT_RADIUS * self.size)
+            view = PartView(
+                server.scene, i, body, part, self.scale, POINT_RADIUS * self.size,
+                0.0 if body.name in scene.deforming else focal,
+            )  # fmt: skip
             self._views[body.name] = view
         self._poses = np.array([view.pose for view in self._views.values()]).reshape(-1, 7)
         self._moving = np.array([body.moving for body in scene.bodies], bool)
