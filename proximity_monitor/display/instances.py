@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import viser
 
 from proximity_monitor.display.inks import EDGE, linear
-
-
-class Shape(NamedTuple):
-    """A mesh in its own frame and the page's units."""
-
-    corners: np.ndarray
-    """(n, 3)"""
-    triangles: np.ndarray
-    """(m, 3) of corners."""
-    edges: np.ndarray
-    """(k, 2, 3) that are drawn."""
-    flat: bool
-    """Whether each triangle is shaded by its own normal."""
-    levels: tuple[tuple[float, float], ...]
-    """From which distance on which share of the triangles is drawn."""
+from proximity_monitor.display.shape import Shape
 
 
 class Instances:
     """The nodes of bodies of one shape. Those that are not drawn here have the size 0."""
 
-    def __init__(self, api: viser.SceneApi, name: str, shape: Shape, colours: np.ndarray) -> None:
+    def __init__(
+        self,
+        api: viser.SceneApi,
+        name: str,
+        shape: Shape,
+        colours: np.ndarray,
+        levels: tuple[tuple[float, float], ...],
+    ) -> None:
         """Add them, with nothing to show.
 
         Args:
@@ -36,6 +27,7 @@ class Instances:
             name: of the node.
             shape: of each body.
             colours: (m, 3) of the bodies, 0 to 255 of sRGB.
+            levels: from which distance on which share of the triangles is drawn.
         """
         count = len(colours)
         self._told = {
@@ -45,7 +37,7 @@ class Instances:
         }
         self._mesh = api.add_batched_meshes_simple(
             name, shape.corners, shape.triangles, **self._told, batched_colors=linear(colours),
-            flat_shading=shape.flat, side="double", lod=shape.levels or "off", visible=False,
+            flat_shading=shape.flat, side="double", lod=levels or "off", visible=False,
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
         self._nodes = [self._mesh]

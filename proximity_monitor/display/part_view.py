@@ -3,28 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import viser
 
 from proximity_monitor.display.choice import Look
-from proximity_monitor.display.detail import has_levels, levels
-from proximity_monitor.display.geometry import (
-    IDENTITY,
-    SHARP,
-    SMOOTH,
-    borders,
-    face_normals,
-    feature_edges,
-    shared,
-    smoothed,
-)
+from proximity_monitor.display.detail import levels
+from proximity_monitor.display.geometry import IDENTITY
 from proximity_monitor.display.inks import EDGE, linear
-from proximity_monitor.display.instances import Shape
 from proximity_monitor.display.received import Part
+from proximity_monitor.display.shape import shape_of
 from proximity_monitor.display.state import Body
 
 DIM = 0.08
@@ -44,62 +33,6 @@ class Coat(NamedTuple):
     corners: np.ndarray
     """(3n, 3) in the part's own frame and the page's units."""
     colour: tuple[int, int, int]
-
-
-class _Look:
-    """The triangles of a part, in the page's units."""
-
-    def __init__(self, part: Part, scale: float, before: _Look | None, *, detailed: bool) -> None:
-        """Let triangles share corners: where the part is smooth, or where each has its own shade.
-
-        Args:
-            part: of the scene.
-            scale: units of the page a metre.
-            before: its look before it took this shape.
-            detailed: whether it may have levels of detail. Coarser levels look like it only if they
-                have its normals, so it has no shades by triangles.
-        """
-        soup = part.corners * scale
-        self.low, self.high = soup.min(axis=0), soup.max(axis=0)
-        self._soup, self._normals = soup, part.normals
-        self.flat = part.normals is None and not (detailed and has_levels(len(soup) // 3))
-        if not self.flat:
-            normals, sharp = part.normals, SMOOTH
-            if normals is None:
-                normals, sharp = np.repeat(face_normals(soup), 3, axis=0), SHARP
-            self.corners, self.triangles = smoothed(soup, normals, sharp)
-            return
-        if before is None or not before.shares(soup):
-            self._first, self.triangles = shared(soup)
-        else:
-            self._first, self.triangles = before._first, before.triangles
-        self.corners = soup[self._first]
-
-    def shares(self, soup: np.ndarray) -> bool:
-        """Return whether the triangles with these corners (3n, 3) share the same ones as here."""
-        if not self.flat or len(soup) != 3 * len(self.triangles):
-            return False
-        return np.array_equal(soup[self._first][self.triangles.reshape(-1)], soup)
-
-    @cached_property
-    def edges(self) -> np.ndarray:
-        """The edges (m, 2, 3) that are sharp or open."""
-        if self._normals is None:
-            return feature_edges(self._soup)
-        curves = ~self._normals.any(axis=1).reshape(-1, 3).any(axis=1)
-        lines = self._soup.reshape(-1, 3, 3)[curves, :2]
-        return np.concatenate((self.corners[borders(self.triangles)], lines))
-
-
-_LOOKS: WeakKeyDictionary[Part, tuple[float, _Look]] = WeakKeyDictionary()
-
-
-def _look(part: Part, scale: float, before: _Look | None = None, *, detailed: bool) -> _Look:
-    """Return a part's look, which all browsers share: it takes a while to find."""
-    known = _LOOKS.get(part)
-    if known is None or known[0] != scale:
-        known = _LOOKS[part] = scale, _Look(part, scale, before, detailed=detailed)
-    return known[1]
 
 
 class PartView:
@@ -154,10 +87,12 @@ class PartView:
         self._told: tuple = ()  # what was shown last
         self._placed_at = b""  # where its own nodes are
         self._radius = radius
-        self._look = look = _look(part, scale, detailed=focal > 0.0)
-        self._levels = levels(look.corners, len(look.triangles), focal) if focal > 0.0 else ()
-        self.low, self.high = look.low, look.high
-        self.edges = look.edges if not body.point else np.zeros((0, 2, 3))
+        self.whole = whole = shape_of(part, scale, detailed=focal > 0.0)
+        """All of it, however much of that is shown."""
+        self.levels = levels(whole.corners, len(whole.triangles), focal) if focal > 0.0 else ()
+        """From which distance on which share of its triangles is drawn."""
+        self.low, self.high = whole.low, whole.high
+        self.edges = whole.edges if not body.point else np.zeros((0, 2, 3))
         """(m, 2, 3) its sharp and open edges, in its own frame and the page's units."""
         if body.point:
             self.low, self.high = self.low - radius, self.high + radius
@@ -166,23 +101,20 @@ class PartView:
         """Add its own nodes, if it has none."""
         if self._frame is not None:
             return
-        api, name = self._api, self.path
-        self._frame = api.add_frame(name, show_axes=False)
+        api, name, whole = self._api, f"{self.path}/mesh", self.whole
+        self._frame = api.add_frame(self.path, show_axes=False)
         if self.point:
             self.mesh = api.add_icosphere(
-                f"{name}/mesh", self._radius, color=self.colour, subdivisions=3, cast_shadow=False
+                name, self._radius, color=self.colour, subdivisions=3, cast_shadow=False
             )
             return
-        self.mesh = (
-            self._detailed(f"{name}/mesh")
-            if self._levels
-            else self._meshed(
-                api, f"{name}/mesh", self._look.corners, self._look.triangles, self.usual_opacity
-            )
-        )
+        if self.levels:
+            self.mesh = self._detailed(name)
+        else:
+            self.mesh = self._meshed(api, name, whole.corners, whole.triangles, self.usual_opacity)
         if not self._reshaped:
             self._edges = api.add_line_segments(
-                f"{name}/edges", self.edges, EDGE, thickness=1.0, thickness_units="screen",
+                f"{self.path}/edges", self.edges, EDGE, thickness=1.0, thickness_units="screen",
                 visible=len(self.edges) > 0,
             )  # fmt: skip
 
@@ -190,12 +122,6 @@ class PartView:
     def plain(self) -> bool:
         """Whether it looks as its shape does at first."""
         return not (self._cut_away or self.coats or self._reshaped)
-
-    @property
-    def whole(self) -> Shape:
-        """Its shape."""
-        look = self._look
-        return Shape(look.corners, look.triangles, self.edges, look.flat, self._levels)
 
     @property
     def centre(self) -> np.ndarray:
@@ -210,7 +136,7 @@ class PartView:
     @property
     def triangles(self) -> tuple[np.ndarray, np.ndarray]:
         """Its vertices (n, 3), in its own frame and the page's units, and triangles (m, 3)."""
-        return self._look.corners, self._look.triangles
+        return self.whole.corners, self.whole.triangles
 
     def corners(self) -> np.ndarray:
         """Return its triangles' corners (n, 3, 3), in its own frame and the page's units.
@@ -219,19 +145,19 @@ class PartView:
         """
         if self.point:
             return np.stack((self.low, self.high))[_BOX, np.arange(3)]
-        return self._look.corners[self._look.triangles]
+        return self.whole.corners[self.whole.triangles]
 
     def reshape(self, part: Part, scale: float) -> None:
         """Take another shape; edges are not found again each time."""
         self.stand()
         self._reshaped = True
-        before, look = self._look, _look(part, scale, self._look, detailed=False)
-        self._look = look
-        if not np.array_equal(look.triangles, before.triangles):
-            self.mesh.faces = look.triangles.astype(np.uint32)
+        before = self.whole
+        self.whole = whole = shape_of(part, scale, before, detailed=False)
+        if not np.array_equal(whole.triangles, before.triangles):
+            self.mesh.faces = whole.triangles.astype(np.uint32)
         self.shape += 1
-        self.mesh.vertices = look.corners.astype(np.float32)
-        self.low, self.high = look.low, look.high
+        self.mesh.vertices = whole.corners.astype(np.float32)
+        self.low, self.high = whole.low, whole.high
         if self._edges is not None:
             self._edges.remove()
             self._edges = None
@@ -281,15 +207,15 @@ class PartView:
         """Add its mesh as the one instance of itself: only instances have levels of detail."""
         return self._api.add_batched_meshes_simple(
             name,
-            self._look.corners,
-            self._look.triangles,
+            self.whole.corners,
+            self.whole.triangles,
             batched_positions=np.zeros((1, 3)),
             batched_wxyzs=IDENTITY[None, 3:],
             batched_colors=linear(np.array([self.colour])),
-            flat_shading=self._look.flat,
+            flat_shading=self.whole.flat,
             side="double",
             opacity=None if self.usual_opacity >= 1.0 else self.usual_opacity,
-            lod=self._levels,
+            lod=self.levels,
             cast_shadow=False,
             receive_shadow=False,
         )
@@ -300,7 +226,7 @@ class PartView:
             vertices,
             triangles,
             color=self.colour if colour is None else colour,
-            flat_shading=self._look.flat or colour is not None,
+            flat_shading=self.whole.flat or colour is not None,
             side="double",
             opacity=None if opacity >= 1.0 else opacity,
             cast_shadow=False,

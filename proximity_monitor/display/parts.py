@@ -39,7 +39,8 @@ class _Group:
         self.look = PLAIN
         colours = np.array([view.colour for view in views])
         self._usual = views[0].usual_opacity
-        self._nodes = Instances(api, f"/instances/{k}", views[0].whole, colours)
+        first = views[0]
+        self._nodes = Instances(api, f"/instances/{k}", first.whole, colours, first.levels)
 
     def choose(self, looks: Mapping[str, Look]) -> None:
         """Take the look that most of them have."""

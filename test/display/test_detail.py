@@ -30,7 +30,7 @@ SCENE = SceneInfo(
 # How many triangles the balls are drawn with.
 TRIANGLES = """() => {
   let sum = 0;
-  window.__viserMutable.scene.traverse(each => {
+  window.__viserMutable?.scene?.traverse(each => {
     if (each.isInstancedMesh2) {
       const {index, drawRange} = each.geometry;
       sum += each.count * Math.min(index.count, drawRange.count) / 3;
