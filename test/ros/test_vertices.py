@@ -246,11 +246,11 @@ def test_bad_points_are_counted_by_reason_and_keep_nothing_fresh(soft, body):
     unread = soft.rejected("unreadable layout")
 
     def unreadable():
+        message = soft.cloud(rest, frame=body)  # stamped anew: a good one may have come since
+        message.fields = []
         soft.send(body, message)
         return soft.rejected("unreadable layout") > unread
 
-    message = soft.cloud(rest, frame=body)
-    message.fields = []
     soft.peer.wait(unreadable, "an unreadable cloud")
     soft.wait_for_gap(0.2, body)
 
