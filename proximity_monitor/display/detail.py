@@ -1,7 +1,7 @@
 """Parts that look small are drawn with fewer triangles: no card, or a slow one, draws all of them.
 
-The browser makes the coarser meshes (by meshoptimizer's quadric errors, at most 2 % of a part) and
-chooses among them in each frame, by how far the part is from its camera.
+The browser makes the coarser meshes (by meshoptimizer, which stops where its measure of the error
+is 2 % of the part), and chooses among them in each frame, by how far the part is from its camera.
 """
 
 from __future__ import annotations
