@@ -12,6 +12,7 @@ import shutil
 import signal
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -168,8 +169,12 @@ class Sources:
         return until(answered, f"parameter {name}").result().values[0].double_value
 
     def _spin(self):
+        from rclpy.executors import InvalidHandle
+
         while not self._ended.is_set():
-            self._executor.spin_once(timeout_sec=0.05)
+            # The executor trips over what a test's own thread destroys meanwhile, but can go on.
+            with suppress(InvalidHandle):
+                self._executor.spin_once(timeout_sec=0.05)
 
     def _keeper(self, name):
         def keep(message):
