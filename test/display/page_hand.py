@@ -36,6 +36,9 @@ CANVAS = "() => window.__viserMutable.canvas.getBoundingClientRect().toJSON()"
 CAMERA = "() => window.__viserMutable.camera.position.toArray()"
 # Comes when what is known now is drawn.
 DRAWN = "() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+# Comes when what was put into inputs is sent: the library sends one message in 50 ms, and of those
+# that come meanwhile the last one alone, whichever input it is of.
+SENT = "() => new Promise(done => setTimeout(done, 100))"
 # The texts of the labels that are shown under a node.
 TEXTS = """under => Object.entries(window.__viserSceneTree.getState())
   .filter(([name, node]) => name.startsWith(under) && node.effectiveVisibility)
@@ -99,6 +102,12 @@ def tab(page, name):
 def field(page, label, i=0):
     """The input with a label, or the i-th of several in a row."""
     return page.locator(f"xpath=//label[.='{label}']/ancestor::*[.//input][1]//input").nth(i)
+
+
+def enter(page, label, text, i=0):
+    """Put a text into an input, no faster than a hand goes on to the next one."""
+    field(page, label, i).fill(text)
+    page.evaluate(SENT)
 
 
 def button(page, name):

@@ -6,7 +6,19 @@ import base64
 
 import numpy as np
 import pytest
-from page_hand import CHOSEN, DRAWN, LENGTH, ON_SCREEN, button, choose, decoded, field, press, tab
+from page_hand import (
+    CHOSEN,
+    DRAWN,
+    LENGTH,
+    ON_SCREEN,
+    button,
+    choose,
+    decoded,
+    enter,
+    field,
+    press,
+    tab,
+)
 
 PAIR = "peg - block"
 
@@ -135,9 +147,9 @@ def put_there(page, wait, *place):
     """Type a position of the peg in mm, and wait until the page shows it there, upright."""
     choose(page, "peg")
     for i in range(3):
-        field(page, "Turn [deg]", i).fill("0")
+        enter(page, "Turn [deg]", "0", i)
     for i, number in enumerate(place):
-        field(page, "Position [mm]", i).fill(f"{number}")
+        enter(page, "Position [mm]", f"{number}", i)
     button(page, "Put it there").click()
     wait(lambda: at_place(page, place), f"the peg at {place}")
 

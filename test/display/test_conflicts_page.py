@@ -17,6 +17,7 @@ from page_hand import (
     button,
     choose,
     decoded,
+    enter,
     field,
     lines_of,
     press,
@@ -131,7 +132,7 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     field(page, "Status").fill("accepted")
     page.keyboard.press("ArrowDown")  # the list may open beyond the panel's half
     page.keyboard.press("Enter")
-    field(page, "Comment").fill("hält Abstand 间隙")
+    enter(page, "Comment", "hält Abstand 间隙")
     button(page, "Keep the status").click()
     told = "accepted at 200.000 mm: hält Abstand 间隙"
     wait(lambda: told in note.inner_text(), "the decision in the panel")

@@ -11,7 +11,7 @@ from urllib.request import ProxyHandler, build_opener
 import numpy as np
 import pytest
 from deadlines import DEADLINE_S, START_DEADLINE_S
-from page_hand import TEXTS, button, choose, field, listed, press, row, tab, word
+from page_hand import TEXTS, button, choose, enter, listed, press, row, tab, word
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -206,7 +206,7 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
     choose(page, "blade_1")  # it points up
     for height, told in ((0.3, "warn"), (0.6, "OVERLAP")):
         tab(page, "Move")
-        field(page, "Position [mm]", 2).fill(f"{height}")
+        enter(page, "Position [mm]", f"{height}", 2)
         button(page, "Put it there").click()
         tab(page, "Clearances")
         poses["blade_1"][2, 3] = 1e-3 * height

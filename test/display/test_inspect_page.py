@@ -21,6 +21,7 @@ from page_hand import (
     SAVE_MS,
     TEXTS,
     button,
+    enter,
     field,
     lines_of,
     row,
@@ -167,14 +168,14 @@ def test_each_part_is_as_transparent_as_one_likes(page, wait):
     field(page, "Look of").fill("peg")
     page.keyboard.press("ArrowDown")  # the list may open beyond the panel's half
     page.keyboard.press("Enter")
-    field(page, "Opacity", 1).fill("0.5")
+    enter(page, "Opacity", "0.5", 1)
     wait(lambda: page.evaluate(OPACITY, 0) == pytest.approx(0.5), "the peg to be transparent")
     assert page.evaluate(OPACITY, 1) == pytest.approx(0.4)
     assert page.evaluate(peg.IS_SHOWN, "/parts/0/edges")
     page.locator("input[type=checkbox]:visible").nth(1).click()
     wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/0/edges"), "its edges to go")
     assert page.evaluate(peg.IS_SHOWN, "/parts/1/edges")
-    field(page, "Opacity", 1).fill("1")
+    enter(page, "Opacity", "1", 1)
     page.locator("input[type=checkbox]:visible").nth(1).click()
     page.get_by_text("Picture", exact=True).click()
     wait(lambda: page.evaluate(OPACITY, 0) is None, "the peg to be opaque")
@@ -236,9 +237,9 @@ def test_the_plot_covers_nothing_of_a_small_window(page):
 
 def test_enter_puts_the_part_there_steps_go_down_to_a_micrometre_and_ctrl_z_undoes(put, page, wait):
     tab(page, "Move")
-    field(page, "Step [mm]").fill("0.001")
+    enter(page, "Step [mm]", "0.001")
     put(0, 0, 40)  # what was typed before is known when it is there
-    field(page, "Position [mm]", 0).fill("20.5")
+    enter(page, "Position [mm]", "20.5", 0)
     page.keyboard.press("Enter")
     wait(lambda: peg.at_place(page, (20.5, 0, 40)), "Enter to put it there")
     page.get_by_role("button", name="-Y", exact=True).click()
@@ -273,7 +274,7 @@ def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
     page.mouse.up()
     wait(lambda: peg.held(page)[0] == pytest.approx(far / 100.0, rel=0.2), "a hundredth of it")
     page.get_by_text("Snap drags to the steps").click()
-    field(page, "Step [mm]").fill("0.05")
+    enter(page, "Step [mm]", "0.05")
     put(0, 0, 40)
     peg.dragged(page, 0, 60)
     page.mouse.up()
@@ -372,14 +373,14 @@ def test_the_motion_is_sought_played_and_paused_from_the_page(page, wait):
     note = page.locator("#pm-motion")
     wait(lambda: re.fullmatch(r"At 0.00 of .*, speed 1e-09.", note.inner_text()), "the motion")
     before = peg.held(page)
-    field(page, "Moment [s]", 1).fill("2")
+    enter(page, "Moment [s]", "2", 1)
     wait(lambda: note.inner_text().startswith("At 2.00 of"), "the player to go there")
     wait(lambda: peg.held(page) != pytest.approx(before, abs=1e-3), "the peg to be elsewhere")
     button(page, "Pause").click()
     wait(lambda: note.inner_text().endswith("paused."), "the player to pause")
     page.get_by_role("button", name="Play", exact=True).click()
     wait(lambda: note.inner_text().endswith("speed 1e-09."), "the player to go on")
-    field(page, "Speed").fill("0.5")
+    enter(page, "Speed", "0.5")
     wait(lambda: note.inner_text().endswith("speed 0.5."), "the player to be faster")
     there = peg.held(page)
     wait(lambda: peg.held(page) != pytest.approx(there, abs=1e-3), "the peg to move")

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
-from page_hand import CHOSEN, NO_NOTES, button, field, listed, press, row, tab
+from page_hand import CHOSEN, NO_NOTES, button, enter, field, listed, press, row, tab
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -96,7 +96,7 @@ def test_a_part_with_a_chinese_name_is_moved(page, wait):
     page.keyboard.press("ArrowDown")
     page.keyboard.press("Enter")
     wait(lambda: float(field(page, "Position [mm]", 0).input_value()) == 120.0, "the part")
-    field(page, "Position [mm]", 0).fill("140")
+    enter(page, "Position [mm]", "140", 0)
     button(page, "Put it there").click()
     tab(page, "Clearances")
     wait(lambda: row(page, PAIR)[0] == pytest.approx(0.05), "the monitor to hear of it")
@@ -108,6 +108,6 @@ def test_thresholds_of_such_a_pair_are_set_by_the_sliders(page, wait):
     pair = page.locator(CHOSEN).get_attribute("data-pair")
     tab(page, "Limits")
     wait(lambda: page.get_by_text(f"of {pair}", exact=True).count(), "its own thresholds")
-    field(page, "warn [mm]", 1).fill("7")
+    enter(page, "warn [mm]", "7", 1)
     bar = page.locator(f"{CHOSEN} .pm-bar")
     wait(lambda: "warn 7.000 mm" in bar.get_attribute("title"), "the monitor to take it")

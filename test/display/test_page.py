@@ -20,6 +20,7 @@ from page_hand import (
     choose,
     decoded,
     drag,
+    enter,
     field,
     lines_of,
     listed,
@@ -42,7 +43,7 @@ def page(shared_page, sources, wait, eventually):
     page.evaluate("() => window.__viserMutable.resetCameraPose(false)")
     page.evaluate(DRAWN)
     tab(page, "Clearances")
-    field(page, "Search").fill("")
+    enter(page, "Search", "")
     for left_over in (CHOSEN, HIDDEN):
         while count := page.locator(left_over).count():
             press(page, left_over)
@@ -79,7 +80,7 @@ def put(taken, sources, wait):
 
     def put(axis, value):
         tab(taken, "Move")
-        field(taken, "Position [mm]", "xyz".index(axis)).fill(f"{value}")
+        enter(taken, "Position [mm]", f"{value}", "xyz".index(axis))
         button(taken, "Put it there").click()
         wait(lambda: at(sources, axis) == value * 1e-3, f"{axis} = {value} mm")
 

@@ -15,7 +15,7 @@ from page_hand import (
     choose,
     decoded,
     drag,
-    field,
+    enter,
     listed,
     press,
     row,
@@ -82,12 +82,12 @@ def test_choice_hide_and_search_belong_to_each_browser(two, wait):
     one.wait_for_selector(f'{CHOSEN}[data-pair="table - die"]')
     press(one, '[data-word="ignore:ball - die"]')
     wait(lambda: "ball - die" not in listed(one), "the pair to go")
-    field(one, "Search").fill("table")
+    enter(one, "Search", "table")
     wait(lambda: set(listed(one)) <= {"table - ball", "table - die", "table - cursor"}, "the rest")
     assert "ball - die" in listed(other)
     assert "die - cursor" in listed(other)
     assert other.locator(CHOSEN).count() == 0
-    field(one, "Search").fill("")
+    enter(one, "Search", "")
     press(one, '[data-word="ignore:ball - die"]')
     press(one, CHOSEN)
     wait(lambda: "ball - die" in listed(one) and not one.locator(CHOSEN).count(), "all again")
