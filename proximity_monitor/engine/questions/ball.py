@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import CUT
+from ..kernels.base.state import CUT, MeshTree, RevolutionTree, SurfaceTree
 from ..kernels.inside.ball_state import FULL, NONE, ball_table
 from ..kernels.inside.solids import HALF
 from ..kernels.pairs.balls import BALLS
@@ -37,6 +37,15 @@ made of patches. Where a whole region of a surface is deepest, or as far from th
 nothing ends the search for more digits than these tell."""
 
 _NO_ROW = np.empty(0)
+
+_KINDS = MeshTree, SurfaceTree, RevolutionTree
+"""The kinds of solids; of unlike ones kernels take the later one first."""
+
+
+def _kind_of(model: Model) -> type:
+    """The kind of a solid's tree; whatever its volumes are, a mesh's is of one."""
+    hierarchy = model._hierarchy
+    return hierarchy.tree_kind if are_divided(hierarchy) else MeshTree
 
 
 class BallSearch:
@@ -71,9 +80,9 @@ class BallSearch:
 
     def _choose(self) -> int:
         """Choose the kernels for both kinds of models; returns which model these take first."""
-        a, b = (are_divided(model._hierarchy) for model in self._models)
-        self._entries = BALLS[a or b, a and b]
-        return int(b and not a)
+        a, b = (_KINDS.index(_kind_of(model)) for model in self._models)
+        self._entries = BALLS[_KINDS[max(a, b)], _KINDS[min(a, b)]]
+        return int(b > a)
 
     def begin(
         self,

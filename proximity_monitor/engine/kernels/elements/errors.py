@@ -33,7 +33,7 @@ def _they_meet(tree):
     return 0.0
 
 
-@implements(joints_err, SurfaceTree)
+@implements(joints_err, (SurfaceTree, RevolutionTree))
 @inlined
 def _gaps(tree):
     return tree.scale[JOINTS]

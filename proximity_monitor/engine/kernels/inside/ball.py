@@ -18,7 +18,7 @@ import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import CUT, ENDED, MeshTree, SurfaceTree
+from ..base.state import CUT, ENDED, MeshTree, RevolutionTree, SurfaceTree
 from .ball_bowls import bowls
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
@@ -146,13 +146,14 @@ def _tangent_unlike(tree_a, tree_b, k, state, centre, half, row):
     return _tangent_alike(tree_b, tree_b, k, state, centre, half, row)
 
 
-for _kind in (MeshTree, SurfaceTree):
+for _kind in (MeshTree, SurfaceTree, RevolutionTree):
     implements(_plane, _kind, _kind)(_plane_of_alike)
     implements(_sound_trial, _kind, _kind)(_sound_alike)
     implements(_tangent, _kind, _kind)(_tangent_alike)
-implements(_plane, SurfaceTree, MeshTree)(_plane_of_unlike)
-implements(_sound_trial, SurfaceTree, MeshTree)(_sound_unlike)
-implements(_tangent, SurfaceTree, MeshTree)(_tangent_unlike)
+for _kinds in (SurfaceTree, MeshTree), (RevolutionTree, (SurfaceTree, MeshTree)):
+    implements(_plane, *_kinds)(_plane_of_unlike)
+    implements(_sound_trial, *_kinds)(_sound_unlike)
+    implements(_tangent, *_kinds)(_tangent_unlike)
 
 
 @shared

@@ -34,7 +34,7 @@ from numba import float32
 
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
-from ..base.state import MeshTree, SurfaceTree
+from ..base.state import MeshTree, RevolutionTree, SurfaceTree
 from ..base.vectors import along, dot, moved, norm, rotated, scaled
 from ..tree.layout import WIDTH
 from . import visit
@@ -146,7 +146,7 @@ def bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare,
     """
 
 
-@implements(bowls, (MeshTree, SurfaceTree), MeshTree)
+@implements(bowls, (MeshTree, SurfaceTree, RevolutionTree), MeshTree)
 @inlined
 def _none(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
     return False, 0

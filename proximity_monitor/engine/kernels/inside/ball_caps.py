@@ -31,7 +31,7 @@ from numba import float32, uint64
 
 from ..base.jit import implements, inlined, kernel, loop16, shared
 from ..base.memory import on_stack
-from ..base.state import MeshTree
+from ..base.state import MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, norm, rotated, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import (
@@ -142,12 +142,16 @@ def _meet(query, tree, t, answer):
     return answer
 
 
-@shared
 def cap_height(tree, o, n, radius, height, top, slack, stack):
     """How high along n over o the surface reaches within `radius`: a bound, and the steps it took.
 
-    At least `height`; infinity where it is above `top`, or takes too long to tell.
+    At least `height`; infinity where it is above `top`, or takes too long to tell. A stub.
     """
+
+
+@implements(cap_height, (MeshTree, SurfaceTree))
+@shared
+def _by_volumes(tree, o, n, radius, height, top, slack, stack):
     bounds, gaps = on_stack(ROOM, 0.0), on_stack(WIDTH, np.float32(0.0))
     near = float32(min(radius / tree.scale[0] * (1.0 + 1e-6), 1e29))
     fine = max(FINE_SPARE * height, FINE_TOP * top)

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, shared
-from ..base.state import MeshTree, SurfaceTree
+from ..base.state import MeshTree, RevolutionTree, SurfaceTree
 from ..base.vectors import along, cross, dot, moved, rotated, scaled, sub, unit
 from .ball_cells import limit_of
 from .ball_state import NEWTON
@@ -97,7 +97,7 @@ def begin_newton(tree_a, tree_b, state):
     """
 
 
-@implements(begin_newton, (MeshTree, SurfaceTree), MeshTree)
+@implements(begin_newton, (MeshTree, SurfaceTree, RevolutionTree), MeshTree)
 @inlined
 def _none(tree_a, tree_b, state):
     state.at[0].newtons = 0

@@ -25,7 +25,7 @@ from ..base.jit import implements, inlined, kernel, loop16
 from ..base.memory import on_stack
 from ..base.precise import orientation
 from ..base.rounding import DOUBLE_EPS, SINGLE_LIMIT
-from ..base.state import MeshTree
+from ..base.state import MeshTree, SurfaceTree
 from ..elements.errors import joints_err
 from ..tree.layout import (
     CENTRE_X,
@@ -206,14 +206,18 @@ def _meet(query, tree, t, answer):
     return UNKNOWN if answer == UNKNOWN or crossing == UNKNOWN else answer + crossing
 
 
-@kernel
 def winding_number(tree, p, slack, stack, gaps):
     """Winding number of a closed surface around p, both in the model's frame, metres; or UNKNOWN.
 
     Proven for every point within `slack` of p where the surface is farther than 2 `slack`, slack
     being at least 16 u of the largest coordinates; and as far again as `joints_err`, where that is
-    not 0.
+    not 0. A stub: see `implements`.
     """
+
+
+@implements(winding_number, (MeshTree, SurfaceTree))
+@kernel
+def _by_rays(tree, p, slack, stack, gaps):
     slack += joints_err(tree)
     unit = tree.scale[0]
     x = p[0] / unit - tree.centres[0, 0]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import namedtuple
 
 from ..base.jit import entry, specialised
-from ..base.state import MeshTree, SurfaceTree
+from ..base.state import MeshTree, RevolutionTree, SurfaceTree
 from ..inside.ball import search_ball
 from ..inside.ball_begin import begin_ball
 from ..inside.ball_feet import write_ball
 from ..inside.ball_seeds import add_seeds
-from ..surface import solid  # noqa: F401 - it implements what surfaces are asked for
+from ..revolution import solid  # noqa: F401 - it implements what surfaces are asked for, as well
 
 Entries = namedtuple("Entries", "begin search write add_seeds")
 """What begins a search, goes on with it, writes what it found, and adds seeds."""
@@ -28,9 +28,14 @@ def _entries(first, second, name):
 
 
 BALLS = {
-    (False, False): _MESHES,
-    (True, True): _entries(SurfaceTree, SurfaceTree, "of_surfaces"),
-    (True, False): _entries(SurfaceTree, MeshTree, "of_surface_and_mesh"),
+    (MeshTree, MeshTree): _MESHES,
+    (SurfaceTree, MeshTree): _entries(SurfaceTree, MeshTree, "of_surface_and_mesh"),
+    (SurfaceTree, SurfaceTree): _entries(SurfaceTree, SurfaceTree, "of_surfaces"),
+    (RevolutionTree, MeshTree): _entries(RevolutionTree, MeshTree, "of_revolution_and_mesh"),
+    (RevolutionTree, SurfaceTree): _entries(
+        RevolutionTree, SurfaceTree, "of_revolution_and_surface"
+    ),
+    (RevolutionTree, RevolutionTree): _entries(RevolutionTree, RevolutionTree, "of_revolutions"),
 }
-"""By whether the first and the second solid are parametric surfaces. One that is comes first.
-Whatever its volumes are, any mesh's are taken for swept spheres."""
+"""By the types of both solids' trees, in this order: of unlike ones the solid of revolution comes
+first, and the mesh last. Whatever its volumes are, any mesh's are taken for swept spheres."""

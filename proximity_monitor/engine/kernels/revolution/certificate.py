@@ -19,10 +19,10 @@ positive, and its change larger."""
 _LEAST = 0.2
 """Share of b's distance from a's axis that has to be left of it over the box."""
 
-_SPARE = 1e-9
+SPARE = 1e-9
 """Share of the Hessian's entries by which it is taken for less positive, beyond all rounding."""
 
-_LOST = 1e-13
+LOST = 1e-13
 """What rounding does to a derivative, at most, as a share of its limit."""
 
 
@@ -42,9 +42,9 @@ def _positive(h, v, free_s, free_t):
         c -= v21
     else:
         b, h10, h21 = 1.0, 0.0, 0.0
-    a -= _SPARE * abs(h00)
-    b -= _SPARE * abs(h11)
-    c -= _SPARE * abs(h22)
+    a -= SPARE * abs(h00)
+    b -= SPARE * abs(h11)
+    c -= SPARE * abs(h22)
     if not a > 0.0:
         return False
     p, q = h10 / a, h20 / a
@@ -135,14 +135,14 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
         free_s, free_t = True, True
         if (s <= a0 and g_s > 0.0) or (s >= a1 and g_s < 0.0):
             free_s = not abs(g_s) > 1.001 * (
-                abs(h[0]) + v[0] + abs(h[1]) + v[1] + abs(h[3]) + v[3] + _LOST * la[0] * rs
+                abs(h[0]) + v[0] + abs(h[1]) + v[1] + abs(h[3]) + v[3] + LOST * la[0] * rs
             )
         if (t <= b0 and g_t > 0.0) or (t >= b1 and g_t < 0.0):
             free_t = not abs(g_t) > 1.001 * (
-                abs(h[2]) + v[2] + abs(h[1]) + v[1] + abs(h[4]) + v[4] + _LOST * lb[0] * rt
+                abs(h[2]) + v[2] + abs(h[1]) + v[1] + abs(h[4]) + v[4] + LOST * lb[0] * rt
             )
         if _positive(h, v, free_s, free_t):
-            lost = abs(g_a) + _LOST * (la[0] * rs + lb[0] * rt + r0 * ra)
+            lost = abs(g_a) + LOST * (la[0] * rs + lb[0] * rt + r0 * ra)
             if free_s:
                 lost += max(-g_s * (a0 - s), -g_s * (a1 - s), 0.0) / rs
             if free_t:

@@ -23,7 +23,7 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import SurfaceTree
+from ..base.state import RevolutionTree, SurfaceTree
 from ..base.vectors import cross, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.angles import half_side, is_outside
@@ -70,13 +70,13 @@ def _ray_steps(tree):
     return _STEPS
 
 
-@implements(half_side, SurfaceTree)
+@implements(half_side, (SurfaceTree, RevolutionTree))
 @inlined
 def _no_half(tree, region, p, least, slack, stack):
     return 0, 0.0, 1
 
 
-@implements(is_outside, SurfaceTree)
+@implements(is_outside, (SurfaceTree, RevolutionTree))
 @inlined
 def _not_known(tree, region, p, radius, q, slack, stack):
     return False, 1

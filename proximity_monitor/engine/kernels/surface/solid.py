@@ -23,7 +23,7 @@ _SHARE, _LARGEST_SHARE = 0.2, 0.01
 
 
 @kernel
-def _share_of(at):
+def share_of(at):
     """The share of itself by which a distance may err."""
     tolerated = at.rel_err
     if at.radius > 0.0:
@@ -34,7 +34,7 @@ def _share_of(at):
 @implements(feet.seek, SurfaceTree)
 @inlined
 def _seek(tree, p, k, at, point, stack, reached, found, steps):
-    query = Foot(p, at.slack, 4.0 * at.slack, _share_of(at))
+    query = Foot(p, at.slack, 4.0 * at.slack, share_of(at))
     top = at.height
     answer = unlooked(FAR, point.near[k], 0.0, 0.0)
     if top == 0:

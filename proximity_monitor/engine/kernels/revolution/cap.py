@@ -1,0 +1,129 @@
+"""How high a solid of revolution reaches within a ball, over a plane: see `inside/ball_caps.py`.
+
+Let o be the ball's centre, R its radius, and n the plane's normal, with the parts n_rho and n_z in
+the half-plane of o and n_t beside it; rho_o is o's distance from the axis. A point of the surface,
+(rho, z) turned by theta out of that half-plane, is at the height
+
+    n . (y - o) = h + |n_rho| rho (1 - cos theta) + n_t rho sin theta     where n_rho < 0,
+
+h being that of (rho, z) in the half-plane; where n_rho >= 0 the second term is negative. With d the
+distance in the half-plane, |y - o|² = d² + 2 rho rho_o (1 - cos theta) <= R². So d <= R,
+
+    rho (1 - cos theta) <= min(2 rho, (R² - d²) / (2 rho_o)),
+
+and |rho sin theta| <= R. All that is left is what the profile does in a circle of radius R.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import inlined, kernel, shared
+from ..base.memory import on_stack, table_on_stack
+from ..base.state import NONE
+from ..base.vectors import dot
+from ..inside.ball_caps import FINE_SPARE, FINE_TOP
+from .meridian import axis_of, chord_of, from_chord, from_segment, place_in, thickness
+
+_STACK = 128
+"""Arcs that may wait: twice as many as a tree is deep; and parts of one."""
+
+_PARTS = 128
+"""Parts that an arc is divided into."""
+
+
+@inlined
+def _rise(square, distance, rho, most, steep):
+    """How much higher than in the half-plane what turns out of it may be, metres."""
+    if not steep > 0.0:
+        return 0.0
+    left = max(square - distance * distance, 0.0)
+    turned = 2.0 * most
+    if left < 2.0 * rho * turned:
+        turned = left / (2.0 * rho)
+    return steep * turned
+
+
+@kernel
+def _height_of_part(curve, low, high, rho, z, n, radius, steep, margin, answer, fine, top):
+    """The height when a part of a piece has been looked into as well, and looks; see `descend`."""
+    rows = table_on_stack(16, 3, 0.0)
+    lows, highs = on_stack(_STACK, 0.0), on_stack(_STACK, 0.0)
+    lows[0], highs[0] = low, high
+    count, looks, square, seen = 1, 0, radius * radius, answer
+    while count > 0:
+        count -= 1
+        low, high = lows[count], highs[count]
+        x0, z0, x1, z1, far = chord_of(curve, low, high, rows)
+        away = from_segment(rho, z, x0, z0, x1, z1) - far - margin
+        if away >= radius:
+            continue
+        away = max(away, 0.0)
+        most, wide = -np.inf, 0.0
+        for i in range(curve.degree + 1):
+            x, y = rows[i, 0] / rows[i, 2], rows[i, 1] / rows[i, 2]
+            most, wide = max(most, n[0] * (x - rho) + n[1] * (y - z)), max(wide, x)
+        most += _rise(square, away, rho, wide, steep) + margin
+        if most <= answer:
+            continue
+        looks += 1
+        for x, y in ((x0, z0), (x1, z1)):
+            x, y = x - rho, y - z
+            if x * x + y * y < square:
+                seen = max(seen, n[0] * x + n[1] * y)
+        if seen > top:
+            return np.inf, looks
+        middle = 0.5 * (low + high)
+        if most <= seen + fine or looks > _PARTS or not low < middle < high:
+            answer = max(answer, most)
+            if answer > top:
+                return np.inf, looks
+            continue
+        lows[count], highs[count] = low, middle
+        lows[count + 1], highs[count + 1] = middle, high
+        count += 2
+    return answer, looks
+
+
+@shared
+def height_within(tree, o, n, radius, height, top):
+    """How high along n over o the surface reaches within `radius`, metres: a bound; and looks.
+
+    At least `height`; infinity where it is above `top`.
+    """
+    arcs = tree.arcs
+    at = place_in(tree, o, n)
+    rho, z = at.rho, at.z
+    flat = (dot(n, at.across), dot(n, axis_of(tree)))
+    steep = max(-flat[0], 0.0)
+    margin = at.margin + abs(dot(n, at.along)) * radius
+    fine, square = max(FINE_SPARE * height, FINE_TOP * top), radius * radius
+    stack = on_stack(_STACK, np.int32(0))
+    stack[0] = 0
+    count, looks, answer = 1, 0, height
+    while count > 0:
+        count -= 1
+        arc = arcs[stack[count]]
+        looks += 1
+        thick = thickness(arc)
+        away = from_chord(arc, rho, z) - thick - margin
+        if away >= radius:
+            continue
+        x, y = arc.middle[0] - rho, arc.middle[1] - z
+        most = flat[0] * x + flat[1] * y + abs(flat[0] * arc.half[0] + flat[1] * arc.half[1])
+        wide = arc.middle[0] + abs(arc.half[0]) + thick
+        most += thick + _rise(square, max(away, 0.0), rho, wide, steep) + margin
+        if most <= answer:
+            continue
+        if arc.child != NONE and count + 2 <= _STACK:
+            stack[count], stack[count + 1] = arc.child, arc.child + 1
+            count += 2
+            continue
+        answer, more = _height_of_part(
+            tree.curves[arc.curve], arc.low, arc.high, rho, z, flat, radius, steep, margin,
+            answer, fine, top,
+        )  # fmt: skip
+        looks += 2 * more
+        if answer == np.inf:
+            return np.inf, looks
+    return answer, looks

@@ -1,0 +1,152 @@
+"""Points in the half-plane through a solid's axis, and how far they are from its fat arcs.
+
+The surface is the same in every half-plane through the axis. So the point of it that is nearest to
+a given one lies in that one's half-plane, and is the profile's nearest point there.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.rounding import DOUBLE_EPS
+from ..base.state import SurfaceTree
+from ..base.vectors import dot, norm, sub
+from .bound import bulge
+from .profile import put_part
+
+Place = namedtuple("Place", "rho z across along margin")
+"""A point: its distance from the axis and its height, metres; the unit vectors in the model's frame
+from the axis to it, and beside that; and what all that is found of it may err by, metres."""
+
+_MARGIN = 2048.0 * DOUBLE_EPS
+"""That error, as a share of P, the length that arcs err by a share of, and of the point's distance
+from the frame's origin. Points of pieces err by 120 u P (see arcs.py), the frame's coordinates of
+the point by less than 16 u of its distance, a distance between them by a few u of both.
+"""
+
+
+@inlined
+def patches_of(tree):
+    """The hierarchy of the patches alone: what it is asked is compiled for surfaces already."""
+    return SurfaceTree(
+        tree.nodes, tree.centres, tree.children, tree.sizes, tree.pieces, tree.nets, tree.scale,
+        tree.trims,
+    )  # fmt: skip
+
+
+@inlined
+def _row(frame, i):
+    return (frame[i, 0], frame[i, 1], frame[i, 2])
+
+
+@inlined
+def axis_of(tree):
+    """The unit vector of the axis, model frame."""
+    return _row(tree.frame, 2)
+
+
+@kernel
+def place_in(tree, p, way):
+    """The Place of a point of the model's frame, metres.
+
+    Where it lies on the axis each half-plane is as good: the one that a vector, `way`, points into.
+    """
+    frame = tree.frame
+    d = sub(p, _row(frame, 3))
+    ex, ey = _row(frame, 0), _row(frame, 1)
+    x, y, z = dot(d, ex), dot(d, ey), dot(d, _row(frame, 2))
+    rho = np.sqrt(x * x + y * y)
+    margin = _MARGIN * (frame[4, 0] + norm(d))
+    c, s = x, y
+    if not rho > 0.0:
+        c, s = dot(way, ex), dot(way, ey)
+    length = np.sqrt(c * c + s * s)
+    c, s = (c / length, s / length) if length > 0.0 else (1.0, 0.0)
+    across = (c * ex[0] + s * ey[0], c * ex[1] + s * ey[1], c * ex[2] + s * ey[2])
+    along = (c * ey[0] - s * ex[0], c * ey[1] - s * ex[1], c * ey[2] - s * ex[2])
+    return Place(rho, z, across, along, margin)
+
+
+@kernel
+def angle_of(tree, p):
+    """The angle about the axis of a point of the model's frame, radians."""
+    d = sub(p, _row(tree.frame, 3))
+    return np.arctan2(dot(d, _row(tree.frame, 1)), dot(d, _row(tree.frame, 0)))
+
+
+@inlined
+def from_chord(arc, rho, z):
+    """The distance of a point from an arc's chord, metres; the arc is within `thickness` of it."""
+    x, y = rho - arc.middle[0], z - arc.middle[1]
+    square = arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1]
+    s = (x * arc.half[0] + y * arc.half[1]) / square if square > 0.0 else 0.0
+    s = min(max(s, -1.0), 1.0)
+    x, y = x - s * arc.half[0], y - s * arc.half[1]
+    return np.sqrt(x * x + y * y)
+
+
+@inlined
+def thickness(arc):
+    """How far a part of the profile may be from its arc's chord, metres."""
+    return bulge(arc) + arc.error
+
+
+@kernel
+def from_arc(arc, rho, z):
+    """The distance of a point from an arc, metres; and about where on it, from -1 to 1.
+
+    With b the point's height over the chord and q that of the centre, the difference of the squares
+    of its distance from the centre and of the radius is a² + b² - h² - 2 b q: nothing cancels where
+    the arc is nearly straight.
+    """
+    x, y = rho - arc.middle[0], z - arc.middle[1]
+    half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
+    if not half > 0.0:
+        return np.sqrt(x * x + y * y), 0.0
+    ux, uz = arc.half[0] / half, arc.half[1] / half
+    a, b = x * ux + y * uz, y * ux - x * uz
+    if arc.sine != 0.0:
+        side, sine = (1.0, arc.sine) if arc.sine > 0.0 else (-1.0, -arc.sine)
+        radius = half / sine
+        middle = -side * radius * arc.cosine
+        up = side * (b - middle)
+        if abs(a) * arc.cosine <= up * sine:
+            far = np.sqrt(a * a + up * up)
+            off = abs(a * a + b * b - half * half - 2.0 * b * middle) / (far + radius)
+            return off, min(max(a / (far * sine), -1.0), 1.0)
+        s = 1.0 if a > 0.0 else -1.0
+    else:
+        s = min(max(a / half, -1.0), 1.0)
+    a -= s * half
+    return np.sqrt(a * a + b * b), s
+
+
+@kernel
+def chord_of(curve, low, high, rows):
+    """The ends of a part of a piece, and how far it may be from the chord between them, metres.
+
+    Its control points are left in `rows`. The part lies in their convex hull.
+    """
+    put_part(curve, low, high, rows)
+    n = curve.degree
+    x0, z0 = rows[0, 0] / rows[0, 2], rows[0, 1] / rows[0, 2]
+    x1, z1 = rows[n, 0] / rows[n, 2], rows[n, 1] / rows[n, 2]
+    far = 0.0
+    for i in range(1, n):
+        x, z = rows[i, 0] / rows[i, 2], rows[i, 1] / rows[i, 2]
+        far = max(far, from_segment(x, z, x0, z0, x1, z1))
+    return x0, z0, x1, z1, far
+
+
+@inlined
+def from_segment(x, z, x0, z0, x1, z1):
+    """The distance of a point from a segment, metres."""
+    hx, hz, x, z = x1 - x0, z1 - z0, x - x0, z - z0
+    square = hx * hx + hz * hz
+    s = (x * hx + z * hz) / square if square > 0.0 else 0.0
+    s = min(max(s, 0.0), 1.0)
+    x, z = x - s * hx, z - s * hz
+    return np.sqrt(x * x + z * z)
