@@ -24,12 +24,13 @@ from ..base.state import NONE
 from ..base.vectors import dot
 from ..inside.ball_caps import FINE_SPARE, FINE_TOP
 from .meridian import axis_of, chord_of, from_chord, from_segment, place_in, thickness
+from .reach import reach_from_middle
 
 _STACK = 128
 """Arcs that may wait: twice as many as a tree is deep; and parts of one."""
 
-_PARTS = 128
-"""Parts that an arc is divided into."""
+_PARTS, _HALVES = 128, 32
+"""Parts that an arc is divided into, and how many may wait."""
 
 
 @inlined
@@ -42,6 +43,66 @@ def _rise(square, distance, rho, most, steep):
     if left < 2.0 * rho * turned:
         turned = left / (2.0 * rho)
     return steep * turned
+
+
+@kernel
+def _height_of_arc(arc, rho, z, n, radius, steep, margin, answer, fine, top):
+    """The height when an arc has been looked into as well; looks; and whether that was enough.
+
+    The arc is halved until what lies in the circle is known as closely as is asked for. That its
+    error does not allow is left to `_height_of_part`.
+    """
+    rows = table_on_stack(_HALVES, 6, 0.0)
+    rows[0, 0], rows[0, 1], rows[0, 2], rows[0, 3] = (
+        arc.middle[0], arc.middle[1], arc.half[0], arc.half[1]
+    )  # fmt: skip
+    rows[0, 4], rows[0, 5] = arc.sine, arc.cosine
+    count, looks, seen = 1, 0, answer
+    square, error = radius * radius, arc.error
+    while count > 0:
+        count -= 1
+        row = rows[count]
+        mx, mz, hx, hz, sine, cosine = row[0], row[1], row[2], row[3], row[4], row[5]
+        mx, mz = mx - rho, mz - z
+        rise = np.sqrt(hx * hx + hz * hz) * sine / (1.0 + cosine)
+        away = from_segment(0.0, 0.0, mx - hx, mz - hz, mx + hx, mz + hz) - abs(rise) - error
+        away = max(away - margin, 0.0)
+        if away >= radius:
+            continue
+        looks += 1
+        most = n[0] * mx + n[1] * mz + reach_from_middle(hx, hz, sine, cosine, n[0], n[1])
+        wide = rho + mx + abs(hx) + abs(rise) + error
+        most += error + _rise(square, away, rho, wide, steep) + margin
+        if most <= answer:
+            continue
+        for side in (-1.0, 1.0):
+            x, y = mx + side * hx, mz + side * hz
+            off = np.sqrt(x * x + y * y) + error
+            if off < radius:
+                turned = _rise(square, off, rho, max(rho + x - error, 0.0), steep)
+                seen = max(seen, n[0] * x + n[1] * y - error + turned)
+        if seen > top:
+            return np.inf, looks, True
+        if most <= seen + fine:
+            answer = max(answer, most)
+            continue
+        if most - seen < 4.0 * error or count + 2 > _HALVES or looks > _PARTS:
+            return answer, looks, False
+        # Over the middle of a chord the arc is `rise` to its left.
+        half = np.sqrt(hx * hx + hz * hz)
+        ux, uz = (hx / half, hz / half) if half > 0.0 else (1.0, 0.0)
+        px, pz = 0.5 * (hx - rise * uz), 0.5 * (hz + rise * ux)
+        qx, qz = 0.5 * (hx + rise * uz), 0.5 * (hz - rise * ux)
+        cosine = np.sqrt(0.5 * (1.0 + cosine))
+        sine = 0.5 * sine / cosine
+        for k in range(2):
+            side = 1.0 if k else -1.0
+            row = rows[count + k]
+            row[2], row[3] = (qx, qz) if k else (px, pz)
+            row[0], row[1] = mx + rho + side * hx - side * row[2], mz + z + side * hz - side * row[3]
+            row[4], row[5] = sine, cosine
+        count += 2
+    return answer, looks, True
 
 
 @kernel
@@ -68,9 +129,11 @@ def _height_of_part(curve, low, high, rho, z, n, radius, steep, margin, answer, 
             continue
         looks += 1
         for x, y in ((x0, z0), (x1, z1)):
-            x, y = x - rho, y - z
-            if x * x + y * y < square:
-                seen = max(seen, n[0] * x + n[1] * y)
+            wide, x, y = x, x - rho, y - z
+            off = np.sqrt(x * x + y * y)
+            if off < radius:
+                turned = _rise(square, off, rho, max(wide, 0.0), steep)
+                seen = max(seen, n[0] * x + n[1] * y + turned)
         if seen > top:
             return np.inf, looks
         middle = 0.5 * (low + high)
@@ -119,11 +182,17 @@ def height_within(tree, o, n, radius, height, top):
             stack[count], stack[count + 1] = arc.child, arc.child + 1
             count += 2
             continue
-        answer, more = _height_of_part(
-            tree.curves[arc.curve], arc.low, arc.high, rho, z, flat, radius, steep, margin,
-            answer, fine, top,
-        )  # fmt: skip
-        looks += 2 * more
-        if answer == np.inf:
+        found, more, known = _height_of_arc(
+            arc, rho, z, flat, radius, steep, margin, answer, fine, top
+        )
+        looks += more
+        if not known:
+            found, more = _height_of_part(
+                tree.curves[arc.curve], arc.low, arc.high, rho, z, flat, radius, steep, margin,
+                answer, fine, top,
+            )  # fmt: skip
+            looks += 4 * more
+        answer = found
+        if answer > top:
             return np.inf, looks
     return answer, looks

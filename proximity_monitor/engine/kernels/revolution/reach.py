@@ -42,23 +42,24 @@ def arc_at(arcs, own, i):
 @inlined
 def _reach(arc, x, z):
     """What a fat arc reaches along a vector of the plane."""
-    length = np.sqrt(x * x + z * z)
-    base = x * arc.middle[0] + z * arc.middle[1] + arc.error * length
-    hx, hz = arc.half[0], arc.half[1]
+    reach = reach_from_middle(arc.half[0], arc.half[1], arc.sine, arc.cosine, x, z)
+    return x * arc.middle[0] + z * arc.middle[1] + arc.error * np.sqrt(x * x + z * z) + reach
+
+
+@inlined
+def reach_from_middle(hx, hz, sine, cosine, x, z):
+    """What an arc reaches along a vector from the middle of its chord; the numbers are an ARC's."""
     along = x * hx + z * hz
-    if arc.sine != 0.0:
+    if sine != 0.0:
         # Where the vector is a normal of the arc, by r (|v| - cos(alpha) v . bulge), r = half /
         # sin(alpha): written so that nothing cancels where the arc is nearly straight.
-        sine = abs(arc.sine)
         up = hx * z - hz * x
-        up = up if arc.sine > 0.0 else -up
-        if up > 0.0 and abs(along) * arc.cosine <= up * sine:
-            half = np.sqrt(hx * hx + hz * hz)
+        up, sine = (up, sine) if sine > 0.0 else (-up, -sine)
+        if up > 0.0 and abs(along) * cosine <= up * sine:
+            half, length = np.sqrt(hx * hx + hz * hz), np.sqrt(x * x + z * z)
             risen = up * sine
-            return base + (along * along + risen * risen) / (
-                sine * (half * length + up * arc.cosine)
-            )
-    return base + abs(along)
+            return (along * along + risen * risen) / (sine * (half * length + up * cosine))
+    return abs(along)
 
 
 @inlined
