@@ -150,10 +150,10 @@ for _kind in (MeshTree, SurfaceTree, RevolutionTree):
     implements(_plane, _kind, _kind)(_plane_of_alike)
     implements(_sound_trial, _kind, _kind)(_sound_alike)
     implements(_tangent, _kind, _kind)(_tangent_alike)
-for _kinds in (SurfaceTree, MeshTree), (RevolutionTree, (SurfaceTree, MeshTree)):
-    implements(_plane, *_kinds)(_plane_of_unlike)
-    implements(_sound_trial, *_kinds)(_sound_unlike)
-    implements(_tangent, *_kinds)(_tangent_unlike)
+for _kind in (SurfaceTree, RevolutionTree):
+    implements(_plane, _kind, MeshTree)(_plane_of_unlike)
+    implements(_sound_trial, _kind, MeshTree)(_sound_unlike)
+    implements(_tangent, _kind, MeshTree)(_tangent_unlike)
 
 
 @shared

@@ -27,15 +27,17 @@ def _entries(first, second, name):
     ))  # fmt: skip
 
 
+_SURFACES = _entries(SurfaceTree, SurfaceTree, "of_surfaces")
+
 BALLS = {
     (MeshTree, MeshTree): _MESHES,
     (SurfaceTree, MeshTree): _entries(SurfaceTree, MeshTree, "of_surface_and_mesh"),
-    (SurfaceTree, SurfaceTree): _entries(SurfaceTree, SurfaceTree, "of_surfaces"),
+    (SurfaceTree, SurfaceTree): _SURFACES,
     (RevolutionTree, MeshTree): _entries(RevolutionTree, MeshTree, "of_revolution_and_mesh"),
-    (RevolutionTree, SurfaceTree): _entries(
-        RevolutionTree, SurfaceTree, "of_revolution_and_surface"
-    ),
+    (RevolutionTree, SurfaceTree): _SURFACES,
     (RevolutionTree, RevolutionTree): _entries(RevolutionTree, RevolutionTree, "of_revolutions"),
 }
 """By the types of both solids' trees, in this order: of unlike ones the solid of revolution comes
-first, and the mesh last. Whatever its volumes are, any mesh's are taken for swept spheres."""
+first, and the mesh last. Whatever its volumes are, any mesh's are taken for swept spheres; a solid
+of revolution beside a surface is taken for its patches.
+"""

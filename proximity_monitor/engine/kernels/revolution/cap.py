@@ -99,7 +99,10 @@ def _height_of_arc(arc, rho, z, n, radius, steep, margin, answer, fine, top):
             side = 1.0 if k else -1.0
             row = rows[count + k]
             row[2], row[3] = (qx, qz) if k else (px, pz)
-            row[0], row[1] = mx + rho + side * hx - side * row[2], mz + z + side * hz - side * row[3]
+            row[0], row[1] = (
+                mx + rho + side * hx - side * row[2],
+                mz + z + side * hz - side * row[3],
+            )
             row[4], row[5] = sine, cosine
         count += 2
     return answer, looks, True

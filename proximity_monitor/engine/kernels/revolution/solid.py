@@ -6,7 +6,7 @@ What that finds is told as a point of the patches, so that all else is asked of 
 from __future__ import annotations
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import RevolutionTree, SurfaceTree
+from ..base.state import RevolutionTree
 from ..elements.errors import joints_err
 from ..inside import feet
 from ..inside.ball_bowls import bowls
@@ -102,32 +102,16 @@ def _corner(tree, element):
     return feet.corner_of(patches_of(tree), element)
 
 
-def _of_patches(tree):
-    """The hierarchy of a surface's patches: a stub."""
-
-
-@implements(_of_patches, SurfaceTree)
-@inlined
-def _surface(tree):
-    return tree
-
-
-implements(_of_patches, RevolutionTree)(patches_of)
-
-
+@implements(begin_newton, RevolutionTree, RevolutionTree)
 @inlined
 def _newton(tree_a, tree_b, state):
-    return begin_newton(_of_patches(tree_a), _of_patches(tree_b), state)
+    return begin_newton(patches_of(tree_a), patches_of(tree_b), state)
 
 
+@implements(bowls, RevolutionTree, RevolutionTree)
 @inlined
 def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
     return bowls(
-        _of_patches(tree_a), _of_patches(tree_b), region_a, region_b, state, centre, half, limit,
+        patches_of(tree_a), patches_of(tree_b), region_a, region_b, state, centre, half, limit,
         spare, row,
     )  # fmt: skip
-
-
-for _other in (RevolutionTree, SurfaceTree):
-    implements(begin_newton, RevolutionTree, _other)(_newton)
-    implements(bowls, RevolutionTree, _other)(_bowls)
