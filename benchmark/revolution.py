@@ -10,7 +10,7 @@ Yoon, Kim and Elber, "Efficient Minimum Distance Computation for Solids of Revol
 pairs, at random poses and along a motion, at the precisions 1e-3, 1e-4 and 1e-5 m (their Figure
 12); the size and the building of hierarchies (their Tables 1 and 2, and Figure 9); a sixth solid
 that morphs through the five (their Figure 8), and all five deforming at once; exact answers beside
-OCCT's.
+OCCT's; and how deep they overlap.
 
 Meshes have so many triangles that no chord is farther from the solid than the precision; FCL and
 this engine get the same. Where they would have more than --finest triangles, a mesh of that many is
@@ -33,6 +33,7 @@ import numpy as np
 import occt
 import peers
 from numpy.typing import NDArray
+from revolution_depth import HEADINGS, depths
 from revolution_page import write_page
 from surfaces import at, turned
 
@@ -185,16 +186,18 @@ def main(arguments: list[str] | None = None) -> int:
     morphing, morphed = _morphing(made, precisions, 20 if options.quick else 1000)
     deforming = _deforming(made, 20 if options.quick else 200)
     exact, contradicted = _exact(made, 10 if options.quick else 60)
+    rough = {k: engine.TriangleMesh(*tessellated(v, 1e-3, 10**6)[:2]) for k, v in made.items()}
+    deep, unlike = depths(made, rough, 1e-3, 4 if options.quick else 20)
     command = " ".join(["python benchmark/revolution.py", *(arguments or sys.argv[1:])])
     page = write_page(
         options.out, command, frames, (built, bars, morphed),
         {"sizes": sizes, "distances": distances, "morphing": morphing, "deforming": deforming,
-         "exact": exact},
+         "exact": exact, "depths": _table(HEADINGS, [deep])},
     )  # fmt: skip
     print(page, end="")
-    if wrong + contradicted:
-        print(f"{wrong + contradicted} ANSWERS CONTRADICT EACH OTHER", file=sys.stderr)
-    return 1 if wrong + contradicted else 0
+    if wrong := wrong + contradicted + unlike:
+        print(f"{wrong} ANSWERS CONTRADICT EACH OTHER", file=sys.stderr)
+    return 1 if wrong else 0
 
 
 def _table(headings: list[str], rows: list[list[str]]) -> str:

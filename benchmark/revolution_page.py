@@ -66,7 +66,14 @@ All five at once, and all ten pairs:
 At random poses, crossing ones among them, beside OCCT. `open` counts answers whose bounds are more
 than 1e-11 m apart, `OCCT wrong` those of OCCT that are more than 1e-6 m too large, `by` the most.
 
-{exact}"""
+{exact}
+## Depths
+
+All 15 pairs at random poses at which they overlap: how deep, to 1 %, asked one at a time. `points` is
+how many points were tested for their depths, in the median. The meshes are within 0.001 m of the
+solids, and their own depths are told.
+
+{depths}"""
 
 
 def write_page(
