@@ -69,8 +69,8 @@ than 1e-11 m apart, `OCCT wrong` those of OCCT that are more than 1e-6 m too lar
 {exact}
 ## Depths
 
-All 15 pairs at random poses at which they overlap: how deep, to 1 %, asked one at a time. `points` is
-how many points were tested for their depths, in the median. The meshes are within 0.001 m of the
+All 15 pairs at random poses at which they overlap: how deep, to 1 %, asked one at a time. `points`
+is how many points were tested for their depths, in the median. The meshes are within 0.001 m of the
 solids, and their own depths are told.
 
 {depths}"""

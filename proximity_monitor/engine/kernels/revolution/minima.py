@@ -44,7 +44,9 @@ def measure_rings(tree_a, tree_b, state, motion, a, b, s, t, angle):
     """Find the local minimum near points of two pieces of profiles; keep it where it is nearest."""
     progress, minima = state.progress[0], state.waiting.minima
     progress.primitive_tests += 1
-    distance, s, t, angle = nearest_rings(tree_a.curves[a], tree_b.curves[b], motion, s, t, angle)
+    distance, s, t, angle = nearest_rings(
+        tree_a.curves[a], tree_b.curves[b], motion, s, t, angle, progress.rel_err, progress.abs_err
+    )
     at = find_minimum(state, a, b)
     if at == NONE:
         at = progress.minima % MINIMA

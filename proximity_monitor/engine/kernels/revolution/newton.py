@@ -22,6 +22,10 @@ _LEAST = 2e-16
 _ROUNDED = 1e-14
 """Share of it by which rounding may make it more."""
 
+_SPARE = 1e-7
+"""Share of what is tolerated that a step has to gain, or it is the last one. The direction between
+the points has to be far closer than the distance: with 1e-4 bounds along it are twice as many."""
+
 _WIDEST = 0.7
 """The largest step of the angle, radians."""
 
@@ -98,8 +102,11 @@ def _solved(h, damping, g):
 
 
 @kernel
-def nearest_rings(curve_a, curve_b, motion, s, t, angle):
-    """The local minimum near s, t and an angle: the distance, metres, and these three there."""
+def nearest_rings(curve_a, curve_b, motion, s, t, angle, rel_err, abs_err):
+    """The local minimum near s, t and an angle: the distance, metres, and these three there.
+
+    It ends where the next step would gain little of what is tolerated.
+    """
     damping = 0.0
     found = derivatives_at(curve_a, curve_b, motion, s, t, angle)
     squared = found[0][0] * found[0][0] + found[0][1] * found[0][1]
@@ -125,7 +132,9 @@ def nearest_rings(curve_a, curve_b, motion, s, t, angle):
             if positive:
                 # The square becomes less by as much, where it is nearly quadratic.
                 gain = -(g0 * step[0] + g1 * step[1] + g2 * step[2])
-                last = gain <= _LEAST * squared
+                distance = np.sqrt(squared)
+                tolerated = 2.0 * distance * max(abs_err, rel_err * distance)
+                last = gain <= max(_LEAST * squared, _SPARE * tolerated)
                 new_s = min(max(s + step[0], 0.0), 1.0)
                 new_t = min(max(t + step[1], 0.0), 1.0)
                 new_angle = angle + min(max(step[2], -_WIDEST), _WIDEST)
