@@ -8,7 +8,9 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.base.state import RevolutionTree
 from ..kernels.inside.visit import ROOM
+from ..kernels.revolution.points import closest_points_of_revolution
 from ..kernels.surface.closest import GOING, closest_points
 from ..kernels.surface.side import sides_of_surface
 from ..models.surface import Surface
@@ -47,16 +49,22 @@ class SurfacePoints:
         if first and late:
             return 0
         count, tree = len(given), self._hierarchy.tree
+        turned = self._hierarchy.tree_kind is RevolutionTree
         stack, stacked, going = np.empty(ROOM, np.int32), np.empty(ROOM), np.zeros(GOING)
         parameters = np.empty((len(normals), 2))
         slices, found, done = slices_until(self._deadline), 0, 0
         while done < count and not stopped.is_set():
-            if done == found:
+            if turned:
+                done = found = closest_points_of_revolution(
+                    self._hierarchy.table_of_all, self._pose, given, self._limit, self._signed,
+                    done, slices.steps, bounds, nearest, elements, parameters,
+                )  # fmt: skip
+            elif done == found:
                 found = closest_points(
                     tree, self._pose, given, self._limit, self._signed, found, slices.steps,
                     stack, stacked, going, bounds, nearest, elements, parameters,
                 )  # fmt: skip
-            if not self._signed:
+            if turned or not self._signed:
                 done = found
             elif done < found:
                 done = sides_of_surface(

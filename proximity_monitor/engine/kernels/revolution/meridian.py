@@ -21,7 +21,7 @@ Place = namedtuple("Place", "rho z across along margin")
 """A point: its distance from the axis and its height, metres; the unit vectors in the model's frame
 from the axis to it, and beside that; and what all that is found of it may err by, metres."""
 
-_MARGIN = 2048.0 * DOUBLE_EPS
+_MARGIN = 256.0 * DOUBLE_EPS
 """That error, as a share of P, the length that arcs err by a share of, and of the point's distance
 from the frame's origin. Points of pieces err by 120 u P (see arcs.py), the frame's coordinates of
 the point by less than 16 u of its distance, a distance between them by a few u of both.
