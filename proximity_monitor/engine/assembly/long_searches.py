@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..models.model import Model
-from ..questions.contact_surface import are_divided
+from ..questions.ball import solid_kind
 from ..questions.pair import Pair
 from ..questions.sharing import share
 from ..questions.slices import deadline_of
@@ -229,8 +229,8 @@ def prepare(assembly: Assembly) -> None:
     of_all = {"clearance": 0.0, "signed": True, "budget_s": _ASK_S}
     for pair in one_each.values() or [(0, 0)]:
         _compile(assembly.distances, apart, [pair], **of_all)
-    # One solid of meshes and one of parametric surfaces, where there are any.
-    solids = {are_divided(m._hierarchy): m for m in reversed(models) if m.is_solid}
+    # One solid of meshes, one of surfaces and one of revolution, where there are any.
+    solids = {solid_kind(m): m for m in reversed(models) if m.is_solid}
     chosen = next(iter(solids.values()), models[0])
     roughly = {"rel_err": 0.5, "budget_s": _ASK_S}
     _compile(Pair(chosen, chosen).distance, near, far, **roughly)

@@ -42,7 +42,7 @@ _KINDS = MeshTree, SurfaceTree, RevolutionTree
 """The kinds of solids; of unlike ones kernels take the later one first."""
 
 
-def _kind_of(model: Model) -> type:
+def solid_kind(model: Model) -> type:
     """The kind of a solid's tree; whatever its volumes are, a mesh's is of one."""
     hierarchy = model._hierarchy
     return hierarchy.tree_kind if are_divided(hierarchy) else MeshTree
@@ -80,7 +80,7 @@ class BallSearch:
 
     def _choose(self) -> int:
         """Choose the kernels for both kinds of models; returns which model these take first."""
-        a, b = (_KINDS.index(_kind_of(model)) for model in self._models)
+        a, b = (_KINDS.index(solid_kind(model)) for model in self._models)
         self._entries = BALLS[_KINDS[max(a, b)], _KINDS[min(a, b)]]
         return int(b > a)
 
