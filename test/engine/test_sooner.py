@@ -6,10 +6,13 @@ import operator
 import numba
 import numpy as np
 import pytest
-from numba.core import compiler, event
+from llvmlite import ir
+from llvmlite.binding import ffi
+from numba.core import base, compiler, event
+from numba.core.caching import NullCache
 from test_numba import broken, run
 
-from proximity_monitor.engine.kernels.base import sooner
+from proximity_monitor.engine.kernels.base import jit, sooner
 
 
 def test_options_are_read_as_numba_reads_them():
@@ -69,6 +72,82 @@ def test_what_lives_in_each_block_is_left_out(monkeypatch):
     numba.njit(_yielding)
     assert list(numba.njit(_yielding)(3)) == [0.0, 1.0, 2.0]
     assert "_yielding" in asked, what
+
+
+def test_where_variables_end_is_said_only_to_count_references(monkeypatch):
+    monkeypatch.setattr(sooner, "_KERNELS", __name__)
+    inserted, insert = [], sooner.PostProcessor._insert_var_dels
+
+    def count(self, **options):
+        inserted.append(self.func_ir.func_id.func_qualname)
+        insert(self, **options)
+
+    monkeypatch.setattr(sooner.PostProcessor, "_insert_var_dels", count)
+    assert run(_branching)(3, 2.0) == 12.0
+    assert run(_late)(3) == 3.0
+    what = broken("tells a function's own options (sooner.widened)")
+    assert not {"_branching", "_late"} & set(inserted), what
+    made = jit.allocating_entry(_made)
+    made._cache = NullCache()
+    assert [made(2).tolist() for _ in range(2)] == 2 * [[0.0, 1.0]]
+    assert "_made" in inserted, "else no array would ever be given back"
+
+
+def _made(count):
+    for i in range(count):
+        row = np.arange(1.0 + i)
+    return row
+
+
+def _late(count):
+    for i in range(count):
+        if i == 0:
+            last = 1.0
+        else:
+            last += 1.0
+    return last
+
+
+def test_calls_of_llvm_are_not_timed():
+    heard = []
+
+    class Listener(event.Listener):
+        def on_start(self, start):
+            heard.append(start)
+
+        on_end = on_start
+
+    what = broken("hears of LLVM's calls by callbacks in a list of its lock (sooner._untimed)")
+    with event.install_listener("numba:llvm_lock", Listener()):
+        assert run(_branching)(3, 2.0) == 12.0
+        assert not heard, what
+        base._initialize_llvm_lock_event.__wrapped__()
+        assert run(_branching)(3, 2.0) == 12.0
+        assert heard, what
+    sooner._untimed()
+    assert not ffi.lib._lock._cblist, what
+
+
+def test_how_large_a_type_is_is_found_once(monkeypatch):
+    measured, measure = [], sooner._measure
+
+    def count(context, kind):
+        measured.append(str(kind))
+        return 8 * len(kind.elements) if "%" in str(kind) else measure(context, kind)
+
+    monkeypatch.setattr(sooner, "_measure", count)
+    context = run(_branching).targetctx
+    real, odd = ir.DoubleType(), ir.IntType(56)
+    for _ in range(3):
+        pair = ir.LiteralStructType([odd, real, ir.ArrayType(odd, 3)])
+        assert context.get_abi_sizeof(pair) == 40
+        assert context.get_abi_sizeof(ir.LiteralStructType([odd, odd], packed=True)) == 16
+    named = ir.Context().get_identified_type("a name")
+    for elements in ([real], [real, real]):
+        named.elements = None
+        named.set_body(*elements)
+        assert context.get_abi_sizeof(named) == 8 * len(elements), "its text is its name"
+    assert measured.count(str(pair)) == 1, broken("measures a type by the context")
 
 
 def _branching(count, x):

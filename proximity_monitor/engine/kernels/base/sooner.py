@@ -4,15 +4,21 @@ It would compile a kernel once for each integer that a call writes out, and for 
 size. No kernel needs that: LLVM puts in the constants where it inlines a call. It compares its
 options so often that how they are read matters. It looks through dozens of meanings for each `+`
 and each element of an array, of which kernels have thousands. After each of its passes it finds out
-which variables live in each block, for nobody.
+which variables live in each block, for nobody; and it says where each variable ends, which only
+what counts references asks for. It times each of the hundred thousand calls of LLVM, and has LLVM
+read a module whenever it wants to know how large a type is.
 """
 
 from __future__ import annotations
 
 import operator
 from typing import Any
+from weakref import WeakSet
 
+from llvmlite import ir
+from llvmlite.binding import ffi
 from numba import types
+from numba.core import base
 from numba.core.compiler import Flags
 from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.transforms import canonicalize_cfg
@@ -20,9 +26,14 @@ from numba.core.types.functions import BaseFunction
 
 _KERNELS = __package__.rpartition(".")[0] + "."
 
+_UNCOUNTED: WeakSet = WeakSet()
+"""Functions whose kernels count no references."""
+
 
 def widened(compiled: Any) -> Any:
     """Have a kernel take the integers of all that call it as int64."""
+    if not compiled.targetoptions.get("_nrt", True):
+        _UNCOUNTED.add(compiled.py_func)
     ask = compiled.get_call_template
 
     def get_call_template(args: Any, kws: dict[str, Any]) -> Any:
@@ -81,7 +92,8 @@ _post_process = PostProcessor.run
 def _run(self: PostProcessor, emit_dels: bool = False, extend_lifetimes: bool = False) -> None:
     """Prepare a function's code for the next pass, without the variables that live in each block.
 
-    Only generators and what runs by Python's objects ask for these: no kernel is either.
+    Only generators and what runs by Python's objects ask for these: no kernel is either. Nor is it
+    said where a variable ends, unless references are counted down there: LLVM finds it out.
     """
     code = self.func_ir
     if code.is_generator or not code.func_id.modname.startswith(_KERNELS):
@@ -90,8 +102,42 @@ def _run(self: PostProcessor, emit_dels: bool = False, extend_lifetimes: bool = 
     code.blocks = canonicalize_cfg(code.blocks)
     code.variable_lifetime = VariableLifetime(code.blocks)
     code.generator_info = None
-    if emit_dels:
+    if emit_dels and code.func_id.func not in _UNCOUNTED:
         self._insert_var_dels(extend_lifetimes=extend_lifetimes)
 
 
 PostProcessor.run = _run
+
+
+def _untimed() -> None:
+    """Let numba not hear of each call of LLVM.
+
+    It tells everybody who times compiling of two events a call; what a compilation's metadata says
+    of the time in LLVM is nothing then.
+    """
+    for enter, leave in list(ffi.lib._lock._cblist):
+        if enter.__module__ == base.__name__:
+            ffi.unregister_lock_callback(enter, leave)
+
+
+_untimed()
+
+
+_measure = base.BaseContext.get_abi_sizeof
+
+
+def _size(self: base.BaseContext, kind: ir.Type) -> int:
+    """How many bytes a type takes, as was found before.
+
+    That is asked of each variable. Its text says all of a type that has no name of its own.
+    """
+    text = str(kind)
+    if "%" in text:
+        return _measure(self, kind)
+    known = vars(self).setdefault("_sizes", {})
+    if text not in known:
+        known[text] = _measure(self, kind)
+    return known[text]
+
+
+base.BaseContext.get_abi_sizeof = _size
