@@ -7,8 +7,7 @@ import numba
 import numpy as np
 import pytest
 from llvmlite import ir
-from llvmlite.binding import ffi
-from numba.core import base, compiler, event
+from numba.core import compiler, event
 from numba.core.caching import NullCache
 from test_numba import broken, run
 
@@ -106,26 +105,6 @@ def _late(count):
         else:
             last += 1.0
     return last
-
-
-def test_calls_of_llvm_are_not_timed():
-    heard = []
-
-    class Listener(event.Listener):
-        def on_start(self, start):
-            heard.append(start)
-
-        on_end = on_start
-
-    what = broken("hears of LLVM's calls by callbacks in a list of its lock (sooner._untimed)")
-    with event.install_listener("numba:llvm_lock", Listener()):
-        assert run(_branching)(3, 2.0) == 12.0
-        assert not heard, what
-        base._initialize_llvm_lock_event.__wrapped__()
-        assert run(_branching)(3, 2.0) == 12.0
-        assert heard, what
-    sooner._untimed()
-    assert not ffi.lib._lock._cblist, what
 
 
 def test_how_large_a_type_is_is_found_once(monkeypatch):

@@ -5,8 +5,8 @@ size. No kernel needs that: LLVM puts in the constants where it inlines a call. 
 options so often that how they are read matters. It looks through dozens of meanings for each `+`
 and each element of an array, of which kernels have thousands. After each of its passes it finds out
 which variables live in each block, for nobody; and it says where each variable ends, which only
-what counts references asks for. It times each of the hundred thousand calls of LLVM, and has LLVM
-read a module whenever it wants to know how large a type is.
+what counts references asks for. And it has LLVM read a module whenever it wants to know how large a
+type is.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from typing import Any
 from weakref import WeakSet
 
 from llvmlite import ir
-from llvmlite.binding import ffi
 from numba import types
 from numba.core import base
 from numba.core.compiler import Flags
@@ -107,20 +106,6 @@ def _run(self: PostProcessor, emit_dels: bool = False, extend_lifetimes: bool = 
 
 
 PostProcessor.run = _run
-
-
-def _untimed() -> None:
-    """Let numba not hear of each call of LLVM.
-
-    It tells everybody who times compiling of two events a call; what a compilation's metadata says
-    of the time in LLVM is nothing then.
-    """
-    for enter, leave in list(ffi.lib._lock._cblist):
-        if enter.__module__ == base.__name__:
-            ffi.unregister_lock_callback(enter, leave)
-
-
-_untimed()
 
 
 _measure = base.BaseContext.get_abi_sizeof
