@@ -20,6 +20,7 @@ from page_hand import (
     enter,
     field,
     lines_of,
+    opened,
     press,
     row,
     tab,
@@ -143,7 +144,6 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     assert entry["upper_m"] == pytest.approx(0.2)
     display[0].stop(signal.SIGKILL)
     _, address = start_display(0)
-    next_page = browser.new_page(viewport={"width": 1000, "height": 640})
-    next_page.goto(address)
+    next_page = opened(browser, address)
     wait(lambda: told in row(next_page, PAIR)[2], "the decision on the next display's page")
     next_page.close()

@@ -9,13 +9,12 @@ from functools import partial
 import numpy as np
 import peg_hand as peg
 import pytest
-from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
+from deadlines import POSE_TIMEOUT_S, START_DEADLINE_S
 from page_hand import (
     CAMERA,
     CANVAS,
     DRAWN,
     LENGTH,
-    NO_NOTES,
     ON_SCREEN,
     OPACITY,
     SAVE_MS,
@@ -24,6 +23,7 @@ from page_hand import (
     enter,
     field,
     lines_of,
+    opened,
     row,
     tab,
     word,
@@ -49,12 +49,7 @@ def bench(browser, domain, launch_for_all, wait):
         return line and line.removeprefix("display: ")
 
     address = wait(said, "the display's address", START_DEADLINE_S)
-    page = browser.new_page(viewport={"width": 1000, "height": 640}, accept_downloads=True)
-    page.set_default_timeout(1e3 * DEADLINE_S)
-    page.errors = []
-    page.on("pageerror", lambda error: page.errors.append(str(error)))
-    page.add_init_script(NO_NOTES)
-    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+    page = opened(browser, address)
     page.wait_for_selector("#pm-pairs .pm-row", timeout=1e3 * START_DEADLINE_S)
     yield page
     for process in (display, player, monitor):
