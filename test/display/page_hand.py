@@ -119,7 +119,9 @@ def word(page):
 
 
 def press(page, selector):
+    """Press what the panel's own text has; that goes through an input as well."""
     page.locator(selector).first.dispatch_event("pointerdown")
+    page.evaluate(SENT)
 
 
 def tab(page, name):
@@ -134,6 +136,14 @@ def field(page, label, i=0):
 def enter(page, label, text, i=0):
     """Put a text into an input, no faster than a hand goes on to the next one."""
     field(page, label, i).fill(text)
+    page.evaluate(SENT)
+
+
+def select(page, found, option):
+    """Choose of a list that is searched; it may open beyond the panel's half."""
+    found.fill(option)
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
     page.evaluate(SENT)
 
 

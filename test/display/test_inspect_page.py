@@ -25,6 +25,7 @@ from page_hand import (
     lines_of,
     opened,
     row,
+    select,
     tab,
     word,
 )
@@ -160,9 +161,7 @@ def test_a_section_is_one_click(page, put, wait, eventually):
 def test_each_part_is_as_transparent_as_one_likes(page, wait):
     tab(page, "Clearances")
     page.get_by_text("Picture", exact=True).click()
-    field(page, "Look of").fill("peg")
-    page.keyboard.press("ArrowDown")  # the list may open beyond the panel's half
-    page.keyboard.press("Enter")
+    select(page, field(page, "Look of"), "peg")
     enter(page, "Opacity", "0.5", 1)
     wait(lambda: page.evaluate(OPACITY, 0) == pytest.approx(0.5), "the peg to be transparent")
     assert page.evaluate(OPACITY, 1) == pytest.approx(0.4)
@@ -180,9 +179,7 @@ def test_the_bore_is_coloured_by_the_peg_s_clearance(page, put, wait):
     put(0.046, 0, -10)  # 0.004 mm from one side of the bore: below stop
     tab(page, "Clearances")
     page.get_by_text("Picture", exact=True).click()
-    field(page, "Look of").fill("block")
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    select(page, field(page, "Look of"), "block")
     bands = page.locator("input[type=checkbox]:visible").nth(2)
     assert not page.evaluate(peg.BAND, "/parts/1/coat_2")
     bands.click()

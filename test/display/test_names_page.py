@@ -6,7 +6,7 @@ import signal
 
 import pytest
 from deadlines import POSE_TIMEOUT_S, START_DEADLINE_S
-from page_hand import CHOSEN, button, enter, field, listed, opened, press, row, tab
+from page_hand import CHOSEN, button, enter, field, listed, opened, press, row, select, tab
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -89,9 +89,7 @@ def test_a_pair_of_two_long_names_is_picked_by_a_press(page, wait):
 def test_a_part_with_a_chinese_name_is_moved(page, wait):
     assert row(page, PAIR)[0] == pytest.approx(0.03)
     tab(page, "Move")
-    page.locator("input[role=combobox]:visible").first.fill(CHINESE)
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    select(page, page.locator("input[role=combobox]:visible").first, CHINESE)
     wait(lambda: float(field(page, "Position [mm]", 0).input_value()) == 120.0, "the part")
     enter(page, "Position [mm]", "140", 0)
     button(page, "Put it there").click()
