@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
-from page_hand import NO_NOTES
+from page_hand import opened
 
 SCENE = """
 version: 1
@@ -53,6 +53,7 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
+    "--disable-gpu-compositing",  # the scene alone needs it, and the panel costs more than that
     "--no-sandbox",  # it cannot be had as root, which is what a container runs as
 )
 
@@ -307,14 +308,7 @@ def open_page(browser, address, sources):
     """Opens the page once more."""
 
     def open_page():
-        page = browser.new_page(
-            viewport={"width": 1000, "height": 640}, accept_downloads=True, device_scale_factor=1
-        )
-        page.set_default_timeout(1e3 * DEADLINE_S)
-        page.errors = []
-        page.on("pageerror", lambda error: page.errors.append(str(error)))
-        page.add_init_script(NO_NOTES)
-        page.goto(address, timeout=1e3 * START_DEADLINE_S)
+        page = opened(browser, address)
 
         def listed():
             assert sources.monitor.popen.poll() is None, sources.monitor.text

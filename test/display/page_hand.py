@@ -7,6 +7,7 @@ import io
 
 import imageio.v3 as iio
 import numpy as np
+from deadlines import DEADLINE_S, START_DEADLINE_S
 
 SAVE_MS = 180_000.0
 # Notes of the library, such as that the graphics are software, would lie on the picture.
@@ -15,6 +16,18 @@ NO_NOTES = """addEventListener('DOMContentLoaded', () => {
   style.textContent = '.mantine-Notification-root { display: none }';
   document.head.append(style);
 })"""
+# Pictures are made ten times a second: each costs a machine without a graphics card as much as all
+# that is looked at besides, and nobody sees those in between.
+SELDOM = """(() => {
+  const frame = requestAnimationFrame.bind(window), waiting = new Map();
+  let made = 0;
+  window.requestAnimationFrame = draw => {
+    const i = ++made;
+    waiting.set(i, setTimeout(() => { waiting.delete(i); frame(draw); }, 80));
+    return i;
+  };
+  window.cancelAnimationFrame = i => { clearTimeout(waiting.get(i)); waiting.delete(i); };
+})()"""
 # The world position of a node's local point on the screen, in CSS pixels.
 ON_SCREEN = """([name, local]) => {
   const m = window.__viserMutable, node = m.nodeRefFromName[name];
@@ -59,6 +72,20 @@ CHOSEN = ".pm-row.pm-chosen"
 HIDDEN = "#pm-pairs ~ .pm-small .pm-press"
 
 
+def opened(browser, address, width=1000, height=640):
+    """A page of the browser at an address; its `errors` are those that its scripts made."""
+    page = browser.new_page(
+        viewport={"width": width, "height": height}, accept_downloads=True, device_scale_factor=1
+    )
+    page.set_default_timeout(1e3 * DEADLINE_S)
+    page.errors = []
+    page.on("pageerror", lambda error: page.errors.append(str(error)))
+    page.add_init_script(NO_NOTES)
+    page.add_init_script(SELDOM)
+    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+    return page
+
+
 def decoded(png):
     """The pixels (height, width, 3) of a PNG."""
     return np.asarray(iio.imread(png, extension=".png"))[..., :3]
@@ -92,7 +119,9 @@ def word(page):
 
 
 def press(page, selector):
+    """Press what the panel's own text has; that goes through an input as well."""
     page.locator(selector).first.dispatch_event("pointerdown")
+    page.evaluate(SENT)
 
 
 def tab(page, name):
@@ -107,6 +136,14 @@ def field(page, label, i=0):
 def enter(page, label, text, i=0):
     """Put a text into an input, no faster than a hand goes on to the next one."""
     field(page, label, i).fill(text)
+    page.evaluate(SENT)
+
+
+def select(page, found, option):
+    """Choose of a list that is searched; it may open beyond the panel's half."""
+    found.fill(option)
+    page.keyboard.press("ArrowDown")
+    page.keyboard.press("Enter")
     page.evaluate(SENT)
 
 

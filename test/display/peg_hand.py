@@ -11,6 +11,7 @@ from page_hand import (
     DRAWN,
     LENGTH,
     ON_SCREEN,
+    SENT,
     button,
     choose,
     decoded,
@@ -94,6 +95,7 @@ def pick(page, label, option):
     """Choose of a list."""
     field(page, label).click()
     page.locator("[role=option]:visible").get_by_text(option, exact=True).click()
+    page.evaluate(SENT)
 
 
 def at_place(page, place):

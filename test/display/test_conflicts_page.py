@@ -20,8 +20,10 @@ from page_hand import (
     enter,
     field,
     lines_of,
+    opened,
     press,
     row,
+    select,
     tab,
 )
 
@@ -101,9 +103,7 @@ def test_the_table_of_conflicts_has_bounds_moment_and_status(page, near):
 
 def test_parts_that_are_attached_move_together_until_they_are_detached(page, sources, wait):
     choose(page, "die")
-    field(page, "Attached to").fill("ball")
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    select(page, field(page, "Attached to"), "ball")
     note = page.locator("#pm-held")
     wait(lambda: "attached to ball" in note.inner_text(), "the die to be attached")
     assert not page.evaluate(GIZMO)
@@ -112,9 +112,7 @@ def test_parts_that_are_attached_move_together_until_they_are_detached(page, sou
     sources.move("ball", (-0.2, 0.0, 0.4))
     wait(lambda: row(page, "table - die")[0] == pytest.approx(0.325), "the die to go along")
     tab(page, "Move")
-    field(page, "Attached to").fill("(nothing)")
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    select(page, field(page, "Attached to"), "(nothing)")
     wait(lambda: page.evaluate(GIZMO), "the die to be free")
     tab(page, "Clearances")
     wait(lambda: row(page, "table - die")[0] == pytest.approx(0.225), "its own source")
@@ -129,9 +127,7 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     page.get_by_text("Status of the pair", exact=True).click()
     note = page.locator("#pm-decided")
     wait(lambda: PAIR in note.inner_text(), "the pair in the panel")
-    field(page, "Status").fill("accepted")
-    page.keyboard.press("ArrowDown")  # the list may open beyond the panel's half
-    page.keyboard.press("Enter")
+    select(page, field(page, "Status"), "accepted")
     enter(page, "Comment", "hält Abstand 间隙")
     button(page, "Keep the status").click()
     told = "accepted at 200.000 mm: hält Abstand 间隙"
@@ -143,7 +139,6 @@ def test_a_decision_is_in_the_file_and_on_the_page_of_the_next_display(
     assert entry["upper_m"] == pytest.approx(0.2)
     display[0].stop(signal.SIGKILL)
     _, address = start_display(0)
-    next_page = browser.new_page(viewport={"width": 1000, "height": 640})
-    next_page.goto(address)
+    next_page = opened(browser, address)
     wait(lambda: told in row(next_page, PAIR)[2], "the decision on the next display's page")
     next_page.close()

@@ -10,8 +10,8 @@ from urllib.request import ProxyHandler, build_opener
 
 import numpy as np
 import pytest
-from deadlines import DEADLINE_S, START_DEADLINE_S
-from page_hand import TEXTS, button, choose, enter, listed, press, row, tab, word
+from deadlines import START_DEADLINE_S
+from page_hand import TEXTS, button, choose, enter, listed, opened, press, row, tab, word
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -167,11 +167,7 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
 
     process = demo("--speed", "1e-9", scene="turbine")
     address = wait(lambda: process.says(BESIDE), "the address", START_DEADLINE_S)
-    page = browser.new_page(viewport={"width": 1200, "height": 800})
-    page.set_default_timeout(1e3 * DEADLINE_S)
-    errors = []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+    page = opened(browser, address)
     page.wait_for_selector("#pm-pairs .pm-row", timeout=1e3 * START_DEADLINE_S)
 
     def clearances():
@@ -224,7 +220,7 @@ def test_the_turbine_on_the_page(demo, browser, wait, eventually):
 
         eventually(followed)
     page.close()
-    assert errors == []
+    assert page.errors == []
     os.kill(process.display(), signal.SIGKILL)
     ended = "The page has ended (exit code -9)"
     assert wait(lambda: process.says(ended), "the demo to say so") == ": without a word"

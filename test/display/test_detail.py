@@ -10,8 +10,7 @@ import trimesh
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from deadlines import START_DEADLINE_S
-from page_hand import NO_NOTES
+from page_hand import opened
 
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.detail import FEWEST, PIXELS, levels
@@ -86,10 +85,7 @@ def red(page):
 def test_a_far_ball_has_fewer_triangles_and_looks_the_same(server, browser, wait):
     camera = server.initial_camera
     camera.position, camera.look_at = (0.0, 1e-3, 5.6), (0.0, 0.0, 0.0)
-    page = browser.new_page(viewport={"width": 900, "height": 500})
-    page.set_default_timeout(1e3 * START_DEADLINE_S)
-    page.add_init_script(NO_NOTES)
-    page.goto(f"http://127.0.0.1:{server.get_port()}")
+    page = opened(browser, f"http://127.0.0.1:{server.get_port()}", 900, 500)
     pictures = []
     for focal in (1e9, 300.0):  # the first has no levels where anybody looks
         views = Parts(server, SCENE, [Part(None, np.ones(4) * (0.8, 0.2, 0.2, 1), BALL)], focal)

@@ -9,13 +9,12 @@ from functools import partial
 import numpy as np
 import peg_hand as peg
 import pytest
-from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
+from deadlines import POSE_TIMEOUT_S, START_DEADLINE_S
 from page_hand import (
     CAMERA,
     CANVAS,
     DRAWN,
     LENGTH,
-    NO_NOTES,
     ON_SCREEN,
     OPACITY,
     SAVE_MS,
@@ -24,7 +23,9 @@ from page_hand import (
     enter,
     field,
     lines_of,
+    opened,
     row,
+    select,
     tab,
     word,
 )
@@ -49,12 +50,7 @@ def bench(browser, domain, launch_for_all, wait):
         return line and line.removeprefix("display: ")
 
     address = wait(said, "the display's address", START_DEADLINE_S)
-    page = browser.new_page(viewport={"width": 1000, "height": 640}, accept_downloads=True)
-    page.set_default_timeout(1e3 * DEADLINE_S)
-    page.errors = []
-    page.on("pageerror", lambda error: page.errors.append(str(error)))
-    page.add_init_script(NO_NOTES)
-    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+    page = opened(browser, address)
     page.wait_for_selector("#pm-pairs .pm-row", timeout=1e3 * START_DEADLINE_S)
     yield page
     for process in (display, player, monitor):
@@ -165,9 +161,7 @@ def test_a_section_is_one_click(page, put, wait, eventually):
 def test_each_part_is_as_transparent_as_one_likes(page, wait):
     tab(page, "Clearances")
     page.get_by_text("Picture", exact=True).click()
-    field(page, "Look of").fill("peg")
-    page.keyboard.press("ArrowDown")  # the list may open beyond the panel's half
-    page.keyboard.press("Enter")
+    select(page, field(page, "Look of"), "peg")
     enter(page, "Opacity", "0.5", 1)
     wait(lambda: page.evaluate(OPACITY, 0) == pytest.approx(0.5), "the peg to be transparent")
     assert page.evaluate(OPACITY, 1) == pytest.approx(0.4)
@@ -185,9 +179,7 @@ def test_the_bore_is_coloured_by_the_peg_s_clearance(page, put, wait):
     put(0.046, 0, -10)  # 0.004 mm from one side of the bore: below stop
     tab(page, "Clearances")
     page.get_by_text("Picture", exact=True).click()
-    field(page, "Look of").fill("block")
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    select(page, field(page, "Look of"), "block")
     bands = page.locator("input[type=checkbox]:visible").nth(2)
     assert not page.evaluate(peg.BAND, "/parts/1/coat_2")
     bands.click()

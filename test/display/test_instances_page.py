@@ -7,8 +7,7 @@ import trimesh
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from deadlines import START_DEADLINE_S
-from page_hand import NO_NOTES
+from page_hand import opened
 
 from proximity_monitor.display import parts as parts_module
 from proximity_monitor.display.choice import Choice, Look
@@ -55,10 +54,7 @@ def test_instances_look_like_other_bodies_with_edges_and_what_has_no_pose_is_hid
     grid = np.array([(2.0 * (i % SIDE), 2.0 * (i // SIDE), 0.0) for i in range(SIDE**2)])
     poses = np.column_stack((grid, np.tile((1.0, 0, 0, 0), (SIDE**2, 1))))
     boxes.show(Frame(0.0, poses, None), {}, Choice(), ())
-    page = browser.new_page(viewport={"width": 700, "height": 500})
-    page.set_default_timeout(1e3 * START_DEADLINE_S)
-    page.add_init_script(NO_NOTES)
-    page.goto(f"http://127.0.0.1:{server.get_port()}")
+    page = opened(browser, f"http://127.0.0.1:{server.get_port()}", 700, 500)
     wait(lambda: dark(page) > 50, "the edges")
     white, red = np.full(3, 255.0), face(page, 0)
     assert red[0] > red[1:].max() + 60

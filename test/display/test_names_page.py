@@ -5,8 +5,8 @@ from __future__ import annotations
 import signal
 
 import pytest
-from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
-from page_hand import CHOSEN, NO_NOTES, button, enter, field, listed, press, row, tab
+from deadlines import POSE_TIMEOUT_S, START_DEADLINE_S
+from page_hand import CHOSEN, button, enter, field, listed, opened, press, row, select, tab
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -60,10 +60,7 @@ def page(browser, domain, launch_for_all, wait, tmp_path_factory):
         return line and line.removeprefix("display: ")
 
     address = wait(said, "the display's address", START_DEADLINE_S)
-    page = browser.new_page(viewport={"width": 1000, "height": 640})
-    page.set_default_timeout(1e3 * DEADLINE_S)
-    page.add_init_script(NO_NOTES)
-    page.goto(address, timeout=1e3 * START_DEADLINE_S)
+    page = opened(browser, address)
     wait(lambda: said() and page.query_selector("#pm-pairs .pm-row"), "the list", START_DEADLINE_S)
     yield page
     for process in (display, player, monitor):
@@ -92,9 +89,7 @@ def test_a_pair_of_two_long_names_is_picked_by_a_press(page, wait):
 def test_a_part_with_a_chinese_name_is_moved(page, wait):
     assert row(page, PAIR)[0] == pytest.approx(0.03)
     tab(page, "Move")
-    page.locator("input[role=combobox]:visible").first.fill(CHINESE)
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    select(page, page.locator("input[role=combobox]:visible").first, CHINESE)
     wait(lambda: float(field(page, "Position [mm]", 0).input_value()) == 120.0, "the part")
     enter(page, "Position [mm]", "140", 0)
     button(page, "Put it there").click()

@@ -21,7 +21,6 @@ from page_hand import (
     decoded,
     drag,
     enter,
-    field,
     lines_of,
     listed,
     press,
@@ -242,10 +241,9 @@ def test_a_pressed_pair_is_highlighted_and_the_rest_is_dim(page, wait, eventuall
 
 
 def test_the_list_is_searched_and_pairs_are_ignored_and_watched_again(page, wait):
-    search = field(page, "Search")
-    search.fill("die ta")
+    enter(page, "Search", "die ta")
     wait(lambda: list(listed(page)) == ["table - die"], "the one pair")
-    search.fill("")
+    enter(page, "Search", "")
     press(page, '[data-word="ignore:table - die"]')
     wait(lambda: "ball - die" in listed(page) and "table - die" not in listed(page), "it to go")
     press(page, HIDDEN)

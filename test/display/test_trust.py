@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from page_hand import (
     CHOSEN,
+    SENT,
     button,
     choose,
     decoded,
@@ -40,8 +41,7 @@ def pages(open_page):
 def two(pages, sources, wait):
     """Both as they were at first."""
     for page in pages:
-        tab(page, "Clearances")
-        look_back(page).press("End")
+        at_present(page)
         wait(lambda page=page: word(page) == "clear", "all to be clear")
     yield pages
     sources.restore()
@@ -52,8 +52,7 @@ def two(pages, sources, wait):
 @pytest.fixture
 def one(pages):
     """The first browser, whatever the other does."""
-    tab(pages[0], "Clearances")
-    look_back(pages[0]).press("End")
+    at_present(pages[0])
     yield pages[0]
     assert pages[0].errors == []
 
@@ -61,6 +60,13 @@ def one(pages):
 def look_back(page):
     """The slider of the moment that is shown."""
     return page.get_by_role("slider").and_(page.locator(":visible")).first
+
+
+def at_present(page):
+    """Look at what is now, wherever the test before has looked."""
+    tab(page, "Clearances")
+    look_back(page).press("End")
+    page.evaluate(SENT)
 
 
 def greens(page):

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from engine_bodies import covering
 from engine_surfaces import (
     bumps,
     by_scipy,
@@ -98,9 +99,9 @@ def blossoms(knots, degree, points, span, low, high):
         yield d[span]
 
 
-@pytest.mark.parametrize("decades", [0.0, 8.0])
-@pytest.mark.parametrize("degree", [1, 2, 3, 8, 15])
-@pytest.mark.parametrize("knots", KNOTS)
+@pytest.mark.parametrize(
+    ("degree", "knots", "decades"), covering((1, 2, 3, 8, 15), KNOTS, (0.0, 8.0))
+)
 def test_pieces_are_those_of_exact_arithmetic(knots, degree, decades):
     """But for what the tree says that rounding did."""
     made = curve(6, degree + 5, degree, knots, decades)
