@@ -42,6 +42,10 @@ DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, Surfac
 _FULL = 0.5
 """Share of the room for cells from which on a search begins without those of earlier searches."""
 
+_NEAR = 0.05
+"""Share of the models' sizes: from where points are farther apart no local minimum is looked for,
+as models that crossed have leapt, or nothing was known of them."""
+
 _SMALL = 0.02
 """Share of the models' sizes: where they have moved less, the points that were nearest are so."""
 
@@ -136,6 +140,10 @@ def _settle(waiting, tree_a, tree_b, state):
 def _measure(tree_a, tree_b, state, a, b, bound):
     a, from_a = begin_on(tree_a, a)
     b, from_b = begin_on(tree_b, b)
+    # Where they are far from each other, a search that is to begin has better ones to begin with.
+    distance = measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
+    if distance > _NEAR * (tree_a.scale[2] + tree_b.scale[2]) and distance < np.inf:
+        return distance
     return measure_near(tree_a, tree_b, state, a, from_a, b, from_b, MOST)
 
 

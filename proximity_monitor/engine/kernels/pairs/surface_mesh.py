@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
+from ..base.precise import accurate_cross
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
 from ..base.vectors import along, cross, dot, moved, norm, rotated, scaled, sub, turned_back, unit
 from ..elements.primitives import corners, mixed
@@ -13,7 +14,17 @@ from ..surface.facing import closest_in, is_long, parameters_in, vector
 from ..surface.falling import ball_of, falls, is_crossed
 from ..surface.halved import halved_least
 from ..surface.jets import fixed_jet, get, moved_jet, put
-from ..surface.newton import begin_at, derivatives, way_at, weights_at
+from ..surface.newton import (
+    LEAST_DAMPED,
+    POSITIVE,
+    begin_at,
+    derivatives,
+    is_held,
+    prepare,
+    solve,
+    way_at,
+    weights_at,
+)
 from ..surface.sides import (
     begin_on,
     divide_side,
@@ -28,15 +39,16 @@ from ..surface.sides import (
     whole,
 )
 from . import divided, mesh_in_ball, swept  # noqa: F401 - each implements stubs for these kinds
-from .triangle_proofs import foot_on
+from .triangle_proofs import foot_beside, foot_on
 
 _ROUNDS = 2
 """Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
 cell it is as large as ever, and the way to it must not be tilted along it."""
 
-_WEIGHTS, _EDGE = 30, 33
+_WEIGHTS, _EDGE, _TRIANGLE, _FACE = 30, 33, 37, 46
 """Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
-along an edge, or of its normal where it lies within the face."""
+along an edge, or of its normal where it lies within the face. Then the triangle in a's frame, and
+its normal, of any length; a last number is 0 where it is a point."""
 
 _CORNER, _ON_EDGE, _WITHIN = 0.0, 1.0, 2.0
 """Where it lies; after its direction."""
@@ -233,10 +245,36 @@ def _weights(tree, x, first, jets):
     return get(jets, _WEIGHTS)
 
 
+@inlined
+def _prepare(triangle, jets):
+    """Write a triangle to `jets`."""
+    for i in range(3):
+        put(jets, _TRIANGLE + 3 * i, triangle[i])
+    put(jets, _FACE, accurate_cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])))
+    is_point = triangle[0] == triangle[1] and triangle[0] == triangle[2]
+    jets[_FACE + 3] = 0.0 if is_point else 1.0
+
+
+@implements(prepare, SurfaceTree, MeshTree)
+@inlined
+def _prepare_b(tree_a, tree_b, element_a, element_b, motion, jets):
+    _prepare(_placed(tree_b, element_b, motion), jets)
+
+
+@implements(prepare, MeshTree, SurfaceTree)
+@inlined
+def _prepare_a(tree_a, tree_b, element_a, element_b, motion, jets):
+    _prepare(corners(tree_a.triangles, element_a), jets)
+
+
 @kernel
-def _nearest_of(triangle, p, jets):
-    """The point of a triangle nearest to p; its weights and how it may move into `jets`."""
-    weights = foot_on(p, triangle)
+def _nearest_of(p, jets):
+    """The point of the triangle nearest to p; its weights and how it may move into `jets`."""
+    triangle = get(jets, _TRIANGLE), get(jets, _TRIANGLE + 3), get(jets, _TRIANGLE + 6)
+    normal = get(jets, _FACE)
+    weights = (1.0, 0.0, 0.0)
+    if jets[_FACE + 3] != 0.0:
+        weights = foot_beside(p, triangle, normal)
     put(jets, _WEIGHTS, weights)
     first = last = 0
     count = 0
@@ -249,7 +287,7 @@ def _nearest_of(triangle, p, jets):
     if count == 2:
         way, kind = unit(sub(triangle[last], triangle[first])), _ON_EDGE
     elif count == 3:
-        way = unit(cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])))
+        way = unit(normal)
         kind = _WITHIN
     put(jets, _EDGE, way)
     jets[_EDGE + 3] = kind
@@ -260,14 +298,14 @@ def _nearest_of(triangle, p, jets):
 @kernel
 def _way_to_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
     p = fixed_jet(tree_a, element_a, x[0], x[1], jets)
-    return sub(_nearest_of(_placed(tree_b, element_b, motion), p, jets), p)
+    return sub(_nearest_of(p, jets), p)
 
 
 @implements(way_at, MeshTree, SurfaceTree)
 @kernel
 def _way_from_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
     q = moved_jet(tree_b, element_b, motion, x[2], x[3], jets)
-    return sub(q, _nearest_of(corners(tree_a.triangles, element_a), q, jets))
+    return sub(q, _nearest_of(q, jets))
 
 
 @kernel
@@ -294,6 +332,46 @@ def _half_derivatives(way, jets, at, first, gradient, hessian):
                 product = dot(one, its_way) * dot(other, its_way)
             second = dot(way, get(jets, at + 6 + 3 * (i + j)))
             hessian[first + i, first + j] = product + second
+
+
+@inlined
+def _solve_two(x, gradient, hessian, damping, first, step):
+    """Newton's step over two parameters, by the steps of Cholesky's method; see `solve`."""
+    last = first + 1
+    free, other = not is_held(x, gradient, first), not is_held(x, gradient, last)
+    a, b, c = hessian[first, first], hessian[last, first], hessian[last, last]
+    scale = max(abs(a) if free else 0.0, abs(c) if other else 0.0)
+    for i in range(4):
+        step[i] = 0.0
+    if free:
+        a += damping * (abs(a) + LEAST_DAMPED * scale)
+        if not a > POSITIVE * scale:
+            return False
+        step[first] = -gradient[first] / a
+    if other:
+        c += damping * (abs(c) + LEAST_DAMPED * scale)
+        slope = gradient[last]
+        if free:
+            c -= b * (b / a)
+            slope += b * step[first]
+        if not c > POSITIVE * scale:
+            return False
+        step[last] = -slope / c
+        if free:
+            step[first] -= (b / a) * step[last]
+    return True
+
+
+@implements(solve, SurfaceTree, MeshTree)
+@kernel
+def _solve_for_a(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
+    return _solve_two(x, gradient, hessian, damping, 0, step)
+
+
+@implements(solve, MeshTree, SurfaceTree)
+@kernel
+def _solve_for_b(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
+    return _solve_two(x, gradient, hessian, damping, 2, step)
 
 
 @implements(derivatives, SurfaceTree, MeshTree)
