@@ -52,6 +52,9 @@ _SMALL = 0.02
 _NEAR_STEPS = 32
 """Steps of each search for near points with which a search that has a tolerance begins."""
 
+_CROSSING = 4
+"""How many times as many pairs are compared before that where some may cross."""
+
 _FEW, _MORE = 8, 24
 """Pairs of elements that a search compares before it looks for a ball that dismisses others; and
 that one compares which remembers what was far: most have only a few."""
@@ -162,11 +165,23 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
         # compile ahead stands last, where it is needed latest.
         if not narrow:
             steps = _add(tree_a, tree_b, state, n, bound, steps)
+            if progress.compared < progress.due or _may_cross(progress, waiting):
+                return n, steps
             return n, steps - min(steps, find_ball(tree_a, tree_b, state))
         code, left = _divide_some(tree_a, tree_b, state, steps, True)
         if code == CUT:
             return n + 1, left
         narrow = False
+
+
+@inlined
+def _may_cross(progress, waiting):
+    """Whether a pair of cells may cross, by its bound, and these are still few.
+
+    Then another few pairs are compared first: where the models cross, one tells, and no ball.
+    """
+    crosses = progress.dividing > 0 and waiting.pairs[0].bound <= 0.0
+    return crosses and progress.compared < _CROSSING * progress.due
 
 
 @inlined
@@ -309,6 +324,12 @@ def _near_triangle(tree, p, element, weights, steps, slack, stack, bounds, found
     distance, t, top = begin_nearest(tree, p, element, stack, bounds)
     _, t, _, _ = nearest(tree, p, distance, t, top, slack, 0.0, stack, bounds, found, steps)
     return begin_on(tree, t)
+
+
+@implements(stubs.look_ahead, Dividing, SurfaceTree, SurfaceTree)
+@inlined
+def _look_at_none(waiting, tree_a, tree_b, state):
+    return 0
 
 
 @implements(find_ball, SurfaceTree, SurfaceTree)

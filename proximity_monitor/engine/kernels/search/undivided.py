@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined
-from ..base.state import ENDED, Waiting
+from ..base.state import ENDED, Turning, Waiting
 from . import stubs
 
 
@@ -37,6 +37,12 @@ def _compare(waiting, tree_a, tree_b, state, a, b):
 @inlined
 def _divide(waiting, tree_a, tree_b, state, steps):
     return ENDED, steps
+
+
+@implements(stubs.look_ahead, (Waiting, Turning))
+@inlined
+def _look_ahead(waiting, tree_a, tree_b, state):
+    return 0
 
 
 @implements(stubs.least_undivided, Waiting)
