@@ -272,23 +272,57 @@ def _least_undivided(waiting, progress):
     return min(first, progress.least_cells)
 
 
-@_implements(stubs.guess)
+@inlined
+def _has_stayed(tree_a, tree_b, state):
+    """Whether the models have moved so little that the points that were nearest are so still."""
+    few = _SMALL * (tree_a.scale[2] + tree_b.scale[2])
+    return state.keys.shape[0] > 0 and state.progress[0].step < few
+
+
+@inlined
+def _guess_from(middle, tree, other, motion, found):
+    """Elements of two models that may be near each other, and points of them.
+
+    MIDDLE is that of the other model, in the tree's frame; the motion leads into the other's.
+    """
+    # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
+    element, weights = begin_on(tree, walk(Point(middle, 0.0, 0.0), tree, found))
+    near_other = Point(moved(motion, stubs.witness(tree, element, weights)), 0.0, 0.0)
+    last, from_last = begin_on(other, walk(near_other, other, found))
+    return element, weights, last, from_last
+
+
+@inlined
+def _improve_guess(tree_a, tree_b, state, found):
+    if not far_from_nearest(state.progress[0]):  # else that is what the search begins with
+        _approach(tree_a, tree_b, state, _NEAR_STEPS, found)
+
+
+@implements(stubs.guess, SurfaceTree, (SurfaceTree, MeshTree))
 @kernel
 def _guess(tree_a, tree_b, state):
-    progress = state.progress[0]
-    if state.keys.shape[0] > 0 and progress.step < _SMALL * (tree_a.scale[2] + tree_b.scale[2]):
+    if _has_stayed(tree_a, tree_b, state):
         stubs.settle(state.waiting, tree_a, tree_b, state)  # it was as near, and crossed perhaps
         return
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
-    # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
-    a, from_a = begin_on(tree_a, walk(Point(middle, 0.0, 0.0), tree_a, found))
-    p = stubs.witness(tree_a, a, from_a)
-    near_b = Point(moved(state.motions[1], p), 0.0, 0.0)
-    b, from_b = begin_on(tree_b, walk(near_b, tree_b, found))
+    a, from_a, b, from_b = _guess_from(middle, tree_a, tree_b, state.motions[1], found)
     measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
-    if not far_from_nearest(progress):  # else that is what the search begins with
-        _approach(tree_a, tree_b, state, _NEAR_STEPS, found)
+    _improve_guess(tree_a, tree_b, state, found)
+
+
+@implements(stubs.guess, MeshTree, SurfaceTree)
+@kernel
+def _guess_turned(tree_a, tree_b, state):
+    # A surface may be hollow where its middle is, as a ring is: so it begins with the mesh's.
+    if _has_stayed(tree_a, tree_b, state):
+        stubs.settle(state.waiting, tree_a, tree_b, state)
+        return
+    found = on_stack(WIDTH, np.float32(0.0))
+    middle = moved(state.motions[1], scaled(row(tree_a.centres, 0), tree_a.scale[0]))
+    b, from_b, a, from_a = _guess_from(middle, tree_b, tree_a, state.motions[0], found)
+    measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
+    _improve_guess(tree_a, tree_b, state, found)
 
 
 @_implements(stubs.approach)
