@@ -41,6 +41,9 @@ _SOON, _LOOKED = 16 * WIDTH, -2
 """Bounds of volumes after which a ball is looked for in any case, as no volume within it is opened;
 and what tells that it has been."""
 
+_ASKED = 0.5
+"""Share of the distance found so far that is asked about at the least for that."""
+
 _LATER, _LEAST = 4, 8
 """How many times as many pairs are compared until the next ball is looked for; and how many at the
 least."""
@@ -171,8 +174,12 @@ def _find(tree_a, tree_b, state, surface, mesh, flip, soon):
 
 @inlined
 def _is_soon(progress):
-    """Whether it is time to look for a ball though few pairs of elements were compared."""
-    return progress.bound_tests >= _SOON and progress.leaning == NONE
+    """Whether it is time to look for a ball though few pairs of elements were compared.
+
+    Not where a clearance far below the distance found so far is all that is asked for.
+    """
+    soon = progress.bound_tests >= _SOON and progress.leaning == NONE and progress.open > 0
+    return soon and progress.limit > _ASKED * progress.distance
 
 
 @implements(stubs.look_ahead, Dividing, SurfaceTree, MeshTree)
