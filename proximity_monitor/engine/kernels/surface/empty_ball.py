@@ -54,6 +54,10 @@ this one; as a share of this one, where nothing could be proven; and as such at 
 _ALONG = 0.9
 """Cosine of a normal and the way between nearest points from which on the ball leans on it."""
 
+_CLEAR = 1e-12
+"""Share of the surface's size that a point found in a ball lies above the plane that touches both,
+for the ball through it to be known."""
+
 _FLAT = 1e-12
 """Share of both squared derivatives' product that their area's square has at the least."""
 
@@ -254,7 +258,8 @@ def empty_ball(tree, element, u, v, n, radius, more, middle):
             break
         way = sub(point_on(tree, other, other_u, other_v), p)
         height = dot(way, n)
-        through = dot(way, way) / (2.0 * height) if height > 0.0 else np.inf
+        clear = height > _CLEAR * tree.scale[2]  # else rounding alone tells a radius
+        through = dot(way, way) / (2.0 * height) if clear else np.inf
         centre = along(p, n, through)
         if norm(sub(centre, middle)) < _AROUND * through and through > spare:
             bowl, looks = _is_bowl(tree, centre, through - spare)
@@ -262,6 +267,6 @@ def empty_ball(tree, element, u, v, n, radius, more, middle):
             if bowl:
                 return centre, through - spare, through - spare, cost
         through = min(_SMALLER * through, radius)
-        shrunk = radius if own > 0.0 and others > 0.0 else _HALF * radius
+        shrunk = radius if clear and own > 0.0 and others > 0.0 else _HALF * radius
         radius = max(min(shrunk, through), _LEAST * radius)
     return c, own, others, cost
