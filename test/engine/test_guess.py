@@ -9,7 +9,7 @@ from proximity_monitor.study import shapes
 
 
 def test_a_search_begins_beside_the_mesh_in_either_order():
-    """A ring has a hole in its middle: from there, crossings took 60,500 bound tests, now 40,200."""
+    """A ring's middle is a hole: from there, crossings took 60,500 bound tests, now 40,200."""
     ring = engine.ParametricSurface(torus_patches())
     ball = engine.TriangleMesh(*shapes.sphere(1.0))
     rng, tests, crossing = np.random.default_rng(7), 0, 0
