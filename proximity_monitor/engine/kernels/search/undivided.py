@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined
-from ..base.state import ENDED, Turning, Waiting
+from ..base.state import ENDED, Waiting
 from . import stubs
 
 
@@ -39,7 +39,7 @@ def _divide(waiting, tree_a, tree_b, state, steps):
     return ENDED, steps
 
 
-@implements(stubs.look_ahead, (Waiting, Turning))
+@implements(stubs.look_ahead, Waiting)
 @inlined
 def _look_ahead(waiting, tree_a, tree_b, state):
     return 0
