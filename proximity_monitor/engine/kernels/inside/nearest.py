@@ -101,21 +101,28 @@ def _on_segment(p, a, e):
     return s, dot(g, g)
 
 
+@inlined
+def point_outline(p, a, b, c):
+    """As `point_triangle`, of a triangle's edges alone."""
+    v, best = _on_segment(p, a, sub(b, a))
+    w = 0.0
+    s, d = _on_segment(p, a, sub(c, a))
+    if d < best:
+        best, v, w = d, 0.0, s
+    s, d = _on_segment(p, b, sub(c, b))
+    if d < best:
+        best, v, w = d, 1.0 - s, s
+    return best, v, w
+
+
 @kernel
 def point_triangle(p, a, b, c):
     """Nearest point a + v (b - a) + w (c - a) of a triangle, which may be a segment or a point.
 
     Returns (squared distance, v, w).
     """
+    best, v, w = point_outline(p, a, b, c)
     e, f = sub(b, a), sub(c, a)
-    v, best = _on_segment(p, a, e)
-    w = 0.0
-    s, d = _on_segment(p, a, f)
-    if d < best:
-        best, v, w = d, 0.0, s
-    s, d = _on_segment(p, b, sub(c, b))
-    if d < best:
-        best, v, w = d, 1.0 - s, s
     n = accurate_cross(e, f)
     nn = dot(n, n)
     if nn > 0.0:

@@ -42,11 +42,18 @@ DIVIDED = (SurfaceTree, SurfaceTree), (SurfaceTree, MeshTree), (MeshTree, Surfac
 _FULL = 0.5
 """Share of the room for cells from which on a search begins without those of earlier searches."""
 
+_NEAR = 0.05
+"""Share of the models' sizes: from where points are farther apart no local minimum is looked for,
+as models that crossed have leapt, or nothing was known of them."""
+
 _SMALL = 0.02
 """Share of the models' sizes: where they have moved less, the points that were nearest are so."""
 
 _NEAR_STEPS = 32
 """Steps of each search for near points with which a search that has a tolerance begins."""
+
+_CROSSING = 4
+"""How many times as many pairs are compared before that where some may cross."""
 
 _FEW, _MORE = 8, 24
 """Pairs of elements that a search compares before it looks for a ball that dismisses others; and
@@ -136,6 +143,10 @@ def _settle(waiting, tree_a, tree_b, state):
 def _measure(tree_a, tree_b, state, a, b, bound):
     a, from_a = begin_on(tree_a, a)
     b, from_b = begin_on(tree_b, b)
+    # Where they are far from each other, a search that is to begin has better ones to begin with.
+    distance = measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
+    if distance > _NEAR * (tree_a.scale[2] + tree_b.scale[2]) and distance < np.inf:
+        return distance
     return measure_near(tree_a, tree_b, state, a, from_a, b, from_b, MOST)
 
 
@@ -154,11 +165,23 @@ def _resolve(tree_a, tree_b, state, n, steps, scratch):
         # compile ahead stands last, where it is needed latest.
         if not narrow:
             steps = _add(tree_a, tree_b, state, n, bound, steps)
+            if progress.compared < progress.due or _may_cross(progress, waiting):
+                return n, steps
             return n, steps - min(steps, find_ball(tree_a, tree_b, state))
         code, left = _divide_some(tree_a, tree_b, state, steps, True)
         if code == CUT:
             return n + 1, left
         narrow = False
+
+
+@inlined
+def _may_cross(progress, waiting):
+    """Whether a pair of cells may cross, by its bound, and these are still few.
+
+    Then another few pairs are compared first: where the models cross, one tells, and no ball.
+    """
+    crosses = progress.dividing > 0 and waiting.pairs[0].bound <= 0.0
+    return crosses and progress.compared < _CROSSING * progress.due
 
 
 @inlined
@@ -249,23 +272,57 @@ def _least_undivided(waiting, progress):
     return min(first, progress.least_cells)
 
 
-@_implements(stubs.guess)
+@inlined
+def _has_stayed(tree_a, tree_b, state):
+    """Whether the models have moved so little that the points that were nearest are so still."""
+    few = _SMALL * (tree_a.scale[2] + tree_b.scale[2])
+    return state.keys.shape[0] > 0 and state.progress[0].step < few
+
+
+@inlined
+def _guess_from(middle, tree, other, motion, found):
+    """Elements of two models that may be near each other, and points of them.
+
+    MIDDLE is that of the other model, in the tree's frame; the motion leads into the other's.
+    """
+    # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
+    element, weights = begin_on(tree, walk(Point(middle, 0.0, 0.0), tree, found))
+    near_other = Point(moved(motion, stubs.witness(tree, element, weights)), 0.0, 0.0)
+    last, from_last = begin_on(other, walk(near_other, other, found))
+    return element, weights, last, from_last
+
+
+@inlined
+def _improve_guess(tree_a, tree_b, state, found):
+    if not far_from_nearest(state.progress[0]):  # else that is what the search begins with
+        _approach(tree_a, tree_b, state, _NEAR_STEPS, found)
+
+
+@implements(stubs.guess, SurfaceTree, (SurfaceTree, MeshTree))
 @kernel
 def _guess(tree_a, tree_b, state):
-    progress = state.progress[0]
-    if state.keys.shape[0] > 0 and progress.step < _SMALL * (tree_a.scale[2] + tree_b.scale[2]):
+    if _has_stayed(tree_a, tree_b, state):
         stubs.settle(state.waiting, tree_a, tree_b, state)  # it was as near, and crossed perhaps
         return
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
-    # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
-    a, from_a = begin_on(tree_a, walk(Point(middle, 0.0, 0.0), tree_a, found))
-    p = stubs.witness(tree_a, a, from_a)
-    near_b = Point(moved(state.motions[1], p), 0.0, 0.0)
-    b, from_b = begin_on(tree_b, walk(near_b, tree_b, found))
+    a, from_a, b, from_b = _guess_from(middle, tree_a, tree_b, state.motions[1], found)
     measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
-    if not far_from_nearest(progress):  # else that is what the search begins with
-        _approach(tree_a, tree_b, state, _NEAR_STEPS, found)
+    _improve_guess(tree_a, tree_b, state, found)
+
+
+@implements(stubs.guess, MeshTree, SurfaceTree)
+@kernel
+def _guess_turned(tree_a, tree_b, state):
+    # A surface may be hollow where its middle is, as a ring is: so it begins with the mesh's.
+    if _has_stayed(tree_a, tree_b, state):
+        stubs.settle(state.waiting, tree_a, tree_b, state)
+        return
+    found = on_stack(WIDTH, np.float32(0.0))
+    middle = moved(state.motions[1], scaled(row(tree_a.centres, 0), tree_a.scale[0]))
+    b, from_b, a, from_a = _guess_from(middle, tree_b, tree_a, state.motions[0], found)
+    measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
+    _improve_guess(tree_a, tree_b, state, found)
 
 
 @_implements(stubs.approach)
@@ -301,6 +358,12 @@ def _near_triangle(tree, p, element, weights, steps, slack, stack, bounds, found
     distance, t, top = begin_nearest(tree, p, element, stack, bounds)
     _, t, _, _ = nearest(tree, p, distance, t, top, slack, 0.0, stack, bounds, found, steps)
     return begin_on(tree, t)
+
+
+@implements(stubs.look_ahead, Dividing, SurfaceTree, SurfaceTree)
+@inlined
+def _look_at_none(waiting, tree_a, tree_b, state):
+    return 0
 
 
 @implements(find_ball, SurfaceTree, SurfaceTree)

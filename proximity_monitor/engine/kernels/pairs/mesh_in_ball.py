@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel
 from ..base.memory import on_stack
-from ..base.state import NONE, MeshTree, SurfaceTree
+from ..base.state import NONE, Dividing, MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, norm, scaled, sub
 from ..elements.direction import begin_along, end_along, gap_between
 from ..elements.primitives import corners
@@ -37,12 +37,20 @@ _LARGE, _MORE = 4.0, 2e-4
 """How large a ball is at the most, as a share of the spheres around both models; and how much
 farther from its centre other pieces may be known to be."""
 
-_LATER = 4
-"""How many times as many pairs are compared until the next ball is looked for."""
+_SOON, _LOOKED = 16 * WIDTH, -2
+"""Bounds of volumes after which a ball is looked for in any case, as no volume within it is opened;
+and what tells that it has been."""
 
-_TURNS, _NEAR_STEPS = 8, 32
-"""Times that the nearest points are improved first, at the most; and steps of each search for a
-near triangle."""
+_ASKED = 0.5
+"""Share of the distance found so far that is asked about at the least for that."""
+
+_LATER, _LEAST = 4, 8
+"""How many times as many pairs are compared until the next ball is looked for; and how many at the
+least."""
+
+_TURNS, _FEW_TURNS, _NEAR_STEPS = 10, 5, 32
+"""Times that the nearest points are improved first, at the most, and where it is soon; and steps of
+each search for a near triangle."""
 
 _LITTLE = 1e-6
 """Share of the distance, or of its square, less than which ends the turns."""
@@ -66,8 +74,10 @@ def _nearest_points(state, flip):
 
 
 @kernel
-def _improve(tree_a, tree_b, state, surface, mesh, flip):
-    """Move the nearest points known to where the models are nearest near by; returns the steps.
+def _improve(tree_a, tree_b, state, surface, mesh, flip, turns):
+    """Move the nearest points known to where the models are nearest near by, in so many turns.
+
+    Returns whether they are there, and the steps.
 
     In turns: the point of the surface nearest to the mesh's point, the triangle nearest to that,
     and Newton's method between both. Between models that are near each other for their size such
@@ -77,43 +87,55 @@ def _improve(tree_a, tree_b, state, surface, mesh, flip):
     progress = state.progress[0]
     to_surface, to_mesh = state.motions[1 if flip else 0], state.motions[0 if flip else 1]
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
-    found = on_stack(WIDTH, np.float32(0.0))
-    behind, steps, cost = _reach(mesh), 0, 0
-    for _ in range(_TURNS):
+    found, slack = on_stack(WIDTH, np.float32(0.0)), progress.bound_slack
+    behind, steps, cost, surely = _reach(mesh), 0, 0, False
+    for _ in range(turns):
         before = progress.distance
         s, ws, t, wt = _nearest_points(state, flip)
         p = stubs.witness(surface, s, ws)
         q = moved(to_surface, stubs.witness(mesh, t, wt))
         place = along(q, sub(q, p), behind / before)
-        other, u, v, looks = nearest_on(surface, s, ws[0], ws[1], place)
-        cost += looks
-        new = stubs.witness(surface, other, (u, v, 0.0))
+        if surely:
+            other, u, v, looks = nearest_on(surface, s, ws[0], ws[1], place)
+            from_s = (u, v, 0.0)
+            cost += looks
+        else:
+            other, from_s = near(surface, place, s, ws, _NEAR_STEPS, slack, stack, bounds, found)
+            steps += _NEAR_STEPS
+        new = stubs.witness(surface, other, from_s)
         last, from_t = near(
-            mesh, moved(to_mesh, new), t, wt, _NEAR_STEPS, progress.bound_slack,
-            stack, bounds, found,
-        )  # fmt: skip
+            mesh, moved(to_mesh, new), t, wt, _NEAR_STEPS, slack, stack, bounds, found
+        )
         steps += _NEAR_STEPS
         way = sub(new, p)
         little = dot(way, way) < _LITTLE * before * before
         if little and other == s and last == t:
-            break
+            if surely:
+                return True, steps + _LOOK * cost
+            surely = True
+            continue
         if flip:
-            measure_near(tree_a, tree_b, state, last, from_t, other, (u, v, 0.0), MOST)
+            measure_near(tree_a, tree_b, state, last, from_t, other, from_s, MOST)
         else:
-            measure_near(tree_a, tree_b, state, other, (u, v, 0.0), last, from_t, MOST)
+            measure_near(tree_a, tree_b, state, other, from_s, last, from_t, MOST)
         steps += MINIMUM_STEPS
         if not progress.distance > progress.slack or cost >= LOOKS:
             break
         if not progress.distance < before * (1.0 - _LITTLE):
-            if little or behind == 0.0:
-                break
-            behind = 0.0
-    return steps + _LOOK * cost
+            if not surely:
+                surely = True
+            elif little or behind == 0.0:
+                return True, steps + _LOOK * cost
+            else:
+                behind = 0.0
+    return False, steps + _LOOK * cost
 
 
 @kernel
-def _find(tree_a, tree_b, state, surface, mesh, flip):
+def _find(tree_a, tree_b, state, surface, mesh, flip, soon):
     """Look for a ball of a surface beside its nearest point; returns the steps taken.
+
+    SOON, before much is known, only where the nearest points are found in a few turns.
 
     Moving the centre c errs by no more than moving a point of the models does, but for its larger
     norm: that of a surface's point is at most `size`, so by 1 + |c| / `size` times the slack of
@@ -122,15 +144,18 @@ def _find(tree_a, tree_b, state, surface, mesh, flip):
     slack moving the centre takes less than half (see POINT_MARGIN).
     """
     progress, size = state.progress[0], surface.scale[2]
-    if progress.compared < progress.due:
-        return 0
-    progress.due = _LATER * progress.compared
     ball = progress.ball
+    if soon:
+        progress.leaning = _LOOKED
+    else:
+        progress.due = max(_LATER * progress.compared, _LEAST)
     if not (progress.slack < progress.distance < ball[5] and size > 0.0):
         return 0
-    steps = _improve(tree_a, tree_b, state, surface, mesh, flip)
+    found, steps = _improve(
+        tree_a, tree_b, state, surface, mesh, flip, _FEW_TURNS if soon else _TURNS
+    )
     distance = progress.distance
-    if not distance > progress.slack:
+    if not distance > progress.slack or (soon and not found):
         return steps
     s, ws, _, _ = _nearest_points(state, flip)
     n = scaled(vector(progress.normal_b), -1.0) if flip else vector(progress.normal_a)
@@ -147,16 +172,42 @@ def _find(tree_a, tree_b, state, surface, mesh, flip):
     return steps + _STEPS + _LOOK * cost
 
 
+@inlined
+def _is_soon(progress):
+    """Whether it is time to look for a ball though few pairs of elements were compared.
+
+    Not where a clearance far below the distance found so far is all that is asked for.
+    """
+    soon = progress.bound_tests >= _SOON and progress.leaning == NONE and progress.open > 0
+    return soon and progress.limit > _ASKED * progress.distance
+
+
+@implements(stubs.look_ahead, Dividing, SurfaceTree, MeshTree)
+@inlined
+def _look_ahead_of_a(waiting, tree_a, tree_b, state):
+    if not _is_soon(state.progress[0]):
+        return 0
+    return _find(tree_a, tree_b, state, tree_a, tree_b, False, True)
+
+
+@implements(stubs.look_ahead, Dividing, MeshTree, SurfaceTree)
+@inlined
+def _look_ahead_of_b(waiting, tree_a, tree_b, state):
+    if not _is_soon(state.progress[0]):
+        return 0
+    return _find(tree_a, tree_b, state, tree_b, tree_a, True, True)
+
+
 @implements(find_ball, SurfaceTree, MeshTree)
 @inlined
 def _find_ball_of_a(tree_a, tree_b, state):
-    return _find(tree_a, tree_b, state, tree_a, tree_b, False)
+    return _find(tree_a, tree_b, state, tree_a, tree_b, False, False)
 
 
 @implements(find_ball, MeshTree, SurfaceTree)
 @inlined
 def _find_ball_of_b(tree_a, tree_b, state):
-    return _find(tree_a, tree_b, state, tree_b, tree_a, True)
+    return _find(tree_a, tree_b, state, tree_b, tree_a, True, False)
 
 
 @inlined

@@ -6,14 +6,12 @@ import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
-from ..base.vectors import along, cross, dot, moved, norm, rotated, scaled, sub, turned_back, unit
+from ..base.vectors import along, cross, dot, norm, rotated, scaled, sub, turned_back
 from ..elements.primitives import corners, mixed
 from ..search.search import answer_queries
 from ..surface.facing import closest_in, is_long, parameters_in, vector
 from ..surface.falling import ball_of, falls, is_crossed
 from ..surface.halved import halved_least
-from ..surface.jets import fixed_jet, get, moved_jet, put
-from ..surface.newton import begin_at, derivatives, way_at, weights_at
 from ..surface.sides import (
     begin_on,
     divide_side,
@@ -28,18 +26,12 @@ from ..surface.sides import (
     whole,
 )
 from . import divided, mesh_in_ball, swept  # noqa: F401 - each implements stubs for these kinds
+from .triangle_newton import placed
 from .triangle_proofs import foot_on
 
 _ROUNDS = 2
 """Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
 cell it is as large as ever, and the way to it must not be tilted along it."""
-
-_WEIGHTS, _EDGE = 30, 33
-"""Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
-along an edge, or of its normal where it lies within the face."""
-
-_CORNER, _ON_EDGE, _WITHIN = 0.0, 1.0, 2.0
-"""Where it lies; after its direction."""
 
 
 @implements(whole, MeshTree)
@@ -128,12 +120,6 @@ def _normal(tree, cells, index):
     return cross(sub(b, a), sub(c, a))
 
 
-@kernel
-def _placed(tree, index, motion):
-    a, b, c = corners(tree.triangles, index)
-    return moved(motion, a), moved(motion, b), moved(motion, c)
-
-
 @inlined
 def _place_in(cell, q):
     """Where a cell's parallelogram comes near to q."""
@@ -201,7 +187,7 @@ def _facing(cell, triangle):
 @implements(facing, SurfaceTree, MeshTree)
 @kernel
 def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
-    way, place, weights = _facing(cells_a[a], _placed(tree_b, b, motion))
+    way, place, weights = _facing(cells_a[a], placed(tree_b, b, motion))
     return way, parameters_in(cells_a[a], place), weights
 
 
@@ -219,93 +205,6 @@ def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
 def _back(motion, p):
     """A point of a's frame in b's."""
     return turned_back(motion, (p[0] - motion[9], p[1] - motion[10], p[2] - motion[11]))
-
-
-@implements(begin_at, MeshTree)
-@inlined
-def _begin(tree, weights):
-    return 0.0, 0.0
-
-
-@implements(weights_at, MeshTree)
-@inlined
-def _weights(tree, x, first, jets):
-    return get(jets, _WEIGHTS)
-
-
-@kernel
-def _nearest_of(triangle, p, jets):
-    """The point of a triangle nearest to p; its weights and how it may move into `jets`."""
-    weights = foot_on(p, triangle)
-    put(jets, _WEIGHTS, weights)
-    first = last = 0
-    count = 0
-    for i in range(3):
-        if weights[i] > 0.0:
-            first = i if count == 0 else first
-            last = i
-            count += 1
-    way, kind = (0.0, 0.0, 0.0), _CORNER
-    if count == 2:
-        way, kind = unit(sub(triangle[last], triangle[first])), _ON_EDGE
-    elif count == 3:
-        way = unit(cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])))
-        kind = _WITHIN
-    put(jets, _EDGE, way)
-    jets[_EDGE + 3] = kind
-    return mixed(triangle, weights)
-
-
-@implements(way_at, SurfaceTree, MeshTree)
-@kernel
-def _way_to_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
-    p = fixed_jet(tree_a, element_a, x[0], x[1], jets)
-    return sub(_nearest_of(_placed(tree_b, element_b, motion), p, jets), p)
-
-
-@implements(way_at, MeshTree, SurfaceTree)
-@kernel
-def _way_from_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
-    q = moved_jet(tree_b, element_b, motion, x[2], x[3], jets)
-    return sub(q, _nearest_of(corners(tree_a.triangles, element_a), q, jets))
-
-
-@kernel
-def _half_derivatives(way, jets, at, first, gradient, hessian):
-    """Those by the surface's own parameters, while the triangle's point stays nearest.
-
-    As that follows, what it can do along its edge or in its face does not count: the part of a
-    derivative in that direction is left out of the products.
-    """
-    kind, its_way = jets[_EDGE + 3], get(jets, _EDGE)
-    for i in range(4):
-        gradient[i] = 0.0
-        for j in range(i + 1):
-            hessian[i, j] = 0.0
-    for i in range(2):
-        one = get(jets, at + 3 * i)
-        gradient[first + i] = dot(way, one)
-        for j in range(i + 1):
-            other = get(jets, at + 3 * j)
-            product = dot(one, other)
-            if kind == _ON_EDGE:
-                product -= dot(one, its_way) * dot(other, its_way)
-            elif kind == _WITHIN:
-                product = dot(one, its_way) * dot(other, its_way)
-            second = dot(way, get(jets, at + 6 + 3 * (i + j)))
-            hessian[first + i, first + j] = product + second
-
-
-@implements(derivatives, SurfaceTree, MeshTree)
-@kernel
-def _derivatives_of_a(tree_a, tree_b, way, jets, gradient, hessian):
-    _half_derivatives(way, jets, 0, 0, gradient, hessian)
-
-
-@implements(derivatives, MeshTree, SurfaceTree)
-@kernel
-def _derivatives_of_b(tree_a, tree_b, way, jets, gradient, hessian):
-    _half_derivatives(way, jets, 15, 2, gradient, hessian)
 
 
 def _entry(name, kind_a, kind_b, order):

@@ -49,7 +49,7 @@ def _tighter(fixed, tree, lane, motion, node, slack, reach, bounds, first):
 implements(stubs.cross_leaves, _TREES, _TREES)(cross_nodes)
 
 
-@implements(left_by_ball, Waiting, _TREES)
+@implements(left_by_ball, Waiting)
 @implements(left_by_ball, Dividing, SurfaceTree)
 @inlined
 def _all_are_left(waiting, tree, node, progress, limit, reaches):

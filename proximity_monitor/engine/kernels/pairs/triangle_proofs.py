@@ -12,7 +12,7 @@ from ..base.state import MeshTree
 from ..base.vectors import dot, norm, sub
 from ..elements.primitives import corners, mixed
 from ..elements.triangles import point_face
-from ..inside.nearest import point_triangle
+from ..inside.nearest import point_outline
 from ..surface.certificate import (
     ACROSS,
     CORNER,
@@ -36,14 +36,19 @@ def foot_on(p, triangle):
         return (1.0, 0.0, 0.0)  # a point: it is known at once
     # Where the foot lies within the face, an edge beside it may be as near but for rounding. The
     # way to that would be tilted, and the bound along it worse by the tilt times the triangle.
-    e, f = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])
-    n = accurate_cross(e, f)
-    nn = dot(n, n)
+    n = accurate_cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0]))
+    return foot_beside(p, triangle, n)
+
+
+@kernel
+def foot_beside(p, triangle, n):
+    """The same of a triangle that is no point, with its normal; that is 0 where it has none."""
+    e, f, nn = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0]), dot(n, n)
     if nn > 0.0:
         inside, v, w, _ = point_face(p, triangle[0], e, f, n, nn)
         if inside:
             return (max(1.0 - v - w, 0.0), v, w)
-    _, v, w = point_triangle(p, triangle[0], triangle[1], triangle[2])
+    _, v, w = point_outline(p, triangle[0], triangle[1], triangle[2])
     return (max(1.0 - v - w, 0.0), v, w)
 
 

@@ -19,13 +19,13 @@ from ..base.state import (
     CUT,
     ENDED,
 )
-from ..bounds.cross import Scratch
+from ..bounds.cross import Scratch, left_by_ball
 from ..bounds.gaps import BATCH
 from ..elements.primitives import collect, enough
 from ..tree.layout import EXTENT, LARGEST, PROMISE, STRIDE, WIDTH
 from .approach import APPROACH_STEPS, come_nearer, far_from_nearest
 from .coherence import is_coherent, remember_far, still_far
-from .stubs import cross_leaves, divide, lane_bounds, push, resolve, take
+from .stubs import cross_leaves, divide, lane_bounds, look_ahead, push, resolve, take
 
 _ALL = (1 << WIDTH) - 1
 _CROSSED = WIDTH * WIDTH
@@ -58,6 +58,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     )
     top = first
     survivors = not_above(found, 0, reach)
+    survivors &= left_by_ball(waiting, tree, node, progress, limit, scratch.lows)
     progress.proven = inherited
     if not survivors:
         progress.proven = max(inherited, smallest(found, 0, _ALL) * unit)
@@ -141,6 +142,7 @@ def advance(tree_a, tree_b, state):
         if far_from_nearest(progress):
             come_nearer(tree_a, tree_b, state, scratch.found)
             steps -= min(steps, APPROACH_STEPS)
+        steps -= min(steps, look_ahead(waiting, tree_a, tree_b, state))
         if n == 0 and (progress.open == 0 or progress.distance - progress.slack <= progress.stop):
             code, steps = divide(waiting, tree_a, tree_b, state, steps)
             break

@@ -117,6 +117,13 @@ def divide(waiting, tree_a, tree_b, state, steps):
     """
 
 
+def look_ahead(waiting, tree_a, tree_b, state):
+    """Find out, where a search is not a short one, what dismisses many pairs of volumes together.
+
+    Returns the steps that it took; 0 in most calls.
+    """
+
+
 def least_undivided(waiting, progress):
     """The least bound of all pairs of parts that wait, or could not be compared, metres."""
 

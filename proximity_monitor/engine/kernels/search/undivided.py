@@ -39,6 +39,12 @@ def _divide(waiting, tree_a, tree_b, state, steps):
     return ENDED, steps
 
 
+@implements(stubs.look_ahead, Waiting)
+@inlined
+def _look_ahead(waiting, tree_a, tree_b, state):
+    return 0
+
+
 @implements(stubs.least_undivided, Waiting)
 @inlined
 def _least_undivided(waiting, progress):

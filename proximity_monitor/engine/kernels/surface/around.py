@@ -11,11 +11,12 @@ from collections import namedtuple
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.vectors import dot, sub
+from ..base.state import NONE
+from ..base.vectors import add, dot, scaled, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps
 from .edges import point_on
-from .facing import closest_in
+from .facing import closest_in, vector
 
 Around = namedtuple("Around", "place slack")
 """The query; the answer is (distance, piece, u, v)."""
@@ -26,16 +27,6 @@ def _control(piece, nets, i):
     """A control point of a piece."""
     at, w = piece.net + i, nets[piece.net + 3 * piece.room + i]
     return (nets[at] / w, nets[at + piece.room] / w, nets[at + 2 * piece.room] / w)
-
-
-@inlined
-def _mean(a, b, c, d, sign):
-    """A quarter of a + b, and of c + d with a sign."""
-    return (
-        0.25 * ((a[0] + b[0]) + sign * (c[0] + d[0])),
-        0.25 * ((a[1] + b[1]) + sign * (c[1] + d[1])),
-        0.25 * ((a[2] + b[2]) + sign * (c[2] + d[2])),
-    )
 
 
 @implements(visit.lane_gaps, Around)
@@ -54,13 +45,13 @@ def _limit(query, answer):
 @kernel
 def _meet(query, tree, t, answer):
     piece = tree.pieces[t]
-    n, p = np.int64(piece.degree_v) + 1, np.int64(piece.degree_u)
-    a, b = _control(piece, tree.nets, 0), _control(piece, tree.nets, n - 1)
-    c, d = _control(piece, tree.nets, p * n), _control(piece, tree.nets, p * n + n - 1)
-    u, v = closest_in(
-        _mean(a, b, c, d, 1.0), _mean(c, d, a, b, -1.0), _mean(b, d, a, c, -1.0), query.place
-    )
-    u, v = 0.5 + 0.5 * u, (0.5 + 0.5 * v if n > 1 else 0.0)
+    if piece.edge == NONE:
+        centre, e, f = vector(piece.centre), vector(piece.along_u), vector(piece.along_v)
+    else:
+        a, b = _control(piece, tree.nets, 0), _control(piece, tree.nets, np.int64(piece.degree_u))
+        centre, e, f = scaled(add(a, b), 0.5), scaled(sub(b, a), 0.5), (0.0, 0.0, 0.0)
+    u, v = closest_in(centre, e, f, query.place)
+    u, v = 0.5 + 0.5 * u, (0.5 + 0.5 * v if piece.degree_v > 0 else 0.0)
     way = sub(point_on(tree, t, u, v), query.place)
     distance = np.sqrt(dot(way, way))
     return (distance, np.int64(t), u, v) if distance < answer[0] else answer

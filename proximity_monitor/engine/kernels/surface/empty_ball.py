@@ -54,6 +54,13 @@ this one; as a share of this one, where nothing could be proven; and as such at 
 _ALONG = 0.9
 """Cosine of a normal and the way between nearest points from which on the ball leans on it."""
 
+_CLEAR = 1e-12
+"""Share of the surface's size that a point found in a ball lies above the plane that touches both,
+for the ball through it to be known."""
+
+_FLAT = 1e-12
+"""Share of both squared derivatives' product that their area's square has at the least."""
+
 _ROUGH = 1e-7
 """Share of the distance by which another point may be nearer than the one that is found."""
 
@@ -200,6 +207,27 @@ def _normal_at(tree, element, u, v, n):
 
 
 @kernel
+def _bend_towards(tree, element, u, v, n):
+    """The larger curvature of a surface at one of its points, 1/metres, positive towards n.
+
+    0 where none is known.
+    """
+    piece = tree.pieces[element]
+    if piece.edge != NONE or piece.degree_v == 0:
+        return 0.0
+    _, du, dv, duu, duv, dvv = jet_at(piece, tree.nets, u, v)
+    e, f, g = dot(du, du), dot(du, dv), dot(dv, dv)
+    a, b, c = dot(duu, n), dot(duv, n), dot(dvv, n)
+    area = e * g - f * f
+    if not area > _FLAT * e * g:
+        return 0.0
+    # The roots of (a - k e) (c - k g) = (b - k f)^2.
+    half = 0.5 * (a * g + c * e - 2.0 * b * f) / area
+    product = (a * c - b * b) / area
+    return half + np.sqrt(max(half * half - product, 0.0))
+
+
+@kernel
 def empty_ball(tree, element, u, v, n, radius, more, middle):
     """A ball of that radius at most beside a point of a surface, metres, on the side that n tells.
 
@@ -211,6 +239,9 @@ def empty_ball(tree, element, u, v, n, radius, more, middle):
     p, spare = point_on(tree, element, u, v), _spare(tree)
     c, own, others, cost = p, 0.0, 0.0, 0
     n = _normal_at(tree, element, u, v, n)
+    bend = _bend_towards(tree, element, u, v, n)
+    if bend * radius > _SMALLER and norm(sub(along(p, n, 1.0 / bend), middle)) * bend >= _AROUND:
+        radius = _SMALLER / bend  # a larger one would cut through the surface beside the point
     for _ in range(_ROUNDS):
         c = along(p, n, radius)
         least, others = radius - 4.0 * spare, 0.0
@@ -227,7 +258,8 @@ def empty_ball(tree, element, u, v, n, radius, more, middle):
             break
         way = sub(point_on(tree, other, other_u, other_v), p)
         height = dot(way, n)
-        through = dot(way, way) / (2.0 * height) if height > 0.0 else np.inf
+        clear = height > _CLEAR * tree.scale[2]  # else rounding alone tells a radius
+        through = dot(way, way) / (2.0 * height) if clear else np.inf
         centre = along(p, n, through)
         if norm(sub(centre, middle)) < _AROUND * through and through > spare:
             bowl, looks = _is_bowl(tree, centre, through - spare)
@@ -235,6 +267,6 @@ def empty_ball(tree, element, u, v, n, radius, more, middle):
             if bowl:
                 return centre, through - spare, through - spare, cost
         through = min(_SMALLER * through, radius)
-        shrunk = radius if own > 0.0 and others > 0.0 else _HALF * radius
+        shrunk = radius if clear and own > 0.0 and others > 0.0 else _HALF * radius
         radius = max(min(shrunk, through), _LEAST * radius)
     return c, own, others, cost

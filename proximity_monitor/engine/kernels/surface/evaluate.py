@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..base.jit import fused, kernel
+from ..base.jit import fused, inlined, kernel
 from ..base.memory import on_stack, table_on_stack
 
 _MOST = 16
@@ -16,6 +16,17 @@ def bernstein(degree, t, basis):
     Each is a sum of products of t and 1 - t, which are not negative for t in 0..1: so it errs by no
     more than 3 `degree` u of itself.
     """
+    # With a number that the compiler knows the loops disappear: see `jet_at`.
+    if degree == 3:
+        _put_basis(3, t, basis)
+    elif degree == 2:
+        _put_basis(2, t, basis)
+    else:
+        _put_basis(degree, t, basis)
+
+
+@inlined
+def _put_basis(degree, t, basis):
     s = 1.0 - t
     basis[0, 0] = 1.0
     for k in range(degree):
@@ -36,7 +47,7 @@ def bernstein(degree, t, basis):
             basis[1, 0] = 0.0
 
 
-@kernel
+@inlined
 def _first_differences(basis, k, factor):
     """Derivatives of degree k + 1 from values of degree k."""
     last = 0.0
@@ -47,7 +58,7 @@ def _first_differences(basis, k, factor):
     basis[1, k + 1] = factor * last
 
 
-@kernel
+@inlined
 def _second_differences(basis, k, factor):
     """Second derivatives of degree k + 2 from values of degree k."""
     before = last = 0.0

@@ -6,7 +6,7 @@ from ..base.jit import implements, inlined, kernel
 from ..base.state import SurfaceTree
 from ..base.vectors import dot, moved, rotated, scaled, sub
 from .edges import jet_on
-from .newton import begin_at, derivatives, way_at, weights_at
+from .newton import begin_at, derivatives, prepare, way_at, weights_at
 
 _HALF = 15
 """Numbers of one surface: its derivatives by u, v, uu, uv and vv."""
@@ -58,6 +58,12 @@ def _begin(tree, weights):
 @inlined
 def _weights(tree, x, first, jets):
     return (x[first], x[first + 1], 0.0)
+
+
+@implements(prepare, SurfaceTree, SurfaceTree)
+@inlined
+def _prepare(tree_a, tree_b, element_a, element_b, motion, jets):
+    pass
 
 
 @implements(way_at, SurfaceTree, SurfaceTree)

@@ -12,6 +12,9 @@ from .sides import is_left
 MINIMUM_STEPS = 40
 """Steps of a search that a search for a local minimum takes as long as."""
 
+_MEET = 0.0625
+"""Share of what a distance may err by below which it is not made any less: the models meet."""
+
 
 @kernel
 def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b, most):
@@ -24,8 +27,9 @@ def measure_near(tree_a, tree_b, state, element_a, from_a, element_b, from_b, mo
     progress.primitive_tests += 1
     while True:
         distance, at_a, at_b, way = nearest_near(
-            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0], most
-        )
+            tree_a, tree_b, element_a, element_b, from_a, from_b, state.motions[0], most,
+            _MEET * progress.slack,
+        )  # fmt: skip
         if is_left(tree_a, element_a, at_a) and is_left(tree_b, element_b, at_b):
             break
         if most == 0:

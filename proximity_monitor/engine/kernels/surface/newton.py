@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel, shared
+from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
+from ..base.state import SurfaceTree
 from ..base.vectors import dot
 
-JETS = 40
-"""Numbers that an implementation of `way_at` may keep for `derivatives`."""
+JETS = 56
+"""Numbers that an implementation may keep from `prepare` and `way_at` for `derivatives`."""
 
 MOST = 48
 """Iterations at the most: from a point within the valley that leads to a minimum it takes five."""
@@ -29,6 +30,10 @@ _QUICK = 0.1
 
 _DONE = 1e-16
 """Share of the squared distance below which a step's gain is nothing."""
+
+LEAST_DAMPED, POSITIVE = 1e-3, 1e-14
+"""Shares of the Hessian's largest diagonal element: what damping takes the others for at the least,
+and what is left of one at the least where it is positive."""
 
 _FIRST, _LESS, _MORE, _LEAST, _LARGEST = 1e-3, 0.1, 10.0, 1e-6, 1e12
 """The damping where none was needed before; what a good step makes of it, and a bad one; below and
@@ -55,11 +60,22 @@ def begin_at(tree, weights):
     """An element's part of x, from weights."""
 
 
+def prepare(tree_a, tree_b, element_a, element_b, motion, jets):
+    """Write to `jets` what all calls of `way_at` for two elements have in common."""
+
+
+def solve(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
+    """Newton's step over the parameters that are free; False where the Hessian is not positive.
+
+    Those are held that stand at an end of their range, where the gradient presses them outwards.
+    """
+
+
 @shared
-def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, most):
+def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, most, meet):
     """Points of two elements that are nearest among those near by, beginning at given weights.
 
-    `most` is the most iterations.
+    `most` is the most iterations; points that are no farther apart than `meet` are near enough.
 
     Returns their distance, metres, the weights of both, and the way between them in a's frame.
     """
@@ -73,17 +89,18 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
     jets = on_stack(JETS, 0.0)
     x[0], x[1] = begin_at(tree_a, from_a)
     x[2], x[3] = begin_at(tree_b, from_b)
+    prepare(tree_a, tree_b, element_a, element_b, motion, jets)
     way = way_at(tree_a, tree_b, element_a, element_b, motion, x, jets)
     squared = dot(way, way)
     weights_a, weights_b = weights_at(tree_a, x, 0, jets), weights_at(tree_b, x, 2, jets)
     damping, fresh, quick, tried = 0.0, True, False, False
     for k in range(2 * most):
-        if k >= most and not quick:
+        if squared <= meet * meet or (k >= most and not quick):
             break
         if fresh:
             derivatives(tree_a, tree_b, way, jets, gradient, hessian)
         fresh = False
-        if not _solve(x, gradient, hessian, damping, factor, step):
+        if not solve(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
             damping = max(_FIRST, _MORE * damping)
             if damping > _LARGEST:
                 break
@@ -99,7 +116,7 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
         if not tried and not new_squared < squared:
             tried = True
             derivatives(tree_a, tree_b, new_way, jets, gradient, hessian)
-            if _solve(trial, gradient, hessian, 0.0, factor, step):
+            if solve(tree_a, tree_b, trial, gradient, hessian, 0.0, factor, step):
                 for i in range(4):
                     trial[i] = min(max(trial[i] + step[i], 0.0), 1.0)
                 new_way = way_at(tree_a, tree_b, element_a, element_b, motion, trial, jets)
@@ -122,20 +139,18 @@ def nearest_near(tree_a, tree_b, element_a, element_b, from_a, from_b, motion, m
 
 
 @inlined
-def _is_held(x, gradient, i):
+def is_held(x, gradient, i):
     """Whether a parameter stands at an end of its range, and the gradient presses it outwards."""
     return (x[i] <= 0.0 and gradient[i] >= 0.0) or (x[i] >= 1.0 and gradient[i] <= 0.0)
 
 
+@implements(solve, SurfaceTree, SurfaceTree)
 @kernel
-def _solve(x, gradient, hessian, damping, factor, step):
-    """Newton's step over the parameters that are free; False where the Hessian is not positive.
-
-    By Cholesky's factors. One that is held has a row and a column of the unit matrix.
-    """
+def _solve(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
+    """By Cholesky's factors. One that is held has a row and a column of the unit matrix."""
     scale = 0.0
     for i in range(4):
-        step[i] = 0.0 if _is_held(x, gradient, i) else 1.0
+        step[i] = 0.0 if is_held(x, gradient, i) else 1.0
         if step[i] > 0.0:
             scale = max(scale, abs(hessian[i, i]))
     for i in range(4):
@@ -144,13 +159,13 @@ def _solve(x, gradient, hessian, damping, factor, step):
             if step[i] * step[j] > 0.0:
                 value = hessian[i, j]
                 if i == j:
-                    value += damping * (abs(value) + 1e-3 * scale)
+                    value += damping * (abs(value) + LEAST_DAMPED * scale)
             elif i == j:
                 value = 1.0
             for k in range(j):
                 value -= factor[i, k] * factor[j, k]
             if i == j:
-                if step[i] > 0.0 and not value > 1e-14 * scale:
+                if step[i] > 0.0 and not value > POSITIVE * scale:
                     return False
                 factor[i, i] = np.sqrt(value)
             else:

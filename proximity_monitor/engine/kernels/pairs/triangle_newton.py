@@ -1,0 +1,194 @@
+"""Newton's method between a surface and a triangle: the parameters are those of the surface alone.
+
+The triangle's own point follows, as the nearest to the surface's. So there are two parameters, and
+what belongs to the triangle is found out once.
+"""
+
+from __future__ import annotations
+
+from ..base.jit import implements, inlined, kernel
+from ..base.precise import accurate_cross
+from ..base.state import MeshTree, SurfaceTree
+from ..base.vectors import dot, moved, sub, unit
+from ..elements.primitives import corners, mixed
+from ..surface.jets import fixed_jet, get, moved_jet, put
+from ..surface.newton import (
+    LEAST_DAMPED,
+    POSITIVE,
+    begin_at,
+    derivatives,
+    is_held,
+    prepare,
+    solve,
+    way_at,
+    weights_at,
+)
+from .triangle_proofs import foot_beside
+
+_WEIGHTS, _EDGE, _TRIANGLE, _FACE = 30, 33, 37, 46
+"""Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
+along an edge, or of its normal where it lies within the face. Then the triangle in a's frame, and
+its normal, of any length; a last number is 0 where it is a point."""
+
+_CORNER, _ON_EDGE, _WITHIN = 0.0, 1.0, 2.0
+"""Where it lies; after its direction."""
+
+
+@kernel
+def placed(tree, index, motion):
+    """A triangle, moved."""
+    a, b, c = corners(tree.triangles, index)
+    return moved(motion, a), moved(motion, b), moved(motion, c)
+
+
+@implements(begin_at, MeshTree)
+@inlined
+def _begin(tree, weights):
+    return 0.0, 0.0
+
+
+@implements(weights_at, MeshTree)
+@inlined
+def _weights(tree, x, first, jets):
+    return get(jets, _WEIGHTS)
+
+
+@inlined
+def _prepare(triangle, jets):
+    """Write a triangle to `jets`."""
+    for i in range(3):
+        put(jets, _TRIANGLE + 3 * i, triangle[i])
+    put(jets, _FACE, accurate_cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])))
+    is_point = triangle[0] == triangle[1] and triangle[0] == triangle[2]
+    jets[_FACE + 3] = 0.0 if is_point else 1.0
+
+
+@implements(prepare, SurfaceTree, MeshTree)
+@inlined
+def _prepare_b(tree_a, tree_b, element_a, element_b, motion, jets):
+    _prepare(placed(tree_b, element_b, motion), jets)
+
+
+@implements(prepare, MeshTree, SurfaceTree)
+@inlined
+def _prepare_a(tree_a, tree_b, element_a, element_b, motion, jets):
+    _prepare(corners(tree_a.triangles, element_a), jets)
+
+
+@kernel
+def _nearest_of(p, jets):
+    """The point of the triangle nearest to p; its weights and how it may move into `jets`."""
+    triangle = get(jets, _TRIANGLE), get(jets, _TRIANGLE + 3), get(jets, _TRIANGLE + 6)
+    normal = get(jets, _FACE)
+    weights = (1.0, 0.0, 0.0)
+    if jets[_FACE + 3] != 0.0:
+        weights = foot_beside(p, triangle, normal)
+    put(jets, _WEIGHTS, weights)
+    first = last = 0
+    count = 0
+    for i in range(3):
+        if weights[i] > 0.0:
+            first = i if count == 0 else first
+            last = i
+            count += 1
+    way, kind = (0.0, 0.0, 0.0), _CORNER
+    if count == 2:
+        way, kind = unit(sub(triangle[last], triangle[first])), _ON_EDGE
+    elif count == 3:
+        way = unit(normal)
+        kind = _WITHIN
+    put(jets, _EDGE, way)
+    jets[_EDGE + 3] = kind
+    return mixed(triangle, weights)
+
+
+@implements(way_at, SurfaceTree, MeshTree)
+@kernel
+def _way_to_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
+    p = fixed_jet(tree_a, element_a, x[0], x[1], jets)
+    return sub(_nearest_of(p, jets), p)
+
+
+@implements(way_at, MeshTree, SurfaceTree)
+@kernel
+def _way_from_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
+    q = moved_jet(tree_b, element_b, motion, x[2], x[3], jets)
+    return sub(q, _nearest_of(q, jets))
+
+
+@kernel
+def _half_derivatives(way, jets, at, first, gradient, hessian):
+    """Those by the surface's own parameters, while the triangle's point stays nearest.
+
+    As that follows, what it can do along its edge or in its face does not count: the part of a
+    derivative in that direction is left out of the products.
+    """
+    kind, its_way = jets[_EDGE + 3], get(jets, _EDGE)
+    for i in range(4):
+        gradient[i] = 0.0
+        for j in range(i + 1):
+            hessian[i, j] = 0.0
+    for i in range(2):
+        one = get(jets, at + 3 * i)
+        gradient[first + i] = dot(way, one)
+        for j in range(i + 1):
+            other = get(jets, at + 3 * j)
+            product = dot(one, other)
+            if kind == _ON_EDGE:
+                product -= dot(one, its_way) * dot(other, its_way)
+            elif kind == _WITHIN:
+                product = dot(one, its_way) * dot(other, its_way)
+            second = dot(way, get(jets, at + 6 + 3 * (i + j)))
+            hessian[first + i, first + j] = product + second
+
+
+@inlined
+def _solve_two(x, gradient, hessian, damping, first, step):
+    """Newton's step over two parameters, by the steps of Cholesky's method; see `solve`."""
+    last = first + 1
+    free, other = not is_held(x, gradient, first), not is_held(x, gradient, last)
+    a, b, c = hessian[first, first], hessian[last, first], hessian[last, last]
+    scale = max(abs(a) if free else 0.0, abs(c) if other else 0.0)
+    for i in range(4):
+        step[i] = 0.0
+    if free:
+        a += damping * (abs(a) + LEAST_DAMPED * scale)
+        if not a > POSITIVE * scale:
+            return False
+        step[first] = -gradient[first] / a
+    if other:
+        c += damping * (abs(c) + LEAST_DAMPED * scale)
+        slope = gradient[last]
+        if free:
+            c -= b * (b / a)
+            slope += b * step[first]
+        if not c > POSITIVE * scale:
+            return False
+        step[last] = -slope / c
+        if free:
+            step[first] -= (b / a) * step[last]
+    return True
+
+
+@implements(solve, SurfaceTree, MeshTree)
+@kernel
+def _solve_for_a(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
+    return _solve_two(x, gradient, hessian, damping, 0, step)
+
+
+@implements(solve, MeshTree, SurfaceTree)
+@kernel
+def _solve_for_b(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
+    return _solve_two(x, gradient, hessian, damping, 2, step)
+
+
+@implements(derivatives, SurfaceTree, MeshTree)
+@kernel
+def _derivatives_of_a(tree_a, tree_b, way, jets, gradient, hessian):
+    _half_derivatives(way, jets, 0, 0, gradient, hessian)
+
+
+@implements(derivatives, MeshTree, SurfaceTree)
+@kernel
+def _derivatives_of_b(tree_a, tree_b, way, jets, gradient, hessian):
+    _half_derivatives(way, jets, 15, 2, gradient, hessian)
