@@ -36,7 +36,7 @@ WATCHING = frozenset(
         "inside.ball._plane_of_alike", "inside.ball._go_on", "inside.ball_begin.begin_ball",
         "inside.ball_feet.write_ball", "inside.ball.search_ball",
         "inside.ball_caps._one_way",
-        "inside.ball_caps.cap_height", "inside.ball_caps.plane", "inside.ball_frame.common_box",
+        "inside.ball_caps._by_volumes", "inside.ball_caps.plane", "inside.ball_frame.common_box",
         "inside.ball_point.sound_some", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
         "inside.contain.look_for_part",
         "inside.contain.part_inside", "inside.contain.settle_signs",

@@ -153,6 +153,19 @@ def test_nothing_in_the_ball_is_higher_than_is_said_and_little_is_lower(solid):
     assert close > 0.9 * told
 
 
+def test_a_point_near_the_centre_of_a_ball():
+    """All of an arc is about as near: bounds of the second order tell nothing there, the arc's do."""
+    w, knots = math.sqrt(0.5), [0, 0, 0, 1, 1, 1]
+    high = Curve([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0)], knots, [1.0, w, 1.0])
+    low = Curve([(1.0, 0.0), (1.0, -1.0), (0.0, -1.0)], knots, [1.0, w, 1.0])
+    ball = SolidOfRevolution([high, low])
+    points = np.array([[0.03, 0.03, 0.01], [1e-9, 0.0, 1e-3], [0.0, 0.0, -0.4], [0.0, 0.0, 0.0]])
+    found = engine.closest_points(ball, IDENTITY, points, signed=True)
+    depths = 1.0 - np.linalg.norm(points, axis=1)
+    assert (-found.upper <= depths + 1e-12).all() and (depths - 1e-12 <= -found.lower).all()
+    assert (found.upper - found.lower).max() < 1e-11
+
+
 @pytest.mark.parametrize("other", ["cylinder", "box"])
 def test_depths_of_cylinders_are_those_of_formulas(other):
     """A ridge of equally large balls along the axis took patches up to seconds."""

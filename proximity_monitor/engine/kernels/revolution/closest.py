@@ -169,9 +169,10 @@ def nearest_on(tree, rho, z, margin, share, spare):
         if bound < enough(distance, share, spare):
             bound = max(bound, _least_on(tree.curves[k], arc, rho, z, t) - margin)
         if bound < enough(distance, share, spare):
-            t, found, bound, parts = _divide(
+            t, found, divided, parts = _divide(
                 tree.curves[k], arc, rho, z, at, distance, share, spare, margin
             )
+            bound = max(bound, divided)
             looks += 2 * parts
             if found < distance:
                 distance, piece, at = found, k, t
