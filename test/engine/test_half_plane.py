@@ -154,16 +154,19 @@ def test_nothing_in_the_ball_is_higher_than_is_said_and_little_is_lower(solid):
 
 
 def test_a_point_near_the_centre_of_a_ball():
-    """All of an arc is about as near: bounds of the second order tell nothing there, the arc's do."""
+    """All of an arc is about as near: only its own bound tells there, none of the second order."""
     w, knots = math.sqrt(0.5), [0, 0, 0, 1, 1, 1]
-    high = Curve([(0.0, 1.0), (1.0, 1.0), (1.0, 0.0)], knots, [1.0, w, 1.0])
-    low = Curve([(1.0, 0.0), (1.0, -1.0), (0.0, -1.0)], knots, [1.0, w, 1.0])
-    ball = SolidOfRevolution([high, low])
-    points = np.array([[0.03, 0.03, 0.01], [1e-9, 0.0, 1e-3], [0.0, 0.0, -0.4], [0.0, 0.0, 0.0]])
-    found = engine.closest_points(ball, IDENTITY, points, signed=True)
-    depths = 1.0 - np.linalg.norm(points, axis=1)
-    assert (-found.upper <= depths + 1e-12).all() and (depths - 1e-12 <= -found.lower).all()
-    assert (found.upper - found.lower).max() < 1e-11
+    high = Curve(np.array([(0, 8), (2, 8), (2, 6)]) * 1e-3, knots, [1.0, w, 1.0])
+    side = Curve(np.array([(2, 6), (2, 0)]) * 1e-3)
+    low = Curve(np.array([(2, 0), (2, -2), (0, -2)]) * 1e-3, knots, [1.0, w, 1.0])
+    rng = np.random.default_rng(5)
+    points = rng.normal(size=(100, 3)) * 10.0 ** rng.uniform(-9.0, -4.0, (100, 1))
+    points[:, 2] = 6e-3 + np.abs(points[:, 2])
+    capsule = SolidOfRevolution([high, side, low])
+    found = engine.closest_points(capsule, IDENTITY, points, signed=True)
+    depths = 2e-3 - np.linalg.norm(points - (0.0, 0.0, 6e-3), axis=1)
+    assert (-found.upper <= depths + 1e-14).all() and (depths - 1e-14 <= -found.lower).all()
+    assert (found.upper - found.lower).max() < 1e-13
 
 
 @pytest.mark.parametrize("other", ["cylinder", "box"])
