@@ -171,7 +171,7 @@ def test_a_point_near_the_centre_of_a_ball():
 
 @pytest.mark.parametrize("other", ["cylinder", "box"])
 def test_depths_of_cylinders_are_those_of_formulas(other):
-    """A ridge of equally large balls along the axis took patches up to seconds."""
+    """A ridge of equally large balls along the axis took patches far longer."""
     a = engine.shapes.cylinder(0.05, 0.3)
     b = {
         "cylinder": lambda: engine.shapes.cylinder(0.06, 0.2),

@@ -110,7 +110,7 @@ def _height_of_arc(arc, rho, z, n, radius, steep, margin, answer, fine, top):
 
 @kernel
 def _height_of_part(curve, low, high, rho, z, n, radius, steep, margin, answer, fine, top):
-    """The height when a part of a piece has been looked into as well, and looks; see `descend`."""
+    """The same of a part of a piece, by its control points: the height, and looks."""
     rows = table_on_stack(16, 3, 0.0)
     lows, highs = on_stack(_STACK, 0.0), on_stack(_STACK, 0.0)
     lows[0], highs[0] = low, high
