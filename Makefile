@@ -81,6 +81,7 @@ bench: $(VENV)/.installed-bench
 
 robots: $(VENV)/.installed-bench
 	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/robots.py $(ARGS)
+	@$(RUN) PYTHONSAFEPATH= $(ENV_PYTHON) benchmark/cylinders.py $(if $(findstring --quick,$(ARGS)),--quick)
 
 latency: $(VENV)/.installed-demo
 	@$(RUN) $(ENV_PYTHON) benchmark/latency.py $(ARGS)

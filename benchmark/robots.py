@@ -75,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
         root = model_path("package://example-robot-data/package.xml", Path("/")).parent
     except SceneError as error:
         sys.exit(str(error))
-    robots = _robots(root)
+    robots = descriptions(root)
     chosen = {
         name: path
         for name, path in robots.items()
@@ -115,7 +115,7 @@ def main(arguments: list[str] | None = None) -> int:
     return int(any(row.wrong for row in rows))
 
 
-def _robots(root: Path) -> dict[str, Path]:
+def descriptions(root: Path) -> dict[str, Path]:
     """All descriptions by the names of their files; where two have one, of their folders."""
     found = sorted((root / "robots").rglob("*.urdf"))
     stems = [path.stem for path in found]
@@ -124,7 +124,7 @@ def _robots(root: Path) -> dict[str, Path]:
 
 def _watch(name: str, urdf: Path, packages: Path, configurations: int, advance) -> Row:
     began = perf_counter()
-    scene = _scene(urdf)
+    scene = robot_alone(urdf)
     robot, names = scene.robots[0], _links(scene, urdf)
     truth = Truth(urdf, packages, [(names[p.a], names[p.b]) for p in scene.pairs])
     monitor = Monitor(scene, load_models(scene))
@@ -132,7 +132,7 @@ def _watch(name: str, urdf: Path, packages: Path, configurations: int, advance) 
     wrong = missed = 0
     widest, worst = 0.0, {}
     for step in range(configurations):
-        positions = _configuration(robot, random)
+        positions = configuration(robot, random)
         real = truth.at(positions)
         poses = robot.poses(positions)
         _check_poses(poses, truth.poses(), names)
@@ -168,13 +168,17 @@ def _errors(real: NDArray, lower: NDArray, upper: NDArray) -> NDArray:
     return np.maximum(lower - np.maximum(real, 0.0), below)
 
 
-def _scene(urdf: Path) -> Scene:
-    """The robot alone, all pairs of its links watched that any joint moves against each other."""
+def robot_alone(urdf: Path, *, neighbours: bool = True) -> Scene:
+    """The robot alone, all pairs of its links watched that any joint moves against each other.
+
+    Or without those of neighbours, which overlap where a joint joins them.
+    """
+    apart = "false" if neighbours else "true"
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene.yaml"
         path.write_text(
             "version: 1\nunit: m\n"
-            f"robots: [{{name: robot, urdf: '{urdf}', exclude_adjacent: false}}]\n"
+            f"robots: [{{name: robot, urdf: '{urdf}', exclude_adjacent: {apart}}}]\n"
         )
         return load_scene(path)
 
@@ -187,7 +191,7 @@ def _links(scene: Scene, urdf: Path) -> dict[str, str]:
     return {body.name: names[body.name] for body in scene.bodies}
 
 
-def _configuration(robot: Robot, random: np.random.Generator) -> dict[str, float]:
+def configuration(robot: Robot, random: np.random.Generator) -> dict[str, float]:
     """Positions of all joints, those that mimic others included."""
     positions = {}
     for joint in robot.kinematics.free:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,8 @@ _SUBDIVISIONS = 3
 """Of the icosahedron that a deforming sphere is."""
 
 _SEGMENTS = 64
-"""Sides of the prism that a cylinder is where it has to be a mesh."""
+"""Sides of the prism that a cylinder is where it has to be a mesh: as a deforming one, in a link
+of several shapes, or with what meshes alone may have."""
 
 
 def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
@@ -80,7 +82,7 @@ def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
         case Box(size):
             return shapes.box([length * scale for length in size], **how)
         case Cylinder(radius, height, segments):
-            if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
+            if _needs_mesh(how):
                 segments = segments or _SEGMENTS
             return shapes.cylinder(radius * scale, height * scale, segments, **how)
         case Sphere(radius, subdivisions):
@@ -90,7 +92,24 @@ def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
         case Point():
             return shapes.points(np.zeros((1, 3)), **how)
         case Compound(parts):
-            return shapes.compound([_part(part, scale) for part in parts], **how)
+            return shapes.compound([_part(part, scale) for part in _joined(parts, how)], **how)
+
+
+def _needs_mesh(how: dict[str, Any]) -> bool:
+    """Whether only a mesh can be made like that."""
+    return how.get("volume", "rss") != "rss" or how.get("solid") == "robust"
+
+
+def _joined(parts: Sequence[Part], how: dict[str, Any]) -> Sequence[Part]:
+    """Parts that make one model: beside others, cylinders are meshes as well."""
+    if len(parts) == 1 and not _needs_mesh(how):
+        return parts
+    return [
+        replace(part, shape=replace(part.shape, segments=part.shape.segments or _SEGMENTS))
+        if isinstance(part.shape, Cylinder)
+        else part
+        for part in parts
+    ]
 
 
 def _part(part: Part, scale: float) -> engine.shapes.Part:

@@ -25,10 +25,6 @@ from proximity_monitor.scene.poses import rpy_matrix
 from proximity_monitor.scene.report import shown
 
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
-_SEGMENTS = 64
-"""Sides of a cylinder: a link of several shapes is one mesh, and the distance of an exact cylinder
-from a box or a mesh takes two to three times as long as the prism's, to 1 % of it, and about ten
-times where it is exact. Two exact cylinders take half as long, and so do their depths."""
 # Metres or radians. Beyond this, float64 rounds by more than a robot's clearances, and products of
 # such numbers could overflow.
 _LARGEST = 1e9
@@ -161,7 +157,7 @@ class _Reader:
             elif kind.tag == "cylinder":
                 sizes = self._number(kind, "radius", here), self._number(kind, "length", here)
                 self._positive(here, *sizes)
-                shape = Cylinder(*sizes, _SEGMENTS)
+                shape = Cylinder(*sizes)
             elif kind.tag == "sphere":
                 shape = Sphere(self._number(kind, "radius", here))
                 self._positive(here, shape.radius)

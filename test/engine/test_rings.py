@@ -296,3 +296,16 @@ def test_poses_that_leap_begin_anew():
     found = engine.distances(table, here, table, poses, abs_err=1e-3 * size)
     tests = sum(each.bound_tests for each in alone)
     assert found.bound_tests.sum() < 1.5 * tests  # four times where they do not
+
+
+@pytest.mark.parametrize("gap", [2e-13, 1e-13, 0.0, -1e-13])
+def test_ends_that_lie_on_each_other(gap):
+    """What an exact answer may err by is more than they are apart: no lower bound is looked for."""
+    a, b = cylinder(0.06, 0.088), cylinder(0.06, 0.272)
+    at = pose(np.random.default_rng(0), 0.3)
+    spin = translation(0, 0, 0.088 + gap)
+    spin[:2, :2] = [[math.cos(0.3), -math.sin(0.3)], [math.sin(0.3), math.cos(0.3)]]
+    found = engine.distance(a, at, b, at @ spin)
+    assert found.status in (Status.EXACT, Status.INTERSECTING)
+    assert found.lower == 0.0 and found.upper < 5e-13
+    assert found.bound_tests < 1000

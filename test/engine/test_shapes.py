@@ -100,6 +100,26 @@ def test_shapes_that_differ_in_anything_but_the_name_have_different_digests():
     assert moved.digest() == models[3].digest()
 
 
+def test_a_solid_of_revolution_alone_stays_one():
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]], (1.0, 2.0, 3.0)
+    cone = shapes.cone(0.5, 0.2, 1.0, deviation=0.01)
+    made = shapes.compound([shapes.Part(cone, pose, (2.0, 2.0, -2.0))], name="tip", deviation=0.1)
+    assert isinstance(made, engine.SolidOfRevolution) and made.name == "tip"
+    np.testing.assert_array_equal(made.axis, (-1.0, 0.0, 0.0))
+    assert made.deviation == pytest.approx(0.12)
+    point = shapes.points([[-1.0, 2.0, 3.0]])  # 1 m beyond the end that is narrow, at x = 0
+    found = engine.distance(made, HERE, point, HERE)
+    assert found.upper == pytest.approx(1.0 + 0.12) and found.lower == pytest.approx(1.0 - 0.12)
+    for part, how in (
+        (shapes.Part(cone, pose, (2.0, 2.0, 1.0)), {}),
+        (shapes.Part(cone, pose), {"solid": False}),
+    ):
+        other = shapes.compound([part], **how)
+        assert type(other) is engine.ParametricSurface
+    assert type(shapes.compound([shapes.Part(cone, HERE)] * 2)) is engine.ParametricSurface
+
+
 def test_patches_make_one_surface_and_none_with_meshes():
     corners = np.array([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0.0]]])
     patch = engine.Patch(corners, name="lid", deviation=0.1)

@@ -165,12 +165,14 @@ def test_the_base_is_placed_in_the_scenes_unit(load):
     np.testing.assert_allclose(hook[:3, 3], [0.0, 0.0, 0.5], atol=1e-12)
 
 
-def test_shapes_of_a_link_are_one_mesh_in_its_frame(load):
+def test_shapes_of_a_link_are_one_model_in_its_frame(load):
     models = load_models(load())
     base = models["crane_base"].vertices
     np.testing.assert_allclose(base.min(axis=0), [-0.2, -0.2, -0.1])
     np.testing.assert_allclose(base.max(axis=0), [0.2, 0.2, 0.35], atol=1e-3)
-    boom = models["crane_boom"].vertices
+    assert isinstance(models["crane_boom"], engine.SolidOfRevolution)  # its one cylinder, exactly
+    assert models["crane_boom"].deviation < 1e-14
+    boom = models["crane_boom"].display_mesh(1e-4).vertices
     np.testing.assert_allclose(boom.min(axis=0), [0.0, -0.05, -0.05], atol=1e-3)
     np.testing.assert_allclose(boom.max(axis=0), [1.0, 0.05, 0.05], atol=1e-3)
 

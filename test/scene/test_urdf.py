@@ -61,7 +61,7 @@ def test_links_and_their_shapes(read):
         Shape("package://lift/column.stl", (1.0, -1.0, 2.0), (0.0, 0.0, 0.25), (0.0, 0.0, 1.5)),
     )
     assert [shape.geometry for shape in base.visual] == [Sphere(0.2)]
-    assert [shape.geometry for shape in fork.collision] == [Cylinder(0.02, 0.5, 64)]
+    assert [shape.geometry for shape in fork.collision] == [Cylinder(0.02, 0.5)]
     assert (frame.collision, frame.visual) == ((), ())
 
 

@@ -26,12 +26,13 @@ from ..models.model import Model
 from ..models.solid import insides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.run import Search, check_models, entry_for
+from ..questions.run import Search, check_models
 from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
 from .answers import no_answers
 from .asked import checked_pairs, checked_tolerances
 from .long_searches import BEGIN_FIRST_S, END_S, LongSearches, Single
+from .runs import Run, Runs
 
 _NO_HINTS = np.empty((0, 2), np.int32)
 
@@ -175,7 +176,7 @@ class Assembly:
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
             code, at = self._run(
-                search, fresh, self._runs(pairs, first, threads), poses, pairs, asked, threads,
+                search, fresh, self._runs.of(pairs, first, threads), poses, pairs, asked, threads,
                 deadline, stopped, answers, settle,
             )  # fmt: skip
             if code == index.CUT:
@@ -269,9 +270,7 @@ class Assembly:
             self._tables = np.stack([model._hierarchy.table for model in self.models])
             self._hierarchies = now
             self._insides = None
-            self._trees = [model._hierarchy.tree_kind for model in self.models]
-            kinds = dict(zip(self._trees, self.models, strict=True))
-            self._entries = {(a, b): entry_for(kinds[a], kinds[b]) for a in kinds for b in kinds}
+            self._runs = Runs(self.models)
         while len(self._searches) < threads:
             both = (self._deepest,) * 2
             self._searches.append(Search(*both, coherent=False, among=self.models))
@@ -306,29 +305,11 @@ class Assembly:
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
-    def _runs(
-        self, pairs: NDArray[np.int32], first: int, every: int
-    ) -> list[tuple[Callable, int, int]]:
-        """Every so many pairs from the first on, in runs of one kind of pair.
-
-        The compiled entry of each, where it begins, and one after where it ends.
-        """
-        if len(self._entries) == 1:
-            return [(*self._entries.values(), first, len(pairs))]
-        found: list[tuple[Callable, int, int]] = []
-        for k in range(first, len(pairs), every):
-            entry = self._entries[tuple(self._trees[body] for body in pairs[k])]
-            if found and found[-1][0] is entry:
-                found[-1] = entry, found[-1][1], k + 1
-            else:
-                found.append((entry, k, k + 1))
-        return found
-
     def _run(
         self,
         search: Search,
         fresh: bool,
-        runs: list[tuple[Callable, int, int]],
+        runs: list[Run],
         poses: NDArray[np.float64],
         pairs: NDArray[np.int32],
         asked: NDArray[np.int64],

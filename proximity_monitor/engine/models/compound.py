@@ -14,6 +14,8 @@ from .facets import RESERVE, Facets, How, icosphere
 from .mesh import TriangleMesh
 from .model import Model
 from .nurbs import Net
+from .patch import Curve
+from .revolution import SolidOfRevolution
 from .surface import ParametricSurface, Surface
 from .tessellate import tessellated
 
@@ -35,7 +37,8 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
     """Several models as one.
 
     Patches and curves stay what they are, but only among themselves; where they are mirrored, u and
-    v are swapped, so that normals still point outward. Parts that enclose a solid do so whatever
+    v are swapped, so that normals still point outward; a solid of revolution that is the only part
+    stays one, unless unlike factors scale it. Parts that enclose a solid do so whatever
     the others are; but where ``solid="robust"``, the inside is that of all parts together. Where
     balls sweep only some parts, or are unlike, these parts become meshes, with a deviation.
 
@@ -49,6 +52,8 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
             f"{name}: {surfaces[0].name}: a parametric surface, which makes no one model with "
             "meshes; watch it as a body of its own"
         )
+    if surfaces and (turned := _turned(parts, name, how)):
+        return turned
     if surfaces:
         return _surface(parts, name, how)
     placed = [_placed(part, name) for part in parts]
@@ -74,8 +79,7 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
 
 def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
     """Patches and curves in the frame of their compound."""
-    if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
-        raise ModelError(f"{name}: volume and solid='robust' are for meshes, not for surfaces")
+    _check_surface(name, how)
     nets: list[Net] = []
     for model, pose, scale in parts:
         placed = [
@@ -86,6 +90,37 @@ def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
     own = max(model.deviation * float(np.abs(scale).max()) for model, _, scale in parts)
     deviation = own + how.get("deviation", 0.0)
     return ParametricSurface.of(nets, name=name, deviation=deviation, solid=how.get("solid"))
+
+
+def _turned(parts: Sequence[Part], name: str, how: How) -> SolidOfRevolution | None:
+    """The only part in the frame of its compound, where that is a solid of revolution still.
+
+    It is its own image in a mirror through its axis, so that only the axis is mirrored.
+    """
+    model, pose, scale = parts[0]
+    factor = float(np.abs(scale).max())
+    alike = float(np.abs(scale).min()) == factor and how.get("solid") is not False
+    if len(parts) > 1 or not isinstance(model, SolidOfRevolution) or not alike:
+        return None
+    _check_surface(name, how)
+    turn = pose[:3, :3]
+    curves = [
+        Curve(
+            net.points[:, :2] * factor,
+            net.knots_u,
+            None if net.weights is None else net.weights[:, 0],
+        )
+        for net in model.profile.nets
+    ]
+    return SolidOfRevolution(
+        curves, turn @ (model.origin * scale) + pose[:3, 3], turn @ (model.axis * scale),
+        name=name, deviation=model.deviation * factor + how.get("deviation", 0.0),
+    )  # fmt: skip
+
+
+def _check_surface(name: str, how: How) -> None:
+    if how.get("volume", "rss") != "rss" or how.get("solid") == "robust":
+        raise ModelError(f"{name}: volume and solid='robust' are for meshes, not for surfaces")
 
 
 def _both_ways(faces: NDArray[np.int32]) -> NDArray[np.int32]:

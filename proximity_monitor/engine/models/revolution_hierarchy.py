@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.state import CURVE_PIECE, RevolutionTree, SurfaceTree
-from ..kernels.base.tables import revolution_table
+from ..kernels.base.tables import surface_table
 from ..kernels.revolution.build import build_arcs
 from ..kernels.revolution.guess import take_samples
 from ..kernels.revolution.reach import take_reaches
@@ -29,16 +29,23 @@ _BEYOND = 1e13
 So much longer is the length of which arcs err by a share of 2.3e-13, for each metre beyond."""
 
 
+_STRAIGHT = 1e-9
+"""Share of a profile's size, or its square, that counts for nothing where it turns."""
+
 _HALVINGS = 24
 """Until control points are as near to a curve as rounding would have them."""
+
+
+_OWN = "arcs", "curves", "frame", "places", "reaches", "samples"
+"""What it keeps of the profile."""
 
 
 class RevolutionHierarchy(SurfaceHierarchy):
     """Volumes around the pieces of the patches, and fat arcs around those of the profile."""
 
-    KEPT = (*SurfaceHierarchy.KEPT, "arcs", "curves", "frame", "places", "reaches", "samples")
+    KEPT = (*SurfaceHierarchy.KEPT, *_OWN)
 
-    __slots__ = ("arcs", "curves", "frame", "places", "reaches", "samples")
+    __slots__ = _OWN
 
     arcs: NDArray
     """(k,) ARC."""
@@ -59,7 +66,8 @@ class RevolutionHierarchy(SurfaceHierarchy):
         curves, places = _curves(patches, profile)
         rows = np.zeros((5, 3))
         extent = profile.size + _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
-        rows[:3], rows[3], rows[4, 0] = frame[:3, :3].T, frame[:3, 3], extent
+        rows[:3], rows[3] = frame[:3, :3].T, frame[:3, 3]
+        rows[4, :2] = extent, _is_convex(profile)
         arcs = build_arcs(curves, extent, PRECISION * profile.size)
         kept = {name: getattr(patches, name) for name in SurfaceHierarchy.KEPT}
         own = {
@@ -74,16 +82,27 @@ class RevolutionHierarchy(SurfaceHierarchy):
         return RevolutionTree
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
-        own = (
-            self.arcs, self.curves, self.places, self.frame, self.samples, self.reaches,
-        )  # fmt: skip
-        return revolution_table(RevolutionTree(*tree, *own), self.numbers)
+        profile = {name: getattr(self, name) for name in _OWN}
+        return surface_table(tree._replace(**profile), self.numbers)
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:
-        names = "arcs", "curves", "places", "frame", "samples", "reaches"
-        own = tuple(state[name] for name in names)
+        own = tuple(state[name] for name in _OWN)
         return *own, *SurfaceHierarchy._frozen(state)
+
+
+def _is_convex(profile: Profile) -> bool:
+    """Whether a solid is convex, as its control points tell: they turn to one side alone.
+
+    A solid that is and is not found so is searched as any other: nothing but time depends on it.
+    """
+    points = np.concatenate([rows[:, :2] / rows[:, 2:] for own in profile.pieces for rows in own])
+    steps = np.diff(points, axis=0)
+    steps = steps[np.linalg.norm(steps, axis=1) > _STRAIGHT * profile.size]
+    x, z = steps.T
+    turns = x[:-1] * z[1:] - z[:-1] * x[1:]
+    side = 1.0 if profile.leftward else -1.0
+    return not profile.closed and bool((side * turns >= -_STRAIGHT * profile.size**2).all())
 
 
 def _beyond(pieces: NDArray[np.float64]) -> float:

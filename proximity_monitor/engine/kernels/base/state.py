@@ -71,13 +71,17 @@ SEGMENT = np.dtype(
 FRAME = -1.0
 """The band of what lies along a side."""
 
-SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces nets scale trims")
+SurfaceTree = namedtuple(
+    "SurfaceTree",
+    "nodes centres children sizes pieces nets scale trims arcs curves places frame samples reaches",
+)
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
-pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims. The rest is
-as in MeshTree; scale[2] is the largest norm of a control point, scale[6] how far rounding may have
-moved points of the surface when it was cut into pieces, and scale[7], of a solid, how far from the
-pieces that may be which closes the gaps between patches (see models/closed.py), both in metres.
+pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims; what follows
+is empty but for solids of revolution: see RevolutionTree. The rest is as in MeshTree; scale[2] is
+the largest norm of a control point, scale[6] how far rounding may have moved points of the surface
+when it was cut into pieces, and scale[7], of a solid, how far from the pieces that may be which
+closes the gaps between patches (see models/closed.py), both in metres.
 """
 
 PIECE = np.dtype(
@@ -107,16 +111,16 @@ PIECE = np.dtype(
 """A rational Bezier piece. Its control net is four rows of `room` numbers: x w, y w, z w and w of
 each control point, where the weights w are positive; the last point is repeated up to the end."""
 
-RevolutionTree = namedtuple(
-    "RevolutionTree",
-    (*SurfaceTree._fields, "arcs", "curves", "places", "frame", "samples", "reaches"),
-)
+RevolutionTree = namedtuple("RevolutionTree", SurfaceTree._fields)
 """The same over the patches of a solid of revolution, and the fat arcs around its profile.
+
+Against other kinds than its own it is taken for a SurfaceTree.
 
 arcs (k,) ARC, the first of them around all; curves (c,) CURVE_PIECE, one after the other along the
 profile; places (int32) which piece, in tree order, is which part of a patch: see CURVE_PIECE; frame
 (5, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres;
-and first in its last row the length of which arcs err by a share, metres; samples (m, 3) points of
+in its last row the length of which arcs err by a share, metres, and whether the solid is about
+convex, 1 or 0; samples (m, 3) points of
 the profile: see revolution/guess.py; reaches (p, VECTORS) metres,
 what parts of it reach: see revolution/reach.py.
 """
@@ -344,6 +348,10 @@ PROGRESS = np.dtype(
         # and the distance that was known then (see mesh_in_ball.py)
         ("leaning", np.int64),  # that element
         ("support", np.float64),  # how far it reaches along the direction that was known then
+        ("plane", np.float64, (6,)),  # of a solid of revolution and a mesh, in the mesh's frame: a
+        # unit vector, and how far along it the solid ends, at the most; infinity where no plane is
+        # known; the distance that was known then (see pairs/beyond_plane.py); and how often planes
+        # have told too little
         ("compared", np.int64),  # pairs of elements that have been compared
         ("due", np.int64),  # ... until a ball is looked for
         ("rings", np.int64),  # how many pairs of rings are open

@@ -65,15 +65,13 @@ _OVER_TRIANGLES = _SHARED | {
 _OVER_PIECES = _SHARED | {
     "pieces": (PIECE, 0), "nets": (np.float64, 0), "scale": (np.float64, 0),
     "trims": (TRIM, 0), "rows": (np.int32, 0), "entries": (np.int32, 0), "segments": (SEGMENT, 0),
-    "curves": (np.float64, 0), "patches": (np.int32, 0),
-}  # fmt: skip
-_OF_REVOLUTION = _OVER_PIECES | {
-    "arcs": (ARC, 0), "profile": (CURVE_PIECE, 0), "places": (np.int32, 0),
-    "frame": (np.float64, 3), "samples": (np.float64, 3), "reaches": (np.float64, VECTORS),
+    "curves": (np.float64, 0), "arcs": (ARC, 0), "profile": (CURVE_PIECE, 0),
+    "places": (np.int32, 0), "frame": (np.float64, 3), "samples": (np.float64, 3),
+    "reaches": (np.float64, VECTORS), "patches": (np.int32, 0),
 }  # fmt: skip
 """What kernels take each array for: its type, and its columns; 0 for one dimension."""
 
-MODEL_COLUMNS = max(len(_OVER_TRIANGLES), len(_OF_REVOLUTION))
+MODEL_COLUMNS = max(len(_OVER_TRIANGLES), len(_OVER_PIECES))
 """Columns of a model's table, whatever its kind, so that those of several make one array."""
 
 
@@ -89,12 +87,6 @@ def mesh_table(tree, faces):
 def surface_table(tree, patches):
     """The table of a tree over pieces, and the patch of each; otherwise as `mesh_table`."""
     return _model_table((*arrays_of(tree), patches), _OVER_PIECES)
-
-
-def revolution_table(tree, patches):
-    """The table of a RevolutionTree, which begins as that of its patches."""
-    arcs = tree[len(SurfaceTree._fields) :]
-    return _model_table((*arrays_of(tree[: -len(arcs)]), patches, *arcs), _OF_REVOLUTION)
 
 
 def arrays_of(tree):
@@ -171,25 +163,21 @@ def _surface_at(kind, model):
             read_only(records_at(at[10], rows[10], SEGMENT)),
             read_only(rows_at(at[11], rows[11], 0, 0.0)),
         ),
+        read_only(records_at(at[12], rows[12], ARC)),
+        read_only(records_at(at[13], rows[13], CURVE_PIECE)),
+        read_only(rows_at(at[14], rows[14], 0, np.int32(0))),
+        read_only(rows_at(at[15], rows[15], 3, 0.0)),
+        read_only(rows_at(at[16], rows[16], 3, 0.0)),
+        read_only(rows_at(at[17], rows[17], VECTORS, 0.0)),
     )
-    return tree, rows_at(at[12], rows[12], 0, np.int32(0))
+    return tree, rows_at(at[18], rows[18], 0, np.int32(0))
 
 
 @implements(tree_at, RevolutionTree)
 @inlined
 def _revolution_at(kind, model):
-    at, rows = model[0], model[1]
     tree, patches = _surface_at(SurfaceTree, model)
-    return RevolutionTree(
-        tree.nodes, tree.centres, tree.children, tree.sizes, tree.pieces, tree.nets, tree.scale,
-        tree.trims,
-        read_only(records_at(at[13], rows[13], ARC)),
-        read_only(records_at(at[14], rows[14], CURVE_PIECE)),
-        read_only(rows_at(at[15], rows[15], 0, np.int32(0))),
-        read_only(rows_at(at[16], rows[16], 3, 0.0)),
-        read_only(rows_at(at[17], rows[17], 3, 0.0)),
-        read_only(rows_at(at[18], rows[18], VECTORS, 0.0)),
-    ), patches  # fmt: skip
+    return RevolutionTree(*tree), patches
 
 
 def _open_at(order, at, rows):

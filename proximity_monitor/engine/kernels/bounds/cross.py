@@ -49,8 +49,8 @@ other's along a direction (16,)."""
 _ALL = (1 << WIDTH) - 1  # lanes
 
 
-def left_by_ball(waiting, tree, node, progress, limit, reaches):
-    """The bits of the lanes of a node that no ball keeps beyond `limit`, metres: a stub.
+def left_between(waiting, tree, node, progress, limit, reaches):
+    """The bits of the lanes of a node that no ball or plane keeps beyond `limit`, metres: a stub.
 
     `reaches` is room for sixteen float32.
     """
@@ -99,7 +99,7 @@ def _pick(lanes, base, margin, single):
 
 
 @inlined
-def _apart(tree, node, normal, sign, lows):
+def along_node(tree, node, normal, sign, lows):
     """How far along the direction from a to b the node of a tree keeps from the other's, in metres.
 
     That is of its centre; how much less it is of its lanes is written to `lows`, in node units. For
@@ -145,14 +145,14 @@ def cross_nodes(tree, fixed, node, lane, motion, flip, state, inherited, limit, 
     normal = progress.normal_b if flip else progress.normal_a
     other_normal = progress.normal_a if flip else progress.normal_b
     sign = 1.0 if flip else -1.0
-    apart = _apart(tree, node, normal, sign, lows)
-    apart += _apart(fixed, other, other_normal, -sign, other_lows)
+    apart = along_node(tree, node, normal, sign, lows)
+    apart += along_node(fixed, other, other_normal, -sign, other_lows)
     apart += progress.offset - progress.bound_slack
     room = limit - apart
     nearest = smallest(other_lows, 0, _ALL) * unit
     rows = not_above(lows, 0, np.float32((room - nearest) * tree.scale[1]))
-    rows &= left_by_ball(waiting, tree, node, progress, limit, found)
-    others = left_by_ball(waiting, fixed, other, progress, limit, found)
+    rows &= left_between(waiting, tree, node, progress, limit, found)
+    others = left_between(waiting, fixed, other, progress, limit, found)
     aligned, whole = rows, rows
     if not (rows and others):
         progress.proven = apart + nearest + smallest(lows, 0, _ALL) * tree.scale[0]

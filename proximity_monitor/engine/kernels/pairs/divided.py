@@ -105,6 +105,7 @@ def _prepare(cells, tree_a, tree_b, state):
     progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
     progress.narrow, progress.lasts, progress.review, progress.crowd = 0, 0, 1, 0
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
+    progress.plane[3], progress.plane[4], progress.plane[5] = np.inf, np.inf, 0.0
     progress.compared, progress.leaning = 0, NONE
     progress.due = _FEW if state.keys.shape[0] == 0 else _MORE
     # Cells stand in their model's own frame: they serve again while the models are the same.
@@ -113,24 +114,31 @@ def _prepare(cells, tree_a, tree_b, state):
     same = same and progress.shape_a == shapes[0] and progress.shape_b == shapes[1]
     most = _FULL * len(cells.cells_a)
     if not (same and 0 < progress.cells_a < most):
-        progress.cells_a = _forget(cells.roots_a)
+        progress.cells_a = 0  # and with that its roots: see `root_cell`
     most = _FULL * len(cells.cells_b)
     if not (same and 0 < progress.cells_b < most):
-        progress.cells_b = _forget(cells.roots_b)
+        progress.cells_b = 0
 
 
-@kernel
-def _forget(roots):
-    """Forget all cells of a model; returns how many there are."""
-    for i in range(len(roots)):
-        roots[i] = NONE
-    return 0
+def begin_below(tree_a, tree_b, state, fresh):
+    """Begin a search of a solid of revolution and a mesh with a local minimum: a stub.
+
+    FRESH, where no points are known that may be near it. Returns whether the models are such.
+    """
+
+
+@implements(begin_below, SurfaceTree, SurfaceTree)
+@inlined
+def _begin_elsewhere(tree_a, tree_b, state, fresh):
+    return False
 
 
 @implements(stubs.settle, Dividing)
 @kernel
 def _settle(waiting, tree_a, tree_b, state):
     progress = state.progress[0]
+    if begin_below(tree_a, tree_b, state, False):
+        return
     wa, wb = progress.weights_a, progress.weights_b
     measure_near(
         tree_a, tree_b, state, progress.element_a, (wa[0], wa[1], wa[2]),
@@ -304,6 +312,8 @@ def _guess(tree_a, tree_b, state):
     if _has_stayed(tree_a, tree_b, state):
         stubs.settle(state.waiting, tree_a, tree_b, state)  # it was as near, and crossed perhaps
         return
+    if begin_below(tree_a, tree_b, state, True):
+        return
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
     a, from_a, b, from_b = _guess_from(middle, tree_a, tree_b, state.motions[1], found)
@@ -317,6 +327,8 @@ def _guess_turned(tree_a, tree_b, state):
     # A surface may be hollow where its middle is, as a ring is: so it begins with the mesh's.
     if _has_stayed(tree_a, tree_b, state):
         stubs.settle(state.waiting, tree_a, tree_b, state)
+        return
+    if begin_below(tree_a, tree_b, state, True):
         return
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[1], scaled(row(tree_a.centres, 0), tree_a.scale[0]))
@@ -358,6 +370,12 @@ def _near_triangle(tree, p, element, weights, steps, slack, stack, bounds, found
     distance, t, top = begin_nearest(tree, p, element, stack, bounds)
     _, t, _, _ = nearest(tree, p, distance, t, top, slack, 0.0, stack, bounds, found, steps)
     return begin_on(tree, t)
+
+
+@implements(stubs.open_whole, Dividing, SurfaceTree, SurfaceTree)
+@inlined
+def _open_as_all(waiting, tree_a, tree_b, state, a, b, bound, scratch):
+    return False, 0
 
 
 @implements(stubs.look_ahead, Dividing, SurfaceTree, SurfaceTree)

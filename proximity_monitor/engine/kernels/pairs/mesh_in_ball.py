@@ -27,7 +27,9 @@ from ..surface.newton import MOST
 from ..surface.sides import near
 from ..surface.support import support_of
 from ..tree.layout import WIDTH, row
-from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
+from . import divided, lanes_in_ball  # noqa: F401 - it implements the same of volumes
+from .beyond_plane import is_held_off
+from .revolution_mesh import begin, go_down, is_due, open_beside, serves
 
 _STEPS, _LOOK = 48, 2
 """Steps of a search that looking for a ball takes as long as, but for what improving the nearest
@@ -185,6 +187,8 @@ def _is_soon(progress):
 @implements(stubs.look_ahead, Dividing, SurfaceTree, MeshTree)
 @inlined
 def _look_ahead_of_a(waiting, tree_a, tree_b, state):
+    if is_due(state.progress[0], tree_a):
+        return go_down(tree_a, tree_b, state, tree_a, tree_b, False, False)
     if not _is_soon(state.progress[0]):
         return 0
     return _find(tree_a, tree_b, state, tree_a, tree_b, False, True)
@@ -193,9 +197,39 @@ def _look_ahead_of_a(waiting, tree_a, tree_b, state):
 @implements(stubs.look_ahead, Dividing, MeshTree, SurfaceTree)
 @inlined
 def _look_ahead_of_b(waiting, tree_a, tree_b, state):
+    if is_due(state.progress[0], tree_b):
+        return go_down(tree_a, tree_b, state, tree_b, tree_a, True, False)
     if not _is_soon(state.progress[0]):
         return 0
     return _find(tree_a, tree_b, state, tree_b, tree_a, True, True)
+
+
+@implements(divided.begin_below, SurfaceTree, MeshTree)
+@inlined
+def _begin_below_a(tree_a, tree_b, state, fresh):
+    return begin(tree_a, tree_b, state, tree_a, tree_b, False, fresh)
+
+
+@implements(divided.begin_below, MeshTree, SurfaceTree)
+@inlined
+def _begin_below_b(tree_a, tree_b, state, fresh):
+    return begin(tree_a, tree_b, state, tree_b, tree_a, True, fresh)
+
+
+@implements(stubs.open_whole, Dividing, SurfaceTree, MeshTree)
+@inlined
+def _open_whole_a(waiting, tree_a, tree_b, state, a, b, bound, scratch):
+    if a != 0 or not serves(state.progress[0], tree_a):
+        return False, 0
+    return open_beside(tree_a, tree_b, state, tree_a, tree_b, False, b, bound, scratch.lows)
+
+
+@implements(stubs.open_whole, Dividing, MeshTree, SurfaceTree)
+@inlined
+def _open_whole_b(waiting, tree_a, tree_b, state, a, b, bound, scratch):
+    if b != 0 or not serves(state.progress[0], tree_b):
+        return False, 0
+    return open_beside(tree_a, tree_b, state, tree_b, tree_a, True, a, bound, scratch.lows)
 
 
 @implements(find_ball, SurfaceTree, MeshTree)
@@ -240,7 +274,7 @@ def _is_b_in_ball(tree_a, tree_b, state, a, b):
     begin = begin_along(progress, tree_b.triangles, b)
     if _is_beyond(progress, a, progress.support, begin):
         return True
-    return _is_in_ball(tree_b, b, tree_a, a, progress)
+    return is_held_off(tree_b, b, progress) or _is_in_ball(tree_b, b, tree_a, a, progress)
 
 
 @implements(is_in_ball, MeshTree, SurfaceTree)
@@ -250,4 +284,4 @@ def _is_a_in_ball(tree_a, tree_b, state, a, b):
     end = end_along(progress, tree_a.triangles, a)
     if _is_beyond(progress, b, end, -progress.support):
         return True
-    return _is_in_ball(tree_a, a, tree_b, b, progress)
+    return is_held_off(tree_a, a, progress) or _is_in_ball(tree_a, a, tree_b, b, progress)

@@ -11,7 +11,7 @@ from numba import uint64
 from ..base.jit import implements, inlined
 from ..base.state import BoxTree, Dividing, MeshTree, SurfaceTree, Waiting
 from ..bounds.boxes import box_bounds
-from ..bounds.cross import cross_nodes, left_by_ball
+from ..bounds.cross import cross_nodes, left_between
 from ..bounds.volumes import far_bound, lower_bounds, place, tighten
 from ..search import stubs
 from ..tree.layout import EMPTY, STRIDE, WIDTH
@@ -49,8 +49,8 @@ def _tighter(fixed, tree, lane, motion, node, slack, reach, bounds, first):
 implements(stubs.cross_leaves, _TREES, _TREES)(cross_nodes)
 
 
-@implements(left_by_ball, Waiting)
-@implements(left_by_ball, Dividing, SurfaceTree)
+@implements(left_between, Waiting)
+@implements(left_between, Dividing, SurfaceTree)
 @inlined
 def _all_are_left(waiting, tree, node, progress, limit, reaches):
     return (1 << WIDTH) - 1

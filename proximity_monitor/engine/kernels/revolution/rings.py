@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from ..base.jit import kernel, shared
+from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.state import CELLS_FULL, CUT, ENDED, NONE
 from .around import part_around
@@ -111,6 +111,16 @@ def _take_apart(tree_a, tree_b, state, motion):
     return steps
 
 
+@inlined
+def _is_enough(progress):
+    """Whether the distance found answers, whatever bounds say.
+
+    As no distance is negative, one that may err by all of itself needs no lower bound.
+    """
+    met = progress.distance - progress.slack <= progress.stop
+    return met or progress.distance + progress.slack <= progress.abs_err
+
+
 @shared
 def search_rings(tree_a, tree_b, state):
     """Run a search for the steps that it has left.
@@ -124,7 +134,7 @@ def search_rings(tree_a, tree_b, state):
     take_plane(tree_a, state)
     waiting, steps = state.waiting, progress.steps
     code = ENDED
-    while progress.rings > 0 and progress.distance - progress.slack > progress.stop:
+    while progress.rings > 0 and not _is_enough(progress):
         if waiting.rings[waiting.heap[0]].bound >= progress.limit:
             break
         if steps == 0:
@@ -132,7 +142,7 @@ def search_rings(tree_a, tree_b, state):
             break
         steps -= min(steps, _take_apart(tree_a, tree_b, state, motion))
     progress.steps = steps
-    apart = progress.distance - progress.slack > progress.stop
+    apart = not _is_enough(progress)
     if code == ENDED and apart:
         end_front(state)
         progress.rings = 0

@@ -19,13 +19,22 @@ from ..base.state import (
     CUT,
     ENDED,
 )
-from ..bounds.cross import Scratch, left_by_ball
+from ..bounds.cross import Scratch, left_between
 from ..bounds.gaps import BATCH
 from ..elements.primitives import collect, enough
 from ..tree.layout import EXTENT, LARGEST, PROMISE, STRIDE, WIDTH
 from .approach import APPROACH_STEPS, come_nearer, far_from_nearest
 from .coherence import is_coherent, remember_far, still_far
-from .stubs import cross_leaves, divide, lane_bounds, look_ahead, push, resolve, take
+from .stubs import (
+    cross_leaves,
+    divide,
+    lane_bounds,
+    look_ahead,
+    open_whole,
+    push,
+    resolve,
+    take,
+)
 
 _ALL = (1 << WIDTH) - 1
 _CROSSED = WIDTH * WIDTH
@@ -58,7 +67,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     )
     top = first
     survivors = not_above(found, 0, reach)
-    survivors &= left_by_ball(waiting, tree, node, progress, limit, scratch.lows)
+    survivors &= left_between(waiting, tree, node, progress, limit, scratch.lows)
     progress.proven = inherited
     if not survivors:
         progress.proven = max(inherited, smallest(found, 0, _ALL) * unit)
@@ -164,6 +173,10 @@ def advance(tree_a, tree_b, state):
             collect(state, ~a, ~b, bound)
             continue
         if coherent and still_far(state, a, b):
+            continue
+        opened, taken = open_whole(waiting, tree_a, tree_b, state, a, b, bound, scratch)
+        if opened:
+            steps -= min(steps, taken)
             continue
         child_a, child_b = tree_a.children[a], tree_b.children[b]
         if child_a < 0 and child_b < 0:

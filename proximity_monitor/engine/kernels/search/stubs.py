@@ -124,6 +124,14 @@ def look_ahead(waiting, tree_a, tree_b, state):
     """
 
 
+def open_whole(waiting, tree_a, tree_b, state, a, b, bound, scratch):
+    """Open a pair of a model as a whole and a volume of the other, where there is a way of its own.
+
+    The pairs that survive are open then. Returns whether the pair is dealt with, and the steps that
+    it took.
+    """
+
+
 def least_undivided(waiting, progress):
     """The least bound of all pairs of parts that wait, or could not be compared, metres."""
 

@@ -45,6 +45,12 @@ def _look_ahead(waiting, tree_a, tree_b, state):
     return 0
 
 
+@implements(stubs.open_whole, Waiting)
+@inlined
+def _open_whole(waiting, tree_a, tree_b, state, a, b, bound, scratch):
+    return False, 0
+
+
 @implements(stubs.least_undivided, Waiting)
 @inlined
 def _least_undivided(waiting, progress):

@@ -35,7 +35,13 @@ def net_of(cells, nets, index):
 
 @kernel
 def root_cell(tree, element, cells, nets, roots, used):
-    """The cell of a whole element, and how many are in use then; NONE where there is no room."""
+    """The cell of a whole element, and how many are in use then; NONE where there is no room.
+
+    Roots are forgotten with the first one: many a search needs no cell at all.
+    """
+    if used == 0:
+        for i in range(len(roots)):
+            roots[i] = NONE
     found = roots[element]
     if found != NONE:
         return found, used

@@ -40,9 +40,7 @@ def _memory(surface, memory):
 @implements(pieces.forget, SurfaceTree)
 @kernel
 def _forget(surface, parts, at):
-    at.parts = 0
-    for i in range(len(parts.roots)):
-        parts.roots[i] = NONE
+    at.parts = 0  # and with that their roots: see `root_cell`
 
 
 @implements(pieces.has_room, SurfaceTree)

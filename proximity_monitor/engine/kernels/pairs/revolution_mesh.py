@@ -1,0 +1,249 @@
+"""Solids of revolution beside meshes: what a search gains by the profile.
+
+It begins with a local minimum, by point queries in turns, as in search/approach.py, but between two
+of these Newton's method goes to where the triangle is nearest (see revolution/triangle.py). Then
+a plane tells what of the mesh is no nearer (see beyond_plane.py).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.lanes import lowest
+from ..base.memory import on_stack
+from ..base.vectors import along, dot, moved, scaled, sub
+from ..elements.primitives import corners
+from ..inside.nearest import Point, begin_nearest, nearest, point_triangle, walk
+from ..inside.visit import ROOM
+from ..revolution.places import place_of
+from ..revolution.triangle import foot_of, gradient_at, nearest_of_triangle
+from ..search.stubs import push
+from ..surface.facing import vector
+from ..surface.measure import measure_near
+from ..tree.layout import WIDTH, first_of, last_of, row
+from .beyond_plane import begin_of, is_held_off, lanes_before, lanes_on, lay_plane, plane_across
+
+_TURNS, _STEPS = 8, 32
+"""Turns of a descent, and steps of each search for the triangle nearest to a point."""
+
+_GAIN = 1e-12
+"""Share of the distance that is no gain, of a turn and of a nearest point."""
+
+_NEARER = 0.999
+"""Share of the distance from which on another plane is laid."""
+
+_FAILED = 2.0
+"""How often a plane may tell too little until none is laid any more in a search."""
+
+_CONVEX = 0.9
+"""Share of the distance of a node's middle that a plane has to leave of it."""
+
+LEAF_STEPS = 4
+"""Steps of a search that a leaf's triangles take as long as."""
+
+DESCENT_STEPS = 32
+"""Steps of a search that a turn of a descent takes as long as."""
+
+
+@inlined
+def is_convex(surface):
+    """Whether a solid of revolution is about convex: then a local minimum is the only one."""
+    return surface.frame[4, 1] > 0.0
+
+
+@kernel
+def _frame_of(surface, motion, made):
+    """Write the motion from a mesh to the frame of a profile, of twelve numbers.
+
+    The given one leads into the frame of the profile's model.
+    """
+    f = surface.frame
+    for i in range(3):
+        axis = row(f, i)
+        for j in range(3):
+            made[3 * i + j] = (
+                axis[0] * motion[j] + axis[1] * motion[3 + j] + axis[2] * motion[6 + j]
+            )
+        made[9 + i] = dot(axis, sub((motion[9], motion[10], motion[11]), row(f, 3)))
+
+
+@kernel
+def _back(motion, p):
+    """Where a motion leads to p from."""
+    x, y, z = p[0] - motion[9], p[1] - motion[10], p[2] - motion[11]
+    return (
+        motion[0] * x + motion[3] * y + motion[6] * z,
+        motion[1] * x + motion[4] * y + motion[7] * z,
+        motion[2] * x + motion[5] * y + motion[8] * z,
+    )
+
+
+@kernel
+def _nearest_triangle(mesh, p, t, found):
+    """A triangle of a mesh about nearest to a point, its distance and the weights v and w there.
+
+    The search begins with a triangle that may be so; `found` is room for sixteen float32.
+    """
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
+    distance, t, top = begin_nearest(mesh, p, t, stack, bounds)
+    distance, t, _, _ = nearest(mesh, p, distance, t, top, 0.0, 0.0, stack, bounds, found, _STEPS)
+    a, b, c = corners(mesh.triangles, t)
+    _, v, w = point_triangle(p, a, b, c)
+    return t, distance, v, w
+
+
+@kernel
+def _first_triangle(surface, mesh, motion, spare, found):
+    """The triangle of a mesh about nearest to where a solid is nearest to the mesh's middle."""
+    middle = scaled(row(mesh.centres, 0), mesh.scale[0])
+    foot = _back(motion, foot_of(surface, moved(motion, middle), spare))
+    return _nearest_triangle(mesh, foot, walk(Point(foot, 0.0, 0.0), mesh, found), found)
+
+
+@kernel
+def _keep(tree_a, tree_b, state, surface, flip, t, here, y, v, w):
+    """Keep a point of a triangle and the solid's nearest to it, where they are the nearest."""
+    element, at = place_of(surface, here.piece, here.t, math.atan2(y[1], y[0]))
+    weights = (1.0 - v - w, v, w)
+    if flip:
+        measure_near(tree_a, tree_b, state, t, weights, element, at, 0)
+    else:
+        measure_near(tree_a, tree_b, state, element, at, t, weights, 0)
+
+
+@kernel
+def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
+    """Go down to a local minimum of the distance of a solid of revolution and a mesh.
+
+    FRESH, it begins with the middle of the mesh, else with the nearest points known. The nearest
+    points are kept, and a plane is laid between them. Returns the steps it took.
+    """
+    progress = state.progress[0]
+    if not fresh:
+        steps = lay_plane(surface, mesh, state, flip)
+        if progress.open == 0 or not is_convex(surface):
+            return steps
+    motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
+    _frame_of(surface, state.motions[1 if flip else 0], motion)
+    spare = _GAIN * surface.frame[4, 0]
+    t, weights = progress.element_b, vector(progress.weights_b)
+    if flip:
+        t, weights = progress.element_a, vector(progress.weights_a)
+    v, w = weights[1], weights[2]
+    if fresh:
+        t, _, v, w = _first_triangle(surface, mesh, motion, spare, found)
+    steps = 0
+    for _ in range(_TURNS):
+        a, b, c = corners(mesh.triangles, t)
+        triangle = moved(motion, a), moved(motion, b), moved(motion, c)
+        here, y, v, w = nearest_of_triangle(
+            surface, triangle, v, w, spare, progress.rel_err, progress.abs_err, np.inf
+        )
+        steps += DESCENT_STEPS
+        before = progress.distance
+        _keep(tree_a, tree_b, state, surface, flip, t, here, y, v, w)
+        if not progress.slack < progress.distance < before:
+            break
+        steps += lay_plane(surface, mesh, state, flip)
+        if progress.open == 0:
+            break
+        foot = _back(motion, along(y, here.normal, -here.distance))
+        t, distance, v, w = _nearest_triangle(mesh, foot, t, found)
+        if not distance < here.distance * (1.0 - _GAIN):
+            break
+    progress.approached = progress.distance
+    return steps
+
+
+@kernel
+def open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
+    """Open a volume of a mesh beside a solid of revolution, by a plane of its own.
+
+    That is laid across the way from the solid to the middle of the node below. Where the solid is
+    not convex there it tells little, and the search goes on as beside other surfaces. A leaf's
+    triangles have planes of their own. See `stubs.open_whole`.
+    """
+    progress = state.progress[0]
+    child = np.int64(mesh.children[lane])
+    motion = on_stack(12, 0.0)
+    _frame_of(surface, state.motions[1 if flip else 0], motion)
+    spare = _GAIN * surface.frame[4, 0]
+    to_surface = state.motions[1 if flip else 0]
+    if child < 0:
+        for t in range(first_of(child), last_of(child) + 1):
+            if not is_held_off(mesh, t, progress) and not _is_farther(
+                tree_a, tree_b, state, surface, mesh, flip, t, motion, to_surface, spare
+            ):
+                progress.plane[5] += 1.0
+                return False, LEAF_STEPS
+        return True, LEAF_STEPS
+    progress.bound_tests += WIDTH
+    left = lanes_before(mesh, child, progress, progress.limit, lows)
+    if not left:
+        return True, 1
+    middle = scaled(row(mesh.centres, child), mesh.scale[0])
+    here = gradient_at(surface, moved(motion, middle), spare)
+    n, end = plane_across(surface, to_surface, here.normal, progress.slack)
+    if not dot(n, middle) - end > _CONVEX * here.distance:
+        progress.plane[5] += 1.0
+        return False, 1
+    end += progress.bound_slack
+    also_left, begin = lanes_on(mesh, child, n, end, progress.limit, lows)
+    left &= also_left
+    first = top = progress.open
+    while left:
+        k = lowest(left)
+        left &= left - 1
+        own = max(begin + lows[k] * mesh.scale[0], bound)
+        if own < progress.limit:
+            to = child * WIDTH + k
+            push(state.open, state, first, top, to if flip else 0, 0 if flip else to, own)
+            top += 1
+    progress.open = top
+    return True, 2
+
+
+@kernel
+def _is_farther(tree_a, tree_b, state, surface, mesh, flip, t, motion, to_surface, spare):
+    """Whether a triangle is beyond the limit, by the plane where it is nearest.
+
+    Where it is nearer than what is known, it lowers the limit first.
+    """
+    progress = state.progress[0]
+    a, b, c = corners(mesh.triangles, t)
+    triangle = moved(motion, a), moved(motion, b), moved(motion, c)
+    progress.primitive_tests += 1
+    here, y, v, w = nearest_of_triangle(
+        surface, triangle, 1.0 / 3.0, 1.0 / 3.0, spare, progress.rel_err, progress.abs_err,
+        progress.limit,
+    )  # fmt: skip
+    if here.distance < progress.distance:
+        _keep(tree_a, tree_b, state, surface, flip, t, here, y, v, w)
+    n, end = plane_across(surface, to_surface, here.normal, progress.slack)
+    return begin_of(mesh, t, n) - end >= progress.limit
+
+
+@kernel
+def begin(tree_a, tree_b, state, surface, mesh, flip, fresh):
+    """Begin a search with a local minimum, if the surface is a solid of revolution's; whether."""
+    if len(surface.arcs) == 0 or not (fresh or is_convex(surface)):
+        return False
+    if fresh or state.progress[0].distance > state.progress[0].slack:
+        go_down(tree_a, tree_b, state, surface, mesh, flip, fresh)
+    return True
+
+
+@inlined
+def serves(progress, surface):
+    """Whether planes of their own are worth laying beside volumes and triangles of a mesh."""
+    return len(surface.arcs) > 0 and is_convex(surface) and progress.plane[5] < _FAILED
+
+
+@inlined
+def is_due(progress, surface):
+    """Whether the nearest points are so much nearer that another plane may hold off more."""
+    nearer = progress.slack < progress.distance < _NEARER * progress.plane[4]
+    return nearer and len(surface.arcs) > 0 and progress.open > 0

@@ -1,0 +1,151 @@
+"""Where a triangle is nearest to a solid of revolution: Newton's method on the solid's distance.
+
+All is in the frame of the profile, whose z is the axis. The distance f of a point y is that of
+(rho, z) from the profile. With n its gradient, c the curvature of the profile where that is
+nearest, towards y, and m the unit vector across n in the half-plane of y, its second derivatives
+are those of an offset surface (do Carmo 1976, section 3-3):
+
+    along m  -c / (1 - c f),  or 1 / f where a corner is nearest;  around the axis  n_rho / rho.
+
+Outside of a convex solid f is convex, so that its quadratic model has a least value over the
+triangle, which lies within or on an edge. It makes upper bounds alone: whatever it does is right.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import kernel
+from ..base.vectors import along, dot, sub
+from .closest import nearest_on
+from .profile import jet_of
+
+Reach = namedtuple("Reach", "distance normal across around bend turn piece t")
+"""How far a point is from a solid: metres; the gradient n, the unit vectors m and that around the
+axis, the second derivatives along these, 1/metres; and where the profile is nearest."""
+
+_STEPS, _LEAST, _MOST = 16, 0.1, 0.8
+"""Steps of Newton's method; and what share of one is left that does not lead nearer, at the least
+and at the most."""
+
+_GAIN = 1e-13
+"""Share of the distance that is no gain: a step is good then whatever rounding says."""
+
+_CORNER = 1e-9
+"""Cosine between a tangent and the gradient from which on the end of a piece is a corner."""
+
+_FLAT = 1e-12
+"""Share of both second derivatives' product that their determinant has at the least."""
+
+
+@kernel
+def _nearest(tree, y, spare):
+    rho = np.sqrt(y[0] * y[0] + y[1] * y[1])
+    _, _, piece, t, _ = nearest_on(tree, rho, y[2], 0.0, 0.0, spare)
+    return rho, piece, t
+
+
+@kernel
+def gradient_at(tree, y, spare):
+    """The Reach of a point of the profile's frame; its distance is right to `spare` metres."""
+    rho, piece, t = _nearest(tree, y, spare)
+    (r, z), (r1, z1), (r2, z2) = jet_of(tree.curves[piece], t)
+    dr, dz = rho - r, y[2] - z
+    length = np.sqrt(dr * dr + dz * dz)
+    per = 1.0 / length if length > 0.0 else 0.0
+    nr, nz = dr * per, dz * per
+    speed = np.sqrt(r1 * r1 + z1 * z1)
+    at_end = not 0.0 < t < 1.0
+    if at_end and abs(r1 * nr + z1 * nz) > _CORNER * speed:
+        bend = per
+    else:
+        c = (r2 * nr + z2 * nz) / (speed * speed) if speed > 0.0 else 0.0
+        room = 1.0 - c * length
+        bend = max(-c / room, 0.0) if room > 0.0 else per
+    ex, ey = (y[0] / rho, y[1] / rho) if rho > 0.0 else (1.0, 0.0)
+    turn = max(nr / rho, 0.0) if rho > 0.0 else bend
+    normal, across = (nr * ex, nr * ey, nz), (-nz * ex, -nz * ey, nr)
+    return Reach(length, normal, across, (-ey, ex, 0.0), bend, turn, piece, t)
+
+
+@kernel
+def foot_of(tree, y, spare):
+    """The point of a solid's boundary nearest to one, in the half-plane of that."""
+    rho, piece, t = _nearest(tree, y, spare)
+    (r, z), _, _ = jet_of(tree.curves[piece], t)
+    share = r / rho if rho > 0.0 else 0.0
+    return (share * y[0], share * y[1], z) if rho > 0.0 else (r, 0.0, z)
+
+
+@kernel
+def _along_edge(gv, gw, hvv, hvw, hww, v, w, dv, dw):
+    """The least of the model along an edge from (v, w): how far, 0 to 1, and the value there."""
+    slope = gv * dv + gw * dw + hvv * v * dv + hvw * (v * dw + w * dv) + hww * w * dw
+    bend = hvv * dv * dv + 2.0 * hvw * dv * dw + hww * dw * dw
+    s = min(max(-slope / bend, 0.0), 1.0) if bend > 0.0 else (0.0 if slope >= 0.0 else 1.0)
+    v, w = v + s * dv, w + s * dw
+    return gv * v + gw * w + 0.5 * (hvv * v * v + 2.0 * hvw * v * w + hww * w * w), v, w
+
+
+@kernel
+def _least(gv, gw, hvv, hvw, hww, v, w):
+    """The step from (v, w) within the triangle to the least of a quadratic model, and that less."""
+    det = hvv * hww - hvw * hvw
+    if det > _FLAT * hvv * hww:
+        dv, dw = (hvw * gw - hww * gv) / det, (hvw * gv - hvv * gw) / det
+        if v + dv >= 0.0 and w + dw >= 0.0 and v + dv + w + dw <= 1.0:
+            return 0.5 * (gv * dv + gw * dw), dv, dw
+    best, dv, dw = _along_edge(gv, gw, hvv, hvw, hww, -v, -w, 1.0, 0.0)
+    value, x, y = _along_edge(gv, gw, hvv, hvw, hww, -v, -w, 0.0, 1.0)
+    if value < best:
+        best, dv, dw = value, x, y
+    value, x, y = _along_edge(gv, gw, hvv, hvw, hww, 1.0 - v, -w, -1.0, 1.0)
+    if value < best:
+        best, dv, dw = value, x, y
+    return best, dv, dw
+
+
+@kernel
+def nearest_of_triangle(tree, triangle, v, w, spare, rel_err, abs_err, limit):
+    """The point a + v (b - a) + w (c - a) of a triangle nearest to a solid, from one with such.
+
+    Returns its Reach, the point, v and w. It ends where the plane across the gradient leaves half
+    of the tolerances at most (Frank and Wolfe 1956), or tells that nothing is below the limit. The
+    distance of a point need not be known better than to `spare` metres.
+    """
+    a, b, c = triangle
+    e, f = sub(b, a), sub(c, a)
+    y = along(along(a, e, v), f, w)
+    here = gradient_at(tree, y, spare)
+    fresh, gv, gw, dv, dw, less = True, 0.0, 0.0, 0.0, 0.0, 0.0
+    for _ in range(_STEPS):
+        if fresh:
+            n, m, o, p, q = here.normal, here.across, here.around, here.bend, here.turn
+            gv, gw = dot(n, e), dot(n, f)
+            left = gv * v + gw * w - min(min(gv, gw), 0.0)
+            enough = left <= 0.5 * max(rel_err * here.distance, abs_err)
+            if enough or here.distance - left >= limit:
+                break
+            me, mf, oe, of = dot(m, e), dot(m, f), dot(o, e), dot(o, f)
+            hvv, hww = p * me * me + q * oe * oe, p * mf * mf + q * of * of
+            less, dv, dw = _least(gv, gw, hvv, p * me * mf + q * oe * of, hww, v, w)
+            if not less < 0.0:
+                break
+            if here.distance + less < 0.0:  # to where the boundary is met
+                share = min(-here.distance / (gv * dv + gw * dw), 1.0)
+                dv, dw = share * dv, share * dw
+        x, z = max(v + dv, 0.0), max(w + dw, 0.0)
+        at = along(along(a, e, x), f, z)
+        there = gradient_at(tree, at, spare)
+        fresh = there.distance < here.distance or -less <= _GAIN * here.distance
+        if fresh:
+            here, y, v, w = there, at, x, z
+        else:
+            # To where the slopes at both ends have it level, if these are right.
+            before, after = gv * dv + gw * dw, dot(there.normal, e) * dv + dot(there.normal, f) * dw
+            share = before / (before - after) if after > 0.0 else _LEAST
+            share = min(max(share, _LEAST), _MOST)
+            dv, dw = share * dv, share * dw
+    return here, y, v, w
