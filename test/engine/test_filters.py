@@ -19,7 +19,7 @@ from proximity_monitor.engine.kernels.tree.layout import EMPTY
 
 gather, shift = from_python(filters.gather), from_python(filters.shift)
 gaps, gap_along = from_python(filters.gaps), from_python(direction.gap_along)
-node_apart = from_python(cross._apart)
+node_apart = from_python(cross.along_node)
 
 EACH = 4
 """Triangles of either model: all their pairs make one batch."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
+from itertools import pairwise
 from operator import is_not
 from threading import Event
 from time import perf_counter
@@ -13,11 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_integers, check_tolerance
-from ..kernels.assembly.questions import (
-    QUERY_NUMBERS,
-    begin_questions,
-    signs_open,
-)
+from ..kernels.assembly.questions import QUERY_NUMBERS, begin_questions, signs_open
 from ..kernels.base import state as index
 from ..kernels.inside.contain import Insides, settle_signs
 from ..kernels.surface.contain import MixedInsides
@@ -26,15 +23,17 @@ from ..models.model import Model
 from ..models.solid import insides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.run import Search, check_models
+from ..questions.run import Search, check_models, entry_for
 from ..questions.sharing import share
 from ..questions.slices import deadline_of, slices_until
 from .answers import no_answers
 from .asked import checked_pairs, checked_tolerances
 from .long_searches import BEGIN_FIRST_S, END_S, LongSearches, Single
-from .runs import Run, Runs
 
 _NO_HINTS = np.empty((0, 2), np.int32)
+_Runs = list[tuple[Callable, int, int]]  # of pairs: their entry, the first, one after the last
+
+_KNOWN = 64  # lists of pairs of which the runs are remembered
 
 
 class Assembly:
@@ -134,17 +133,16 @@ class Assembly:
         solid = np.array([model.is_solid if signed else False for model in self.models])
         chosen, of_solids = checked_pairs(pairs, solid)
         k = len(chosen)
-        tolerances = {"rel_err": rel_err, "abs_err": abs_err}
-        tolerances["clearance"] = np.inf if clearance is None else clearance
-        wanted = checked_tolerances(tolerances, k)
+        near = np.inf if clearance is None else clearance
+        wanted = checked_tolerances({"rel_err": rel_err, "abs_err": abs_err, "clearance": near}, k)
         if hints is not None:
             hints = as_integers(hints, "hints", 2)
             if len(hints) != k:
                 raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
-        asked = poses, chosen, wanted, hints
+        asked = poses, chosen, wanted, hints, of_solids
         if not signed:
-            return Distances(self.rows(*asked, of_solids, deadline, threads))
-        return Distances(self._signed_rows(*asked, of_solids, depth_err, deadline, threads))
+            return Distances(self.rows(*asked, deadline, threads))
+        return Distances(self._signed_rows(*asked, depth_err, deadline, threads))
 
     def rows(
         self,
@@ -176,7 +174,7 @@ class Assembly:
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
             code, at = self._run(
-                search, fresh, self._runs.of(pairs, first, threads), poses, pairs, asked, threads,
+                search, fresh, self._runs(pairs, first, threads), poses, pairs, asked, threads,
                 deadline, stopped, answers, settle,
             )  # fmt: skip
             if code == index.CUT:
@@ -270,7 +268,13 @@ class Assembly:
             self._tables = np.stack([model._hierarchy.table for model in self.models])
             self._hierarchies = now
             self._insides = None
-            self._runs = Runs(self.models)
+            kinds = {model._hierarchy.tree_kind: model for model in self.models}
+            entries = [entry_for(a, b) for a in kinds.values() for b in kinds.values()]
+            self._entries = list(dict.fromkeys(entries))
+            kind = [list(kinds).index(model._hierarchy.tree_kind) for model in self.models]
+            which = np.array([self._entries.index(entry) for entry in entries])
+            self._which = which.reshape(len(kinds), -1)[np.ix_(kind, kind)]
+            self._known: dict[Hashable, _Runs] = {}
         while len(self._searches) < threads:
             both = (self._deepest,) * 2
             self._searches.append(Search(*both, coherent=False, among=self.models))
@@ -305,11 +309,27 @@ class Assembly:
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
+    def _runs(self, pairs: NDArray[np.int32], first: int, every: int) -> _Runs:
+        """Every so many pairs from the first on, in runs of one kind of pair."""
+        if len(self._entries) == 1:
+            return [(self._entries[0], first, len(pairs))]
+        found = self._known.get(key := (pairs.tobytes(), first, every))
+        if found is None:  # mostly the pairs are those of the tick before
+            if len(self._known) >= _KNOWN:
+                self._known.clear()
+            asked = self._which[tuple(pairs[first::every].T)]
+            ends = [*np.flatnonzero(np.diff(asked, prepend=-1)).tolist(), len(asked)]
+            found = self._known[key] = [
+                (self._entries[asked[i]], first + every * i, first + every * (end - 1) + 1)
+                for i, end in pairwise(ends)
+            ]
+        return found
+
     def _run(
         self,
         search: Search,
         fresh: bool,
-        runs: list[Run],
+        runs: _Runs,
         poses: NDArray[np.float64],
         pairs: NDArray[np.int32],
         asked: NDArray[np.int64],

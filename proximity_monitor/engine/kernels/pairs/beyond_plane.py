@@ -1,9 +1,9 @@
-"""A plane between a solid of revolution and a mesh: all of the mesh that it holds off is dismissed.
+"""A plane between a surface and a mesh: all of the mesh that it holds off is dismissed.
 
-How far such a solid reaches along a direction its profile tells, to the last digits where that is
-of lines and circles (see revolution/reach.py). So the plane across the way between the nearest
-points, laid against the solid, holds off whatever of the mesh is beyond it by as much as these are
-apart. Of two convex models that is everything: where the nearest points are found, the search ends.
+The plane across the way between the nearest points, laid against the surface, holds off whatever of
+the mesh is beyond it by as much as these are apart. Of two convex models that is everything: where
+the nearest points are found, the search ends. How far a surface reaches along a direction, its
+pieces tell (see surface/reach.py), and of a solid of revolution its profile, wherever that is.
 """
 
 from __future__ import annotations
@@ -14,46 +14,42 @@ from ..base.jit import inlined, kernel
 from ..base.lanes import lowest, not_above
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS, GAP_SHARE
-from ..base.vectors import dot, norm, scaled, turned_back
+from ..base.vectors import dot, scaled, turned_back
 from ..bounds.cross import along_node
 from ..elements.primitives import corners
-from ..revolution.reach import reach_of
+from ..revolution.outline import outline_along
 from ..surface.facing import vector
-from ..tree.layout import WIDTH, first_of, last_of, row
+from ..surface.reach import reach_along
+from ..tree.layout import WIDTH, first_of, last_of
 
 _ALL = (1 << WIDTH) - 1
 
-_NODES, _OPEN = 16, 64
+_NODES, _OPEN = 64, 512
 """Nodes of a mesh that are looked at for one plane at most, and those that may be open."""
 
 PLANE_STEPS = 4
 """Steps of a search that laying a plane takes as long as, besides one for each node."""
 
+REST = 16.0
+"""Searches along a motion for which no plane is laid beside a surface after one told too little."""
+
 _CONVEX = 0.9
 """Share of the limit that a plane has to hold off of the nearest triangle for it to be of use."""
 
-_ROUNDING = 64.0 * DOUBLE_EPS
-"""What a reach along a unit vector errs by, as a share of the length P that arcs err by a share of
-and of the frame's distance from the origin: the products with the frame's axes err by less than 12
-u P, as these are perpendicular, and units, but for 4 u each, and that with its origin by 4 u."""
-
 
 @kernel
-def _reach_along(tree, n):
-    """How far a solid of revolution reaches along a unit vector of its frame, at most; metres."""
-    frame = tree.frame
-    x, y, z = dot(row(frame, 0), n), dot(row(frame, 1), n), dot(row(frame, 2), n)
-    origin = row(frame, 3)
-    across = np.sqrt(x * x + y * y)
-    reach = reach_of(tree, tree.arcs[:0], 0, 0.0, across, z, -np.inf)
-    return dot(origin, n) + reach + _ROUNDING * (frame[4, 0] + norm(origin))
+def end_along(tree, n, element, u, v, most):
+    """Where a surface ends along a vector no longer than a unit, at the most; see `reach_along`."""
+    if len(tree.arcs) > 0:
+        return outline_along(tree, n)
+    return reach_along(tree, n, element, u, v, most)
 
 
 @kernel
 def lay_plane(surface, mesh, state, flip):
-    """Lay a plane against a solid of revolution, across the way between the nearest points.
+    """Lay a plane against a surface, across the way between the nearest points.
 
-    `flip` says that the solid is b. Where the plane holds off all of the mesh, nothing is open
+    `flip` says that the surface is b. Where the plane holds off all of the mesh, nothing is open
     then. Returns the steps that this took.
     """
     progress = state.progress[0]
@@ -62,11 +58,16 @@ def lay_plane(surface, mesh, state, flip):
     if flip:
         n, own = scaled(own, -1.0), scaled(n, -1.0)
     plane[0], plane[1], plane[2] = n
-    plane[3] = _reach_along(surface, own) - progress.offset + GAP_SHARE * progress.slack
     plane[4] = progress.distance
-    t = progress.element_a if flip else progress.element_b
+    s, ws = progress.element_a, progress.weights_a
+    t = progress.element_b
+    if flip:
+        s, ws, t = progress.element_b, progress.weights_b, progress.element_a
+    most = progress.distance - progress.limit
+    end = end_along(surface, own, s, ws[0], ws[1], most)
+    plane[3] = end - progress.offset + GAP_SHARE * progress.slack
     if begin_of(mesh, t, n) - plane[3] < _CONVEX * progress.limit:
-        plane[3] = np.inf  # the solid reaches farther elsewhere
+        plane[3] = np.inf  # the surface reaches farther elsewhere
         return PLANE_STEPS
     held, nodes = _holds_all(mesh, progress)
     if held:
@@ -91,7 +92,7 @@ def plane_across(surface, motion, normal, slack):
         x * f[0, 1] + y * f[1, 1] + z * f[2, 1],
         x * f[0, 2] + y * f[1, 2] + z * f[2, 2],
     )
-    end = _reach_along(surface, n) - dot(n, (motion[9], motion[10], motion[11])) + 2.0 * slack
+    end = outline_along(surface, n) - dot(n, (motion[9], motion[10], motion[11])) + 2.0 * slack
     return turned_back(motion, n), end
 
 

@@ -105,7 +105,8 @@ def _prepare(cells, tree_a, tree_b, state):
     progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
     progress.narrow, progress.lasts, progress.review, progress.crowd = 0, 0, 1, 0
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
-    progress.plane[3], progress.plane[4], progress.plane[5] = np.inf, np.inf, 0.0
+    progress.plane[3], progress.plane[4] = np.inf, np.inf
+    progress.plane[5] = progress.plane[5] - 1.0 if state.keys.shape[0] > 0 else 0.0
     progress.compared, progress.leaning = 0, NONE
     progress.due = _FEW if state.keys.shape[0] == 0 else _MORE
     # Cells stand in their model's own frame: they serve again while the models are the same.
@@ -125,12 +126,6 @@ def begin_below(tree_a, tree_b, state, fresh):
 
     FRESH, where no points are known that may be near it. Returns whether the models are such.
     """
-
-
-@implements(begin_below, SurfaceTree, SurfaceTree)
-@inlined
-def _begin_elsewhere(tree_a, tree_b, state, fresh):
-    return False
 
 
 @implements(stubs.settle, Dividing)
@@ -370,30 +365,6 @@ def _near_triangle(tree, p, element, weights, steps, slack, stack, bounds, found
     distance, t, top = begin_nearest(tree, p, element, stack, bounds)
     _, t, _, _ = nearest(tree, p, distance, t, top, slack, 0.0, stack, bounds, found, steps)
     return begin_on(tree, t)
-
-
-@implements(stubs.open_whole, Dividing, SurfaceTree, SurfaceTree)
-@inlined
-def _open_as_all(waiting, tree_a, tree_b, state, a, b, bound, scratch):
-    return False, 0
-
-
-@implements(stubs.look_ahead, Dividing, SurfaceTree, SurfaceTree)
-@inlined
-def _look_at_none(waiting, tree_a, tree_b, state):
-    return 0
-
-
-@implements(find_ball, SurfaceTree, SurfaceTree)
-@inlined
-def _find_none(tree_a, tree_b, state):
-    return 0
-
-
-@implements(is_in_ball, SurfaceTree, SurfaceTree)
-@inlined
-def _is_in_none(tree_a, tree_b, state, a, b):
-    return False
 
 
 @_implements(stubs.sample)

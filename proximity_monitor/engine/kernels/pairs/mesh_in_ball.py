@@ -29,7 +29,7 @@ from ..surface.support import support_of
 from ..tree.layout import WIDTH, row
 from . import divided, lanes_in_ball  # noqa: F401 - it implements the same of volumes
 from .beyond_plane import is_held_off
-from .revolution_mesh import begin, go_down, is_due, open_beside, serves
+from .revolution_mesh import begin, go_down, is_convex, is_due, open_beside, serves
 
 _STEPS, _LOOK = 48, 2
 """Steps of a search that looking for a ball takes as long as, but for what improving the nearest
@@ -184,11 +184,20 @@ def _is_soon(progress):
     return soon and progress.limit > _ASKED * progress.distance
 
 
+@kernel
+def _look(tree_a, tree_b, state, surface, mesh, flip):
+    """Lay a plane between the nearest points, which are improved first; returns the steps taken."""
+    steps = 0
+    if not is_convex(surface) and state.progress[0].plane[4] == np.inf:
+        _, steps = _improve(tree_a, tree_b, state, surface, mesh, flip, _FEW_TURNS)
+    return steps + go_down(tree_a, tree_b, state, surface, mesh, flip, False)
+
+
 @implements(stubs.look_ahead, Dividing, SurfaceTree, MeshTree)
 @inlined
 def _look_ahead_of_a(waiting, tree_a, tree_b, state):
     if is_due(state.progress[0], tree_a):
-        return go_down(tree_a, tree_b, state, tree_a, tree_b, False, False)
+        return _look(tree_a, tree_b, state, tree_a, tree_b, False)
     if not _is_soon(state.progress[0]):
         return 0
     return _find(tree_a, tree_b, state, tree_a, tree_b, False, True)
@@ -198,7 +207,7 @@ def _look_ahead_of_a(waiting, tree_a, tree_b, state):
 @inlined
 def _look_ahead_of_b(waiting, tree_a, tree_b, state):
     if is_due(state.progress[0], tree_b):
-        return go_down(tree_a, tree_b, state, tree_b, tree_a, True, False)
+        return _look(tree_a, tree_b, state, tree_b, tree_a, True)
     if not _is_soon(state.progress[0]):
         return 0
     return _find(tree_a, tree_b, state, tree_b, tree_a, True, True)

@@ -24,7 +24,15 @@ from ..search.stubs import push
 from ..surface.facing import vector
 from ..surface.measure import measure_near
 from ..tree.layout import WIDTH, first_of, last_of, row
-from .beyond_plane import begin_of, is_held_off, lanes_before, lanes_on, lay_plane, plane_across
+from .beyond_plane import (
+    REST,
+    begin_of,
+    is_held_off,
+    lanes_before,
+    lanes_on,
+    lay_plane,
+    plane_across,
+)
 
 _TURNS, _STEPS = 8, 32
 """Turns of a descent, and steps of each search for the triangle nearest to a point."""
@@ -50,8 +58,8 @@ DESCENT_STEPS = 32
 
 @inlined
 def is_convex(surface):
-    """Whether a solid of revolution is about convex: then a local minimum is the only one."""
-    return surface.frame[4, 1] > 0.0
+    """Whether it is a solid of revolution, about convex: a local minimum is the only one then."""
+    return len(surface.arcs) > 0 and surface.frame[4, 1] > 0.0
 
 
 @kernel
@@ -125,6 +133,7 @@ def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
     if not fresh:
         steps = lay_plane(surface, mesh, state, flip)
         if progress.open == 0 or not is_convex(surface):
+            progress.plane[5] = REST if progress.open > 0 else 0.0
             return steps
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
     _frame_of(surface, state.motions[1 if flip else 0], motion)
@@ -229,7 +238,9 @@ def _is_farther(tree_a, tree_b, state, surface, mesh, flip, t, motion, to_surfac
 @kernel
 def begin(tree_a, tree_b, state, surface, mesh, flip, fresh):
     """Begin a search with a local minimum, if the surface is a solid of revolution's; whether."""
-    if len(surface.arcs) == 0 or not (fresh or is_convex(surface)):
+    if len(surface.arcs) == 0:
+        return False
+    if not (fresh or is_convex(surface)):
         return False
     if fresh or state.progress[0].distance > state.progress[0].slack:
         go_down(tree_a, tree_b, state, surface, mesh, flip, fresh)
@@ -239,11 +250,11 @@ def begin(tree_a, tree_b, state, surface, mesh, flip, fresh):
 @inlined
 def serves(progress, surface):
     """Whether planes of their own are worth laying beside volumes and triangles of a mesh."""
-    return len(surface.arcs) > 0 and is_convex(surface) and progress.plane[5] < _FAILED
+    return is_convex(surface) and progress.plane[5] < _FAILED
 
 
 @inlined
 def is_due(progress, surface):
     """Whether the nearest points are so much nearer that another plane may hold off more."""
     nearer = progress.slack < progress.distance < _NEARER * progress.plane[4]
-    return nearer and len(surface.arcs) > 0 and progress.open > 0
+    return nearer and progress.open > 0 and (is_convex(surface) or progress.plane[5] <= 0.0)

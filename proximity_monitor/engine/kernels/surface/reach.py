@@ -1,0 +1,204 @@
+"""How far a surface reaches along a direction, from a point that may be where it reaches farthest.
+
+Volumes dismiss what reaches less far. With that point p and the direction n, n . (S - p) of a piece
+is the quotient of a Bezier function N, whose coefficients are n . (P_i - p) w_i, and of its weight.
+Where all coefficients are negative, so is N. Else, from a point of the piece on that about reaches
+farthest, N grows by no more than
+
+    N_u x + N_v y - (a x² + b y²) / 2 + h |x y|
+
+for steps x and y, where the coefficients of its second derivatives tell a, b and h: no -N_uu is
+below a, no -N_vv below b, and no |N_uv| above h. Where p is a maximum of the whole surface, as the
+nearest point of a model beyond its convex hull is, the answer is right to rounding. Where a piece
+reaches farther, the search ends.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from ..base.jit import implements, inlined, kernel, loop16, shared
+from ..base.memory import on_stack
+from ..base.rounding import DOUBLE_EPS
+from ..base.state import NONE
+from ..base.vectors import dot
+from ..elements.errors import points_err
+from ..inside import visit
+from ..inside.visit import ROOM, TO_THE_END, at_root, descend
+from ..tree.layout import (
+    CENTRE_X,
+    CENTRE_Y,
+    CENTRE_Z,
+    HALF_U,
+    HALF_V,
+    RADIUS,
+    U_X,
+    U_Y,
+    U_Z,
+    V_X,
+    V_Y,
+    V_Z,
+    WIDTH,
+)
+from .edges import point_on
+from .facing import closest_in, vector
+from .minimum import Rectangle, least_around
+
+Farther = namedtuple("Farther", "place slack normal element u v most size")
+"""The query; `place` is the element's point at u and v. The answer is how far nothing reaches
+beyond it along the normal, but negative; metres. Below minus `most` it ends. `size` is the largest
+norm of a point of the surface."""
+
+_ROUNDING = 16.0 * DOUBLE_EPS
+"""What products of a unit vector with points, and their sums, err by, as a share of the largest
+norm of these."""
+
+_STEPS = 3
+"""Steps of Newton's method towards the point of a piece that reaches farthest."""
+
+_NUMBERS, _ROW = 256, 16
+"""Room for the coefficients of a piece, and for a row of them."""
+
+
+@loop16
+def _reaches(nodes, base, x, y, z, nx, ny, nz, margin, gaps):
+    for k in range(WIDTH):
+        i = base + np.uint64(k)
+        dx, dy, dz = nodes[i + CENTRE_X] - x, nodes[i + CENTRE_Y] - y, nodes[i + CENTRE_Z] - z
+        u = nodes[i + U_X] * nx + nodes[i + U_Y] * ny + nodes[i + U_Z] * nz
+        v = nodes[i + V_X] * nx + nodes[i + V_Y] * ny + nodes[i + V_Z] * nz
+        reach = nodes[i + HALF_U] * abs(u) + nodes[i + HALF_V] * abs(v) + nodes[i + RADIUS]
+        gaps[k] = -(dx * nx + dy * ny + dz * nz) - reach - margin
+
+
+@implements(visit.lane_gaps, Farther)
+@inlined
+def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
+    n = query.normal
+    nx, ny, nz = np.float32(n[0]), np.float32(n[1]), np.float32(n[2])
+    _reaches(nodes, base, x, y, z, nx, ny, nz, margin, gaps)
+
+
+@implements(visit.limit, Farther)
+@inlined
+def _limit(query, answer):
+    return answer if answer >= -query.most else -np.inf
+
+
+@implements(visit.meet, Farther)
+@kernel
+def _meet(query, tree, t, answer):
+    piece = tree.pieces[t]
+    if piece.edge != NONE:  # it lies on a part of its patch
+        return answer
+    p, n, nets = query.place, query.normal, tree.nets
+    c, least, most, base, room = on_stack(_NUMBERS, 0.0), np.inf, -np.inf, piece.net, piece.room
+    height = dot(n, p)
+    for i in range(piece.points):
+        at = base + i
+        w = nets[at + 3 * room]
+        own = n[0] * nets[at] + n[1] * nets[at + room] + n[2] * nets[at + 2 * room]
+        c[i] = own - height * w
+        least, most = min(least, w), max(most, c[i])
+    if most <= 0.0:
+        return answer
+    u, v = query.u, query.v
+    if t != query.element:
+        u, v = closest_in(vector(piece.centre), vector(piece.along_u), vector(piece.along_v), p)
+        u, v = 0.5 + 0.5 * u, 0.5 + 0.5 * v
+    return min(answer, -_largest(piece, c, u, v, t != query.element, query.size) / least)
+
+
+@kernel
+def _largest(piece, c, u, v, moves, size):
+    """The largest value of a Bezier function N of a piece's degrees, or more; see above.
+
+    Coefficients err by 8 u times the largest norm of a point and weight, which are below 1, and
+    second differences by four times as much.
+    """
+    d, e = np.int64(piece.degree_u), np.int64(piece.degree_v)
+    error = _ROUNDING * size
+    least_a, least_b, most_a, most_b, h = np.inf, np.inf, -np.inf, -np.inf, 0.0
+    for i in range(d + 1):
+        for j in range(e + 1):
+            at = i * (e + 1) + j
+            if i < d - 1:
+                bend = 2.0 * c[at + e + 1] - c[at] - c[at + 2 * (e + 1)]
+                least_a, most_a = min(least_a, bend), max(most_a, bend)
+            if j < e - 1:
+                bend = 2.0 * c[at + 1] - c[at] - c[at + 2]
+                least_b, most_b = min(least_b, bend), max(most_b, bend)
+            if i < d and j < e:
+                h = max(h, abs(c[at] + c[at + e + 2] - c[at + 1] - c[at + e + 1]))
+    twice_u, twice_v = float(d * (d - 1)), float(e * (e - 1))
+    a = twice_u * (least_a - 4.0 * error) if d > 1 else 0.0
+    b = twice_v * (least_b - 4.0 * error) if e > 1 else 0.0
+    h = d * e * (h + 4.0 * error)
+    if e == 0:
+        v = 0.0
+    for _ in range(_STEPS if moves else 0):
+        _, slope_u, slope_v = _jet(c, d, e, u, v)
+        u = _step(u, slope_u, 0.5 * (a + twice_u * most_a) if d > 1 else 0.0)
+        if e > 0:
+            v = _step(v, slope_v, 0.5 * (b + twice_v * most_b) if e > 1 else 0.0)
+    value, slope_u, slope_v = _jet(c, d, e, u, v)
+    at = Rectangle(0.0, 1.0, 0.0, 1.0 if e > 0 else 0.0)
+    less = least_around(
+        -slope_u, 4.0 * d * error, a, -slope_v, 4.0 * e * error, b, h, at, u, v
+    )  # fmt: skip
+    return value + 2.0 * error - less
+
+
+@inlined
+def _step(t, slope, bend):
+    step = slope / bend if bend > 0.0 else np.copysign(1.0, slope)
+    return min(max(t + step, 0.0), 1.0)
+
+
+@kernel
+def _jet(c, d, e, u, v):
+    """A Bezier function of degrees d and e at u, v: its value and both first derivatives."""
+    rows, slopes, line = on_stack(_ROW, 0.0), on_stack(_ROW, 0.0), on_stack(_ROW, 0.0)
+    for i in range(d + 1):
+        for j in range(e + 1):
+            line[j] = c[i * (e + 1) + j]
+        slopes[i] = _along(line, e, v)
+        rows[i] = line[0]
+    slope_v = slopes[0]
+    if d > 0:
+        _along(slopes, d, u)
+        slope_v = slopes[0]
+    slope_u = _along(rows, d, u)
+    return rows[0], slope_u, slope_v
+
+
+@kernel
+def _along(line, degree, t):
+    """De Casteljau's method in place: the value is left in line[0]; returns the derivative."""
+    slope, s = 0.0, 1.0 - t
+    for level in range(degree, 0, -1):
+        if level == 1:
+            slope = degree * (line[1] - line[0])
+        for j in range(level):
+            line[j] = s * line[j] + t * line[j + 1]
+    return slope
+
+
+@shared
+def reach_along(tree, n, element, u, v, most):
+    """How far a surface reaches along a vector no longer than a unit, in its frame; metres.
+
+    An upper bound of the products of its points with n. Infinity where some piece may reach more
+    than `most` farther than a given point of an element does.
+    """
+    place = point_on(tree, element, u, v)
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
+    found = on_stack(WIDTH, np.float32(0.0))
+    query = Farther(place, points_err(tree), n, element, u, v, most, tree.scale[2])
+    answer, top = -points_err(tree), at_root(stack, bounds)
+    answer, _, _ = descend(query, tree, answer, top, stack, bounds, found, TO_THE_END)
+    if not answer >= -most:
+        return np.inf
+    return dot(place, n) - answer + _ROUNDING * tree.scale[2]
