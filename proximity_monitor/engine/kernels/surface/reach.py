@@ -51,9 +51,10 @@ Farther = namedtuple("Farther", "place slack normal element u v most size")
 beyond it along the normal, but negative; metres. Below minus `most` it ends. `size` is the largest
 norm of a point of the surface."""
 
-_ROUNDING = 16.0 * DOUBLE_EPS
-"""What products of a unit vector with points, and their sums, err by, as a share of the largest
-norm of these."""
+_ROUNDING, _EACH = 32.0 * DOUBLE_EPS, 16.0 * DOUBLE_EPS
+"""What a product of a unit vector with a point errs by, as a share of the largest norm of a point;
+and what each degree of a Bezier function of such adds. With P that norm and weights below 1, a
+coefficient errs by 12 u P and is below 2 P, a step of de Casteljau's method adds 3 u of that."""
 
 _STEPS = 3
 """Steps of Newton's method towards the point of a piece that reaches farthest."""
@@ -115,8 +116,7 @@ def _meet(query, tree, t, answer):
 def _largest(piece, c, u, v, moves, size):
     """The largest value of a Bezier function N of a piece's degrees, or more; see above.
 
-    Coefficients err by 8 u times the largest norm of a point and weight, which are below 1, and
-    second differences by four times as much.
+    Second differences err by four times as much as coefficients. `size` is the largest norm.
     """
     d, e = np.int64(piece.degree_u), np.int64(piece.degree_v)
     error = _ROUNDING * size
@@ -144,6 +144,7 @@ def _largest(piece, c, u, v, moves, size):
         if e > 0:
             v = _step(v, slope_v, 0.5 * (b + twice_v * most_b) if e > 1 else 0.0)
     value, slope_u, slope_v = _jet(c, d, e, u, v)
+    error += (d + e) * _EACH * size
     at = Rectangle(0.0, 1.0, 0.0, 1.0 if e > 0 else 0.0)
     less = least_around(
         -slope_u, 4.0 * d * error, a, -slope_v, 4.0 * e * error, b, h, at, u, v
