@@ -348,10 +348,10 @@ PROGRESS = np.dtype(
         # and the distance that was known then (see mesh_in_ball.py)
         ("leaning", np.int64),  # that element
         ("support", np.float64),  # how far it reaches along the direction that was known then
-        ("plane", np.float64, (6,)),  # of a solid of revolution and a mesh, in the mesh's frame: a
-        # unit vector, and how far along it the solid ends, at the most; infinity where no plane is
-        # known; the distance that was known then (see pairs/beyond_plane.py); and how often planes
-        # have told too little
+        ("plane", np.float64, (4,)),  # of a surface and a mesh, in the mesh's frame: a unit vector,
+        # and how far along it the surface ends at the most; infinity where no plane is known
+        ("laid", np.float64),  # the distance that was known when a plane was laid last
+        ("futile", np.int64),  # for how many searches, or how often in this one, planes told little
         ("compared", np.int64),  # pairs of elements that have been compared
         ("due", np.int64),  # ... until a ball is looked for
         ("rings", np.int64),  # how many pairs of rings are open

@@ -30,7 +30,7 @@ _NODES, _OPEN = 64, 512
 PLANE_STEPS = 4
 """Steps of a search that laying a plane takes as long as, besides one for each node."""
 
-REST = 16.0
+REST = 16
 """Searches along a motion for which no plane is laid beside a surface after one told too little."""
 
 _CONVEX = 0.9
@@ -58,7 +58,7 @@ def lay_plane(surface, mesh, state, flip):
     if flip:
         n, own = scaled(own, -1.0), scaled(n, -1.0)
     plane[0], plane[1], plane[2] = n
-    plane[4] = progress.distance
+    progress.laid = progress.distance
     s, ws = progress.element_a, progress.weights_a
     t = progress.element_b
     if flip:

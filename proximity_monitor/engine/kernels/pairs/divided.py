@@ -105,8 +105,8 @@ def _prepare(cells, tree_a, tree_b, state):
     progress.dividing, progress.aside, progress.least_cells = 0, 0, np.inf
     progress.narrow, progress.lasts, progress.review, progress.crowd = 0, 0, 1, 0
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
-    progress.plane[3], progress.plane[4] = np.inf, np.inf
-    progress.plane[5] = progress.plane[5] - 1.0 if state.keys.shape[0] > 0 else 0.0
+    progress.plane[3], progress.laid = np.inf, np.inf
+    progress.futile = max(progress.futile - 1, 0) if state.keys.shape[0] > 0 else 0
     progress.compared, progress.leaning = 0, NONE
     progress.due = _FEW if state.keys.shape[0] == 0 else _MORE
     # Cells stand in their model's own frame: they serve again while the models are the same.

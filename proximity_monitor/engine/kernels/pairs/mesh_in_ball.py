@@ -27,9 +27,9 @@ from ..surface.newton import MOST
 from ..surface.sides import near
 from ..surface.support import support_of
 from ..tree.layout import WIDTH, row
-from . import divided, lanes_in_ball  # noqa: F401 - it implements the same of volumes
+from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
 from .beyond_plane import is_held_off
-from .revolution_mesh import begin, go_down, is_convex, is_due, open_beside, serves
+from .revolution_mesh import go_down, is_convex, is_due
 
 _STEPS, _LOOK = 48, 2
 """Steps of a search that looking for a ball takes as long as, but for what improving the nearest
@@ -188,7 +188,7 @@ def _is_soon(progress):
 def _look(tree_a, tree_b, state, surface, mesh, flip):
     """Lay a plane between the nearest points, which are improved first; returns the steps taken."""
     steps = 0
-    if not is_convex(surface) and state.progress[0].plane[4] == np.inf:
+    if not is_convex(surface) and state.progress[0].laid == np.inf:
         _, steps = _improve(tree_a, tree_b, state, surface, mesh, flip, _FEW_TURNS)
     return steps + go_down(tree_a, tree_b, state, surface, mesh, flip, False)
 
@@ -211,34 +211,6 @@ def _look_ahead_of_b(waiting, tree_a, tree_b, state):
     if not _is_soon(state.progress[0]):
         return 0
     return _find(tree_a, tree_b, state, tree_b, tree_a, True, True)
-
-
-@implements(divided.begin_below, SurfaceTree, MeshTree)
-@inlined
-def _begin_below_a(tree_a, tree_b, state, fresh):
-    return begin(tree_a, tree_b, state, tree_a, tree_b, False, fresh)
-
-
-@implements(divided.begin_below, MeshTree, SurfaceTree)
-@inlined
-def _begin_below_b(tree_a, tree_b, state, fresh):
-    return begin(tree_a, tree_b, state, tree_b, tree_a, True, fresh)
-
-
-@implements(stubs.open_whole, Dividing, SurfaceTree, MeshTree)
-@inlined
-def _open_whole_a(waiting, tree_a, tree_b, state, a, b, bound, scratch):
-    if a != 0 or not serves(state.progress[0], tree_a):
-        return False, 0
-    return open_beside(tree_a, tree_b, state, tree_a, tree_b, False, b, bound, scratch.lows)
-
-
-@implements(stubs.open_whole, Dividing, MeshTree, SurfaceTree)
-@inlined
-def _open_whole_b(waiting, tree_a, tree_b, state, a, b, bound, scratch):
-    if b != 0 or not serves(state.progress[0], tree_b):
-        return False, 0
-    return open_beside(tree_a, tree_b, state, tree_b, tree_a, True, a, bound, scratch.lows)
 
 
 @implements(find_ball, SurfaceTree, MeshTree)

@@ -11,19 +11,21 @@ import math
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import implements, inlined, kernel
 from ..base.lanes import lowest
 from ..base.memory import on_stack
+from ..base.state import Dividing, MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, scaled, sub
 from ..elements.primitives import corners
 from ..inside.nearest import Point, begin_nearest, nearest, point_triangle, walk
 from ..inside.visit import ROOM
 from ..revolution.places import place_of
 from ..revolution.triangle import foot_of, gradient_at, nearest_of_triangle
-from ..search.stubs import push
+from ..search import stubs
 from ..surface.facing import vector
 from ..surface.measure import measure_near
 from ..tree.layout import WIDTH, first_of, last_of, row
+from . import divided
 from .beyond_plane import (
     REST,
     begin_of,
@@ -43,7 +45,7 @@ _GAIN = 1e-12
 _NEARER = 0.999
 """Share of the distance from which on another plane is laid."""
 
-_FAILED = 2.0
+_FAILED = 2
 """How often a plane may tell too little until none is laid any more in a search."""
 
 _CONVEX = 0.9
@@ -133,7 +135,7 @@ def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
     if not fresh:
         steps = lay_plane(surface, mesh, state, flip)
         if progress.open == 0 or not is_convex(surface):
-            progress.plane[5] = REST if progress.open > 0 else 0.0
+            progress.futile = REST if progress.open > 0 else 0
             return steps
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
     _frame_of(surface, state.motions[1 if flip else 0], motion)
@@ -168,7 +170,7 @@ def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
 
 
 @kernel
-def open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
+def _open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
     """Open a volume of a mesh beside a solid of revolution, by a plane of its own.
 
     That is laid across the way from the solid to the middle of the node below. Where the solid is
@@ -186,7 +188,7 @@ def open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
             if not is_held_off(mesh, t, progress) and not _is_farther(
                 tree_a, tree_b, state, surface, mesh, flip, t, motion, to_surface, spare
             ):
-                progress.plane[5] += 1.0
+                progress.futile += 1
                 return False, LEAF_STEPS
         return True, LEAF_STEPS
     progress.bound_tests += WIDTH
@@ -197,7 +199,7 @@ def open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
     here = gradient_at(surface, moved(motion, middle), spare)
     n, end = plane_across(surface, to_surface, here.normal, progress.slack)
     if not dot(n, middle) - end > _CONVEX * here.distance:
-        progress.plane[5] += 1.0
+        progress.futile += 1
         return False, 1
     end += progress.bound_slack
     also_left, begin = lanes_on(mesh, child, n, end, progress.limit, lows)
@@ -209,7 +211,7 @@ def open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
         own = max(begin + lows[k] * mesh.scale[0], bound)
         if own < progress.limit:
             to = child * WIDTH + k
-            push(state.open, state, first, top, to if flip else 0, 0 if flip else to, own)
+            stubs.push(state.open, state, first, top, to if flip else 0, 0 if flip else to, own)
             top += 1
     progress.open = top
     return True, 2
@@ -236,11 +238,9 @@ def _is_farther(tree_a, tree_b, state, surface, mesh, flip, t, motion, to_surfac
 
 
 @kernel
-def begin(tree_a, tree_b, state, surface, mesh, flip, fresh):
+def _begin(tree_a, tree_b, state, surface, mesh, flip, fresh):
     """Begin a search with a local minimum, if the surface is a solid of revolution's; whether."""
-    if len(surface.arcs) == 0:
-        return False
-    if not (fresh or is_convex(surface)):
+    if len(surface.arcs) == 0 or not (fresh or is_convex(surface)):
         return False
     if fresh or state.progress[0].distance > state.progress[0].slack:
         go_down(tree_a, tree_b, state, surface, mesh, flip, fresh)
@@ -248,13 +248,41 @@ def begin(tree_a, tree_b, state, surface, mesh, flip, fresh):
 
 
 @inlined
-def serves(progress, surface):
+def _serves(progress, surface):
     """Whether planes of their own are worth laying beside volumes and triangles of a mesh."""
-    return is_convex(surface) and progress.plane[5] < _FAILED
+    return is_convex(surface) and progress.futile < _FAILED
 
 
 @inlined
 def is_due(progress, surface):
     """Whether the nearest points are so much nearer that another plane may hold off more."""
-    nearer = progress.slack < progress.distance < _NEARER * progress.plane[4]
-    return nearer and progress.open > 0 and (is_convex(surface) or progress.plane[5] <= 0.0)
+    nearer = progress.slack < progress.distance < _NEARER * progress.laid
+    return nearer and progress.open > 0 and (is_convex(surface) or progress.futile == 0)
+
+
+@implements(divided.begin_below, SurfaceTree, MeshTree)
+@inlined
+def _begin_below_a(tree_a, tree_b, state, fresh):
+    return _begin(tree_a, tree_b, state, tree_a, tree_b, False, fresh)
+
+
+@implements(divided.begin_below, MeshTree, SurfaceTree)
+@inlined
+def _begin_below_b(tree_a, tree_b, state, fresh):
+    return _begin(tree_a, tree_b, state, tree_b, tree_a, True, fresh)
+
+
+@implements(stubs.open_whole, Dividing, SurfaceTree, MeshTree)
+@inlined
+def _open_whole_a(waiting, tree_a, tree_b, state, a, b, bound, scratch):
+    if a != 0 or not _serves(state.progress[0], tree_a):
+        return False, 0
+    return _open_beside(tree_a, tree_b, state, tree_a, tree_b, False, b, bound, scratch.lows)
+
+
+@implements(stubs.open_whole, Dividing, MeshTree, SurfaceTree)
+@inlined
+def _open_whole_b(waiting, tree_a, tree_b, state, a, b, bound, scratch):
+    if b != 0 or not _serves(state.progress[0], tree_b):
+        return False, 0
+    return _open_beside(tree_a, tree_b, state, tree_b, tree_a, True, a, bound, scratch.lows)

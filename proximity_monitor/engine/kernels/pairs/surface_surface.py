@@ -68,7 +68,7 @@ def _open_as_all(waiting, tree_a, tree_b, state, a, b, bound, scratch):
 @inlined
 def _look_ahead(waiting, tree_a, tree_b, state):
     progress = state.progress[0]
-    if progress.plane[5] > 0.0 or not progress.slack < progress.distance < progress.plane[4]:
+    if progress.futile > 0 or not progress.slack < progress.distance < progress.laid:
         return 0
     return _part(tree_a, tree_b, state)
 
@@ -80,19 +80,19 @@ def _part(tree_a, tree_b, state):
     Nothing is open then. Returns the steps that this took.
     """
     progress = state.progress[0]
-    progress.plane[4] = 0.0  # once is enough
+    progress.laid = 0.0  # once is enough
     most = progress.distance - progress.limit
     n, wa = vector(progress.normal_a), progress.weights_a
     end = end_along(tree_a, n, progress.element_a, wa[0], wa[1], most)
     if not end < np.inf:
-        progress.plane[5] = REST
+        progress.futile = REST
         return PART_STEPS
     n, wb = scaled(vector(progress.normal_b), -1.0), progress.weights_b
     begin = -end_along(tree_b, n, progress.element_b, wb[0], wb[1], most)
     if gap_between(progress, end, begin) >= progress.limit:
         progress.open = progress.waiting = 0
     else:
-        progress.plane[5] = REST
+        progress.futile = REST
     return PART_STEPS
 
 
