@@ -32,11 +32,9 @@ def _settle(waiting, tree_a, tree_b, state):
 @implements(stubs.guess, RevolutionTree, RevolutionTree)
 @kernel
 def _guess(tree_a, tree_b, state):
-    progress = state.progress[0]
-    unknown = progress.element_a == 0 and progress.element_b == 0  # as where nothing is known
-    if unknown or has_leapt(tree_a, tree_b, state):
+    if has_leapt(tree_a, tree_b, state):
         look_around(tree_a, tree_b, state)
-    else:
+    elif state.progress[0].minima == 0:  # else a minimum has been looked for already
         measure_again(tree_a, tree_b, state)
 
 
@@ -44,6 +42,9 @@ def _guess(tree_a, tree_b, state):
 @kernel
 def _measure(tree_a, tree_b, state, a, b, bound):
     progress = state.progress[0]
+    if a == 0 and b == 0:  # as where nothing is known
+        look_around(tree_a, tree_b, state)
+        return
     for i in range(2):
         progress.weights_a[i] = progress.weights_b[i] = 0.5
     keep_same(tree_a, tree_b, state)
