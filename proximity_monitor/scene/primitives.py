@@ -28,6 +28,9 @@ from proximity_monitor.scene.poses import rpy_matrix
 _SUBDIVISIONS = 3
 """Of the icosahedron that a deforming sphere is."""
 
+_SAME = 1e-9
+"""Share of a cylinder's height by which a ball may be off its end."""
+
 _SEGMENTS = 64
 """Sides of the prism that a cylinder is where it has to be a mesh: as a deforming one, in a link
 of several shapes, or with what meshes alone may have."""
@@ -92,12 +95,51 @@ def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
         case Point():
             return shapes.points(np.zeros((1, 3)), **how)
         case Compound(parts):
+            parts, off = _with_capsules(parts)
+            how["deviation"] = how.get("deviation", 0.0) + off * scale
             return shapes.compound([_part(part, scale) for part in _joined(parts, how)], **how)
 
 
 def _needs_mesh(how: dict[str, Any]) -> bool:
     """Whether only a mesh can be made like that."""
     return how.get("volume", "rss") != "rss" or how.get("solid") == "robust"
+
+
+def _with_capsules(parts: Sequence[Part]) -> tuple[list[Part], float]:
+    """Parts with a capsule for each cylinder that has a ball as wide as it at either end.
+
+    Robot descriptions say a capsule like that. Returns also how far one may be from the three parts
+    that it stands for, metres.
+    """
+    made, known, off = [], [], 0.0
+    for part in parts:
+        balls = _balls_at_ends(part, parts)
+        if balls is None:
+            made.append(part)
+            continue
+        made.append(replace(part, shape=Capsule(part.shape.radius, part.shape.height)))
+        known += [ball for ball, _ in balls]
+        off = max(off, *(away for _, away in balls))
+    return [part for part in made if not any(part is ball for ball in known)], off
+
+
+def _balls_at_ends(part: Part, parts: Sequence[Part]) -> list[tuple[Part, float]] | None:
+    """The balls at both ends of a cylinder, and how far from there they are, metres; or None."""
+    if not isinstance(part.shape, Cylinder) or part.shape.segments is not None:
+        return None
+    half = 0.5 * part.shape.height * rpy_matrix(part.rpy)[:, 2]
+    found = []
+    for end in (part.xyz - half, part.xyz + half):
+        balls = [
+            (math.dist(each.xyz, end), k)
+            for k, each in enumerate(parts)
+            if each.shape == Sphere(part.shape.radius)
+        ]
+        away, k = min(balls, default=(math.inf, 0))
+        if not away <= _SAME * part.shape.height:
+            return None
+        found.append((parts[k], away))
+    return found
 
 
 def _joined(parts: Sequence[Part], how: dict[str, Any]) -> Sequence[Part]:

@@ -182,6 +182,28 @@ def test_a_compound_of_spheres_is_exact_and_one_of_unlike_parts_deviates():
             assert found.lower <= 0.01 <= found.upper
 
 
+def test_a_cylinder_with_a_ball_at_either_end_is_a_capsule():
+    """As the Panda's collision model has it; also two of them that share a ball, at an elbow."""
+    turn = (0.0, math.pi / 2.0, 0.0)
+    at = {"scale": (1.0, 1.0, 1.0), "rpy": turn}
+    rod = Part(Cylinder(0.09, 0.03), xyz=(-0.075, 0.0, 0.06), **at)
+    balls = tuple(Part(Sphere(0.09), xyz=(x, 0.0, 0.06), **at) for x in (-0.06, -0.09))
+    model = load_model(with_shape(Compound((balls[0], rod, balls[1])), 2.0), MM)
+    assert model.swept_radius == 0.18 and len(model.faces) == 1 and model.deviation < 1e-15
+    np.testing.assert_allclose(np.sort(model.vertices[:, 0]), (-0.18, -0.12))
+    np.testing.assert_allclose(model.vertices[:, 1:], [(0.0, 0.12)] * 2, atol=1e-15)
+    other = Part(Cylinder(0.09, 0.2), xyz=(-0.06, 0.0, 0.16), **at | {"rpy": (0.0, 0.0, 0.0)})
+    last = Part(Sphere(0.09), xyz=(-0.06, 0.0, 0.26), **at)
+    elbow = load_model(with_shape(Compound((rod, other, *balls, last))), MM)
+    assert elbow.swept_radius == 0.09 and len(elbow.faces) == 2
+    for parts in (
+        (rod, balls[0]),  # one end is flat
+        (rod, balls[0], Part(Sphere(0.08), xyz=balls[1].xyz, **at)),
+        (rod, balls[0], Part(Sphere(0.09), xyz=(-0.0901, 0.0, 0.06), **at)),
+    ):
+        assert load_model(with_shape(Compound(parts)), MM).swept_radius == 0.0
+
+
 @pytest.mark.parametrize("solid", [None, "robust", False])
 def test_a_part_of_a_compound_encloses_what_it_does_whatever_the_others_are(tmp_path, solid):
     """An open part, a box without its lid, is a surface and makes the others none."""
