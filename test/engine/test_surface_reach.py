@@ -108,11 +108,9 @@ def test_what_reaches_farther_than_is_allowed_ends_the_search():
 MESH = engine.shapes.box((0.5, 0.7, 1.1))
 
 
-@pytest.mark.parametrize("other", ["mesh", "ball", "torus"])
-def test_a_plane_ends_the_search(other):
-    """Beside each other, apart: most are proven by one, and all are right."""
-    a = SURFACES["torus"]
-    b = MESH if other == "mesh" else SURFACES[other]
+def test_a_plane_ends_the_search():
+    """Beside a mesh, apart: many are proven by one, and all are right."""
+    a, b = SURFACES["torus"], MESH
     known = torus(1.0, 0.3)
     held = apart = 0
     rng = np.random.default_rng(6)

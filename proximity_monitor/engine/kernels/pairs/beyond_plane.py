@@ -38,7 +38,7 @@ _CONVEX = 0.9
 
 
 @kernel
-def end_along(tree, n, element, u, v, most):
+def _end_along(tree, n, element, u, v, most):
     """Where a surface ends along a vector no longer than a unit, at the most; see `reach_along`."""
     if len(tree.arcs) > 0:
         return outline_along(tree, n)
@@ -64,7 +64,7 @@ def lay_plane(surface, mesh, state, flip):
     if flip:
         s, ws, t = progress.element_b, progress.weights_b, progress.element_a
     most = progress.distance - progress.limit
-    end = end_along(surface, own, s, ws[0], ws[1], most)
+    end = _end_along(surface, own, s, ws[0], ws[1], most)
     plane[3] = end - progress.offset + GAP_SHARE * progress.slack
     if begin_of(mesh, t, n) - plane[3] < _CONVEX * progress.limit:
         plane[3] = np.inf  # the surface reaches farther elsewhere

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import (
     BreadthFirst,
@@ -13,21 +11,15 @@ from ..base.state import (
     RevolutionTree,
     SurfaceTree,
 )
-from ..base.vectors import scaled
-from ..elements.direction import gap_between
 from ..search import stubs
 from ..search.search import answer_queries
 from ..surface import jets  # noqa: F401 - it implements what Newton's method asks of surfaces
 from ..surface.edges import point_on
 from ..surface.empty_ball import find_ball, is_in_ball
-from ..surface.facing import parallelograms, parameters_in, vector
+from ..surface.facing import parallelograms, parameters_in
 from ..surface.pieces import parameters_of
 from ..surface.sides import facing
 from . import divided, swept  # noqa: F401 - each implements stubs for these kinds
-from .beyond_plane import REST, end_along
-
-PART_STEPS = 8
-"""Steps that finding out whether a plane is between two surfaces takes as long as."""
 
 
 @implements(facing, SurfaceTree, SurfaceTree)
@@ -66,34 +58,8 @@ def _open_as_all(waiting, tree_a, tree_b, state, a, b, bound, scratch):
 
 @implements(stubs.look_ahead, Dividing, SurfaceTree, SurfaceTree)
 @inlined
-def _look_ahead(waiting, tree_a, tree_b, state):
-    progress = state.progress[0]
-    if progress.futile > 0 or not progress.slack < progress.distance < progress.laid:
-        return 0
-    return _part(tree_a, tree_b, state)
-
-
-@kernel
-def _part(tree_a, tree_b, state):
-    """See whether two surfaces are apart along the way between the nearest points known, entirely.
-
-    Nothing is open then. Returns the steps that this took.
-    """
-    progress = state.progress[0]
-    progress.laid = 0.0  # once is enough
-    most = progress.distance - progress.limit
-    n, wa = vector(progress.normal_a), progress.weights_a
-    end = end_along(tree_a, n, progress.element_a, wa[0], wa[1], most)
-    if not end < np.inf:
-        progress.futile = REST
-        return PART_STEPS
-    n, wb = scaled(vector(progress.normal_b), -1.0), progress.weights_b
-    begin = -end_along(tree_b, n, progress.element_b, wb[0], wb[1], most)
-    if gap_between(progress, end, begin) >= progress.limit:
-        progress.open = progress.waiting = 0
-    else:
-        progress.futile = REST
-    return PART_STEPS
+def _look_at_none(waiting, tree_a, tree_b, state):
+    return 0
 
 
 @implements(find_ball, SurfaceTree, SurfaceTree)
