@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
 from ..kernels.base.state import CURVE_PIECE, RevolutionTree, SurfaceTree
-from ..kernels.base.tables import surface_table
+from ..kernels.base.tables import surface_table, table
 from ..kernels.revolution.build import build_arcs
 from ..kernels.revolution.guess import take_samples
 from ..kernels.revolution.reach import take_reaches
@@ -36,8 +36,8 @@ _HALVINGS = 24
 """Until control points are as near to a curve as rounding would have them."""
 
 
-_OWN = "arcs", "curves", "frame", "places", "reaches", "samples"
-"""What it keeps of the profile."""
+_OWN = "arcs", "curves", "places", "frame", "samples", "reaches"
+"""What it keeps of the profile, as RevolutionTree has it."""
 
 
 class RevolutionHierarchy(SurfaceHierarchy):
@@ -45,7 +45,7 @@ class RevolutionHierarchy(SurfaceHierarchy):
 
     KEPT = (*SurfaceHierarchy.KEPT, *_OWN)
 
-    __slots__ = _OWN
+    __slots__ = (*_OWN, "profile")
 
     arcs: NDArray
     """(k,) ARC."""
@@ -82,8 +82,8 @@ class RevolutionHierarchy(SurfaceHierarchy):
         return RevolutionTree
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
-        profile = {name: getattr(self, name) for name in _OWN}
-        return surface_table(tree._replace(**profile), self.numbers)
+        self.profile = frozen(table(tuple(getattr(self, name) for name in _OWN)))
+        return surface_table(tree._replace(profile=self.profile), self.numbers)
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:

@@ -9,18 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import (
-    ARC,
-    CURVE_PIECE,
-    NET_WIDTH,
-    NONE,
-    PIECE,
-    REVISION,
-    VECTORS,
-    SurfaceTree,
-    Trims,
-)
-from ..kernels.base.tables import arrays_of
+from ..kernels.base.state import NET_WIDTH, NONE, PIECE, REVISION, SurfaceTree, Trims
+from ..kernels.base.tables import PROFILE_ARRAYS, arrays_of
 from ..kernels.surface.limits import fit_limits
 from ..kernels.surface.trim import INSIDE
 from ..kernels.tree.build import build_tree
@@ -148,11 +138,8 @@ def _fitted(
     scale[:3] = unit, 1.0 / unit, longest * (1.0 + 8.0 * DOUBLE_EPS)
     nodes, centres, sizes = fit_surface(points, starts, children, unit)
     fit_limits(pieces, nets, scale)
-    tree = SurfaceTree(
-        nodes, centres, children, sizes, pieces, nets, scale, trims,
-        arcs=np.empty(0, ARC), curves=np.empty(0, CURVE_PIECE), places=np.empty(0, np.int32),
-        frame=np.empty((0, 3)), samples=np.empty((0, 3)), reaches=np.empty((0, VECTORS)),
-    )  # fmt: skip
+    profile = np.empty((0, PROFILE_ARRAYS), np.int64)
+    tree = SurfaceTree(nodes, centres, children, sizes, pieces, nets, scale, trims, profile)
     for array in arrays_of(tree):
         frozen(array)
     return tree

@@ -72,16 +72,17 @@ FRAME = -1.0
 """The band of what lies along a side."""
 
 SurfaceTree = namedtuple(
-    "SurfaceTree",
-    "nodes centres children sizes pieces nets scale trims arcs curves places frame samples reaches",
+    "SurfaceTree", "nodes centres children sizes pieces nets scale trims profile"
 )
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
-pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims; what follows
-is empty but for solids of revolution: see RevolutionTree. The rest is as in MeshTree; scale[2] is
-the largest norm of a control point, scale[6] how far rounding may have moved points of the surface
-when it was cut into pieces, and scale[7], of a solid, how far from the pieces that may be which
-closes the gaps between patches (see models/closed.py), both in metres.
+pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims; profile
+(int64, 2 x 6), of a solid of revolution, the table of the arrays that a RevolutionTree has besides,
+else (0, 6): arrays themselves would all be handed to every kernel that is called with a tree. The
+rest is as in MeshTree; scale[2] is the largest norm of a control point, scale[6] how far rounding
+may have moved points of the surface when it was cut into pieces, and scale[7], of a solid, how far
+from the pieces that may be which closes the gaps between patches (see models/closed.py), both in
+metres.
 """
 
 PIECE = np.dtype(
@@ -111,7 +112,10 @@ PIECE = np.dtype(
 """A rational Bezier piece. Its control net is four rows of `room` numbers: x w, y w, z w and w of
 each control point, where the weights w are positive; the last point is repeated up to the end."""
 
-RevolutionTree = namedtuple("RevolutionTree", SurfaceTree._fields)
+RevolutionTree = namedtuple(
+    "RevolutionTree",
+    (*SurfaceTree._fields, "arcs", "curves", "places", "frame", "samples", "reaches"),
+)
 """The same over the patches of a solid of revolution, and the fat arcs around its profile.
 
 Against other kinds than its own it is taken for a SurfaceTree.

@@ -55,6 +55,9 @@ def _fill(arrays, made):
         made[0, i], made[1, i] = found[i], found[count + i]
 
 
+PROFILE_ARRAYS = 6
+"""Arrays that a RevolutionTree has besides those of a SurfaceTree."""
+
 _SHARED = {
     "nodes": (np.float32, 0), "centres": (np.float64, 4), "children": (np.int32, 0),
     "sizes": (np.float32, 2),
@@ -65,9 +68,7 @@ _OVER_TRIANGLES = _SHARED | {
 _OVER_PIECES = _SHARED | {
     "pieces": (PIECE, 0), "nets": (np.float64, 0), "scale": (np.float64, 0),
     "trims": (TRIM, 0), "rows": (np.int32, 0), "entries": (np.int32, 0), "segments": (SEGMENT, 0),
-    "curves": (np.float64, 0), "arcs": (ARC, 0), "profile": (CURVE_PIECE, 0),
-    "places": (np.int32, 0), "frame": (np.float64, 3), "samples": (np.float64, 3),
-    "reaches": (np.float64, VECTORS), "patches": (np.int32, 0),
+    "curves": (np.float64, 0), "profile": (np.int64, PROFILE_ARRAYS), "patches": (np.int32, 0),
 }  # fmt: skip
 """What kernels take each array for: its type, and its columns; 0 for one dimension."""
 
@@ -163,21 +164,32 @@ def _surface_at(kind, model):
             read_only(records_at(at[10], rows[10], SEGMENT)),
             read_only(rows_at(at[11], rows[11], 0, 0.0)),
         ),
-        read_only(records_at(at[12], rows[12], ARC)),
-        read_only(records_at(at[13], rows[13], CURVE_PIECE)),
-        read_only(rows_at(at[14], rows[14], 0, np.int32(0))),
-        read_only(rows_at(at[15], rows[15], 3, 0.0)),
-        read_only(rows_at(at[16], rows[16], 3, 0.0)),
-        read_only(rows_at(at[17], rows[17], VECTORS, 0.0)),
+        read_only(rows_at(at[12], rows[12], PROFILE_ARRAYS, np.int64(0))),
     )
-    return tree, rows_at(at[18], rows[18], 0, np.int32(0))
+    return tree, rows_at(at[13], rows[13], 0, np.int32(0))
 
 
 @implements(tree_at, RevolutionTree)
 @inlined
 def _revolution_at(kind, model):
     tree, patches = _surface_at(SurfaceTree, model)
-    return RevolutionTree(*tree), patches
+    return revolution_of(tree), patches
+
+
+@inlined
+def revolution_of(tree):
+    """The solid of revolution whose patches a SurfaceTree is over; it must have a profile."""
+    at, rows = tree.profile[0], tree.profile[1]
+    return RevolutionTree(
+        tree.nodes, tree.centres, tree.children, tree.sizes, tree.pieces, tree.nets, tree.scale,
+        tree.trims, tree.profile,
+        read_only(records_at(at[0], rows[0], ARC)),
+        read_only(records_at(at[1], rows[1], CURVE_PIECE)),
+        read_only(rows_at(at[2], rows[2], 0, np.int32(0))),
+        read_only(rows_at(at[3], rows[3], 3, 0.0)),
+        read_only(rows_at(at[4], rows[4], 3, 0.0)),
+        read_only(rows_at(at[5], rows[5], VECTORS, 0.0)),
+    )  # fmt: skip
 
 
 def _open_at(order, at, rows):

@@ -14,6 +14,7 @@ from ..base.jit import inlined, kernel
 from ..base.lanes import lowest, not_above
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS, GAP_SHARE
+from ..base.tables import revolution_of
 from ..base.vectors import dot, scaled, turned_back
 from ..bounds.cross import along_node
 from ..elements.primitives import corners
@@ -40,8 +41,8 @@ _CONVEX = 0.9
 @kernel
 def _end_along(tree, n, element, u, v, most):
     """Where a surface ends along a vector no longer than a unit, at the most; see `reach_along`."""
-    if len(tree.arcs) > 0:
-        return outline_along(tree, n)
+    if len(tree.profile) > 0:
+        return outline_along(revolution_of(tree), n)
     return reach_along(tree, n, element, u, v, most)
 
 
@@ -76,7 +77,7 @@ def lay_plane(surface, mesh, state, flip):
 
 
 @kernel
-def plane_across(surface, motion, normal, slack):
+def plane_across(solid, motion, normal, slack):
     """The plane laid against a solid of revolution across a unit vector of the profile's frame.
 
     `motion` leads from the mesh to the solid's frame. Returns what `progress.plane` begins with:
@@ -85,14 +86,14 @@ def plane_across(surface, motion, normal, slack):
     The products with the mesh's points err by 11.9 u of these, as those of b in GAP_SHARE, and the
     mesh may be a: twice the slack holds 20 u of either.
     """
-    f, share = surface.frame, 1.0 - 16.0 * DOUBLE_EPS
+    f, share = solid.frame, 1.0 - 16.0 * DOUBLE_EPS
     x, y, z = share * normal[0], share * normal[1], share * normal[2]
     n = (
         x * f[0, 0] + y * f[1, 0] + z * f[2, 0],
         x * f[0, 1] + y * f[1, 1] + z * f[2, 1],
         x * f[0, 2] + y * f[1, 2] + z * f[2, 2],
     )
-    end = outline_along(surface, n) - dot(n, (motion[9], motion[10], motion[11])) + 2.0 * slack
+    end = outline_along(solid, n) - dot(n, (motion[9], motion[10], motion[11])) + 2.0 * slack
     return turned_back(motion, n), end
 
 

@@ -15,6 +15,7 @@ from ..base.jit import implements, inlined, kernel
 from ..base.lanes import lowest
 from ..base.memory import on_stack
 from ..base.state import Dividing, MeshTree, SurfaceTree
+from ..base.tables import revolution_of
 from ..base.vectors import along, dot, moved, scaled, sub
 from ..elements.primitives import corners
 from ..inside.nearest import Point, begin_nearest, nearest, point_triangle, walk
@@ -61,16 +62,16 @@ DESCENT_STEPS = 32
 @inlined
 def is_convex(surface):
     """Whether it is a solid of revolution, about convex: a local minimum is the only one then."""
-    return len(surface.arcs) > 0 and surface.frame[4, 1] > 0.0
+    return len(surface.profile) > 0 and revolution_of(surface).frame[4, 1] > 0.0
 
 
 @kernel
-def _frame_of(surface, motion, made):
+def _frame_of(solid, motion, made):
     """Write the motion from a mesh to the frame of a profile, of twelve numbers.
 
     The given one leads into the frame of the profile's model.
     """
-    f = surface.frame
+    f = solid.frame
     for i in range(3):
         axis = row(f, i)
         for j in range(3):
@@ -106,17 +107,17 @@ def _nearest_triangle(mesh, p, t, found):
 
 
 @kernel
-def _first_triangle(surface, mesh, motion, spare, found):
+def _first_triangle(solid, mesh, motion, spare, found):
     """The triangle of a mesh about nearest to where a solid is nearest to the mesh's middle."""
     middle = scaled(row(mesh.centres, 0), mesh.scale[0])
-    foot = _back(motion, foot_of(surface, moved(motion, middle), spare))
+    foot = _back(motion, foot_of(solid, moved(motion, middle), spare))
     return _nearest_triangle(mesh, foot, walk(Point(foot, 0.0, 0.0), mesh, found), found)
 
 
 @kernel
-def _keep(tree_a, tree_b, state, surface, flip, t, here, y, v, w):
+def _keep(tree_a, tree_b, state, solid, flip, t, here, y, v, w):
     """Keep a point of a triangle and the solid's nearest to it, where they are the nearest."""
-    element, at = place_of(surface, here.piece, here.t, math.atan2(y[1], y[0]))
+    element, at = place_of(solid, here.piece, here.t, math.atan2(y[1], y[0]))
     weights = (1.0 - v - w, v, w)
     if flip:
         measure_near(tree_a, tree_b, state, t, weights, element, at, 0)
@@ -137,25 +138,26 @@ def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
         if progress.open == 0 or not is_convex(surface):
             progress.futile = REST if progress.open > 0 else 0
             return steps
+    solid = revolution_of(surface)
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
-    _frame_of(surface, state.motions[1 if flip else 0], motion)
-    spare = _GAIN * surface.frame[4, 0]
+    _frame_of(solid, state.motions[1 if flip else 0], motion)
+    spare = _GAIN * solid.frame[4, 0]
     t, weights = progress.element_b, vector(progress.weights_b)
     if flip:
         t, weights = progress.element_a, vector(progress.weights_a)
     v, w = weights[1], weights[2]
     if fresh:
-        t, _, v, w = _first_triangle(surface, mesh, motion, spare, found)
+        t, _, v, w = _first_triangle(solid, mesh, motion, spare, found)
     steps = 0
     for _ in range(_TURNS):
         a, b, c = corners(mesh.triangles, t)
         triangle = moved(motion, a), moved(motion, b), moved(motion, c)
         here, y, v, w = nearest_of_triangle(
-            surface, triangle, v, w, spare, progress.rel_err, progress.abs_err, np.inf
+            solid, triangle, v, w, spare, progress.rel_err, progress.abs_err, np.inf
         )
         steps += DESCENT_STEPS
         before = progress.distance
-        _keep(tree_a, tree_b, state, surface, flip, t, here, y, v, w)
+        _keep(tree_a, tree_b, state, solid, flip, t, here, y, v, w)
         if not progress.slack < progress.distance < before:
             break
         steps += lay_plane(surface, mesh, state, flip)
@@ -177,16 +179,16 @@ def _open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
     not convex there it tells little, and the search goes on as beside other surfaces. A leaf's
     triangles have planes of their own. See `stubs.open_whole`.
     """
-    progress = state.progress[0]
+    progress, solid = state.progress[0], revolution_of(surface)
     child = np.int64(mesh.children[lane])
     motion = on_stack(12, 0.0)
-    _frame_of(surface, state.motions[1 if flip else 0], motion)
-    spare = _GAIN * surface.frame[4, 0]
+    _frame_of(solid, state.motions[1 if flip else 0], motion)
+    spare = _GAIN * solid.frame[4, 0]
     to_surface = state.motions[1 if flip else 0]
     if child < 0:
         for t in range(first_of(child), last_of(child) + 1):
             if not is_held_off(mesh, t, progress) and not _is_farther(
-                tree_a, tree_b, state, surface, mesh, flip, t, motion, to_surface, spare
+                tree_a, tree_b, state, solid, mesh, flip, t, motion, to_surface, spare
             ):
                 progress.futile += 1
                 return False, LEAF_STEPS
@@ -196,8 +198,8 @@ def _open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
     if not left:
         return True, 1
     middle = scaled(row(mesh.centres, child), mesh.scale[0])
-    here = gradient_at(surface, moved(motion, middle), spare)
-    n, end = plane_across(surface, to_surface, here.normal, progress.slack)
+    here = gradient_at(solid, moved(motion, middle), spare)
+    n, end = plane_across(solid, to_surface, here.normal, progress.slack)
     if not dot(n, middle) - end > _CONVEX * here.distance:
         progress.futile += 1
         return False, 1
@@ -218,7 +220,7 @@ def _open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
 
 
 @kernel
-def _is_farther(tree_a, tree_b, state, surface, mesh, flip, t, motion, to_surface, spare):
+def _is_farther(tree_a, tree_b, state, solid, mesh, flip, t, motion, to_surface, spare):
     """Whether a triangle is beyond the limit, by the plane where it is nearest.
 
     Where it is nearer than what is known, it lowers the limit first.
@@ -228,19 +230,19 @@ def _is_farther(tree_a, tree_b, state, surface, mesh, flip, t, motion, to_surfac
     triangle = moved(motion, a), moved(motion, b), moved(motion, c)
     progress.primitive_tests += 1
     here, y, v, w = nearest_of_triangle(
-        surface, triangle, 1.0 / 3.0, 1.0 / 3.0, spare, progress.rel_err, progress.abs_err,
+        solid, triangle, 1.0 / 3.0, 1.0 / 3.0, spare, progress.rel_err, progress.abs_err,
         progress.limit,
     )  # fmt: skip
     if here.distance < progress.distance:
-        _keep(tree_a, tree_b, state, surface, flip, t, here, y, v, w)
-    n, end = plane_across(surface, to_surface, here.normal, progress.slack)
+        _keep(tree_a, tree_b, state, solid, flip, t, here, y, v, w)
+    n, end = plane_across(solid, to_surface, here.normal, progress.slack)
     return begin_of(mesh, t, n) - end >= progress.limit
 
 
 @kernel
 def _begin(tree_a, tree_b, state, surface, mesh, flip, fresh):
     """Begin a search with a local minimum, if the surface is a solid of revolution's; whether."""
-    if len(surface.arcs) == 0 or not (fresh or is_convex(surface)):
+    if len(surface.profile) == 0 or not (fresh or is_convex(surface)):
         return False
     if fresh or state.progress[0].distance > state.progress[0].slack:
         go_down(tree_a, tree_b, state, surface, mesh, flip, fresh)

@@ -31,7 +31,10 @@ the point by less than 16 u of its distance, a distance between them by a few u 
 @inlined
 def patches_of(tree):
     """The hierarchy of the patches alone: what it is asked is compiled for surfaces already."""
-    return SurfaceTree(*tree)
+    return SurfaceTree(
+        tree.nodes, tree.centres, tree.children, tree.sizes, tree.pieces, tree.nets, tree.scale,
+        tree.trims, tree.profile,
+    )  # fmt: skip
 
 
 @inlined
