@@ -77,12 +77,11 @@ SurfaceTree = namedtuple(
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
 pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims; profile
-(int64, 2 x 6), of a solid of revolution, the table of the arrays that a RevolutionTree has besides,
-else (0, 6): arrays themselves would all be handed to every kernel that is called with a tree. The
-rest is as in MeshTree; scale[2] is the largest norm of a control point, scale[6] how far rounding
-may have moved points of the surface when it was cut into pieces, and scale[7], of a solid, how far
-from the pieces that may be which closes the gaps between patches (see models/closed.py), both in
-metres.
+(int64, 2 x 6) the table of what a RevolutionTree has besides, else (0, 6): each kernel that is
+called with a tree takes all its arrays. The rest is as in MeshTree; scale[2] is the largest norm of
+a control point, scale[6] how far rounding may have moved points of the surface when it was cut into
+pieces, and scale[7], of a solid, how far from the pieces that may be which closes the gaps between
+patches (see models/closed.py), both in metres.
 """
 
 PIECE = np.dtype(
@@ -118,14 +117,11 @@ RevolutionTree = namedtuple(
 )
 """The same over the patches of a solid of revolution, and the fat arcs around its profile.
 
-Against other kinds than its own it is taken for a SurfaceTree.
-
 arcs (k,) ARC, the first of them around all; curves (c,) CURVE_PIECE, one after the other along the
 profile; places (int32) which piece, in tree order, is which part of a patch: see CURVE_PIECE; frame
-(5, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres;
-in its last row the length of which arcs err by a share, metres, and whether the solid is about
-convex, 1 or 0; samples (m, 3) points of
-the profile: see revolution/guess.py; reaches (p, VECTORS) metres,
+(5, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres; in
+its last row the length of which arcs err by a share, metres, and whether the solid is about convex,
+1 or 0; samples (m, 3) points of the profile: see revolution/guess.py; reaches (p, VECTORS) metres,
 what parts of it reach: see revolution/reach.py.
 """
 
@@ -354,8 +350,8 @@ PROGRESS = np.dtype(
         ("support", np.float64),  # how far it reaches along the direction that was known then
         ("plane", np.float64, (4,)),  # of a surface and a mesh, in the mesh's frame: a unit vector,
         # and how far along it the surface ends at the most; infinity where no plane is known
-        ("laid", np.float64),  # the distance that was known when a plane was laid last
-        ("futile", np.int64),  # for how many searches, or how often in this one, planes told little
+        ("laid", np.float64),  # the distance that was known when one was laid last
+        ("futile", np.int64),  # how often, or for how many searches from now on, they tell little
         ("compared", np.int64),  # pairs of elements that have been compared
         ("due", np.int64),  # ... until a ball is looked for
         ("rings", np.int64),  # how many pairs of rings are open
