@@ -10,10 +10,10 @@ from test_trimmed import PLATE
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base.state import PROGRESS
 from proximity_monitor.engine.kernels.pairs import mesh_in_ball
-from proximity_monitor.engine.kernels.surface import edges, empty_ball, evaluate, support
+from proximity_monitor.engine.kernels.surface import edges, empty_ball, evaluate, reach
 from proximity_monitor.study import shapes
 
-ball_of, support_of = from_python(empty_ball.empty_ball), from_python(support.support_of)
+ball_of, support_of = from_python(empty_ball.empty_ball), from_python(reach.support_of)
 bend_towards = from_python(empty_ball._bend_towards)
 point_on, jet_at = from_python(edges.point_on), from_python(evaluate.jet_at)
 is_in_ball = from_python(mesh_in_ball._is_in_ball)

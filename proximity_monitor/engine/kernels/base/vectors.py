@@ -95,6 +95,12 @@ def moved(r, v):
 
 
 @kernel
+def moved_back(r, v):
+    """Where that motion leads to v from."""
+    return turned_back(r, (v[0] - r[9], v[1] - r[10], v[2] - r[11]))
+
+
+@kernel
 def unit(v):
     """A vector divided by its length, however small that is; zero where it has none."""
     size = max(max(abs(v[0]), abs(v[1])), abs(v[2]))

@@ -58,10 +58,16 @@ def end_along(progress, triangles_a, ta):
 
 
 @inlined
+def begin_of(normal, triangles, t):
+    """Where a triangle begins along a direction, in the frame of both."""
+    c0, c1, c2 = _along(normal, triangles, t)
+    return min(min(c0, c1), c2)
+
+
+@inlined
 def begin_along(progress, triangles_b, tb):
     """Where a triangle of b begins along the direction, in b's frame."""
-    b0, b1, b2 = _along(progress.normal_b, triangles_b, tb)
-    return min(min(b0, b1), b2)
+    return begin_of(progress.normal_b, triangles_b, tb)
 
 
 @inlined

@@ -17,7 +17,7 @@ from ..base.rounding import DOUBLE_EPS, GAP_SHARE
 from ..base.tables import revolution_of
 from ..base.vectors import dot, scaled, turned_back
 from ..bounds.cross import along_node
-from ..elements.primitives import corners
+from ..elements.direction import begin_of
 from ..revolution.outline import outline_along
 from ..surface.facing import vector
 from ..surface.reach import reach_along
@@ -67,7 +67,7 @@ def lay_plane(surface, mesh, state, flip):
     most = progress.distance - progress.limit
     end = _end_along(surface, own, s, ws[0], ws[1], most)
     plane[3] = end - progress.offset + GAP_SHARE * progress.slack
-    if begin_of(mesh, t, n) - plane[3] < _CONVEX * progress.limit:
+    if begin_of(n, mesh.triangles, t) - plane[3] < _CONVEX * progress.limit:
         plane[3] = np.inf  # the surface reaches farther elsewhere
         return PLANE_STEPS
     held, nodes = _holds_all(mesh, progress)
@@ -149,11 +149,4 @@ def lanes_on(mesh, node, n, end, limit, lows):
 @inlined
 def is_held_off(mesh, t, progress):
     """Whether the plane holds off a triangle beyond the limit; see `gap_between`."""
-    return begin_of(mesh, t, vector(progress.plane)) - progress.plane[3] >= progress.limit
-
-
-@inlined
-def begin_of(mesh, t, n):
-    """Where a triangle begins along a vector, metres."""
-    a, b, c = corners(mesh.triangles, t)
-    return min(min(dot(a, n), dot(b, n)), dot(c, n))
+    return begin_of(progress.plane, mesh.triangles, t) - progress.plane[3] >= progress.limit

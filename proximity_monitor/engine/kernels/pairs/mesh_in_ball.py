@@ -24,8 +24,8 @@ from ..surface.empty_ball import LOOKS, empty_ball, find_ball, is_in_ball, neare
 from ..surface.facing import vector
 from ..surface.measure import MINIMUM_STEPS, measure_near
 from ..surface.newton import MOST
+from ..surface.reach import support_of
 from ..surface.sides import near
-from ..surface.support import support_of
 from ..tree.layout import WIDTH, row
 from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
 from .beyond_plane import is_held_off

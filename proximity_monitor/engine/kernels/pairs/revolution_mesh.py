@@ -16,7 +16,8 @@ from ..base.lanes import lowest
 from ..base.memory import on_stack
 from ..base.state import Dividing, MeshTree, SurfaceTree
 from ..base.tables import revolution_of
-from ..base.vectors import along, dot, moved, scaled, sub
+from ..base.vectors import along, dot, moved, moved_back, scaled, sub
+from ..elements.direction import begin_of
 from ..elements.primitives import corners
 from ..inside.nearest import Point, begin_nearest, nearest, point_triangle, walk
 from ..inside.visit import ROOM
@@ -29,7 +30,6 @@ from ..tree.layout import WIDTH, first_of, last_of, row
 from . import divided
 from .beyond_plane import (
     REST,
-    begin_of,
     is_held_off,
     lanes_before,
     lanes_on,
@@ -82,17 +82,6 @@ def _frame_of(solid, motion, made):
 
 
 @kernel
-def _back(motion, p):
-    """Where a motion leads to p from."""
-    x, y, z = p[0] - motion[9], p[1] - motion[10], p[2] - motion[11]
-    return (
-        motion[0] * x + motion[3] * y + motion[6] * z,
-        motion[1] * x + motion[4] * y + motion[7] * z,
-        motion[2] * x + motion[5] * y + motion[8] * z,
-    )
-
-
-@kernel
 def _nearest_triangle(mesh, p, t, found):
     """A triangle of a mesh about nearest to a point, its distance and the weights v and w there.
 
@@ -110,7 +99,7 @@ def _nearest_triangle(mesh, p, t, found):
 def _first_triangle(solid, mesh, motion, spare, found):
     """The triangle of a mesh about nearest to where a solid is nearest to the mesh's middle."""
     middle = scaled(row(mesh.centres, 0), mesh.scale[0])
-    foot = _back(motion, foot_of(solid, moved(motion, middle), spare))
+    foot = moved_back(motion, foot_of(solid, moved(motion, middle), spare))
     return _nearest_triangle(mesh, foot, walk(Point(foot, 0.0, 0.0), mesh, found), found)
 
 
@@ -163,7 +152,7 @@ def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
         steps += lay_plane(surface, mesh, state, flip)
         if progress.open == 0:
             break
-        foot = _back(motion, along(y, here.normal, -here.distance))
+        foot = moved_back(motion, along(y, here.normal, -here.distance))
         t, distance, v, w = _nearest_triangle(mesh, foot, t, found)
         if not distance < here.distance * (1.0 - _GAIN):
             break
@@ -236,7 +225,7 @@ def _is_farther(tree_a, tree_b, state, solid, mesh, flip, t, motion, to_surface,
     if here.distance < progress.distance:
         _keep(tree_a, tree_b, state, solid, flip, t, here, y, v, w)
     n, end = plane_across(solid, to_surface, here.normal, progress.slack)
-    return begin_of(mesh, t, n) - end >= progress.limit
+    return begin_of(n, mesh.triangles, t) - end >= progress.limit
 
 
 @kernel

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
-from ..base.vectors import along, cross, dot, norm, rotated, scaled, sub, turned_back
+from ..base.vectors import along, cross, dot, moved_back, norm, rotated, scaled, sub
 from ..elements.primitives import corners, mixed
 from ..search.search import answer_queries
 from ..surface.facing import closest_in, is_long, parameters_in, vector
@@ -196,15 +196,13 @@ def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
 def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     triangle = corners(tree_a.triangles, a)
     # In b's frame: the motion's matrix is a rotation, up to what no direction depends on.
-    back = _back(motion, triangle[0]), _back(motion, triangle[1]), _back(motion, triangle[2])
+    back = (
+        moved_back(motion, triangle[0]),
+        moved_back(motion, triangle[1]),
+        moved_back(motion, triangle[2]),
+    )
     way, place, weights = _facing(cells_b[b], back)
     return rotated(motion, scaled(way, -1.0)), weights, parameters_in(cells_b[b], place)
-
-
-@kernel
-def _back(motion, p):
-    """A point of a's frame in b's."""
-    return turned_back(motion, (p[0] - motion[9], p[1] - motion[10], p[2] - motion[11]))
 
 
 def _entry(name, kind_a, kind_b, order):

@@ -19,37 +19,23 @@ from collections import namedtuple
 
 import numpy as np
 
-from ..base.jit import implements, inlined, kernel, loop16, shared
+from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import NONE
 from ..base.vectors import dot
+from ..bounds.volumes import lows_along
 from ..elements.errors import points_err
 from ..inside import visit
 from ..inside.visit import ROOM, TO_THE_END, at_root, descend
-from ..tree.layout import (
-    CENTRE_X,
-    CENTRE_Y,
-    CENTRE_Z,
-    HALF_U,
-    HALF_V,
-    RADIUS,
-    U_X,
-    U_Y,
-    U_Z,
-    V_X,
-    V_Y,
-    V_Z,
-    WIDTH,
-)
+from ..tree.layout import WIDTH
 from .edges import point_on
 from .facing import closest_in, vector
 from .minimum import Rectangle, least_around
 
-Farther = namedtuple("Farther", "place slack normal element u v most size")
+Farther = namedtuple("Farther", "place slack normal element u v most")
 """The query; `place` is the element's point at u and v. The answer is how far nothing reaches
-beyond it along the normal, but negative; metres. Below minus `most` it ends. `size` is the largest
-norm of a point of the surface."""
+beyond it along the normal, but negative; metres. Below minus `most` it ends."""
 
 _ROUNDING, _EACH = 32.0 * DOUBLE_EPS, 16.0 * DOUBLE_EPS
 """What a product of a unit vector with a point errs by, as a share of the largest norm of a point;
@@ -63,23 +49,15 @@ _NUMBERS, _ROW = 256, 16
 """Room for the coefficients of a piece, and for a row of them."""
 
 
-@loop16
-def _reaches(nodes, base, x, y, z, nx, ny, nz, margin, gaps):
-    for k in range(WIDTH):
-        i = base + np.uint64(k)
-        dx, dy, dz = nodes[i + CENTRE_X] - x, nodes[i + CENTRE_Y] - y, nodes[i + CENTRE_Z] - z
-        u = nodes[i + U_X] * nx + nodes[i + U_Y] * ny + nodes[i + U_Z] * nz
-        v = nodes[i + V_X] * nx + nodes[i + V_Y] * ny + nodes[i + V_Z] * nz
-        reach = nodes[i + HALF_U] * abs(u) + nodes[i + HALF_V] * abs(v) + nodes[i + RADIUS]
-        gaps[k] = -(dx * nx + dy * ny + dz * nz) - reach - margin
-
-
 @implements(visit.lane_gaps, Farther)
 @inlined
 def _lane_gaps(query, nodes, base, x, y, z, margin, gaps):
     n = query.normal
-    nx, ny, nz = np.float32(n[0]), np.float32(n[1]), np.float32(n[2])
-    _reaches(nodes, base, x, y, z, nx, ny, nz, margin, gaps)
+    nx, ny, nz = np.float32(-n[0]), np.float32(-n[1]), np.float32(-n[2])
+    lows_along(nodes, base, nx, ny, nz, gaps)
+    place = x * nx + y * ny + z * nz + margin
+    for k in range(WIDTH):
+        gaps[k] -= place
 
 
 @implements(visit.limit, Farther)
@@ -94,7 +72,21 @@ def _meet(query, tree, t, answer):
     piece = tree.pieces[t]
     if piece.edge != NONE:  # it lies on a part of its patch
         return answer
-    p, n, nets = query.place, query.normal, tree.nets
+    moves, u, v = t != query.element, query.u, query.v
+    if moves:
+        e, f = vector(piece.along_u), vector(piece.along_v)
+        u, v = closest_in(vector(piece.centre), e, f, query.place)
+        u, v = 0.5 + 0.5 * u, 0.5 + 0.5 * v
+    return min(answer, -_beyond(tree, piece, query.place, query.normal, u, v, moves))
+
+
+@kernel
+def _beyond(tree, piece, p, n, u, v, moves):
+    """How far a piece reaches beyond p along n, at the most, but for what its points err by.
+
+    At u, v it reaches about farthest; or near there, where that MOVES.
+    """
+    nets, size = tree.nets, tree.scale[2]
     c, least, most, base, room = on_stack(_NUMBERS, 0.0), np.inf, -np.inf, piece.net, piece.room
     height = dot(n, p)
     for i in range(piece.points):
@@ -103,13 +95,7 @@ def _meet(query, tree, t, answer):
         own = n[0] * nets[at] + n[1] * nets[at + room] + n[2] * nets[at + 2 * room]
         c[i] = own - height * w
         least, most = min(least, w), max(most, c[i])
-    if most <= 0.0:
-        return answer
-    u, v = query.u, query.v
-    if t != query.element:
-        u, v = closest_in(vector(piece.centre), vector(piece.along_u), vector(piece.along_v), p)
-        u, v = 0.5 + 0.5 * u, 0.5 + 0.5 * v
-    return min(answer, -_largest(piece, c, u, v, t != query.element, query.size) / least)
+    return _largest(piece, c, u, v, moves, size) / least if most > 0.0 else 0.0
 
 
 @kernel
@@ -197,9 +183,23 @@ def reach_along(tree, n, element, u, v, most):
     place = point_on(tree, element, u, v)
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
-    query = Farther(place, points_err(tree), n, element, u, v, most, tree.scale[2])
-    answer, top = -points_err(tree), at_root(stack, bounds)
-    answer, _, _ = descend(query, tree, answer, top, stack, bounds, found, TO_THE_END)
+    query = Farther(place, points_err(tree), n, element, u, v, most)
+    answer, _, _ = descend(
+        query, tree, 0.0, at_root(stack, bounds), stack, bounds, found, TO_THE_END
+    )  # fmt: skip
     if not answer >= -most:
         return np.inf
-    return dot(place, n) - answer + _ROUNDING * tree.scale[2]
+    return dot(place, n) - answer + points_err(tree) + _ROUNDING * tree.scale[2]
+
+
+@kernel
+def support_of(tree, element, u, v, n):
+    """An upper bound of the products of n with the points of an element; u, v is one of these.
+
+    Infinity of an edge.
+    """
+    piece, place = tree.pieces[element], point_on(tree, element, u, v)
+    if piece.edge != NONE:
+        return np.inf
+    beyond = max(_beyond(tree, piece, place, n, u, v, False), 0.0)
+    return dot(place, n) + beyond + points_err(tree) + _ROUNDING * tree.scale[2]
