@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
-from itertools import pairwise
+from collections.abc import Hashable, Sequence
 from operator import is_not
 from threading import Event
 from time import perf_counter
@@ -23,17 +22,15 @@ from ..models.model import Model
 from ..models.solid import insides_of
 from ..poses import as_poses, check_pose
 from ..questions.result import Distances
-from ..questions.run import Search, check_models, entry_for
+from ..questions.run import Search, check_models
 from ..questions.sharing import share
-from ..questions.slices import deadline_of, slices_until
+from ..questions.slices import deadline_of
 from .answers import no_answers
 from .asked import checked_pairs, checked_tolerances
 from .long_searches import BEGIN_FIRST_S, END_S, LongSearches, Single
+from .runs import Run, Runs, Settle, answer_runs
 
 _NO_HINTS = np.empty((0, 2), np.int32)
-_Runs = list[tuple[Callable, int, int]]  # of pairs: their entry, the first, one after the last
-
-_KNOWN = 64  # lists of pairs of which the runs are remembered
 
 
 class Assembly:
@@ -94,6 +91,9 @@ class Assembly:
         threads: int = 1,
     ) -> Distances:
         """Minimum distances of pairs of bodies, in the given order, within a budget.
+
+        Where models are of several kinds, pairs that follow each other take turns by kind: the
+        first 16, then the next 32, and so on. The first pair goes first.
 
         Args:
             poses: (n, 4, 4) model to world of every body, metres.
@@ -160,9 +160,31 @@ class Assembly:
         signed distance, or has -inf as lower bound if the bodies may overlap. A pair that is not
         searched has NaN as status. The deadline is one of perf_counter.
         """
-        count = len(pairs)
-        threads = max(1, min(threads, count))
+        threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
+        begun = self._begun(poses, pairs, wanted) if self._cut and self._runs.is_mixed else []
+        order, runs = self._runs.plan(pairs, threads, begun)
+        given = pairs, wanted, hints, signed
+        if order is None:
+            return self._answer(poses, *given, runs, deadline, threads)
+        found = np.empty((len(pairs), index.ANSWER))
+        asked = (None if each is None else each[order] for each in given)
+        found[order] = self._answer(poses, *asked, runs, deadline, threads)
+        return found
+
+    def _answer(
+        self,
+        poses: NDArray[np.float64],
+        pairs: NDArray[np.int32],
+        wanted: NDArray[np.float64],
+        hints: NDArray[np.int32] | None,
+        signed: NDArray[np.bool_],
+        runs: list[list[Run]],
+        deadline: float | None,
+        threads: int,
+    ) -> NDArray[np.float64]:
+        """As `rows`, in runs for each thread."""
+        count = len(pairs)
         queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
         answers = np.empty((count, index.ANSWER))
         known = _NO_HINTS if hints is None else hints
@@ -173,10 +195,13 @@ class Assembly:
 
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
-            code, at = self._run(
-                search, fresh, self._runs(pairs, first, threads), poses, pairs, asked, threads,
-                deadline, stopped, answers, settle,
+            code, at = answer_runs(
+                runs[first], self._tables, search, fresh, poses, asked, threads, deadline, stopped,
+                answers, settle,
             )  # fmt: skip
+            if code in (index.BAD_POSE_A, index.BAD_POSE_B):
+                body = int(pairs[at, code - index.BAD_POSE_A])
+                check_pose(poses[body], self._pose_name(body))
             if code == index.CUT:
                 self._cut[self._question(poses, pairs[at], wanted[at])] = search
 
@@ -268,13 +293,7 @@ class Assembly:
             self._tables = np.stack([model._hierarchy.table for model in self.models])
             self._hierarchies = now
             self._insides = None
-            kinds = {model._hierarchy.tree_kind: model for model in self.models}
-            entries = [entry_for(a, b) for a in kinds.values() for b in kinds.values()]
-            self._entries = list(dict.fromkeys(entries))
-            kind = [list(kinds).index(model._hierarchy.tree_kind) for model in self.models]
-            which = np.array([self._entries.index(entry) for entry in entries])
-            self._which = which.reshape(len(kinds), -1)[np.ix_(kind, kind)]
-            self._known: dict[Hashable, _Runs] = {}
+            self._runs = Runs(self.models)
         while len(self._searches) < threads:
             both = (self._deepest,) * 2
             self._searches.append(Search(*both, coherent=False, among=self.models))
@@ -309,65 +328,15 @@ class Assembly:
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
-    def _runs(self, pairs: NDArray[np.int32], first: int, every: int) -> _Runs:
-        """Every so many pairs from the first on, in runs of one kind of pair."""
-        if len(self._entries) == 1:
-            return [(self._entries[0], first, len(pairs))]
-        found = self._known.get(key := (pairs.tobytes(), first, every))
-        if found is None:  # mostly the pairs are those of the tick before
-            if len(self._known) >= _KNOWN:
-                self._known.clear()
-            asked = self._which[tuple(pairs[first::every].T)]
-            ends = [*np.flatnonzero(np.diff(asked, prepend=-1)).tolist(), len(asked)]
-            found = self._known[key] = [
-                (self._entries[asked[i]], first + every * i, first + every * (end - 1) + 1)
-                for i, end in pairwise(ends)
-            ]
+    def _begun(
+        self, poses: NDArray[np.float64], pairs: NDArray[np.int32], wanted: NDArray[np.float64]
+    ) -> list[int]:
+        """The questions that searches were cut in."""
+        found = []
+        for question in self._cut:
+            (same,) = np.nonzero((pairs == question[:2]).all(axis=1))
+            found += [k for k in same if self._question(poses, pairs[k], wanted[k]) == question]
         return found
-
-    def _run(
-        self,
-        search: Search,
-        fresh: bool,
-        runs: _Runs,
-        poses: NDArray[np.float64],
-        pairs: NDArray[np.int32],
-        asked: NDArray[np.int64],
-        every: int,
-        deadline: float | None,
-        stopped: Event | None,
-        answers: NDArray[np.float64],
-        settle: Callable[[int, int, int], int],
-    ) -> tuple[int, int]:
-        """Answer every so many of the queries, in runs, into `answers`; how it ended, and where.
-
-        `asked` is the table of the queries about `pairs`.
-        """
-        stacked, flat = poses.reshape(-1, 4), answers.ravel()
-        slices = slices_until(deadline)
-        code, at = index.ENDED, 0
-        for entry, at, last in runs:
-            while True:
-                done = at
-                code, at = entry(
-                    self._tables, search.memory, stacked, stacked, asked, at, last, every,
-                    slices.steps, fresh, flat,
-                )  # fmt: skip
-                fresh = code != index.CUT
-                if code in (index.BAD_POSE_A, index.BAD_POSE_B):
-                    body = int(pairs[at, code - index.BAD_POSE_A])
-                    check_pose(poses[body], self._pose_name(body))
-                found = at + (code == index.CUT)
-                done = settle(done, found, slices.steps)
-                over = slices.over()
-                while done < found:
-                    done = settle(done, found, 0 if over else slices.steps)
-                    over = over or slices.over(alike=False)
-                if over or (stopped is not None and stopped.is_set()):
-                    return code, at
-                if code == index.ENDED:
-                    break
-        return code, at
 
     def _settle_signs(
         self,
@@ -378,13 +347,10 @@ class Assembly:
         solids: int,
         answers: NDArray[np.float64],
         every: int,
-    ) -> Callable[[int, int, int], int]:
-        """What makes every so many answers, from one to before another, signed ones; `solids` are.
-
-        It takes so many steps, and returns to where it came: see `settle_signs`.
-        """
+    ) -> Settle | None:
+        """What makes every so many answers signed ones, if `solids` of them are to be."""
         if not solids:
-            return lambda first, last, steps: last
+            return None
         if self._insides is None:
             self._insides = insides_of(self.models)
         insides, room = self._insides, 1 + 15 * self._deepest._hierarchy.depth
