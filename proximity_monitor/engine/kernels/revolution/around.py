@@ -20,6 +20,7 @@ from .bounded import (
     bound_rings,
     direction_kept,
     fineness,
+    gap_of_circles,
     go_over,
     halves_of,
     part_off,
@@ -100,7 +101,11 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
     own_a, own_b = waiting.arcs_a, waiting.arcs_b
     steps, half, before = 0, _NEAR, progress.narrowed
     progress.narrowed = 0
+    arc_a, arc_b = arc_at(tree_a.arcs, own_a, a), arc_at(tree_b.arcs, own_b, b)
+    bound = max(bound, gap_of_circles(progress, arc_a, arc_b, motion))
     for k in range(_NARROWED):
+        if bound >= progress.limit:
+            break
         arc_a, arc_b = arc_at(tree_a.arcs, own_a, a), arc_at(tree_b.arcs, own_b, b)
         sector = sector_of(angle, half)
         if k >= before - 1:

@@ -16,8 +16,9 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.state import NONE
+from .coaxial import ALIKE, begin_about_axis, bends_about_axis
 from .newton import turned
-from .reach import reach_in
+from .reach import bulge, reach_in
 
 _SWEEPS = 2
 """Sweeps of coordinate descent: see `facing`."""
@@ -53,6 +54,11 @@ def begin_of(tree_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
     is the answer.
     """
     n, m = normal
+    found = -np.inf
+    if abs(motion[8]) > ALIKE and n != 0.0:
+        found = begin_about_axis(tree_b, own_b, b, fine, sector, motion, n, m, wanted)
+        if found >= wanted or (sector[2] < 0.0 and found > -np.inf):
+            return found
     x, y = azimuth
     begin = n * (x * motion[9] + y * motion[10]) + m * motion[11]
     if n < 0.0:
@@ -69,7 +75,7 @@ def begin_of(tree_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
         else:
             begin += n * (beside - 2.0 * near)
     v = to_b(motion, (-n * x, -n * y, -m))
-    return begin - reach_in(tree_b, own_b, b, fine, sector, v, begin - wanted)
+    return max(found, begin - reach_in(tree_b, own_b, b, fine, sector, v, begin - wanted))
 
 
 @kernel
@@ -177,9 +183,13 @@ def bends(arc_a, arc_b, sector, half, motion):
     rho = abs(rho) + abs(arc_b.half[0])
     width = 2.0 * min(half, 1.5) * rho
     long = arc_b.length
-    of_b = arc_b.error + bulge(arc_b) + long * long / (8.0 * max(far, 0.5 * long) + 1e-300)
+    bent = long * long / (8.0 * max(far, 0.5 * long) + 1e-300)
     around = width * width / (8.0 * max(far, 0.5 * width) + 1e-300)
     around += (1.0 - sector[2]) * max(rho - 2.0 * abs(arc_b.half[0]), 0.0)
+    if abs(motion[8]) > ALIKE:
+        along, varied = bends_about_axis(arc_b, sector, motion)
+        bent, around = min(bent, along), min(around, varied)
+    of_b = arc_b.error + bulge(arc_b) + bent
     return max(arc_a.error + bulge(arc_a), _apart(arc_a)), max(of_b, _apart(arc_b)), around
 
 
@@ -191,10 +201,3 @@ def _apart(arc):
     """
     half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
     return _PIECES * half if arc.curve == NONE else 0.0
-
-
-@inlined
-def bulge(arc):
-    """How far an arc bulges from its chord, metres."""
-    half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
-    return half * abs(arc.sine) / (1.0 + arc.cosine)

@@ -9,13 +9,14 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.state import NONE
 from .arcs import fit_arc
-from .bound import begin_of, bulge, facing
+from .bound import begin_of, facing
 from .build import NARROW, put_halves
 from .certificate import least_around
+from .coaxial import between_circles
 from .front import FRONT, keep_ring
 from .heap import add_ring
 from .minima import find_minimum, measure_rings
-from .reach import arc_at, reach_of
+from .reach import arc_at, bulge, reach_of
 
 MINIMUM_STEPS = 6
 """Steps of a search that a search for a local minimum takes as long as."""
@@ -71,6 +72,12 @@ def gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine):
     return begin_of(tree_b, waiting.arcs_b, b, fine, sector, motion, n, e, wanted) - reach
 
 
+@inlined
+def gap_of_circles(progress, arc_a, arc_b, motion):
+    """The gap of the circles of two arcs, but for what rounding may do; or -infinity."""
+    return between_circles(arc_a, arc_b, motion) - progress.slack - progress.bound_slack
+
+
 @kernel
 def halves_of(tree, own, count, i):
     """The first of the halves of an arc, and how many arcs there are then; NONE if none can be."""
@@ -106,6 +113,8 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
     if apart > 0.0:
         fine = coarseness(progress, apart)
         bound = max(bound, gap_along(tree_a, tree_b, state, a, b, sector, motion, n, e, fine))
+        if bound < progress.limit:
+            bound = max(bound, gap_of_circles(progress, arc_a, arc_b, motion))
         if bound >= progress.limit:
             keep_ring(state, a, b, angle, half, sector, n, e)
             return 1
@@ -182,19 +191,20 @@ def prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half):
     if at == NONE:
         return -1.0
     minimum = state.waiting.minima[at]
-    beyond = minimum.angle - angle
-    beyond -= 2.0 * math.pi * np.floor(beyond / (2.0 * math.pi) + 0.5)
+    aside = minimum.angle - angle
+    aside -= 2.0 * math.pi * np.floor(aside / (2.0 * math.pi) + 0.5)
     s, t = minimum.s, minimum.t
     wide_a, wide_b = 0.5 * (arc_a.high - arc_a.low), 0.5 * (arc_b.high - arc_b.low)
-    near = abs(beyond) <= _AROUND * half
+    near = abs(aside) <= _AROUND * half
     near = near and arc_a.low - wide_a <= s <= arc_a.high + wide_a
     if not (near and arc_b.low - wide_b <= t <= arc_b.high + wide_b):
         return -1.0
     box = (
         min(arc_a.low, s), max(arc_a.high, s), min(arc_b.low, t), max(arc_b.high, t),
-        (abs(beyond) + half) * 1.000001,
+        (abs(aside) + half) * 1.000001,
     )  # fmt: skip
+    progress = state.progress[0]
     return least_around(
         tree_a.curves[arc_a.curve], tree_b.curves[arc_b.curve], arc_a, arc_b, motion,
-        (s, t, minimum.angle), box, state.progress[0].distance,
+        (s, t, minimum.angle), box, progress.distance, beyond(progress) + progress.slack,
     )  # fmt: skip

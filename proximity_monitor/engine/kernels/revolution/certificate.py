@@ -9,18 +9,27 @@ derivatives. A parameter at the end of its range, along which |d| falls nowhere 
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.jit import inlined, kernel
 from .newton import derivatives_at
 
-_SHARES = 3
-"""How large a part of tau² / 2 U is tried: none, all, a fifth. A larger one makes the Hessian more
-positive, and its change larger."""
+_SHARES = 4
+"""How large a part of tau² / 2 U is tried: none, all, a fifth, and last what makes up for how t and
+the angle bend n . d together. A larger one makes the Hessian more positive, and its change larger.
+"""
+
+_SPARE_SHARE = 4.0
+"""How many times that."""
 
 _LEAST = 0.2
 """Share of b's distance from a's axis that has to be left of it over the box."""
 
 SPARE = 1e-9
 """Share of the Hessian's entries by which it is taken for less positive, beyond all rounding."""
+
+_TILTED = 1e-15
+"""How much more axes may be tilted than a rounded motion says."""
 
 LOST = 1e-13
 """What rounding does to a derivative, at most, as a share of its limit."""
@@ -55,8 +64,27 @@ def _positive(h, v, free_s, free_t):
     return c - q * h20 - m * m / b > 0.0
 
 
+@inlined
+def _lost_across(h, v, g_t, g_a, end_t):
+    """By how much n . d may become less in t and the angle, each from -1 to 1; or infinity.
+
+    As two lines have them that are about parallel, t need not be a direction in which it rises. For
+    each t it is no less than its value at the angle's middle less the square of its slope there
+    over twice the least curvature k; and the slope is no more than g_a and what t makes of it, the
+    square of which is no more than twice both squares. Where t is at an end, `end_t`, what it loses
+    by its square it has gained at first.
+    """
+    curved = h[5] - v[5] - SPARE * abs(h[5])
+    if not curved > 0.0:
+        return np.inf
+    both = abs(h[4]) + v[4]
+    bent = 0.5 * max(v[2] - h[2], 0.0) + both * both / curved
+    across = max(bent - abs(g_t), 0.0) if end_t else bent + abs(g_t)
+    return across + g_a * g_a / curved
+
+
 @kernel
-def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
+def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wanted):
     """A lower bound of the distance over a box around a minimum, but no more than `upper`; or -1.
 
     Args:
@@ -68,6 +96,7 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
         minimum: s, t and the angle; near a minimum, or at the end of a range.
         box: the lowest and highest s, then t, and how far the angle may differ either way.
         upper: metres; what is farther does not matter.
+        wanted: metres; what is needed of the bound.
     """
     s, t, angle = minimum
     a0, a1, b0, b1, ra = box
@@ -82,10 +111,12 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
     if not (rs > 0.0 and rt > 0.0 and ra > 0.0):
         return -1.0
     la, lb = arc_a.limits, arc_b.limits
-    # Limits of b's own derivatives: of its distance from its axis and of both coordinates.
-    r0 = abs(radii[0]) + lb[0] * rt
+    # Limits of b's own derivatives, of its distance from its axis; and of what t moves across a's.
     r1, r2 = min(abs(radii[1]) + lb[1] * rt, lb[0]), min(abs(radii[2]) + lb[2] * rt, lb[1])
-    moved = lb[0] * rt + r0 * ra
+    r0 = abs(radii[0]) + r1 * rt
+    tilt = (motion[2] * motion[2] + motion[5] * motion[5]) ** 0.5 + _TILTED
+    c1, c2 = min(r1 + tilt * lb[0], lb[0]), min(r2 + tilt * lb[1], lb[1])
+    moved = c1 * rt + r0 * ra
     least = far - moved
     if not least > _LEAST * far:
         return -1.0
@@ -94,11 +125,11 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
     d_t, d_a = lb[1] * rt + r1 * ra, r1 * rt + r0 * ra
     d_tt, d_ta, d_aa = lb[2] * rt + r2 * ra, r2 * rt + r1 * ra, r1 * rt + r0 * ra
     pt, pa = abs(across[0]), abs(across[1])
-    d_pt, d_pa = d_t + turn * lb[0], d_a + turn * r0
+    d_pt, d_pa = d_t + turn * c1, d_a + turn * r0
     inverse = 1.0 / least
     d_inverse = inverse - 1.0 / (far + moved)
     most_t, most_a = pt + d_pt, pa + d_pa
-    v_tt = d_tt + turn * lb[1] + (2.0 * pt + d_pt) * d_pt * inverse + most_t * most_t * d_inverse
+    v_tt = d_tt + turn * c2 + (2.0 * pt + d_pt) * d_pt * inverse + most_t * most_t * d_inverse
     v_ta = d_ta + turn * r1 + (pt * d_pa + pa * d_pt + d_pt * d_pa) * inverse
     v_ta += most_t * most_a * d_inverse
     v_aa = d_aa + turn * r0 + (2.0 * pa + d_pa) * d_pa * inverse + most_a * most_a * d_inverse
@@ -111,6 +142,11 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
     g_s, g_t, g_a = g_s * rs, g_t * rt, g_a * ra
     for k in range(_SHARES):
         mu = (0.0 if k == 0 else (1.0 if k == 1 else 0.2)) / max(upper, distance)
+        if k == _SHARES - 1:
+            both, around = abs(n0 * ta0 + n1 * ta1) + v_ta, n0 * aa0 + n1 * aa1
+            if not (around > 0.0 and _SPARE_SHARE * both * both < mu * around * b_t * b_t):
+                break
+            mu = _SPARE_SHARE * both * both / (around * b_t * b_t)
         h00 = mu * b_s * b_s - n0 * bend[0] - n1 * bend[1]
         v00 = la[2] * rs + mu * ((2.0 * abs(b_s) + d_s) * d_s + beside * la[1])
         h11 = mu * b_t * b_t + n0 * tt0 + n1 * tt1
@@ -133,7 +169,11 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
             v00 * rs * rs, v10 * rs * rt, v11 * rt * rt, v20 * rs * ra, v21 * rt * ra, v22 * ra * ra
         )  # fmt: skip
         free_s, free_t = True, True
-        if (s <= a0 and g_s > 0.0) or (s >= a1 and g_s < 0.0):
+        # Along a line n . d changes by the same everywhere.
+        level = mu == 0.0 and la[1] == 0.0 and la[2] == 0.0
+        if level:
+            free_s = False
+        elif (s <= a0 and g_s > 0.0) or (s >= a1 and g_s < 0.0):
             free_s = not abs(g_s) > 1.001 * (
                 abs(h[0]) + v[0] + abs(h[1]) + v[1] + abs(h[3]) + v[3] + LOST * la[0] * rs
             )
@@ -141,9 +181,16 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper):
             free_t = not abs(g_t) > 1.001 * (
                 abs(h[2]) + v[2] + abs(h[1]) + v[1] + abs(h[4]) + v[4] + LOST * lb[0] * rt
             )
+        rounded = LOST * (la[0] * rs + lb[0] * rt + r0 * ra)
+        if level:
+            end_t = (t <= b0 and g_t > 0.0) or (t >= b1 and g_t < 0.0)
+            lost = _lost_across(h, v, g_t, g_a, end_t) + rounded
+            lost += max(-g_s * (a0 - s), -g_s * (a1 - s), 0.0) / rs
+            if min(distance - lost, upper) >= wanted:
+                return min(distance - lost, upper)
         if _positive(h, v, free_s, free_t):
-            lost = abs(g_a) + LOST * (la[0] * rs + lb[0] * rt + r0 * ra)
-            if free_s:
+            lost = abs(g_a) + rounded
+            if free_s or level:
                 lost += max(-g_s * (a0 - s), -g_s * (a1 - s), 0.0) / rs
             if free_t:
                 lost += max(-g_t * (b0 - t), -g_t * (b1 - t), 0.0) / rt

@@ -14,8 +14,8 @@ from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
 from ..base.state import SurfaceTree
 from ..base.vectors import dot, norm, sub
-from .bound import bulge
 from .profile import put_part
+from .reach import bulge
 
 Place = namedtuple("Place", "rho z across along margin")
 """A point: its distance from the axis and its height, metres; the unit vectors in the model's frame

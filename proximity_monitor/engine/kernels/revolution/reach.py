@@ -40,6 +40,13 @@ def arc_at(arcs, own, i):
 
 
 @inlined
+def bulge(arc):
+    """How far an arc bulges from its chord, metres."""
+    half = np.sqrt(arc.half[0] * arc.half[0] + arc.half[1] * arc.half[1])
+    return half * abs(arc.sine) / (1.0 + arc.cosine)
+
+
+@inlined
 def _reach(arc, x, z):
     """What a fat arc reaches along a vector of the plane."""
     reach = reach_from_middle(arc.half[0], arc.half[1], arc.sine, arc.cosine, x, z)
