@@ -6,16 +6,27 @@ import math
 import numpy as np
 import pytest
 from engine_bodies import IDENTITY, from_python, translation
+from numba import njit
 from scipy.optimize import minimize_scalar
 from test_revolution import ball, cylinder, torus, vase
 from test_rings import SOLIDS, TURNED, patches
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, SolidOfRevolution, Status
+from proximity_monitor.engine.kernels.base.linking import ROOT
+from proximity_monitor.engine.kernels.base.state import RevolutionTree
+from proximity_monitor.engine.kernels.base.tables import tree_at
 from proximity_monitor.engine.kernels.revolution import bound, coaxial
 
-begin_of, between_circles = from_python(bound.begin_of), from_python(coaxial.between_circles)
+between_circles, _begin_of = from_python(coaxial.between_circles), bound.begin_of
 SMALL = [0.0, 1e-12, 1e-9, 1e-6, 1e-3, 0.03]
+
+
+@njit(pipeline_class=ROOT)
+def begin_of(table, b, sector, motion, normal, azimuth):
+    solid, _ = tree_at(RevolutionTree, table)
+    none = solid.arcs[:0]
+    return _begin_of(solid, none, b, 1e-9, sector, motion, normal, azimuth, np.inf)
 
 
 def turn(tilt, around=0.0):
@@ -158,9 +169,8 @@ def test_no_point_begins_before_its_bound(name):
         if half == math.pi:
             sector = (1.0, 0.0, -1.0, 0.0)
         begin = begin_of(
-            hierarchy.tree, hierarchy.arcs[:0], which, 1e-9, sector, motion_of(at), n,
-            (math.cos(e), math.sin(e)), np.inf,
-        )  # fmt: skip
+            hierarchy.table, which, sector, motion_of(at), n, (math.cos(e), math.sin(e))
+        )
         rho, z = points_under(solid, hierarchy.arcs[which], 9).T[:, :, None]
         phi = angle + half * np.linspace(-1.0, 1.0, 129)
         points = np.stack(np.broadcast_arrays(rho * np.cos(phi), rho * np.sin(phi), z))

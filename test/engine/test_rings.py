@@ -123,13 +123,13 @@ def test_as_their_patches(one, other):
 
 
 def test_continua_and_poles():
-    """Where whole circles are nearest, bounds meet as far as arcs allow, and are never wrong."""
+    """Where whole circles are nearest, or whole balls, bounds meet, and are never wrong."""
     ring, wide = torus(1.0, 0.3), torus(2.0, 0.2)
     for a, b, at, expected, width in (
-        (ring, wide, IDENTITY, 0.5, 1e-5),  # concentric
+        (ring, wide, IDENTITY, 0.5, 1e-11),  # concentric
         (ring, ring, translation(0, 0, 1.0), 0.4, 1e-11),  # coaxial
-        (ball(0.5), ring, IDENTITY, 0.2, 1e-5),
-        (ball(0.5), ball(0.25), IDENTITY, 0.25, 1e-3),  # nested: every pair of points is nearest
+        (ball(0.5), ring, IDENTITY, 0.2, 1e-11),
+        (ball(0.5), ball(0.25), IDENTITY, 0.25, 1e-11),  # nested: every pair of points is nearest
         (cylinder(0.4, 1.0), cylinder(0.3, 1.0), translation(1.0, 0, 0), 0.3, 1e-11),  # parallel
         (cylinder(0.4, 1.0), cylinder(0.4, 1.0), translation(0, 0, 1.25), 0.25, 1e-11),  # faces
         (vase(), ball(0.1), translation(0, 0, -0.35), 0.25, 1e-11),  # pole to pole
