@@ -87,6 +87,22 @@ def test_continua_of_nearest_points_have_exact_distances(name):
         assert gap == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.parametrize("tilt", [0.0, 1e-6, 1e-3])
+@pytest.mark.parametrize("height", [-0.25, 0.1])
+def test_a_shaft_that_is_too_wide_crosses_its_bore(tilt, height):
+    shaft, tube = cylinder(0.61, 0.5), bore(0.6, 0.5)
+    at = translation(0, 0, height) @ turn(tilt)
+    for found in (
+        engine.distance(shaft, at, tube, IDENTITY), engine.distance(tube, IDENTITY, shaft, at),
+    ):  # fmt: skip
+        assert found.status is Status.INTERSECTING
+        assert found.upper < 1e-12
+        assert found.bound_tests < 500
+    deep = engine.signed_distance(shaft, at, tube, IDENTITY)
+    assert deep.upper == pytest.approx(-0.01, rel=0.1)
+    assert deep.status is Status.WITHIN_TOLERANCE
+
+
 @pytest.mark.parametrize(("tilt", "off"), [*itertools.product([*SMALL, 0.1], SMALL)])
 def test_a_tilted_shaft_in_a_long_bore(tilt, off):
     """One of its rims is nearest to the wall, straight across it."""

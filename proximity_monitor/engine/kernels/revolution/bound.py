@@ -169,6 +169,15 @@ def half_of(angle, half, which):
 
 
 @inlined
+def spread_of(arc, sector, motion):
+    """How far from each other b's points in a sector are for a, about, metres."""
+    spread = (1.0 - max(sector[2], 0.0)) * (abs(arc.middle[0]) + abs(arc.half[0]))
+    if abs(motion[8]) > ALIKE:
+        spread = min(spread, bends_about_axis(arc, sector, motion)[1])
+    return spread
+
+
+@inlined
 def bends(arc_a, arc_b, sector, half, motion):
     """How far from straight the arcs are, and b's sector, metres.
 

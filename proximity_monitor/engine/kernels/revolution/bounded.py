@@ -9,7 +9,7 @@ import numpy as np
 from ..base.jit import inlined, kernel
 from ..base.state import NONE
 from .arcs import fit_arc
-from .bound import begin_of, facing
+from .bound import begin_of, facing, spread_of
 from .build import NARROW, put_halves
 from .certificate import least_around
 from .coaxial import between_circles
@@ -119,8 +119,7 @@ def bound_rings(tree_a, tree_b, state, motion, a, b, angle, half, sector, bound)
             keep_ring(state, a, b, angle, half, sector, n, e)
             return 1
     steps = 1
-    apart += bulge(arc_a) + bulge(arc_b)
-    apart += (1.0 - max(sector[2], 0.0)) * (abs(arc_b.middle[0]) + abs(arc_b.half[0]))
+    apart += bulge(arc_a) + bulge(arc_b) + spread_of(arc_b, sector, motion)
     if arc_a.curve != NONE and arc_b.curve != NONE and apart < progress.enough:
         steps += MINIMUM_STEPS
         s = arc_a.low + 0.5 * (1.0 + at[0]) * (arc_a.high - arc_a.low)

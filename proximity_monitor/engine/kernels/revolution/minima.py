@@ -13,7 +13,7 @@ from ..base.vectors import moved, norm, sub
 from ..elements.primitives import keep
 from ..surface.edges import point_on
 from .guess import near_samples
-from .newton import nearest_rings
+from .newton import nearest_at_ends, nearest_rings
 from .places import place_of, spot_of, turning_point
 
 MINIMA = 16
@@ -44,9 +44,9 @@ def measure_rings(tree_a, tree_b, state, motion, a, b, s, t, angle):
     """Find the local minimum near points of two pieces of profiles; keep it where it is nearest."""
     progress, minima = state.progress[0], state.waiting.minima
     progress.primitive_tests += 1
-    distance, s, t, angle = nearest_rings(
-        tree_a.curves[a], tree_b.curves[b], motion, s, t, angle, progress.rel_err, progress.abs_err
-    )
+    curves, errors = (tree_a.curves[a], tree_b.curves[b]), (progress.rel_err, progress.abs_err)
+    found = nearest_rings(*curves, motion, s, t, angle, *errors)
+    distance, s, t, angle = nearest_at_ends(*curves, motion, found, *errors)
     at = find_minimum(state, a, b)
     if at == NONE:
         at = progress.minima % MINIMA

@@ -26,6 +26,9 @@ _SPARE = 1e-7
 """Share of what is tolerated that a step has to gain, or it is the last one. The direction between
 the points has to be far closer than the distance: with 1e-4 bounds along it are twice as many."""
 
+_PARALLEL = 1e-6
+"""Square of the tilt of the axes from which on straight pieces are no valley."""
+
 _WIDEST = 0.7
 """The largest step of the angle, radians."""
 
@@ -154,3 +157,37 @@ def nearest_rings(curve_a, curve_b, motion, s, t, angle, rel_err, abs_err):
         if not better:
             break
     return np.sqrt(squared), s, t, angle
+
+
+@kernel
+def nearest_at_ends(curve_a, curve_b, motion, found, rel_err, abs_err):
+    """The nearer of a local minimum, as `nearest_rings` gives it, and those at the ends of lines.
+
+    Between lines that are about parallel the distance has a valley, along which Newton's method
+    hardly moves: the minimum is at one of its ends.
+    """
+    _, s, t, angle = found
+    valley = curve_a.degree == 1 and curve_b.degree == 1 and 0.0 < s < 1.0 and 0.0 < t < 1.0
+    if not valley or motion[2] * motion[2] + motion[5] * motion[5] > _PARALLEL:
+        return found
+    for end in (0.0, 1.0):
+        (rho, z), _, _ = jet_of(curve_a, end)
+        beside = _beside(curve_b, rho, (z - motion[11]) * motion[8])
+        if 0.0 <= beside <= 1.0:
+            trial = nearest_rings(curve_a, curve_b, motion, end, beside, angle, rel_err, abs_err)
+            if trial[0] < found[0]:
+                found = trial
+        (rho, z), _, _ = jet_of(curve_b, end)
+        beside = _beside(curve_a, rho, z * motion[8] + motion[11])
+        if 0.0 <= beside <= 1.0:
+            trial = nearest_rings(curve_a, curve_b, motion, beside, end, angle, rel_err, abs_err)
+            if trial[0] < found[0]:
+                found = trial
+    return found
+
+
+@inlined
+def _beside(curve, rho, z):
+    """Where on a straight piece a point of its half-plane lies beside it."""
+    (x0, z0), (x, y), _ = jet_of(curve, 0.0)
+    return ((rho - x0) * x + (z - z0) * y) / max(x * x + y * y, 1e-300)
