@@ -17,8 +17,11 @@ from ..base.jit import inlined, kernel
 from ..base.state import NONE
 from .reach import arc_at, bulge, reach_of
 
-ALIKE = 0.9
+ALIKE = 0.98
 """Cosine of the tilt of the axes from which on these are nearly one."""
+
+_ON_AXIS = 1e-6
+"""Share of an arc's width by which its centre may be off the axis."""
 
 _ROUND = 0.02
 """Sine of half the angle of an arc from which on its circle is compared. The radius is at most 50
@@ -149,17 +152,28 @@ def begin_about_axis(tree_b, own_b, b, fine, sector, motion, n, m, wanted):
     return begin - reach_of(tree_b, own_b, b, fine, -v[0], -v[1], begin - wanted)
 
 
-@kernel
+@inlined
 def between_circles(arc_a, arc_b, motion):
     """A lower bound of the distance of two arcs by their circles, but for rounding; or -infinity.
 
     No point of one circle is nearer to the other than both radii differ, less by how far their
     centres are from each other. Where these are one, that is the distance of all points.
     """
-    if arc_a.curve == NONE or arc_b.curve == NONE:
+    round_ = arc_a.curve != NONE and min(abs(arc_a.sine), abs(arc_b.sine)) > _ROUND
+    if not (round_ and (abs(motion[8]) > ALIKE or _is_ball(arc_a))):
         return -np.inf
-    if not min(abs(arc_a.sine), abs(arc_b.sine)) > _ROUND:
-        return -np.inf
+    return _between_circles(arc_a, arc_b, motion)
+
+
+@inlined
+def _is_ball(arc):
+    """Whether the centre of a round arc is on the axis, about: all else has wide bounds."""
+    off = abs(arc.middle[0] * arc.sine + arc.cosine * arc.half[1])
+    return off < _ON_AXIS * abs(arc.half[0])
+
+
+@kernel
+def _between_circles(arc_a, arc_b, motion):
     (x, z, radius_a), (rho, height, radius_b) = _circle(arc_a), _circle(arc_b)
     between = abs(radius_b - radius_a) - arc_a.error - arc_b.error
     # Of balls both centres are on the axes.
