@@ -93,21 +93,28 @@ def near_samples(samples_a, samples_b, motion):
     """A sample of each profile, and the angle about b's axis at which they are near each other."""
     # In single precision, of which a register holds twice as many: nothing is proven by it.
     rho, height = on_stack(64, _ZERO), on_stack(64, _ZERO)
+    far, high = on_stack(64, _ZERO), on_stack(64, _ZERO)
     least, which = on_stack(64, _ZERO), on_stack(64, _ZERO)
-    count = len(samples_a)
+    count, others = len(samples_a), len(samples_b)
     for i in range(count):
         rho[i], height[i] = np.float32(samples_a[i, 0]), np.float32(samples_a[i, 1])
+    x0, y0, z0 = np.float32(motion[9]), np.float32(motion[10]), np.float32(motion[11])
+    x2, y2, z2 = np.float32(motion[2]), np.float32(motion[5]), np.float32(motion[8])
     at = _between_axes(samples_a, samples_b, motion)
     a = b = 0
     for _ in range(_ROUNDS):
+        x1, y1, z1 = turned(motion, at[0], at[1], 0.0)
+        x1, y1, z1 = np.float32(x1), np.float32(y1), np.float32(z1)
+        for j in range(others):
+            r, h = np.float32(samples_b[j, 0]), np.float32(samples_b[j, 1])
+            x, y = x0 + r * x1 + h * x2, y0 + r * y1 + h * y2
+            far[j], high[j] = np.sqrt(x * x + y * y), z0 + r * z1 + h * z2
         for i in range(count):
             least[i], which[i] = _FAR, _ZERO
-        for j in range(len(samples_b)):
-            x, y, z = _seen_from_a(motion, at, samples_b[j, 0], samples_b[j, 1])
-            far, number = np.float32(np.sqrt(x * x + y * y)), np.float32(j)
-            high = np.float32(z)
+        for j in range(others):
+            number = np.float32(j)
             for i in range(count):
-                across, along = rho[i] - far, height[i] - high
+                across, along = rho[i] - far[j], height[i] - high[j]
                 squared = across * across + along * along
                 nearer = squared < least[i]
                 least[i] = squared if nearer else least[i]
