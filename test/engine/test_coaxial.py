@@ -16,8 +16,10 @@ from proximity_monitor.engine import Curve, SolidOfRevolution, Status
 from proximity_monitor.engine.kernels.base.linking import ROOT
 from proximity_monitor.engine.kernels.base.state import RevolutionTree
 from proximity_monitor.engine.kernels.base.tables import tree_at
-from proximity_monitor.engine.kernels.revolution import bound, coaxial
+from proximity_monitor.engine.kernels.revolution import bound, certificate, coaxial, newton
 
+_nearest_rings, _nearest_at_ends = newton.nearest_rings, newton.nearest_at_ends
+_least_around = certificate.least_around
 between_circles, _begin_of = from_python(coaxial.between_circles), bound.begin_of
 SMALL = [0.0, 1e-12, 1e-9, 1e-6, 1e-3, 0.03]
 
@@ -27,6 +29,20 @@ def begin_of(table, b, sector, motion, normal, azimuth):
     solid, _ = tree_at(RevolutionTree, table)
     none = solid.arcs[:0]
     return _begin_of(solid, none, b, 1e-9, sector, motion, normal, azimuth, np.inf)
+
+
+@njit(pipeline_class=ROOT)
+def proven(table_a, table_b, a, b, motion, start, extent, wanted):
+    """The minimum near a start, and what is proven of a box of that extent around it."""
+    (one, _), (other, _) = tree_at(RevolutionTree, table_a), tree_at(RevolutionTree, table_b)
+    arc_a, arc_b = one.arcs[a], other.arcs[b]
+    curves = one.curves[arc_a.curve], other.curves[arc_b.curve]
+    found = _nearest_rings(*curves, motion, start[0], start[1], start[2], 0.0, 0.0)
+    upper, s, t, angle = _nearest_at_ends(*curves, motion, found, 0.0, 0.0)
+    ds, dt, half = extent
+    box = max(s - ds, 0.0), min(s + ds, 1.0), max(t - dt, 0.0), min(t + dt, 1.0), half
+    least = _least_around(*curves, arc_a, arc_b, motion, (s, t, angle), box, upper, wanted)
+    return least, (upper, s, t, angle), box
 
 
 def turn(tilt, around=0.0):
@@ -219,3 +235,45 @@ def test_no_points_are_nearer_than_their_circles():
         assert found <= apart + 1e-14
         some += found > 0.5 * apart
     assert some > 20
+
+
+@pytest.mark.parametrize("wanted", [-1.0, 1e-3, math.inf])
+def test_nothing_around_a_minimum_is_nearer_than_is_proven(wanted):
+    """Of lines that are about parallel, and of others."""
+    inner = [
+        cylinder(0.5, 0.6),
+        SOLIDS["wavy"],
+        lines((0, 0), (0.4, 0), (0.3, 1), (0, 1)),
+        ball(0.4),
+    ]
+    outer = [bore(0.65, 1.2), torus(1.5, 0.4), lines((0, -1), (0.7, -1), (0.8, 1), (0, 1))]
+    rng, known = np.random.default_rng(8), 0
+    for case in range(600):
+        a, b = inner[rng.integers(4)], outer[rng.integers(3)]
+        at = translation(*(rng.choice(SMALL) * rng.normal(size=2)), rng.uniform(-0.5, 0.5))
+        at = at @ turn(rng.choice([*SMALL, 0.3]), rng.uniform(0.0, 6.0))
+        at = at @ TURNED if case % 3 == 0 else at
+        if case % 2:
+            a, b, at = b, a, np.linalg.inv(at)
+        arcs = [each._hierarchy.arcs for each in (a, b)]
+        whole = [
+            np.flatnonzero((own["high"] - own["low"] == 1.0) & (own["curve"] >= 0)) for own in arcs
+        ]
+        chosen = [rng.choice(each) for each in whole]
+        extent = tuple(10.0 ** rng.uniform(-4.0, 0.0, 3) * [1.0, 1.0, 0.3])
+        motion, tables = motion_of(at), [each._hierarchy.table for each in (a, b)]
+        start = *rng.uniform(size=2), rng.uniform(0.0, 6.0)
+        least, (upper, _, _, angle), box = proven(*tables, *chosen, motion, start, extent, wanted)
+        if least < 0.0:
+            continue
+        known, half = known + 1, box[4]
+        one, other = (own[[k]][0] for own, k in zip(arcs, chosen, strict=True))
+        one["low"], one["high"], other["low"], other["high"] = box[:4]
+        p, q = points_under(a, one, 17), points_under(b, other, 17)
+        phi = angle + half * np.linspace(-1.0, 1.0, 41)
+        x, y, z = np.broadcast_arrays(q[:, :1] * np.cos(phi), q[:, :1] * np.sin(phi), q[:, 1:])
+        x, y, z = np.tensordot(at[:3, :3], np.stack((x, y, z)), 1) + at[:3, 3][:, None, None]
+        rho, z = np.hypot(x, y).ravel(), z.ravel()
+        assert least <= np.hypot(p[:, :1] - rho, p[:, 1:] - z).min() + 1e-13
+        assert least <= upper
+    assert known > 40

@@ -133,6 +133,9 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wa
     v_ta = d_ta + turn * r1 + (pt * d_pa + pa * d_pt + d_pt * d_pa) * inverse
     v_ta += most_t * most_a * d_inverse
     v_aa = d_aa + turn * r0 + (2.0 * pa + d_pa) * d_pa * inverse + most_a * most_a * d_inverse
+    v_tt += LOST * (r2 + c1 * c1 * inverse)
+    v_ta += LOST * (r1 + c1 * r0 * inverse)
+    v_aa += LOST * (r0 + r0 * r0 * inverse)
     (s0, s1), (h0, h1), (tt0, tt1) = first[0], first[2], second[0]
     g_s, g_t, g_a = n0 * s0 + n1 * s1, n0 * t0 + n1 * t1, n0 * h0 + n1 * h1
     # Beside the direction.
@@ -184,7 +187,7 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wa
         rounded = LOST * (la[0] * rs + lb[0] * rt + r0 * ra)
         if level:
             end_t = (t <= b0 and g_t > 0.0) or (t >= b1 and g_t < 0.0)
-            lost = _lost_across(h, v, g_t, g_a, end_t) + rounded
+            lost = _lost_across(h, v, g_t, abs(g_a) + LOST * r0 * ra, end_t) + rounded
             lost += max(-g_s * (a0 - s), -g_s * (a1 - s), 0.0) / rs
             if min(distance - lost, upper) >= wanted:
                 return min(distance - lost, upper)
