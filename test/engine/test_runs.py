@@ -49,13 +49,10 @@ def test_each_pair_has_its_own_entry_once_and_not_much_later(every):
     assert set(again[:2]) == {7, 150}, "what was begun goes on first"
 
 
-def test_models_of_one_kind_keep_their_order():
+def test_models_of_one_kind_have_one_entry():
     models = [torus(12)] * 5
-    pairs = np.array(list(itertools.combinations(range(5), 2)), np.int32)
-    order, planned = Runs(models).plan(pairs, 2, [])
-    entry = entry_for(*models[:2])
-    assert order is None
-    assert planned == [[(entry, 0, 10)], [(entry, 1, 10)]]
+    assert Runs(models).only is entry_for(*models[:2])
+    assert Runs([*models, shapes.cylinder(0.3, 1.0)]).only is None
 
 
 def test_no_pairs_of_mixed_models_have_no_answers():

@@ -24,11 +24,11 @@ from ..poses import as_poses, check_pose
 from ..questions.result import Distances
 from ..questions.run import Search, check_models
 from ..questions.sharing import share
-from ..questions.slices import deadline_of
+from ..questions.slices import Run, Settle, answer_in_slices, deadline_of
 from .answers import no_answers
 from .asked import checked_pairs, checked_tolerances
 from .long_searches import BEGIN_FIRST_S, END_S, LongSearches, Single
-from .runs import Run, Runs, Settle, answer_runs
+from .runs import Runs
 
 _NO_HINTS = np.empty((0, 2), np.int32)
 
@@ -162,11 +162,12 @@ class Assembly:
         """
         threads = max(1, min(threads, len(pairs)))
         self._tabulate(threads)
-        begun = self._begun(poses, pairs, wanted) if self._cut and self._runs.is_mixed else []
-        order, runs = self._runs.plan(pairs, threads, begun)
         given = pairs, wanted, hints, signed
-        if order is None:
+        if (entry := self._runs.only) is not None:
+            runs = [[(entry, first, len(pairs))] for first in range(threads)]
             return self._answer(poses, *given, runs, deadline, threads)
+        begun = self._begun(poses, pairs, wanted)
+        order, runs = self._runs.plan(pairs, threads, begun)
         found = np.empty((len(pairs), index.ANSWER))
         asked = (None if each is None else each[order] for each in given)
         found[order] = self._answer(poses, *asked, runs, deadline, threads)
@@ -195,9 +196,9 @@ class Assembly:
 
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
-            code, at = answer_runs(
-                runs[first], self._tables, search, fresh, poses, asked, threads, deadline, stopped,
-                answers, settle,
+            code, at = answer_in_slices(
+                runs[first], self._tables, search.memory, fresh, poses, asked, threads, deadline,
+                stopped, answers, settle,
             )  # fmt: skip
             if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                 body = int(pairs[at, code - index.BAD_POSE_A])

@@ -6,24 +6,17 @@ of a pair of small models. So neighbours in the order that was asked for take th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from itertools import pairwise
-from threading import Event
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import BAD_POSE_A, BAD_POSE_B, CUT, ENDED
 from ..models.model import Model
-from ..questions.run import Search, entry_for
-from ..questions.slices import slices_until
+from ..questions.run import entry_for
+from ..questions.slices import Run
 
-Run = tuple[Callable, int, int]
-"""The entry of some pairs, the first of them, and one after the last."""
-Settle = Callable[[int, int, int], int]
-"""Makes answers, from one to before another, signed ones; see `settle_signs`. It takes so many
-steps, and returns to where it came."""
-Plan = tuple[NDArray[np.int64] | None, list[list[Run]]]
+Plan = tuple[NDArray[np.int64], list[list[Run]]]
 
 _FIRST = 16
 """How many of the pairs that were asked for first take turns by kind; then twice as many, and so
@@ -42,21 +35,16 @@ class Runs:
         kind = [list(kinds).index(model._hierarchy.tree_kind) for model in models]
         which = np.array([self._entries.index(entry) for entry in entries])
         self._which = which.reshape(len(kinds), -1)[np.ix_(kind, kind)]
+        self.only = self._entries[0] if len(self._entries) == 1 else None
+        """The entry of all pairs, or None where they may be of several kinds."""
         self._known: dict[Hashable, Plan] = {}
-
-    @property
-    def is_mixed(self) -> bool:
-        """Whether the pairs may be of several kinds."""
-        return len(self._entries) > 1
 
     def plan(self, pairs: NDArray[np.int32], every: int, ahead: Sequence[int]) -> Plan:
         """In which order pairs (k, 2) are asked about, and the runs of that order for each thread.
 
         Of `every` threads each takes every so many pairs. Those at `ahead` go first, and the pair
-        that was asked for first has its turn before all others. No order stands for the one given.
+        that was asked for first has its turn before all others.
         """
-        if not self.is_mixed:
-            return None, [[(self._entries[0], first, len(pairs))] for first in range(every)]
         key = pairs.tobytes(), every
         if ahead or (found := self._known.get(key)) is None:
             found = self._planned(pairs, every, ahead)
@@ -85,56 +73,3 @@ class Runs:
             (self._entries[own[i]], first + every * i, first + every * (end - 1) + 1)
             for i, end in pairwise(ends)
         ]
-
-
-def answer_runs(
-    runs: list[Run],
-    tables: NDArray[np.int64],
-    search: Search,
-    fresh: bool,
-    poses: NDArray[np.float64],
-    asked: NDArray[np.int64],
-    every: int,
-    deadline: float | None,
-    stopped: Event | None,
-    answers: NDArray[np.float64],
-    settle: Settle | None,
-) -> tuple[int, int]:
-    """Answer every so many of the queries, in runs, into `answers`; how it ended, and where.
-
-    Args:
-        runs: of these queries.
-        tables: of the bodies' models.
-        search: whose memory is used.
-        fresh: whether it begins with the first query, or goes on with that.
-        poses: (n, 4, 4) model to world of every body, metres.
-        asked: the table of all queries.
-        every: how many threads share them.
-        deadline: of perf_counter.
-        stopped: ends the search when it is set.
-        answers: (k, ANSWER) written.
-        settle: called with what was answered.
-    """
-    stacked, flat, memory = poses.reshape(-1, 4), answers.ravel(), search.memory
-    slices = slices_until(deadline)
-    code, at = ENDED, 0
-    for entry, at, last in runs:
-        while True:
-            done = at
-            code, at = entry(
-                tables, memory, stacked, stacked, asked, at, last, every, slices.steps, fresh, flat
-            )
-            fresh = code != CUT
-            if code in (BAD_POSE_A, BAD_POSE_B):
-                return code, at
-            found = at + (code == CUT)
-            done = found if settle is None else settle(done, found, slices.steps)
-            over = slices.over()
-            while done < found:
-                done = settle(done, found, 0 if over else slices.steps)
-                over = over or slices.over(alike=False)
-            if over or (stopped is not None and stopped.is_set()):
-                return code, at
-            if code == ENDED:
-                break
-    return code, at

@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from threading import Event
 from time import perf_counter
 from typing import SupportsFloat
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..arguments import check_tolerance
+from ..kernels.base.state import BAD_POSE_A, BAD_POSE_B, CUT, ENDED
+
+Run = tuple[Callable, int, int]
+"""The entry of some queries, the first of them, and one after the last."""
+Settle = Callable[[int, int, int], int]
+"""Makes answers, from one to before another, signed ones; see `settle_signs`. It takes so many
+steps, and returns to where it came."""
 
 LONG = 1 << 18
 """Steps between two returns to Python if there is no budget, so that Ctrl-C is heard."""
@@ -88,3 +100,56 @@ ENDLESS = Slices(None)
 def slices_until(deadline: float | None) -> Slices:
     """Slices that begin now."""
     return ENDLESS if deadline is None else Slices(deadline)
+
+
+def answer_in_slices(
+    runs: list[Run],
+    tables: NDArray[np.int64],
+    memory: NDArray[np.int64],
+    fresh: bool,
+    poses: NDArray[np.float64],
+    asked: NDArray[np.int64],
+    every: int,
+    deadline: float | None,
+    stopped: Event | None,
+    answers: NDArray[np.float64],
+    settle: Settle | None,
+) -> tuple[int, int]:
+    """Answer every so many of the queries, in runs, into `answers`; how it ended, and where.
+
+    Args:
+        runs: of these queries.
+        tables: of the bodies' models.
+        memory: that of a search.
+        fresh: whether it begins with the first query, or goes on with that.
+        poses: (n, 4, 4) model to world of every body, metres.
+        asked: the table of all queries.
+        every: how many threads share them.
+        deadline: of perf_counter.
+        stopped: ends the search when it is set.
+        answers: (k, ANSWER) written.
+        settle: called with what was answered.
+    """
+    stacked, flat = poses.reshape(-1, 4), answers.ravel()
+    slices = slices_until(deadline)
+    code, at = ENDED, 0
+    for entry, at, last in runs:
+        while True:
+            done = at
+            code, at = entry(
+                tables, memory, stacked, stacked, asked, at, last, every, slices.steps, fresh, flat
+            )
+            fresh = code != CUT
+            if code in (BAD_POSE_A, BAD_POSE_B):
+                return code, at
+            found = at + (code == CUT)
+            done = found if settle is None else settle(done, found, slices.steps)
+            over = slices.over()
+            while done < found:
+                done = settle(done, found, 0 if over else slices.steps)
+                over = over or slices.over(alike=False)
+            if over or (stopped is not None and stopped.is_set()):
+                return code, at
+            if code == ENDED:
+                break
+    return code, at
