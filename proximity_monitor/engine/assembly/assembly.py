@@ -93,7 +93,7 @@ class Assembly:
         """Minimum distances of pairs of bodies, in the given order, within a budget.
 
         Where models are of several kinds, pairs that follow each other take turns by kind: the
-        first 16, then the next 32, and so on. The first pair goes first.
+        first 16, the next 16, then 32, 64 and so on. The first pair goes first.
 
         Args:
             poses: (n, 4, 4) model to world of every body, metres.

@@ -19,8 +19,8 @@ from ..questions.slices import Run
 Plan = tuple[NDArray[np.int64], list[list[Run]]]
 
 _FIRST = 16
-"""How many of the pairs that were asked for first take turns by kind; then twice as many, and so
-on. So a pair has its turn at most twice as late as without this."""
+"""How many of the pairs that were asked for first take turns by kind; then as many, and then twice
+as many as before each time. So a pair has its turn at most twice as late as without this."""
 _KNOWN = 64
 """Lists of pairs whose plan is remembered."""
 

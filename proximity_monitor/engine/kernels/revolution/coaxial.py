@@ -15,7 +15,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.state import NONE
-from .reach import arc_at, bulge, reach_of
+from .reach import arc_at, bulge, most_in, reach_of
 
 ALIKE = 0.98
 """Cosine of the tilt of the axes from which on these are nearly one."""
@@ -64,21 +64,12 @@ def bends_about_axis(arc, sector, motion):
 
 
 @inlined
-def _most_in(sector, x, y):
-    """The most that (x, y) . u is for unit vectors u of a sector."""
-    cosine, sine, far, side = sector
-    a, b = x * cosine + y * sine, y * cosine - x * sine
-    across = np.sqrt(x * x + y * y)
-    return across if a >= across * far else a * far + abs(b) * side
-
-
-@inlined
 def _most_beside(motion, sector, z):
     """No less than what the point at z of b's axis is off a's across u', metres."""
     x, y = _beside_axis(motion, z)
     x, y = -y, x
     x, y = motion[0] * x + motion[3] * y, motion[1] * x + motion[4] * y
-    return max(_most_in(sector, x, y), _most_in(sector, -x, -y)) / abs(motion[8])
+    return max(most_in(sector, x, y), most_in(sector, -x, -y)) / abs(motion[8])
 
 
 @inlined
@@ -86,7 +77,7 @@ def _most_off(motion, sector, sign, z):
     """No less than sign g . u' for what the point at z of b's axis is off a's, metres."""
     x, y = _beside_axis(motion, z)
     x, y = sign * x, sign * y
-    most = _most_in(sector, motion[0] * x + motion[3] * y, motion[1] * x + motion[4] * y)
+    most = most_in(sector, motion[0] * x + motion[3] * y, motion[1] * x + motion[4] * y)
     return most / abs(motion[8]) if most > 0.0 else most
 
 
@@ -103,7 +94,7 @@ def _about_axis(arc, sector, motion, n, m):
     between, slope = 0.5 * (first + last), 0.0
     if half > 0.0:  # whatever rounding does to short arcs
         slope = min(max((last - first) / (2.0 * half), -1.0), 1.0)
-    up, down = _most_in(sector, motion[6], motion[7]), _most_in(sector, -motion[6], -motion[7])
+    up, down = most_in(sector, motion[6], motion[7]), most_in(sector, -motion[6], -motion[7])
     between -= slope * middle
     if n > 0.0:
         steepest = max(abs(up), abs(down))

@@ -130,18 +130,22 @@ def reach_of(tree, own, i, fine, x, z, floor):
 
 
 @inlined
+def most_in(sector, x, y):
+    """The most that (x, y) . u is for unit vectors u of a sector."""
+    cosine, sine, far, side = sector
+    a, b = x * cosine + y * sine, y * cosine - x * sine
+    across = np.sqrt(x * x + y * y)
+    return across if a >= across * far else a * far + abs(b) * side
+
+
+@inlined
 def reach_in(tree, own, i, fine, sector, v, floor):
     """What an arc that turns about z in a sector reaches along a vector of space; see `reach_of`.
 
     The vector's part across z is largest in the half-plane nearest to it, and no arc is beyond the
     axis.
     """
-    cosine, sine, far, side = sector
-    a, b = v[0] * cosine + v[1] * sine, v[1] * cosine - v[0] * sine
-    across = np.sqrt(v[0] * v[0] + v[1] * v[1])
-    if a < across * far:
-        across = a * far + abs(b) * side
-    return reach_of(tree, own, i, fine, across, v[2], floor)
+    return reach_of(tree, own, i, fine, most_in(sector, v[0], v[1]), v[2], floor)
 
 
 @allocating_entry
