@@ -140,10 +140,13 @@ def enter(page, label, text, i=0):
 
 
 def select(page, found, option):
-    """Choose of a list that is searched; it may open beyond the panel's half."""
+    """Choose of a list that is searched; it may open beyond the panel's half.
+
+    The option itself is pressed: keys that come before the list is drawn choose nothing.
+    """
     found.fill(option)
-    page.keyboard.press("ArrowDown")
-    page.keyboard.press("Enter")
+    options = page.locator(f"[id='{found.get_attribute('aria-controls')}'] [role=option]")
+    options.get_by_text(option, exact=True).dispatch_event("click")
     page.evaluate(SENT)
 
 

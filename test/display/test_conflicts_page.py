@@ -48,7 +48,8 @@ def highlighted(page):
 
 @pytest.fixture
 def near(page, sources, wait):
-    """The ball was below `stop` above the table, and is clear again."""
+    """The ball was clear, then below `stop` above the table, and is clear again."""
+    wait(lambda: row(page, PAIR)[0] == pytest.approx(0.2), "the ball to be seen")
     sources.move("ball", (-0.2, 0.0, 0.11))
     wait(lambda: "STOP" in row(page, PAIR)[2], "the ball to be near")
     wait(lambda: row(page, PAIR)[1] == pytest.approx(0.01), "the clearance")
