@@ -23,7 +23,7 @@ from .ball_bowls import bowls
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push
 from .ball_frame import axis_of, common_box, in_a_frame, take_axes
-from .ball_newton import begin_newton
+from .ball_newton import begin_newton, seed_between
 from .ball_point import certain_depth, possible_depth, sound, sound_some
 from .ball_rows import bound_of
 from .ball_state import CELL, CELL_CENTRE, CLIMB, FULL, IDLE, NEWTON, SEED, ball_at
@@ -239,6 +239,8 @@ def _end_cell(tree_a, tree_b, region_a, region_b, state):
     steps = _CELL_STEPS
     if keep(state):
         ascend(state)
+    else:
+        seed_between(state, limit_of(at))
     shallow = 0 if depths[0] <= depths[1] else 1
     limit = limit_of(at)
     if bound <= limit:

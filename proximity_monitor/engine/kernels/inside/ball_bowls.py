@@ -68,7 +68,7 @@ _STEEPEST, _MOST_BENT = 0.5, 0.5
 _FINE_ROOM = 0.1
 """Share of the room under the limit, as `FINE_TOP` of planes."""
 
-_PART = 0.5
+PART = 0.5
 """Share of a row's change over a cell with which it has to be below the limit: then it prunes the
 cell or about half of its parts."""
 
@@ -175,7 +175,7 @@ def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare
     change = 0.0
     for i in range(3):
         change += abs(along_axis(at.axes, i, v)) * half[i]
-    room = 2.0 * (limit - _PART * change) - (h - h_b)
+    room = 2.0 * (limit - PART * change) - (h - h_b)
     if not room > 0.0 or not steepest < _STEEPEST:
         return False, 1
     # How far the cell reaches, and how high the bowls do.

@@ -15,16 +15,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import implements, inlined, shared
+from ..base.jit import implements, inlined, kernel, shared
 from ..base.state import MeshTree, RevolutionTree, SurfaceTree
 from ..base.vectors import along, cross, dot, moved, rotated, scaled, sub, unit
+from .ball_begin import add_seed
 from .ball_cells import limit_of
-from .ball_state import NEWTON
+from .ball_point import place_of
+from .ball_state import NEWTON, NONE
 from .ball_trial import try_point
 from .feet import bend_at
 
 OPPOSITE = -0.8
 """Product of the ways along which both depths grow from which on surfaces are nearly parallel."""
+
+_STRAIGHT = -0.98
+"""That product from which on the middle between both feet is tried from a cell's centre."""
 
 _WORTH = 0.02
 """Share of what is tolerated that a step, and a part of it, has to promise."""
@@ -46,6 +51,26 @@ def frame_between(point):
     n = unit(sub(b, a))
     e = unit(cross(n, (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0)))
     return n, e, cross(n, e)
+
+
+@kernel
+def seed_between(state, limit):
+    """Let the next seed be where both depths are the same, beside the centre of a cell.
+
+    It lies on the line through both feet, where these are opposite and so far apart that a ball
+    between them would matter. Else cells about it would have to be as small as the ball first.
+    """
+    at, trial = state.at[0], state.trial[0]
+    if trial.side[0] == 0 or trial.side[1] == 0 or at.seed < at.seeds:
+        return
+    a, b = trial.depth[0], trial.depth[1]
+    n, _, _ = frame_between(trial)
+    ways = trial.way[0, 0] * trial.way[1, 0] + trial.way[0, 1] * trial.way[1, 1]
+    ways += trial.way[0, 2] * trial.way[1, 2]
+    if 0.5 * (a + b) > limit and ways < _STRAIGHT:
+        at.seed = at.seeds = 0
+        at.middle = NONE
+        add_seed(state, along(place_of(trial), n, 0.5 * (a - b)))
 
 
 @shared

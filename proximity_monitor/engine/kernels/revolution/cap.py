@@ -157,13 +157,24 @@ def height_within(tree, o, n, radius, height, top):
 
     At least `height`; infinity where it is above `top`.
     """
-    arcs = tree.arcs
     at = place_in(tree, o, n)
-    rho, z = at.rho, at.z
     flat = (dot(n, at.across), dot(n, axis_of(tree)))
-    steep = max(-flat[0], 0.0)
     margin = at.margin + abs(dot(n, at.along)) * radius
-    fine, square = max(FINE_SPARE * height, FINE_TOP * top), radius * radius
+    fine = max(FINE_SPARE * height, FINE_TOP * top)
+    return height_in_plane(
+        tree, at.rho, at.z, flat, radius, max(-flat[0], 0.0), margin, height, fine, top
+    )
+
+
+@shared
+def height_in_plane(tree, rho, z, n, radius, steep, margin, height, fine, top):
+    """The same in the half-plane of (rho, z), for its vector n; a bound may be too high by `fine`.
+
+    `steep` is -n_rho where what turns out of the half-plane counts and gets higher, else 0: then it
+    is the profile's height.
+    """
+    arcs = tree.arcs
+    square = radius * radius
     stack = on_stack(_STACK, np.int32(0))
     stack[0] = 0
     count, looks, answer = 1, 0, height
@@ -176,7 +187,7 @@ def height_within(tree, o, n, radius, height, top):
         if away >= radius:
             continue
         x, y = arc.middle[0] - rho, arc.middle[1] - z
-        most = flat[0] * x + flat[1] * y + abs(flat[0] * arc.half[0] + flat[1] * arc.half[1])
+        most = n[0] * x + n[1] * y + abs(n[0] * arc.half[0] + n[1] * arc.half[1])
         wide = arc.middle[0] + abs(arc.half[0]) + thick
         most += thick + _rise(square, max(away, 0.0), rho, wide, steep) + margin
         if most <= answer:
@@ -186,12 +197,12 @@ def height_within(tree, o, n, radius, height, top):
             count += 2
             continue
         found, more, known = _height_of_arc(
-            arc, rho, z, flat, radius, steep, margin, answer, fine, top
+            arc, rho, z, n, radius, steep, margin, answer, fine, top
         )
         looks += more
         if not known:
             found, more = _height_of_part(
-                tree.curves[arc.curve], arc.low, arc.high, rho, z, flat, radius, steep, margin,
+                tree.curves[arc.curve], arc.low, arc.high, rho, z, n, radius, steep, margin,
                 answer, fine, top,
             )  # fmt: skip
             looks += 4 * more

@@ -19,6 +19,7 @@ from .closest import nearest_on
 from .inside import turns_around
 from .meridian import angle_of, patches_of, place_in
 from .places import place_of
+from .sleeves import sleeves
 
 _LOOKS = 8
 """Arcs that take as long as a step of a descent."""
@@ -111,7 +112,12 @@ def _newton(tree_a, tree_b, state):
 @implements(bowls, RevolutionTree, RevolutionTree)
 @inlined
 def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare, row):
-    return bowls(
+    found, looks = sleeves(tree_a, tree_b, state, centre, half, limit, row)
+    steps = looks // _LOOKS
+    if found:
+        return True, steps
+    found, more = bowls(
         patches_of(tree_a), patches_of(tree_b), region_a, region_b, state, centre, half, limit,
         spare, row,
     )  # fmt: skip
+    return found, steps + more
