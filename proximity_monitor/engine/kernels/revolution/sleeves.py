@@ -34,9 +34,9 @@ Both bounds may be of one solid, too, along m and against it: then there is no r
 half its thickness, as of a thin ring.
 
 Rounding: heights err as in `height_in_plane`, by the margins of places; unit vectors by 16 u an
-entry, which is less than a slack of what a row says. A rotation that is off by E moves points, and turns
-unit vectors, by 3 E of what they are, which is less than a slack as well: see POSE_MARGIN. SLACKS is
-above the count.
+entry, which is less than a slack of what a row says. A rotation that is off by E moves points, and
+turns unit vectors, by 3 E of what they are, which is less than a slack as well: see POSE_MARGIN.
+SLACKS is above the count.
 """
 
 from __future__ import annotations
