@@ -40,6 +40,9 @@ or, on a machine with ROS 2 Jazzy, source it first, and:
 
 _SCENES = "bundled scenes:"
 
+_ROUNDED = 1e-13
+"""Share of a model's size up to which its deviation is what rounding does to any coordinates."""
+
 _LISTED = 100
 """How many pairs `scene check` prints one by one."""
 
@@ -254,7 +257,9 @@ def _check(chosen: argparse.Namespace) -> int:
 def _shape(model: engine.Model, unit: Unit) -> str:
     """Describe a model, its deviation, and whether it is a solid."""
     found = model.describe(lambda metres: f"{metres / unit.to_metre:.6g} {unit.symbol}")
-    if model.deviation > 0.0:
+    if 0.0 < model.deviation <= _ROUNDED * (math.hypot(*model.centre) + model.radius):
+        found += ", exact but for rounding"
+    elif model.deviation > 0.0:
         found += f" within {model.deviation / unit.to_metre:.3g} {unit.symbol} of the thing"
     return found + (", solid" if model.is_solid else ", a surface")
 
