@@ -32,6 +32,10 @@ from .reach import arc_at, reach_of
 _NEAR = 0.1
 """Half the angle of the sector around a minimum in which a proof is tried first, radians."""
 
+_BEHIND = (math.pi - _NEAR) * (1.0 + 1e-15)
+_BEHIND_COSINE, _BEHIND_SINE = math.cos(_BEHIND), math.sin(_BEHIND)
+"""The same of the rest of all that turns."""
+
 _NARROWED = 40
 """How often the small pair is made smaller, at most."""
 
@@ -85,17 +89,18 @@ def part_around(tree_a, tree_b, state, motion, minimum):
     while tree_b.arcs[b].curve == NONE:
         b, beside, first, end = _half_with(tree_b, b, first, end, curve_b)
         steps += part_off(tree_a, tree_b, state, motion, a, beside, angle, math.pi, whole, least)
-    half = (math.pi - _NEAR) * (1.0 + 1e-15)
-    behind = sector_of(angle + math.pi, half)
-    steps += part_off(tree_a, tree_b, state, motion, a, b, angle + math.pi, half, behind, least)
-    return steps + _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, least)
+    near = sector_of(angle, _NEAR)
+    behind = (-near[0], -near[1], _BEHIND_COSINE, _BEHIND_SINE)
+    steps += part_off(tree_a, tree_b, state, motion, a, b, angle + math.pi, _BEHIND, behind, least)
+    return steps + _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, near, least)
 
 
 @kernel
-def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
+def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, sector, bound):
     """Make a pair of rings smaller around the minimum at s, t and the angle, until that is proven.
 
-    That is first tried one step before it held in the search before. Returns the steps that took.
+    `sector` is the one that it begins with. A proof is first tried one step before it held in the
+    search before. Returns the steps that took.
     """
     progress, waiting = state.progress[0], state.waiting
     own_a, own_b = waiting.arcs_a, waiting.arcs_b
@@ -107,7 +112,6 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
         if bound >= progress.limit:
             break
         arc_a, arc_b = arc_at(tree_a.arcs, own_a, a), arc_at(tree_b.arcs, own_b, b)
-        sector = sector_of(angle, half)
         if k >= before - 1:
             steps += 1
             least = prove(tree_a, tree_b, state, motion, arc_a, arc_b, angle, half)
@@ -118,6 +122,7 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
         long_a, long_b, around = bends(arc_a, arc_b, sector, half, motion)
         if around >= max(long_a, long_b):
             half *= 0.5
+            sector = (sector[0], sector[1], math.cos(half), math.sin(half))
             for side in (-1.5, 1.5):
                 middle = angle + side * half
                 wide = 0.5 * half * (1.0 + 1e-15)
@@ -140,7 +145,6 @@ def _narrow(tree_a, tree_b, state, motion, a, b, s, t, angle, bound):
         steps += part_off(
             tree_a, tree_b, state, motion, beside_a, beside_b, angle, half, sector, bound
         )
-    sector = sector_of(angle, half)
     if bound >= progress.limit:
         n, e = direction_kept(progress)
         keep_ring(state, a, b, angle, half, sector, n, e)

@@ -20,9 +20,12 @@ from .profile import jet_of
 _MOST, _ENOUGH = 64, 24
 """Samples of a profile at the most, and where its pieces are fewer, about how many."""
 
-_ZERO, _FAR = np.float32(0.0), np.float32(np.inf)
+_LANES = 16
+"""Places that a register holds. Beyond the samples, there are copies of the last one."""
 
-_ROUNDS, _TURNS = 2, 2
+_ZERO, _ONE, _TWO, _FAR = (np.float32(x) for x in (0.0, 1.0, 2.0, np.inf))
+
+_ROUNDS, _TURNS = 2, 1
 """How often all samples are compared, and how often the half-planes are turned to the nearest."""
 
 
@@ -88,6 +91,16 @@ def _between_axes(samples_a, samples_b, motion):
     return _seen_from_b(motion, 0.0, 0.0, p)
 
 
+@inlined
+def _nearer(rho, height, far, high, j, number):
+    """The squared distance of a place from the nearer of two of b's samples, and its number."""
+    across, along = rho - far[j], height - high[j]
+    one = across * across + along * along
+    across, along = rho - far[j + 1], height - high[j + 1]
+    two = across * across + along * along
+    return one if one <= two else two, number if one <= two else number + _ONE
+
+
 @kernel
 def near_samples(samples_a, samples_b, motion):
     """A sample of each profile, and the angle about b's axis at which they are near each other."""
@@ -96,8 +109,10 @@ def near_samples(samples_a, samples_b, motion):
     far, high = on_stack(64, _ZERO), on_stack(64, _ZERO)
     least, which = on_stack(64, _ZERO), on_stack(64, _ZERO)
     count, others = len(samples_a), len(samples_b)
-    for i in range(count):
-        rho[i], height[i] = np.float32(samples_a[i, 0]), np.float32(samples_a[i, 1])
+    lanes = _LANES * ((count + _LANES - 1) // _LANES)
+    for i in range(lanes):
+        k = min(i, count - 1)
+        rho[i], height[i] = np.float32(samples_a[k, 0]), np.float32(samples_a[k, 1])
     x0, y0, z0 = np.float32(motion[9]), np.float32(motion[10]), np.float32(motion[11])
     x2, y2, z2 = np.float32(motion[2]), np.float32(motion[5]), np.float32(motion[8])
     at = _between_axes(samples_a, samples_b, motion)
@@ -105,25 +120,29 @@ def near_samples(samples_a, samples_b, motion):
     for _ in range(_ROUNDS):
         x1, y1, z1 = turned(motion, at[0], at[1], 0.0)
         x1, y1, z1 = np.float32(x1), np.float32(y1), np.float32(z1)
-        for j in range(others):
-            r, h = np.float32(samples_b[j, 0]), np.float32(samples_b[j, 1])
+        for j in range(4 * ((others + 3) // 4)):
+            k = min(j, others - 1)
+            r, h = np.float32(samples_b[k, 0]), np.float32(samples_b[k, 1])
             x, y = x0 + r * x1 + h * x2, y0 + r * y1 + h * y2
             far[j], high[j] = np.sqrt(x * x + y * y), z0 + r * z1 + h * z2
-        for i in range(count):
+        for i in range(lanes):
             least[i], which[i] = _FAR, _ZERO
-        for j in range(others):
+        # Four at once: what each lane has found would else be kept and loaded again for each one.
+        for j in range(0, others, 4):
             number = np.float32(j)
-            for i in range(count):
-                across, along = rho[i] - far[j], height[i] - high[j]
-                squared = across * across + along * along
-                nearer = squared < least[i]
-                least[i] = squared if nearer else least[i]
-                which[i] = number if nearer else which[i]
+            for i in range(lanes):
+                one, first = _nearer(rho[i], height[i], far, high, j, number)
+                two, second = _nearer(rho[i], height[i], far, high, j + 2, number + _TWO)
+                first = first if one <= two else second
+                one = one if one <= two else two
+                nearer = one < least[i]
+                least[i] = one if nearer else least[i]
+                which[i] = first if nearer else which[i]
         a = 0
         for i in range(1, count):
             if least[i] < least[a]:
                 a = i
-        b = int(which[a])
+        b = min(int(which[a]), others - 1)
         for _ in range(_TURNS):
             x, y, _ = _seen_from_a(motion, at, samples_b[b, 0], samples_b[b, 1])
             ex, ey = _unit(x, y)
