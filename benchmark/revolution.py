@@ -33,7 +33,7 @@ import numpy as np
 import occt
 import peers
 from numpy.typing import NDArray
-from revolution_depth import HEADINGS, depths
+from revolution_depth import FITTED, HEADINGS, depths, fits
 from revolution_page import write_page
 from surfaces import at, turned
 
@@ -188,14 +188,15 @@ def main(arguments: list[str] | None = None) -> int:
     exact, contradicted = _exact(made, 10 if options.quick else 60)
     rough = {k: engine.TriangleMesh(*tessellated(v, 1e-3, 10**6)[:2]) for k, v in made.items()}
     deep, unlike = depths(made, rough, 1e-3, 4 if options.quick else 20)
+    fitted, unfit = fits(4 if options.quick else 20)
     command = " ".join(["python benchmark/revolution.py", *(arguments or sys.argv[1:])])
     page = write_page(
         options.out, command, frames, (built, bars, morphed),
         {"sizes": sizes, "distances": distances, "morphing": morphing, "deforming": deforming,
-         "exact": exact, "depths": _table(HEADINGS, [deep])},
+         "exact": exact, "depths": _table(HEADINGS, [deep]), "fits": _table(FITTED, fitted)},
     )  # fmt: skip
     print(page, end="")
-    if wrong := wrong + contradicted + unlike:
+    if wrong := wrong + contradicted + unlike + unfit:
         print(f"{wrong} ANSWERS CONTRADICT EACH OTHER", file=sys.stderr)
     return 1 if wrong else 0
 

@@ -16,6 +16,7 @@ HEADINGS = [
     "queries", "fat arcs, ms", "max", "points", "our meshes, ms", "max", "points",
     "meshes / arcs",
 ]  # fmt: skip
+FITTED = ["too wide by, m", "queries", "ms", "max", "bounds", "not to 1 %"]
 
 
 def overlapping(a: engine.Model, b: engine.Model, count: int, seed: int) -> NDArray[np.float64]:
@@ -65,3 +66,37 @@ def depths(
         row += [f"{np.median(times[key]):.2f}", f"{np.max(times[key]):.1f}"]
         row.append(f"{np.median(points[key]):.0f}")
     return [*row, f"{np.median(times['meshes']) / np.median(times['arcs']):.1f}"], wrong
+
+
+def fits(count: int) -> tuple[list[list[str]], int]:
+    """The rows of a table of press fits, and how many answers contradict each other.
+
+    Shafts of a radius of 0.6 m and a bit, a metre long, in a bore of 0.6 m, each off its axis and
+    tilted by up to half of that bit, either way around, to 1 % of the depth.
+    """
+    corners = np.array([[0.6, -0.5], [0.8, -0.5], [0.8, 0.5], [0.6, 0.5], [0.6, -0.5]])
+    bore = engine.SolidOfRevolution([engine.Curve(corners[i : i + 2]) for i in range(4)])
+    rows, wrong = [], 0
+    for wide in (1e-2, 1e-3, 1e-4):
+        shaft, rng = engine.shapes.cylinder(0.6 + wide, 1.0), np.random.default_rng(4)
+        engine.signed_distance(shaft, HERE, bore, HERE)
+        times, bounds, loose = [], [], 0
+        for _ in range(count):
+            off, angle = rng.uniform(-0.35 * wide, 0.35 * wide, 2), rng.uniform(0.0, 0.5 * wide)
+            turn = np.eye(3)
+            turn[0, 0] = turn[2, 2] = np.cos(angle)
+            turn[0, 2], turn[2, 0] = np.sin(angle), -np.sin(angle)
+            pose = at(turn, (*off, rng.uniform(-0.3, 0.3)))
+            found = []
+            for a, pose_a, b, pose_b in ((shaft, pose, bore, HERE), (bore, HERE, shaft, pose)):
+                start = thread_time()
+                found.append(engine.signed_distance(a, pose_a, b, pose_b))
+                times.append(1e3 * (thread_time() - start))
+            bounds += [each.bound_tests for each in found]
+            loose += sum(each.upper - each.lower > -0.0101 * each.upper for each in found)
+            wrong += found[0].lower > found[1].upper or found[1].lower > found[0].upper
+        rows.append([
+            f"{wide:g}", str(len(times)), f"{np.median(times):.2f}", f"{np.max(times):.1f}",
+            f"{np.median(bounds):.0f}", str(loose),
+        ])  # fmt: skip
+    return rows, wrong

@@ -73,7 +73,14 @@ All 15 pairs at random poses at which they overlap: how deep, to 1 %, asked one 
 is how many points were tested for their depths, in the median. The meshes are within 0.001 m of the
 solids, and their own depths are told.
 
-{depths}"""
+{depths}
+## Press fits
+
+Shafts that are a little too wide for a bore of 0.6 m, a metre long, off its axis and tilted by up
+to half of that, asked about in either order, to 1 % of the depth: milliseconds, median and most;
+bounds in the median; and how many had wider bounds at the end.
+
+{fits}"""
 
 
 def write_page(
