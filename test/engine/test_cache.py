@@ -313,3 +313,12 @@ def test_what_a_kernel_calls_is_taken_with_it_or_both_are_made_anew(tmp_path):
     below.unlink()
     ask("again()")
     assert (ask(), ask()) == ("0", "1"), "what it called was made anew, under another name"
+
+
+@pytest.mark.parametrize("setting", ["NUMBA_ENABLE_PROFILING=1", "NUMBA_LOOP_VECTORIZE=0"])
+def test_what_was_made_for_a_profiler_is_for_no_other_process(kept, tmp_path, setting):
+    """A process that was profiled once left slow kernels to all that came after it."""
+    name, _, value = setting.partition("=")
+    assert "compiling" in run(ASK, tmp_path, **{name: value})
+    assert len(list(tmp_path.rglob("*.nbc"))) == 2
+    assert "compiling" not in run(ASK, tmp_path)

@@ -31,6 +31,13 @@ _KERNELS = Path(__file__).parents[1]
 _CHECK = 4
 """Bytes of the checksum at the beginning of a file."""
 
+_OPTIONS = (
+    "OPT", "BOUNDSCHECK", "DEBUGINFO_DEFAULT", "EXTEND_VARIABLE_LIFETIMES", "LOOP_VECTORIZE",
+    "SLP_VECTORIZE", "DISABLE_INTEL_SVML", "LLVM_REFPRUNE_PASS",
+)  # fmt: skip
+"""Numba's settings that make other code. A kernel that was made for a profiler, and takes a third
+longer, is for no other process."""
+
 refused: list[str] = []
 """What was found but not taken, and why."""
 
@@ -133,7 +140,7 @@ class KernelCache:
         self.cache_path = None if CACHE_DIRECTORY is None else str(CACHE_DIRECTORY)
 
     def _name(self, signature, codegen) -> str:
-        options = numba.config.OPT, numba.config.BOUNDSCHECK
+        options = [getattr(numba.config, option, None) for option in _OPTIONS]
         about = repr((self._about, options, signature, codegen.magic_tuple()))
         return f"{self._label}-{hashlib.sha256(about.encode()).hexdigest()[:32]}.nbc"
 
