@@ -322,3 +322,7 @@ def test_what_was_made_for_a_profiler_is_for_no_other_process(kept, tmp_path, se
     assert "compiling" in run(ASK, tmp_path, **{name: value})
     assert len(list(tmp_path.rglob("*.nbc"))) == 2
     assert "compiling" not in run(ASK, tmp_path)
+
+
+def test_this_numba_has_every_setting_that_names_a_kernel():
+    assert [each for each in cache._OPTIONS if not hasattr(cache.numba.config, each)] == []
