@@ -145,7 +145,7 @@ def _draw_pairs(bars: dict, path: Path) -> None:
         axes.set_title(f"{precision:g} m", fontsize=9)
         axes.set_ylabel("us")
         axes.set_xticks(places, names, fontsize=7)
-    axes.legend(fontsize=7, ncols=len(kinds))
+    figure.axes[0].legend(fontsize=7, ncols=len(kinds), loc="lower left", bbox_to_anchor=(0.0, 1.0))
     _finish(figure, path)
 
 
