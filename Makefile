@@ -3,8 +3,9 @@
 # editable one would leave out the launchers and the ament index that `ros2 run` reads.
 
 ARGS ?=
-# All tests are shared among two workers. A few of them are over before a second worker is there.
-WORKERS ?= $(if $(ARGS),0,2)
+# All tests are shared among three workers: on two cores, as one often waits for other processes. A
+# few of them are over before a second worker is there.
+WORKERS ?= $(if $(ARGS),0,3)
 VENV ?= .venv$(if $(ROS_DISTRO),-$(ROS_DISTRO))
 ENV_PYTHON = $(VENV)/bin/python
 
@@ -45,11 +46,12 @@ RUN = PATH="$(abspath $(VENV))/bin:$$PATH" PYTHONSAFEPATH=1 \
 	AMENT_PREFIX_PATH="$(abspath $(VENV))$${AMENT_PREFIX_PATH:+:$$AMENT_PREFIX_PATH}"
 
 .NOTPARALLEL:
-.PHONY: help demo test bench robots latency accuracy docs lint format clean
+.PHONY: help demo test indices bench robots latency accuracy docs lint format clean
 
 help:
 	@echo 'make demo [ARGS="--seconds 10"]   watch the bundled scene in the terminal'
 	@echo 'make test [ARGS="-k scene"]       run the tests (ARGS go to pytest)'
+	@echo 'make indices                      ask every question under a check of every index'
 	@echo 'make bench [ARGS="--quick"]        time the engine beside FCL and coal (--pqp DIR: PQP too)'
 	@echo 'make robots [ARGS="--quick"]       all links of real robots against pinocchio and coal'
 	@echo 'make latency [ARGS="--quick"]      from a pose to its closest points, across processes'
@@ -59,13 +61,20 @@ help:
 	@echo 'make format                       let the linter mend what it can, and format'
 	@echo 'make clean                        remove the virtual environments and caches'
 	@echo 'Variables: PYTHON (an interpreter, 3.11 or newer), VENV (default $(VENV)),'
-	@echo '           WORKERS (of the tests; default 2, and 0 with ARGS: none but pytest itself).'
+	@echo '           WORKERS (of the tests; default 3, and 0 with ARGS: none but pytest itself).'
 
 demo: $(VENV)/.installed-demo
 	@$(RUN) $(ENV_PYTHON) -m proximity_monitor demo $(ARGS)
 
+# The check of indices compiles all kernels once more, for itself alone.
+INDICES = test/engine/test_bounds_check.py
+
 test: $(VENV)/.installed-test
-	$(RUN) $(ENV_PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
+	$(RUN) $(ENV_PYTHON) -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder \
+	$(if $(ARGS),$(ARGS),--ignore=$(INDICES))
+
+indices: $(VENV)/.installed-test
+	$(RUN) $(ENV_PYTHON) -m pytest $(INDICES)
 
 # The benchmark's modules lie beside its scripts, so PYTHONSAFEPATH must not hide them.
 bench: $(VENV)/.installed-bench

@@ -157,7 +157,11 @@ def _parser() -> argparse.ArgumentParser:
         help="a bundled scene (see below) or a scene file with a motion section (default: engine)",
     )
     demo.add_argument(
-        "--seconds", type=_positive, default=None, metavar="S", help="end by itself after S seconds"
+        "--seconds",
+        type=_positive,
+        default=None,
+        metavar="S",
+        help="end by itself S seconds after the first result",
     )
     demo.add_argument(
         "--speed",

@@ -26,9 +26,8 @@ settings.register_profile("repeatable", settings.get_profile("search"), derandom
 settings.load_profile("repeatable")
 
 
-FIRST = ("test_bounds_check.py", "test_hard_cases.py", "test_process.py", "test_refit.py")
-"""With an empty cache, one worker compiles for the first of these alone, and the other meanwhile
-what all tests use: were both to need the same kernels, both would compile them."""
+FIRST = ("test_hard_cases.py", "test_process.py", "test_refit.py")
+"""These compile much that all tests use, where the cache is empty."""
 
 
 def pytest_collection_modifyitems(items):

@@ -51,6 +51,10 @@ MANY = 10
 3,000 messages a second, whatever is in them."""
 
 
+FIRST_S = 20.0
+"""For how many seconds a demo that is to end by itself waits for its first picture."""
+
+
 class View(Node):
     """Subscribes to a monitor and shows its results from time to time."""
 
@@ -97,7 +101,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
 
     Args:
         scene: a scene file with a motion, or the name of a bundled one.
-        seconds: how long; None: until SIGINT or SIGTERM.
+        seconds: how long from the first picture on; None: until SIGINT or SIGTERM.
         speed: seconds of motion in a second.
         page: whether the page in the browser is served, too.
 
@@ -130,21 +134,25 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
             return 1
         monitor, player = nodes
         view = _view(picture, console, stack)
-        started = time.monotonic()
-        ends = math.inf if seconds is None else started + seconds
-
-        played = False
+        started, allowed = time.monotonic(), math.inf if seconds is None else seconds
+        watched: float | None = None
+        """When the first picture was there."""
+        ended = played = False
 
         def over() -> bool:
-            return time.monotonic() >= ends
+            nonlocal watched
+            if watched is None and picture.ready:
+                watched = time.monotonic()
+            since = started + FIRST_S if watched is None else watched
+            return ended or time.monotonic() >= since + allowed
 
         def play() -> None:
-            nonlocal ends, played
+            nonlocal ended, played
             try:
                 spin([player], stop, over)
                 played = True
             finally:  # the watch ends as well, be it by an error, which the thread prints
-                ends = -math.inf
+                ended = True
 
         # In a thread of its own: a motion that is computed with effort must not hold up the watch.
         playing = Thread(target=play)
@@ -152,14 +160,14 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         try:
             spin([monitor, view], stop, over)
         finally:
-            ends = -math.inf
+            ended = True
             playing.join()
         view.read()
         stack.close()
         if not played:
             return 1
         if picture.results or not stop.asked:
-            return _summary(picture, time.monotonic() - started)
+            return _summary(picture, time.monotonic() - (watched or started))
     return 0  # interrupted while it started
 
 

@@ -14,7 +14,7 @@ FOLDER = Path(__file__).parent
 
 @pytest.mark.once
 def test_every_index_is_in_bounds(tmp_path):
-    """All kernels are compiled anew, which takes two minutes; conftest.py puts it early."""
+    """All kernels are compiled anew, which takes two minutes: `make indices` does it alone."""
     # Not optimised: the check takes longer to compile than to run.
     environment = {
         **os.environ,
