@@ -13,27 +13,23 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.memory import on_stack
 from ..base.state import NONE, Dividing, MeshTree, SurfaceTree
-from ..base.vectors import along, dot, moved, norm, scaled, sub
+from ..base.vectors import dot, moved, norm, scaled, sub
 from ..elements.direction import begin_along, end_along, gap_between
 from ..elements.primitives import corners
-from ..inside.visit import ROOM
 from ..search import stubs
-from ..surface.empty_ball import LOOKS, empty_ball, find_ball, is_in_ball, nearest_on
+from ..surface.empty_ball import empty_ball, find_ball, is_in_ball
 from ..surface.facing import vector
-from ..surface.measure import MINIMUM_STEPS, measure_near
-from ..surface.newton import MOST
 from ..surface.reach import support_of
-from ..surface.sides import near
 from ..tree.layout import WIDTH, row
 from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
 from .beyond_plane import is_held_off
+from .mesh_nearer import LOOK, improve, nearest_points, reach_of
 from .revolution_mesh import go_down, is_convex, is_due
 
-_STEPS, _LOOK = 48, 2
+_STEPS = 48
 """Steps of a search that looking for a ball takes as long as, but for what improving the nearest
-points takes; and those of a look at a rectangle of a piece."""
+points and looks at the surface take."""
 
 _LARGE, _MORE = 4.0, 2e-4
 """How large a ball is at the most, as a share of the spheres around both models; and how much
@@ -50,87 +46,8 @@ _LATER, _LEAST = 4, 8
 """How many times as many pairs are compared until the next ball is looked for; and how many at the
 least."""
 
-_TURNS, _FEW_TURNS, _NEAR_STEPS = 10, 5, 32
-"""Times that the nearest points are improved first, at the most, and where it is soon; and steps of
-each search for a near triangle."""
-
-_LITTLE = 1e-6
-"""Share of the distance, or of its square, less than which ends the turns."""
-
-
-@inlined
-def _reach(tree):
-    return tree.centres[0, 3] * tree.scale[0]
-
-
-@kernel
-def _nearest_points(state, flip):
-    """The elements and weights of the nearest points known: the surface's first, then the mesh's.
-
-    `flip` says that the surface is b.
-    """
-    progress = state.progress[0]
-    a, wa = progress.element_a, vector(progress.weights_a)
-    b, wb = progress.element_b, vector(progress.weights_b)
-    return (b, wb, a, wa) if flip else (a, wa, b, wb)
-
-
-@kernel
-def _improve(tree_a, tree_b, state, surface, mesh, flip, turns):
-    """Move the nearest points known to where the models are nearest near by, in so many turns.
-
-    Returns whether they are there, and the steps.
-
-    In turns: the point of the surface nearest to the mesh's point, the triangle nearest to that,
-    and Newton's method between both. Between models that are near each other for their size such
-    projections go in small steps. So they are made from a place behind the mesh's point: from the
-    middle of a ball, all of its surface is as near. Where that leads nowhere, from the point.
-    """
-    progress = state.progress[0]
-    to_surface, to_mesh = state.motions[1 if flip else 0], state.motions[0 if flip else 1]
-    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
-    found, slack = on_stack(WIDTH, np.float32(0.0)), progress.bound_slack
-    behind, steps, cost, surely = _reach(mesh), 0, 0, False
-    for _ in range(turns):
-        before = progress.distance
-        s, ws, t, wt = _nearest_points(state, flip)
-        p = stubs.witness(surface, s, ws)
-        q = moved(to_surface, stubs.witness(mesh, t, wt))
-        place = along(q, sub(q, p), behind / before)
-        if surely:
-            other, u, v, looks = nearest_on(surface, s, ws[0], ws[1], place)
-            from_s = (u, v, 0.0)
-            cost += looks
-        else:
-            other, from_s = near(surface, place, s, ws, _NEAR_STEPS, slack, stack, bounds, found)
-            steps += _NEAR_STEPS
-        new = stubs.witness(surface, other, from_s)
-        last, from_t = near(
-            mesh, moved(to_mesh, new), t, wt, _NEAR_STEPS, slack, stack, bounds, found
-        )
-        steps += _NEAR_STEPS
-        way = sub(new, p)
-        little = dot(way, way) < _LITTLE * before * before
-        if little and other == s and last == t:
-            if surely:
-                return True, steps + _LOOK * cost
-            surely = True
-            continue
-        if flip:
-            measure_near(tree_a, tree_b, state, last, from_t, other, from_s, MOST)
-        else:
-            measure_near(tree_a, tree_b, state, other, from_s, last, from_t, MOST)
-        steps += MINIMUM_STEPS
-        if not progress.distance > progress.slack or cost >= LOOKS:
-            break
-        if not progress.distance < before * (1.0 - _LITTLE):
-            if not surely:
-                surely = True
-            elif little or behind == 0.0:
-                return True, steps + _LOOK * cost
-            else:
-                behind = 0.0
-    return False, steps + _LOOK * cost
+_TURNS, _FEW_TURNS = 10, 5
+"""Times that the nearest points are improved first, at the most, and where it is soon."""
 
 
 @kernel
@@ -153,15 +70,15 @@ def _find(tree_a, tree_b, state, surface, mesh, flip, soon):
         progress.due = max(_LATER * progress.compared, _LEAST)
     if not (progress.slack < progress.distance < ball[5] and size > 0.0):
         return 0
-    found, steps = _improve(
+    found, steps = improve(
         tree_a, tree_b, state, surface, mesh, flip, _FEW_TURNS if soon else _TURNS
     )
     distance = progress.distance
     if not distance > progress.slack or (soon and not found):
         return steps
-    s, ws, _, _ = _nearest_points(state, flip)
+    s, ws, _, _ = nearest_points(state, flip)
     n = scaled(vector(progress.normal_b), -1.0) if flip else vector(progress.normal_a)
-    reach = _reach(surface) + _reach(mesh)
+    reach = reach_of(surface) + reach_of(mesh)
     middle = scaled(row(mesh.centres, 0), mesh.scale[0])
     middle = moved(state.motions[1 if flip else 0], middle)
     c, own, others, cost = empty_ball(
@@ -171,7 +88,7 @@ def _find(tree_a, tree_b, state, surface, mesh, flip, soon):
     ball[0], ball[1], ball[2] = moved(state.motions[0 if flip else 1], c)
     ball[3], ball[4], ball[5] = own - error, others - error, distance
     progress.leaning, progress.support = s, support_of(surface, s, ws[0], ws[1], n)
-    return steps + _STEPS + _LOOK * cost
+    return steps + _STEPS + LOOK * cost
 
 
 @inlined
@@ -187,9 +104,11 @@ def _is_soon(progress):
 @kernel
 def _look(tree_a, tree_b, state, surface, mesh, flip):
     """Lay a plane between the nearest points, which are improved first; returns the steps taken."""
-    steps = 0
-    if not is_convex(surface) and state.progress[0].laid == np.inf:
-        _, steps = _improve(tree_a, tree_b, state, surface, mesh, flip, _FEW_TURNS)
+    progress, steps = state.progress[0], 0
+    if not is_convex(surface) and progress.laid == np.inf:
+        _, steps = improve(tree_a, tree_b, state, surface, mesh, flip, _FEW_TURNS)
+        if not progress.distance > progress.slack:
+            return steps
     return steps + go_down(tree_a, tree_b, state, surface, mesh, flip, False)
 
 

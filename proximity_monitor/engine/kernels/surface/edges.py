@@ -13,7 +13,7 @@ import numpy as np
 from ..base.jit import entry, inlined, kernel
 from ..base.memory import on_stack, table_on_stack
 from ..base.state import NONE
-from ..base.vectors import add, along, cross, dot, scaled, sub, unit
+from ..base.vectors import across, add, along, cross, dot, scaled, sub, unit
 from .edge_bend import find_bends
 from .evaluate import jet_at, point_at
 from .trim import from_unit
@@ -97,6 +97,16 @@ def jet_on(tree, element, u, v):
     second = along(along(along(second, s_vv, dv * dv), s_u, bend_u), s_v, bend_v)
     none = (0.0, 0.0, 0.0)
     return point, first, none, second, none, none
+
+
+@kernel
+def normal_on(tree, element, u, v):
+    """A surface's unit normal at a point of an element; zero where it has none, as on an edge."""
+    piece = tree.pieces[element]
+    if piece.edge != NONE:
+        return (0.0, 0.0, 0.0)
+    _, du, dv, _, _, _ = jet_at(piece, tree.nets, u, v)
+    return across(du, dv)
 
 
 @kernel

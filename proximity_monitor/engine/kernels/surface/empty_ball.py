@@ -23,13 +23,13 @@ from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.rounding import RESOLUTION
 from ..base.state import NONE
-from ..base.vectors import along, cross, dot, norm, scaled, sub
+from ..base.vectors import along, dot, norm, scaled, sub
 from ..elements.errors import points_err
 from ..inside import visit
 from ..inside.nearest import point_gaps
 from ..inside.visit import ROOM, TO_THE_END, at_root, descend
 from ..tree.layout import WIDTH
-from .edges import point_on
+from .edges import normal_on, point_on
 from .evaluate import jet_at
 from .foot import RECTANGLES, bounded, enough, look_at_whole, unlooked
 from .parts import margin_of, take_whole
@@ -194,16 +194,9 @@ def nearest_on(tree, element, u, v, place):
 @kernel
 def _normal_at(tree, element, u, v, n):
     """The surface's normal at one of its points, on the side of n, where it is about along that."""
-    piece = tree.pieces[element]
-    if piece.edge != NONE or piece.degree_v == 0:
-        return n
-    _, du, dv, _, _, _ = jet_at(piece, tree.nets, u, v)
-    way = cross(du, dv)
-    length = norm(way)
-    if not length > 0.0:
-        return n
-    cosine = dot(way, n) / length
-    return scaled(way, np.copysign(1.0 / length, cosine)) if abs(cosine) > _ALONG else n
+    own = normal_on(tree, element, u, v)
+    cosine = dot(own, n)
+    return scaled(own, np.copysign(1.0, cosine)) if abs(cosine) > _ALONG else n
 
 
 @kernel

@@ -1,0 +1,154 @@
+"""Nearest points of a surface and a mesh, moved in turns to where the models are nearest near by.
+
+A turn is a place where the surface's point should be, the point of the surface nearest to that, the
+triangle nearest to this one, and Newton's method between both. Projections from one model onto the
+other alone go in small steps between models that are near each other for their size. So where the
+mesh faces the surface, the place is behind the mesh's point: from the middle of a ball, all of its
+surface is as near. Where the two cross near by, it is on the line in which the planes that touch
+them meet. Nothing is proven by any of this.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.jit import inlined, kernel
+from ..base.memory import on_stack
+from ..base.vectors import across, along, dot, moved, norm, rotated, sub
+from ..elements.primitives import corners
+from ..inside.visit import ROOM
+from ..search import stubs
+from ..surface.edges import normal_on
+from ..surface.empty_ball import LOOKS, nearest_on
+from ..surface.facing import vector
+from ..surface.measure import MINIMUM_STEPS, measure_near
+from ..surface.newton import MOST
+from ..surface.sides import near
+from ..tree.layout import WIDTH
+
+LOOK = 2
+"""Steps of a search that a look at a rectangle of a piece takes as long as."""
+
+_STEPS = 32
+"""Steps of each search for a near piece or triangle."""
+
+_LITTLE = 1e-6
+"""Share of the distance, or of its square, less than which ends the turns."""
+
+_AWAY = 0.25
+"""How far a point may go to where the models seem to cross, as a share of the smaller one."""
+
+_PARALLEL = 1e-3
+"""Square of the sine of the angle between normals from which on planes meet in a line."""
+
+_GAIN, _SHORTER = 0.9, 0.25
+"""Share of the distance that such a step may leave, or the next one is as much shorter."""
+
+
+@inlined
+def reach_of(tree):
+    """The radius of a sphere around a model, metres."""
+    return tree.centres[0, 3] * tree.scale[0]
+
+
+@kernel
+def nearest_points(state, flip):
+    """The elements and weights of the nearest points known: the surface's first, then the mesh's.
+
+    `flip` says that the surface is b.
+    """
+    progress = state.progress[0]
+    a, wa = progress.element_a, vector(progress.weights_a)
+    b, wb = progress.element_b, vector(progress.weights_b)
+    return (b, wb, a, wa) if flip else (a, wa, b, wb)
+
+
+@inlined
+def _normal_of(mesh, t, motion):
+    """The unit normal of a triangle, turned; zero where it has none."""
+    a, b, c = corners(mesh.triangles, t)
+    return rotated(motion, across(sub(b, a), sub(c, a)))
+
+
+@kernel
+def _aim(p, n, q, m, behind, far):
+    """Where to look for a nearer point of a surface than p, when the mesh's is q.
+
+    `n` and `m` are the normals there. Where the models may cross no farther off than `far`, it is
+    on the line in which the planes meet; otherwise so far `behind` q, if that faces p, or q itself.
+    A mesh faces what is on its outer side. Where nothing was found from behind, the outer side of
+    the surface counts as well, and where they do not face each other they cross somewhere: then the
+    place is on the way to that line. Models without such sides only take longer.
+
+    Returns also how far from p it is, where they may cross; infinity elsewhere.
+    """
+    way = sub(q, p)
+    apart = norm(way)
+    cosine, height = dot(n, m), dot(m, way)
+    faces = height <= 0.0 and (cosine <= 0.0 or behind > 0.0)
+    squared = dot(n, n) - cosine * cosine
+    away = abs(height) / np.sqrt(squared) if squared > _PARALLEL else np.inf
+    if away < far or (not faces and apart < far and away < np.inf):
+        share = height / squared
+        if away > far:
+            share, away = share * (far / away), far
+        return along(along(p, m, share), n, -cosine * share), away
+    return (along(q, way, behind / apart) if faces else q), np.inf
+
+
+@kernel
+def improve(tree_a, tree_b, state, surface, mesh, flip, turns):
+    """Move the nearest points known to where the models are nearest near by, in so many turns.
+
+    Returns whether they are there, and the steps. They are where a search of all the surface finds
+    none nearer to the place, nor one of the mesh a nearer triangle.
+    """
+    progress = state.progress[0]
+    to_surface, to_mesh = state.motions[1 if flip else 0], state.motions[0 if flip else 1]
+    stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
+    found, slack = on_stack(WIDTH, np.float32(0.0)), progress.bound_slack
+    behind, far = reach_of(mesh), _AWAY * min(reach_of(mesh), reach_of(surface))
+    steps, cost, surely = 0, 0, False
+    for _ in range(turns):
+        before = progress.distance
+        s, ws, t, wt = nearest_points(state, flip)
+        p = stubs.witness(surface, s, ws)
+        q = moved(to_surface, stubs.witness(mesh, t, wt))
+        n, m = normal_on(surface, s, ws[0], ws[1]), _normal_of(mesh, t, to_surface)
+        place, away = _aim(p, n, q, m, behind, far)
+        crosses = away < np.inf
+        if surely and not crosses:
+            other, u, v, looks = nearest_on(surface, s, ws[0], ws[1], place)
+            from_s = (u, v, 0.0)
+            cost += looks
+        else:
+            other, from_s = near(surface, place, s, ws, _STEPS, slack, stack, bounds, found)
+            steps += _STEPS
+        new = stubs.witness(surface, other, from_s)
+        last, from_t = near(mesh, moved(to_mesh, new), t, wt, _STEPS, slack, stack, bounds, found)
+        steps += _STEPS
+        way = sub(new, p)
+        little = dot(way, way) < _LITTLE * before * before
+        if little and other == s and last == t and not crosses:
+            if surely:
+                return True, steps + LOOK * cost
+            surely = True
+            continue
+        if flip:
+            measure_near(tree_a, tree_b, state, last, from_t, other, from_s, MOST)
+        else:
+            measure_near(tree_a, tree_b, state, other, from_s, last, from_t, MOST)
+        steps += MINIMUM_STEPS
+        if not progress.distance > progress.slack or cost >= LOOKS:
+            break
+        if crosses:
+            if progress.distance > _GAIN * before:
+                far = _SHORTER * away
+        elif not progress.distance < before * (1.0 - _LITTLE):
+            if behind > 0.0:
+                behind = 0.0
+            elif not surely:
+                surely, behind = True, reach_of(mesh)
+            elif little:
+                return True, steps + LOOK * cost
+    return False, steps + LOOK * cost
