@@ -18,7 +18,7 @@ from ..base.jit import inlined, kernel
 from ..base.state import NONE
 from .coaxial import ALIKE, begin_about_axis, bends_about_axis
 from .newton import turned
-from .reach import bulge, reach_in
+from .reach import bulge, coarse_in, reach_in
 
 _SWEEPS = 2
 """Sweeps of coordinate descent: see `facing`."""
@@ -49,9 +49,9 @@ def to_b(motion, v):
 def begin_of(tree_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
     """Where b begins along a normal of a's plane, at that azimuth; metres.
 
-    Of b what lies under an arc, by arcs of errors below `fine` metres. What is left of that beyond
-    what a reaches, `reach_of`, is a gap between both. Where it begins beyond what is wanted, that
-    is the answer.
+    Of b what lies under an arc, by arcs of errors below `fine` metres; how wide it is, which counts
+    little, is known well enough without. What is left of that beyond what a reaches, `reach_of`, is
+    a gap between both. Where it begins beyond what is wanted, that is the answer.
     """
     n, m = normal
     found = -np.inf
@@ -64,12 +64,12 @@ def begin_of(tree_b, own_b, b, fine, sector, motion, normal, azimuth, wanted):
     if n < 0.0:
         v = to_b(motion, (-y, x, 0.0))
         offset = x * motion[10] - y * motion[9]
-        beside = reach_in(tree_b, own_b, b, fine, sector, v, -np.inf) + offset
-        less = reach_in(tree_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
+        beside = coarse_in(tree_b, own_b, b, sector, v) + offset
+        less = coarse_in(tree_b, own_b, b, sector, (-v[0], -v[1], -v[2]))
         beside = max(abs(beside), abs(offset - less))
         v = to_b(motion, (x, y, 0.0))
         near = x * motion[9] + y * motion[10]
-        near -= reach_in(tree_b, own_b, b, fine, sector, (-v[0], -v[1], -v[2]), -np.inf)
+        near -= coarse_in(tree_b, own_b, b, sector, (-v[0], -v[1], -v[2]))
         if near > 0.0:
             begin += n * min(beside, beside * beside / (2.0 * near))
         else:

@@ -60,6 +60,31 @@ def measure_rings(tree_a, tree_b, state, motion, a, b, s, t, angle):
 
 
 @kernel
+def _take_plane(tree_a, state, p):
+    """Keep along which direction of a's plane the nearest points are apart; p is that of a."""
+    progress = state.progress[0]
+    f, n = tree_a.frame, progress.normal_a
+    p = sub(p, (f[3, 0], f[3, 1], f[3, 2]))
+    x = f[0, 0] * p[0] + f[0, 1] * p[1] + f[0, 2] * p[2]
+    y = f[1, 0] * p[0] + f[1, 1] * p[1] + f[1, 2] * p[2]
+    nx = f[0, 0] * n[0] + f[0, 1] * n[1] + f[0, 2] * n[2]
+    ny = f[1, 0] * n[0] + f[1, 1] * n[1] + f[1, 2] * n[2]
+    nz = f[2, 0] * n[0] + f[2, 1] * n[1] + f[2, 2] * n[2]
+    far = np.sqrt(x * x + y * y)
+    if far > 0.0:
+        x, y = x / far, y / far
+    else:
+        x, y = 1.0, 0.0
+    across = nx * x + ny * y
+    length = np.sqrt(across * across + nz * nz)
+    if length > 0.0:
+        progress.along[0], progress.along[1] = across / length, nz / length
+    else:
+        progress.along[0], progress.along[1] = 1.0, 0.0
+    progress.along[2], progress.along[3] = x, y
+
+
+@kernel
 def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
     """Keep two points where they are nearer than those before, as points of their patches."""
     element_b, wb = place_of(tree_b, b, t, angle)
@@ -70,7 +95,7 @@ def _keep_points(tree_a, tree_b, state, motion, a, b, s, t, angle):
     way = sub(moved(state.motions[0], q), p)
     if norm(way) < state.progress[0].distance:
         keep(state, norm(way), element_a, element_b, wa, wb, way)
-        take_plane(tree_a, state)
+        _take_plane(tree_a, state, p)
 
 
 @inlined
@@ -103,6 +128,7 @@ def keep_same(tree_a, tree_b, state):
     p, q = point_on(tree_a, a, wa[0], wa[1]), point_on(tree_b, b, wb[0], wb[1])
     way = sub(moved(state.motions[0], q), p)
     keep(state, norm(way), a, b, wa, wb, way)
+    _take_plane(tree_a, state, p)
 
 
 @kernel
@@ -125,29 +151,3 @@ def look_around(tree_a, tree_b, state):
     at_a, at_b = tree_a.samples[i, 2], tree_b.samples[j, 2]
     a, b = np.int64(at_a), np.int64(at_b)
     measure_rings(tree_a, tree_b, state, motion, a, b, at_a - a, at_b - b, angle)
-
-
-@kernel
-def take_plane(tree_a, state):
-    """Keep along which direction of a's plane the nearest points are apart."""
-    progress = state.progress[0]
-    f, n = tree_a.frame, progress.normal_a
-    p = point_on(tree_a, progress.element_a, progress.weights_a[0], progress.weights_a[1])
-    p = sub(p, (f[3, 0], f[3, 1], f[3, 2]))
-    x = f[0, 0] * p[0] + f[0, 1] * p[1] + f[0, 2] * p[2]
-    y = f[1, 0] * p[0] + f[1, 1] * p[1] + f[1, 2] * p[2]
-    nx = f[0, 0] * n[0] + f[0, 1] * n[1] + f[0, 2] * n[2]
-    ny = f[1, 0] * n[0] + f[1, 1] * n[1] + f[1, 2] * n[2]
-    nz = f[2, 0] * n[0] + f[2, 1] * n[1] + f[2, 2] * n[2]
-    far = np.sqrt(x * x + y * y)
-    if far > 0.0:
-        x, y = x / far, y / far
-    else:
-        x, y = 1.0, 0.0
-    across = nx * x + ny * y
-    length = np.sqrt(across * across + nz * nz)
-    if length > 0.0:
-        progress.along[0], progress.along[1] = across / length, nz / length
-    else:
-        progress.along[0], progress.along[1] = 1.0, 0.0
-    progress.along[2], progress.along[3] = x, y

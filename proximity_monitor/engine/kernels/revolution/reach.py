@@ -148,6 +148,14 @@ def reach_in(tree, own, i, fine, sector, v, floor):
     return reach_of(tree, own, i, fine, most_in(sector, v[0], v[1]), v[2], floor)
 
 
+@inlined
+def coarse_in(tree, own, i, sector, v):
+    """The same, without a look into arcs: it may be somewhat more."""
+    x = most_in(sector, v[0], v[1])
+    place, size = _around(x, v[2])
+    return _coarse(tree.arcs, own, tree.reaches, i, x, v[2], place, size)
+
+
 @allocating_entry
 def take_reaches(arcs, size):
     """What the largest parts of a profile reach along vectors around the square, from their middle.

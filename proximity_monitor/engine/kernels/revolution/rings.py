@@ -21,7 +21,7 @@ from .bound import bends, facing, half_of, sector_of
 from .bounded import MINIMUM_STEPS, halves_of, part_off, prove
 from .front import begin_front, end_front, keep_ring
 from .heap import drop_ring
-from .minima import SMALL, find_minimum, measure_rings, nearest_minimum, relative, take_plane
+from .minima import SMALL, find_minimum, measure_rings, nearest_minimum, relative
 from .reach import arc_at
 
 _SHORT = 1e-13
@@ -131,7 +131,6 @@ def search_rings(tree_a, tree_b, state):
     progress.open, progress.waiting = 0, 0
     motion = on_stack(12, 0.0)
     relative(tree_a, tree_b, state.motions[0], motion)
-    take_plane(tree_a, state)
     waiting, steps = state.waiting, progress.steps
     code = ENDED
     while progress.rings > 0 and not _is_enough(progress):
