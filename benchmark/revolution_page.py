@@ -119,6 +119,11 @@ def _finish(figure: plt.Figure, path: Path) -> None:
     plt.close(figure)
 
 
+def _put_legend(axes: plt.Axes, columns: int) -> None:
+    """Above the bars, as there are some everywhere below."""
+    axes.legend(fontsize=7, ncols=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+
+
 def _draw_build(built: dict, path: Path) -> None:
     figure, axes = plt.subplots(figsize=(7.0, 3.2))
     places, width = _groups(len(SOLIDS), len(built))
@@ -128,7 +133,7 @@ def _draw_build(built: dict, path: Path) -> None:
         )
     axes.set_xticks(places, SOLIDS)
     axes.set_ylabel("build, ms")
-    axes.legend()
+    _put_legend(axes, len(built))
     _finish(figure, path)
 
 
@@ -145,7 +150,7 @@ def _draw_pairs(bars: dict, path: Path) -> None:
         axes.set_title(f"{precision:g} m", fontsize=9)
         axes.set_ylabel("us")
         axes.set_xticks(places, names, fontsize=7)
-    figure.axes[0].legend(fontsize=7, ncols=len(kinds), loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    _put_legend(figure.axes[0], len(kinds))
     _finish(figure, path)
 
 
@@ -159,5 +164,5 @@ def _draw_morphing(morphed: dict, path: Path) -> None:
         axes.bar(at, ask, width, bottom=deform, color=f"C{k}", label=f"question, {precision:g} m")
     axes.set_xticks(places, SOLIDS)
     axes.set_ylabel("ms a frame")
-    axes.legend(fontsize=7)
+    _put_legend(axes, len(morphed))
     _finish(figure, path)

@@ -50,7 +50,6 @@ MANY = 10
 """From this number of moving bodies on, one message carries all poses: a process takes in some
 3,000 messages a second, whatever is in them."""
 
-
 FIRST_S = 20.0
 """For how many seconds a demo that is to end by itself waits for its first picture."""
 
@@ -135,8 +134,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         monitor, player = nodes
         view = _view(picture, console, stack)
         started, allowed = time.monotonic(), math.inf if seconds is None else seconds
-        watched: float | None = None
-        """When the first picture was there."""
+        watched: float | None = None  # since when there is a picture
         ended = played = False
 
         def over() -> bool:

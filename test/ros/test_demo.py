@@ -54,6 +54,23 @@ SliderCrank.poses = fail
 sys.exit(demo.run(sys.argv[1], seconds=20.0, page=False))
 """
 
+LATE = """
+import sys
+import time
+from proximity_monitor.ros import demo
+
+take, first = demo.View._take, None
+
+def late(self, message):
+    global first
+    first = time.monotonic() if first is None else first
+    if time.monotonic() - first > 2.5:
+        take(self, message)
+
+demo.View._take = late
+sys.exit(demo.run(sys.argv[1], seconds=1.5, page=False))
+"""
+
 
 @pytest.fixture
 def environment(ros_environment):
@@ -89,6 +106,19 @@ def test_the_demo_prints_what_the_monitor_publishes_and_ends_by_itself(command, 
     summary = run.stdout.partition("Smallest clearance")[2].splitlines()
     (least,) = [float(line.split()[-2]) for line in summary if line.startswith("  wall - slide:")]
     assert 10.0 - 1e-3 <= least < 11.0  # a busy machine misses the very moment
+
+
+def test_its_seconds_begin_with_the_first_picture(command, environment):
+    """Results come later than its seconds would be over."""
+    run = subprocess.run(
+        [sys.executable, "-c", LATE, command[-1]],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=START_DEADLINE_S,
+    )
+    assert run.returncode == 0, run.stderr
+    assert "wall - slide" in run.stdout.partition("Smallest clearance")[0]
 
 
 def test_many_bodies_without_thresholds_are_played_in_bulk_and_the_nearest_listed(

@@ -24,7 +24,7 @@ from ..surface.reach import support_of
 from ..tree.layout import WIDTH, row
 from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
 from .beyond_plane import is_held_off
-from .mesh_nearer import LOOK, improve, nearest_points, reach_of
+from .mesh_nearer import LOOK, improve, nearest_points, radius_of
 from .revolution_mesh import go_down, is_convex, is_due
 
 _STEPS = 48
@@ -78,7 +78,7 @@ def _find(tree_a, tree_b, state, surface, mesh, flip, soon):
         return steps
     s, ws, _, _ = nearest_points(state, flip)
     n = scaled(vector(progress.normal_b), -1.0) if flip else vector(progress.normal_a)
-    reach = reach_of(surface) + reach_of(mesh)
+    reach = radius_of(surface) + radius_of(mesh)
     middle = scaled(row(mesh.centres, 0), mesh.scale[0])
     middle = moved(state.motions[1 if flip else 0], middle)
     c, own, others, cost = empty_ball(

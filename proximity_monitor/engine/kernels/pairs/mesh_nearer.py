@@ -46,7 +46,7 @@ _GAIN, _SHORTER = 0.9, 0.25
 
 
 @inlined
-def reach_of(tree):
+def radius_of(tree):
     """The radius of a sphere around a model, metres."""
     return tree.centres[0, 3] * tree.scale[0]
 
@@ -107,7 +107,7 @@ def improve(tree_a, tree_b, state, surface, mesh, flip, turns):
     to_surface, to_mesh = state.motions[1 if flip else 0], state.motions[0 if flip else 1]
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found, slack = on_stack(WIDTH, np.float32(0.0)), progress.bound_slack
-    behind, far = reach_of(mesh), _AWAY * min(reach_of(mesh), reach_of(surface))
+    behind, far = radius_of(mesh), _AWAY * min(radius_of(mesh), radius_of(surface))
     steps, cost, surely = 0, 0, False
     for _ in range(turns):
         before = progress.distance
@@ -148,7 +148,7 @@ def improve(tree_a, tree_b, state, surface, mesh, flip, turns):
             if behind > 0.0:
                 behind = 0.0
             elif not surely:
-                surely, behind = True, reach_of(mesh)
+                surely, behind = True, radius_of(mesh)
             elif little:
                 return True, steps + LOOK * cost
     return False, steps + LOOK * cost
