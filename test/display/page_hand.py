@@ -16,14 +16,21 @@ NO_NOTES = """addEventListener('DOMContentLoaded', () => {
   style.textContent = '.mantine-Notification-root { display: none }';
   document.head.append(style);
 })"""
-# Pictures are made ten times a second: each costs a machine without a graphics card as much as all
-# that is looked at besides, and nobody sees those in between.
+# Pictures are made ten times a second, and where one takes long, for a third of the time: each costs
+# a machine without a graphics card as much as all that is looked at besides, and nobody sees those
+# in between.
 SELDOM = """(() => {
   const frame = requestAnimationFrame.bind(window), waiting = new Map();
-  let made = 0;
+  let made = 0, took = 0;
   window.requestAnimationFrame = draw => {
     const i = ++made;
-    waiting.set(i, setTimeout(() => { waiting.delete(i); frame(draw); }, 80));
+    const drawn = moment => {
+      const begun = performance.now();
+      setTimeout(() => { took = performance.now() - begun; });  // once the picture is there
+      draw(moment);
+    };
+    const due = () => { waiting.delete(i); frame(drawn); };
+    waiting.set(i, setTimeout(due, Math.max(80, 2 * took)));
     return i;
   };
   window.cancelAnimationFrame = i => { clearTimeout(waiting.get(i)); waiting.delete(i); };
