@@ -21,12 +21,12 @@ _SIDE = (VECTORS - 1) // 4
 _PARTS = 64
 """Parts of a profile of which they are kept, at most: all its pieces, if these are about 30."""
 
-_ROUNDING = 512.0 * DOUBLE_EPS
+_ROUNDING = 128.0 * DOUBLE_EPS
 """What rounding does to an interpolated reach, as a share of the largest coordinate P.
 
 The place around the square errs by less than 12 u of a vector of length 1, and what a part reaches
-from its middle changes by less than 3 P times that. Both products with the middle, what is kept and
-the sums err by less than 32 u P, and by 8 u P for each part that this one is a part of.
+changes by less than 3 P times that. What is kept errs by less than 32 u P, and the interpolation by
+less than 16 u P.
 """
 
 _STACK = 128
@@ -36,7 +36,8 @@ _STACK = 128
 @inlined
 def arc_at(arcs, own, i):
     """An arc of a tree, or one of those that follow it."""
-    return arcs[i] if i < len(arcs) else own[i - len(arcs)]
+    # Unsigned, here and below: numba looks at each access whether an index is negative.
+    return arcs[np.uint64(i)] if i < len(arcs) else own[np.uint64(i - len(arcs))]
 
 
 @inlined
@@ -82,19 +83,14 @@ def _coarse(arcs, own, reaches, i, x, z, place, size):
     """What is known of a part's reach without looking into it; place and size as of `_around`."""
     if i >= len(reaches):
         return _reach(arc_at(arcs, own, i), x, z)
-    row, k = reaches[i], min(np.int64(place), np.int64(4 * _SIDE - 1))
-    share = place - k
-    middle = arcs[i].middle
-    between = row[k] + share * (row[k + 1] - row[k])
-    return x * middle[0] + z * middle[1] + size * between
+    row, k = reaches[np.uint64(i)], min(np.int64(place), np.int64(4 * _SIDE - 1))
+    share, k = place - k, np.uint64(k)
+    return size * (row[k] + share * (row[k + np.uint64(1)] - row[k]))
 
 
 @kernel
-def _reach_of(arcs, own, reaches, i, fine, x, z, floor):
-    place, size = _around(x, z)
-    here = _coarse(arcs, own, reaches, i, x, z, place, size)
-    if here <= floor:
-        return floor
+def _look_into(arcs, own, reaches, i, fine, x, z, place, size, here, floor):
+    """See `reach_of`, where more than the floor, `here`, is known of the part without its arcs."""
     stack, values = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
     top, best = 1, floor
     stack[0], values[0] = i, here
@@ -117,6 +113,15 @@ def _reach_of(arcs, own, reaches, i, fine, x, z, floor):
         stack[top + 1], values[top + 1] = other, second
         top += 2
     return best
+
+
+@inlined
+def _reach_of(arcs, own, reaches, i, fine, x, z, floor):
+    place, size = _around(x, z)
+    here = _coarse(arcs, own, reaches, i, x, z, place, size)
+    if here <= floor:
+        return floor
+    return _look_into(arcs, own, reaches, i, fine, x, z, place, size, here, floor)
 
 
 @inlined
@@ -158,7 +163,7 @@ def coarse_in(tree, own, i, sector, v):
 
 @allocating_entry
 def take_reaches(arcs, size):
-    """What the largest parts of a profile reach along vectors around the square, from their middle.
+    """What the largest parts of a profile reach along vectors around the square.
 
     Args:
         arcs: (k,) ARC, the tree around all.
@@ -171,21 +176,13 @@ def take_reaches(arcs, size):
     count = min(len(arcs), _PARTS - 1)
     made, none = np.empty((count, VECTORS)), np.empty((0, VECTORS))
     for i in range(count - 1, -1, -1):
-        child, middle = np.int64(arcs[i].child), arcs[i].middle
+        child = np.int64(arcs[i].child)
         for k in range(VECTORS):
+            if NONE < child < count:
+                made[i, k] = max(made[child, k], made[child + 1, k])
+                continue
             x = abs(2 * _SIDE - k) / _SIDE - 1.0
             z = (1.0 - abs(x)) if k <= 2 * _SIDE else abs(x) - 1.0
-            from_middle = x * middle[0] + z * middle[1]
-            if NONE < child < count:
-                one, other = arcs[child].middle, arcs[child + 1].middle
-                made[i, k] = (
-                    max(
-                        made[child, k] + (x * one[0] + z * one[1]),
-                        made[child + 1, k] + (x * other[0] + z * other[1]),
-                    )
-                    - from_middle
-                )
-            else:
-                reach = _reach_of(arcs, arcs[:0], none, i, 0.0, x, z, -np.inf)
-                made[i, k] = reach - from_middle + _ROUNDING * size
+            reach = _reach_of(arcs, arcs[:0], none, i, 0.0, x, z, -np.inf)
+            made[i, k] = reach + _ROUNDING * size
     return made
