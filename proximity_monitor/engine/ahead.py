@@ -58,30 +58,26 @@ def _watching() -> Iterator[Kernel]:
     yield solids.part_volumes, (_frozen(rows), 0.0, lanes, lanes)
 
 
-def _searches(*searches: Any) -> Callable[[], Iterator[Kernel]]:
-    """Searches of models with elements that are divided, each with the part that it needs late."""
+def _search(part: Any, search: Any) -> Callable[[], Iterator[Kernel]]:
+    """A search of models with elements that are divided, and the part that it needs late."""
 
     def kernels() -> Iterator[Kernel]:
         rows, table = np.empty((0, 4)), np.empty((2, 0), np.int64)
-        for part, _ in searches:
-            yield part, (np.empty((2, 2, 0), np.int64), table)
+        yield part, (np.empty((2, 2, 0), np.int64), table)
         asked = np.empty((0, 2, 0), np.int64), table, rows, rows, table, 0, 0, 1, 0, True
-        for _, search in searches:
-            yield search, (*asked, np.empty(0))
+        yield search, (*asked, np.empty(0))
 
     return kernels
 
 
-_OF_SURFACES = _searches((late.surfaces, surface_surface.search))
-_ACROSS = _searches(
-    (late.surface_mesh, surface_mesh.search), (late.mesh_surface, surface_mesh.search_turned)
-)
+_OF_SURFACES = _search(late.surfaces, surface_surface.search)
+_ACROSS = _search(late.surface_mesh, surface_mesh.search)
 
 FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
     ({"surface", "mesh"}, _ACROSS),
     ({"solid of revolution", "mesh"}, _ACROSS),
     ({"surface"}, _OF_SURFACES),
-    ({"solid of revolution"}, _searches((late.rings, revolution_revolution.search))),
+    ({"solid of revolution"}, _search(late.rings, revolution_revolution.search)),
     ({"mesh"}, _meshes),
     ({"mesh", ahead.WATCHING}, _watching),
 )

@@ -16,9 +16,9 @@ NO_NOTES = """addEventListener('DOMContentLoaded', () => {
   style.textContent = '.mantine-Notification-root { display: none }';
   document.head.append(style);
 })"""
-# Pictures are made ten times a second, and where one takes long, for a third of the time: each costs
-# a machine without a graphics card as much as all that is looked at besides, and nobody sees those
-# in between.
+# Pictures are made ten times a second, and where one takes long, for a third of the time: each
+# costs a machine without a graphics card as much as all that is looked at besides, and nobody sees
+# those in between.
 SELDOM = """(() => {
   const frame = requestAnimationFrame.bind(window), waiting = new Map();
   let made = 0, took = 0;

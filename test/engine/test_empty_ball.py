@@ -16,7 +16,7 @@ from proximity_monitor.study import shapes
 ball_of, support_of = from_python(empty_ball.empty_ball), from_python(reach.support_of)
 bend_towards = from_python(empty_ball._bend_towards)
 point_on, jet_at = from_python(edges.point_on), from_python(evaluate.jet_at)
-is_in_ball = from_python(mesh_in_ball._is_in_ball)
+is_in_ball = from_python(mesh_in_ball._has_in_ball)
 RING = engine.ParametricSurface(torus_patches())
 SURFACES = {"ring": RING, "bumps": engine.ParametricSurface([bumps(2)])}
 BALL = engine.TriangleMesh(*shapes.sphere(1.0))

@@ -42,7 +42,7 @@ class Met:
     """Rows of `State.collected`."""
     motions: NDArray[np.float64]
     progress: np.void
-    """`State.motions`, and how far the search was, as PROGRESS."""
+    """`Search.motions`, and how far the search was, as PROGRESS."""
 
     @property
     def poses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -92,6 +92,6 @@ def met(search: Search, pose_a: NDArray[np.float64]) -> Met:
         pose_a.copy(),
         search.answer,
         blocks,
-        search.state.motions.copy(),
+        search.motions.copy(),
         search.progress_now(),
     )

@@ -146,11 +146,10 @@ class Candidates:
             [side.own(triangles[:, k]), side.under(lanes[:, k])] for k, side in enumerate(sides)
         ]
         if self.cells is not None:
-            pairs = self.cells.pairs
-            pairs = pairs[pairs["bound"] <= reach]
-            lower.append(pairs["bound"])
-            for side, own, which in zip(sides, ranges, "ab", strict=True):
-                own.append(side.own(pairs[which]))
+            near = self.cells.bounds <= reach
+            lower.append(self.cells.bounds[near])
+            for side, own, parts in zip(sides, ranges, self.cells.pairs[near].T, strict=True):
+                own.append(side.own(parts))
         of_a, of_b = (np.concatenate(own) for own in ranges)
         upper = np.concatenate((distances, self._apart(of_a, of_b, len(triangles)))) + slack
         return Manifold(
@@ -198,6 +197,6 @@ def candidates(search: Search) -> Candidates:
         search.collected(),
         search.pending(),
         search.divided(),
-        search.state.motions[0].copy(),
+        search.motions[0].copy(),
         search.progress_now(),
     )

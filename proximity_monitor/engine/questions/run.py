@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.tables import state_table
-from ..kernels.pairs.entries import ENTRIES
+from ..kernels.pairs.entries import ENTRIES, is_turned
 from ..models.model import Model
 from ..poses import check_pose
 from .memory import give_back, take
@@ -68,14 +68,19 @@ def least(rows: NDArray[np.float64], slack: float) -> NDArray[np.float64]:
 class Cells(NamedTuple):
     """Pairs of parts of elements that may hold the minimum, and the parts."""
 
-    pairs: NDArray
-    """(k,) CELL_PAIR."""
+    bounds: NDArray[np.float64]
+    """(k,) metres; a lower bound of each pair's distance."""
+    pairs: NDArray[np.int32]
+    """(k, 2) a part of either model; of one without parts an element."""
     sides: tuple[NDArray, NDArray]
     """(m,) CELL of either model; none if its elements are not divided."""
 
 
 class Search:
     """The memory of a search over two models, and its last answers.
+
+    Of some kinds a kernel takes the second model for its first (see entries.py). Then its memory is
+    of b and a; its methods, and answers, are of a and b always.
 
     Kernels find that memory by its addresses. So a copy, pickled or not, is another search over the
     models; it begins with the nearest triangles of this one.
@@ -95,8 +100,8 @@ class Search:
     """
 
     __slots__ = (
-        "_blocks", "_collecting", "_elements", "_entry", "_known", "_own", "_wanted", "answer",
-        "kinds", "memory", "models", "order", "progress", "state",
+        "_blocks", "_collecting", "_elements", "_entry", "_known", "_own", "_turned", "_wanted",
+        "answer", "kinds", "memory", "models", "order", "progress", "state",
     )  # fmt: skip
 
     def __init__(
@@ -117,11 +122,13 @@ class Search:
         # What lists or compares elements takes solids of revolution for their patches.
         trees = type(a._hierarchy.tree), type(b._hierarchy.tree)
         self._elements = ENTRIES[trees][_ORDERS[order]]
-        self._own = own = take(SearchMemory, SearchKind.of(a, b, order, coherent, among))
+        self._turned = is_turned(*trees)
+        in_turn = (b, a) if self._turned else (a, b)
+        self._own = own = take(SearchMemory, SearchKind.of(*in_turn, order, coherent, among))
         self._wanted: tuple[float, ...] = ()  # the numbers of its query
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)
         self.progress, self.state, self.memory = own.progress, own.state, own.table
-        own.begin_at(nearest)
+        self.begin_at(nearest)
         self.answer = _NO_ANSWER  # (ANSWER,) the last one about a single pose
         self._blocks: list[NDArray[np.float64]] = []
         self._collecting = False
@@ -139,11 +146,20 @@ class Search:
     @property
     def nearest(self) -> tuple[int, int]:
         """The nearest triangles of the last answer, in tree order."""
-        return int(self.progress["element_a"]), int(self.progress["element_b"])
+        return self._as_asked(int(self.progress["element_a"]), int(self.progress["element_b"]))
 
     def begin_at(self, nearest: tuple[int, int]) -> None:
         """Let the next search begin at two elements, in tree order."""
-        self._own.begin_at(nearest)
+        self._own.begin_at(self._as_asked(*nearest))
+
+    @property
+    def motions(self) -> NDArray[np.float64]:
+        """(2, 12) the motion from b to a, and the one from a to b; see State."""
+        return self.state.motions[:: -1 if self._turned else 1]
+
+    def _as_asked(self, one: Any, other: Any) -> tuple[Any, Any]:
+        """Two things that a kernel has of its models, of a and b; or the other way round."""
+        return (other, one) if self._turned else (one, other)
 
     def __reduce__(self) -> tuple[type[Search], tuple[Any, ...]]:
         """Make another search that begins with the nearest triangles of this one."""
@@ -204,7 +220,7 @@ class Search:
             self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
         if fresh and self.order == "breadth_first":
             pairs, bounds, *_ = self.state.open
-            corners = a.spread_corners(), b.spread_corners()
+            corners = self._as_asked(a.spread_corners(), b.spread_corners())
             open_pairs = index.BreadthFirst(pairs, bounds, *corners)
             self._keep(self.state._replace(open=open_pairs))
         count = len(poses_a) // 4
@@ -289,7 +305,8 @@ class Search:
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
-        return *self._blocks, self.state.collected[: self.progress["collected"]]
+        blocks = *self._blocks, self.state.collected[: self.progress["collected"]]
+        return tuple(each[:, (1, 0, 2)] for each in blocks) if self._turned else blocks
 
     def divided(self) -> Cells | None:
         """The pairs of cells that may hold the minimum: a copy; None where nothing is divided."""
@@ -301,7 +318,8 @@ class Search:
         used = waiting.cells_a[: progress["cells_a"]], waiting.cells_b[: progress["cells_b"]]
         # As bytes: numpy copies records field by field, which takes ten times as long.
         a, b = (np.frombuffer(each.tobytes(), index.CELL) for each in used)
-        return Cells(np.frombuffer(heap.tobytes() + aside.tobytes(), index.CELL_PAIR), (a, b))
+        bounds, *sides = (np.concatenate((heap[k], aside[k])) for k in ("bound", "a", "b"))
+        return Cells(bounds, np.stack(self._as_asked(*sides), axis=1), self._as_asked(a, b))
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
@@ -311,7 +329,8 @@ class Search:
             where = np.arange(self.progress["base"], self.progress["open"]) % len(bounds)
         lanes, lower, *_ = self.state.waiting
         waiting = slice(self.progress["waiting"])
+        found = np.concatenate((pairs[where], lanes[waiting]))
         return (
-            np.concatenate((pairs[where], lanes[waiting])),
+            found[:, ::-1] if self._turned else found,
             np.concatenate((bounds[where], lower[waiting])),
         )

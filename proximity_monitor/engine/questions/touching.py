@@ -151,11 +151,11 @@ def _of_cells(search: Search) -> Pairs:
     cells = search.divided()
     if cells is None:
         return np.empty((0, 2), np.int64)
-    near = cells.pairs[cells.pairs["bound"] <= search.progress["limit"]]
+    near = cells.pairs[cells.bounds <= search.progress["limit"]]
     sides = []
-    for which, own, model in zip("ab", cells.sides, search.models, strict=True):
+    for parts, own, model in zip(near.T, cells.sides, search.models, strict=True):
         divided = isinstance(model._hierarchy.tree, SurfaceTree)
-        sides.append(own["element"][near[which]] if divided else near[which])
+        sides.append(own["element"][parts] if divided else parts)
     return np.stack(sides, axis=1).astype(np.int64)
 
 

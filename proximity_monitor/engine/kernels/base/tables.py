@@ -72,6 +72,9 @@ _OVER_PIECES = _SHARED | {
 }  # fmt: skip
 """What kernels take each array for: its type, and its columns; 0 for one dimension."""
 
+_PATCHES = len(_OVER_PIECES) - 1
+"""The last column, which tables of trees over triangles leave empty."""
+
 MODEL_COLUMNS = max(len(_OVER_TRIANGLES), len(_OVER_PIECES))
 """Columns of a model's table, whatever its kind, so that those of several make one array."""
 
@@ -115,6 +118,25 @@ def tree_at(kind, model):
 
     A label says what an element is called outside: of a triangle its face. Each kind implements it.
     """
+
+
+def is_tree_of(kind, model):
+    """Whether `tree_at` makes a tree of that type of a table; each kind implements it.
+
+    Only where models of two kinds may come in either order is it asked.
+    """
+
+
+@implements(is_tree_of, (MeshTree, BoxTree, RevolutionTree))
+@inlined
+def _is_any(kind, model):
+    return True
+
+
+@implements(is_tree_of, SurfaceTree)
+@inlined
+def _is_over_pieces(kind, model):
+    return model[0, _PATCHES] != 0
 
 
 @inlined

@@ -15,7 +15,7 @@ from ..base.lanes import lowest, not_above
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS, GAP_SHARE
 from ..base.tables import revolution_of
-from ..base.vectors import dot, scaled, turned_back
+from ..base.vectors import dot, turned_back
 from ..bounds.cross import along_node
 from ..elements.direction import begin_of
 from ..revolution.outline import outline_along
@@ -47,25 +47,18 @@ def _end_along(tree, n, element, u, v, most):
 
 
 @kernel
-def lay_plane(surface, mesh, state, flip):
+def lay_plane(surface, mesh, state):
     """Lay a plane against a surface, across the way between the nearest points.
 
-    `flip` says that the surface is b. Where the plane holds off all of the mesh, nothing is open
-    then. Returns the steps that this took.
+    Where it holds off all of the mesh, nothing is open then. Returns the steps that this took.
     """
     progress = state.progress[0]
-    plane = progress.plane
-    n, own = vector(progress.normal_b), vector(progress.normal_a)
-    if flip:
-        n, own = scaled(own, -1.0), scaled(n, -1.0)
+    plane, n = progress.plane, vector(progress.normal_b)
     plane[0], plane[1], plane[2] = n
     progress.laid = progress.distance
-    s, ws = progress.element_a, progress.weights_a
-    t = progress.element_b
-    if flip:
-        s, ws, t = progress.element_b, progress.weights_b, progress.element_a
+    s, ws, t = progress.element_a, progress.weights_a, progress.element_b
     most = progress.distance - progress.limit
-    end = _end_along(surface, own, s, ws[0], ws[1], most)
+    end = _end_along(surface, vector(progress.normal_a), s, ws[0], ws[1], most)
     plane[3] = end - progress.offset + GAP_SHARE * progress.slack
     if begin_of(n, mesh.triangles, t) - plane[3] < _CONVEX * progress.limit:
         plane[3] = np.inf  # the surface reaches farther elsewhere
@@ -83,8 +76,8 @@ def plane_across(solid, motion, normal, slack):
     `motion` leads from the mesh to the solid's frame. Returns what `progress.plane` begins with:
     a vector that is no longer than a unit, in the mesh's frame, and how far the solid reaches.
 
-    The products with the mesh's points err by 11.9 u of these, as those of b in GAP_SHARE, and the
-    mesh may be a: twice the slack holds 20 u of either.
+    The products with the mesh's points err by 11.9 u of these, as those of b in GAP_SHARE: twice
+    the slack holds 20 u of either.
     """
     f, share = solid.frame, 1.0 - 16.0 * DOUBLE_EPS
     x, y, z = share * normal[0], share * normal[1], share * normal[2]

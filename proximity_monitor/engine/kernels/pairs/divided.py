@@ -283,19 +283,6 @@ def _has_stayed(tree_a, tree_b, state):
 
 
 @inlined
-def _guess_from(middle, tree, other, motion, found):
-    """Elements of two models that may be near each other, and points of them.
-
-    MIDDLE is that of the other model, in the tree's frame; the motion leads into the other's.
-    """
-    # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
-    element, weights = begin_on(tree, walk(Point(middle, 0.0, 0.0), tree, found))
-    near_other = Point(moved(motion, stubs.witness(tree, element, weights)), 0.0, 0.0)
-    last, from_last = begin_on(other, walk(near_other, other, found))
-    return element, weights, last, from_last
-
-
-@inlined
 def _improve_guess(tree_a, tree_b, state, found):
     if not far_from_nearest(state.progress[0]):  # else that is what the search begins with
         _approach(tree_a, tree_b, state, _NEAR_STEPS, found)
@@ -309,25 +296,13 @@ def _guess(tree_a, tree_b, state):
         return
     if begin_below(tree_a, tree_b, state, True):
         return
+    # A surface may be hollow where its middle is, as a ring is: so it begins with the other's.
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
-    a, from_a, b, from_b = _guess_from(middle, tree_a, tree_b, state.motions[1], found)
-    measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
-    _improve_guess(tree_a, tree_b, state, found)
-
-
-@implements(stubs.guess, MeshTree, SurfaceTree)
-@kernel
-def _guess_turned(tree_a, tree_b, state):
-    # A surface may be hollow where its middle is, as a ring is: so it begins with the mesh's.
-    if _has_stayed(tree_a, tree_b, state):
-        stubs.settle(state.waiting, tree_a, tree_b, state)
-        return
-    if begin_below(tree_a, tree_b, state, True):
-        return
-    found = on_stack(WIDTH, np.float32(0.0))
-    middle = moved(state.motions[1], scaled(row(tree_a.centres, 0), tree_a.scale[0]))
-    b, from_b, a, from_a = _guess_from(middle, tree_b, tree_a, state.motions[0], found)
+    # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
+    a, from_a = begin_on(tree_a, walk(Point(middle, 0.0, 0.0), tree_a, found))
+    q = moved(state.motions[1], stubs.witness(tree_a, a, from_a))
+    b, from_b = begin_on(tree_b, walk(Point(q, 0.0, 0.0), tree_b, found))
     measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
     _improve_guess(tree_a, tree_b, state, found)
 

@@ -34,11 +34,6 @@ _SURFACE_MESH = {
     Priority: surface_mesh.search_nearest_first,
     BreadthFirst: surface_mesh.search_by_levels,
 }
-_MESH_SURFACE = {
-    DepthFirst: surface_mesh.search_turned,
-    Priority: surface_mesh.search_turned_nearest_first,
-    BreadthFirst: surface_mesh.search_turned_by_levels,
-}
 _RINGS = _SURFACES | {DepthFirst: revolution_revolution.search}
 
 ENTRIES = {
@@ -50,13 +45,18 @@ ENTRIES = {
     (SurfaceTree, SurfaceTree): _SURFACES,
     (SurfaceTree, MeshTree): _SURFACE_MESH,
     (SurfaceTree, BoxTree): _SURFACE_MESH,
-    (MeshTree, SurfaceTree): _MESH_SURFACE,
-    (BoxTree, SurfaceTree): _MESH_SURFACE,
+    (MeshTree, SurfaceTree): _SURFACE_MESH,
+    (BoxTree, SurfaceTree): _SURFACE_MESH,
     (RevolutionTree, RevolutionTree): _RINGS,
     # Against all else, solids of revolution are taken for their patches.
     (RevolutionTree, SurfaceTree): _SURFACES,
     (SurfaceTree, RevolutionTree): _SURFACES,
     **dict.fromkeys([(RevolutionTree, mesh) for mesh in MESHES], _SURFACE_MESH),
-    **dict.fromkeys([(mesh, RevolutionTree) for mesh in MESHES], _MESH_SURFACE),
+    **dict.fromkeys([(mesh, RevolutionTree) for mesh in MESHES], _SURFACE_MESH),
 }
 """By the types of both trees, and then by what a search in that order has open."""
+
+
+def is_turned(kind_a, kind_b):
+    """Whether the entry for these types takes the second model for its first one."""
+    return kind_a in MESHES and kind_b not in MESHES

@@ -39,5 +39,4 @@ def _part(function, name, kind_a, kind_b, waiting):
 
 surfaces = _part(_cells, "surfaces", SurfaceTree, SurfaceTree, Dividing)
 surface_mesh = _part(_cells, "surface_mesh", SurfaceTree, MeshTree, Dividing)
-mesh_surface = _part(_cells, "mesh_surface", MeshTree, SurfaceTree, Dividing)
 rings = _part(_rings, "rings", RevolutionTree, RevolutionTree, Turning)

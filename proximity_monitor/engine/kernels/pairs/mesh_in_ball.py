@@ -15,7 +15,7 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel
 from ..base.state import NONE, Dividing, MeshTree, SurfaceTree
 from ..base.vectors import dot, moved, norm, scaled, sub
-from ..elements.direction import begin_along, end_along, gap_between
+from ..elements.direction import begin_along, gap_between
 from ..elements.primitives import corners
 from ..search import stubs
 from ..surface.empty_ball import empty_ball, find_ball, is_in_ball
@@ -51,7 +51,7 @@ _TURNS, _FEW_TURNS = 10, 5
 
 
 @kernel
-def _find(tree_a, tree_b, state, surface, mesh, flip, soon):
+def _find(surface, mesh, state, soon):
     """Look for a ball of a surface beside its nearest point; returns the steps taken.
 
     SOON, before much is known, only where the nearest points are found in a few turns.
@@ -70,22 +70,19 @@ def _find(tree_a, tree_b, state, surface, mesh, flip, soon):
         progress.due = max(_LATER * progress.compared, _LEAST)
     if not (progress.slack < progress.distance < ball[5] and size > 0.0):
         return 0
-    found, steps = improve(
-        tree_a, tree_b, state, surface, mesh, flip, _FEW_TURNS if soon else _TURNS
-    )
+    found, steps = improve(surface, mesh, state, _FEW_TURNS if soon else _TURNS)
     distance = progress.distance
     if not distance > progress.slack or (soon and not found):
         return steps
-    s, ws, _, _ = nearest_points(state, flip)
-    n = scaled(vector(progress.normal_b), -1.0) if flip else vector(progress.normal_a)
+    s, ws, _, _ = nearest_points(progress)
+    n = vector(progress.normal_a)
     reach = radius_of(surface) + radius_of(mesh)
-    middle = scaled(row(mesh.centres, 0), mesh.scale[0])
-    middle = moved(state.motions[1 if flip else 0], middle)
+    middle = moved(state.motions[0], scaled(row(mesh.centres, 0), mesh.scale[0]))
     c, own, others, cost = empty_ball(
         surface, s, ws[0], ws[1], n, _LARGE * reach, _MORE * reach, middle
     )
     error = progress.bound_slack * (1.0 + norm(c) / size)
-    ball[0], ball[1], ball[2] = moved(state.motions[0 if flip else 1], c)
+    ball[0], ball[1], ball[2] = moved(state.motions[1], c)
     ball[3], ball[4], ball[5] = own - error, others - error, distance
     progress.leaning, progress.support = s, support_of(surface, s, ws[0], ws[1], n)
     return steps + _STEPS + LOOK * cost
@@ -102,50 +99,34 @@ def _is_soon(progress):
 
 
 @kernel
-def _look(tree_a, tree_b, state, surface, mesh, flip):
+def _look(surface, mesh, state):
     """Lay a plane between the nearest points, which are improved first; returns the steps taken."""
     progress, steps = state.progress[0], 0
     if not is_convex(surface) and progress.laid == np.inf:
-        _, steps = improve(tree_a, tree_b, state, surface, mesh, flip, _FEW_TURNS)
+        _, steps = improve(surface, mesh, state, _FEW_TURNS)
         if not progress.distance > progress.slack:
             return steps
-    return steps + go_down(tree_a, tree_b, state, surface, mesh, flip, False)
+    return steps + go_down(surface, mesh, state, False)
 
 
 @implements(stubs.look_ahead, Dividing, SurfaceTree, MeshTree)
 @inlined
-def _look_ahead_of_a(waiting, tree_a, tree_b, state):
-    if is_due(state.progress[0], tree_a):
-        return _look(tree_a, tree_b, state, tree_a, tree_b, False)
+def _look_ahead(waiting, surface, mesh, state):
+    if is_due(state.progress[0], surface):
+        return _look(surface, mesh, state)
     if not _is_soon(state.progress[0]):
         return 0
-    return _find(tree_a, tree_b, state, tree_a, tree_b, False, True)
-
-
-@implements(stubs.look_ahead, Dividing, MeshTree, SurfaceTree)
-@inlined
-def _look_ahead_of_b(waiting, tree_a, tree_b, state):
-    if is_due(state.progress[0], tree_b):
-        return _look(tree_a, tree_b, state, tree_b, tree_a, True)
-    if not _is_soon(state.progress[0]):
-        return 0
-    return _find(tree_a, tree_b, state, tree_b, tree_a, True, True)
+    return _find(surface, mesh, state, True)
 
 
 @implements(find_ball, SurfaceTree, MeshTree)
 @inlined
-def _find_ball_of_a(tree_a, tree_b, state):
-    return _find(tree_a, tree_b, state, tree_a, tree_b, False, False)
-
-
-@implements(find_ball, MeshTree, SurfaceTree)
-@inlined
-def _find_ball_of_b(tree_a, tree_b, state):
-    return _find(tree_a, tree_b, state, tree_b, tree_a, True, False)
+def _find_ball(surface, mesh, state):
+    return _find(surface, mesh, state, False)
 
 
 @inlined
-def _is_in_ball(tree, t, surface, element, progress):
+def _has_in_ball(tree, t, surface, element, progress):
     own, room = progress.ball[3], progress.ball[4]
     if surface.pieces[element].edge != NONE:  # nothing is known of it but of the piece it lies on
         room = min(own, room)
@@ -160,28 +141,14 @@ def _is_in_ball(tree, t, surface, element, progress):
     return max(max(dot(a, a), dot(b, b)), dot(c, c)) <= room * room
 
 
-@inlined
-def _is_beyond(progress, element, end, begin):
-    """Whether an element and a triangle are beyond the limit along the direction of the ball."""
-    same = element == progress.leaning and progress.distance == progress.ball[5]
-    return same and gap_between(progress, end, begin) >= progress.limit
-
-
 @implements(is_in_ball, SurfaceTree, MeshTree)
 @inlined
-def _is_b_in_ball(tree_a, tree_b, state, a, b):
+def _is_in_ball(surface, mesh, state, element, t):
     progress = state.progress[0]
-    begin = begin_along(progress, tree_b.triangles, b)
-    if _is_beyond(progress, a, progress.support, begin):
+    if element == progress.leaning and progress.distance == progress.ball[5]:
+        begin = begin_along(progress, mesh.triangles, t)
+        if gap_between(progress, progress.support, begin) >= progress.limit:
+            return True
+    if is_held_off(mesh, t, progress):
         return True
-    return is_held_off(tree_b, b, progress) or _is_in_ball(tree_b, b, tree_a, a, progress)
-
-
-@implements(is_in_ball, MeshTree, SurfaceTree)
-@inlined
-def _is_a_in_ball(tree_a, tree_b, state, a, b):
-    progress = state.progress[0]
-    end = end_along(progress, tree_a.triangles, a)
-    if _is_beyond(progress, b, end, -progress.support):
-        return True
-    return is_held_off(tree_a, a, progress) or _is_in_ball(tree_a, a, tree_b, b, progress)
+    return _has_in_ball(mesh, t, surface, element, progress)

@@ -51,16 +51,11 @@ def radius_of(tree):
     return tree.centres[0, 3] * tree.scale[0]
 
 
-@kernel
-def nearest_points(state, flip):
-    """The elements and weights of the nearest points known: the surface's first, then the mesh's.
-
-    `flip` says that the surface is b.
-    """
-    progress = state.progress[0]
-    a, wa = progress.element_a, vector(progress.weights_a)
-    b, wb = progress.element_b, vector(progress.weights_b)
-    return (b, wb, a, wa) if flip else (a, wa, b, wb)
+@inlined
+def nearest_points(progress):
+    """The elements and weights of the nearest points known, of the surface and of the mesh."""
+    s, ws = progress.element_a, vector(progress.weights_a)
+    return s, ws, progress.element_b, vector(progress.weights_b)
 
 
 @inlined
@@ -97,21 +92,21 @@ def _aim(p, n, q, m, behind, far):
 
 
 @kernel
-def improve(tree_a, tree_b, state, surface, mesh, flip, turns):
+def improve(surface, mesh, state, turns):
     """Move the nearest points known to where the models are nearest near by, in so many turns.
 
     Returns whether they are there, and the steps. They are where a search of all the surface finds
     none nearer to the place, nor one of the mesh a nearer triangle.
     """
     progress = state.progress[0]
-    to_surface, to_mesh = state.motions[1 if flip else 0], state.motions[0 if flip else 1]
+    to_surface, to_mesh = state.motions[0], state.motions[1]
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found, slack = on_stack(WIDTH, np.float32(0.0)), progress.bound_slack
     behind, far = radius_of(mesh), _AWAY * min(radius_of(mesh), radius_of(surface))
     steps, cost, surely = 0, 0, False
     for _ in range(turns):
         before = progress.distance
-        s, ws, t, wt = nearest_points(state, flip)
+        s, ws, t, wt = nearest_points(progress)
         p = stubs.witness(surface, s, ws)
         q = moved(to_surface, stubs.witness(mesh, t, wt))
         n, m = normal_on(surface, s, ws[0], ws[1]), _normal_of(mesh, t, to_surface)
@@ -134,10 +129,7 @@ def improve(tree_a, tree_b, state, surface, mesh, flip, turns):
                 return True, steps + LOOK * cost
             surely = True
             continue
-        if flip:
-            measure_near(tree_a, tree_b, state, last, from_t, other, from_s, MOST)
-        else:
-            measure_near(tree_a, tree_b, state, other, from_s, last, from_t, MOST)
+        measure_near(surface, mesh, state, other, from_s, last, from_t, MOST)
         steps += MINIMUM_STEPS
         if not progress.distance > progress.slack or cost >= LOOKS:
             break

@@ -104,18 +104,14 @@ def _first_triangle(solid, mesh, motion, spare, found):
 
 
 @kernel
-def _keep(tree_a, tree_b, state, solid, flip, t, here, y, v, w):
+def _keep(surface, mesh, state, solid, t, here, y, v, w):
     """Keep a point of a triangle and the solid's nearest to it, where they are the nearest."""
     element, at = place_of(solid, here.piece, here.t, math.atan2(y[1], y[0]))
-    weights = (1.0 - v - w, v, w)
-    if flip:
-        measure_near(tree_a, tree_b, state, t, weights, element, at, 0)
-    else:
-        measure_near(tree_a, tree_b, state, element, at, t, weights, 0)
+    measure_near(surface, mesh, state, element, at, t, (1.0 - v - w, v, w), 0)
 
 
 @kernel
-def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
+def go_down(surface, mesh, state, fresh):
     """Go down to a local minimum of the distance of a solid of revolution and a mesh.
 
     FRESH, it begins with the middle of the mesh, else with the nearest points known. The nearest
@@ -123,17 +119,15 @@ def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
     """
     progress = state.progress[0]
     if not fresh:
-        steps = lay_plane(surface, mesh, state, flip)
+        steps = lay_plane(surface, mesh, state)
         if progress.open == 0 or not is_convex(surface):
             progress.futile = REST if progress.open > 0 else 0
             return steps
     solid = revolution_of(surface)
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
-    _frame_of(solid, state.motions[1 if flip else 0], motion)
+    _frame_of(solid, state.motions[0], motion)
     spare = _GAIN * solid.frame[4, 0]
     t, weights = progress.element_b, vector(progress.weights_b)
-    if flip:
-        t, weights = progress.element_a, vector(progress.weights_a)
     v, w = weights[1], weights[2]
     if fresh:
         t, _, v, w = _first_triangle(solid, mesh, motion, spare, found)
@@ -146,10 +140,10 @@ def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
         )
         steps += DESCENT_STEPS
         before = progress.distance
-        _keep(tree_a, tree_b, state, solid, flip, t, here, y, v, w)
+        _keep(surface, mesh, state, solid, t, here, y, v, w)
         if not progress.slack < progress.distance < before:
             break
-        steps += lay_plane(surface, mesh, state, flip)
+        steps += lay_plane(surface, mesh, state)
         if progress.open == 0:
             break
         foot = moved_back(motion, along(y, here.normal, -here.distance))
@@ -161,7 +155,7 @@ def go_down(tree_a, tree_b, state, surface, mesh, flip, fresh):
 
 
 @kernel
-def _open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
+def _open_beside(surface, mesh, state, lane, bound, lows):
     """Open a volume of a mesh beside a solid of revolution, by a plane of its own.
 
     That is laid across the way from the solid to the middle of the node below. Where the solid is
@@ -171,13 +165,13 @@ def _open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
     progress, solid = state.progress[0], revolution_of(surface)
     child = np.int64(mesh.children[lane])
     motion = on_stack(12, 0.0)
-    _frame_of(solid, state.motions[1 if flip else 0], motion)
+    to_surface = state.motions[0]
+    _frame_of(solid, to_surface, motion)
     spare = _GAIN * solid.frame[4, 0]
-    to_surface = state.motions[1 if flip else 0]
     if child < 0:
         for t in range(first_of(child), last_of(child) + 1):
             if not is_held_off(mesh, t, progress) and not _is_farther(
-                tree_a, tree_b, state, solid, mesh, flip, t, motion, to_surface, spare
+                surface, mesh, state, solid, t, motion, to_surface, spare
             ):
                 progress.futile += 1
                 return False, LEAF_STEPS
@@ -202,14 +196,14 @@ def _open_beside(tree_a, tree_b, state, surface, mesh, flip, lane, bound, lows):
         own = max(begin + lows[k] * mesh.scale[0], bound)
         if own < progress.limit:
             to = child * WIDTH + k
-            stubs.push(state.open, state, first, top, to if flip else 0, 0 if flip else to, own)
+            stubs.push(state.open, state, first, top, 0, to, own)
             top += 1
     progress.open = top
     return True, 2
 
 
 @kernel
-def _is_farther(tree_a, tree_b, state, solid, mesh, flip, t, motion, to_surface, spare):
+def _is_farther(surface, mesh, state, solid, t, motion, to_surface, spare):
     """Whether a triangle is beyond the limit, by the plane where it is nearest.
 
     Where it is nearer than what is known, it lowers the limit first.
@@ -223,19 +217,9 @@ def _is_farther(tree_a, tree_b, state, solid, mesh, flip, t, motion, to_surface,
         progress.limit,
     )  # fmt: skip
     if here.distance < progress.distance:
-        _keep(tree_a, tree_b, state, solid, flip, t, here, y, v, w)
+        _keep(surface, mesh, state, solid, t, here, y, v, w)
     n, end = plane_across(solid, to_surface, here.normal, progress.slack)
     return begin_of(n, mesh.triangles, t) - end >= progress.limit
-
-
-@kernel
-def _begin(tree_a, tree_b, state, surface, mesh, flip, fresh):
-    """Begin a search with a local minimum, if the surface is a solid of revolution's; whether."""
-    if len(surface.profile) == 0 or not (fresh or is_convex(surface)):
-        return False
-    if fresh or state.progress[0].distance > state.progress[0].slack:
-        go_down(tree_a, tree_b, state, surface, mesh, flip, fresh)
-    return True
 
 
 @inlined
@@ -252,28 +236,18 @@ def is_due(progress, surface):
 
 
 @implements(divided.begin_below, SurfaceTree, MeshTree)
-@inlined
-def _begin_below_a(tree_a, tree_b, state, fresh):
-    return _begin(tree_a, tree_b, state, tree_a, tree_b, False, fresh)
-
-
-@implements(divided.begin_below, MeshTree, SurfaceTree)
-@inlined
-def _begin_below_b(tree_a, tree_b, state, fresh):
-    return _begin(tree_a, tree_b, state, tree_b, tree_a, True, fresh)
+@kernel
+def _begin_below(surface, mesh, state, fresh):
+    if len(surface.profile) == 0 or not (fresh or is_convex(surface)):
+        return False
+    if fresh or state.progress[0].distance > state.progress[0].slack:
+        go_down(surface, mesh, state, fresh)
+    return True
 
 
 @implements(stubs.open_whole, Dividing, SurfaceTree, MeshTree)
 @inlined
-def _open_whole_a(waiting, tree_a, tree_b, state, a, b, bound, scratch):
-    if a != 0 or not _serves(state.progress[0], tree_a):
+def _open_whole(waiting, surface, mesh, state, a, b, bound, scratch):
+    if a != 0 or not _serves(state.progress[0], surface):
         return False, 0
-    return _open_beside(tree_a, tree_b, state, tree_a, tree_b, False, b, bound, scratch.lows)
-
-
-@implements(stubs.open_whole, Dividing, MeshTree, SurfaceTree)
-@inlined
-def _open_whole_b(waiting, tree_a, tree_b, state, a, b, bound, scratch):
-    if b != 0 or not _serves(state.progress[0], tree_b):
-        return False, 0
-    return _open_beside(tree_a, tree_b, state, tree_b, tree_a, True, a, bound, scratch.lows)
+    return _open_beside(surface, mesh, state, b, bound, scratch.lows)

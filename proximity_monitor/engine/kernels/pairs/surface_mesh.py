@@ -6,7 +6,7 @@ import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
 from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
-from ..base.vectors import along, cross, dot, moved_back, norm, rotated, scaled, sub
+from ..base.vectors import along, cross, dot, norm, sub
 from ..elements.primitives import corners, mixed
 from ..search.search import answer_queries
 from ..surface.facing import closest_in, is_long, parameters_in, vector
@@ -191,20 +191,6 @@ def _facing_triangle(tree_a, tree_b, cells_a, cells_b, a, b, motion):
     return way, parameters_in(cells_a[a], place), weights
 
 
-@implements(facing, MeshTree, SurfaceTree)
-@kernel
-def _facing_cell(tree_a, tree_b, cells_a, cells_b, a, b, motion):
-    triangle = corners(tree_a.triangles, a)
-    # In b's frame: the motion's matrix is a rotation, up to what no direction depends on.
-    back = (
-        moved_back(motion, triangle[0]),
-        moved_back(motion, triangle[1]),
-        moved_back(motion, triangle[2]),
-    )
-    way, place, weights = _facing(cells_b[b], back)
-    return rotated(motion, scaled(way, -1.0)), weights, parameters_in(cells_b[b], place)
-
-
 def _entry(name, kind_a, kind_b, order):
     kinds = {"KIND_A": kind_a, "KIND_B": kind_b, "ORDER": order, "WAITING": Dividing}
     return entry(specialised(answer_queries, name, __name__=__name__, **kinds))
@@ -213,10 +199,3 @@ def _entry(name, kind_a, kind_b, order):
 search = _entry("search_surface_mesh", SurfaceTree, MeshTree, DepthFirst)
 search_nearest_first = _entry("search_surface_mesh_nearest_first", SurfaceTree, MeshTree, Priority)
 search_by_levels = _entry("search_surface_mesh_by_levels", SurfaceTree, MeshTree, BreadthFirst)
-search_turned = _entry("search_mesh_surface", MeshTree, SurfaceTree, DepthFirst)
-search_turned_nearest_first = _entry(
-    "search_mesh_surface_nearest_first", MeshTree, SurfaceTree, Priority
-)
-search_turned_by_levels = _entry(
-    "search_mesh_surface_by_levels", MeshTree, SurfaceTree, BreadthFirst
-)

@@ -11,7 +11,7 @@ from ..base.precise import accurate_cross
 from ..base.state import MeshTree, SurfaceTree
 from ..base.vectors import dot, moved, sub, unit
 from ..elements.primitives import corners, mixed
-from ..surface.jets import fixed_jet, get, moved_jet, put
+from ..surface.jets import fixed_jet, get, put
 from ..surface.newton import (
     LEAST_DAMPED,
     POSITIVE,
@@ -53,26 +53,15 @@ def _weights(tree, x, first, jets):
     return get(jets, _WEIGHTS)
 
 
+@implements(prepare, SurfaceTree, MeshTree)
 @inlined
-def _prepare(triangle, jets):
-    """Write a triangle to `jets`."""
+def _prepare(tree_a, tree_b, element_a, element_b, motion, jets):
+    triangle = placed(tree_b, element_b, motion)
     for i in range(3):
         put(jets, _TRIANGLE + 3 * i, triangle[i])
     put(jets, _FACE, accurate_cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])))
     is_point = triangle[0] == triangle[1] and triangle[0] == triangle[2]
     jets[_FACE + 3] = 0.0 if is_point else 1.0
-
-
-@implements(prepare, SurfaceTree, MeshTree)
-@inlined
-def _prepare_b(tree_a, tree_b, element_a, element_b, motion, jets):
-    _prepare(placed(tree_b, element_b, motion), jets)
-
-
-@implements(prepare, MeshTree, SurfaceTree)
-@inlined
-def _prepare_a(tree_a, tree_b, element_a, element_b, motion, jets):
-    _prepare(corners(tree_a.triangles, element_a), jets)
 
 
 @kernel
@@ -109,15 +98,9 @@ def _way_to_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
     return sub(_nearest_of(p, jets), p)
 
 
-@implements(way_at, MeshTree, SurfaceTree)
+@implements(derivatives, SurfaceTree, MeshTree)
 @kernel
-def _way_from_triangle(tree_a, tree_b, element_a, element_b, motion, x, jets):
-    q = moved_jet(tree_b, element_b, motion, x[2], x[3], jets)
-    return sub(q, _nearest_of(q, jets))
-
-
-@kernel
-def _half_derivatives(way, jets, at, first, gradient, hessian):
+def _derivatives(tree_a, tree_b, way, jets, gradient, hessian):
     """Those by the surface's own parameters, while the triangle's point stays nearest.
 
     As that follows, what it can do along its edge or in its face does not count: the part of a
@@ -129,25 +112,25 @@ def _half_derivatives(way, jets, at, first, gradient, hessian):
         for j in range(i + 1):
             hessian[i, j] = 0.0
     for i in range(2):
-        one = get(jets, at + 3 * i)
-        gradient[first + i] = dot(way, one)
+        one = get(jets, 3 * i)
+        gradient[i] = dot(way, one)
         for j in range(i + 1):
-            other = get(jets, at + 3 * j)
+            other = get(jets, 3 * j)
             product = dot(one, other)
             if kind == _ON_EDGE:
                 product -= dot(one, its_way) * dot(other, its_way)
             elif kind == _WITHIN:
                 product = dot(one, its_way) * dot(other, its_way)
-            second = dot(way, get(jets, at + 6 + 3 * (i + j)))
-            hessian[first + i, first + j] = product + second
+            second = dot(way, get(jets, 6 + 3 * (i + j)))
+            hessian[i, j] = product + second
 
 
-@inlined
-def _solve_two(x, gradient, hessian, damping, first, step):
-    """Newton's step over two parameters, by the steps of Cholesky's method; see `solve`."""
-    last = first + 1
-    free, other = not is_held(x, gradient, first), not is_held(x, gradient, last)
-    a, b, c = hessian[first, first], hessian[last, first], hessian[last, last]
+@implements(solve, SurfaceTree, MeshTree)
+@kernel
+def _solve(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
+    """Newton's step over the surface's parameters, by the steps of Cholesky's method."""
+    free, other = not is_held(x, gradient, 0), not is_held(x, gradient, 1)
+    a, b, c = hessian[0, 0], hessian[1, 0], hessian[1, 1]
     scale = max(abs(a) if free else 0.0, abs(c) if other else 0.0)
     for i in range(4):
         step[i] = 0.0
@@ -155,40 +138,16 @@ def _solve_two(x, gradient, hessian, damping, first, step):
         a += damping * (abs(a) + LEAST_DAMPED * scale)
         if not a > POSITIVE * scale:
             return False
-        step[first] = -gradient[first] / a
+        step[0] = -gradient[0] / a
     if other:
         c += damping * (abs(c) + LEAST_DAMPED * scale)
-        slope = gradient[last]
+        slope = gradient[1]
         if free:
             c -= b * (b / a)
-            slope += b * step[first]
+            slope += b * step[0]
         if not c > POSITIVE * scale:
             return False
-        step[last] = -slope / c
+        step[1] = -slope / c
         if free:
-            step[first] -= (b / a) * step[last]
+            step[0] -= (b / a) * step[1]
     return True
-
-
-@implements(solve, SurfaceTree, MeshTree)
-@kernel
-def _solve_for_a(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
-    return _solve_two(x, gradient, hessian, damping, 0, step)
-
-
-@implements(solve, MeshTree, SurfaceTree)
-@kernel
-def _solve_for_b(tree_a, tree_b, x, gradient, hessian, damping, factor, step):
-    return _solve_two(x, gradient, hessian, damping, 2, step)
-
-
-@implements(derivatives, SurfaceTree, MeshTree)
-@kernel
-def _derivatives_of_a(tree_a, tree_b, way, jets, gradient, hessian):
-    _half_derivatives(way, jets, 0, 0, gradient, hessian)
-
-
-@implements(derivatives, MeshTree, SurfaceTree)
-@kernel
-def _derivatives_of_b(tree_a, tree_b, way, jets, gradient, hessian):
-    _half_derivatives(way, jets, 15, 2, gradient, hessian)

@@ -40,7 +40,7 @@ from ..base.state import (
     UPPER,
     WITHIN_TOLERANCE,
 )
-from ..base.tables import queries_at, state_at, tree_at
+from ..base.tables import is_tree_of, queries_at, state_at, tree_at
 from ..base.vectors import dot, moved, sub
 from ..elements.direction import forget_direction
 from ..elements.primitives import keep
@@ -63,6 +63,10 @@ from .stubs import (
 
 KIND_A = KIND_B = ORDER = WAITING = None
 """Other ones in each entry: see `answer_queries`."""
+
+_POINTS, _FEATURES = (POINT_A, POINT_B), (FEATURE_A, FEATURE_B)
+_TREES, _RADII = (TREE_A, TREE_B), (RADIUS_A, RADIUS_B)
+"""Where an answer tells of the first and of the second model that was asked about."""
 
 _ONE_QUERY = 8
 """Steps that a query takes as long as besides those of its descent."""
@@ -131,8 +135,10 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
 
 
 @kernel
-def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answer):
+def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, turned, code, answer):
     """Write what is certain at this moment into `answer` (see state.py).
+
+    TURNED, tree b is that of the first model that was asked about.
 
     The lower bound is the least of what was found, what was pruned and what is still to do. `code`
     is what the search returned last.
@@ -149,16 +155,17 @@ def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answ
     ta, tb = progress.element_a, progress.element_b
     p = witness(tree_a, ta, progress.weights_a)
     q = witness(tree_b, tb, progress.weights_b)
-    _put_in_world(pose_a, p, answer, POINT_A)
-    _put_in_world(pose_b, q, answer, POINT_B)
-    of_a = parameters(tree_a, ta, progress.weights_a)
-    of_b = parameters(tree_b, tb, progress.weights_b)
-    answer[FEATURE_A], answer[FEATURE_A + 1], answer[FEATURE_A + 2] = of_a
-    answer[FEATURE_B], answer[FEATURE_B + 1], answer[FEATURE_B + 2] = of_b
-    answer[FEATURE_A + 3], answer[FEATURE_B + 3] = labels_a[ta], labels_b[tb]
-    answer[TREE_A], answer[TREE_B] = ta, tb
+    first, second = (1, 0) if turned else (0, 1)
+    _put_in_world(pose_a, p, answer, _POINTS[first])
+    _put_in_world(pose_b, q, answer, _POINTS[second])
+    at_a, at_b = _FEATURES[first], _FEATURES[second]
+    answer[at_a], answer[at_a + 1], answer[at_a + 2] = parameters(tree_a, ta, progress.weights_a)
+    answer[at_b], answer[at_b + 1], answer[at_b + 2] = parameters(tree_b, tb, progress.weights_b)
+    answer[at_a + 3], answer[at_b + 3] = labels_a[ta], labels_b[tb]
+    answer[_TREES[first]], answer[_TREES[second]] = ta, tb
     answer[TESTS], answer[TESTS + 1] = progress.bound_tests, progress.primitive_tests
-    answer[RADIUS_A], answer[RADIUS_B] = tree_a.scale[SWEPT], tree_b.scale[SWEPT]
+    answer[_RADII[first]] = tree_a.scale[SWEPT]
+    answer[_RADII[second]] = tree_b.scale[SWEPT]
     if code != ENDED:
         answer[STATUS] = OUT_OF_TIME
     elif lower_of(certain, radii, deviations) <= 0.0:
@@ -181,7 +188,8 @@ def answer_queries(
     """Answer the queries first, first + every, ... below last, with `steps` steps for all.
 
     Each kind of pair and order has an entry made of this (see `specialised`), with the types of
-    both trees for KIND_A and KIND_B, of what is open for ORDER and of what waits for WAITING.
+    both trees for KIND_A and KIND_B, of what is open for ORDER and of what waits for WAITING. Where
+    these types differ, a query's two models may come in either order.
 
     Args:
         models: (n, 2, m) the models' tables (see tables.py).
@@ -208,27 +216,33 @@ def answer_queries(
     for k in range(first, last, every):
         ahead = k if len(queries) == 1 else 0
         query = queries[k - ahead]
-        tree_a, labels_a = tree_at(KIND_A, models[query.bodies[0]])
-        tree_b, labels_b = tree_at(KIND_B, models[query.bodies[1]])
-        at_a, at_b = 4 * (query.poses[0] + ahead), 4 * (query.poses[1] + ahead)
+        turned = not is_tree_of(KIND_A, models[query.bodies[0]])
+        i, j = (1, 0) if turned else (0, 1)
+        tree_a, labels_a = tree_at(KIND_A, models[query.bodies[i]])
+        tree_b, labels_b = tree_at(KIND_B, models[query.bodies[j]])
+        at_a, at_b = 4 * (query.poses[i] + ahead), 4 * (query.poses[j] + ahead)
         pose_a, pose_b = poses_a[at_a : at_a + 4], poses_b[at_b : at_b + 4]
+        if turned:
+            pose_a, pose_b = poses_b[at_a : at_a + 4], poses_a[at_b : at_b + 4]
         if fresh or k > first:
             if left <= 0:
                 return CUT_BETWEEN, k
             left -= _ONE_QUERY
-            ta, tb = query.nearest[0], query.nearest[1]
+            ta, tb = query.nearest[i], query.nearest[j]
             if ta != KEEP:  # what this state found last was about other models, perhaps
                 known = 0 <= ta < len(labels_a) and 0 <= tb < len(labels_b)
                 progress.element_a, progress.element_b = ta if known else 0, tb if known else 0
                 progress.distance = np.inf if known else 0.0
             code = begin(tree_a, tree_b, state, pose_a, pose_b, query)
             if code != CUT:
+                if turned:
+                    code = BAD_POSE_B if code == BAD_POSE_A else BAD_POSE_A
                 return code, k
         progress.steps = steps
         code = advance(tree_a, tree_b, state)
         left -= steps - progress.steps
         answer = answers[ANSWER * k : ANSWER * (k + 1)]
-        finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, code, answer)
+        finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, turned, code, answer)
         if code != ENDED and code != CELLS_FULL:
             return code, k
     return ENDED, last

@@ -2,8 +2,8 @@
 
 A tree is of a type of its own for each kind of model. Numba sees from the types of two trees, when
 it compiles, which implementation is meant: so all else of the search is shared, and nothing is
-asked while it runs. A kind of pair implements each of these once, those of two trees for either
-order of its kinds, and has an entry of its own (see pairs/mesh_mesh.py).
+asked while it runs. A kind of pair implements each of these once, in the order in which its entry
+takes models of unlike kinds (see pairs/entries.py).
 """
 
 from __future__ import annotations
