@@ -11,7 +11,7 @@ from engine_oracles import exact_squared_distance, pairwise_distances, root
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base import motion
-from proximity_monitor.engine.kernels.base.state import BoxTree, MeshTree
+from proximity_monitor.engine.kernels.base.trees import BoxTree, MeshTree
 from proximity_monitor.engine.kernels.bounds import boxes, volumes
 from proximity_monitor.engine.models.tree import check_tree
 

@@ -14,8 +14,8 @@ from test_rings import SOLIDS, TURNED, patches
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, SolidOfRevolution, Status
 from proximity_monitor.engine.kernels.base.linking import ROOT
-from proximity_monitor.engine.kernels.base.state import RevolutionTree
 from proximity_monitor.engine.kernels.base.tables import tree_at
+from proximity_monitor.engine.kernels.base.trees import RevolutionTree
 from proximity_monitor.engine.kernels.revolution import bound, certificate, coaxial, newton
 
 _nearest_rings, _nearest_at_ends = newton.nearest_rings, newton.nearest_at_ends

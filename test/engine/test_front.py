@@ -7,7 +7,7 @@ from test_reaches import chess
 from test_revolution import torus, vase
 
 from proximity_monitor import engine
-from proximity_monitor.engine.kernels.base.state import NONE
+from proximity_monitor.engine.kernels.base.trees import NONE
 from proximity_monitor.engine.kernels.revolution.front import FRONT
 
 PAIRS = [("pawn", "cup"), ("table", "pawn"), ("cup", "cup")]

@@ -11,8 +11,8 @@ from test_reaches import chess, comb, points_of
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, SolidOfRevolution, Status
 from proximity_monitor.engine.kernels.base.linking import ROOT
-from proximity_monitor.engine.kernels.base.state import RevolutionTree
 from proximity_monitor.engine.kernels.base.tables import tree_at
+from proximity_monitor.engine.kernels.base.trees import RevolutionTree
 from proximity_monitor.engine.kernels.revolution.cap import height_within
 from proximity_monitor.engine.kernels.revolution.closest import nearest_on
 from proximity_monitor.engine.kernels.revolution.inside import turns_around

@@ -20,7 +20,8 @@ from proximity_monitor.engine.kernels.base import tables
 from proximity_monitor.engine.kernels.base.jit import implements, inlined, kernel, specialised
 from proximity_monitor.engine.kernels.base.linking import ROOT
 from proximity_monitor.engine.kernels.base.memory import read_only, rows_at
-from proximity_monitor.engine.kernels.base.state import MESHES, DepthFirst, MeshTree
+from proximity_monitor.engine.kernels.base.state import DepthFirst
+from proximity_monitor.engine.kernels.base.trees import MESHES, MeshTree
 from proximity_monitor.engine.kernels.base.vectors import add, along, dot, moved, scaled, sub
 from proximity_monitor.engine.kernels.elements.primitives import corners, keep, mixed
 from proximity_monitor.engine.kernels.inside.nearest import point_triangle

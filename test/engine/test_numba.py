@@ -20,13 +20,8 @@ from numba.core.caching import NullCache
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base import cache, jit, lanes, memory, tables
-from proximity_monitor.engine.kernels.base.state import (
-    PROGRESS,
-    MeshTree,
-    Priority,
-    State,
-    Waiting,
-)
+from proximity_monitor.engine.kernels.base.state import PROGRESS, Priority, State, Waiting
+from proximity_monitor.engine.kernels.base.trees import MeshTree
 from proximity_monitor.engine.kernels.bounds import volumes
 from proximity_monitor.engine.kernels.inside.ball_state import (
     CELL,

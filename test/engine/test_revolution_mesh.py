@@ -11,8 +11,8 @@ from test_rings import patches
 from proximity_monitor import engine
 from proximity_monitor.engine import Status, shapes
 from proximity_monitor.engine.kernels.base.linking import ROOT
-from proximity_monitor.engine.kernels.base.state import RevolutionTree
 from proximity_monitor.engine.kernels.base.tables import tree_at
+from proximity_monitor.engine.kernels.base.trees import RevolutionTree
 from proximity_monitor.engine.kernels.revolution.triangle import gradient_at, nearest_of_triangle
 
 CONVEX = {

@@ -11,8 +11,8 @@ from test_rings import patches, wavy
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
 from proximity_monitor.engine.kernels.base.linking import ROOT
-from proximity_monitor.engine.kernels.base.state import SurfaceTree
 from proximity_monitor.engine.kernels.base.tables import tree_at
+from proximity_monitor.engine.kernels.base.trees import SurfaceTree
 from proximity_monitor.engine.kernels.surface.edges import point_on
 from proximity_monitor.engine.kernels.surface.reach import reach_along
 from proximity_monitor.study.surfaces import wavy as wavy_patch

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import NET_WIDTH, PIECE, Trims
+from ..kernels.base.trees import NET_WIDTH, PIECE, Trims
 from ..kernels.surface.edges import EDGE_POINTS, fit_edges
 from ..kernels.surface.trim import INSIDE, OUTSIDE, to_unit
 from ..kernels.surface.trim_entries import classify_points, classify_rectangles

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import DEVIATION, REVISION, SWEPT, MeshTree
 from ..kernels.base.tables import arrays_of, mesh_table
+from ..kernels.base.trees import DEVIATION, REVISION, SWEPT, MeshTree
 from ..kernels.tree.measure import measure
 from ..kernels.tree.ranges import node_ranges
 from ..kernels.tree.spread import spread_corners
 
 if TYPE_CHECKING:
-    from ..kernels.base.state import SurfaceTree
+    from ..kernels.base.trees import SurfaceTree
     from .solid import Sides
     from .tree import Tree
 

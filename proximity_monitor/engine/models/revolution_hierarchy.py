@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import CURVE_PIECE, RevolutionTree, SurfaceTree
 from ..kernels.base.tables import surface_table, table
+from ..kernels.base.trees import CURVE_PIECE, RevolutionTree, SurfaceTree
 from ..kernels.revolution.build import build_arcs
 from ..kernels.revolution.guess import take_samples
 from ..kernels.revolution.reach import take_reaches

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import SurfaceTree
+from ..kernels.base.trees import SurfaceTree
 from ..kernels.inside import solids
 from ..kernels.inside.angles import MOMENTS, moments_of
 from ..kernels.inside.contain import Insides

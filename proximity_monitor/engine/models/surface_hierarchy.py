@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import NET_POINT
-from ..kernels.base.state import CONVERSION, JOINTS, NONE
 from ..kernels.base.tables import surface_table
+from ..kernels.base.trees import CONVERSION, JOINTS, NONE
 from ..kernels.inside.solids import connected_parts
 from ..kernels.surface.trim import CROSSING
 from ..kernels.surface.trim_entries import nearest_trim_points
@@ -22,7 +22,7 @@ from .tree import weld
 from .trim import joined
 
 if TYPE_CHECKING:
-    from ..kernels.base.state import SurfaceTree
+    from ..kernels.base.trees import SurfaceTree
     from .closed import Joints
     from .nurbs import Net
     from .solid import Sides

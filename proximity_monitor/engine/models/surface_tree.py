@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import NET_WIDTH, NONE, PIECE, REVISION, SurfaceTree, Trims
 from ..kernels.base.tables import PROFILE_ARRAYS, arrays_of
+from ..kernels.base.trees import NET_WIDTH, NONE, PIECE, REVISION, SurfaceTree, Trims
 from ..kernels.surface.limits import fit_limits
 from ..kernels.surface.trim import INSIDE
 from ..kernels.tree.build import build_tree

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import SINGLE_EPS
-from ..kernels.base.state import REVISION, BoxTree, MeshTree
+from ..kernels.base.trees import REVISION, BoxTree, MeshTree
 from ..kernels.tree.build import build_tree
 from ..kernels.tree.fit import AABB, HYBRID, LSS, OBB, PSS, RSS
 from ..kernels.tree.fit_tree import fit_tree

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import FRAME, SEGMENT, TRIM, Trims
+from ..kernels.base.trees import FRAME, SEGMENT, TRIM, Trims
 from .checks import ModelError
 
 if TYPE_CHECKING:

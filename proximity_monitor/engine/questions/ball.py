@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import CUT, MeshTree, RevolutionTree, SurfaceTree
+from ..kernels.base.state import CUT
+from ..kernels.base.trees import MeshTree, RevolutionTree, SurfaceTree
 from ..kernels.inside.ball_state import FULL, NONE, ball_table
 from ..kernels.inside.solids import HALF
 from ..kernels.pairs.balls import BALLS

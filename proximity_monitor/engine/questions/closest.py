@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_reals, check_tolerance
-from ..kernels.base.state import MeshTree
+from ..kernels.base.trees import MeshTree
 from ..kernels.inside import closest as closest_kernel
 from ..models.model import Model
 from ..models.solid import sides_of

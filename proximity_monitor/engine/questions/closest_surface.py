@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import RevolutionTree
+from ..kernels.base.trees import RevolutionTree
 from ..kernels.inside.visit import ROOM
 from ..kernels.revolution.points import closest_points_of_revolution
 from ..kernels.surface.closest import GOING, closest_points

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.state import SurfaceTree
+from ..kernels.base.trees import SurfaceTree
 from ..models.hierarchy import Hierarchy
 from ..models.surface_hierarchy import SurfaceHierarchy
 from ..models.surface_mesh import unit_normals

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.state import MESHES
+from ..kernels.base.trees import MESHES
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from .run import Search

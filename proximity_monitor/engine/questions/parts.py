@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.motion import relative_motion_pair
-from ..kernels.base.state import SurfaceTree
+from ..kernels.base.trees import SurfaceTree
 from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
 from ..kernels.surface import crossing  # noqa: F401 - where a model is a surface

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.base.state import NONE
+from ..kernels.base.trees import NONE
 from ..kernels.surface.regions import describe_parts, join_boxes
 from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy

@@ -11,19 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.state import (
-    ARC,
-    CELL,
-    CELL_PAIR,
-    KEPT,
-    MINIMUM,
-    RING,
-    Dividing,
-    RevolutionTree,
-    Turning,
-    Waiting,
-)
+from ..kernels.base.state import CELL, CELL_PAIR, KEPT, MINIMUM, RING, Dividing, Turning, Waiting
 from ..kernels.base.tables import MODEL_COLUMNS, state_table, table
+from ..kernels.base.trees import ARC, RevolutionTree
 from ..kernels.revolution.front import FRONT
 from ..kernels.revolution.minima import MINIMA
 from ..kernels.search.descent import WAITING_ROOM

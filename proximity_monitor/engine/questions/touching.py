@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.state import NONE, SurfaceTree
 from ..kernels.base.tables import table
+from ..kernels.base.trees import NONE, SurfaceTree
 from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy
 from .contact_surface import contacts_of

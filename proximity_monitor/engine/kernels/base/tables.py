@@ -11,31 +11,33 @@ import numpy as np
 from .jit import entry, implements, inlined
 from .memory import addresses, read_only, records_at, rows_at
 from .state import (
-    ARC,
     CELL,
     CELL_PAIR,
-    CURVE_PIECE,
     KEPT,
     MINIMUM,
-    PIECE,
     PROGRESS,
     QUERY,
     RING,
+    BreadthFirst,
+    DepthFirst,
+    Dividing,
+    Priority,
+    State,
+    Turning,
+    Waiting,
+)
+from .trees import (
+    ARC,
+    CURVE_PIECE,
+    PIECE,
     SEGMENT,
     TRIM,
     VECTORS,
     BoxTree,
-    BreadthFirst,
-    DepthFirst,
-    Dividing,
     MeshTree,
-    Priority,
     RevolutionTree,
-    State,
     SurfaceTree,
     Trims,
-    Turning,
-    Waiting,
 )
 
 

@@ -10,13 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, kernel
-from ..base.state import (
-    SWEPT,
-    DepthFirst,
-    MeshTree,
-    Waiting,
-)
+from ..base.state import DepthFirst, Waiting
 from ..base.tables import state_at, tree_at
+from ..base.trees import SWEPT, MeshTree
 from ..base.vectors import across, dot, face_normal, moved, scaled, sub, unit
 from .primitives import corners, measure_triangles, mixed
 from .swept import surface_points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..base.jit import implements, inlined
 from ..base.rounding import NET_POINT
-from ..base.state import CONVERSION, JOINTS, MeshTree, RevolutionTree, SurfaceTree
+from ..base.trees import CONVERSION, JOINTS, MeshTree, RevolutionTree, SurfaceTree
 
 
 def points_err(tree):

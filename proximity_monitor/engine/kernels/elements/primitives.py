@@ -7,7 +7,7 @@ import numpy as np
 from ..base.jit import inlined, kernel, shared
 from ..base.lanes import lowest
 from ..base.rounding import OFFSET_MARGIN
-from ..base.state import LARGEST
+from ..base.trees import LARGEST
 from ..base.vectors import along, moved, scaled, sub
 from .direction import take_direction
 from .swept import reach_of

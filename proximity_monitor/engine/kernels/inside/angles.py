@@ -26,7 +26,7 @@ import numpy as np
 from ..base.jit import allocating_entry, implements, kernel, shared
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import MeshTree
+from ..base.trees import MeshTree
 from ..base.vectors import cross, dot, norm, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of

@@ -18,7 +18,8 @@ import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import CUT, ENDED, MeshTree, RevolutionTree, SurfaceTree
+from ..base.state import CUT, ENDED
+from ..base.trees import MeshTree, RevolutionTree, SurfaceTree
 from .ball_bowls import bowls
 from .ball_caps import plane
 from .ball_cells import halve, limit_of, pop, push

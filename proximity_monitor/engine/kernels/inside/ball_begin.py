@@ -8,7 +8,7 @@ from ..base.jit import entry, kernel
 from ..base.memory import on_stack
 from ..base.motion import deviation, relative_motions
 from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
-from ..base.state import SWEPT, MeshTree
+from ..base.trees import SWEPT, MeshTree
 from ..base.vectors import dot, moved, sub
 from ..elements.errors import joints_err, points_err
 from .ball_frame import common_box, in_a_frame, take_axes

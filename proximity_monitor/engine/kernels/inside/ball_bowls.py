@@ -34,7 +34,7 @@ from numba import float32
 
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
-from ..base.state import MeshTree, RevolutionTree, SurfaceTree
+from ..base.trees import MeshTree, RevolutionTree, SurfaceTree
 from ..base.vectors import along, dot, moved, norm, rotated, scaled
 from ..tree.layout import WIDTH
 from . import visit

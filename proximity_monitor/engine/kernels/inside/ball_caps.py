@@ -31,7 +31,7 @@ from numba import float32, uint64
 
 from ..base.jit import implements, inlined, kernel, loop16, shared
 from ..base.memory import on_stack
-from ..base.state import MeshTree, SurfaceTree
+from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, norm, rotated, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import (

@@ -3,16 +3,8 @@
 from __future__ import annotations
 
 from ..base.jit import entry, kernel
-from ..base.state import (
-    FEATURE_A,
-    FEATURE_B,
-    POINT_A,
-    POINT_B,
-    RADIUS_A,
-    RADIUS_B,
-    SWEPT,
-    MeshTree,
-)
+from ..base.state import FEATURE_A, FEATURE_B, POINT_A, POINT_B, RADIUS_A, RADIUS_B
+from ..base.trees import SWEPT, MeshTree
 from ..base.vectors import dot, moved, sub
 from .ball_point import place_of
 from .ball_state import CELL, ball_at

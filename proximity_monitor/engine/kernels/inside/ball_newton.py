@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel, shared
-from ..base.state import MeshTree, RevolutionTree, SurfaceTree
+from ..base.trees import MeshTree, RevolutionTree, SurfaceTree
 from ..base.vectors import along, cross, dot, moved, rotated, scaled, sub, unit
 from .ball_begin import add_seed
 from .ball_cells import limit_of

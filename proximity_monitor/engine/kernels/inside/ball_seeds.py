@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, kernel
-from ..base.state import SWEPT, TREE_A, TREE_B, MeshTree
+from ..base.state import TREE_A, TREE_B
+from ..base.trees import SWEPT, MeshTree
 from ..base.vectors import add, along, dot, scaled, sub, turned_back
 from .ball_begin import add_seed
 from .ball_state import CELL, NONE, ball_at

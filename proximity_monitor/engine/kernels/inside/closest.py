@@ -7,7 +7,7 @@ import numpy as np
 from ..base.jit import entry, kernel
 from ..base.memory import on_stack
 from ..base.rounding import OFFSET_MARGIN, POINT_FLOOR, POINT_MARGIN
-from ..base.state import DEVIATION, SWEPT
+from ..base.trees import DEVIATION, SWEPT
 from ..base.vectors import along, cross, dot, face_normal, scaled, sub, unit
 from ..elements.primitives import corners, mixed
 from ..elements.swept import core_of, lower_of, surface_points, upper_of

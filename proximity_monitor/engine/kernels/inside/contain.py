@@ -15,8 +15,9 @@ import numpy as np
 from ..base.jit import entry, implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.motion import deviation, relative_motions, slack_of_bounds
-from ..base.state import LOWER, OUT_OF_TIME, STATUS, UPPER, MeshTree
+from ..base.state import LOWER, OUT_OF_TIME, STATUS, UPPER
 from ..base.tables import tree_at
+from ..base.trees import MeshTree
 from ..base.vectors import moved, norm, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of

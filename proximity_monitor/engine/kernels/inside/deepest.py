@@ -16,8 +16,9 @@ from ..base.jit import kernel, shared
 from ..base.memory import on_stack
 from ..base.motion import deviation, relative_motions
 from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
-from ..base.state import CUT, ENDED, RADIUS_A, RADIUS_B, SWEPT
+from ..base.state import CUT, ENDED, RADIUS_A, RADIUS_B
 from ..base.tables import tree_at
+from ..base.trees import SWEPT
 from ..base.vectors import along, cross, dot, sub, unit
 from ..elements.errors import joints_err, points_err
 from ..tree.layout import (

@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import FEATURE_A, MeshTree
+from ..base.state import FEATURE_A
+from ..base.trees import MeshTree
 from ..base.vectors import add, cross, dot, face_normal, scaled, sub, unit
 from ..elements.primitives import corners, mixed
 from .nearest import begin_nearest, nearest, point_triangle

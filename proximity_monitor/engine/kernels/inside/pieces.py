@@ -7,7 +7,7 @@ A piece lies in the convex hull of its control points. Here are the stubs, and t
 from __future__ import annotations
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import MeshTree
+from ..base.trees import MeshTree
 from ..base.vectors import add, dot, scaled, sub
 from ..elements.primitives import corners, mixed
 from ..tree.layout import first_of, last_of

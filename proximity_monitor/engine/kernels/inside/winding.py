@@ -25,7 +25,7 @@ from ..base.jit import implements, inlined, kernel, loop16
 from ..base.memory import on_stack
 from ..base.precise import orientation
 from ..base.rounding import DOUBLE_EPS, SINGLE_LIMIT
-from ..base.state import MeshTree, SurfaceTree
+from ..base.trees import MeshTree, SurfaceTree
 from ..elements.errors import joints_err
 from ..tree.layout import (
     CENTRE_X,

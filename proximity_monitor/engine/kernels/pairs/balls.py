@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import namedtuple
 
 from ..base.jit import entry, specialised
-from ..base.state import MeshTree, RevolutionTree, SurfaceTree
+from ..base.trees import MeshTree, RevolutionTree, SurfaceTree
 from ..inside.ball import search_ball
 from ..inside.ball_begin import begin_ball
 from ..inside.ball_feet import write_ball

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..base.jit import entry, specialised
-from ..base.state import MeshTree, SurfaceTree
+from ..base.trees import MeshTree, SurfaceTree
 from ..inside.deepest import begin_deepest, search_deepest, write_deepest
 from ..surface import pieces, solid  # noqa: F401 - they implement what surfaces are asked for
 from . import mesh_mesh, surface_surface  # noqa: F401 - the same for points of elements

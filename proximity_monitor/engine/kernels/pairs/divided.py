@@ -8,16 +8,8 @@ from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, RESOLUTION
-from ..base.state import (
-    CELLS_FULL,
-    CUT,
-    ENDED,
-    NONE,
-    REVISION,
-    Dividing,
-    MeshTree,
-    SurfaceTree,
-)
+from ..base.state import CELLS_FULL, CUT, ENDED, Dividing
+from ..base.trees import NONE, REVISION, MeshTree, SurfaceTree
 from ..base.vectors import moved, norm, scaled, sub
 from ..elements.errors import points_err
 from ..elements.primitives import collect
@@ -106,7 +98,11 @@ def _prepare(cells, tree_a, tree_b, state):
     progress.narrow, progress.lasts, progress.review, progress.crowd = 0, 0, 1, 0
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
     progress.plane[3], progress.laid = np.inf, np.inf
-    progress.futile = max(progress.futile - 1, 0) if state.keys.shape[0] > 0 else 0
+    if state.keys.shape[0] > 0:
+        progress.futile = max(progress.futile - 1, 0)
+        progress.resting = max(progress.resting - 1, 0)
+    else:
+        progress.futile = progress.resting = 0
     progress.compared, progress.leaning = 0, NONE
     progress.due = _FEW if state.keys.shape[0] == 0 else _MORE
     # Cells stand in their model's own frame: they serve again while the models are the same.

@@ -2,16 +2,8 @@
 
 from __future__ import annotations
 
-from ..base.state import (
-    MESHES,
-    BoxTree,
-    BreadthFirst,
-    DepthFirst,
-    MeshTree,
-    Priority,
-    RevolutionTree,
-    SurfaceTree,
-)
+from ..base.state import BreadthFirst, DepthFirst, Priority
+from ..base.trees import MESHES, BoxTree, MeshTree, RevolutionTree, SurfaceTree
 from . import mesh_mesh, revolution_revolution, surface_mesh, surface_surface
 
 _SWEPT = {

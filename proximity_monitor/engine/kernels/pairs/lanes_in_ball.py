@@ -8,7 +8,8 @@ from numba import float32, uint64
 from ..base.jit import implements, inlined, kernel, loop16
 from ..base.lanes import not_above
 from ..base.rounding import SINGLE_LIMIT, SINGLE_MARGIN
-from ..base.state import Dividing, MeshTree
+from ..base.state import Dividing
+from ..base.trees import MeshTree
 from ..bounds.cross import left_between
 from ..tree.layout import (
     CENTRE_X,

@@ -6,8 +6,9 @@ Nobody asks these: compiling them compiles the part, beside the search that will
 from __future__ import annotations
 
 from ..base.jit import entry, specialised
-from ..base.state import DepthFirst, Dividing, MeshTree, RevolutionTree, SurfaceTree, Turning
+from ..base.state import DepthFirst, Dividing, Turning
 from ..base.tables import state_at, tree_at
+from ..base.trees import MeshTree, RevolutionTree, SurfaceTree
 from ..revolution.rings import search_rings
 from ..search.stubs import divide
 from . import divided  # noqa: F401 - it implements the stub

@@ -6,13 +6,13 @@ import numpy as np
 
 from ..base.jit import implements, kernel
 from ..base.memory import on_stack
-from ..base.state import MESHES
+from ..base.trees import MESHES
 from ..base.vectors import along, dot, moved, scaled, sub
 from ..elements.primitives import corners, measure_triangles, mixed
 from ..inside.nearest import Middle, begin_nearest, nearest, point_triangle, walk
 from ..inside.visit import ROOM
 from ..search import stubs
-from ..tree.layout import WIDTH, row
+from ..tree.layout import WIDTH, radius_of, row
 
 
 @kernel
@@ -48,7 +48,7 @@ def _guess(tree_a, tree_b, state):
     q = moved(motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
     ta = tb = np.int64(0)
     way = sub(q, scaled(row(tree_a.centres, 0), tree_a.scale[0]))
-    reach = tree_a.centres[0, 3] * tree_a.scale[0] + tree_b.centres[0, 3] * tree_b.scale[0]
+    reach = radius_of(tree_a) + radius_of(tree_b)
     for _ in range(2 if dot(way, way) < reach * reach else 1):
         ta = walk(Middle(q, 0.0), tree_a, found)
         p = moved(motions[1], _point_near(tree_a, ta, q))

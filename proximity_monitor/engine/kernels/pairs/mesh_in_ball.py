@@ -13,7 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import NONE, Dividing, MeshTree, SurfaceTree
+from ..base.state import Dividing
+from ..base.trees import NONE, MeshTree, SurfaceTree
 from ..base.vectors import dot, moved, norm, scaled, sub
 from ..elements.direction import begin_along, gap_between
 from ..elements.primitives import corners
@@ -21,10 +22,10 @@ from ..search import stubs
 from ..surface.empty_ball import empty_ball, find_ball, is_in_ball
 from ..surface.facing import vector
 from ..surface.reach import support_of
-from ..tree.layout import WIDTH, row
+from ..tree.layout import WIDTH, radius_of, row
 from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
 from .beyond_plane import is_held_off
-from .mesh_nearer import LOOK, improve, nearest_points, radius_of
+from .mesh_nearer import LOOK, improve, nearest_points
 from .revolution_mesh import go_down, is_convex, is_due
 
 _STEPS = 48

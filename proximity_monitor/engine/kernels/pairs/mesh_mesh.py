@@ -10,15 +10,8 @@ from ..base.lanes import not_above
 from ..base.memory import on_stack, table_on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR
-from ..base.state import (
-    MESHES,
-    BoxTree,
-    BreadthFirst,
-    DepthFirst,
-    MeshTree,
-    Priority,
-    Waiting,
-)
+from ..base.state import BreadthFirst, DepthFirst, Priority, Waiting
+from ..base.trees import MESHES, BoxTree, MeshTree
 from ..bounds.gaps import BATCH, CORNERS, gaps, gather, shift
 from ..elements.direction import begin_along, end_along, gap_along, gap_between
 from ..elements.primitives import collect, corners, measure_triangles, mixed, nearest_lane

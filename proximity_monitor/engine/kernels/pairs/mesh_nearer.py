@@ -24,7 +24,7 @@ from ..surface.facing import vector
 from ..surface.measure import MINIMUM_STEPS, measure_near
 from ..surface.newton import MOST
 from ..surface.sides import near
-from ..tree.layout import WIDTH
+from ..tree.layout import WIDTH, radius_of
 
 LOOK = 2
 """Steps of a search that a look at a rectangle of a piece takes as long as."""
@@ -43,12 +43,6 @@ _PARALLEL = 1e-3
 
 _GAIN, _SHORTER = 0.9, 0.25
 """Share of the distance that such a step may leave, or the next one is as much shorter."""
-
-
-@inlined
-def radius_of(tree):
-    """The radius of a sphere around a model, metres."""
-    return tree.centres[0, 3] * tree.scale[0]
 
 
 @inlined

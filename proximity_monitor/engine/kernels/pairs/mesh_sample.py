@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, kernel
-from ..base.state import KEPT, MESHES
+from ..base.state import KEPT
+from ..base.trees import MESHES
 from ..base.vectors import dot, moved, sub
 from ..elements.primitives import keep
 from ..elements.triangles import corner_weights

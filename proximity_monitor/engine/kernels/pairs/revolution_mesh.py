@@ -14,8 +14,9 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel
 from ..base.lanes import lowest
 from ..base.memory import on_stack
-from ..base.state import Dividing, MeshTree, SurfaceTree
+from ..base.state import Dividing
 from ..base.tables import revolution_of
+from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, moved_back, scaled, sub
 from ..elements.direction import begin_of
 from ..elements.primitives import corners
@@ -121,7 +122,7 @@ def go_down(surface, mesh, state, fresh):
     if not fresh:
         steps = lay_plane(surface, mesh, state)
         if progress.open == 0 or not is_convex(surface):
-            progress.futile = REST if progress.open > 0 else 0
+            progress.resting = REST if progress.open > 0 else 0
             return steps
     solid = revolution_of(surface)
     motion, found = on_stack(12, 0.0), on_stack(WIDTH, np.float32(0.0))
@@ -232,7 +233,7 @@ def _serves(progress, surface):
 def is_due(progress, surface):
     """Whether the nearest points are so much nearer that another plane may hold off more."""
     nearer = progress.slack < progress.distance < _NEARER * progress.laid
-    return nearer and progress.open > 0 and (is_convex(surface) or progress.futile == 0)
+    return nearer and progress.open > 0 and (is_convex(surface) or progress.resting == 0)
 
 
 @implements(divided.begin_below, SurfaceTree, MeshTree)

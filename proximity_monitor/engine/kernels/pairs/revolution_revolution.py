@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
-from ..base.state import DepthFirst, RevolutionTree, Turning
+from ..base.state import DepthFirst, Turning
+from ..base.trees import RevolutionTree
 from ..elements.primitives import has_leapt
 from ..revolution.minima import keep_same, look_around, measure_again
 from ..revolution.rings import begin_rings, search_rings

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
-from ..base.state import BreadthFirst, DepthFirst, Dividing, MeshTree, Priority, SurfaceTree
+from ..base.state import BreadthFirst, DepthFirst, Dividing, Priority
+from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import along, cross, dot, norm, sub
 from ..elements.primitives import corners, mixed
 from ..search.search import answer_queries

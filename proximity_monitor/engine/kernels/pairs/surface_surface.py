@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
-from ..base.state import (
-    BreadthFirst,
-    DepthFirst,
-    Dividing,
-    Priority,
-    RevolutionTree,
-    SurfaceTree,
-)
+from ..base.state import BreadthFirst, DepthFirst, Dividing, Priority
+from ..base.trees import RevolutionTree, SurfaceTree
 from ..search import stubs
 from ..search.search import answer_queries
 from ..surface import jets  # noqa: F401 - it implements what Newton's method asks of surfaces

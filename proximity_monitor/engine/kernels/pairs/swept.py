@@ -9,7 +9,8 @@ import numpy as np
 from numba import uint64
 
 from ..base.jit import implements, inlined
-from ..base.state import BoxTree, Dividing, MeshTree, SurfaceTree, Waiting
+from ..base.state import Dividing, Waiting
+from ..base.trees import BoxTree, MeshTree, SurfaceTree
 from ..bounds.boxes import box_bounds
 from ..bounds.cross import cross_nodes, left_between
 from ..bounds.volumes import far_bound, lower_bounds, place, tighten

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ..base.jit import implements, inlined, kernel
 from ..base.precise import accurate_cross
-from ..base.state import MeshTree, SurfaceTree
+from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import dot, moved, sub, unit
 from ..elements.primitives import corners, mixed
 from ..surface.jets import fixed_jet, get, put

@@ -8,7 +8,7 @@ from __future__ import annotations
 from ..base.jit import implements, inlined, kernel
 from ..base.precise import accurate_cross
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import MeshTree
+from ..base.trees import MeshTree
 from ..base.vectors import dot, norm, sub
 from ..elements.primitives import corners, mixed
 from ..elements.triangles import point_face

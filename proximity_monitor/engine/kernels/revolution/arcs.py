@@ -15,7 +15,7 @@ import numpy as np
 from ..base.jit import kernel
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import NONE
+from ..base.trees import NONE
 from .profile import jet_of, put_part
 
 _ROUNDING = 2048.0 * DOUBLE_EPS

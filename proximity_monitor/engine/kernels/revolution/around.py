@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.state import NONE
+from ..base.trees import NONE
 from .bound import begin_of, bends, sector_of
 from .bounded import (
     beyond,

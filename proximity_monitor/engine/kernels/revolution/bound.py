@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.state import NONE
+from ..base.trees import NONE
 from .coaxial import ALIKE, begin_about_axis, bends_about_axis
 from .newton import turned
 from .reach import bulge, coarse_in, reach_in

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.state import NONE
+from ..base.trees import NONE
 from .arcs import fit_arc
 from .bound import begin_of, facing, spread_of
 from .build import NARROW, put_halves

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import allocating_entry, inlined
-from ..base.state import ARC, NONE
+from ..base.trees import ARC, NONE
 from .arcs import fit_arc, hold
 
 _MOST = 1 << 16

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import dot
 from ..inside.ball_caps import FINE_SPARE, FINE_TOP
 from .meridian import axis_of, chord_of, from_chord, from_segment, place_in, thickness

@@ -25,7 +25,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import NONE
+from ..base.trees import NONE
 from .certificate import LOST, SPARE
 from .meridian import chord_of, from_arc, from_chord, from_segment, thickness
 from .profile import jet_of

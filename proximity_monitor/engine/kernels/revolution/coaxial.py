@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.state import NONE
+from ..base.trees import NONE
 from .reach import arc_at, bulge, most_in, reach_of
 
 ALIKE = 0.98

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
-from ..base.state import NONE, REVISION
+from ..base.trees import NONE, REVISION
 from ..elements.primitives import has_leapt
 
 FRONT = 128

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..inside.winding import UNKNOWN
 from .meridian import chord_of, from_chord, from_segment, thickness
 

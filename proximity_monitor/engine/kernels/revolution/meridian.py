@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import SurfaceTree
+from ..base.trees import SurfaceTree
 from ..base.vectors import dot, norm, sub
 from .profile import put_part
 from .reach import bulge

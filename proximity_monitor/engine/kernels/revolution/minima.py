@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.memory import on_stack
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import moved, norm, sub
 from ..elements.primitives import keep
 from ..surface.edges import point_on

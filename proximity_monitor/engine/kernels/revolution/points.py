@@ -6,8 +6,8 @@ import numpy as np
 
 from ..base.jit import entry
 from ..base.rounding import RESOLUTION
-from ..base.state import DEVIATION, RevolutionTree
 from ..base.tables import tree_at
+from ..base.trees import DEVIATION, RevolutionTree
 from ..base.vectors import norm, sub
 from ..elements.errors import joints_err, points_err
 from ..elements.swept import core_of, lower_of, upper_of

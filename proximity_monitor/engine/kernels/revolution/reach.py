@@ -13,7 +13,7 @@ import numpy as np
 from ..base.jit import allocating_entry, inlined, kernel
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import NONE, VECTORS
+from ..base.trees import NONE, VECTORS
 
 _SIDE = (VECTORS - 1) // 4
 """Vectors that are kept of each side of the square."""

@@ -15,7 +15,8 @@ import numpy as np
 
 from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack
-from ..base.state import CELLS_FULL, CUT, ENDED, NONE
+from ..base.state import CELLS_FULL, CUT, ENDED
+from ..base.trees import NONE
 from .around import part_around
 from .bound import bends, facing, half_of, sector_of
 from .bounded import MINIMUM_STEPS, halves_of, part_off, prove

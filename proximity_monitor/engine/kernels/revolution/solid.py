@@ -6,7 +6,7 @@ What that finds is told as a point of the patches, so that all else is asked of 
 from __future__ import annotations
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import RevolutionTree
+from ..base.trees import RevolutionTree
 from ..elements.errors import joints_err
 from ..inside import feet
 from ..inside.ball_bowls import bowls

@@ -14,9 +14,9 @@ import numpy as np
 from ..base.hashing import EMPTY_HASH, mixed, slot
 from ..base.jit import inlined, kernel
 from ..base.rounding import TRAVEL_SHARE
-from ..base.state import REVISION
+from ..base.trees import REVISION
 from ..base.vectors import dot, scaled
-from ..tree.layout import row
+from ..tree.layout import radius_of, row
 
 _NONE = -1
 
@@ -40,7 +40,6 @@ def _spectral(d):
 def _displacement(tree, before, after):
     """How far any point of a model moves at most, metres, from one motion to another."""
     x, y, z = scaled(row(tree.centres, 0), tree.scale[0])
-    radius = tree.centres[0, 3] * tree.scale[0]
     d = (
         after[0] - before[0], after[1] - before[1], after[2] - before[2],
         after[3] - before[3], after[4] - before[4], after[5] - before[5],
@@ -51,7 +50,7 @@ def _displacement(tree, before, after):
         d[3] * x + d[4] * y + d[5] * z + (after[10] - before[10]),
         d[6] * x + d[7] * y + d[8] * z + (after[11] - before[11]),
     )
-    return np.sqrt(dot(g, g)) + _spectral(d) * radius
+    return np.sqrt(dot(g, g)) + _spectral(d) * radius_of(tree)
 
 
 @kernel
@@ -67,7 +66,7 @@ def travel(tree_a, tree_b, state, before, slack):
         progress.shape_a, progress.shape_b = tree_a.scale[REVISION], tree_b.scale[REVISION]
         for i in range(state.keys.shape[0]):
             state.keys[i] = _NONE
-    if tree_a.centres[0, 3] * tree_a.scale[0] < tree_b.centres[0, 3] * tree_b.scale[0]:
+    if radius_of(tree_a) < radius_of(tree_b):
         distance = _displacement(tree_a, before[1], motions[1])
     else:
         distance = _displacement(tree_b, before[0], motions[0])

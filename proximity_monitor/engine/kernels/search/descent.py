@@ -14,11 +14,7 @@ import numpy as np
 from ..base.jit import inlined, shared
 from ..base.lanes import lowest, not_above, smallest
 from ..base.memory import on_stack
-from ..base.state import (
-    COLLECTED_FULL,
-    CUT,
-    ENDED,
-)
+from ..base.state import COLLECTED_FULL, CUT, ENDED
 from ..bounds.cross import Scratch, left_between
 from ..bounds.gaps import BATCH
 from ..elements.primitives import collect, enough

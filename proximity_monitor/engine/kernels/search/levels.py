@@ -18,9 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import (
-    BreadthFirst,
-)
+from ..base.state import BreadthFirst
 from .stubs import least_open, push, sample, take
 
 

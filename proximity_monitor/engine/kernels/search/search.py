@@ -19,7 +19,6 @@ from ..base.state import (
     CELLS_FULL,
     CUT,
     CUT_BETWEEN,
-    DEVIATION,
     ENDED,
     EXACT,
     FEATURE_A,
@@ -33,7 +32,6 @@ from ..base.state import (
     RADIUS_A,
     RADIUS_B,
     STATUS,
-    SWEPT,
     TESTS,
     TREE_A,
     TREE_B,
@@ -41,6 +39,7 @@ from ..base.state import (
     WITHIN_TOLERANCE,
 )
 from ..base.tables import is_tree_of, queries_at, state_at, tree_at
+from ..base.trees import DEVIATION, SWEPT
 from ..base.vectors import dot, moved, sub
 from ..elements.direction import forget_direction
 from ..elements.primitives import keep

@@ -11,7 +11,7 @@ from collections import namedtuple
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import add, dot, scaled, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import SurfaceTree
+from ..base.trees import SurfaceTree
 from ..base.vectors import cross, dot
 from ..inside import feet, visit
 from ..inside.ball_bowls import Bowl, height_over

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import NONE, SurfaceTree
+from ..base.trees import NONE, SurfaceTree
 from .cells import net_of
 from .certificate import (
     ACROSS,

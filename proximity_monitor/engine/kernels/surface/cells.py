@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel, shared
 from ..base.rounding import NET_SPLIT
-from ..base.state import CONVERSION, NONE
+from ..base.trees import CONVERSION, NONE
 from ..base.vectors import norm
 from ..elements.errors import points_err
 from .clip import clip_cell

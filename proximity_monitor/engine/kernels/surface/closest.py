@@ -7,7 +7,7 @@ import numpy as np
 from ..base.jit import entry
 from ..base.memory import on_stack
 from ..base.rounding import RESOLUTION
-from ..base.state import DEVIATION
+from ..base.trees import DEVIATION
 from ..base.vectors import norm, sub
 from ..elements.errors import points_err
 from ..elements.swept import core_of, lower_of, upper_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import namedtuple
 
 from ..base.jit import implements, inlined
-from ..base.state import SurfaceTree
 from ..base.tables import tree_at
+from ..base.trees import SurfaceTree
 from ..elements.errors import joints_err, points_err
 from ..inside.contain import Insides, errors_of, look_in, part_inside
 from . import crossing  # noqa: F401 - it implements what a winding number needs

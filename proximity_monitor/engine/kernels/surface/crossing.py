@@ -23,7 +23,7 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import RevolutionTree, SurfaceTree
+from ..base.trees import RevolutionTree, SurfaceTree
 from ..base.vectors import cross, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.angles import half_side, is_outside

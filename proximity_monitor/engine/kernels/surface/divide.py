@@ -15,7 +15,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import dot, norm, rotated, scaled, turned_back
 from .certificate import is_done
 from .empty_ball import is_in_ball

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..base.jit import entry, inlined, kernel
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import across, add, along, cross, dot, scaled, sub, unit
 from .edge_bend import find_bends
 from .evaluate import jet_at, point_at

@@ -22,7 +22,7 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.rounding import RESOLUTION
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import along, dot, norm, scaled, sub
 from ..elements.errors import points_err
 from ..inside import visit

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import SurfaceTree
+from ..base.trees import SurfaceTree
 from ..base.vectors import dot, moved, norm, scaled, sub
 from .cells import net_of
 from .facing import vector

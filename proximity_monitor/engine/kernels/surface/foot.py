@@ -17,7 +17,7 @@ from ..base.jit import implements, inlined, kernel, shared
 from ..base.lanes import least_beyond
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import along, dot, norm, scaled, sub
 from ..inside import visit
 from ..inside.nearest import point_gaps

@@ -12,7 +12,7 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel
 from ..base.memory import on_stack
 from ..base.rounding import NET_SPLIT
-from ..base.state import NONE, SurfaceTree
+from ..base.trees import NONE, SurfaceTree
 from .cells import net_of
 from .sides import least_of
 from .subdivide import PROJECTED

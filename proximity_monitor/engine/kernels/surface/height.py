@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.jit import implements, inlined, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import NONE, SurfaceTree
+from ..base.trees import NONE, SurfaceTree
 from ..base.vectors import dot, scaled
 from ..inside import visit
 from ..inside.ball_caps import Cap, leaf_steps

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import SurfaceTree
+from ..base.trees import SurfaceTree
 from ..base.vectors import dot, moved, rotated, scaled, sub
 from .edges import jet_on
 from .newton import begin_at, derivatives, prepare, way_at, weights_at

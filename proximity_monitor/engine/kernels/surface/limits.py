@@ -23,7 +23,7 @@ import numpy as np
 
 from ..base.jit import entry, inlined, kernel
 from ..base.memory import on_stack
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import add, along, dot, norm, scaled
 from .parts import EACH, NUMBERS, corner_of, margin_about, take_whole
 from .ranges import slope_error

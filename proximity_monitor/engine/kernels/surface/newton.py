@@ -16,7 +16,7 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
-from ..base.state import SurfaceTree
+from ..base.trees import SurfaceTree
 from ..base.vectors import dot
 
 JETS = 56

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.rounding import NET_SPLIT
-from ..base.state import CONVERSION
+from ..base.trees import CONVERSION
 from ..base.vectors import sub
 from .trim import CROSSING, classify_rectangle
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel
 from ..base.memory import records_at, rows_at
-from ..base.state import CELL, NONE, SurfaceTree
+from ..base.state import CELL
+from ..base.trees import NONE, SurfaceTree
 from ..inside import pieces
 from ..inside.ball_cells import push
 from ..inside.ball_state import MORE

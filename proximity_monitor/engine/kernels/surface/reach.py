@@ -22,7 +22,7 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.state import NONE
+from ..base.trees import NONE
 from ..base.vectors import dot
 from ..bounds.volumes import lows_along
 from ..elements.errors import points_err

@@ -6,8 +6,8 @@ import numpy as np
 
 from ..base.jit import entry, kernel
 from ..base.memory import on_stack
-from ..base.state import CONVERSION, NONE, SurfaceTree
 from ..base.tables import tree_at
+from ..base.trees import CONVERSION, NONE, SurfaceTree
 from .edges import point_on, rectangle_of
 from .sides import is_left
 

@@ -9,7 +9,7 @@ all of a surface is equally near, none ends in any time. The search sees that fe
 from __future__ import annotations
 
 from ..base.jit import inlined, kernel
-from ..base.state import NONE
+from ..base.trees import NONE
 from .heap import kept_aside, place, rebuilt
 
 _SHORT, _FULL = 0.75, 0.9375

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base.jit import implements, inlined, kernel
 from ..base.lanes import least_along
-from ..base.state import NONE, SurfaceTree
+from ..base.trees import NONE, SurfaceTree
 from ..base.vectors import cross
 from .cells import MOST_SPLITS, divide_cell, length_in, net_of, root_cell
 from .clip import clipped_least

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined, kernel
-from ..base.state import FEATURE_A, NONE, SurfaceTree
+from ..base.state import FEATURE_A
+from ..base.trees import NONE, SurfaceTree
 from ..base.vectors import cross, dot, unit
 from ..inside import feet
 from ..inside.visit import at_root

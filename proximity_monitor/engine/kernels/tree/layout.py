@@ -60,6 +60,12 @@ def last_of(child):
     return (~child >> 1) + (~child & 1)
 
 
+@inlined
+def radius_of(tree):
+    """The radius of a sphere around a model, metres."""
+    return tree.centres[0, 3] * tree.scale[0]
+
+
 @kernel
 def row(array, i):
     """The first three numbers of a row."""
