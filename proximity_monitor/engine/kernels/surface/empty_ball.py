@@ -31,7 +31,7 @@ from ..inside.visit import ROOM, TO_THE_END, at_root, descend
 from ..tree.layout import WIDTH
 from .edges import normal_on, point_on
 from .evaluate import jet_at
-from .foot import RECTANGLES, bounded, enough, look_at_whole, unlooked
+from .foot import UNDIVIDED, bounded, enough, look_at_whole, unlooked
 from .parts import margin_of, take_whole
 from .square import is_beyond
 
@@ -112,7 +112,7 @@ def _meet(query, tree, t, answer):
 @kernel
 def _look(query, tree, t, answer):
     """The answer when an element has been looked into, as far as that goes without a division."""
-    done, answer = look_at_whole(query, tree, t, answer, RECTANGLES)
+    done, answer = look_at_whole(query, tree, t, answer, UNDIVIDED)
     distance, nearest, u, v, _, cost = answer
     if done and cost < LOOKS:
         return answer

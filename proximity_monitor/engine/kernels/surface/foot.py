@@ -64,10 +64,13 @@ every search ends: around the centre of a sphere all of it is about as near."""
 _NEARER = 0.25
 """Share of what is tolerated from which on an edge's bend is worth a division."""
 
-RECTANGLES, _FEW, _EVERY = 16, 4, 4
+_RECTANGLES, _FEW, _EVERY = 16, 4, 4
 """Rectangles of a piece that are looked at before its control points are divided, and of a part;
 and how many divisions later the next parts are looked at so, after the first ones: about a pole
 control points alone tell."""
+
+UNDIVIDED = 128
+"""Rectangles of a piece that are looked at where control points are not divided."""
 
 _LOOKS, _CHORDS = 256, 64
 """Looks at parts of an edge, and how many of them may wait."""
@@ -140,7 +143,7 @@ def foot_in(query, tree, t, answer):
             u, v = 0.5, (0.5 if tree.pieces[nearest].degree_v > 0 else 0.0)
             distance = norm(sub(point_on(tree, nearest, u, v), query.place))
             answer = distance, ~nearest, u, v, answer[4], first
-        most = 1 if piece.side == CROSSING else RECTANGLES
+        most = 1 if piece.side == CROSSING else _RECTANGLES
         done, answer = look_at_whole(query, tree, t, answer, most)
         if not done:
             answer = _look_at_parts(query, tree, t, answer)
@@ -178,7 +181,7 @@ def _improved(query, tree, t, answer, limits, at, u, v):
 def look_at_whole(query, tree, t, answer, most):
     """Whether a piece is done with, without a division of control points, and the answer then.
 
-    No more than `most` of its rectangles are looked at.
+    No more than `most` of its rectangles, UNDIVIDED at most, are looked at.
     """
     piece, p = tree.pieces[t], query.place
     below = enough(query, answer)
@@ -203,7 +206,7 @@ def _look_at_rectangle(query, tree, t, answer, limits, at, u, v, most):
 
     Minima are looked for from u, v on.
     """
-    stack = table_on_stack(RECTANGLES, 6, 0.0)
+    stack = table_on_stack(UNDIVIDED, 6, 0.0)
     _put(stack, 0, at)
     stack[0, 4], stack[0, 5] = u, v
     top = looks = 1
