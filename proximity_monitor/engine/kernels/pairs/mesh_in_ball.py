@@ -80,8 +80,9 @@ def _find(surface, mesh, state, soon):
     reach = radius_of(surface) + radius_of(mesh)
     middle = moved(state.motions[0], scaled(row(mesh.centres, 0), mesh.scale[0]))
     c, own, others, cost = empty_ball(
-        surface, s, ws[0], ws[1], n, _LARGE * reach, _MORE * reach, middle
-    )
+        surface, s, ws[0], ws[1], n, _LARGE * reach, _MORE * reach, middle,
+        distance + radius_of(mesh),
+    )  # fmt: skip
     error = progress.bound_slack * (1.0 + norm(c) / size)
     ball[0], ball[1], ball[2] = moved(state.motions[1], c)
     ball[3], ball[4], ball[5] = own - error, others - error, distance

@@ -220,11 +220,18 @@ def _bend_towards(tree, element, u, v, n):
     return half + np.sqrt(max(half * half - product, 0.0))
 
 
+@inlined
+def _below(most, wanted):
+    """A radius below the largest that is possible, and above one that is wanted, if one is."""
+    return 0.5 * (wanted + most) if _SMALLER * most < wanted < most else _SMALLER * most
+
+
 @kernel
-def empty_ball(tree, element, u, v, n, radius, more, middle):
+def empty_ball(tree, element, u, v, n, radius, more, middle, wanted):
     """A ball of that radius at most beside a point of a surface, metres, on the side that n tells.
 
-    `middle` is that of the other model. All is in the surface's frame.
+    `middle` is that of the other model, and `wanted` a radius from which on it may hold all of
+    that. All is in the surface's frame.
 
     Returns its centre; a lower bound of that one's distance to the element, and one of that to all
     others, which is `more` larger than the radius at the most; and what it cost.
@@ -234,7 +241,8 @@ def empty_ball(tree, element, u, v, n, radius, more, middle):
     n = _normal_at(tree, element, u, v, n)
     bend = _bend_towards(tree, element, u, v, n)
     if bend * radius > _SMALLER and norm(sub(along(p, n, 1.0 / bend), middle)) * bend >= _AROUND:
-        radius = _SMALLER / bend  # a larger one would cut through the surface beside the point
+        # One that is larger than the bend allows would cut through the surface beside the point.
+        radius = _below(1.0 / bend, wanted)
     for _ in range(_ROUNDS):
         c = along(p, n, radius)
         least, others = radius - 4.0 * spare, 0.0
@@ -259,7 +267,7 @@ def empty_ball(tree, element, u, v, n, radius, more, middle):
             cost += looks
             if bowl:
                 return centre, through - spare, through - spare, cost
-        through = min(_SMALLER * through, radius)
+        through = min(_below(through, wanted), radius)
         shrunk = radius if clear and own > 0.0 and others > 0.0 else _HALF * radius
         radius = max(min(shrunk, through), _LEAST * radius)
     return c, own, others, cost
