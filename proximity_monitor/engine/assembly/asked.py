@@ -2,11 +2,34 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_integers, as_tolerances
 from ..kernels.assembly.questions import take_pairs
+
+
+class Asked(NamedTuple):
+    """What is asked about some pairs of bodies, checked."""
+
+    poses: NDArray[np.float64]
+    """(n, 4, 4) model to world of every body, metres."""
+    pairs: NDArray[np.int32]
+    """(k, 2) which bodies."""
+    wanted: NDArray[np.float64]
+    """(k, 3) rel_err, abs_err in metres, and clearance in metres."""
+    hints: NDArray[np.int32] | None
+    """(k, 2) elements to begin with, in tree order, where they are not negative."""
+    signed: NDArray[np.bool_]
+    """(k,) whether the answer is a signed distance, or has -inf as lower bound if the bodies may
+    overlap."""
+
+    def part(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Asked:
+        """What is asked about some of the pairs."""
+        hints = None if self.hints is None else self.hints[rows]
+        return Asked(self.poses, self.pairs[rows], self.wanted[rows], hints, self.signed[rows])
 
 
 def checked_pairs(

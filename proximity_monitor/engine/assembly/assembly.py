@@ -26,7 +26,7 @@ from ..questions.run import Search, check_models
 from ..questions.sharing import share
 from ..questions.slices import Run, Settle, answer_in_slices, deadline_of
 from .answers import no_answers
-from .asked import checked_pairs, checked_tolerances
+from .asked import Asked, checked_pairs, checked_tolerances
 from .long_searches import BEGIN_FIRST_S, END_S, LongSearches, Single
 from .runs import Runs
 
@@ -139,72 +139,52 @@ class Assembly:
             hints = as_integers(hints, "hints", 2)
             if len(hints) != k:
                 raise ValueError(f"hints: shape {hints.shape}, expected ({k}, 2)")
-        asked = poses, chosen, wanted, hints, of_solids
+        asked = Asked(poses, chosen, wanted, hints, of_solids)
         if not signed:
-            return Distances(self.rows(*asked, deadline, threads))
-        return Distances(self._signed_rows(*asked, depth_err, deadline, threads))
+            return Distances(self.rows(asked, deadline, threads))
+        return Distances(self._signed_rows(asked, depth_err, deadline, threads))
 
-    def rows(
-        self,
-        poses: NDArray[np.float64],
-        pairs: NDArray[np.int32],
-        wanted: NDArray[np.float64],
-        hints: NDArray[np.int32] | None,
-        signed: NDArray[np.bool_],
-        deadline: float | None,
-        threads: int,
-    ) -> NDArray[np.float64]:
+    def rows(self, asked: Asked, deadline: float | None, threads: int) -> NDArray[np.float64]:
         """As `distances` without checks; returns rows (k, ANSWER) as the kernel writes them.
 
-        wanted (k, 3) is rel_err, abs_err and clearance. Where `signed` (k,) is set, the answer is a
-        signed distance, or has -inf as lower bound if the bodies may overlap. A pair that is not
-        searched has NaN as status. The deadline is one of perf_counter.
+        A pair that is not searched has NaN as status. The deadline is one of perf_counter.
         """
-        threads = max(1, min(threads, len(pairs)))
+        count = len(asked.pairs)
+        threads = max(1, min(threads, count))
         self._tabulate(threads)
-        given = pairs, wanted, hints, signed
         if (entry := self._runs.only) is not None:
-            runs = [[(entry, first, len(pairs))] for first in range(threads)]
-            return self._answer(poses, *given, runs, deadline, threads)
-        begun = self._begun(poses, pairs, wanted)
-        order, runs = self._runs.plan(pairs, threads, begun)
-        found = np.empty((len(pairs), index.ANSWER))
-        asked = (None if each is None else each[order] for each in given)
-        found[order] = self._answer(poses, *asked, runs, deadline, threads)
+            runs = [[(entry, first, count)] for first in range(threads)]
+            return self._answer(asked, runs, deadline, threads)
+        order, runs = self._runs.plan(asked.pairs, threads, self._begun(asked))
+        found = np.empty((count, index.ANSWER))
+        found[order] = self._answer(asked.part(order), runs, deadline, threads)
         return found
 
     def _answer(
-        self,
-        poses: NDArray[np.float64],
-        pairs: NDArray[np.int32],
-        wanted: NDArray[np.float64],
-        hints: NDArray[np.int32] | None,
-        signed: NDArray[np.bool_],
-        runs: list[list[Run]],
-        deadline: float | None,
-        threads: int,
+        self, asked: Asked, runs: list[list[Run]], deadline: float | None, threads: int
     ) -> NDArray[np.float64]:
         """As `rows`, in runs for each thread."""
+        poses, pairs, wanted, hints, signed = asked
         count = len(pairs)
         queries = np.empty(2 + count * QUERY_NUMBERS, np.int64)
         answers = np.empty((count, index.ANSWER))
         known = _NO_HINTS if hints is None else hints
         solids = begin_questions(pairs, wanted, known, signed, queries, answers)
-        asked = queries[:2].reshape(2, 1)
-        searches = self._allot(threads, poses, pairs, wanted)
-        settle = self._settle_signs(poses, pairs, wanted, signed, solids, answers, threads)
+        table = queries[:2].reshape(2, 1)
+        searches = self._allot(threads, asked)
+        settle = self._settle_signs(asked, solids, answers, threads)
 
         def answer(first: int, stopped: Event | None) -> None:
             search, fresh = searches[first]
             code, at = answer_in_slices(
-                runs[first], self._tables, search.memory, fresh, poses, asked, threads, deadline,
+                runs[first], self._tables, search.memory, fresh, poses, table, threads, deadline,
                 stopped, answers, settle,
             )  # fmt: skip
             if code in (index.BAD_POSE_A, index.BAD_POSE_B):
                 body = int(pairs[at, code - index.BAD_POSE_A])
                 check_pose(poses[body], self._pose_name(body))
             if code == index.CUT:
-                self._cut[self._question(poses, pairs[at], wanted[at])] = search
+                self._cut[self._question(asked, at)] = search
 
         if threads == 1:
             answer(0, None)
@@ -213,23 +193,16 @@ class Assembly:
         return answers
 
     def _signed_rows(
-        self,
-        poses: NDArray[np.float64],
-        pairs: NDArray[np.int32],
-        wanted: NDArray[np.float64],
-        hints: NDArray[np.int32] | None,
-        signed: NDArray[np.bool_],
-        depth_err: float,
-        deadline: float | None,
-        threads: int,
+        self, asked: Asked, depth_err: float, deadline: float | None, threads: int
     ) -> NDArray[np.float64]:
         """As `rows`, with the signed distances of bodies that may overlap, as far as time goes."""
+        poses, pairs, wanted, _, signed = asked
 
         def question(k: int) -> Hashable:
-            return self._question(poses, pairs[k], wanted[k]), depth_err
+            return self._question(asked, k), depth_err
 
-        def unmoved(asked: Any) -> bool:
-            a, b, at_a, at_b = asked[0][:4]
+        def unmoved(known: Any) -> bool:
+            a, b, at_a, at_b = known[0][:4]
             return poses[a].tobytes() == at_a and poses[b].tobytes() == at_b
 
         def single(k: int) -> Single:
@@ -259,12 +232,9 @@ class Assembly:
         if begun:
             rest = np.ones(len(pairs), np.bool_)
             rest[begun] = False
-            answers[rest] = self.rows(
-                poses, pairs[rest], wanted[rest], None if hints is None else hints[rest],
-                signed[rest], deadline, threads,
-            )  # fmt: skip
+            answers[rest] = self.rows(asked.part(rest), deadline, threads)
         else:
-            answers = self.rows(poses, pairs, wanted, hints, signed, deadline, threads)
+            answers = self.rows(asked, deadline, threads)
         in_time = perf_counter() + BEGIN_FIRST_S < end
         open_ = np.empty(len(answers) if in_time else min(len(answers), 1), np.bool_)
         count = signs_open(answers, wanted, open_)
@@ -299,21 +269,16 @@ class Assembly:
             both = (self._deepest,) * 2
             self._searches.append(Search(*both, coherent=False, among=self.models))
 
-    def _question(
-        self, poses: NDArray[np.float64], pair: NDArray[np.int32], wanted: NDArray[np.float64]
-    ) -> Hashable:
-        """Everything that an answer depends on."""
-        a, b = pair.tolist()
-        models = self.models
+    def _question(self, asked: Asked, k: int) -> Hashable:
+        """Everything that the answer about a pair depends on."""
+        a, b = asked.pairs[k].tolist()
+        models, poses = self.models, asked.poses
         return (
-            a, b, poses[a].tobytes(), poses[b].tobytes(), wanted.tobytes(),
+            a, b, poses[a].tobytes(), poses[b].tobytes(), asked.wanted[k].tobytes(),
             models[a].revision, models[b].revision,
         )  # fmt: skip
 
-    def _allot(
-        self, threads: int, poses: NDArray[np.float64], pairs: NDArray[np.int32],
-        wanted: NDArray[np.float64],
-    ) -> list[tuple[Search, bool]]:  # fmt: skip
+    def _allot(self, threads: int, asked: Asked) -> list[tuple[Search, bool]]:
         """A search for each thread, and whether it begins anew.
 
         It goes on where it was cut if the thread's first question is the one that it was cut in.
@@ -321,39 +286,31 @@ class Assembly:
         free, cut = self._searches[:], self._cut
         self._cut = {}
         found = []
-        for k in range(min(threads, len(pairs)) if cut else 0):
-            search = cut.get(self._question(poses, pairs[k], wanted[k]))
+        for k in range(min(threads, len(asked.pairs)) if cut else 0):
+            search = cut.get(self._question(asked, k))
             found.append(search if search in free else None)
             if found[-1] is not None:
                 free.remove(search)
         found += [None] * (threads - len(found))
         return [(free.pop(), True) if search is None else (search, False) for search in found]
 
-    def _begun(
-        self, poses: NDArray[np.float64], pairs: NDArray[np.int32], wanted: NDArray[np.float64]
-    ) -> list[int]:
+    def _begun(self, asked: Asked) -> list[int]:
         """The questions that searches were cut in."""
         found = []
         for question in self._cut:
-            (same,) = np.nonzero((pairs == question[:2]).all(axis=1))
-            found += [k for k in same if self._question(poses, pairs[k], wanted[k]) == question]
+            (same,) = np.nonzero((asked.pairs == question[:2]).all(axis=1))
+            found += [k for k in same if self._question(asked, k) == question]
         return found
 
     def _settle_signs(
-        self,
-        poses: NDArray[np.float64],
-        pairs: NDArray[np.int32],
-        wanted: NDArray[np.float64],
-        signed: NDArray[np.bool_],
-        solids: int,
-        answers: NDArray[np.float64],
-        every: int,
+        self, asked: Asked, solids: int, answers: NDArray[np.float64], every: int
     ) -> Settle | None:
         """What makes every so many answers signed ones, if `solids` of them are to be."""
         if not solids:
             return None
         if self._insides is None:
             self._insides = insides_of(self.models)
+        poses, pairs, wanted, _, signed = asked
         insides, room = self._insides, 1 + 15 * self._deepest._hierarchy.depth
         progress = np.zeros((every, 2, 2), np.int64)  # for each thread
         scratch = np.empty((every, 2, 2, room), np.int32)

@@ -21,6 +21,7 @@ from ..kernels.assembly import schedule as kernel
 from ..kernels.base import state as index
 from ..models.model import Model
 from .answers import Answers
+from .asked import Asked
 from .assembly import Assembly
 from .long_searches import LongSearches, Single, prepare
 
@@ -245,10 +246,10 @@ class Schedule:
         self, queries: Queries, budget_s: float, threads: int, clock: Callable[[], float]
     ) -> NDArray[np.int64]:
         """Search entries in one call, in this order; return those that the budget reached."""
-        found = self._assembly.rows(
-            self._answers.poses, queries.bodies, queries.wanted, queries.hints, queries.signed,
-            perf_counter() + float(budget_s), threads,
-        )  # fmt: skip
+        asked = Asked(
+            self._answers.poses, queries.bodies, queries.wanted, queries.hints, queries.signed
+        )
+        found = self._assembly.rows(asked, perf_counter() + float(budget_s), threads)
         return self.commit(queries, found, clock())
 
     def _search_singly(
