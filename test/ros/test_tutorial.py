@@ -80,7 +80,7 @@ def _end(process):
 def test_every_command_prints_what_the_tutorial_says(printed):
     """Each line that it shows is one, or the beginning of one; dots stand for anything.
 
-    On a busy machine the pin is out of sight for a moment, and seen again: so alerts may come twice.
+    On a busy machine the pin is out of sight for a moment, and seen again: alerts may come twice.
     """
     shown = [block.splitlines() for block in blocks("text")]
     assert len(printed) == 5 and len(shown) == 4
