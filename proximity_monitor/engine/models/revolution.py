@@ -98,9 +98,10 @@ class SolidOfRevolution(Surface):
 
     @property
     def _hierarchy(self) -> RevolutionHierarchy:
-        made = super()._hierarchy
-        if not isinstance(made, RevolutionHierarchy):
-            self._made = RevolutionHierarchy.around(made, self.profile, self._frame)
+        # At once where it is made: a short question asks for it several times.
+        if not isinstance(self._made, RevolutionHierarchy):
+            patches = super()._hierarchy
+            self._made = RevolutionHierarchy.around(patches, self.profile, self._frame)
         return self._made
 
     @property

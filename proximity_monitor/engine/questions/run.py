@@ -32,9 +32,9 @@ takes no longer when much has been collected."""
 _NO_ANSWER = np.empty(0)
 
 
-def entry_for(a: Model, b: Model, order: Order = "depth_first") -> Callable:
-    """The compiled entry that answers queries about two models."""
-    return ENTRIES[a._hierarchy.tree_kind, b._hierarchy.tree_kind][_ORDERS[order]]
+def entry_for(a: Model, b: Model) -> Callable:
+    """The compiled entry that answers queries about two models, depth first."""
+    return ENTRIES[a._hierarchy.tree_kind, b._hierarchy.tree_kind][index.DepthFirst]
 
 
 def check_model(model: Model, name: str) -> Model:
@@ -118,12 +118,13 @@ class Search:
         self.models = a, b
         self.kinds = type(a), type(b)
         self.order = order
-        self._entry = entry_for(a, b, order)
+        first, second = a._hierarchy, b._hierarchy
+        self._entry = ENTRIES[first.tree_kind, second.tree_kind][_ORDERS[order]]
         # What lists or compares elements takes solids of revolution for their patches.
-        trees = type(a._hierarchy.tree), type(b._hierarchy.tree)
+        trees = type(first.tree), type(second.tree)
         self._elements = ENTRIES[trees][_ORDERS[order]]
         self._turned = is_turned(*trees)
-        in_turn = (b, a) if self._turned else (a, b)
+        in_turn = (second, first) if self._turned else (first, second)
         self._own = own = take(SearchMemory, SearchKind.of(*in_turn, order, coherent, among))
         self._wanted: tuple[float, ...] = ()  # the numbers of its query
         self._known: tuple[NDArray[np.int64] | None, ...] = (None, None)

@@ -96,10 +96,14 @@ class SearchKind(NamedTuple):
 
     @classmethod
     def of(
-        cls, a: Model, b: Model, order: Order, coherent: bool, among: Iterable[Model]
+        cls,
+        first: Hierarchy,
+        second: Hierarchy,
+        order: Order,
+        coherent: bool,
+        among: Iterable[Model],
     ) -> SearchKind:
         """The kind of a search over two models, or over any two of others no deeper than these."""
-        first, second = a._hierarchy, b._hierarchy
         levels = -(-(first.depth + second.depth) // _LEVELS) * _LEVELS
         # Opening a volume replaces one pair by at most sixteen, once for each level of either
         # model; a priority queue that is full besides leaves all its pairs below.
