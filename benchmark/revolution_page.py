@@ -41,11 +41,11 @@ other kinds of models; they are not counted here. The light mill's 590 MB at 1e-
 
 All 15 pairs, at random poses and along a motion of {frames:,} frames in all, shared among the
 pairs; of FCL every hundredth frame or so. Microseconds a question, asked from Python one at a time;
-medians, and means where it says so. With no work at all, one at random poses takes about 9 us of
-these, and one along a motion about 2 us; the last three columns are means of all poses of a pair in
-one call, of the 15 pairs. Fat arcs are asked for the distance of the true solids
-within the precision; meshes, which are that far from the solids, for their own exactly. The bars
-are means of one pair.
+medians, and means where it says so. The last three columns are means of all poses of a pair in one
+call, of the 15 pairs: what a single question takes besides is the call, at random poses with new
+memory of a search for each. Fat arcs are asked for the distance of the true solids within the
+precision; meshes, which are that far from the solids, for their own exactly. The bars are means of
+one pair.
 
 {distances}
 ![Mean time of a question along a motion, for each pair](images/revolution_distance.png)

@@ -40,9 +40,9 @@ def test_each_pair_has_its_own_entry_once_and_not_much_later(every):
             assert {place % every for place in places} == {first}
             asked += places
             for a, b in pairs[order[list(places)]]:
-                assert entry is entry_for(models[a], models[b])
+                assert entry is entry_for(models[a]._hierarchy, models[b]._hierarchy)
     assert sorted(asked) == list(range(len(pairs)))
-    unsorted = [entry_for(models[a], models[b]) for a, b in pairs]
+    unsorted = [entry_for(models[a]._hierarchy, models[b]._hierarchy) for a, b in pairs]
     changes = 1 + sum(one is not other for one, other in itertools.pairwise(unsorted))
     assert sum(map(len, planned)) < changes / 4 * every
     again = runs.plan(pairs, every, [7, 150])[0]
@@ -51,7 +51,7 @@ def test_each_pair_has_its_own_entry_once_and_not_much_later(every):
 
 def test_models_of_one_kind_have_one_entry():
     models = [torus(12)] * 5
-    assert Runs(models).only is entry_for(*models[:2])
+    assert Runs(models).only is entry_for(*(model._hierarchy for model in models[:2]))
     assert Runs([*models, shapes.cylinder(0.3, 1.0)]).only is None
 
 

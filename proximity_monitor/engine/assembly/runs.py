@@ -29,7 +29,7 @@ class Runs:
     """The kinds of some bodies' models, and what follows from them for pairs."""
 
     def __init__(self, models: Sequence[Model]) -> None:
-        kinds = {model._hierarchy.tree_kind: model for model in models}
+        kinds = {model._hierarchy.tree_kind: model._hierarchy for model in models}
         entries = [entry_for(a, b) for a in kinds.values() for b in kinds.values()]
         self._entries = list(dict.fromkeys(entries))
         kind = [list(kinds).index(model._hierarchy.tree_kind) for model in models]

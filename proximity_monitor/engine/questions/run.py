@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..kernels.base import state as index
 from ..kernels.base.tables import state_table
 from ..kernels.pairs.entries import ENTRIES, is_turned
+from ..models.hierarchy import Hierarchy
 from ..models.model import Model
 from ..poses import check_pose
 from .memory import give_back, take
@@ -32,9 +33,9 @@ takes no longer when much has been collected."""
 _NO_ANSWER = np.empty(0)
 
 
-def entry_for(a: Model, b: Model) -> Callable:
-    """The compiled entry that answers queries about two models, depth first."""
-    return ENTRIES[a._hierarchy.tree_kind, b._hierarchy.tree_kind][index.DepthFirst]
+def entry_for(a: Hierarchy, b: Hierarchy, order: Order = "depth_first") -> Callable:
+    """The compiled entry that answers queries about models with these hierarchies."""
+    return ENTRIES[a.tree_kind, b.tree_kind][_ORDERS[order]]
 
 
 def check_model(model: Model, name: str) -> Model:
@@ -119,7 +120,7 @@ class Search:
         self.kinds = type(a), type(b)
         self.order = order
         first, second = a._hierarchy, b._hierarchy
-        self._entry = ENTRIES[first.tree_kind, second.tree_kind][_ORDERS[order]]
+        self._entry = entry_for(first, second, order)
         # What lists or compares elements takes solids of revolution for their patches.
         trees = type(first.tree), type(second.tree)
         self._elements = ENTRIES[trees][_ORDERS[order]]

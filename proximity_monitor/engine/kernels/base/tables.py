@@ -125,7 +125,8 @@ def tree_at(kind, model):
 def is_tree_of(kind, model):
     """Whether `tree_at` makes a tree of that type of a table; each kind implements it.
 
-    Only where models of two kinds may come in either order is it asked.
+    It matters where models of two kinds may come in either order (see pairs/entries.py): a kind of
+    which that is not so says yes.
     """
 
 
