@@ -36,7 +36,7 @@ def _meshes() -> Iterator[Kernel]:
     """What the distances of meshes need, those first that are needed late and take longest."""
     real, rows = 0.0, np.empty((0, 4))
     integers, lanes = np.empty((0, 2), np.int32), np.empty(0, np.int32)
-    table, tables = np.empty((2, 0), np.int64), np.empty((0, 2, 0), np.int64)
+    table, tables = np.empty((0, 2), np.int64), np.empty((0, 0, 2), np.int64)
     asked = tables, table, rows, rows, table, 0, 0, 1, 0, True, np.empty(0)
     yield mesh_mesh.search, asked
     yield fit_tree.fit_tree, (rows, integers, lanes, real, None)
@@ -47,8 +47,8 @@ def _meshes() -> Iterator[Kernel]:
 def _watching() -> Iterator[Kernel]:
     """What watching a scene of meshes needs besides."""
     rows, integers = np.empty((0, 4)), np.empty((0, 2), np.int32)
-    lanes, table = np.empty(0, np.int32), np.empty((2, 0), np.int64)
-    tables = np.empty((0, 2, 0), np.int64)
+    lanes, table = np.empty(0, np.int32), np.empty((0, 2), np.int64)
+    tables = np.empty((0, 0, 2), np.int64)
     yield ball.search_ball, (tables, table, True, 0)
     signs, poses = np.empty(0, np.bool_), np.empty((0, 4, 4))
     insides = Insides(np.empty(0, np.int8), table, lanes, tables)
@@ -62,9 +62,9 @@ def _search(part: Any, search: Any) -> Callable[[], Iterator[Kernel]]:
     """A search of models with elements that are divided, and the part that it needs late."""
 
     def kernels() -> Iterator[Kernel]:
-        rows, table = np.empty((0, 4)), np.empty((2, 0), np.int64)
-        yield part, (np.empty((2, 2, 0), np.int64), table)
-        asked = np.empty((0, 2, 0), np.int64), table, rows, rows, table, 0, 0, 1, 0, True
+        rows, table = np.empty((0, 4)), np.empty((0, 2), np.int64)
+        yield part, (np.empty((2, 0, 2), np.int64), table)
+        asked = np.empty((0, 0, 2), np.int64), table, rows, rows, table, 0, 0, 1, 0, True
         yield search, (*asked, np.empty(0))
 
     return kernels

@@ -11,7 +11,7 @@ from proximity_monitor import engine
 from proximity_monitor.engine.assembly.answers import Answers
 from proximity_monitor.engine.assembly.broad_phase import BroadPhase
 from proximity_monitor.engine.kernels.base import ahead
-from proximity_monitor.engine.kernels.base.tables import mesh_table
+from proximity_monitor.engine.kernels.base.tables import model_table
 
 gc.disable()  # a tenth of the time that compiling takes
 ahead.not_here()  # the other tests have the other processor
@@ -125,7 +125,7 @@ engine.closest_points(closed, IDENTITY, rng.normal(size=(20, 3)), signed=True)
 hierarchy = models[0]._hierarchy
 children = hierarchy.tree.children.copy()
 children[16:] = ~np.int32(2**30)
-hierarchy.table = mesh_table(hierarchy.tree._replace(children=children), hierarchy.numbers)
+hierarchy.table = model_table(hierarchy.numbers, hierarchy.tree._replace(children=children))
 try:
     engine.distance(models[0], IDENTITY, models[1], pose(rng, 3.0))
 except IndexError:

@@ -17,9 +17,9 @@ from numba.core.caching import NullCache
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base import state as index
 from proximity_monitor.engine.kernels.base import tables
+from proximity_monitor.engine.kernels.base.addressed import Addressed
 from proximity_monitor.engine.kernels.base.jit import implements, inlined, kernel, specialised
 from proximity_monitor.engine.kernels.base.linking import ROOT
-from proximity_monitor.engine.kernels.base.memory import read_only, rows_at
 from proximity_monitor.engine.kernels.base.state import DepthFirst
 from proximity_monitor.engine.kernels.base.trees import MESHES, MeshTree
 from proximity_monitor.engine.kernels.base.vectors import add, along, dot, moved, scaled, sub
@@ -65,18 +65,11 @@ def tree_of(made: np.ndarray) -> BallTree:
     return BallTree(centres, children, sizes, made, scale)
 
 
-@implements(tables.tree_at, BallTree)
-@inlined
-def _tree_at(kind, model):
-    at, rows = model[0], model[1]
-    tree = BallTree(
-        read_only(rows_at(at[0], rows[0], 4, 0.0)),
-        read_only(rows_at(at[1], rows[1], 0, np.int32(0))),
-        read_only(rows_at(at[2], rows[2], 2, np.float32(0.0))),
-        read_only(rows_at(at[3], rows[3], 4, 0.0)),
-        read_only(rows_at(at[4], rows[4], 0, 0.0)),
-    )
-    return tree, rows_at(at[5], rows[5], 0, np.int32(0))
+LAYOUT = {
+    "centres": (np.float64, 4), "children": (np.int32, 0), "sizes": (np.float32, 2),
+    "balls": (np.float64, 4), "scale": (np.float64, 0),
+}  # fmt: skip
+tables.TREES[BallTree] = Addressed(BallTree, LAYOUT, readonly=True)
 
 
 @implements(tables.is_tree_of, BallTree)
@@ -251,12 +244,8 @@ class Asker:
 
     def __init__(self, entry, *trees):
         self.entry, self.trees = entry, trees
-        labels = np.arange(4096, dtype=np.int32)
-        self.kept = [(*tree, labels) for tree in trees]
-        self.models = [tables.table(arrays) for arrays in self.kept]
-        width = max(model.shape[1] for model in self.models)
-        padded = [np.pad(model, ((0, 0), (0, width - model.shape[1]))) for model in self.models]
-        self.models = np.stack(padded)
+        self.labels = np.arange(4096, dtype=np.int32)
+        self.models = np.stack([tables.model_table(self.labels, tree) for tree in trees])
         waiting = np.empty((descent.WAITING_ROOM, 2), np.int32), np.empty(descent.WAITING_ROOM)
         self.state = index.State(
             np.zeros((2, 12)),

@@ -25,6 +25,7 @@ from proximity_monitor.engine.kernels.base.trees import MeshTree
 from proximity_monitor.engine.kernels.bounds import volumes
 from proximity_monitor.engine.kernels.inside.ball_state import (
     CELL,
+    OF_CELLS,
     POINT,
     SEARCH,
     Ball,
@@ -280,7 +281,7 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
         Waiting(np.zeros((2, 2), np.int32), np.zeros(2)), np.zeros((3, 3)),
         np.zeros(4, np.int64), np.zeros(4),
     )  # fmt: skip
-    found = read(tables.mesh_table(hierarchy.tree, hierarchy.numbers), tables.state_table(state))
+    found = read(tables.model_table(hierarchy.numbers, hierarchy.tree), tables.state_table(state))
     assert found == tuple(each.flat[-1] for each in arrays)
     assert (state.progress["distance"][0], state.progress["nearest_b"][0]) == (1.0, 2)
     assert (state.motions[1, 11], state.collected[2, 2]) == (3.0, 4.0)
@@ -290,14 +291,14 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
     for k, name in enumerate(hierarchy.tree._fields):
         other = hierarchy.tree._replace(**{name: np.zeros(arrays[k].shape, np.int8)})
         with pytest.raises(TypeError, match=f"{name}: int8"):
-            tables.mesh_table(other, hierarchy.numbers)
+            tables.model_table(hierarchy.numbers, other)
 
 
 def test_tables_of_solids_and_of_balls_lead_to_their_arrays():
     @run
     def read(solid, memory):
         tree, faces, region = solid_at(MeshTree, solid)
-        ball = ball_at(CELL, memory)
+        ball = ball_at(OF_CELLS, memory)
         ball.at[0].height, ball.motions[1, 11], ball.seeds[2, 2] = 1, 2.0, 3.0
         ball.best[0].near[1], ball.trial[0].near[1], ball.probe[0].near[1] = 4, 5, 6
         ball.bounds[1], ball.order[1], ball.cells[1].near[1] = 7.0, 8, 9

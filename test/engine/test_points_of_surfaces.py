@@ -127,7 +127,7 @@ def test_no_sample_is_nearer():
 def test_slices_do_not_change_the_answers():
     model, rng = engine.ParametricSurface(torus_patches()), np.random.default_rng(4)
     points = np.concatenate((rng.normal(size=(20, 3)), [[0.0, 0.0, 0.3]]))
-    tree, count, answers = model._hierarchy.tree, len(points), []
+    table, count, answers = model._hierarchy.table, len(points), []
     for steps in (1 << 40, 1):
         stack, stacked, going = np.empty(ROOM, np.int32), np.empty(ROOM), np.zeros(closest.GOING)
         bounds, feet = np.empty((count, 2)), np.empty((count, 3))
@@ -135,7 +135,7 @@ def test_slices_do_not_change_the_answers():
         done = calls = 0
         while done < count:
             done = closest.closest_points(
-                tree, HERE, points, np.inf, False, done, steps, stack, stacked, going,
+                table, HERE, points, np.inf, False, done, steps, stack, stacked, going,
                 bounds, feet, elements, parameters,
             )  # fmt: skip
             calls += 1

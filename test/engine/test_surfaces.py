@@ -20,7 +20,7 @@ from engine_surfaces import (
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, ModelError, ParametricSurface, Patch
-from proximity_monitor.engine.kernels.base.tables import arrays_of, surface_table
+from proximity_monitor.engine.kernels.base.tables import arrays_of, model_table
 from proximity_monitor.engine.models.surface_tree import check_surface_tree
 
 NAN = float("nan")
@@ -211,7 +211,7 @@ def test_tables_of_all_kinds_have_one_width_and_refuse_other_arrays():
     mesh = engine.points([[0.0, 0.0, 0.0]])._hierarchy
     assert core.table.shape == mesh.table.shape
     with pytest.raises(TypeError, match=r"sizes: float64 .*, expected float32"):
-        surface_table(core.tree._replace(sizes=core.tree.sizes.astype(float)), core.numbers)
+        model_table(core.numbers, core.tree._replace(sizes=core.tree.sizes.astype(float)))
 
 
 def test_a_piece_in_no_leaf_is_found():

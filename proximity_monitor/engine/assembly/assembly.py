@@ -170,7 +170,7 @@ class Assembly:
         answers = np.empty((count, index.ANSWER))
         known = _NO_HINTS if hints is None else hints
         solids = begin_questions(pairs, wanted, known, signed, queries, answers)
-        table = queries[:2].reshape(2, 1)
+        table = queries[:2].reshape(1, 2)
         searches = self._allot(threads, asked)
         settle = self._settle_signs(asked, solids, answers, threads)
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.tables import arrays_of, mesh_table
+from ..kernels.base.tables import arrays_of, model_table
 from ..kernels.base.trees import DEVIATION, REVISION, SWEPT, MeshTree
 from ..kernels.tree.measure import measure
 from ..kernels.tree.ranges import node_ranges
@@ -186,8 +186,8 @@ class Hierarchy(ABC):
     def _samples(self) -> NDArray[np.float64]:
         """Three points of each element, in tree order (m, 9), metres."""
 
-    def sampled(self) -> tuple[MeshTree, NDArray[np.int64]]:
-        """The same volumes over triangles of three points of each element, and their table.
+    def sampled(self) -> NDArray[np.int64]:
+        """The table of the same volumes over triangles of three points of each element.
 
         It tells where points of every element are, whatever its kind. Of a mesh all triangles.
         """
@@ -195,8 +195,8 @@ class Hierarchy(ABC):
             tree = self.tree
             volumes = tree.nodes, tree.centres, tree.children, tree.sizes
             made = MeshTree(*volumes, self._samples(), tree.scale)
-            self._sampled = made, mesh_table(made, self.numbers)
-        return self._sampled
+            self._sampled = made, model_table(self.numbers, made)
+        return self._sampled[1]
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but addresses and what can be found again."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import ahead
-from ..kernels.base.tables import mesh_table
+from ..kernels.base.tables import model_table
 from .hierarchy import Hierarchy, Solid
 from .solid import find_sides
 from .tree import build, refit
@@ -73,7 +73,7 @@ class MeshHierarchy(Hierarchy):
         self._before: Sides | None = None
 
     def _table(self, tree: Tree) -> NDArray[np.int64]:
-        return mesh_table(tree, self.numbers)
+        return model_table(self.numbers, tree)
 
     def _corners(self) -> NDArray[np.float64]:
         return self.tree.triangles

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.tables import surface_table, table
+from ..kernels.base.tables import model_table
 from ..kernels.base.trees import CURVE_PIECE, RevolutionTree, SurfaceTree
 from ..kernels.revolution.build import build_arcs
 from ..kernels.revolution.guess import take_samples
@@ -45,7 +45,7 @@ class RevolutionHierarchy(SurfaceHierarchy):
 
     KEPT = (*SurfaceHierarchy.KEPT, *_OWN)
 
-    __slots__ = (*_OWN, "profile")
+    __slots__ = _OWN
 
     arcs: NDArray
     """(k,) ARC."""
@@ -82,8 +82,7 @@ class RevolutionHierarchy(SurfaceHierarchy):
         return RevolutionTree
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
-        self.profile = frozen(table(tuple(getattr(self, name) for name in _OWN)))
-        return surface_table(tree._replace(profile=self.profile), self.numbers)
+        return model_table(self.numbers, tree, *(getattr(self, name) for name in _OWN))
 
     @staticmethod
     def _frozen(state: dict[str, Any]) -> tuple[NDArray, ...]:

@@ -69,7 +69,7 @@ def insides_of(models: Sequence[Model]) -> Insides | MixedInsides:
         np.array([each.inside for each in regions], np.int8)[of],
         np.stack((starts[of], starts[of + 1]), axis=1),
         np.concatenate([each.samples for each in regions]),
-        np.stack([model._hierarchy.sampled()[1] for model in models]),
+        np.stack([model._hierarchy.sampled() for model in models]),
     )
     divided = np.array([isinstance(model._hierarchy.tree, SurfaceTree) for model in models])
     if not (divided & (insides.where == WHOLE)).any():

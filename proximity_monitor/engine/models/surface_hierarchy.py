@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import NET_POINT
-from ..kernels.base.tables import surface_table
+from ..kernels.base.tables import model_table
 from ..kernels.base.trees import CONVERSION, JOINTS, NONE
 from ..kernels.inside.solids import connected_parts
 from ..kernels.surface.trim import CROSSING
@@ -75,7 +75,7 @@ class SurfaceHierarchy(Hierarchy):
         return made
 
     def _table(self, tree: SurfaceTree) -> NDArray[np.int64]:
-        return surface_table(tree, self.numbers)
+        return model_table(self.numbers, tree)
 
     def _take(self, kept: dict[str, Any]) -> None:
         super()._take(kept)

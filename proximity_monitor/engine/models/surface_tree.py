@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
-from ..kernels.base.tables import PROFILE_ARRAYS, arrays_of
+from ..kernels.base.tables import arrays_of
 from ..kernels.base.trees import NET_WIDTH, NONE, PIECE, REVISION, SurfaceTree, Trims
 from ..kernels.surface.limits import fit_limits
 from ..kernels.surface.trim import INSIDE
@@ -138,8 +138,7 @@ def _fitted(
     scale[:3] = unit, 1.0 / unit, longest * (1.0 + 8.0 * DOUBLE_EPS)
     nodes, centres, sizes = fit_surface(points, starts, children, unit)
     fit_limits(pieces, nets, scale)
-    profile = np.empty((0, PROFILE_ARRAYS), np.int64)
-    tree = SurfaceTree(nodes, centres, children, sizes, pieces, nets, scale, trims, profile)
+    tree = SurfaceTree(nodes, centres, children, sizes, pieces, nets, scale, trims)
     for array in arrays_of(tree):
         frozen(array)
     return tree

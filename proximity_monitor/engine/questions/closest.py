@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_reals, check_tolerance
-from ..kernels.base.trees import MeshTree
 from ..kernels.inside import closest as closest_kernel
 from ..models.model import Model
 from ..models.solid import sides_of
@@ -127,15 +126,15 @@ def closest_points(
         raise ValueError(f"points[{first}] = {given[first].tolist()}: must be finite")
     k = len(given)
     hierarchy = model._hierarchy
-    region = sides_of(model).region if signed and model.is_solid else None
+    sides = sides_of(model) if signed and model.is_solid else None
     bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
     directions = np.empty((k if normals else 0, 3))
     ends = np.zeros(-(-k // _POINTS), np.int64)
-    nothing = 0.0 if region is None else -math.inf
+    nothing = 0.0 if sides is None else -math.inf
     chosen = directions if normals else None
     answer_made = Nearest(hierarchy.numbers, bounds, nearest, triangles, chosen, ends, nothing)
     if isinstance(model, Surface):
-        surface = SurfacePoints(model, pose, max_distance, deadline, region is not None)
+        surface = SurfacePoints(model, pose, max_distance, deadline, sides is not None)
 
         def answer_surface(first: int, stopped: Event) -> None:
             part = slice(first, first + _POINTS)
@@ -147,8 +146,6 @@ def closest_points(
         share(answer_surface, range(0, k, _POINTS), threads)
         return ClosestPoints(answer_made)
     capacity = 1 + hierarchy.depth * 15
-    # Whatever the volumes are: boxes may be taken for swept spheres.
-    tree, distinct = MeshTree(*hierarchy.tree), MeshTree(*hierarchy.distinct)
 
     def answer(first: int, stopped: Event) -> None:
         part = slice(first, first + _POINTS)
@@ -162,15 +159,15 @@ def closest_points(
         while at < count and not (over or stopped.is_set()):
             if at == found:
                 found = closest_kernel.closest_points(
-                    distinct, pose, given[part], max_distance, region is not None, at,
+                    hierarchy.table, pose, given[part], max_distance, sides is not None, at,
                     slices.steps, stack, stacked, going, bounds[part], nearest[part],
                     triangles[part], directions[part],
                 )  # fmt: skip
-            if region is None:
+            if sides is None:
                 at = found
             elif at < found:
                 at = closest_kernel.sides(
-                    tree, region, pose, given[part], at, found, slices.steps, around,
+                    sides.table, pose, given[part], at, found, slices.steps, around,
                     bounds[part], nearest[part], triangles[part], directions[part],
                 )  # fmt: skip
             # At least one point, so that asking again and again comes to an end.

@@ -48,7 +48,7 @@ class SurfacePoints:
         late = self._deadline is not None and perf_counter() >= self._deadline
         if first and late:
             return 0
-        count, tree = len(given), self._hierarchy.tree
+        count, model = len(given), self._hierarchy.table_of_all
         turned = self._hierarchy.tree_kind is RevolutionTree
         stack, stacked, going = np.empty(ROOM, np.int32), np.empty(ROOM), np.zeros(GOING)
         parameters = np.empty((len(normals), 2))
@@ -56,19 +56,19 @@ class SurfacePoints:
         while done < count and not stopped.is_set():
             if turned:
                 done = found = closest_points_of_revolution(
-                    self._hierarchy.table_of_all, self._pose, given, self._limit, self._signed,
+                    model, self._pose, given, self._limit, self._signed,
                     done, slices.steps, bounds, nearest, elements, parameters,
                 )  # fmt: skip
             elif done == found:
                 found = closest_points(
-                    tree, self._pose, given, self._limit, self._signed, found, slices.steps,
+                    model, self._pose, given, self._limit, self._signed, found, slices.steps,
                     stack, stacked, going, bounds, nearest, elements, parameters,
                 )  # fmt: skip
             if turned or not self._signed:
                 done = found
             elif done < found:
                 done = sides_of_surface(
-                    tree, self._pose, given, done, found, slices.steps, stack, bounds
+                    model, self._pose, given, done, found, slices.steps, stack, bounds
                 )
             # At least one point, so that asking again and again comes to an end.
             if slices.over() and (first or done):

@@ -11,7 +11,7 @@ from ..kernels.base.motion import relative_motion_pair
 from ..kernels.base.trees import SurfaceTree
 from ..kernels.inside import contain
 from ..kernels.inside.solids import WHOLE, Region
-from ..kernels.surface import crossing  # noqa: F401 - where a model is a surface
+from ..kernels.surface.contain import look_for_part_in_surface
 from ..models.model import Model
 from .slices import slices_until
 
@@ -26,9 +26,15 @@ class PartSearch:
     """
 
     __slots__ = (
-        "_cores", "_holders", "_motions", "_progress", "_regions", "_scratch", "_slack", "_trees",
+        "_cores",
+        "_motions",
+        "_progress",
+        "_regions",
+        "_sampled",
+        "_scratch",
+        "_slack",
         "part",
-    )  # fmt: skip
+    )
 
     part: tuple[int, int] | None
     """The model whose part may lie inside the other, and a triangle of that part, if any does."""
@@ -40,14 +46,10 @@ class PartSearch:
         regions: Sequence[Region],
     ) -> None:
         self._cores = [model._hierarchy for model in models]
-        self._trees = [core.sampled()[0] for core in self._cores]
-        self._holders = [
-            core.tree if isinstance(core.tree, SurfaceTree) else tree
-            for core, tree in zip(self._cores, self._trees, strict=True)
-        ]
+        self._sampled = [core.sampled() for core in self._cores]
         self._regions = regions
         self._motions = np.empty((2, 12))
-        sizes = [float(tree.scale[2]) for tree in self._trees]
+        sizes = [float(core.tree.scale[2]) for core in self._cores]
         self._slack = relative_motion_pair(*poses, *sizes, self._motions)
         self._slack += sum(core.error for core in self._cores)
         self._progress = np.zeros((2, 2), np.int64)
@@ -75,9 +77,12 @@ class PartSearch:
             motion = self._motions[1 - body]
             if self._regions[1 - body].inside != WHOLE:
                 continue
+            holder, look = self._sampled[1 - body], contain.look_for_part_in_mesh
+            if isinstance(self._cores[1 - body].tree, SurfaceTree):
+                holder, look = self._cores[1 - body].table_of_all, look_for_part_in_surface
             while True:
-                t = contain.look_for_part(
-                    self._holders[1 - body], self._trees[body], self._regions[body].samples,
+                t = look(
+                    holder, self._sampled[body], self._regions[body].samples,
                     motion, self._slack, apart, self._progress[body], *self._scratch[body],
                     slices.steps,
                 )  # fmt: skip

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..kernels.base import state as index
 from ..kernels.base.state import CELL, CELL_PAIR, KEPT, MINIMUM, RING, Dividing, Turning, Waiting
-from ..kernels.base.tables import MODEL_COLUMNS, state_table, table
+from ..kernels.base.tables import MODEL_ROWS, state_table, table
 from ..kernels.base.trees import ARC, RevolutionTree
 from ..kernels.revolution.front import FRONT
 from ..kernels.revolution.minima import MINIMA
@@ -129,7 +129,7 @@ class SearchMemory(Memory):
 
     kind: SearchKind
     models: NDArray[np.int64]
-    """(2, 2, MODEL_COLUMNS) room for the tables of two models."""
+    """(2, MODEL_ROWS, 2) room for the tables of two models."""
     numbers: memoryview
     """The five numbers of the one query, about the bodies 0 and 1."""
     asked: NDArray[np.int64]
@@ -146,7 +146,7 @@ class SearchMemory(Memory):
         self.query["bodies"], self.query["nearest"] = (0, 1), index.KEEP
         self.asked = table((self.query,))
         self.numbers = memoryview(self.query.view(np.float64))[-5:]
-        self.models = np.empty((2, 2, MODEL_COLUMNS), np.int64)
+        self.models = np.empty((2, MODEL_ROWS, 2), np.int64)
         order, coherent, levels, capacity, *cells, rings = kind
         record = np.zeros(1, index.PROGRESS)
         # A list of levels is full while there is still room for a search depth first (levels.py).

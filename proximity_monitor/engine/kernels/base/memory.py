@@ -36,6 +36,18 @@ def _array(context, builder, array_type, data, extents, strides):
     return array._getvalue()
 
 
+def array_over(context, builder, array_type, address, rows, width):
+    """The array (rows, width), or (rows,) if width is 0, of a type that begins at an address."""
+    item = context.get_data_type(array_type.dtype)
+    size = context.get_abi_sizeof(item)
+    data = builder.inttoptr(address, item.as_pointer())
+    extents = [rows, *([context.get_constant(types.intp, width)] if width else ())]
+    strides = [context.get_constant(types.intp, size * (width or 1))]
+    if width:
+        strides.append(context.get_constant(types.intp, size))
+    return _array(context, builder, array_type, data, extents, strides)
+
+
 @intrinsic(prefer_literal=True)
 def on_stack(typingctx, count, like):
     """An array (count,) of numbers of the type of `like`, with anything in it.
@@ -91,14 +103,7 @@ def rows_at(typingctx, address, rows, columns, like):
     arguments = types.int64, types.int64, columns, like
 
     def codegen(context, builder, signature, args):
-        item = context.get_data_type(array_type.dtype)
-        size = context.get_abi_sizeof(item)
-        data = builder.inttoptr(args[0], item.as_pointer())
-        extents = [args[1], *([context.get_constant(types.intp, width)] if width else ())]
-        strides = [context.get_constant(types.intp, size * (width or 1))]
-        if width:
-            strides.append(context.get_constant(types.intp, size))
-        return _array(context, builder, array_type, data, extents, strides)
+        return array_over(context, builder, array_type, args[0], args[1], width)
 
     return array_type(*arguments), codegen
 
@@ -111,10 +116,7 @@ def records_at(typingctx, address, rows, record):
     array_type = types.Array(record.dtype, 1, "C")
 
     def codegen(context, builder, signature, args):
-        item = context.get_data_type(array_type.dtype)
-        size = context.get_constant(types.intp, array_type.dtype.size)
-        data = builder.inttoptr(args[0], item.as_pointer())
-        return _array(context, builder, array_type, data, [args[1]], [size])
+        return array_over(context, builder, array_type, args[0], args[1], 0)
 
     return array_type(types.int64, types.int64, record), codegen
 

@@ -1,15 +1,17 @@
 """Hierarchies and searches as tables of addresses: what Python hands to a kernel in one argument.
 
 Each array that crosses from Python costs a tenth of a microsecond, and a model and a search are
-fifteen of them. A table (2, n) holds the addresses of n arrays and how many rows each has.
+fifteen of them. A table (n, 2) holds the address of each array and how many rows it has.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numba.extending import intrinsic
 
+from .addressed import Addressed, begins_at
 from .jit import entry, implements, inlined
-from .memory import addresses, read_only, records_at, rows_at
+from .memory import addresses, records_at, rows_at
 from .state import (
     CELL,
     CELL_PAIR,
@@ -42,8 +44,8 @@ from .trees import (
 
 
 def table(arrays):
-    """The table of some arrays, int64 (2, n); whoever keeps it has to keep them."""
-    made = np.empty((2, len(arrays)), np.int64)
+    """The table of some arrays, int64 (n, 2); whoever keeps it has to keep them."""
+    made = np.empty((len(arrays), 2), np.int64)
     _fill(arrays, made)
     return made
 
@@ -52,47 +54,64 @@ def table(arrays):
 def _fill(arrays, made):
     """Write the table of a tuple of arrays: numpy itself takes ten times as long to tell it."""
     found = addresses(arrays)
-    count = made.shape[1]
-    for i in range(count):
-        made[0, i], made[1, i] = found[i], found[count + i]
+    for i in range(len(made)):
+        made[i, 0], made[i, 1] = found[i], found[len(made) + i]
 
 
-PROFILE_ARRAYS = 6
-"""Arrays that a RevolutionTree has besides those of a SurfaceTree."""
+_SINGLE, _DOUBLE, _INT, _LONG = np.float32, np.float64, np.int32, np.int64
 
 _SHARED = {
-    "nodes": (np.float32, 0), "centres": (np.float64, 4), "children": (np.int32, 0),
-    "sizes": (np.float32, 2),
+    "nodes": (_SINGLE, 0), "centres": (_DOUBLE, 4), "children": (_INT, 0), "sizes": (_SINGLE, 2),
 }  # fmt: skip
-_OVER_TRIANGLES = _SHARED | {
-    "triangles": (np.float64, 9), "scale": (np.float64, 0), "faces": (np.int32, 0),
+_OVER_TRIANGLES = _SHARED | {"triangles": (_DOUBLE, 9), "scale": (_DOUBLE, 0)}
+_TRIMS = {
+    "trims": (TRIM, 0), "rows": (_INT, 0), "entries": (_INT, 0), "segments": (SEGMENT, 0),
+    "nets": (_DOUBLE, 0),
 }  # fmt: skip
 _OVER_PIECES = _SHARED | {
-    "pieces": (PIECE, 0), "nets": (np.float64, 0), "scale": (np.float64, 0),
-    "trims": (TRIM, 0), "rows": (np.int32, 0), "entries": (np.int32, 0), "segments": (SEGMENT, 0),
-    "curves": (np.float64, 0), "profile": (np.int64, PROFILE_ARRAYS), "patches": (np.int32, 0),
+    "pieces": (PIECE, 0), "nets": (_DOUBLE, 0), "scale": (_DOUBLE, 0),
+    "trims": Addressed(Trims, _TRIMS, readonly=True),
 }  # fmt: skip
-"""What kernels take each array for: its type, and its columns; 0 for one dimension."""
+_PROFILE = {
+    "arcs": (ARC, 0), "curves": (CURVE_PIECE, 0), "places": (_INT, 0), "frame": (_DOUBLE, 3),
+    "samples": (_DOUBLE, 3), "reaches": (_DOUBLE, VECTORS),
+}  # fmt: skip
+"""What kernels take each array of a tree for: its type, and its columns; 0 for one dimension."""
 
-_PATCHES = len(_OVER_PIECES) - 1
-"""The last column, which tables of trees over triangles leave empty."""
+TREES = {
+    kind: Addressed(kind, layout, readonly=True)
+    for kind, layout in (
+        (MeshTree, _OVER_TRIANGLES),
+        (BoxTree, _OVER_TRIANGLES),
+        (SurfaceTree, _OVER_PIECES),
+        (RevolutionTree, _OVER_PIECES | _PROFILE),
+    )
+}
+"""How kernels find each kind of tree in a table, behind its first row."""
 
-MODEL_COLUMNS = max(len(_OVER_TRIANGLES), len(_OVER_PIECES))
-"""Columns of a model's table, whatever its kind, so that those of several make one array."""
+MODEL_ROWS = 1 + max(len(each.arrays) for each in TREES.values())
+"""Rows of a model's table, whatever its kind, so that those of several make one array."""
+
+_PIECES = 1 + len(TREES[MeshTree].arrays)
+"""A row that the tables of trees over triangles leave empty, and no others."""
 
 
-def mesh_table(tree, faces):
-    """The table of a tree over triangles and their faces.
+def model_table(labels, tree, *more):
+    """The table of a hierarchy: labels of its elements, the tree, and what it has besides.
 
     Raises:
         TypeError: an array is not what `tree_at` takes it for.
     """
-    return _model_table((*tree, faces), _OVER_TRIANGLES)
-
-
-def surface_table(tree, patches):
-    """The table of a tree over pieces, and the patch of each; otherwise as `mesh_table`."""
-    return _model_table((*arrays_of(tree), patches), _OVER_PIECES)
+    arrays = (*arrays_of(tree), *more)
+    own = TREES[RevolutionTree if more else type(tree)].arrays
+    for array, (name, dtype, columns) in zip(arrays, own, strict=True):
+        shape = (columns,) if columns else ()
+        if array.dtype != dtype or array.shape[1:] != shape or not array.flags.c_contiguous:
+            found = f"{name}: {array.dtype} {array.shape}"
+            raise TypeError(f"{found}, expected {dtype} (n, {columns or ''})")
+    made = np.zeros((MODEL_ROWS, 2), np.int64)
+    made[: 1 + len(arrays)] = table((labels, *arrays))
+    return made
 
 
 def arrays_of(tree):
@@ -104,22 +123,20 @@ def arrays_of(tree):
             yield each
 
 
-def _model_table(arrays, expected):
-    for array, (name, (dtype, columns)) in zip(arrays, expected.items(), strict=True):
-        shape = (columns,) if columns else ()
-        if array.dtype != dtype or array.shape[1:] != shape or not array.flags.c_contiguous:
-            found = f"{name}: {array.dtype} {array.shape}"
-            raise TypeError(f"{found}, expected {np.dtype(dtype)} (n, {columns or ''})")
-    made = np.zeros((2, MODEL_COLUMNS), np.int64)
-    made[:, : len(arrays)] = table(arrays)
-    return made
+@intrinsic
+def _tree_in(typingctx, kind, model):
+    """The tree, of a type in TREES, of a model's table."""
+    return begins_at(TREES[kind.instance_class], 1, kind, model)
 
 
-def tree_at(kind, model):
-    """The hierarchy, a tree of that type, of a table of its arrays and labels; and the labels.
+@intrinsic
+def seen_as(typingctx, kind, tree):
+    """A tree as one of another type, whose arrays are in the same rows of a table."""
 
-    A label says what an element is called outside: of a triangle its face. Each kind implements it.
-    """
+    def codegen(context, builder, signature, args):
+        return args[1]
+
+    return TREES[kind.instance_class](kind, tree), codegen
 
 
 def is_tree_of(kind, model):
@@ -139,192 +156,69 @@ def _is_any(kind, model):
 @implements(is_tree_of, SurfaceTree)
 @inlined
 def _is_over_pieces(kind, model):
-    return model[0, _PATCHES] != 0
+    return model[_PIECES, 0] != 0
 
 
 @inlined
-def mesh_tree_at(model, first):
-    """The MeshTree whose arrays are the columns from `first` on of a table."""
-    at, rows = model[0], model[1]
-    return MeshTree(
-        read_only(rows_at(at[first], rows[first], 0, np.float32(0.0))),
-        read_only(rows_at(at[first + 1], rows[first + 1], 4, 0.0)),
-        read_only(rows_at(at[first + 2], rows[first + 2], 0, np.int32(0))),
-        read_only(rows_at(at[first + 3], rows[first + 3], 2, np.float32(0.0))),
-        read_only(rows_at(at[first + 4], rows[first + 4], 9, 0.0)),
-        read_only(rows_at(at[first + 5], rows[first + 5], 0, 0.0)),
-    )
+def tree_at(kind, model):
+    """The hierarchy, a tree of that type, of a table of its arrays and labels; and the labels.
 
-
-@implements(tree_at, MeshTree)
-@inlined
-def _mesh_at(kind, model):
-    return mesh_tree_at(model, 0), rows_at(model[0, 6], model[1, 6], 0, np.int32(0))
-
-
-@implements(tree_at, BoxTree)
-@inlined
-def _boxes_at(kind, model):
-    tree = mesh_tree_at(model, 0)
-    boxes = BoxTree(tree.nodes, tree.centres, tree.children, tree.sizes, tree.triangles, tree.scale)
-    return boxes, rows_at(model[0, 6], model[1, 6], 0, np.int32(0))
-
-
-@implements(tree_at, SurfaceTree)
-@inlined
-def _surface_at(kind, model):
-    at, rows = model[0], model[1]
-    tree = SurfaceTree(
-        read_only(rows_at(at[0], rows[0], 0, np.float32(0.0))),
-        read_only(rows_at(at[1], rows[1], 4, 0.0)),
-        read_only(rows_at(at[2], rows[2], 0, np.int32(0))),
-        read_only(rows_at(at[3], rows[3], 2, np.float32(0.0))),
-        read_only(records_at(at[4], rows[4], PIECE)),
-        read_only(rows_at(at[5], rows[5], 0, 0.0)),
-        read_only(rows_at(at[6], rows[6], 0, 0.0)),
-        Trims(
-            read_only(records_at(at[7], rows[7], TRIM)),
-            read_only(rows_at(at[8], rows[8], 0, np.int32(0))),
-            read_only(rows_at(at[9], rows[9], 0, np.int32(0))),
-            read_only(records_at(at[10], rows[10], SEGMENT)),
-            read_only(rows_at(at[11], rows[11], 0, 0.0)),
-        ),
-        read_only(rows_at(at[12], rows[12], PROFILE_ARRAYS, np.int64(0))),
-    )
-    return tree, rows_at(at[13], rows[13], 0, np.int32(0))
-
-
-@implements(tree_at, RevolutionTree)
-@inlined
-def _revolution_at(kind, model):
-    tree, patches = _surface_at(SurfaceTree, model)
-    return revolution_of(tree), patches
+    A label says what an element is called outside: of a triangle its face.
+    """
+    return _tree_in(kind, model), rows_at(model[0, 0], model[0, 1], 0, np.int32(0))
 
 
 @inlined
 def revolution_of(tree):
     """The solid of revolution whose patches a SurfaceTree is over; it must have a profile."""
-    at, rows = tree.profile[0], tree.profile[1]
-    return RevolutionTree(
-        tree.nodes, tree.centres, tree.children, tree.sizes, tree.pieces, tree.nets, tree.scale,
-        tree.trims, tree.profile,
-        read_only(records_at(at[0], rows[0], ARC)),
-        read_only(records_at(at[1], rows[1], CURVE_PIECE)),
-        read_only(rows_at(at[2], rows[2], 0, np.int32(0))),
-        read_only(rows_at(at[3], rows[3], 3, 0.0)),
-        read_only(rows_at(at[4], rows[4], 3, 0.0)),
-        read_only(rows_at(at[5], rows[5], VECTORS, 0.0)),
-    )  # fmt: skip
-
-
-def _open_at(order, at, rows):
-    """What is open in a search of that order; each order implements it."""
-
-
-@implements(_open_at, DepthFirst)
-@inlined
-def _stack_at(order, at, rows):
-    return DepthFirst(
-        rows_at(at[7], rows[7], 2, np.int32(0)),
-        rows_at(at[8], rows[8], 0, 0.0),
-    )
-
-
-@implements(_open_at, Priority)
-@inlined
-def _queues_at(order, at, rows):
-    return Priority(
-        rows_at(at[7], rows[7], 2, np.int32(0)),
-        rows_at(at[8], rows[8], 0, 0.0),
-        rows_at(at[9], rows[9], 0, np.int64(0)),
-    )
-
-
-@implements(_open_at, BreadthFirst)
-@inlined
-def _levels_at(order, at, rows):
-    return BreadthFirst(
-        rows_at(at[7], rows[7], 2, np.int32(0)),
-        rows_at(at[8], rows[8], 0, 0.0),
-        rows_at(at[9], rows[9], KEPT, np.int32(0)),
-        rows_at(at[10], rows[10], KEPT, np.int32(0)),
-    )
-
-
-def _waiting_at(kind, at, rows):
-    """What waits in a search, of that type; each implements it."""
-
-
-@implements(_waiting_at, Waiting)
-@inlined
-def _leaves_at(kind, at, rows):
-    return Waiting(rows_at(at[2], rows[2], 2, np.int32(0)), rows_at(at[3], rows[3], 0, 0.0))
-
-
-@implements(_waiting_at, Dividing)
-@inlined
-def _cells_at(kind, at, rows):
-    return Dividing(
-        rows_at(at[2], rows[2], 2, np.int32(0)),
-        rows_at(at[3], rows[3], 0, 0.0),
-        records_at(at[_CELLS], rows[_CELLS], CELL_PAIR),
-        records_at(at[_CELLS + 1], rows[_CELLS + 1], CELL),
-        rows_at(at[_CELLS + 2], rows[_CELLS + 2], 0, 0.0),
-        rows_at(at[_CELLS + 3], rows[_CELLS + 3], 0, np.int32(0)),
-        records_at(at[_CELLS + 4], rows[_CELLS + 4], CELL),
-        rows_at(at[_CELLS + 5], rows[_CELLS + 5], 0, 0.0),
-        rows_at(at[_CELLS + 6], rows[_CELLS + 6], 0, np.int32(0)),
-    )
-
-
-@implements(_waiting_at, Turning)
-@inlined
-def _rings_at(kind, at, rows):
-    cells = _cells_at(Dividing, at, rows)
-    return Turning(
-        cells.lanes, cells.bounds, cells.pairs, cells.cells_a, cells.nets_a, cells.roots_a,
-        cells.cells_b, cells.nets_b, cells.roots_b,
-        records_at(at[_RINGS], rows[_RINGS], RING),
-        rows_at(at[_RINGS + 1], rows[_RINGS + 1], 0, np.int32(0)),
-        records_at(at[_RINGS + 2], rows[_RINGS + 2], ARC),
-        records_at(at[_RINGS + 3], rows[_RINGS + 3], ARC),
-        records_at(at[_RINGS + 4], rows[_RINGS + 4], MINIMUM),
-        records_at(at[_RINGS + 5], rows[_RINGS + 5], RING),
-    )  # fmt: skip
+    return seen_as(RevolutionTree, tree)
 
 
 @inlined
-def state_at(order, waiting, memory):
-    """The search of a table of a State's arrays, as `state_table` makes it."""
-    at, rows = memory[0], memory[1]
-    return State(
-        rows_at(at[0], rows[0], 12, 0.0),
-        records_at(at[1], rows[1], PROGRESS),
-        _open_at(order, at, rows),
-        _waiting_at(waiting, at, rows),
-        rows_at(at[4], rows[4], 3, 0.0),
-        rows_at(at[5], rows[5], 0, np.int64(0)),
-        rows_at(at[6], rows[6], 0, 0.0),
-    )
+def has_profile(tree):
+    """Whether a SurfaceTree is over the patches of a solid of revolution."""
+    return len(revolution_of(tree).arcs) > 0
+
+
+_PAIRS = {"pairs": (_INT, 2), "bounds": (_DOUBLE, 0)}
+_OPEN = {
+    DepthFirst: _PAIRS,
+    Priority: _PAIRS | {"frames": (_LONG, 0)},
+    BreadthFirst: _PAIRS | {"spread_a": (_INT, KEPT), "spread_b": (_INT, KEPT)},
+}
+_LEAVES = {"lanes": (_INT, 2), "bounds": (_DOUBLE, 0)}
+_CELLS = _LEAVES | {
+    "pairs": (CELL_PAIR, 0), "cells_a": (CELL, 0), "nets_a": (_DOUBLE, 0), "roots_a": (_INT, 0),
+    "cells_b": (CELL, 0), "nets_b": (_DOUBLE, 0), "roots_b": (_INT, 0),
+}  # fmt: skip
+_RINGS = _CELLS | {
+    "rings": (RING, 0), "heap": (_INT, 0), "arcs_a": (ARC, 0), "arcs_b": (ARC, 0),
+    "minima": (MINIMUM, 0), "front": (RING, 0),
+}  # fmt: skip
+_WAITING = {Waiting: _LEAVES, Dividing: _CELLS, Turning: _RINGS}
+_SEARCH = {
+    "motions": (_DOUBLE, 12), "progress": (PROGRESS, 0), "collected": (_DOUBLE, 3),
+    "keys": (_LONG, 0), "reaches": (_DOUBLE, 0),
+}  # fmt: skip
+
+
+@intrinsic
+def state_at(typingctx, order, waiting, memory):
+    """The search of a table that `state_table` made, of these types of what is open and waits."""
+    inner = {
+        "open": Addressed(order.instance_class, _OPEN[order.instance_class]),
+        "waiting": Addressed(waiting.instance_class, _WAITING[waiting.instance_class]),
+    }
+    return begins_at(Addressed(State, _SEARCH | inner), 0, order, waiting, memory)
 
 
 @inlined
 def queries_at(asked):
     """The queries of a table: records themselves take Python as long to hand over as six arrays."""
-    queries = records_at(asked[0, 0], asked[1, 0], QUERY)
+    queries = records_at(asked[0, 0], asked[0, 1], QUERY)
     return (queries,)
-
-
-_CELLS, _RINGS, _COLUMNS = 11, 18, 24
-"""Where the arrays of elements that are divided begin in the table of a state, and those of solids
-of revolution; and how many columns there are."""
 
 
 def state_table(state):
     """The table of a search."""
-    s = state
-    lanes, bounds, *cells = s.waiting
-    shared = s.motions, s.progress, lanes, bounds, s.collected, s.keys, s.reaches
-    unused = (s.reaches,) * (_CELLS - len(shared) - len(s.open))
-    known = (*shared, *s.open, *unused, *cells)
-    return table((*known, *(s.reaches,) * (_COLUMNS - len(known))))
+    return table((*(getattr(state, name) for name in _SEARCH), *state.open, *state.waiting))

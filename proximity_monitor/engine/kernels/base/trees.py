@@ -74,17 +74,13 @@ SEGMENT = np.dtype(
 FRAME = -1.0
 """The band of what lies along a side."""
 
-SurfaceTree = namedtuple(
-    "SurfaceTree", "nodes centres children sizes pieces nets scale trims profile"
-)
+SurfaceTree = namedtuple("SurfaceTree", "nodes centres children sizes pieces nets scale trims")
 """A hierarchy of swept spheres over pieces of parametric surfaces and curves; each leaf is one.
 
-pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims; profile
-(int64, 2 x 6) the table of what a RevolutionTree has besides, else (0, 6): each kernel that is
-called with a tree takes all its arrays. The rest is as in MeshTree; scale[2] is the largest norm of
-a control point, scale[6] how far rounding may have moved points of the surface when it was cut into
-pieces, and scale[7], of a solid, how far from the pieces that may be which closes the gaps between
-patches (see models/closed.py), both in metres.
+pieces (m,) PIECE in tree order; nets (float64, flat) their control nets; trims, Trims. The rest is
+as in MeshTree; scale[2] is the largest norm of a control point, scale[6] how far rounding may have
+moved points of the surface when it was cut into pieces, and scale[7], of a solid, how far from the
+pieces that may be which closes the gaps between patches (see models/closed.py), both in metres.
 """
 
 PIECE = np.dtype(

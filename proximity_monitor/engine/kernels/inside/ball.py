@@ -27,7 +27,7 @@ from .ball_frame import axis_of, common_box, in_a_frame, take_axes
 from .ball_newton import begin_newton, seed_between
 from .ball_point import certain_depth, possible_depth, sound, sound_some
 from .ball_rows import bound_of
-from .ball_state import CELL, CELL_CENTRE, CLIMB, FULL, IDLE, NEWTON, SEED, ball_at
+from .ball_state import CELL_CENTRE, CLIMB, FULL, IDLE, NEWTON, OF_CELLS, SEED, ball_at
 from .ball_tangents import tangent
 from .ball_trial import ascend, begin_climb, end_climb, end_newton, keep, try_point
 from .solid_table import solid_at
@@ -349,12 +349,12 @@ KIND_A = KIND_B = MeshTree
 def search_ball(solids, memory, seeds_alone, steps):
     """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL.
 
-    `solids` (2, 2, n) are tables of two (see solid_table.py), `memory` that of the search. With
+    `solids` (2, n, 2) are tables of two (see solid_table.py), `memory` that of the search. With
     `seeds_alone` it ends when a ball is found, or no seed is left.
     """
     tree_a, _, region_a = solid_at(KIND_A, solids[0])
     tree_b, _, region_b = solid_at(KIND_B, solids[1])
-    state = ball_at(CELL, memory)
+    state = ball_at(OF_CELLS, memory)
     at = state.at[0]
     while True:
         if steps <= 0:

@@ -12,7 +12,7 @@ from ..base.trees import SWEPT, MeshTree
 from ..base.vectors import dot, moved, sub
 from ..elements.errors import joints_err, points_err
 from .ball_frame import common_box, in_a_frame, take_axes
-from .ball_state import CELL, IDLE, LOOSEST, NONE, ball_at
+from .ball_state import IDLE, LOOSEST, NONE, OF_CELLS, ball_at
 from .solid_table import solid_at
 from .solids import HALF, NOWHERE
 
@@ -36,11 +36,11 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     The next is the middle of what both models share. Mostly it lies inside both where they overlap,
     so that their surfaces need not be compared.
 
-    `solids` (2, 2, n) are tables of both (see solid_table.py), `memory` that of the search.
+    `solids` (2, n, 2) are tables of both (see solid_table.py), `memory` that of the search.
     """
     tree_a, _, region_a = solid_at(KIND_A, solids[0])
     tree_b, _, region_b = solid_at(KIND_B, solids[1])
-    state = ball_at(CELL, memory)
+    state = ball_at(OF_CELLS, memory)
     at, motions, best = state.at[0], state.motions, state.best[0]
     last = at.radius > 0.0
     at.trusted = _TRUSTED * at.radius if last else np.inf

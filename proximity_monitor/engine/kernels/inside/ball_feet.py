@@ -7,7 +7,7 @@ from ..base.state import FEATURE_A, FEATURE_B, POINT_A, POINT_B, RADIUS_A, RADIU
 from ..base.trees import SWEPT, MeshTree
 from ..base.vectors import dot, moved, sub
 from .ball_point import place_of
-from .ball_state import CELL, ball_at
+from .ball_state import OF_CELLS, ball_at
 from .feet import foot_of
 from .solid_table import solid_at
 
@@ -26,7 +26,7 @@ def write_ball(solids, memory, pose_a, pose_b, row, first):
     """
     tree_a, labels_a, _ = solid_at(KIND_A, solids[0])
     tree_b, labels_b, _ = solid_at(KIND_B, solids[1])
-    state = ball_at(CELL, memory)
+    state = ball_at(OF_CELLS, memory)
     write_foot(tree_a, labels_a, state, 0, pose_a, row, first)
     write_foot(tree_b, labels_b, state, 1, pose_b, row, 1 - first)
     best = state.best[0]

@@ -9,7 +9,7 @@ from ..base.state import TREE_A, TREE_B
 from ..base.trees import SWEPT, MeshTree
 from ..base.vectors import add, along, dot, scaled, sub, turned_back
 from .ball_begin import add_seed
-from .ball_state import CELL, NONE, ball_at
+from .ball_state import NONE, OF_CELLS, ball_at
 from .feet import corner_of, middle_of, spot_of_row
 from .solid_table import solid_at
 
@@ -26,7 +26,7 @@ def add_seeds(solids, memory, row, first, body, element):
     """Begin a search at points about a contact, or about an element of one solid, too.
 
     Args:
-        solids: (2, 2, n), as for `begin_ball`.
+        solids: (2, n, 2), as for `begin_ball`.
         memory: as for it.
         row: (ANSWER,) the answer about the distance of the cores, whose nearest points are the
             contact; not read where there is an element.
@@ -37,7 +37,7 @@ def add_seeds(solids, memory, row, first, body, element):
     """
     tree_a, _, _ = solid_at(KIND_A, solids[0])
     tree_b, _, _ = solid_at(KIND_B, solids[1])
-    state = ball_at(CELL, memory)
+    state = ball_at(OF_CELLS, memory)
     if element == NONE:
         _add_at_contact(tree_a, tree_b, state, row, first)
     elif body == 0:

@@ -6,8 +6,8 @@ from collections import namedtuple
 
 import numpy as np
 
+from ..base.addressed import Addressed, arrays_at, constant
 from ..base.jit import inlined
-from ..base.memory import records_at, rows_at
 from ..base.tables import table
 
 ROWS = 6
@@ -117,23 +117,23 @@ def ball_table(ball, more):
     return table((*ball, *more))
 
 
+_LAYOUT = {
+    "at": (SEARCH, 0), "motions": (np.float64, 12), "seeds": (np.float64, 3), "best": (POINT, 0),
+    "trial": (POINT, 0), "probe": (POINT, 0), "bounds": (np.float64, 0), "order": (np.int32, 0),
+    "cells": (CELL, 0), "stack": (np.int32, 0), "reached": (np.float64, 0),
+}  # fmt: skip
+
+
+OF_CELLS, OF_PIECES = (
+    constant(Addressed(Ball, _LAYOUT | {"cells": (kind, 0)})) for kind in (CELL, PIECE)
+)
+"""A search whose cells are cuboids of space, and one of parts of a surface."""
+
+
 @inlined
 def ball_at(kind, memory):
-    """The search of a table that `ball_table` made, whose cells are of a kind, CELL or PIECE."""
-    at, rows = memory[0], memory[1]
-    return Ball(
-        records_at(at[0], rows[0], SEARCH),
-        rows_at(at[1], rows[1], 12, 0.0),
-        rows_at(at[2], rows[2], 3, 0.0),
-        records_at(at[3], rows[3], POINT),
-        records_at(at[4], rows[4], POINT),
-        records_at(at[5], rows[5], POINT),
-        rows_at(at[6], rows[6], 0, 0.0),
-        rows_at(at[7], rows[7], 0, np.int32(0)),
-        records_at(at[8], rows[8], kind),
-        rows_at(at[9], rows[9], 0, np.int32(0)),
-        rows_at(at[10], rows[10], 0, 0.0),
-    )
+    """The search, of one of these kinds, of a table that `ball_table` made."""
+    return arrays_at(kind, 0, memory)
 
 
 FULL = 2

@@ -7,13 +7,15 @@ import numpy as np
 from ..base.jit import entry, kernel
 from ..base.memory import on_stack
 from ..base.rounding import OFFSET_MARGIN, POINT_FLOOR, POINT_MARGIN
-from ..base.trees import DEVIATION, SWEPT
+from ..base.tables import tree_at
+from ..base.trees import DEVIATION, SWEPT, MeshTree
 from ..base.vectors import along, cross, dot, face_normal, scaled, sub, unit
 from ..elements.primitives import corners, mixed
 from ..elements.swept import core_of, lower_of, surface_points, upper_of
 from ..tree.layout import WIDTH
 from .angles import side_of
 from .nearest import begin_nearest, nearest, point_triangle
+from .solid_table import solid_at
 from .solids import NOWHERE
 
 NONE = -1
@@ -32,10 +34,13 @@ asked for: nearer to a surface, rounding hides on which side of it the point lie
 
 @entry
 def closest_points(
-    tree, pose, points, max_distance, signed, first, steps, stack, stacked, going,
+    model, pose, points, max_distance, signed, first, steps, stack, stacked, going,
     bounds, feet, triangles, normals,
 ):  # fmt: skip
-    """Nearest points on a model at `pose` to points (k, 3) in the world, from the first one on.
+    """Nearest points on a mesh at `pose` to points (k, 3) in the world, from the first one on.
+
+    The model is the table of its hierarchy. Whatever the volumes are: boxes may be taken for swept
+    spheres.
 
     Returns how many are done: all, or as many as about `steps` steps suffice for. Then the search
     for the next one may have begun: `going` (3,) is its distance so far, its triangle, and how many
@@ -46,6 +51,7 @@ def closest_points(
     the others the triangle is NONE and the upper bound infinite. Where `signed`, the bounds are of
     the distance to the triangles, no feet or normals are written; `sides` makes answers of that.
     """
+    tree, _ = tree_at(MeshTree, model)
     found = on_stack(WIDTH, np.float32(0.0))
     radius, deviation = tree.scale[SWEPT], tree.scale[DEVIATION]
     farthest = core_of(max_distance, radius, deviation)
@@ -83,13 +89,14 @@ def closest_points(
 
 @entry
 def sides(
-    tree, region, pose, points, first, last, steps, stack, bounds, feet, triangles, normals
+    solid, pose, points, first, last, steps, stack, bounds, feet, triangles, normals
 ):  # fmt: skip
     """Make signed answers of what `closest_points` found for the points first to last.
 
-    The hierarchy is that of all triangles, `region` where it has an inside. Returns how many are
+    The solid is the table of the hierarchy of all triangles and of its Region. Returns how many are
     done: `last`, or as many as about `steps` steps suffice for, at least one more than before.
     """
+    tree, _, region = solid_at(MeshTree, solid)
     gaps = on_stack(WIDTH, np.float32(0.0))
     radius, deviation = tree.scale[SWEPT], tree.scale[DEVIATION]
     for k in range(first, last):

@@ -39,6 +39,9 @@ FEW = 256
 NONE, UNDECIDED = -1, -2
 """No triangle; and that some are left to look at."""
 
+HOLDER = MeshTree
+"""The kind of tree of whatever a part is looked for in: another one in surface/contain.py."""
+
 
 @shared
 def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps):
@@ -95,15 +98,19 @@ def part_inside(holder, body, samples, motion, slack, apart, progress, waiting, 
     return NONE, steps
 
 
-@entry
 def look_for_part(
     holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps
 ):  # fmt: skip
-    """As `part_inside`, without the steps that are left."""
+    """As `part_inside`, of tables of hierarchies, without the steps that are left."""
+    tree, _ = tree_at(HOLDER, holder)
+    other, _ = tree_at(MeshTree, body)
     found, _ = part_inside(
-        holder, body, samples, motion, slack, apart, progress, waiting, scratch, steps
+        tree, other, samples, motion, slack, apart, progress, waiting, scratch, steps
     )
     return found
+
+
+look_for_part_in_mesh = entry(look_for_part)
 
 
 @kernel

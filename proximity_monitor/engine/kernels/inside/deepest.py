@@ -37,7 +37,7 @@ from .ball_cells import limit_of, pop
 from .ball_feet import write_foot, write_point
 from .ball_frame import take_axes
 from .ball_point import certain_radius, place_of, possible_depth, sound_some
-from .ball_state import CELL_CENTRE, FULL, IDLE, LOOSEST, PIECE, ball_at
+from .ball_state import CELL_CENTRE, FULL, IDLE, LOOSEST, OF_PIECES, ball_at
 from .pieces import (
     WHOLE,
     control_of,
@@ -74,13 +74,13 @@ SOLID = SURFACE = None
 def begin_deepest(models, memory, pose, pose_surface, rel_err, abs_err):
     """Start a search for the deepest point of a surface in a solid.
 
-    `models` (2, 2, n) are tables of the solid and of the surface (see solid_table.py), and `memory`
+    `models` (2, n, 2) are tables of the solid and of the surface (see solid_table.py), and `memory`
     that of a Ball whose cells are PIECE; its motion is from the surface's frame to the solid's.
     """
     tree, _, region = solid_at(SOLID, models[0])
     surface, _ = tree_at(SURFACE, models[1])
     around = region_at(models[1])
-    state = ball_at(PIECE, memory)
+    state = ball_at(OF_PIECES, memory)
     forget(surface, memory_of(surface, memory), state.at[0])
     at, best = state.at[0], state.best[0]
     back = on_stack(12, 0.0)
@@ -280,7 +280,7 @@ def search_deepest(models, memory, steps):
     """Go on with a search for at most about `steps` steps; returns ENDED, CUT or FULL."""
     tree, _, region = solid_at(SOLID, models[0])
     surface, _ = tree_at(SURFACE, models[1])
-    state, parts = ball_at(PIECE, memory), memory_of(surface, memory)
+    state, parts = ball_at(OF_PIECES, memory), memory_of(surface, memory)
     at = state.at[0]
     while True:
         if steps <= 0:
@@ -319,7 +319,7 @@ def write_deepest(models, memory, solid, pose, pose_surface, row):
     """Write the deepest point of a surface, and the solid's nearest to it, into an answer.
 
     Args:
-        models: (2, 2, n) tables, that of the solid first.
+        models: (2, n, 2) tables, that of the solid first.
         memory: that of a search for the deepest point.
         solid: which of the two models of the answer the solid is, 0 or 1.
         pose: (4, 4) the solid's, model to world.
@@ -328,7 +328,7 @@ def write_deepest(models, memory, solid, pose, pose_surface, row):
     """
     tree, names, _ = solid_at(SOLID, models[0])
     surface, labels = tree_at(SURFACE, models[1])
-    state = ball_at(PIECE, memory)
+    state = ball_at(OF_PIECES, memory)
     best = state.best[0]
     element = best.near[1]
     place, parameters = spot_at(surface, element, best)

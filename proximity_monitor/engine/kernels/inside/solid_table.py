@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..base.addressed import arrays_at, constant
 from ..base.jit import inlined
 from ..base.memory import read_only, rows_at
-from ..base.tables import MODEL_COLUMNS, mesh_tree_at, table, tree_at
+from ..base.tables import MODEL_ROWS, TREES, table, tree_at
+from ..base.trees import MeshTree
 from .angles import MOMENTS
 from .solids import Region
 
-_REGION = MODEL_COLUMNS
-"""The column from which on the table is about the region; a model's own table comes first."""
+_REGION = MODEL_ROWS
+"""The row from which on the table is about the region; a model's own table comes first."""
+
+_RIM = _REGION + 2
+"""... about the tree of its rim."""
+
+_TRIANGLES = constant(TREES[MeshTree])
 
 
 def solid_table(model, region, extent):
-    """The table of a hierarchy of all triangles and its Region, int64 (2, n).
+    """The table of a hierarchy of all triangles and its Region, int64 (n, 2).
 
     Args:
         model: the hierarchy's own table (see tables.py).
@@ -25,7 +32,7 @@ def solid_table(model, region, extent):
     Whoever keeps the table has to keep the arrays.
     """
     arrays = region.samples, region.ball, *region.rim_tree, region.moments, extent
-    return np.concatenate((model, table(arrays)), axis=1)
+    return np.concatenate((model, table(arrays)), axis=0)
 
 
 @inlined
@@ -38,13 +45,12 @@ def solid_at(kind, solid):
 @inlined
 def region_at(solid):
     """The Region alone: a surface's tree may be of another kind."""
-    at, rows = solid[0], solid[1]
-    extent = rows_at(at[_REGION + 9], rows[_REGION + 9], 0, 0.0)
+    extent = rows_at(solid[_REGION + 9, 0], solid[_REGION + 9, 1], 0, 0.0)
     return Region(
         np.int64(extent[0]),
-        read_only(rows_at(at[_REGION], rows[_REGION], 0, np.int32(0))),
-        read_only(rows_at(at[_REGION + 1], rows[_REGION + 1], 0, 0.0)),
+        read_only(rows_at(solid[_REGION, 0], solid[_REGION, 1], 0, np.int32(0))),
+        read_only(rows_at(solid[_REGION + 1, 0], solid[_REGION + 1, 1], 0, 0.0)),
         extent[1],
-        mesh_tree_at(solid, _REGION + 2),
-        read_only(rows_at(at[_REGION + 8], rows[_REGION + 8], MOMENTS, 0.0)),
+        arrays_at(_TRIANGLES, _RIM, solid),
+        read_only(rows_at(solid[_REGION + 8, 0], solid[_REGION + 8, 1], MOMENTS, 0.0)),
     )

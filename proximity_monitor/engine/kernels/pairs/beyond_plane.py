@@ -14,7 +14,7 @@ from ..base.jit import inlined, kernel
 from ..base.lanes import lowest, not_above
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS, GAP_SHARE
-from ..base.tables import revolution_of
+from ..base.tables import has_profile, revolution_of
 from ..base.vectors import dot, turned_back
 from ..bounds.cross import along_node
 from ..elements.direction import begin_of
@@ -41,7 +41,7 @@ _CONVEX = 0.9
 @kernel
 def _end_along(tree, n, element, u, v, most):
     """Where a surface ends along a vector no longer than a unit, at the most; see `reach_along`."""
-    if len(tree.profile) > 0:
+    if has_profile(tree):
         return outline_along(revolution_of(tree), n)
     return reach_along(tree, n, element, u, v, most)
 

@@ -18,7 +18,7 @@ KIND_A = KIND_B = WAITING = None
 
 
 def _cells(models, memory):
-    """The cells of two models, models (2, 2, m) their tables and memory that of a state."""
+    """The cells of two models, models (2, m, 2) their tables and memory that of a state."""
     state = state_at(DepthFirst, WAITING, memory)
     tree_a, _ = tree_at(KIND_A, models[0])
     tree_b, _ = tree_at(KIND_B, models[1])

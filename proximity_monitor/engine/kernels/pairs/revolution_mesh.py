@@ -15,7 +15,7 @@ from ..base.jit import implements, inlined, kernel
 from ..base.lanes import lowest
 from ..base.memory import on_stack
 from ..base.state import Dividing
-from ..base.tables import revolution_of
+from ..base.tables import has_profile, revolution_of
 from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import along, dot, moved, moved_back, scaled, sub
 from ..elements.direction import begin_of
@@ -63,7 +63,7 @@ DESCENT_STEPS = 32
 @inlined
 def is_convex(surface):
     """Whether it is a solid of revolution, about convex: a local minimum is the only one then."""
-    return len(surface.profile) > 0 and revolution_of(surface).frame[4, 1] > 0.0
+    return has_profile(surface) and revolution_of(surface).frame[4, 1] > 0.0
 
 
 @kernel
@@ -239,7 +239,7 @@ def is_due(progress, surface):
 @implements(divided.begin_below, SurfaceTree, MeshTree)
 @kernel
 def _begin_below(surface, mesh, state, fresh):
-    if len(surface.profile) == 0 or not (fresh or is_convex(surface)):
+    if not has_profile(surface) or not (fresh or is_convex(surface)):
         return False
     if fresh or state.progress[0].distance > state.progress[0].slack:
         go_down(surface, mesh, state, fresh)

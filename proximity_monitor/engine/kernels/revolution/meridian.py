@@ -12,6 +12,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.rounding import DOUBLE_EPS
+from ..base.tables import seen_as
 from ..base.trees import SurfaceTree
 from ..base.vectors import dot, norm, sub
 from .profile import put_part
@@ -31,10 +32,7 @@ the point by less than 16 u of its distance, a distance between them by a few u 
 @inlined
 def patches_of(tree):
     """The hierarchy of the patches alone: what it is asked is compiled for surfaces already."""
-    return SurfaceTree(
-        tree.nodes, tree.centres, tree.children, tree.sizes, tree.pieces, tree.nets, tree.scale,
-        tree.trims, tree.profile,
-    )  # fmt: skip
+    return seen_as(SurfaceTree, tree)
 
 
 @inlined

@@ -191,7 +191,7 @@ def answer_queries(
     these types differ, a query's two models may come in either order.
 
     Args:
-        models: (n, 2, m) the models' tables (see tables.py).
+        models: (n, m, 2) the models' tables (see tables.py).
         memory: that of a state whose room suffices for any two of them.
         poses_a: (4 n, 4) model to world, one below the other.
         poses_b: the same of the second models; the two may be one array.

@@ -12,7 +12,7 @@ from .stubs import least_open, push, take
 @implements(push, DepthFirst)
 @inlined
 def _push(open_pairs, state, first, top, a, b, bound):
-    pairs, bounds = open_pairs
+    pairs, bounds = open_pairs.pairs, open_pairs.bounds
     at = top
     while at > first and bounds[at - 1] < bound:
         bounds[at] = bounds[at - 1]

@@ -7,7 +7,8 @@ import numpy as np
 from ..base.jit import entry
 from ..base.memory import on_stack
 from ..base.rounding import RESOLUTION
-from ..base.trees import DEVIATION
+from ..base.tables import tree_at
+from ..base.trees import DEVIATION, SurfaceTree
 from ..base.vectors import norm, sub
 from ..elements.errors import points_err
 from ..elements.swept import core_of, lower_of, upper_of
@@ -27,20 +28,22 @@ GOING = 7
 
 @entry
 def closest_points(
-    tree, pose, points, max_distance, signed, first, steps, stack, stacked, going,
+    model, pose, points, max_distance, signed, first, steps, stack, stacked, going,
     bounds, feet, elements, parameters,
 ):  # fmt: skip
     """Nearest points of a surface at `pose` to points (k, 3) in the world, from the first one on.
 
-    Returns how many are done: all, or as many as about `steps` steps suffice for. Then the search
-    for the next one may have begun: `going` (GOING,) is its answer so far (see foot.py), and how
-    many entries it has in `stack` and `stacked`, which is 0 where none has.
+    The model is the table of its hierarchy. Returns how many are done: all, or as many as about
+    `steps` steps suffice for. Then the search for the next one may have begun: `going` (GOING,) is
+    its answer so far (see foot.py), and how many entries it has in `stack` and `stacked`, which is
+    0 where none has.
 
     Writes bounds (k, 2), certified, and elements (k,) in tree order, and of those nearer than
     `max_distance` metres feet (k, 3) in the world and their parameters (k, 2), which may be (0, 2);
     of the others the element is NONE and the upper bound infinite. Where `signed`, lower bounds are
     such that sides can be told. Each search begins with the foot before.
     """
+    tree, _ = tree_at(SurfaceTree, model)
     found, last = on_stack(WIDTH, np.float32(0.0)), (0.0, 0.0, 0.0)
     near, near_u, near_v = NONE, 0.0, 0.0
     deviation = tree.scale[DEVIATION]

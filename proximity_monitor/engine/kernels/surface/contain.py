@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections import namedtuple
 
-from ..base.jit import implements, inlined
+from ..base.jit import entry, implements, inlined, specialised
 from ..base.tables import tree_at
 from ..base.trees import SurfaceTree
 from ..elements.errors import joints_err, points_err
-from ..inside.contain import Insides, errors_of, look_in, part_inside
+from ..inside.contain import Insides, errors_of, look_for_part, look_in, part_inside
 from . import crossing  # noqa: F401 - it implements what a winding number needs
 
 MixedInsides = namedtuple("MixedInsides", (*Insides._fields, "holders", "divided"))
-"""Insides, and of each body the table of its own hierarchy (int64, n × 2 × k), and whether that is
+"""Insides, and of each body the table of its own hierarchy (int64, n × k × 2), and whether that is
 a SurfaceTree (bool, n)."""
+
+look_for_part_in_surface = entry(
+    specialised(look_for_part, "look_for_part_in_surface", __name__=__name__, HOLDER=SurfaceTree)
+)
 
 
 @implements(look_in, MixedInsides)

@@ -30,11 +30,10 @@ _DIVIDED = 4
 @implements(pieces.memory_of, SurfaceTree)
 @inlined
 def _memory(surface, memory):
-    at, rows = memory[0], memory[1]
     return Parts(
-        records_at(at[MORE], rows[MORE], CELL),
-        rows_at(at[MORE + 1], rows[MORE + 1], 0, 0.0),
-        rows_at(at[MORE + 2], rows[MORE + 2], 0, np.int32(0)),
+        records_at(memory[MORE, 0], memory[MORE, 1], CELL),
+        rows_at(memory[MORE + 1, 0], memory[MORE + 1, 1], 0, 0.0),
+        rows_at(memory[MORE + 2, 0], memory[MORE + 2, 1], 0, np.int32(0)),
     )
 
 

@@ -6,6 +6,8 @@ import numpy as np
 
 from ..base.jit import entry
 from ..base.memory import on_stack
+from ..base.tables import tree_at
+from ..base.trees import SurfaceTree
 from ..elements.errors import joints_err, points_err
 from ..inside.closest import image_of
 from ..inside.winding import UNKNOWN, ray_steps, winding_number
@@ -14,13 +16,14 @@ from . import crossing  # noqa: F401 - it implements what a winding number needs
 
 
 @entry
-def sides_of_surface(tree, pose, points, first, last, steps, stack, bounds):
+def sides_of_surface(model, pose, points, first, last, steps, stack, bounds):
     """Make bounds (k, 2) of the distances of points (k, 3) in the world such of signed ones.
 
     Of those from `first` to before `last`. Returns how many are done: `last`, or as many as about
     `steps` steps suffice for, at least one more than before. Where a point is so near that rounding
     hides its side, the bounds have either sign.
     """
+    tree, _ = tree_at(SurfaceTree, model)
     gaps = on_stack(WIDTH, np.float32(0.0))
     for k in range(first, last):
         if k > first and steps <= 0:
