@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
@@ -10,42 +13,42 @@ from numba.extending import intrinsic
 def _on_stack(context, builder, array_type, shape):
     """An array of a type and a shape over memory of the calling function."""
     item = context.get_data_type(array_type.dtype)
-    size = context.get_abi_sizeof(item)
-    strides, count = [], 1
-    for extent in reversed(shape):
-        strides.insert(0, context.get_constant(types.intp, size * count))
-        count *= extent
-    memory = cgutils.alloca_once(builder, item, size=count)
+    memory = cgutils.alloca_once(builder, item, size=math.prod(shape))
     memory.align = 64
-    extents = [context.get_constant(types.intp, extent) for extent in shape]
-    return _array(context, builder, array_type, memory, extents, strides)
-
-
-def _array(context, builder, array_type, data, extents, strides):
-    """An array of a type over memory that others own."""
-    array = context.make_array(array_type)(context, builder)
-    size = context.get_abi_sizeof(context.get_data_type(array_type.dtype))
-    context.populate_array(
-        array,
-        data=data,
-        shape=extents,
-        strides=strides,
-        itemsize=context.get_constant(types.intp, size),
-        meminfo=None,
-    )
-    return array._getvalue()
+    return _array(context, builder, array_type, memory, shape)
 
 
 def array_over(context, builder, array_type, address, rows, width):
     """The array (rows, width), or (rows,) if width is 0, of a type that begins at an address."""
     item = context.get_data_type(array_type.dtype)
-    size = context.get_abi_sizeof(item)
     data = builder.inttoptr(address, item.as_pointer())
-    extents = [rows, *([context.get_constant(types.intp, width)] if width else ())]
-    strides = [context.get_constant(types.intp, size * (width or 1))]
-    if width:
-        strides.append(context.get_constant(types.intp, size))
-    return _array(context, builder, array_type, data, extents, strides)
+    return _array(context, builder, array_type, data, (rows, width) if width else (rows,))
+
+
+def _array(context, builder, array_type, data, shape):
+    """An array over memory that others own. Its shape is of integers, but for the first number.
+
+    Numba would write it to memory piece by piece, for LLVM to find out that it need not be there.
+    """
+    size = context.get_abi_sizeof(context.get_data_type(array_type.dtype))
+    rows, *others = shape
+    known = isinstance(rows, int)
+    fixed = {
+        "meminfo": None, "parent": None, "itemsize": size, "data": ir.Undefined,
+        "nitems": math.prod(shape) if known else ir.Undefined,
+        "shape": [rows if known else ir.Undefined, *others],
+        "strides": [size * math.prod(shape[i + 1 :]) for i in range(len(shape))],
+    }  # fmt: skip
+    place = context.data_model_manager[array_type].get_field_position
+    parts = sorted(fixed, key=place)
+    array = ir.Constant(context.get_value_type(array_type), [fixed[part] for part in parts])
+    array = builder.insert_value(array, data, place("data"))
+    if known:
+        return array
+    each = context.get_constant(types.intp, math.prod(others))
+    count = builder.mul(rows, each, flags=["nsw"]) if others else rows
+    array = builder.insert_value(array, count, place("nitems"))
+    return builder.insert_value(array, rows, (place("shape"), 0))
 
 
 @intrinsic(prefer_literal=True)
