@@ -25,6 +25,7 @@ import gc
 import itertools
 import math
 import sys
+from functools import partial
 from pathlib import Path
 from time import thread_time
 from typing import Any
@@ -34,7 +35,8 @@ import occt
 import peers
 from numpy.typing import NDArray
 from revolution_depth import FITTED, HEADINGS, depths, fits
-from revolution_page import write_page
+from revolution_motion import deforming, morphing, motion
+from revolution_page import table, write_page
 from surfaces import at, turned
 
 from proximity_monitor import engine
@@ -129,21 +131,6 @@ def poses(count: int, seed: int) -> NDArray[np.float64]:
     return np.array(made)
 
 
-def motion(count: int) -> NDArray[np.float64]:
-    """Around and to and fro, a thousandth of the size and of a turn at a time."""
-    made = np.tile(np.eye(4), (count, 1, 1))
-    for k in range(count):
-        a, b = 2.0 * math.pi * k / 1000.0, 2.0 * math.pi * k / 1414.0
-        made[k, :3, :3] = [
-            [math.cos(a), -math.sin(a) * math.cos(b), math.sin(a) * math.sin(b)],
-            [math.sin(a), math.cos(a) * math.cos(b), -math.cos(a) * math.sin(b)],
-            [0.0, math.sin(b), math.cos(b)],
-        ]
-        far = 1.6 + 0.6 * math.sin(k / 700.0)
-        made[k, :3, 3] = far * math.cos(k / 900.0), far * math.sin(k / 900.0), 0.3
-    return made
-
-
 def _time(ask: Any, arguments: Any) -> tuple[NDArray[np.float64], list[Any]]:
     times, answers = [], []
     for each in arguments:
@@ -183,8 +170,8 @@ def main(arguments: list[str] | None = None) -> int:
     made = solids()
     sizes, built = _sizes(made, precisions, options.finest)
     distances, bars, wrong = _distances(made, precisions, randoms, frames, options.finest)
-    morphing, morphed = _morphing(made, precisions, 20 if options.quick else 1000)
-    deforming = _deforming(made, 20 if options.quick else 200)
+    morphs, morphed = morphing(made, precisions, 20 if options.quick else 1000)
+    deformed = deforming(made, 20 if options.quick else 200)
     exact, contradicted = _exact(made, 10 if options.quick else 60)
     rough = {k: engine.TriangleMesh(*tessellated(v, 1e-3, 10**6)[:2]) for k, v in made.items()}
     deep, unlike = depths(made, rough, 1e-3, 4 if options.quick else 20)
@@ -192,18 +179,13 @@ def main(arguments: list[str] | None = None) -> int:
     command = " ".join(["python benchmark/revolution.py", *(arguments or sys.argv[1:])])
     page = write_page(
         options.out, command, frames, (built, bars, morphed),
-        {"sizes": sizes, "distances": distances, "morphing": morphing, "deforming": deforming,
-         "exact": exact, "depths": _table(HEADINGS, [deep]), "fits": _table(FITTED, fitted)},
+        {"sizes": sizes, "distances": distances, "morphing": morphs, "deforming": deformed,
+         "exact": exact, "depths": table(HEADINGS, [deep]), "fits": table(FITTED, fitted)},
     )  # fmt: skip
     print(page, end="")
     if wrong := wrong + contradicted + unlike + unfit:
         print(f"{wrong} ANSWERS CONTRADICT EACH OTHER", file=sys.stderr)
     return 1 if wrong else 0
-
-
-def _table(headings: list[str], rows: list[list[str]]) -> str:
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def _sizes(made: dict, precisions: tuple, finest: int) -> tuple[str, dict]:
@@ -232,7 +214,7 @@ def _sizes(made: dict, precisions: tuple, finest: int) -> tuple[str, dict]:
                 f"{theirs / own:,.0f}", pqp_nodes, str(paper_nodes), str(len(arcs)),
                 f"{len(faces):,}", f"{1e3 * best:.3f}",
             ])  # fmt: skip
-    return _table(
+    return table(
         ["solid", "precision, m", "PQP, MB", "paper, MB", "fat arcs, MB", "our meshes, MB",
          "meshes / arcs", "PQP, nodes", "paper, fat biarcs", "fat arcs", "triangles", "build, ms"],
         rows,
@@ -254,30 +236,29 @@ def _distances(
             for name, (v, f, reached) in meshes.items()
         }
         built = {name: fcl.build((v, f)) for name, (v, f, _) in meshes.items()} if fcl else {}
-        found: dict[str, list] = {key: [] for key in ("r", "m", "rm", "mm", "f", "fm")}
+        found: dict[str, list] = {key: [] for key in ("r", "m", "rm", "mm", "f", "fm", "alone")}
         batches: dict[str, list] = {key: [] for key in ("r", "m", "rm", "mm")}
         for i, (a, b) in enumerate(pairs):
             some = scattered[i::15] if len(scattered) > 600 else scattered[:: max(randoms // 20, 1)]
             part = moving[i * frames // 15 : (i + 1) * frames // 15]
             for key, models in (("r", made), ("m", ours)):
-                engine.distance(models[a], HERE, models[b], HERE, budget_s=0.01)
                 kwargs = {"abs_err": precision} if key == "r" else {}
-                times, answers = _time(
-                    lambda at, m=(models[a], models[b]), k=kwargs: engine.distance(
-                        m[0], HERE, m[1], at, **k
-                    ),
-                    some,
-                )
-                found[key].append(times)
-                pair = engine.Pair(models[a], models[b])
-                times, _ = _time(lambda at, p=pair, k=kwargs: p.distance(HERE, at, **k), part)
-                found[key + "m"].append(times)
+                for column, many in ((key, some), (key + "m", part)):
+                    # Made before, as are the objects, requests and answers of FCL.
+                    pair = engine.Pair(models[a], models[b], coherent=many is part)
+                    pair.distance(HERE, HERE, budget_s=0.01)
+                    times, answers = _time(partial(pair.distance, HERE, **kwargs), many)
+                    found[column].append(times)
+                    if many is some:
+                        told = answers
                 for each, many in ((key, scattered), (key + "m", part)):
                     batches[each].append(_in_batch(models[a], models[b], many, kwargs))
                 if key == "r":
-                    known = answers
+                    known = told
+                    alone = partial(engine.distance, models[a], HERE, models[b], **kwargs)
+                    found["alone"].append(_time(alone, some)[0])
                 else:
-                    for one, other in zip(known, answers, strict=True):
+                    for one, other in zip(known, told, strict=True):
                         wrong += one.lower > other.upper + 1e-12 or other.lower > one.upper + 1e-12
             if fcl:
                 for key, chosen in (("f", some), ("fm", part[:: max(len(part) // 20, 1)])):
@@ -295,72 +276,16 @@ def _distances(
             fast, slow = np.mean(batches[r]), np.mean(batches[m])
             rows.append([
                 f"{precision:g}{fewer}", what, f"{median[r]:.1f}", f"{mean[r]:.1f}",
+                f"{median['alone']:.1f}" if r == "r" else "",
                 f"{median[m]:.1f}", f"{median[f]:.0f}", f"{median[m] / median[r]:.1f}",
                 f"{median[f] / median[r]:.0f}", f"{mean[f] / mean[r]:.0f}",
                 f"{fast:.1f}", f"{slow:.1f}", f"{slow / fast:.1f}",
             ])  # fmt: skip
     headings = [
-        "precision, m", "poses", "fat arcs, us", "mean", "our meshes", "FCL", "meshes / arcs",
-        "FCL / arcs", "means", "in batches: arcs", "meshes", "ratio",
+        "precision, m", "poses", "fat arcs, us", "mean", "alone", "our meshes", "FCL",
+        "meshes / arcs", "FCL / arcs", "means", "in batches: arcs", "meshes", "ratio",
     ]  # fmt: skip
-    return _table(headings, rows), bars, wrong
-
-
-def _copy(solid: engine.SolidOfRevolution) -> engine.SolidOfRevolution:
-    return engine.SolidOfRevolution(
-        [engine.Curve(net.points[:, :2], net.knots_u) for net in solid.profile.nets]
-    )
-
-
-def _morphing(made: dict, precisions: tuple, frames: int) -> tuple[str, dict]:
-    """A sixth solid, which morphs through the five, against each of them; milliseconds a frame."""
-    shapes = [solid.control_points for solid in made.values()]
-    path, found = motion(frames), {}
-    for precision in precisions:
-        found[precision] = []
-        for other in made.values():
-            moving = _copy(made["pawn"])
-            pair = engine.Pair(moving, other)
-            deform = ask = 0.0
-            for k in range(frames):
-                share, at_shape = (k % 50) / 50.0, k // 50
-                one, next_one = shapes[at_shape % 5], shapes[(at_shape + 1) % 5]
-                start = thread_time()
-                moving.deform((1.0 - share) * one + share * next_one)
-                middle = thread_time()
-                pair.distance(HERE, path[k], abs_err=precision)
-                ask += thread_time() - middle
-                deform += middle - start
-            found[precision].append((1e3 * deform / frames, 1e3 * ask / frames))
-    rows = [
-        [name.replace("_", " "), *(f"{deform:.2f} + {ask:.3f}" for deform, ask in times)]
-        for name, *times in zip(made, *found.values(), strict=True)
-    ]
-    return _table(["against", *(f"{precision:g} m" for precision in precisions)], rows), found
-
-
-def _deforming(made: dict, frames: int) -> str:
-    """All ten pairs of five solids, each of which has another shape at each frame."""
-    shapes = {name: solid.control_points for name, solid in made.items()}
-    moving = [_copy(solid) for solid in made.values()]
-    ring = [*shapes.values()]
-    deform, ask = [], []
-    pairs = [engine.Pair(a, b) for a, b in itertools.combinations(moving, 2)]
-    apart = motion(1)[0]
-    for k in range(frames):
-        share = (k % 50) / 50.0
-        start = thread_time()
-        for i, solid in enumerate(moving):
-            one, other = ring[(i + k // 50) % 5], ring[(i + k // 50 + 1) % 5]
-            solid.deform((1.0 - share) * one + share * other)
-        middle = thread_time()
-        for pair in pairs:
-            pair.distance(HERE, apart, abs_err=1e-5)
-        ask.append(1e3 * (thread_time() - middle))
-        deform.append(1e3 * (middle - start))
-    row = [f"{np.median(deform):.2f}", f"{np.median(ask):.3f}",
-           f"{1e3 / (np.median(deform) + np.median(ask)):.0f}"]  # fmt: skip
-    return _table(["five solids deform, ms", "ten pairs, ms", "frames a second"], [row])
+    return table(headings, rows), bars, wrong
 
 
 def _exact(made: dict, count: int) -> tuple[str, int]:
@@ -390,7 +315,7 @@ def _exact(made: dict, count: int) -> tuple[str, int]:
         f"{max(off):.0e}",
     ]  # fmt: skip
     headings = ["queries", "fat arcs, us", "max", "OCCT", "ratio", "open", "OCCT wrong", "by"]
-    return _table(headings, [row]), low
+    return table(headings, [row]), low
 
 
 if __name__ == "__main__":

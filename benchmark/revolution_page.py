@@ -42,10 +42,11 @@ other kinds of models; they are not counted here. The light mill's 590 MB at 1e-
 All 15 pairs, at random poses and along a motion of {frames:,} frames in all, shared among the
 pairs; of FCL every hundredth frame or so. Microseconds a question, asked from Python one at a time;
 medians, and means where it says so. The last three columns are means of all poses of a pair in one
-call, of the 15 pairs: what a single question takes besides is the call, at random poses with new
-memory of a search for each. Fat arcs are asked for the distance of the true solids within the
-precision; meshes, which are that far from the solids, for their own exactly. The bars are means of
-one pair.
+call, of the 15 pairs: what a single question takes besides is the call. A `Pair` is made before, as
+FCL's objects and answers are, one that is not coherent at random poses; `alone` is
+`engine.distance`, which makes all that for each question. Fat arcs are asked for the distance of
+the true solids within the precision; meshes, which are that far from the solids, for their own
+exactly. The bars are means of one pair.
 
 {distances}
 ![Mean time of a question along a motion, for each pair](images/revolution_distance.png)
@@ -81,6 +82,12 @@ to half of that, asked about in either order, to 1 % of the depth: milliseconds,
 bounds in the median; and how many had wider bounds at the end.
 
 {fits}"""
+
+
+def table(headings: list[str], rows: list[list[str]]) -> str:
+    """A table in Markdown."""
+    lines = [headings, ["---"] * len(headings), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 def write_page(
