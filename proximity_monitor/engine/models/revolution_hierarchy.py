@@ -14,6 +14,7 @@ from ..kernels.revolution.build import build_arcs
 from ..kernels.revolution.guess import take_samples
 from ..kernels.revolution.reach import take_reaches
 from .nurbs import frozen
+from .sphere import sphere_of
 from .surface_hierarchy import SurfaceHierarchy
 from .surface_tree import parts_of
 
@@ -54,7 +55,7 @@ class RevolutionHierarchy(SurfaceHierarchy):
     places: NDArray[np.int32]
     """Which piece in tree order is which part of a patch."""
     frame: NDArray[np.float64]
-    """(5, 3) the frame's axes and origin; and of which length arcs err by a share, metres."""
+    """(6, 3) the frame's axes and origin, and more: see RevolutionTree."""
     samples: NDArray[np.float64]
     """(m, 3) points of the profile, with which a search begins."""
     reaches: NDArray[np.float64]
@@ -64,10 +65,11 @@ class RevolutionHierarchy(SurfaceHierarchy):
     def around(cls, patches: SurfaceHierarchy, profile: Profile, frame: NDArray) -> Self:
         """The hierarchy of patches that a profile sweeps, turning about the z of a frame (4, 4)."""
         curves, places = _curves(patches, profile)
-        rows = np.zeros((5, 3))
+        rows = np.zeros((6, 3))
         extent = profile.size + _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
         rows[:3], rows[3] = frame[:3, :3].T, frame[:3, 3]
         rows[4, :2] = extent, _is_convex(profile)
+        rows[5, :2] = sphere_of(profile)
         arcs = build_arcs(curves, extent, PRECISION * profile.size)
         kept = {name: getattr(patches, name) for name in SurfaceHierarchy.KEPT}
         own = {

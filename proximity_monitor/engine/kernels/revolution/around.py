@@ -28,6 +28,7 @@ from .bounded import (
 )
 from .front import forget_front, has_front, keep_ring
 from .reach import arc_at, reach_of
+from .sphere import is_sphere, least_beside_sphere
 
 _NEAR = 0.1
 """Half the angle of the sector around a minimum in which a proof is tried first, radians."""
@@ -71,8 +72,13 @@ def part_around(tree_a, tree_b, state, motion, minimum):
         return 1
     if has_front(tree_a, tree_b, state):
         return 1 + go_over(tree_a, tree_b, state, motion)
-    forget_front(tree_a, tree_b, state)
     steps, a, b = 1, np.int64(0), np.int64(0)
+    if is_sphere(tree_a) or is_sphere(tree_b):
+        beside, more = least_beside_sphere(tree_a, tree_b, state, motion)
+        least, steps = max(least, beside), steps + more
+        if least >= progress.limit:
+            return steps
+    forget_front(tree_a, tree_b, state)
     first, end = 0, len(tree_a.curves)
     while tree_a.arcs[a].curve == NONE:
         a, beside, first, end = _half_with(tree_a, a, first, end, curve_a)

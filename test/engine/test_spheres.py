@@ -1,0 +1,115 @@
+"""Solids of revolution that are spheres: exact however they are turned, as balls in sockets."""
+
+import math
+from fractions import Fraction
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from engine_bodies import pose
+from test_coaxial import bore, lines, socket, turn
+from test_revolution import ball, cylinder, torus, vase
+
+from proximity_monitor import engine
+from proximity_monitor.engine import Curve, SolidOfRevolution
+from proximity_monitor.engine.models.sphere import sphere_of
+
+CUP = lines((0, 0), (1, 1.5), (1.2, 1.5), (0.2, -0.2), (0, -0.2))
+HELD = {
+    "bore": (bore(0.5, 1.0), 0.2, 0.2),
+    "cup": (CUP, 0.8, None),
+    "socket": (socket(0.5), 0.1, None),
+    "cylinder": (cylinder(0.5, 1.0), 1.7, 0.4),
+    "vase": (vase(), 1.7, None),
+    "torus": (torus(1.0, 0.2), 0.3, math.hypot(1.0, 0.3) - 0.5),
+}
+ROUND = 1e-11
+
+
+def as_centre_tells(solid, at_solid, sphere, at_sphere, radius):
+    """Check the distance of a sphere, either way round, by that of its centre; return it."""
+    away = engine.closest_points(solid, at_solid, at_sphere[None, :3, 3])
+    for asked in ((solid, at_solid, sphere, at_sphere), (sphere, at_sphere, solid, at_solid)):
+        found = engine.distance(*asked)
+        assert found.lower <= max(away.upper[0] - radius, 0.0) + ROUND
+        assert found.upper >= max(away.lower[0] - radius, 0.0) - ROUND
+        assert found.upper - found.lower < ROUND
+        assert np.linalg.norm(found.point_a - found.point_b) == pytest.approx(
+            found.upper, abs=ROUND
+        )
+    return found
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-3, 0.3, 1.2, math.pi / 2.0, 3.0])
+@pytest.mark.parametrize("name", HELD)
+def test_a_ball_on_an_axis_has_an_exact_distance_however_it_is_turned(name, tilt):
+    """The nearest points are a whole circle, or one on the axis; the centre alone tells."""
+    holder, height, truth = HELD[name]
+    frame, there = pose(np.random.default_rng(5), 2.0), turn(tilt, 0.7)
+    there[2, 3] = height
+    found = as_centre_tells(holder, frame, ball(0.3), frame @ there, 0.3)
+    assert found.bound_tests < 300
+    if truth is not None:
+        assert found.upper == pytest.approx(truth, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_a_ball_anywhere_is_as_far_as_its_centre_tells(name):
+    holder, rng = HELD[name][0], np.random.default_rng(6)
+    for radius in (1e-6, 0.05, 0.3, 3.0):
+        held = ball(radius)
+        for _ in range(20):
+            at_one, at_other = pose(rng, 1.0), pose(rng, 3.0)
+            away = engine.closest_points(holder, at_one, at_other[None, :3, 3])
+            if away.lower[0] > radius:
+                as_centre_tells(holder, at_one, held, at_other, radius)
+
+
+def test_a_ball_around_another_solid_is_searched_as_any_other():
+    """What its centre tells is of no use there: no bound is taken from it."""
+    inner, outer = lines((0, -0.4), (0.3, -0.4), (0.3, 0.4), (0, 0.4)), ball(1.0)
+    found = engine.distance(outer, turn(0.4), inner, turn(1.0))
+    assert found.lower - ROUND <= 0.5 <= found.upper + ROUND
+    assert found.upper - found.lower < 1e-4
+
+
+def test_spheres_are_told_from_what_is_nearly_one():
+    half = math.sqrt(0.5)
+
+    def egg(wide, middle, above=1.0):
+        profile = [(0, -1), (wide, -1), (wide, 0), (wide, above), (0, above)]
+        points = np.add(profile, (0.0, middle))
+        return SolidOfRevolution([Curve(points, [0, 0, 0, 1, 1, 2, 2, 2], [1, half, 1, half, 1])])
+
+    for middle in (0.0, 5.0, -1e3):
+        centre, radius = sphere_of(egg(1.0, middle).profile)
+        assert centre == middle
+        assert 0.0 <= radius - 1.0 < 1e-12 * (1.0 + middle * middle)
+    for wide, above in ((1.0 + 1e-9, 1.0), (1.0, 1.0 + 1e-9), (0.9, 1.0)):
+        assert sphere_of(egg(wide, 0.0, above).profile) == (0.0, 0.0)
+    for solid in (torus(1.0, 0.2), cylinder(0.5, 1.0), vase(), socket(0.5)):
+        assert sphere_of(solid.profile) == (0.0, 0.0)
+
+
+def test_no_point_of_a_sphere_is_beyond_its_radius():
+    """By exact sums of fractions, for profiles of other degrees and other parameters."""
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        split, size = rng.uniform(0.3, 0.7), 10.0 ** rng.uniform(-3, 3)
+        made = ball(size)
+        made.deform(made.control_points * (1.0 + 1e-16 * rng.integers(-2, 3)))
+        centre, radius = sphere_of(made.profile)
+        assert radius > 0.0
+        for pieces in made.profile.pieces:
+            for rows in pieces:
+                control = [[Fraction(float(x)) for x in row] for row in rows]
+                for t in (Fraction(float(split)), Fraction(1, 3), Fraction(0), Fraction(1)):
+                    each = control
+                    while len(each) > 1:
+                        each = [
+                            [(1 - t) * x + t * y for x, y in zip(p, q, strict=True)]
+                            for p, q in pairwise(each)
+                        ]
+                    x, z, w = each[0]
+                    square = (x / w) ** 2 + (z / w - Fraction(centre)) ** 2
+                    assert square <= Fraction(radius) ** 2
