@@ -13,10 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from numba.core import event
-from numba.core.caching import NullCache
 
 from .kernels.base import ahead, claims
-from .kernels.base.cache import DIRECTORIES, kernel_name
+from .kernels.base.cache import DIRECTORIES, KernelCache, kernel_name
 from .kernels.base.jit import allocating as helper
 from .kernels.base.jit import allocating_entry as entry
 from .kernels.base.vectors import cross, dot
@@ -38,7 +37,7 @@ WATCHING = frozenset(
         "inside.ball_caps._one_way",
         "inside.ball_caps._by_volumes", "inside.ball_caps.plane", "inside.ball_frame.common_box",
         "inside.ball_point.sound_some", "inside.ball_rows.bound_of", "inside.ball_tangents.tangent",
-        "inside.contain.look_for_part",
+        "inside.contain.look_for_part_in_mesh",
         "inside.contain.part_inside", "inside.contain.settle_signs",
         "inside.solids.connected_parts", "inside.solids.part_volumes",
         "inside.solids.unpaired_edges", "pairs.mesh_mesh.search", "search.descent.advance",
@@ -117,6 +116,5 @@ def _kernel(compiling: event.Event) -> str:
     """The name of a kernel that is kept; empty for its helpers and for others' functions."""
     dispatcher = compiling.data["dispatcher"]
     function = dispatcher.py_func
-    if not function.__module__.startswith(_KERNELS) or isinstance(dispatcher._cache, NullCache):
-        return ""
-    return kernel_name(function)
+    ours = function.__module__.startswith(_KERNELS) and isinstance(dispatcher._cache, KernelCache)
+    return kernel_name(function) if ours else ""

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from engine_bodies import pose, torus
 from numba import njit
-from numba.core.caching import NullCache
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base import state as index
@@ -228,15 +227,6 @@ def entry_of(kind_a, kind_b):
     kinds = {"KIND_A": kind_a, "KIND_B": kind_b, "ORDER": DepthFirst, "WAITING": index.Waiting}
     compiled = njit(error_model="numpy", no_cfunc_wrapper=True, _nrt=False, pipeline_class=ROOT)
     return compiled(specialised(answer_queries, f"search_{kind_a.__name__}", **kinds))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def not_kept():
-    """What is compiled for this kind stays out of the cache, which knows no source of it."""
-    kept = descent.advance._cache
-    descent.advance._cache = NullCache()
-    yield
-    descent.advance._cache = kept
 
 
 class Asker:

@@ -1,8 +1,9 @@
 """Where compiled kernels are kept from one process to the next, and what is taken from there.
 
-A file holds the machine code of one kernel for one set of argument types, and its name is a digest
-of all that this depends on. Nothing is taken for code that somebody else could have written, nor
-what does not come out as it was written: such a kernel is compiled anew.
+A file holds the machine code of one kernel for one set of argument types, or LLVM's code of one
+helper, and its name is a digest of all that this depends on. Nothing is taken for code that
+somebody else could have written, nor what does not come out as it was written: such a kernel is
+compiled anew.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import pickle
 import stat
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -22,12 +23,16 @@ from typing import BinaryIO
 from zlib import crc32
 
 import numba
+from numba import types
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
 from . import ahead, claims
+from .addressed import Addressed
+from .linking import helper_of
 
 _KERNELS = Path(__file__).parents[1]
+_PACKAGE = __package__.partition(".")[0] + "."
 _CHECK = 4
 """Bytes of the checksum at the beginning of a file."""
 
@@ -126,26 +131,81 @@ def kernel_name(function) -> str:
     return ".".join([*function.__module__.split(".")[-2:], function.__qualname__])
 
 
-class KernelCache:
-    """The cache of one kernel, as numba's dispatcher asks it.
+class _Cache:
+    """What is kept of one function, as numba's dispatcher asks for it.
 
     Numba's own dies of a broken file, and takes nothing from where it cannot write.
     """
 
-    def __init__(self, function) -> None:
+    _suffix: str
+
+    def __init__(self, function, options: Mapping[str, object]) -> None:
         self._label = kernel_name(function)
         source = _digest(Path(inspect.getfile(function)))
         versions = numba.__version__, sys.implementation.cache_tag, sys.abiflags
-        self._about = function.__module__, function.__qualname__, source, versions
+        own = tuple(sorted((key, _in_order(options[key])) for key in options))
+        self._about = function.__module__, function.__qualname__, source, versions, own
         self.cache_path = None if CACHE_DIRECTORY is None else str(CACHE_DIRECTORY)
 
     def _name(self, signature, codegen) -> str:
         options = [getattr(numba.config, option, None) for option in _OPTIONS]
         about = repr((self._about, options, signature, codegen.magic_tuple()))
-        return f"{self._label}-{hashlib.sha256(about.encode()).hexdigest()[:32]}.nbc"
+        return f"{self._label}-{hashlib.sha256(about.encode()).hexdigest()[:32]}{self._suffix}"
+
+    @classmethod
+    def _load(cls, name, target):
+        """What a file of that name holds, with all that it calls."""
+        for directory in DIRECTORIES:
+            try:
+                with (directory / name).open("rb") as file:
+                    needs, content = _read(file, name)
+                below = []
+                for needed, symbol in needs:  # LLVM ends the process where code is not there
+                    found = _present.get(needed) or cls._load(needed, target)
+                    if found is None or found.fndesc.mangled_name != symbol:
+                        return None
+                    below.append(found.library)
+                if name.endswith(HelperCache._suffix):
+                    found = helper_of(target, below, *content)
+                else:
+                    found = CompileResult._rebuild(target, *content)
+                _note(name, found)
+                return found
+            except FileNotFoundError:
+                continue
+            except Exception as error:  # of whatever kind: what is broken breaks anywhere
+                refused.append(f"{directory / name}: {error or type(error).__name__}")
+        return None
+
+    @staticmethod
+    def _write(name, data: bytes) -> None:
+        """Keep the data of a function in a file of that name."""
+        # Kernels that could not be kept are there all the same: a full disk is no error.
+        with claims.writing, suppress(OSError):
+            CACHE_DIRECTORY.mkdir(mode=0o755, parents=True, exist_ok=True)
+            number, temporary = tempfile.mkstemp(dir=CACHE_DIRECTORY)
+            try:
+                with open(number, "wb") as file:
+                    file.write(_checksum(data, name) + data)
+                os.chmod(temporary, 0o644)
+                os.replace(temporary, CACHE_DIRECTORY / name)
+            except BaseException:
+                os.unlink(temporary)
+                raise
+
+    def flush(self) -> None:
+        """Kernels are compiled anew only where their sources changed, hence under other names."""
+
+
+class KernelCache(_Cache):
+    """The cache of a kernel that is kept as machine code."""
+
+    _suffix = ".nbc"
 
     def load_overload(self, signature, target):
         """What was compiled for a signature; None where that is to be done here."""
+        if _is_foreign(signature):
+            return None
         target.refresh()
         name = self._name(signature, target.codegen())
         kept = self._load(name, target)
@@ -164,28 +224,10 @@ class KernelCache:
         kept = any((directory / name).exists() for directory in DIRECTORIES)
         return not kept and not claims.is_claimed(CACHE_DIRECTORY / name)
 
-    @classmethod
-    def _load(cls, name, target):
-        """What a file of that name holds."""
-        for directory in DIRECTORIES:
-            try:
-                with (directory / name).open("rb") as file:
-                    needs, content = _read(file, name)
-                for needed, symbol in needs:  # LLVM ends the process where code is not there
-                    found = _present.get(needed) or cls._load(needed, target)
-                    if found is None or found.fndesc.mangled_name != symbol:
-                        return None
-                found = CompileResult._rebuild(target, *content)
-                _note(name, found)
-                return found
-            except FileNotFoundError:
-                continue
-            except Exception as error:  # of whatever kind: what is broken breaks anywhere
-                refused.append(f"{directory / name}: {error or type(error).__name__}")
-        return None
-
     def save_overload(self, signature, compiled) -> None:
         """Keep what was compiled, if that is possible."""
+        if _is_foreign(signature):
+            return
         name = self._name(signature, compiled.codegen)
         _note(name, compiled)
         if CACHE_DIRECTORY is None:
@@ -194,24 +236,49 @@ class KernelCache:
             self._write(name, dumps((compiled.library.needs, compiled._reduce())))
         claims.release(CACHE_DIRECTORY / name)
 
-    @staticmethod
-    def _write(name, data: bytes) -> None:
-        """Keep the data of a kernel in a file of that name."""
-        # Kernels that could not be kept are there all the same: a full disk is no error.
-        with claims.writing, suppress(OSError):
-            CACHE_DIRECTORY.mkdir(mode=0o755, parents=True, exist_ok=True)
-            number, temporary = tempfile.mkstemp(dir=CACHE_DIRECTORY)
-            try:
-                with open(number, "wb") as file:
-                    file.write(_checksum(data, name) + data)
-                os.chmod(temporary, 0o644)
-                os.replace(temporary, CACHE_DIRECTORY / name)
-            except BaseException:
-                os.unlink(temporary)
-                raise
 
-    def flush(self) -> None:
-        """Kernels are compiled anew only where their sources changed, hence under other names."""
+class HelperCache(_Cache):
+    """The cache of a helper: code that other processes link into their kernels.
+
+    They compile another part of the same at the same time, or what else needs it later. Nobody
+    waits for a helper: to compile it takes no longer.
+    """
+
+    _suffix = ".part"
+
+    def load_overload(self, signature, target):
+        """What was compiled for a signature, here or elsewhere; None where that is to be done."""
+        target.refresh()
+        name = self._name(signature, target.codegen())
+        return _present.get(name) or self._load(name, target)
+
+    def save_overload(self, signature, compiled) -> None:
+        """Keep what was compiled, if that is possible."""
+        parts = compiled.library.parts()
+        if CACHE_DIRECTORY is None or parts is None or _is_foreign(signature):
+            return
+        needs, code = parts
+        name = self._name(signature, compiled.codegen)
+        _note(name, compiled._replace(metadata=None))  # numba would time it once more
+        compiled.fndesc.typemap = compiled.fndesc.calltypes = None  # as it does with its own
+        about = compiled.fndesc, compiled.environment, compiled.signature
+        self._write(name, dumps((needs, (code, *about))))
+
+
+def _in_order(option: object) -> str:
+    return repr(sorted(option) if isinstance(option, set) else option)
+
+
+def _is_foreign(kinds: Iterable[types.Type]) -> bool:
+    """Whether any types are of another package's making: it may change its kernels unnoticed."""
+    for kind in kinds:
+        made = getattr(kind, "instance_class", None)
+        if made is not None and not made.__module__.startswith(_PACKAGE):
+            return True
+        inner = [each.kind for each in kind.fields.values()] if isinstance(kind, Addressed) else ()
+        if _is_foreign(inner or getattr(kind, "types", ())):
+            return True
+    return False
 
 
 def _checksum(data: bytes | memoryview, name: str) -> bytes:

@@ -22,7 +22,7 @@ from numba import njit, types
 from numba.core import event
 from numba.core.typing.templates import infer, infer_global, make_overload_template
 
-from .cache import CACHE_DIRECTORY, KernelCache, refused
+from .cache import CACHE_DIRECTORY, HelperCache, KernelCache, refused
 from .linking import HELPER, ROOT
 from .sooner import widened
 
@@ -100,7 +100,7 @@ def _entry(function, counted, wrapped=True):
         pipeline_class=ROOT,
         **_OWN,
     )(function)
-    compiled._cache = KernelCache(function)
+    compiled._cache = KernelCache(function, compiled.targetoptions)
     return widened(compiled)
 
 
@@ -126,7 +126,13 @@ def _helper(**own):
     compiler = njit(
         no_cpython_wrapper=True, no_cfunc_wrapper=True, pipeline_class=HELPER, **options
     )
-    return lambda function: widened(compiler(function))
+
+    def helper(function):
+        compiled = compiler(function)
+        compiled._cache = HelperCache(function, compiled.targetoptions)
+        return widened(compiled)
+
+    return helper
 
 
 kernel = _helper(_nrt=False)

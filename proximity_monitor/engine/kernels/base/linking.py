@@ -10,13 +10,17 @@ Roots that are `shared` are not linked into others: these call the machine code 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Self
+from zlib import crc32
 
 from llvmlite import ir
-from llvmlite.binding import ModuleRef, get_host_cpu_features
+from llvmlite.binding import ModuleRef, get_host_cpu_features, parse_bitcode
+from numba import types
+from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import CodeLibrary, JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, CompileResult
 from numba.core.environment import lookup_environment
+from numba.core.untyped_passes import ExtractByteCode
 
 _OBJECTS = "_ZN08NumbaEnv"
 """How the names begin by which code finds its function's Python objects."""
@@ -87,6 +91,36 @@ class _Helper(_Library):
         self._ensure_finalized()
         return self._final_module
 
+    def parts(self) -> tuple[list[tuple[str, str]], bytes] | None:
+        """What it calls that is kept, as `kept_as` says of each; and its code, with all else.
+
+        None where it cannot be kept.
+        """
+        if self._reload_init or self.has_dynamic_globals:
+            return None
+        code, needs = self._final_module.clone(), []
+        own = {function.name for function in code.functions}
+        for each in dict.fromkeys(self._linking_libraries):
+            if hasattr(each, "kept_as"):
+                needs.append(each.kept_as)
+            elif type(each) is _Helper:
+                return None
+            else:  # numba's own, by a name that may mean something else in another process
+                code.link_in(each._get_module_for_linking(), preserve=True)
+        for function in code.functions:
+            if not function.is_declaration and function.name not in own:
+                function.linkage = "internal"
+        return needs, code.as_bitcode()
+
+    @classmethod
+    def made_of(cls, codegen: Any, code: bytes, below: list[CodeLibrary]) -> Self:
+        """The library of such code and of what it calls."""
+        library = cls(codegen, cls.__name__)
+        library._final_module = parse_bitcode(code)
+        library._linking_libraries = below
+        library._finalized = True
+        return library
+
     def get_pointer_to_function(self, name: str) -> int:
         """No machine code."""
         self._ensure_finalized()
@@ -102,11 +136,11 @@ class _Root(_Library):
     def finalize(self) -> None:
         """Link and optimise."""
         below = list(_below(self, set()))
-        self.needs = tuple(sorted({each.kept_as for each in below if hasattr(each, "kept_as")}))
-        below = [each for each in below if not hasattr(each, "kept_as")]
         helpers = [each for each in below if type(each) is _Helper]
-        # Numba's own last: LLVM takes no code of them that nothing calls so far.
         others = [each for each in below if type(each) is not _Helper]
+        self.needs = tuple(sorted({each.kept_as for each in others if hasattr(each, "kept_as")}))
+        # Numba's own last: LLVM takes no code of them that nothing calls so far.
+        others = [each for each in others if not hasattr(each, "kept_as")]
         self._linking_libraries = helpers + others
         self._helpers = {f.name for each in helpers for f in each.get_defined_functions()}
         super().finalize()
@@ -120,6 +154,19 @@ class _Root(_Library):
             if function.name in self._helpers:
                 function.linkage = "internal"
         super()._optimize_final_module()
+
+
+def helper_of(
+    target: Any, below: list[CodeLibrary], code: bytes, about: Any, environment: Any, signature: Any
+) -> CompileResult:
+    """A helper of its parts, as numba has one that it compiled."""
+    library = _Helper.made_of(target.codegen(), code, below)
+    return CompileResult(
+        target_context=target, typing_context=target.typing_context, library=library,
+        environment=environment, entry_point=target.get_executable(library, about, environment),
+        fndesc=about, type_annotation="", signature=signature, objectmode=False, lifted=(),
+        typing_error=None, call_helper=None, metadata=None, reload_init=(), referenced_envs=(),
+    )  # fmt: skip
 
 
 def _below(library: CodeLibrary, seen: set[int]) -> Iterator[CodeLibrary]:
@@ -142,8 +189,33 @@ def _compiler(kind: type[JITCodeLibrary]) -> type[Compiler]:
             library.enable_object_caching()
             super().__init__(typing, target, library, *given)
 
+        def compile_extra(self, function: Any) -> Any:
+            """As numba does, but that the name of a helper's code is the same in all processes.
+
+            Numba numbers functions: what it says of arguments is not all of their types.
+            """
+            if kind is not _Helper:
+                return super().compile_extra(function)
+            self.state.func_id = identity = FunctionIdentity.from_function(function)
+            flags, args = self.state.flags, self.state.args
+            options = sorted(flags.fastmath.flags), flags.forceinline, flags.nrt
+            about = identity.modname, identity.func_qualname, args, options
+            identity.unique_id = crc32(repr(about).encode())
+            identity.unique_name = f"{identity.func_qualname}${identity.unique_id}"
+            ExtractByteCode().run_pass(self.state)
+            self.state.lifted, self.state.lifted_from = (), None
+            return self._compile_bytecode()
+
     return Made
 
 
 HELPER, ROOT = _compiler(_Helper), _compiler(_Root)
 """For `njit(pipeline_class=...)`."""
+
+
+def _mangled(self: types.Record) -> tuple[str, tuple[int]]:
+    """A record's part in the name of a function's code: numba's own is another in each process."""
+    return type(self).__name__, (crc32(self.name.encode()),)
+
+
+types.Record.mangling_args = property(_mangled)

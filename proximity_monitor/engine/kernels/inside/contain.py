@@ -12,7 +12,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from ..base.jit import entry, implements, inlined, kernel, shared
+from ..base.jit import entry, implements, inlined, kernel, shared, specialised
 from ..base.memory import on_stack, table_on_stack
 from ..base.motion import deviation, relative_motions, slack_of_bounds
 from ..base.state import LOWER, OUT_OF_TIME, STATUS, UPPER
@@ -110,7 +110,7 @@ def look_for_part(
     return found
 
 
-look_for_part_in_mesh = entry(look_for_part)
+look_for_part_in_mesh = entry(specialised(look_for_part, "look_for_part_in_mesh"))
 
 
 @kernel
