@@ -249,21 +249,21 @@ def test_what_the_machine_code_depends_on_is_in_the_name():
         def magic_tuple(self):
             return ("x86_64", self.cpu, "+avx2")
 
-    kernel = cache.KernelCache(cache._checksum)
+    kernel = cache.KernelCache(cache._checksum, {})
     one = kernel._name("(int64,)", Code("znver3"))
     assert one != kernel._name("(int64,)", Code("skylake")), "another processor"
     assert one != kernel._name("(float64,)", Code("znver3")), "other types"
-    other = cache.KernelCache(cache._trusted)
+    other = cache.KernelCache(cache._trusted, {})
     assert one != other._name("(int64,)", Code("znver3")), "another function"
 
 
 def test_each_kernel_is_kept_under_a_name_of_its_own():
-    """Entries that are made of one function take the same arguments: only the name tells them."""
+    """Those that are made of one function take the same arguments: only the name tells them."""
     names = defaultdict(set)
     for module in walk_packages(kernels.__path__, f"{kernels.__name__}."):
         for function in vars(import_module(module.name)).values():
             kept = getattr(function, "_cache", None)
-            if isinstance(kept, cache.KernelCache):
+            if isinstance(kept, cache._Cache):
                 names[kept._about].add(function)
     assert len(names) > 30
     assert [about for about, functions in names.items() if len(functions) > 1] == []
