@@ -17,7 +17,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import BinaryIO
 from zlib import crc32
@@ -140,12 +140,17 @@ class _Cache:
     _suffix: str
 
     def __init__(self, function, options: Mapping[str, object]) -> None:
+        self._function, self._options = function, options
         self._label = kernel_name(function)
+        self.cache_path = None if CACHE_DIRECTORY is None else str(CACHE_DIRECTORY)
+
+    @cached_property  # there are hundreds, of which a process may compile none
+    def _about(self):
+        function, options = self._function, self._options
         source = _digest(Path(inspect.getfile(function)))
         versions = numba.__version__, sys.implementation.cache_tag, sys.abiflags
         own = tuple(sorted((key, _in_order(options[key])) for key in options))
-        self._about = function.__module__, function.__qualname__, source, versions, own
-        self.cache_path = None if CACHE_DIRECTORY is None else str(CACHE_DIRECTORY)
+        return function.__module__, function.__qualname__, source, versions, own
 
     def _name(self, signature, codegen) -> str:
         options = [getattr(numba.config, option, None) for option in _OPTIONS]
