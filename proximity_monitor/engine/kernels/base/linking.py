@@ -190,9 +190,10 @@ def _compiler(kind: type[JITCodeLibrary]) -> type[Compiler]:
             super().__init__(typing, target, library, *given)
 
         def compile_extra(self, function: Any) -> Any:
-            """As numba does, but that the name of a helper's code is the same in all processes.
+            """As numba does, but that a helper's code has the same name in all processes.
 
-            Numba numbers functions: what it says of arguments is not all of their types.
+            The name tells the types of the arguments, but not the shapes of arrays in records. To
+            tell functions apart all the same, numba counts them. Here the number is a digest.
             """
             if kind is not _Helper:
                 return super().compile_extra(function)
