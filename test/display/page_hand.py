@@ -18,7 +18,8 @@ NO_NOTES = """addEventListener('DOMContentLoaded', () => {
 })"""
 # Pictures are made ten times a second, and where one takes long, for a third of the time: each
 # costs a machine without a graphics card as much as all that is looked at besides, and nobody sees
-# those in between.
+# those in between. None is put off for more than half a second. The next takes in all that has come
+# meanwhile, and takes as much longer: on a busy machine each was put off longer than the last.
 SELDOM = """(() => {
   const frame = requestAnimationFrame.bind(window), waiting = new Map();
   let made = 0, took = 0;
@@ -30,7 +31,7 @@ SELDOM = """(() => {
       draw(moment);
     };
     const due = () => { waiting.delete(i); frame(drawn); };
-    waiting.set(i, setTimeout(due, Math.max(80, 2 * took)));
+    waiting.set(i, setTimeout(due, Math.min(Math.max(80, 2 * took), 500)));
     return i;
   };
   window.cancelAnimationFrame = i => { clearTimeout(waiting.get(i)); waiting.delete(i); };

@@ -14,6 +14,7 @@ from page_hand import (
     OPACITY,
     REACH,
     SAVE_MS,
+    SELDOM,
     TEXTS,
     ball_is_blue,
     button,
@@ -356,3 +357,20 @@ def test_the_replay_plays_from_a_file(page, browser, tmp_path, wait):
         wait(lambda: any("mm" in text for text in alone.evaluate(TEXTS, "/distances")), "a label")
         assert alone.evaluate(COVERED) == []
         assert alone.evaluate("() => '/gizmo' in window.__viserSceneTree.getState()") is False
+
+
+def test_a_picture_that_took_long_does_not_put_off_the_next_for_as_long(browser):
+    """Else each would be put off longer than the last, on a machine that is slow anyway."""
+    page = browser.new_page()
+    page.add_init_script(SELDOM)
+    page.goto("data:text/html,<p>")
+    waited_ms = page.evaluate("""() => new Promise(done => requestAnimationFrame(() => {
+      const end = performance.now() + 2000;
+      while (performance.now() < end);
+      setTimeout(() => {
+        const begun = performance.now();
+        requestAnimationFrame(() => done(performance.now() - begun));
+      }, 50);
+    }))""")
+    page.close()
+    assert waited_ms < 2500.0
