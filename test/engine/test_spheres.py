@@ -92,12 +92,22 @@ def test_spheres_are_told_from_what_is_nearly_one():
 
 
 def test_no_point_of_a_sphere_is_beyond_its_radius():
-    """By exact sums of fractions, for profiles of other degrees and other parameters."""
+    """By exact sums of fractions, for quarters of degree 2 and 3 about centres along the axis."""
     rng = np.random.default_rng(7)
-    for _ in range(20):
+    for k in range(20):
         split, size = rng.uniform(0.3, 0.7), 10.0 ** rng.uniform(-3, 3)
-        made = ball(size)
-        made.deform(made.control_points * (1.0 + 1e-16 * rng.integers(-2, 3)))
+        middle, curves = rng.normal() * size, []
+        for quarter in ([(0, -1), (1, -1), (1, 0)], [(1, 0), (1, 1), (0, 1)]):
+            w = np.array([1.0, math.sqrt(0.5), 1.0])
+            rows = np.column_stack((np.array(quarter) * size + (0.0, middle), np.ones(3)))
+            rows *= w[:, None]
+            if k % 2:
+                rows = np.array(
+                    [rows[0], rows[:2].T @ (1, 2) / 3, rows[1:].T @ (2, 1) / 3, rows[2]]
+                )
+            ends = [0] * len(rows), [1] * len(rows)
+            curves.append(Curve(rows[:, :2] / rows[:, 2:], np.concatenate(ends), rows[:, 2]))
+        made = SolidOfRevolution(curves)
         centre, radius = sphere_of(made.profile)
         assert radius > 0.0
         for pieces in made.profile.pieces:

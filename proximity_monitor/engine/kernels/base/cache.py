@@ -29,7 +29,7 @@ from numba.core.serialize import dumps
 
 from . import ahead, claims
 from .addressed import Addressed
-from .linking import helper_of
+from .linking import helper_of, kernel_of
 
 _KERNELS = Path(__file__).parents[1]
 _PACKAGE = __package__.partition(".")[0] + "."
@@ -163,17 +163,14 @@ class _Cache:
         for directory in DIRECTORIES:
             try:
                 with (directory / name).open("rb") as file:
-                    needs, content = _read(file, name)
+                    needs, rebuilt, content = _read(file, name)
                 below = []
                 for needed, symbol in needs:  # LLVM ends the process where code is not there
                     found = _present.get(needed) or cls._load(needed, target)
                     if found is None or found.fndesc.mangled_name != symbol:
                         return None
                     below.append(found.library)
-                if name.endswith(HelperCache._suffix):
-                    found = helper_of(target, below, *content)
-                else:
-                    found = CompileResult._rebuild(target, *content)
+                found = rebuilt(target, below, *content)
                 _note(name, found)
                 return found
             except FileNotFoundError:
@@ -238,7 +235,7 @@ class KernelCache(_Cache):
         if CACHE_DIRECTORY is None:
             return
         if not compiled.library.has_dynamic_globals:
-            self._write(name, dumps((compiled.library.needs, compiled._reduce())))
+            self._write(name, dumps((compiled.library.needs, kernel_of, compiled._reduce())))
         claims.release(CACHE_DIRECTORY / name)
 
 
@@ -267,7 +264,7 @@ class HelperCache(_Cache):
         _note(name, compiled._replace(metadata=None))  # numba would time it once more
         compiled.fndesc.typemap = compiled.fndesc.calltypes = None  # as it does with its own
         about = compiled.fndesc, compiled.environment, compiled.signature
-        self._write(name, dumps((needs, (code, *about))))
+        self._write(name, dumps((needs, helper_of, (code, *about))))
 
 
 def _in_order(option: object) -> str:

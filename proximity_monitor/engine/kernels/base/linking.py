@@ -156,6 +156,11 @@ class _Root(_Library):
         super()._optimize_final_module()
 
 
+def kernel_of(target: Any, below: list[CodeLibrary], *kept: Any) -> CompileResult:
+    """A kernel of what was kept of it; the machine code that it calls is there."""
+    return CompileResult._rebuild(target, *kept)
+
+
 def helper_of(
     target: Any, below: list[CodeLibrary], code: bytes, about: Any, environment: Any, signature: Any
 ) -> CompileResult:

@@ -132,6 +132,8 @@ def _tree_in(typingctx, kind, model):
 @intrinsic
 def seen_as(typingctx, kind, tree):
     """A tree as one of another type, whose arrays are in the same rows of a table."""
+    if not isinstance(tree, Addressed):
+        return None
 
     def codegen(context, builder, signature, args):
         return args[1]

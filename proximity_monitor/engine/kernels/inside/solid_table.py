@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.addressed import arrays_at, constant
+from ..base.addressed import Addressed, arrays_at, constant
 from ..base.jit import inlined
-from ..base.memory import read_only, rows_at
 from ..base.tables import MODEL_ROWS, TREES, table, tree_at
 from ..base.trees import MeshTree
 from .angles import MOMENTS
@@ -15,10 +14,12 @@ from .solids import Region
 _REGION = MODEL_ROWS
 """The row from which on the table is about the region; a model's own table comes first."""
 
-_RIM = _REGION + 2
-"""... about the tree of its rim."""
-
-_TRIANGLES = constant(TREES[MeshTree])
+_LAYOUT = {
+    "samples": (np.int32, 0), "ball": (np.float64, 0), "rim_tree": TREES[MeshTree],
+    "moments": (np.float64, MOMENTS), "extent": (np.float64, 0),
+}  # fmt: skip
+_ARRAYS = constant(Addressed(Region, _LAYOUT, readonly=True))
+"""What it says of the region: its arrays, and `extent`, its two numbers."""
 
 
 def solid_table(model, region, extent):
@@ -45,12 +46,6 @@ def solid_at(kind, solid):
 @inlined
 def region_at(solid):
     """The Region alone: a surface's tree may be of another kind."""
-    extent = rows_at(solid[_REGION + 9, 0], solid[_REGION + 9, 1], 0, 0.0)
-    return Region(
-        np.int64(extent[0]),
-        read_only(rows_at(solid[_REGION, 0], solid[_REGION, 1], 0, np.int32(0))),
-        read_only(rows_at(solid[_REGION + 1, 0], solid[_REGION + 1, 1], 0, 0.0)),
-        extent[1],
-        arrays_at(_TRIANGLES, _RIM, solid),
-        read_only(rows_at(solid[_REGION + 8, 0], solid[_REGION + 8, 1], MOMENTS, 0.0)),
-    )
+    held = arrays_at(_ARRAYS, _REGION, solid)
+    inside, rim = np.int64(held.extent[0]), held.extent[1]
+    return Region(inside, held.samples, held.ball, rim, held.rim_tree, held.moments)

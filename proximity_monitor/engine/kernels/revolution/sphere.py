@@ -26,7 +26,6 @@ _MARGIN = 256.0 * DOUBLE_EPS
 """What a centre errs by, as a share of its own norm and of the lengths that arcs err by shares of.
 Moving it into the other profile's frame takes 30 u of these."""
 
-
 _LOOKS = 4
 """Looks at arcs that take as long as a step of a search."""
 

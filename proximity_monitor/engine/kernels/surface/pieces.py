@@ -6,8 +6,8 @@ from collections import namedtuple
 
 import numpy as np
 
+from ..base.addressed import Addressed, arrays_at, constant
 from ..base.jit import implements, inlined, kernel
-from ..base.memory import records_at, rows_at
 from ..base.state import CELL
 from ..base.trees import NONE, SurfaceTree
 from ..inside import pieces
@@ -23,6 +23,9 @@ from .trim import OUTSIDE
 Parts = namedtuple("Parts", "cells nets roots")
 """The cells of a search, as those of `Dividing` are (see base/state.py)."""
 
+_LAYOUT = {"cells": (CELL, 0), "nets": (np.float64, 0), "roots": (np.int32, 0)}
+_PARTS = constant(Addressed(Parts, _LAYOUT))
+
 _DIVIDED = 4
 """Parts of a cell, at the most."""
 
@@ -30,11 +33,7 @@ _DIVIDED = 4
 @implements(pieces.memory_of, SurfaceTree)
 @inlined
 def _memory(surface, memory):
-    return Parts(
-        records_at(memory[MORE, 0], memory[MORE, 1], CELL),
-        rows_at(memory[MORE + 1, 0], memory[MORE + 1, 1], 0, 0.0),
-        rows_at(memory[MORE + 2, 0], memory[MORE + 2, 1], 0, np.int32(0)),
-    )
+    return arrays_at(_PARTS, MORE, memory)
 
 
 @implements(pieces.forget, SurfaceTree)
