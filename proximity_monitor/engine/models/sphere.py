@@ -30,9 +30,8 @@ def sphere_of(profile: Profile) -> tuple[float, float]:
     ends = [own[k][k] for own, k in ((profile.pieces[0], 0), (profile.pieces[-1], -1))]
     low, high = (z / w for _, z, w in ends)
     centre, radius = 0.5 * (low + high), 0.5 * abs(high - low)
-    x, z, w = profile.pieces[-1][
-        -1, 0
-    ].tolist()  # where the last piece begins: few others lie there
+    # Of other profiles the last piece begins elsewhere, as a rule: they deform at frame rate.
+    x, z, w = profile.pieces[-1][-1, 0].tolist()
     if not math.isclose(x * x + (z - centre * w) ** 2, (radius * w) ** 2, rel_tol=_ALIKE):
         return 0.0, 0.0
     least, most = math.inf, 0.0
@@ -46,9 +45,10 @@ def sphere_of(profile: Profile) -> tuple[float, float]:
         least, most = min(least, quotients.min()), max(most, quotients.max())
     if not most - least <= 2.0 * _ALIKE * radius**2:
         return 0.0, 0.0
-    # No control point is farther from the origin than the size, nor the centre. So in |C|² each
-    # coefficient is a sum of no more than 4 size² times that of w², and errs by less than
-    # 16 (degree + 4) u of that, with the centre's subtraction; and w² by as small a share.
+    # Coordinates of control points are no larger than the size, nor is that of the centre. So each
+    # coefficient of |C|² adds up no more than 5 size² times that of w². It errs by less than
+    # 4 (degree + 4) u of that, with the centre's subtraction, and w² by as small a share of itself:
+    # by less than 24 (degree + 4) u size² in all. Here is more than twice as much.
     count = 16 * (max(own.shape[1] for own in profile.pieces) + 4)
     return centre, math.sqrt(most + count * DOUBLE_EPS * 4.0 * profile.size**2)
 
