@@ -257,7 +257,7 @@ def needed(name):
     """The names of a kept kernel and of all that it calls."""
     (path,) = [each / name for each in cache.DIRECTORIES if (each / name).exists()]
     with path.open("rb") as file:
-        below, _ = cache._read(file, name)
+        below, *_ = cache._read(file, name)
     return {name}.union(*(needed(each) for each, _ in below))
 
 
