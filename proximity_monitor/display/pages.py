@@ -10,6 +10,7 @@ from typing import Any
 
 import viser
 
+from proximity_monitor.display import serving
 from proximity_monitor.display.conflicts import Conflicts
 from proximity_monitor.display.connection import connection
 from proximity_monitor.display.events import Events
@@ -76,6 +77,7 @@ class Pages:
             page.admit(fault or self._guarded(show) or beside, now_s)
             if time.monotonic() > now_s + STEP_S:
                 break
+        serving.wake(self._shared.server)
 
     def _follow(self) -> None:
         """Keep what all pages share up to date."""

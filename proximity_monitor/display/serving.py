@@ -60,6 +60,25 @@ def stop(server: viser.ViserServer) -> None:
         server.stop()
 
 
+def wake(server: viser.ViserServer) -> None:
+    """Wake what sends to the browsers, in case it missed its call; comes after each step.
+
+    viser sets an event of asyncio from other threads too, which asyncio does not provide for. If it
+    is set after a sender has looked at it and before that sender waits, then the sender sleeps with
+    the event set. Each later `set` does nothing, and that browser would never hear anything again.
+    """
+    connections = [client._websock_connection for client in server.get_clients().values()]
+    buffers = [each.get_message_buffer() for each in (server._websock_server, *connections)]
+
+    def set_again() -> None:
+        for buffer in buffers:
+            if buffer.message_event.is_set():
+                buffer.message_event.clear()
+                buffer.message_event.set()
+
+    server.get_event_loop().call_soon_threadsafe(set_again)
+
+
 @contextlib.contextmanager
 def _guarded(intake: Intake) -> Iterator[None]:
     """Make a server that starts in this context refuse other sites' pages and illegal messages.

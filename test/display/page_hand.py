@@ -26,12 +26,12 @@ SELDOM = """(() => {
   window.requestAnimationFrame = draw => {
     const i = ++made;
     const drawn = moment => {
+      if (!waiting.delete(i)) return;  // cancelled
       const begun = performance.now();
       setTimeout(() => { took = performance.now() - begun; });  // once the picture is there
       draw(moment);
     };
-    const due = () => { waiting.delete(i); frame(drawn); };
-    waiting.set(i, setTimeout(due, Math.min(Math.max(80, 2 * took), 500)));
+    waiting.set(i, setTimeout(frame, Math.min(Math.max(80, 2 * took), 500), drawn));
     return i;
   };
   window.cancelAnimationFrame = i => { clearTimeout(waiting.get(i)); waiting.delete(i); };

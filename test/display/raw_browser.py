@@ -25,9 +25,11 @@ CAMERA = {
 
 
 class RawBrowser:
-    """A connection that hears everything and forgets it."""
+    """A connection that hears everything, and only counts it."""
 
     def __init__(self, server):
+        self.messages = 0
+        """So many have been heard."""
         before = set(server.get_clients())
         address = f"ws://127.0.0.1:{server.get_port()}"
         self._socket = connect(address, subprotocols=[f"viser-v{viser.__version__}"])
@@ -66,5 +68,6 @@ class RawBrowser:
         try:
             while True:
                 self._socket.recv()
+                self.messages += 1
         except ConnectionClosed:
             pass

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import re
+import threading
 import time
+from collections import deque
 from dataclasses import replace
 
 import pytest
@@ -135,3 +137,26 @@ def test_a_browser_that_goes_lets_go_what_it_holds(page, server):
     while page.holds.poses:
         assert time.monotonic() < deadline
         page.tell()
+
+
+def test_a_browser_hears_on_whose_sender_was_called_just_before_it_waited(page, raw, wait):
+    event = raw.client._websock_connection.get_message_buffer().message_event
+    missed = threading.Event()
+
+    class Late(deque):
+        """Where a sender that found nothing to send puts itself, to be woken by the next call."""
+
+        def append(self, sender):
+            calling = threading.Thread(target=event.set)  # as another thread's message does
+            calling.start()
+            calling.join()
+            missed.set()
+            super().append(sender)
+
+    page.tell(frame=frame(1.0))
+    event._waiters = Late(event._waiters)
+    page.tell(frame=frame(2.0, 0.2))
+    wait(missed.is_set, "the sender to have nothing to send")
+    before = raw.messages
+    page.tell(frame=frame(3.0, 0.1))
+    wait(lambda: raw.messages > before, "a message after that")
