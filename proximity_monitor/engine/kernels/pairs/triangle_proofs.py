@@ -9,7 +9,7 @@ from ..base.jit import implements, inlined, kernel
 from ..base.precise import accurate_cross
 from ..base.rounding import DOUBLE_EPS
 from ..base.trees import MeshTree
-from ..base.vectors import dot, norm, sub
+from ..base.vectors import dot, norm, scaled, sub
 from ..elements.primitives import corners, mixed
 from ..elements.triangles import point_face
 from ..inside.nearest import point_outline
@@ -62,13 +62,27 @@ def _can_be_proven(tree, cells, index):
 @kernel
 def _find_in(tree, cells, index, element, weights):
     p = mixed(corners(tree.triangles, element), weights)
-    if index == element:
-        return True, weights, p
-    if weights[0] > 0.0 and weights[1] > 0.0 and weights[2] > 0.0:
-        return False, weights, p
-    weights = foot_on(p, corners(tree.triangles, index))
-    q = mixed(corners(tree.triangles, index), weights)
-    return norm(sub(q, p)) <= 8.0 * DOUBLE_EPS * tree.scale[2], weights, q
+    triangle, error = corners(tree.triangles, index), 4.0 * DOUBLE_EPS * tree.scale[2]
+    if index != element:
+        if weights[0] > 0.0 and weights[1] > 0.0 and weights[2] > 0.0:
+            return False, weights, p
+        weights = foot_on(p, triangle)
+    weights = _on_edges(weights, triangle, p, error)
+    q = mixed(triangle, weights)
+    return norm(sub(q, p)) <= 2.0 * error, weights, q
+
+
+@inlined
+def _on_edges(weights, triangle, p, error):
+    """The weights of a point p of a triangle, 0 where that changes it by less than an error.
+
+    What is nearest on an edge is known to be so only where it is there to the last digit.
+    """
+    a, b, c = weights
+    a = a if a * norm(sub(triangle[0], p)) > error else 0.0
+    b = b if b * norm(sub(triangle[1], p)) > error else 0.0
+    c = c if c * norm(sub(triangle[2], p)) > error else 0.0
+    return scaled((a, b, c), 1.0 / (a + b + c))
 
 
 @implements(put_ranges, MeshTree)

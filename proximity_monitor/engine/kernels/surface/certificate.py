@@ -220,6 +220,42 @@ def _rises(sides, form, i, turn):
     return 0.0
 
 
+@inlined
+def _turn(sides, form, held, reaches, slack, i):
+    """The most that tau times its derivative takes off what F rises by as a parameter leaves its end.
+
+    tau is the sum of the others' derivatives across n times how far they have gone, and of this
+    one's, which as a rule adds to the rise.
+    """
+    own = _three(form[i], _ACROSS)
+    if _ends(sides, i)[0] < 0.0:
+        own = scaled(own, -1.0)
+    least = -slack * reaches[i]
+    for j in range(4):
+        if held[j] > 0.0:
+            continue
+        begin, end = _ends(sides, j)
+        product = dot(own, _three(form[j], _ACROSS))
+        error = reaches[i] * form[j, _SPREAD] + reaches[j] * form[i, _SPREAD]
+        error += 8.0 * DOUBLE_EPS * reaches[i] * reaches[j]
+        least += min(min(end * (product - error), begin * (product + error)), 0.0)
+    return -least
+
+
+@inlined
+def _lift(sides, form, i):
+    """What the Hessian's diagonal may be taken for more, where F rises from a parameter's end.
+
+    From 0 to L, g x is at least (2 g / L) x^2 / 2.
+    """
+    (begin, end), slope = _ends(sides, i), form[i, _RISE]
+    if begin == 0.0 and end > 0.0:
+        return 2.0 * max(slope, 0.0) / end
+    if end == 0.0 and begin < 0.0:
+        return 2.0 * max(-slope, 0.0) / -begin
+    return 0.0
+
+
 @kernel
 def _is_least(sides, form, slack, m, share, left):
     """Whether F is nowhere less by more than `left` than it is at the points.
@@ -241,22 +277,21 @@ def _is_least(sides, form, slack, m, share, left):
     """
     hessian, errors = table_on_stack(4, 4, 0.0), table_on_stack(4, 4, 0.0)
     held, reaches, kept = on_stack(4, 0.0), on_stack(4, 0.0), on_stack(4, 0.0)
-    reach = slack  # how far across n the way may lead at most
     for i in range(4):
-        begin, end = _ends(sides, i)
         held[i] = 0.0
         reaches[i] = _STRETCH * (norm(_three(form[i], _ACROSS)) + form[i, _SPREAD])
-        reach += reaches[i] * max(-begin, end)
     changed = True
     while changed:
         changed = False
         for i in range(4):
-            if held[i] == 0.0 and _rises(sides, form, i, m * reach * reaches[i]) > 0.0:
+            if held[i] > 0.0:
+                continue
+            if _rises(sides, form, i, m * _turn(sides, form, held, reaches, slack, i)) > 0.0:
                 held[i], changed = 1.0, True
-        reach = slack
-        for i in range(4):
-            begin, end = _ends(sides, i)
-            reach += (1.0 - held[i]) * reaches[i] * max(-begin, end)
+    reach = slack  # how far across n the way may lead at most
+    for i in range(4):
+        begin, end = _ends(sides, i)
+        reach += (1.0 - held[i]) * reaches[i] * max(-begin, end)
     extent = 0.0
     for i in range(4):
         for j in range(i + 1):
@@ -265,6 +300,8 @@ def _is_least(sides, form, slack, m, share, left):
                 continue
             value = share * m * dot(_three(form[i], _ACROSS), _three(form[j], _ACROSS))
             error = share / (1.0 - share) * m * form[i, _SPREAD] * form[j, _SPREAD]
+            if i == j:
+                value += _lift(sides, form, i)
             if i // 2 == j // 2:
                 side, k = sides[i // 2], i % 2 + j % 2
                 middle, half = side[SECOND + k], side[HALVES + k]
