@@ -28,7 +28,7 @@ from ..surface.sides import (
 )
 from . import divided, mesh_in_ball, swept  # noqa: F401 - each implements stubs for these kinds
 from .triangle_newton import placed
-from .triangle_proofs import foot_on
+from .triangle_proofs import face_normal, foot_beside, foot_on
 
 _ROUNDS = 2
 """Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
@@ -161,13 +161,13 @@ def _facing(cell, triangle):
     uu, vv = dot(u, u), dot(v, v)
     long = is_long(uu, vv)
     line = u if uu > vv else v
-    place = (0.0, 0.0)
+    place, face = (0.0, 0.0), face_normal(triangle)
     for _ in range(_ROUNDS):
-        weights = _across(p, line, triangle) if long else foot_on(p, triangle)
+        weights = _across(p, line, triangle) if long else foot_beside(p, triangle, face)
         place = _place_in(cell, mixed(triangle, weights))
         p = _point_of(cell, place)
     if not long:
-        weights = foot_on(p, triangle)
+        weights = foot_beside(p, triangle, face)
         return sub(mixed(triangle, weights), p), place, weights
     weights = _across(p, line, triangle)
     way = sub(mixed(triangle, weights), p)
@@ -181,7 +181,7 @@ def _facing(cell, triangle):
     last = min(max(last, -1.0), 1.0)
     p = along(p, line, last - at)
     place = (last, place[1]) if uu > vv else (place[0], last)
-    weights = foot_on(p, triangle)
+    weights = foot_beside(p, triangle, face)
     return sub(mixed(triangle, weights), p), place, weights
 
 

@@ -7,7 +7,6 @@ what belongs to the triangle is found out once.
 from __future__ import annotations
 
 from ..base.jit import implements, inlined, kernel
-from ..base.precise import accurate_cross
 from ..base.trees import MeshTree, SurfaceTree
 from ..base.vectors import dot, moved, sub, unit
 from ..elements.primitives import corners, mixed
@@ -23,12 +22,12 @@ from ..surface.newton import (
     way_at,
     weights_at,
 )
-from .triangle_proofs import foot_beside
+from .triangle_proofs import face_normal, foot_beside
 
 _WEIGHTS, _EDGE, _TRIANGLE, _FACE = 30, 33, 37, 46
 """Where the weights of a triangle's point stand in `jets`, and the direction in which it may move:
 along an edge, or of its normal where it lies within the face. Then the triangle in a's frame, and
-its normal, of any length; a last number is 0 where it is a point."""
+its normal, of any length."""
 
 _CORNER, _ON_EDGE, _WITHIN = 0.0, 1.0, 2.0
 """Where it lies; after its direction."""
@@ -59,9 +58,7 @@ def _prepare(tree_a, tree_b, element_a, element_b, motion, jets):
     triangle = placed(tree_b, element_b, motion)
     for i in range(3):
         put(jets, _TRIANGLE + 3 * i, triangle[i])
-    put(jets, _FACE, accurate_cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0])))
-    is_point = triangle[0] == triangle[1] and triangle[0] == triangle[2]
-    jets[_FACE + 3] = 0.0 if is_point else 1.0
+    put(jets, _FACE, face_normal(triangle))
 
 
 @kernel
@@ -69,9 +66,7 @@ def _nearest_of(p, jets):
     """The point of the triangle nearest to p; its weights and how it may move into `jets`."""
     triangle = get(jets, _TRIANGLE), get(jets, _TRIANGLE + 3), get(jets, _TRIANGLE + 6)
     normal = get(jets, _FACE)
-    weights = (1.0, 0.0, 0.0)
-    if jets[_FACE + 3] != 0.0:
-        weights = foot_beside(p, triangle, normal)
+    weights = foot_beside(p, triangle, normal)
     put(jets, _WEIGHTS, weights)
     first = last = 0
     count = 0

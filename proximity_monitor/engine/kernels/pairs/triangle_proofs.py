@@ -32,17 +32,24 @@ from ..surface.certificate import (
 @kernel
 def foot_on(p, triangle):
     """The weights of the point of a triangle that is nearest to p."""
-    if triangle[0] == triangle[1] and triangle[0] == triangle[2]:
-        return (1.0, 0.0, 0.0)  # a point: it is known at once
-    # Where the foot lies within the face, an edge beside it may be as near but for rounding. The
-    # way to that would be tilted, and the bound along it worse by the tilt times the triangle.
-    n = accurate_cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0]))
-    return foot_beside(p, triangle, n)
+    return foot_beside(p, triangle, face_normal(triangle))
+
+
+@kernel
+def face_normal(triangle):
+    """A normal of a triangle, of any length; 0 where it has none."""
+    return accurate_cross(sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0]))
 
 
 @kernel
 def foot_beside(p, triangle, n):
-    """The same of a triangle that is no point, with its normal; that is 0 where it has none."""
+    """The weights of the point of a triangle that is nearest to p, with its normal.
+
+    Where the foot lies within the face, an edge beside it may be as near but for rounding. The way
+    to that would be tilted, and the bound along it worse by the tilt times the triangle.
+    """
+    if triangle[0] == triangle[1] and triangle[0] == triangle[2]:
+        return (1.0, 0.0, 0.0)  # a point: it is known at once
     e, f, nn = sub(triangle[1], triangle[0]), sub(triangle[2], triangle[0]), dot(n, n)
     if nn > 0.0:
         inside, v, w, _ = point_face(p, triangle[0], e, f, n, nn)

@@ -222,10 +222,10 @@ def _rises(sides, form, i, turn):
 
 @inlined
 def _turn(sides, form, held, reaches, slack, i):
-    """The most that tau times its derivative takes off what F rises by as a parameter leaves its end.
+    """The most that tau times its derivative takes off what F rises by from a parameter's end.
 
-    tau is the sum of the others' derivatives across n times how far they have gone, and of this
-    one's, which as a rule adds to the rise.
+    tau is the sum of all derivatives across n times how far these parameters have gone from the
+    points; what this one has gone itself adds to the rise, as a rule.
     """
     own = _three(form[i], _ACROSS)
     if _ends(sides, i)[0] < 0.0:

@@ -23,6 +23,9 @@ _DEPENDENT = 1e-12
 """Share of the square of an axis that may be left of it beside the others for it to be one of them,
 but for rounding."""
 
+_NONE = 1e-300
+"""Square of a length that is none."""
+
 _MOST, _INWARD = 16, 1e-9
 """Changes of what is held at the most; and the cosine between the way and an axis from which on a
 place is let go."""
@@ -153,14 +156,32 @@ def _put_step(way, axes, held, factor, step):
 
 @kernel
 def closest_in(centre, e, f, q):
-    """The place, -1 to 1, along both half axes of a parallelogram, of a near point to q."""
-    ee, ff = dot(e, e), dot(f, f)
+    """The place, -1 to 1, along both half axes of a parallelogram, of its nearest point to q.
+
+    Where the nearest point of the whole plane lies outside, it is on one of the edges beyond which
+    that lies.
+    """
     way = sub(q, centre)
-    a = b = 0.0
-    for _ in range(_SWEEPS):
-        a, way = _step(way, e, ee, a, -1.0)
-        b, way = _step(way, f, ff, b, -1.0)
-    return a, b
+    ee, ff, ef, ew, fw = dot(e, e), dot(f, f), dot(e, f), dot(e, way), dot(f, way)
+    of_e, of_f = 1.0 / max(ee, _NONE), 1.0 / max(ff, _NONE)
+    area = ee * ff - ef * ef
+    if area > _DEPENDENT * ee * ff:
+        a, b = (ew * ff - fw * ef) / area, (fw * ee - ew * ef) / area
+        if abs(a) <= 1.0 and abs(b) <= 1.0:
+            return a, b
+    else:
+        a, b = ew * of_e, 0.0
+    a, b = _within(a), _within(b)
+    c, d = _within((ew - b * ef) * of_e), _within((fw - a * ef) * of_f)
+    # Half the squared distance from q, but for what both have in common.
+    one = a * (0.5 * a * ee - ew) + d * (0.5 * d * ff - fw + a * ef)
+    other = c * (0.5 * c * ee - ew) + b * (0.5 * b * ff - fw + c * ef)
+    return (a, d) if one <= other else (c, b)
+
+
+@inlined
+def _within(at):
+    return min(max(at, -1.0), 1.0)
 
 
 @kernel
