@@ -9,7 +9,7 @@ from ..base.jit import implements, inlined, kernel
 from ..base.precise import accurate_cross
 from ..base.rounding import DOUBLE_EPS
 from ..base.trees import MeshTree
-from ..base.vectors import dot, norm, scaled, sub
+from ..base.vectors import along, dot, norm, scaled, sub
 from ..elements.primitives import corners, mixed
 from ..elements.triangles import point_face
 from ..inside.nearest import point_outline
@@ -27,6 +27,9 @@ from ..surface.certificate import (
     put_point,
     put_ranges,
 )
+
+_LARGE = 0.25
+"""A weight that is no error; one of three is at least that."""
 
 
 @kernel
@@ -86,9 +89,9 @@ def _on_edges(weights, triangle, p, error):
     What is nearest on an edge is known to be so only where it is there to the last digit.
     """
     a, b, c = weights
-    a = a if a * norm(sub(triangle[0], p)) > error else 0.0
-    b = b if b * norm(sub(triangle[1], p)) > error else 0.0
-    c = c if c * norm(sub(triangle[2], p)) > error else 0.0
+    a = a if a > _LARGE or a * norm(sub(triangle[0], p)) > error else 0.0
+    b = b if b > _LARGE or b * norm(sub(triangle[1], p)) > error else 0.0
+    c = c if c > _LARGE or c * norm(sub(triangle[2], p)) > error else 0.0
     return scaled((a, b, c), 1.0 / (a + b + c))
 
 
@@ -122,7 +125,13 @@ def _put_point(tree, cells, index, weights, d, side):
         t = 0.0
     elif norm(e) == 0.0:
         e, f, s, t = f, e, t, 0.0
-    side[CORNER] = 1.0
+    side[CORNER], least, most = 1.0, 0.0, 1.0
+    if s > 0.0 and t == 0.0 and norm(f) > 0.0:
+        # On an edge: the other way is across it, where what is done along it does not count. Both
+        # lead to a rectangle that holds the triangle.
+        beside = dot(f, e) / dot(e, e)
+        f = along(f, e, -beside)
+        side[CORNER], least, most = 0.0, min(beside, 0.0), max(beside, 1.0)
     error = 20.0 * DOUBLE_EPS * tree.scale[2]
     for k in range(2):
         way, at = (e, s) if k == 0 else (f, t)
@@ -133,4 +142,5 @@ def _put_point(tree, cells, index, weights, d, side):
                 side[SLOPE + 3 * k + i] = way[i]
             side[MIDDLE + k] = value
             side[SPREAD + k], side[HALF + k], side[ERRORS + k] = error, error, 2.0
-            side[ENDS + 2 * k], side[ENDS + 2 * k + 1] = -at, 1.0 - at
+            begin, end = (least, most) if k == 0 else (0.0, 1.0)
+            side[ENDS + 2 * k], side[ENDS + 2 * k + 1] = begin - at, end - at

@@ -256,6 +256,22 @@ def _lift(sides, form, i):
     return 0.0
 
 
+@inlined
+def _lift_of_both(sides, form, i, j):
+    """The same of an element off the diagonal, of the two parameters of a triangle from a corner.
+
+    As x + y is 1 at the most, g x + h y is at least (g x + h y) (x + y), and so is any mean of that
+    and g x^2 + h y^2. The shares are such that what depends on the length of the way alone, as a
+    sphere's bend does, is left out as far as it can be.
+    """
+    one, other = _lift(sides, form, i), _lift(sides, form, j)
+    if i // 2 != j // 2 or sides[i // 2, CORNER] == 0.0 or one == 0.0 or other == 0.0:
+        return 0.0
+    e, f = _three(form[i], _ACROSS), _three(form[j], _ACROSS)
+    share = 2.0 * dot(e, f) / (dot(e, e) + dot(f, f))
+    return 0.5 * min(max(share, 0.0), 1.0) * (one + other)
+
+
 @kernel
 def _is_least(sides, form, slack, m, share, left):
     """Whether F is nowhere less by more than `left` than it is at the points.
@@ -300,8 +316,7 @@ def _is_least(sides, form, slack, m, share, left):
                 continue
             value = share * m * dot(_three(form[i], _ACROSS), _three(form[j], _ACROSS))
             error = share / (1.0 - share) * m * form[i, _SPREAD] * form[j, _SPREAD]
-            if i == j:
-                value += _lift(sides, form, i)
+            value += _lift(sides, form, i) if i == j else _lift_of_both(sides, form, i, j)
             if i // 2 == j // 2:
                 side, k = sides[i // 2], i % 2 + j % 2
                 middle, half = side[SECOND + k], side[HALVES + k]
