@@ -30,10 +30,6 @@ from . import divided, mesh_in_ball, swept  # noqa: F401 - each implements stubs
 from .triangle_newton import placed
 from .triangle_proofs import face_normal, foot_beside, foot_on
 
-_ROUNDS = 2
-"""Projections onto a triangle and back to a cell. One onto the triangle ends them: beside a small
-cell it is as large as ever, and the way to it must not be tilted along it."""
-
 
 @implements(whole, MeshTree)
 @inlined
@@ -153,19 +149,19 @@ def _across(p, way, triangle):
 def _facing(cell, triangle):
     """The way from a near point of a cell's parallelogram to one of a triangle, in one frame.
 
-    Returns also the place of the first and the weights of the other. The way must not be tilted
-    along a triangle, which beside a small cell is as large as ever, nor along a cell that is far
+    Returns also the place of the first and the weights of the other. From the cell's centre it is a
+    projection onto the triangle, one back, and one onto the triangle again. The way must not be
+    tilted along that, which beside a small cell is as large as ever, nor along a cell that is far
     longer than wide: a line along it takes the cell's place.
     """
     p, u, v = vector(cell.centre), vector(cell.along_u), vector(cell.along_v)
     uu, vv = dot(u, u), dot(v, v)
     long = is_long(uu, vv)
     line = u if uu > vv else v
-    place, face = (0.0, 0.0), face_normal(triangle)
-    for _ in range(_ROUNDS):
-        weights = _across(p, line, triangle) if long else foot_beside(p, triangle, face)
-        place = _place_in(cell, mixed(triangle, weights))
-        p = _point_of(cell, place)
+    face = face_normal(triangle)
+    weights = _across(p, line, triangle) if long else foot_beside(p, triangle, face)
+    place = _place_in(cell, mixed(triangle, weights))
+    p = _point_of(cell, place)
     if not long:
         weights = foot_beside(p, triangle, face)
         return sub(mixed(triangle, weights), p), place, weights
