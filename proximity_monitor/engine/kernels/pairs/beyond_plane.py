@@ -10,18 +10,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import inlined, kernel
+from ..base.jit import implements, inlined, kernel
 from ..base.lanes import lowest, not_above
 from ..base.memory import on_stack
 from ..base.rounding import DOUBLE_EPS, GAP_SHARE
+from ..base.state import Dividing
 from ..base.tables import has_profile, revolution_of
-from ..base.vectors import dot, turned_back
-from ..bounds.cross import along_node
+from ..base.trees import MeshTree
+from ..base.vectors import dot, sub, turned_back
+from ..bounds.cross import along_node, left_between
 from ..elements.direction import begin_of
+from ..elements.primitives import corners
 from ..revolution.outline import outline_along
 from ..surface.facing import vector
 from ..surface.reach import reach_along
-from ..tree.layout import WIDTH, first_of, last_of
+from ..tree.layout import EMPTY, WIDTH, first_of, last_of
+from .lanes_in_ball import lanes_beyond
 
 _ALL = (1 << WIDTH) - 1
 
@@ -63,10 +67,7 @@ def lay_plane(surface, mesh, state):
     if begin_of(n, mesh.triangles, t) - plane[3] < _CONVEX * progress.limit:
         plane[3] = np.inf  # the surface reaches farther elsewhere
         return PLANE_STEPS
-    held, nodes = _holds_all(mesh, progress)
-    if held:
-        progress.open = progress.waiting = 0
-    return PLANE_STEPS + nodes
+    return PLANE_STEPS + holds_all(mesh, progress)
 
 
 @kernel
@@ -90,30 +91,60 @@ def plane_across(solid, motion, normal, slack):
     return turned_back(motion, n), end
 
 
+@implements(left_between, Dividing, MeshTree)
 @kernel
-def _holds_all(mesh, progress):
-    """Whether a plane holds off all triangles of a mesh, and how many nodes that took to see."""
+def _left(waiting, tree, node, progress, limit, reaches):
+    return _left_of(tree, node, progress, limit, reaches)
+
+
+@kernel
+def _left_of(tree, node, progress, limit, reaches):
+    lanes = lanes_before(tree, node, progress, limit, reaches)
+    return lanes & lanes_beyond(tree, node, progress, limit, reaches) if lanes else lanes
+
+
+@kernel
+def holds_all(mesh, progress):
+    """Whether plane and ball hold off all triangles of a mesh, and how many nodes that took to see.
+
+    Where they do, nothing is open then.
+    """
     stack, lows = on_stack(_OPEN, np.int32(0)), on_stack(WIDTH, np.float32(0.0))
     stack[0] = mesh.children[0]
     top, nodes = 1, 0
+    room = min(progress.ball[3], progress.ball[4]) - progress.limit
     while top > 0:
         top -= 1
         child = np.int64(stack[top])
         if child < 0:
             for t in range(first_of(child), last_of(child) + 1):
-                if not is_held_off(mesh, t, progress):
-                    return False, nodes
+                if not (is_held_off(mesh, t, progress) or is_within(mesh, t, progress.ball, room)):
+                    return nodes
             continue
         nodes += 1
         if nodes > _NODES or top + WIDTH > _OPEN:
-            return False, nodes
-        left = lanes_before(mesh, child, progress, progress.limit, lows)
+            return nodes
+        left = _left_of(mesh, child, progress, progress.limit, lows)
         while left:
             k = lowest(left)
             left &= left - 1
-            stack[top] = mesh.children[child * WIDTH + k]
-            top += 1
-    return True, nodes
+            below = mesh.children[child * WIDTH + k]
+            if below != EMPTY:
+                stack[top] = below
+                top += 1
+    progress.open = progress.waiting = 0
+    return nodes
+
+
+@inlined
+def is_within(mesh, t, place, radius):
+    """Whether a triangle lies in a ball around a place."""
+    if not radius > 0.0:
+        return False
+    centre = vector(place)
+    a, b, c = corners(mesh.triangles, t)
+    a, b, c = sub(a, centre), sub(b, centre), sub(c, centre)
+    return max(max(dot(a, a), dot(b, b)), dot(c, c)) <= radius * radius
 
 
 @inlined

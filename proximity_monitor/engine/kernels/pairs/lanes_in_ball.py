@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import float32, uint64
 
-from ..base.jit import implements, inlined, kernel, loop16
+from ..base.jit import inlined, loop16
 from ..base.lanes import not_above
 from ..base.rounding import SINGLE_LIMIT, SINGLE_MARGIN
-from ..base.state import Dividing
-from ..base.trees import MeshTree
-from ..bounds.cross import left_between
 from ..tree.layout import (
     CENTRE_X,
     CENTRE_Y,
@@ -27,7 +24,6 @@ from ..tree.layout import (
     V_Z,
     WIDTH,
 )
-from .beyond_plane import lanes_before
 
 _ALL = (1 << WIDTH) - 1
 
@@ -51,15 +47,12 @@ def _reaches(nodes, base, x, y, z, gaps):
         gaps[k] = np.sqrt(square) + nodes[i + RADIUS]
 
 
-@implements(left_between, Dividing, MeshTree)
-@kernel
-def _left(waiting, tree, node, progress, limit, reaches):
-    lanes = lanes_before(tree, node, progress, limit, reaches)
-    return lanes & _left_by_ball(tree, node, progress, limit, reaches) if lanes else lanes
-
-
 @inlined
-def _left_by_ball(tree, node, progress, limit, reaches):
+def lanes_beyond(tree, node, progress, limit, reaches):
+    """The bits of the lanes of a node that do not lie in the ball, less `limit`, metres.
+
+    `reaches` is room for sixteen float32.
+    """
     # With M the sum of the centre's norm and the node's reach: rounding the centre and subtracting
     # a lane's errs by 3 u32 M, and so does the farthest distance. All terms of its square are
     # positive, so that errs by a share: 8 u32 in any order of summation, 6 u32 as axes may be

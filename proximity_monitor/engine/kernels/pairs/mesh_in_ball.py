@@ -15,16 +15,14 @@ import numpy as np
 from ..base.jit import implements, inlined, kernel
 from ..base.state import Dividing
 from ..base.trees import NONE, MeshTree, SurfaceTree
-from ..base.vectors import dot, moved, norm, scaled, sub
+from ..base.vectors import moved, norm, scaled
 from ..elements.direction import begin_along, gap_between
-from ..elements.primitives import corners
 from ..search import stubs
 from ..surface.empty_ball import empty_ball, find_ball, is_in_ball
 from ..surface.facing import vector
 from ..surface.reach import support_of
 from ..tree.layout import WIDTH, radius_of, row
-from . import lanes_in_ball  # noqa: F401 - it implements the same of volumes
-from .beyond_plane import is_held_off
+from .beyond_plane import holds_all, is_held_off, is_within
 from .mesh_nearer import LOOK, improve, nearest_points
 from .revolution_mesh import go_down, is_convex, is_due
 
@@ -87,7 +85,7 @@ def _find(surface, mesh, state, soon):
     ball[0], ball[1], ball[2] = moved(state.motions[1], c)
     ball[3], ball[4], ball[5] = own - error, others - error, distance
     progress.leaning, progress.support = s, support_of(surface, s, ws[0], ws[1], n)
-    return steps + _STEPS + LOOK * cost
+    return steps + _STEPS + LOOK * cost + holds_all(mesh, progress)
 
 
 @inlined
@@ -134,13 +132,7 @@ def _has_in_ball(tree, t, surface, element, progress):
         room = min(own, room)
     elif element == progress.leaning:
         room = own
-    room -= progress.limit
-    if not room > 0.0:
-        return False
-    centre = vector(progress.ball)
-    a, b, c = corners(tree.triangles, t)
-    a, b, c = sub(a, centre), sub(b, centre), sub(c, centre)
-    return max(max(dot(a, a), dot(b, b)), dot(c, c)) <= room * room
+    return is_within(tree, t, progress.ball, room - progress.limit)
 
 
 @implements(is_in_ball, SurfaceTree, MeshTree)

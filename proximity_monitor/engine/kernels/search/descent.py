@@ -148,6 +148,8 @@ def advance(tree_a, tree_b, state):
             come_nearer(tree_a, tree_b, state, scratch.found)
             steps -= min(steps, APPROACH_STEPS)
         steps -= min(steps, look_ahead(waiting, tree_a, tree_b, state))
+        if n > 0 and progress.open == 0 and steps > 0:
+            continue  # nothing is open any more: those that wait come first
         if n == 0 and (progress.open == 0 or progress.distance - progress.slack <= progress.stop):
             code, steps = divide(waiting, tree_a, tree_b, state, steps)
             break
