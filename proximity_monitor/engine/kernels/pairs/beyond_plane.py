@@ -1,5 +1,7 @@
 """A plane between a surface and a mesh: all of the mesh that it holds off is dismissed.
 
+So is what lies in an empty ball of the surface: see mesh_in_ball.py.
+
 The plane across the way between the nearest points, laid against the surface, holds off whatever of
 the mesh is beyond it by as much as these are apart. Of two convex models that is everything: where
 the nearest points are found, the search ends. How far a surface reaches along a direction, its

@@ -14,6 +14,10 @@ divided until they are as small as the square root of what the answer may err by
 the less it matters how D changes across n, so the first to be tried is one that just outweighs the
 bends away from the other surface; it is 0 between cells that bulge towards each other.
 
+Where a point lies at an end of a parameter, F rises from there by F' x. Beside a saddle the Hessian
+is not positive when both points move along it; but for steps x of 0 to L the linear term is at
+least the quadratic F' x^2 / L, and outweighs that. So it counts as 2 F' / L in the Hessian.
+
 Where a tolerance leaves room below |D(p0)|, the Hessian may be as negative as that allows over the
 cells' extent. Points of joints and of edges between triangles lie in several cells: each has its
 own proof.
@@ -244,9 +248,9 @@ def _turn(sides, form, held, reaches, slack, i):
 
 @inlined
 def _lift(sides, form, i):
-    """What the Hessian's diagonal may be taken for more, where F rises from a parameter's end.
+    """What an element of the Hessian's diagonal grows by where F rises from its parameter's end.
 
-    From 0 to L, g x is at least (2 g / L) x^2 / 2.
+    From 0 to L, g x is at least (2 g / L) x^2 / 2. What g errs by is in `high`; see `_surpasses`.
     """
     (begin, end), slope = _ends(sides, i), form[i, _RISE]
     if begin == 0.0 and end > 0.0:
@@ -258,11 +262,12 @@ def _lift(sides, form, i):
 
 @inlined
 def _lift_of_both(sides, form, i, j):
-    """The same of an element off the diagonal, of the two parameters of a triangle from a corner.
+    """The same of an element off the diagonal, for both parameters of a triangle from a corner.
 
-    As x + y is 1 at the most, g x + h y is at least (g x + h y) (x + y), and so is any mean of that
-    and g x^2 + h y^2. The shares are such that what depends on the length of the way alone, as a
-    sphere's bend does, is left out as far as it can be.
+    As x + y is at most 1, g x + h y is at least (g x + h y) (x + y), and any mean of that and of
+    g x^2 + h y^2. The share that is taken makes it a multiple of the squared length of the way,
+    where g and h are to each other as the squared lengths of both sides: a bend that is alike in
+    all directions, as a sphere's, is outweighed as well as can be.
     """
     one, other = _lift(sides, form, i), _lift(sides, form, j)
     if i // 2 != j // 2 or sides[i // 2, CORNER] == 0.0 or one == 0.0 or other == 0.0:
