@@ -222,8 +222,8 @@ def _bend_towards(tree, element, u, v, n):
 
 @inlined
 def _below(most, wanted):
-    """A radius below the largest that is possible, and above one that is wanted, if one is."""
-    return 0.5 * (wanted + most) if _SMALLER * most < wanted < most else _SMALLER * most
+    """A radius below the largest that is possible, and well above one that is wanted, if one is."""
+    return max(_SMALLER * most, 0.5 * (wanted + most)) if wanted < most else _SMALLER * most
 
 
 @kernel
