@@ -14,7 +14,7 @@ scenes:
   mesh           a torus of 8 patches against a 40,000-triangle sphere; beside it, instead of
                  OCCT, the same torus as a mesh against the same sphere
   hole           the same with a sphere of half the size, which is often above the saddle in the
-                 torus's hole, where no proof of convexity holds
+                 torus's hole: there distances are not convex, and proofs are harder
   points         points to a wavy net: one call for all of them, figures per point
 
 Needs OCCT for all but `mesh` and `hole`: pip install cadquery-ocp. Times are processor time,

@@ -77,7 +77,8 @@ class Pages:
             page.admit(fault or self._guarded(show) or beside, now_s)
             if time.monotonic() > now_s + STEP_S:
                 break
-        serving.wake(self._shared.server)
+        if fault := self._guarded(lambda: serving.wake(self._shared.server)):
+            self._overheard = fault
 
     def _follow(self) -> None:
         """Keep what all pages share up to date."""

@@ -19,15 +19,14 @@ from ..base.rounding import DOUBLE_EPS, GAP_SHARE
 from ..base.state import Dividing
 from ..base.tables import has_profile, revolution_of
 from ..base.trees import MeshTree
-from ..base.vectors import dot, sub, turned_back
+from ..base.vectors import dot, turned_back
 from ..bounds.cross import along_node, left_between
 from ..elements.direction import begin_of
-from ..elements.primitives import corners
 from ..revolution.outline import outline_along
 from ..surface.facing import vector
 from ..surface.reach import reach_along
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
-from .lanes_in_ball import lanes_beyond
+from .in_ball import is_within, lanes_beyond
 
 _ALL = (1 << WIDTH) - 1
 
@@ -69,7 +68,7 @@ def lay_plane(surface, mesh, state):
     if begin_of(n, mesh.triangles, t) - plane[3] < _CONVEX * progress.limit:
         plane[3] = np.inf  # the surface reaches farther elsewhere
         return PLANE_STEPS
-    return PLANE_STEPS + holds_all(mesh, progress)
+    return PLANE_STEPS + end_where_held(mesh, progress)
 
 
 @kernel
@@ -106,10 +105,10 @@ def _left_of(tree, node, progress, limit, reaches):
 
 
 @kernel
-def holds_all(mesh, progress):
-    """Whether plane and ball hold off all triangles of a mesh, and how many nodes that took to see.
+def end_where_held(mesh, progress):
+    """End a search where plane and ball hold off all triangles of the mesh: nothing is open then.
 
-    Where they do, nothing is open then.
+    Returns how many nodes were looked at.
     """
     stack, lows = on_stack(_OPEN, np.int32(0)), on_stack(WIDTH, np.float32(0.0))
     stack[0] = mesh.children[0]
@@ -136,17 +135,6 @@ def holds_all(mesh, progress):
                 top += 1
     progress.open = progress.waiting = 0
     return nodes
-
-
-@inlined
-def is_within(mesh, t, place, radius):
-    """Whether a triangle lies in a ball around a place."""
-    if not radius > 0.0:
-        return False
-    centre = vector(place)
-    a, b, c = corners(mesh.triangles, t)
-    a, b, c = sub(a, centre), sub(b, centre), sub(c, centre)
-    return max(max(dot(a, a), dot(b, b)), dot(c, c)) <= radius * radius
 
 
 @inlined

@@ -22,7 +22,8 @@ from ..surface.empty_ball import empty_ball, find_ball, is_in_ball
 from ..surface.facing import vector
 from ..surface.reach import support_of
 from ..tree.layout import WIDTH, radius_of, row
-from .beyond_plane import holds_all, is_held_off, is_within
+from .beyond_plane import end_where_held, is_held_off
+from .in_ball import is_within
 from .mesh_nearer import LOOK, improve, nearest_points
 from .revolution_mesh import go_down, is_convex, is_due
 
@@ -85,7 +86,7 @@ def _find(surface, mesh, state, soon):
     ball[0], ball[1], ball[2] = moved(state.motions[1], c)
     ball[3], ball[4], ball[5] = own - error, others - error, distance
     progress.leaning, progress.support = s, support_of(surface, s, ws[0], ws[1], n)
-    return steps + _STEPS + LOOK * cost + holds_all(mesh, progress)
+    return steps + _STEPS + LOOK * cost + end_where_held(mesh, progress)
 
 
 @inlined

@@ -1,4 +1,4 @@
-"""Which volumes of a mesh lie in an empty ball of a surface, sixteen at a time."""
+"""What of a mesh lies in an empty ball of a surface: a triangle, or the volumes of a node."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from numba import float32, uint64
 from ..base.jit import inlined, loop16
 from ..base.lanes import not_above
 from ..base.rounding import SINGLE_LIMIT, SINGLE_MARGIN
+from ..base.vectors import dot, sub
+from ..elements.primitives import corners
+from ..surface.facing import vector
 from ..tree.layout import (
     CENTRE_X,
     CENTRE_Y,
@@ -26,6 +29,17 @@ from ..tree.layout import (
 )
 
 _ALL = (1 << WIDTH) - 1
+
+
+@inlined
+def is_within(mesh, t, place, radius):
+    """Whether a triangle lies in a ball around a place."""
+    if not radius > 0.0:
+        return False
+    centre = vector(place)
+    a, b, c = corners(mesh.triangles, t)
+    a, b, c = sub(a, centre), sub(b, centre), sub(c, centre)
+    return max(max(dot(a, a), dot(b, b)), dot(c, c)) <= radius * radius
 
 
 @loop16
