@@ -46,6 +46,8 @@ KINDS = Path(__file__).parents[1] / "kinds"
 """Where the package is that brings the ball's kind of model; see `test_own_kind.py`."""
 START = {"ball": (-0.2, 0.0, 0.3), "die": (0.2, 0.0, 0.3), "cursor": (0.2, -0.2, 0.3)}
 LOOK_S = 0.1
+SAID = 3000
+"""Characters that a failed test tells of what a process said last."""
 RETRY_S = 2.0
 
 # Without a graphics card, on a machine that may be busy.
@@ -84,6 +86,23 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "browser" in getattr(item, "fixturenames", ()):
             item.add_marker("browser")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """Say what the pages showed when a test failed, and what the display's process said."""
+    report = yield
+    if not report.failed:
+        return report
+    process, _ = item.funcargs.get("display", (None, None))
+    if process is not None:
+        report.sections.append(("the display's process", process.text[-SAID:]))
+    browser = item.funcargs.get("browser")
+    pages = [] if browser is None else [page for each in browser.contexts for page in each.pages]
+    for page in pages:
+        with suppress(Exception):  # the failure itself is told in any case
+            report.sections.append((f"page {page.url}", page.inner_text("body", timeout=2e3)))
+    return report
 
 
 @pytest.fixture(scope="session")

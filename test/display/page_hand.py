@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import time
 
 import imageio.v3 as iio
 import numpy as np
@@ -22,19 +23,31 @@ NO_NOTES = """addEventListener('DOMContentLoaded', () => {
 # meanwhile, and takes as much longer: on a busy machine each was put off longer than the last.
 SELDOM = """(() => {
   const frame = requestAnimationFrame.bind(window), waiting = new Map();
-  let made = 0, took = 0;
-  window.requestAnimationFrame = draw => {
-    const i = ++made;
-    const drawn = moment => {
-      if (!waiting.delete(i)) return;  // cancelled
-      const begun = performance.now();
-      setTimeout(() => { took = performance.now() - begun; });  // once the picture is there
-      draw(moment);
-    };
-    waiting.set(i, setTimeout(frame, Math.min(Math.max(80, 2 * took), 500), drawn));
-    return i;
+  let made = 0, took = 0, planned = false;
+  const plan = () => {
+    planned = true;
+    setTimeout(frame, Math.min(Math.max(80, 2 * took), 500), picture);
   };
-  window.cancelAnimationFrame = i => { clearTimeout(waiting.get(i)); waiting.delete(i); };
+  // All that was asked for before a picture is in it, as without this.
+  const picture = moment => {
+    const begun = performance.now();
+    for (const i of [...waiting.keys()]) {
+      const draw = waiting.get(i);
+      if (!waiting.delete(i)) continue;  // cancelled by one before it
+      try { draw(moment); } catch (error) { reportError(error); }
+    }
+    setTimeout(() => {  // once the picture is there
+      took = performance.now() - begun;
+      planned = false;
+      if (waiting.size) plan();
+    });
+  };
+  window.requestAnimationFrame = draw => {
+    waiting.set(++made, draw);
+    if (!planned) plan();
+    return made;
+  };
+  window.cancelAnimationFrame = i => { waiting.delete(i); };
 })()"""
 # The world position of a node's local point on the screen, in CSS pixels.
 ON_SCREEN = """([name, local]) => {
@@ -52,6 +65,14 @@ LENGTH = """() => {
     if (length === null && each.scale.x !== 1) length = each.scale.x;
   });
   return length;
+}"""
+# Whether the pointer is at one of its handles.
+LIT = """() => {
+  let lit = false;
+  window.__viserMutable.nodeRefFromName['/gizmo'].traverse(each => {
+    lit ||= each.material?.color?.getHexString() === 'ffff40';
+  });
+  return lit;
 }"""
 CANVAS = "() => window.__viserMutable.canvas.getBoundingClientRect().toJSON()"
 CAMERA = "() => window.__viserMutable.camera.position.toArray()"
@@ -176,11 +197,15 @@ def drag(page, along, start=0.12):
     """Drag the gizmo by `along`, a vector in metres along one of its axes."""
     along = np.array(along, float)
     handle = start * np.abs(np.sign(along))
+    deadline = time.monotonic() + DEADLINE_S
     page.evaluate(DRAWN)
-    x, y = page.evaluate(ON_SCREEN, ["/gizmo", handle.tolist()])
+    while True:
+        page.mouse.move(*page.evaluate(ON_SCREEN, ["/gizmo", handle.tolist()]))
+        page.evaluate(DRAWN)
+        if page.evaluate(LIT):
+            break
+        assert time.monotonic() < deadline, "no handle of the gizmo lights up"
     to_x, to_y = page.evaluate(ON_SCREEN, ["/gizmo", (handle + along).tolist()])
-    page.mouse.move(x, y)
-    page.evaluate(DRAWN)
     page.mouse.down()
     page.mouse.move(to_x, to_y, steps=6)
     page.mouse.up()

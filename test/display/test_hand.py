@@ -1,0 +1,23 @@
+"""The hand and the eye of the page's tests see what a user's would."""
+
+from __future__ import annotations
+
+from page_hand import SELDOM
+
+# The moments of the pictures that two callbacks are in, asked for one after the other.
+ASKED = """() => new Promise(done => {
+  const moments = [], note = moment => { if (moments.push(moment) === 2) done(moments); };
+  requestAnimationFrame(note);
+  const end = performance.now() + 100;
+  while (performance.now() < end);
+  requestAnimationFrame(note);
+})"""
+
+
+def test_all_that_was_asked_for_before_a_picture_is_in_it(browser):
+    page = browser.new_page()
+    page.add_init_script(SELDOM)
+    page.goto("about:blank")
+    first, second = page.evaluate(ASKED)
+    page.close()
+    assert first == second
