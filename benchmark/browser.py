@@ -10,7 +10,8 @@ so that only the hand changes that number. `crowd` has 1,000 bodies that move an
 range, and takes the times between two lists, and between two frames.
 
 Monitor, player, display and Chromium share the machine's cores. Without a graphics card Chromium
-draws by software, which takes most of their time; `--small` makes its window smaller.
+draws by software, which takes most of their time; `--small` makes its window smaller. With
+`--undrawn` nothing is drawn: that is left to wait for where a graphics card draws.
 """
 
 from __future__ import annotations
@@ -29,12 +30,8 @@ from display import SIDE, START_S, Child, crowd_text
 from drag import HELD, NAMES, PAIR, drag_text, percentiles
 from playwright.sync_api import Page, sync_playwright
 
-FLAGS = (
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-    "--no-sandbox",
-)
+# Chromium chooses by itself how it draws, by software if need be. Root's cannot be sandboxed.
+FLAGS = ("--enable-unsafe-swiftshader", "--no-sandbox")
 PATIENCE_S = 60.0
 """Seconds for the page to do what it is told."""
 
@@ -44,6 +41,10 @@ NO_NOTES = """addEventListener('DOMContentLoaded', () => {
   style.textContent = '.mantine-Notification-root { display: none }';
   document.head.append(style);
 })"""
+# WebGL takes what it is given, and draws nothing of it.
+UNDRAWN = """for (const name of [
+  'drawArrays', 'drawArraysInstanced', 'drawElements', 'drawElementsInstanced', 'drawRangeElements',
+]) WebGL2RenderingContext.prototype[name] = () => {};"""
 # The place of a handle on the screen; see test/display/page_hand.py.
 HANDLE = """() => {
   const m = window.__viserMutable, node = m.nodeRefFromName['/gizmo'];
@@ -161,6 +162,7 @@ def main() -> int:
         "--subdivisions", type=int, default=5, help="of each part: 20 * 4^N triangles (default: 5)"
     )
     parser.add_argument("--rate", type=float, default=0.0, help="ticks a second (30; crowd 10)")
+    parser.add_argument("--undrawn", action="store_true", help="as if drawing took no time")
     parser.add_argument("--small", action="store_true", help="a window of 800 by 400")
     chosen = parser.parse_args()
     chosen.rate = chosen.rate or {"drag": 30.0, "crowd": 10.0}[chosen.what]
@@ -186,6 +188,8 @@ def main() -> int:
             page = browser.new_page(viewport=size)
             page.set_default_timeout(1e3 * START_S)
             page.add_init_script(NO_NOTES)
+            if chosen.undrawn:
+                page.add_init_script(UNDRAWN)
             page.goto(address)
             page.wait_for_selector("#pm-pairs .pm-row")
             page.set_default_timeout(1e3 * PATIENCE_S)

@@ -35,7 +35,7 @@ class Attaching:
         self._refusal = gui.add_html("")
 
         @self._parent.on_update
-        async def _(event: viser.GuiEvent) -> None:
+        def _(event: viser.GuiEvent) -> None:
             child, parent = self._choice.body, self._parent.value
             if event.client is None or child is None:
                 return

@@ -53,14 +53,14 @@ class Banding:
         self._job: _Job | None = None
         self._due_s = 0.0
         self._behind_s = 0.0
-        self._sampled_m = 0.0
+        self._sampled_m: dict[str, float] = {}  # how far along each the colours may be off
 
     def show(
         self, frame: Frame, parts: Sequence[Part], wanted: Sequence[str], now_s: float
     ) -> None:
         """Colour the parts that are wanted, one after the other, and no other."""
         for name in self._made.keys() - set(wanted):
-            del self._made[name]
+            del self._made[name], self._sampled_m[name]
             self._parts[name].coat(self._api, ())
         if self._job is not None and self._job.answer.done():
             job, self._job = self._job, None
@@ -84,8 +84,9 @@ class Banding:
             for colour, word, shown in zip(COLOURS, _WORDS, _SIGNS, strict=True)
         )
         late = f"; {self._behind_s:.1f} s behind" if self._behind_s > 0.0 else ""
-        near = f"to {length(self._sampled_m, self._scene.unit)} along the part"
-        exact = near if self._sampled_m > 0.0 else "certain"
+        most = max(self._sampled_m.values(), default=0.0)
+        near = f"colours end up to {length(most, self._scene.unit)} off along a part"
+        exact = near if most > 0.0 else "certain"
         return f'<div class="pm pm-small" id="pm-bands">{boxes}<br>{exact}{late}</div>'
 
     def _near(self, name: str, frame: Frame, parts: Sequence[Part]) -> _Near:
@@ -107,7 +108,7 @@ class Banding:
         return part, None if pose is None else pose.tobytes()
 
     def _draw(self, job: _Job) -> None:
-        corners, of, self._sampled_m = job.answer.result()  # an error in it is the page's
+        corners, of, self._sampled_m[job.name] = job.answer.result()  # an error is the page's
         scale = self._parts.scale
         # What there was no time for is tried again.
         self._made[job.name] = (None if _is_cut(job.near, of) else job.near, job.stamp_s)

@@ -38,7 +38,7 @@ class Bridge:
         field = gui.add_text("pressed", "")
 
         @field.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             word, found, _ = field.value.rpartition("#")
             if found:
                 on_word(word)

@@ -22,7 +22,8 @@ class Deciding:
         self._choice = choice
         self._pair: PairName | None = None  # in the fields
         self._pairs: Pairs | None = None
-        with gui.add_folder("Status of the pair", expand_by_default=False):
+        self._folder = gui.add_folder("Status of the pair", expand_by_default=False)
+        with self._folder:
             self._note = gui.add_html("")
             self._status = gui.add_dropdown("Status", STATUSES)
             self._comment = gui.add_text("Comment", "")
@@ -32,7 +33,7 @@ class Deciding:
             )  # fmt: skip
 
         @self._keep.on_click
-        async def _(_) -> None:
+        def _(_) -> None:
             row = None if self._pairs is None else self._pairs.places.get(self._pair)
             if row is not None:
                 decision = decided(self._pairs, row, self._status.value, self._comment.value)
@@ -40,6 +41,8 @@ class Deciding:
 
     def show(self, pairs: Pairs, scene: SceneInfo) -> None:
         """Follow the highlighted pair; what is typed stays while that is the same.
+
+        Without one it takes no room from the list, unless the file is in trouble.
 
         Args:
             pairs: of now, which is what one decides about.
@@ -54,6 +57,7 @@ class Deciding:
         row = pairs.places.get(pair)
         self._keep.disabled = row is None
         problem = escape(self._conflicts.problem)
+        self._folder.visible = pair is not None or bool(problem)
         self._note.content = (
             f'<div class="pm pm-small" id="pm-decided">{escape(self._line(decision, scene, row))}'
             f'<div class="pm-unproved">{problem}</div></div>'

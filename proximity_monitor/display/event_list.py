@@ -46,7 +46,7 @@ class EventList:
         self._list = gui.add_html("")
 
         @button.on_click
-        async def _(_) -> None:
+        def _(_) -> None:
             self._session.forget_worst()
             self._reset_here = True
             shared.reset_minima()

@@ -55,7 +55,7 @@ class EventPicture:
         self._html = gui.add_html("")
 
     def choose(self, event: Event) -> None:
-        """Show this event from now on. Any thread may call."""
+        """Show this event from now on."""
         self._tried, self._event = None, event
 
     def show(self, scene: SceneInfo, start_s: float) -> None:

@@ -46,17 +46,17 @@ class Fine:
         key = gui.add_command("Finer drags", hotkey="F")
 
         @shifts.on_click
-        async def _(_) -> None:
+        def _(_) -> None:
             axis, sign = divmod(SHIFTS.index(shifts.value), 2)
             on_step((2 * sign - 1) * self._steps()[0] * np.eye(3)[axis], np.zeros(3))
 
         @turns.on_click
-        async def _(_) -> None:
+        def _(_) -> None:
             axis, sign = divmod(TURNS.index(turns.value), 2)
             on_step(np.zeros(3), (2 * sign - 1) * self._steps()[1] * np.eye(3)[axis])
 
         @key.on_trigger
-        async def _(_) -> None:
+        def _(_) -> None:
             self._gear.value = GEARS[(GEARS.index(self._gear.value) + 1) % len(GEARS)]
 
     def begin(self, unit: Unit) -> None:

@@ -36,7 +36,7 @@ class Inspect:
         )
 
         @buttons.on_click
-        async def _(_) -> None:
+        def _(_) -> None:
             self._do(buttons.value)
 
         @client.camera.on_update
@@ -54,7 +54,7 @@ class Inspect:
         self._legend = gui.add_html("")
 
         @self._whose.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             look = self._choice.looks.get(self._whose.value, PLAIN)
             if look.opacity is not None:
                 self._opacity.value = look.opacity
@@ -112,7 +112,7 @@ class Inspect:
         elif ends is not None:
             self._section.aim(Plane(ends.mean(axis=0), facing(ends, np.array(camera.position))))
 
-    async def _on_look(self, event: viser.GuiEvent) -> None:
+    def _on_look(self, event: viser.GuiEvent) -> None:
         if event.client is None:
             return
         names = self._whose.options[1:] if self._whose.value == EVERY else (self._whose.value,)

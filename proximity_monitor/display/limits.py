@@ -101,7 +101,7 @@ class LimitsPanel:
         self._whose.content = f"<div class='pm pm-small pm-dim'>{whose}</div>"
 
     def _on_length(self, name: str, slider: viser.GuiSliderHandle):
-        async def on_update(event: viser.GuiEvent) -> None:
+        def on_update(event: viser.GuiEvent) -> None:
             if event.client is None or self._scene is None:
                 return
             moved = {name: slider.value}
@@ -115,7 +115,7 @@ class LimitsPanel:
         return on_update
 
     def _on(self, parameter: str, slider: viser.GuiSliderHandle, factor: Callable[[], float]):
-        async def on_update(event: viser.GuiEvent) -> None:
+        def on_update(event: viser.GuiEvent) -> None:
             if event.client is not None and self._scene is not None:
                 self._wanted[parameter] = slider.value * factor()
 

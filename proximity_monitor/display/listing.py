@@ -95,23 +95,23 @@ class Filters:
         self._choice = choice
 
         @search.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             choice.search = search.value
 
         @state.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             choice.state = "" if state.value == ALL else state.value
 
         @part.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             choice.part = "" if part.value == ALL else part.value
 
         @status.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             choice.status = "" if status.value == ALL else status.value
 
         @group.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             choice.group = "" if group.value == NO_GROUPS else group.value
 
     def begin(self, scene: SceneInfo) -> None:

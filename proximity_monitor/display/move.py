@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Collection, Mapping
 from html import escape
 
@@ -31,6 +33,10 @@ SURELY = 1.02
 HANDLES = 130.0
 """Length of the handles in pixels: at every zoom they are as large."""
 
+REST_S = 1.0
+"""After so many seconds without motion the fields take the pose of a part that others move. Nobody
+could type into fields that change meanwhile."""
+
 
 class Move:
     """The gizmo in the scene and the panel beside it."""
@@ -56,11 +62,14 @@ class Move:
         self._newest: Frame | None = None
         self._hidden = False
         self._edited = False  # typed numbers wait for their button
-        self._told: tuple[str | None, bytes] = (None, b"")
+        self._told: tuple[str | None, bytes] = (None, b"")  # in the fields
+        self._seen: tuple[str | None, bytes] = (None, b"")
+        self._moved_s = -math.inf
         gui = client.gui
         self._who = gui.add_dropdown("Part", (NOBODY,), hint="Or click a part in the picture")
         self._note = gui.add_html("")
         self._near = gui.add_html("")
+        self._now = gui.add_html("")
         with gui.add_form(None) as form:  # so that Enter in a field puts the part there
             self._position = gui.add_vector3("Position", (0.0, 0.0, 0.0))
             self._turn = gui.add_vector3(
@@ -133,12 +142,12 @@ class Move:
         self._release.label = LET_GO if other is None else f"Take it over from {other.name}"
         self._undo.disabled = not self._hand.can_undo
         self._note.content = _note(name, own, other, parent, news.rivals)
-        if pose is None or self._dragging is not None:
-            return
-        at = moved(pose, self._parts[name].centre / self._parts.scale)
-        self._gizmo.position, self._gizmo.wxyz = at[:3] * self._parts.scale, at[3:]
-        if not self._edited:
-            self._tell(pose)
+        if pose is not None and self._dragging is None:
+            at = moved(pose, self._parts[name].centre / self._parts.scale)
+            self._gizmo.position, self._gizmo.wxyz = at[:3] * self._parts.scale, at[3:]
+            if (self._rests(name, pose) or name in own) and not self._edited:
+                self._tell(pose)
+        self._now.content = self._where(name, pose)
 
     def hide(self, hidden: bool) -> None:
         """Hide the gizmo until it is shown again, for a picture of the scene alone."""
@@ -152,15 +161,35 @@ class Move:
             return held
         return self._frame.pose(self._scene.moving.index(name))
 
+    def _rests(self, name: str, pose: np.ndarray) -> bool:
+        """Return whether a part has not moved for a while, or has just been chosen."""
+        seen, now_s = (name, pose.tobytes()), time.monotonic()
+        if seen != self._seen:
+            self._moved_s = now_s if name == self._seen[0] else -math.inf
+            self._seen = seen
+        return now_s - self._moved_s >= REST_S
+
     def _tell(self, pose: np.ndarray) -> None:
+        """Put a pose into the fields."""
         told = (self._choice.body, pose.tobytes())
-        if told == self._told:
-            return
-        self._told = told
+        if told != self._told:
+            self._told = told
+            self._position.value, self._turn.value = self._numbers(pose)
+
+    def _where(self, name: str | None, pose: np.ndarray | None) -> str:
+        """Return where a part is, as HTML, if the fields say otherwise."""
+        if pose is None or (name, pose.tobytes()) == self._told:
+            return ""
+        place, turn = (", ".join(map(repr, each)) for each in self._numbers(pose))
+        now = f"now at {place} {escape(self._scene.unit.symbol)}, turned by {turn} deg"
+        return f'<div class="pm pm-small pm-dim" id="pm-now">{now}</div>'
+
+    def _numbers(self, pose: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return what the fields say of a pose: in the scene's unit, and in degrees."""
         unit = self._scene.unit
         digits = DECIMALS.get(unit.symbol, 4)
-        self._position.value = tuple(np.round(pose[:3] / unit.to_metre, digits).tolist())
-        self._turn.value = tuple(round(angle, 3) for angle in to_degrees(pose[3:]))
+        place = tuple(np.round(pose[:3] / unit.to_metre, digits).tolist())
+        return place, tuple(round(float(angle), 3) for angle in to_degrees(pose[3:]))
 
     async def _on_drag(self, event: viser.TransformControlsEvent) -> None:
         if event.phase == "start":
@@ -207,14 +236,14 @@ class Move:
             self._hand.place(name, moved(stepped(moved(now, centre), shift, turn), -centre), now)
         self._edited = False
 
-    async def _on_who(self, event: viser.GuiEvent) -> None:
+    def _on_who(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._choose(None if self._who.value == NOBODY else self._who.value)
 
-    async def _on_typed(self, event: viser.GuiEvent) -> None:
+    def _on_typed(self, event: viser.GuiEvent) -> None:
         self._edited |= event.client is not None
 
-    async def _on_apply(self, _) -> None:
+    def _on_apply(self, _) -> None:
         name = self._choice.body
         now = None if name is None else self._pose(name)
         if now is not None:
@@ -223,14 +252,14 @@ class Move:
             self._hand.place(name, pose, now)
         self._edited = False
 
-    async def _on_undo(self, _) -> None:
+    def _on_undo(self, _) -> None:
         if (name := self._hand.undo()) is not None:
             self.pick(name)
 
-    async def _on_reset(self, _) -> None:
+    def _on_reset(self, _) -> None:
         self._hand.reset(self._choice.body)
 
-    async def _on_release(self, _) -> None:
+    def _on_release(self, _) -> None:
         name = self._choice.body
         if name is not None and self._hand.other(name) is not None:
             self._hand.take_over(name)

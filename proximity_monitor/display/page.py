@@ -35,6 +35,7 @@ from proximity_monitor.display.shared import Shared, Shown
 from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
+from proximity_monitor.display.turns import Turns
 from proximity_monitor.display.view import View, place
 
 TABLE_S = 0.08
@@ -76,6 +77,7 @@ class Page:
         self._all_placed = True
         self._due_s = self._table_due_s = self._fault_until_s = 0.0
         gui = client.gui
+        self._turns = Turns(gui)
         gui.main_panel.dock_right()
         gui.main_panel.set_width(WIDTH)
         gui.add_html(STYLE)
@@ -91,7 +93,7 @@ class Page:
             self._move = Move(client, self.hand, self._choice, shared.ask)
         with tabs.add_tab("Limits", viser.Icon.ADJUSTMENTS):
             self._limits = LimitsPanel(gui, self._choice, shared.tried, shared.ask)
-        picking.listen(client.scene, lambda: self._parts, self._inspect.plane, self._move.pick)
+        picking.listen(client.scene, lambda: self._parts, self._inspect.plane, self._on_pick)
         over_time = gui.add_panel()
         plot = over_time.add_tab("Clearance", viser.Icon.CHART_LINE)
         over_time.dock_below(gui.main_panel)
@@ -107,6 +109,10 @@ class Page:
             self._files = ReportFiles(
                 gui, shared, self._portraits, lambda: self._shown, lambda: self._parts
             )
+
+    def take_up(self) -> None:
+        """Do what this browser has asked for; comes before each step."""
+        self._turns.take_up()
 
     def step(self, news: News, told: Connection, now_s: float) -> None:
         """Bring the page up to date; the part in the hand and its numbers come first."""
@@ -235,7 +241,6 @@ class Page:
         self._all_placed = bool(frame.poses[:, 3:].any(axis=1).all())
 
     def _add_list(self, gui: viser.GuiApi) -> None:
-        self._about = gui.add_html("")
         self._filters = Filters(gui, self._choice)
         self._inspect = Inspect(self._client, self._choice, self._look_again)
         self._deciding = Deciding(gui, self._conflicts, self._choice)
@@ -249,14 +254,19 @@ class Page:
             )  # fmt: skip
             names = gui.add_checkbox("Names", self._choice.names)
             self._inspect.add_looks(gui)
+        self._about = gui.add_html("")
 
         @lines.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             self._choice.lines = int(lines.value)
 
         @names.on_update
-        async def _(_) -> None:
+        def _(_) -> None:
             self._choice.names = names.value
+
+    def _on_pick(self, name: str) -> None:
+        """Choose a part that was clicked. Any thread may call."""
+        self._turns.submit(self._move.pick, name)
 
     def _on_word(self, word: str) -> None:
         what, _, name = word.partition(":")

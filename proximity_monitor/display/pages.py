@@ -74,7 +74,8 @@ class Pages:
             def show(page: Page = page) -> None:
                 page.step(news, told, now_s)
 
-            page.admit(fault or self._guarded(show) or beside, now_s)
+            asked = self._guarded(page.take_up)
+            page.admit(fault or self._guarded(show) or asked or beside, now_s)
             if time.monotonic() > now_s + STEP_S:
                 break
         if fault := self._guarded(lambda: serving.wake(self._shared.server)):

@@ -143,6 +143,8 @@ def _bar(pairs: Pairs, i: int, scene: SceneInfo) -> str:
 
 def _rest(pairs: Pairs, scene: SceneInfo, found: Listing) -> str:
     more, wrong = [], found.left_out
+    if len(pairs) and not any(rows for _, rows in found.groups):
+        more.append("no pair is left by the search, the filter and what is hidden")
     if found.more_clear:
         more.append(f"{found.more_clear} more that are clear: search for them")
     if (beyond := scene.pairs - len(pairs)) > 0:

@@ -55,19 +55,19 @@ class PlayerPanel:
             self._seek = gui.add_slider("Moment [s]", 0.0, 1.0, 0.001, 0.0)
 
         @self._play.on_click
-        async def _(_) -> None:
+        def _(_) -> None:
             if self._playing is not None:
                 playing = self._playing.speed > 0.0
                 self._wanted["speed"] = 0.0 if playing else self._speed.value or 1.0
 
         @self._speed.on_update
-        async def _(event: viser.GuiEvent) -> None:
+        def _(event: viser.GuiEvent) -> None:
             # While it is paused, this is the speed at which it will go on.
             if event.client is not None and self._playing is not None and self._playing.speed:
                 self._wanted["speed"] = self._speed.value
 
         @self._seek.on_update
-        async def _(event: viser.GuiEvent) -> None:
+        def _(event: viser.GuiEvent) -> None:
             if event.client is not None:
                 self._wanted["seek_s"] = self._seek.value
 

@@ -10,13 +10,14 @@ from html import escape
 import numpy as np
 
 from proximity_monitor.display.choice import PairName
-from proximity_monitor.display.decisions import Decision
+from proximity_monitor.display.decisions import NEW
 from proximity_monitor.display.events import Event
 from proximity_monitor.display.export import csv_of
 from proximity_monitor.display.found import Conflict, moment
+from proximity_monitor.display.order import KINDS, kinds
 from proximity_monitor.display.signs import Sign, clearance, length, number, sign
 from proximity_monitor.display.snapshot import Snapshot
-from proximity_monitor.display.state import Frame, SceneInfo
+from proximity_monitor.display.state import Frame, SceneInfo, Unit
 
 PICTURES = 40
 """So many conflicts have a picture, the worst."""
@@ -69,17 +70,18 @@ def report_html(
     start, end = span_s
     limits = scene.thresholds
     made = datetime.now(UTC).isoformat(" ", "seconds")[:-6]
-    count = f"{len(found)} conflict{'' if len(found) == 1 else 's'}"
+    watched = _counted(scene.pairs, "pair is", "pairs are")
+    count = _counted(len(found), "conflict", "conflicts")
     rest = len(found) - len(pictures)
+    without = f" {_counted(rest, 'has', 'have')} no picture." if rest else ""
     told = [
         _HEAD,
         f"<title>Conflicts of {escape(scene.name)}</title></head><body>",
         f"<h1>Conflicts of {escape(scene.name)}</h1><p>{escape(scene.description)}</p>",
         f"<p>Made {made} UTC, of a session of {end - start:.1f} s that ended at"
-        f" {moment(end, start)}. {scene.pairs} pairs are watched, {count} found. Unless a pair has"
-        f" its own, warn is {length(limits.warn, scene.unit)} and stop"
-        f" {length(limits.stop, scene.unit)}. Every clearance is certified to lie between its two"
-        f" bounds.{f' {rest} have no picture.' if rest else ''}</p>",
+        f" {moment(end, start)}. {watched} watched, {count} found. Unless a pair has its own, warn"
+        f" is {length(limits.warn, scene.unit)} and stop {length(limits.stop, scene.unit)}. Every"
+        f" clearance is certified to lie between its two bounds.{without}</p>",
     ]
     for conflict in found:
         picture = pictures.get(conflict.pair)
@@ -107,12 +109,13 @@ def _section(
     if picture is not None:
         image = _image(picture, f"{name} at its smallest clearance")
     row = last.pairs.places.get(pair)
-    rows = [("status", escape(_decision(conflict.decision)))]
+    now = "" if row is None else KINDS[kinds(last.pairs)[row]]
+    rows = [("status", escape(_decision(conflict, now, unit)))]
     if conflict.worst is not None:
         rows += _smallest(conflict.worst, pair, scene, start)
     if row is not None:
-        now = f"{_shown(sign(last.pairs, row, scene))}, {clearance(last.pairs, row, unit)}"
-        rows.append(("at the end", now))
+        end = f"{_shown(sign(last.pairs, row, scene))}, {clearance(last.pairs, row, unit)}"
+        rows.append(("at the end", end))
     rows.append(("limits", f"warn {length(limits.warn, unit)}, stop {length(limits.stop, unit)}"))
     table = "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows)
     return (
@@ -142,9 +145,38 @@ def _smallest(
     ]
 
 
-def _decision(decision: Decision) -> str:
+def _decision(conflict: Conflict, now: str, unit: Unit) -> str:
+    """Return what was decided and about what, and whether the pair is, or was, worse than that.
+
+    Args:
+        conflict: has the decision, and the worst state of the session.
+        now: the pair's state at the end, one of `order.KINDS`; empty: not known.
+        unit: of the bounds.
+    """
+    decision = conflict.decision
+    about = worse = ""
+    if decision.status != NEW:
+        about = _bounds(decision.lower, decision.upper, unit)
+        about += f" as {decision.state}" if decision.state else ""
+    if decision.outgrown(now):
+        worse = ", and worse now"
+    elif decision.outgrown(conflict.state):
+        worse = ", and was worse in this session"
     when = f" (decided {decision.decided})" if decision.decided else ""
-    return f"{decision.status}{when}{f': {decision.comment}' if decision.comment else ''}"
+    comment = f": {decision.comment}" if decision.comment else ""
+    return f"{decision.status}{about}{worse}{when}{comment}"
+
+
+def _bounds(lower: float | None, upper: float | None, unit: Unit) -> str:
+    """Return the bounds for which something was decided; empty: they are not known."""
+    if upper is None:
+        return ""
+    low, high = "" if lower is None else number(lower, unit), number(upper, unit)
+    return f" at {f'{low} … ' if low not in ('', high) else ''}{high} {unit.symbol}"
+
+
+def _counted(count: int, one: str, many: str) -> str:
+    return f"{count} {one if count == 1 else many}"
 
 
 def _shown(shown: Sign) -> str:
@@ -167,7 +199,10 @@ def _events(
             f"<td class=n>{number(event.upper, unit)}</td><td>{image}</td></tr>"
         )
     more = len(conflict.events) - EVENTS
-    rest = f"<p class=dim>{more} older changes are left out.</p>" if more > 0 else ""
+    rest = ""
+    if more > 0:
+        left = _counted(more, "older change is", "older changes are")
+        rest = f"<p class=dim>{left} left out.</p>"
     return (
         f"<table><tr><th>moment</th><th>change</th><th class=n>lower [{unit.symbol}]</th>"
         f"<th class=n>upper [{unit.symbol}]</th><th>then</th></tr>{rows}</table>{rest}"
@@ -180,14 +215,16 @@ def conflicts_csv(
     """Return the conflicts as CSV; lengths in the scene's unit, with all digits."""
     unit, pairs = scene.unit, last.pairs
     s = unit.symbol
-    head = ["a", "b", "decided", "comment", "decided_at", "worst_state"]
+    head = ["a", "b", "decided", "comment", "decided_at", "decided_state"]
+    head += [f"decided_{which} [{s}]" for which in ("lower", "upper")]
+    head += ["worst_state"]
     head += [f"{which} [{s}]" for which in ("min_lower", "min_upper")]
     head += ["min_stamp [s]", "min_session [s]"]
     head += [f"{axis}_{body} [{s}]" for body in "ab" for axis in "xyz"]
     head += ["state", *(f"{which} [{s}]" for which in ("lower", "upper", "warn", "stop")), "events"]
     rows = []
     for each in found:
-        worst, row = each.worst, pairs.places.get(each.pair)
+        worst, row, decision = each.worst, pairs.places.get(each.pair), each.decision
         nothing = [np.nan] * 8
         lengths = nothing if worst is None else [worst.lower, worst.upper, *worst.points.ravel()]
         low, high, *points = (x / unit.to_metre for x in lengths)
@@ -196,9 +233,11 @@ def conflicts_csv(
         rows.append(
             [
                 *each.pair,
-                each.decision.status,
-                each.decision.comment,
-                each.decision.decided,
+                decision.status,
+                decision.comment,
+                decision.decided,
+                decision.state,
+                *("" if x is None else x / unit.to_metre for x in (decision.lower, decision.upper)),
                 each.state,
                 low,
                 high,

@@ -46,7 +46,6 @@ class ReportFiles:
                 "<div class='pm pm-small pm-dim'>Of all pairs that were not clear in this session"
                 " or have a status. While pictures are taken, this page shows other moments.</div>"
             )
-        # Plain functions: viser runs them in threads of their own, and they wait for pictures.
         report.on_click(sender(shown, "conflicts.html", self._report))
         table.on_click(sender(shown, "conflicts.csv", self._table))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import threading
 import zlib
 from collections.abc import Callable
 
@@ -57,8 +58,6 @@ class Save:
             "<div class='pm pm-small pm-dim'>The replay is one file that plays in any browser,"
             " without a network.</div>"
         )
-        # Plain functions, not coroutines: viser runs them in threads of their own, and they are
-        # slow.
         table.on_click(sender(self._shown, "csv", self._table))
         series.on_click(sender(self._shown, "session.csv", self._series))
         changes.on_click(sender(self._shown, "events.csv", self._changes))
@@ -96,7 +95,9 @@ def sender(
     suffix: str,
     make: Callable[[Shown, viser.ClientHandle], bytes],
 ) -> Callable[[viser.GuiEvent], None]:
-    """Return what a button does: it makes a file, and sends it to the browser that pressed it.
+    """Return what a button does: a thread makes a file, and sends it to the browser that asked.
+
+    It takes long, and a picture waits for the page's steps.
 
     Args:
         shown: returns the content of the page, None before the first frame.
@@ -104,17 +105,19 @@ def sender(
         make: returns its content.
     """
 
-    def on_click(event: viser.GuiEvent) -> None:
-        content, client = shown(), event.client
-        if content is None or client is None:
-            return
+    def send(content: Shown, client: viser.ClientHandle) -> None:
         try:
             file = make(content, client)
-        except Exception as error:  # shown here, and logged by viser
+        except Exception as error:  # shown here, and said by the thread's end
             client.add_notification("Not saved", f"{type(error).__name__}: {error}", color="red")
             raise
         name = f"{content.scene.name}.{suffix}"
         client.send_file_download(name, file, save_immediately=True)
+
+    def on_click(event: viser.GuiEvent) -> None:
+        content, client = shown(), event.client
+        if content is not None and client is not None:
+            threading.Thread(target=send, args=(content, client), daemon=True).start()
 
     return on_click
 

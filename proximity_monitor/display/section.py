@@ -205,8 +205,8 @@ class Section:
                 yield view.coloured(self._api, f"{view.path}/cut_{i}", left, colour)
 
     def _clear_all(self) -> None:
-        for view in self._parts.shown():
-            self._clear(view)
+        for name in list(self._made):  # also a part that is not shown any more
+            self._clear(self._parts[name])
 
     def _clear(self, view: PartView) -> None:
         self._made.pop(view.name, None)

@@ -53,17 +53,17 @@ class Timeline:
         self._live = gui.add_button("Back to live", icon=viser.Icon.PLAYER_PLAY, disabled=True)
 
         @self._slider.on_update
-        async def _(event: viser.GuiEvent) -> None:
+        def _(event: viser.GuiEvent) -> None:
             if event.client is not None:
                 now = self._slider.value >= self._slider.max - LIVE_S
                 choice.at_s = None if now else session.span_s[0] + self._slider.value
 
         @self._live.on_click
-        async def _(_) -> None:
+        def _(_) -> None:
             choice.at_s = None
 
         @self._return.on_click
-        async def _(_) -> None:
+        def _(_) -> None:
             on_return()
 
     def show(self, scene: SceneInfo, now_s: float) -> None:

@@ -15,16 +15,18 @@ from proximity_monitor.scene.description import (
     Box,
     Capsule,
     Cloud,
+    Cone,
     Cylinder,
     Point,
     Primitive,
     Sphere,
+    Torus,
     Unit,
 )
 from proximity_monitor.scene.naming import safe
 from proximity_monitor.scene.paths import model_path
 from proximity_monitor.scene.poses import pose_matrix
-from proximity_monitor.scene.report import Keys, Report, SceneError
+from proximity_monitor.scene.report import Keys, Report, SceneError, shown
 
 _GREY = (0.7, 0.7, 0.7, 1.0)
 _TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
@@ -70,7 +72,11 @@ def _body(data: dict[str, Any], keys: Keys, folder: Path, unit: Unit, report: Re
             model = model_path(data["model"], folder)
         except SceneError as error:
             report.add((*keys, "model"), str(error))
-    primitive = _primitive(data["primitive"], unit) if "primitive" in data else None
+    primitive = None
+    if "primitive" in data:
+        primitive = _primitive(data["primitive"], (*keys, "primitive"), unit, report)
+    if isinstance(primitive, Cone | Torus) and data.get("solid") == "robust":
+        report.add((*keys, "solid"), "robust is for meshes; a cone or torus is a solid without it")
     pose = topic = cloud = None
     if "cloud" in data:
         primitive, cloud = Point(), _cloud(data["cloud"], (*keys, "cloud"), unit, report)
@@ -113,7 +119,7 @@ def check_clouds(bodies: tuple[Body, ...], count: int, report: Report) -> None:
             )
 
 
-def _primitive(data: dict[str, Any], unit: Unit) -> Primitive:
+def _primitive(data: dict[str, Any], keys: Keys, unit: Unit, report: Report) -> Primitive:
     ((kind, values),) = data.items()
     if kind == "box":
         x, y, z = (unit.to_metre * length for length in values["size"])
@@ -125,6 +131,15 @@ def _primitive(data: dict[str, Any], unit: Unit) -> Primitive:
         return Cylinder(radius, unit.to_metre * values["height"], values.get("segments"))
     if kind == "capsule":
         return Capsule(radius, unit.to_metre * values["length"])
+    if kind == "cone":
+        top_radius = unit.to_metre * values.get("top_radius", 0.0)
+        return Cone(radius, unit.to_metre * values["height"], top_radius)
+    if kind == "torus":
+        ring, tube = values["radius"], values["tube"]
+        if tube > ring:
+            found = f"must be at most the radius, {shown(ring)} (got {shown(tube)})"
+            report.add((*keys, kind, "tube"), found)
+        return Torus(radius, unit.to_metre * tube)
     return Sphere(radius, values.get("subdivisions"))
 
 

@@ -68,6 +68,27 @@ class Capsule:
 
 
 @dataclass(frozen=True)
+class Cone:
+    """About z, centred on the origin, perhaps without its top; lengths in metres. Exact."""
+
+    radius: float
+    """At the lower end."""
+    height: float
+    top_radius: float = 0.0
+    """At the upper end; 0: an apex."""
+
+
+@dataclass(frozen=True)
+class Torus:
+    """A ring about z, centred on the origin; metres. Exact."""
+
+    radius: float
+    """From the axis to the middle of the tube."""
+    tube: float
+    """Radius of the tube, at most that of the ring."""
+
+
+@dataclass(frozen=True)
 class Point:
     """A single point, the body's origin: a probe's tip."""
 
@@ -93,7 +114,7 @@ class Compound:
     parts: tuple[Part, ...]
 
 
-Primitive = Box | Cylinder | Sphere | Capsule | Point | Compound
+Primitive = Box | Cylinder | Sphere | Capsule | Cone | Torus | Point | Compound
 
 
 Solid = bool | Literal["robust"] | None

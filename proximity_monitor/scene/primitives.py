@@ -16,11 +16,13 @@ from proximity_monitor.scene.description import (
     Box,
     Capsule,
     Compound,
+    Cone,
     Cylinder,
     Part,
     Point,
     Primitive,
     Sphere,
+    Torus,
     Unit,
 )
 from proximity_monitor.scene.poses import rpy_matrix
@@ -61,7 +63,7 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
         model = engine.load(
             body.model, unit=unit.to_metre, scale=body.scale, part=body.part, **deviation, **how
         )
-    elif body.deforming:
+    elif body.deforming and not isinstance(body.primitive, Cone | Torus):
         model = _mesh_of(body.primitive, body.scale, body.name, how)
     else:
         model = _shape(body.primitive, body.scale, name=body.name, **deviation, **how)
@@ -92,6 +94,10 @@ def _shape(primitive: Primitive, scale: float, **how: Any) -> engine.Model:
             return shapes.sphere(radius * scale, subdivisions, **how)
         case Capsule(radius, length):
             return shapes.capsule(radius * scale, length * scale, **how)
+        case Cone(radius, height, top_radius):
+            return shapes.cone(radius * scale, top_radius * scale, height * scale, **how)
+        case Torus(radius, tube):
+            return shapes.torus(radius * scale, tube * scale, **how)
         case Point():
             return shapes.points(np.zeros((1, 3)), **how)
         case Compound(parts):

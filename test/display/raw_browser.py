@@ -42,6 +42,10 @@ class RawBrowser:
             time.sleep(0.005)
         self.client = server.get_clients()[new.pop()]
 
+    def inputs(self):
+        """All inputs of the panel."""
+        return list(self.client.gui._gui_input_handle_from_uuid.values())
+
     def say(self, kind, **fields):
         """Send a message, however wrong."""
         self._socket.send(msgspec.msgpack.encode({"type": kind} | fields))

@@ -1,6 +1,5 @@
 """What people decide about conflicts, and the file in which it is kept."""
 
-import asyncio
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -173,7 +172,7 @@ def test_the_panel_keeps_what_is_decided_about_the_highlighted_pair(alone):
     alone.tell(frame=frame(1.0))
     panel._status.value, panel._comment.value = "accepted", "as drawn"
     for callback in panel._keep._impl.update_cb:
-        asyncio.run(callback(None))
+        callback(None)
     alone.tell(frame=frame(2.0))
     assert "accepted at 300.000 mm: as drawn" in words(panel._note)
     assert "accepted at 300.000 mm: as drawn" in words(alone.all._table)

@@ -34,12 +34,8 @@ def page(alone):
     return alone
 
 
-def inputs(raw):
-    return list(raw.client.gui._gui_input_handle_from_uuid.values())
-
-
 def test_no_input_takes_what_it_could_not_show(page, raw, server):
-    found = inputs(raw)
+    found = raw.inputs()
     assert {type(each).__name__ for each in found} >= {
         "GuiTextHandle", "GuiDropdownHandle", "GuiSliderHandle", "GuiVector3Handle",
         "GuiCheckboxHandle", "GuiButtonHandle",
@@ -60,8 +56,8 @@ def test_no_browser_changes_what_is_not_a_value_or_another_s(page, raw, server):
     """Nor does it harm one that comes later."""
     other = RawBrowser(server)
     page.tell()
-    theirs = inputs(other)
-    for each in inputs(raw):
+    theirs = other.inputs()
+    for each in raw.inputs():
         for name, value in (("update_cb", []), ("removed", True), ("label", "x"), ("max", 1e300)):
             updates = {"value": each.value, name: value}
             raw.say("GuiUpdateMessage", uuid=each._impl.uuid, updates=updates)
@@ -69,7 +65,7 @@ def test_no_browser_changes_what_is_not_a_value_or_another_s(page, raw, server):
         raw.set(each, "die")
     before = [each.value for each in theirs]
     raw.heard(server)
-    for each in inputs(raw):
+    for each in raw.inputs():
         assert not each._impl.removed
         assert getattr(each, "label", "") != "x"
     assert [each.value for each in theirs] == before
@@ -79,18 +75,21 @@ def test_no_browser_changes_what_is_not_a_value_or_another_s(page, raw, server):
 
 
 def test_what_a_browser_leaves_behind_is_bounded(page, raw, server):
-    search = next(each for each in inputs(raw) if getattr(each, "label", "") == "Search")
+    search = next(each for each in raw.inputs() if getattr(each, "label", "") == "Search")
     raw.set(search, "die")
     raw.heard(server)
+    page.tell()
     assert page.choice.search == "die"
     raw.set(search, "x" * 40_000_000)
     raw.heard(server)
+    page.tell()
     assert page.choice.search == search.value == "die"
-    pressed = next(each for each in inputs(raw) if getattr(each, "label", "") == "pressed")
+    pressed = next(each for each in raw.inputs() if getattr(each, "label", "") == "pressed")
     for i in range(50):
         raw.set(pressed, f"ignore:a{i} - b{i}#1")
         raw.set(pressed, f"pick:a{i} - b{i}#1")
     raw.heard(server)
+    page.tell()
     assert page.choice.ignored == frozenset()
     assert page.choice.pair is None
 

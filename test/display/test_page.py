@@ -33,6 +33,14 @@ from page_hand import (
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
+# Whether the first pair's row is seen without scrolling.
+FIRST_IS_SEEN = """() => {
+  const row = document.querySelector('#pm-pairs .pm-row');
+  for (let each = row; each; each = each.parentElement) each.scrollTop = 0;
+  const {left, top, height} = row.getBoundingClientRect();
+  return row.contains(document.elementFromPoint(left + 20, top + height / 2));
+}"""
+
 
 @pytest.fixture
 def page(shared_page, sources, wait, eventually):
@@ -101,6 +109,11 @@ def test_the_page_shows_the_parts(page, eventually):
         assert {"table", "ball", "die", "cursor"} <= set(page.evaluate(TEXTS, "/distances"))
 
     eventually(shown)
+
+
+def test_the_list_begins_where_the_smallest_window_shows_it(page, wait):
+    tab(page, "Clearances")
+    wait(lambda: page.evaluate(FIRST_IS_SEEN), "the first row to be seen")
 
 
 def test_a_part_of_a_kind_from_another_package_is_shown_and_its_features_told(

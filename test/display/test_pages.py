@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 import threading
 import time
@@ -15,7 +14,7 @@ from deadlines import DEADLINE_S
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from page_alone import HERE, SCENE, THERE, drag, frame, now, words
+from page_alone import HERE, NAMES, SCENE, THERE, drag, frame, now, words
 from raw_browser import RawBrowser
 
 from proximity_monitor.display import pages as all_pages
@@ -89,6 +88,29 @@ def test_an_error_in_what_a_browser_s_message_causes_is_shown_and_survived(
     assert len(page.logged) == 1
 
 
+def test_what_a_browser_asks_for_has_its_turn_between_two_steps(page, raw, server):
+    before = page.move._stop.value
+    raw.set(page.move._who, "b")
+    raw.set(page.move._stop, "at stop")
+    raw.heard(server)
+    assert page.move._stop.value != before  # it has come,
+    assert page.choice.body is None  # but a step may be in the middle of its work
+    page.tell()
+    assert page.choice.body == "b"
+
+
+def test_each_has_its_turn_with_the_value_that_a_person_gave(page, raw, server):
+    word = next(each for each in raw.inputs() if getattr(each, "label", "") == "pressed")
+    raw.set(word, f"pick:{' - '.join(NAMES)}#1")
+    raw.set(word, "unfilter:#2")
+    raw.set(page.move._who, "b")
+    raw.heard(server)
+    page.move._who.value = "(none)"  # a step may say so before it hears of the choice
+    page.tell()
+    assert page.choice.pair == NAMES
+    assert page.choice.body == page.move._who.value == "b"
+
+
 def test_each_tick_is_good_for_a_second_from_when_it_came(page):
     told = []
     for stamp_s in (1.0, 2.0):
@@ -128,7 +150,7 @@ def test_a_browser_that_goes_lets_go_what_it_holds(page, server):
     drag(page, "start", 3.5)
     drag(page, "update", 4.0)
     assert page.holds.poses["b"] is THERE
-    asyncio.run(page.move._on_release(None))  # which is to take it over
+    page.move._on_release(None)  # which is to take it over
     assert page.holds.owner("b") is page.hand
     page.hand.release()
     theirs.place("b", THERE, now=HERE)

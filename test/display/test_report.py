@@ -2,6 +2,8 @@
 
 import csv
 import io
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from proximity_monitor.display.session import Session
 from proximity_monitor.display.state import STALE, STOP, WARN
 
 EVIL = Decision("accepted", "<script>alert(1)</script>", "stop", 0.01, 0.01, "2026-01-02T03:04:05")
+FITS = Decision("accepted", "a press fit", "stop", 0.008, 0.01, "2026-01-02T03:04:05")
 
 
 def told(*ticks):
@@ -71,12 +74,75 @@ def test_the_report_holds_numbers_words_and_picture_and_no_html_of_others():
         assert expected in html, expected
     assert "<script" not in html and "<i>" not in html
     assert "have no picture" not in html
-    assert "1 have no picture" in report_html(found, {}, SCENE, last, session.span_s, {})
+    assert "1 pair is watched, 1 conflict found" in html
+    assert "1 has no picture." in report_html(found, {}, SCENE, last, session.span_s, {})
     (row,) = csv.DictReader(io.StringIO(conflicts_csv(found, SCENE, last, session.span_s)))
     assert (row["a"], row["b"]) == NAMES
     assert (row["decided"], row["comment"]) == (EVIL.status, EVIL.comment)
+    assert (row["decided_at"], row["decided_state"]) == (EVIL.decided, EVIL.state)
+    assert [float(row[f"decided_{each} [mm]"]) for each in ("lower", "upper")] == [10.0, 10.0]
     assert float(row["min_lower [mm]"]) == pytest.approx(12.3456)
     assert (row["worst_state"], row["state"], row["events"]) == ("stop", "clear", "2")
+
+
+def status_of(*ticks, **changes):
+    """The words of the row "status", of a pair that was accepted and then had these ticks."""
+    last, session, events = told(*ticks)
+    found = conflicts(last, session, events, {frozenset(NAMES): FITS._replace(**changes)})
+    html = report_html(found, {}, SCENE, last, session.span_s, {})
+    return re.search("<th>status</th><td>(.*?)</td>", html)[1]
+
+
+def test_what_was_accepted_stands_beside_what_the_session_had():
+    when = "(decided 2026-01-02T03:04:05): a press fit"
+    at_stop, clear, overlap = (0.01, STOP), (0.3, 0), (-0.01, STOP)
+    assert status_of(at_stop) == f"accepted at 8.000 … 10.000 mm as stop {when}"
+    assert status_of(at_stop, lower=0.01) == f"accepted at 10.000 mm as stop {when}"
+    worse = "accepted at 8.000 … 10.000 mm as stop, and worse now "
+    assert status_of(clear, overlap) == worse + when
+    was_worse = "accepted at 8.000 … 10.000 mm as stop, and was worse in this session "
+    assert status_of(clear, overlap, clear) == was_worse + when
+    assert status_of(clear, overlap, (0.3, STALE)) == was_worse + when
+    as_overlap = status_of(overlap, state="contact", lower=-0.02, upper=-0.01)
+    assert as_overlap == f"accepted at -20.000 … -10.000 mm as contact {when}"
+
+
+def test_what_is_not_known_of_a_decision_is_left_out():
+    at_stop = (0.01, STOP)
+    assert status_of(at_stop, state="", lower=None) == (
+        "accepted at 10.000 mm (decided 2026-01-02T03:04:05): a press fit"
+    )
+    bare = {"state": "", "lower": None, "upper": None, "decided": "", "comment": ""}
+    assert status_of(at_stop, **bare) == "accepted"
+    assert status_of(at_stop, **bare | {"state": "<b>"}) == "accepted as &lt;b&gt;"
+    # Nobody accepted what is new, so nothing is worse than that.
+    assert status_of(at_stop, status="new", state="clear", decided="") == "new: a press fit"
+
+
+@pytest.mark.parametrize(
+    ("pairs", "expected"), [(0, "0 pairs are"), (1, "1 pair is"), (2, "2 pairs are")]
+)
+def test_the_report_counts_pairs_conflicts_and_pictures(pairs, expected):
+    last, session, events = told((0.3, 0), (0.05, WARN))
+    (one,) = conflicts(last, session, events, {})
+    for found, rest in (
+        ([], "0 conflicts found"), ([one], "1 conflict found"), ([one, one], "2 conflicts found")
+    ):  # fmt: skip
+        html = report_html(found, {}, replace(SCENE, pairs=pairs), last, session.span_s, {})
+        assert f"{expected} watched, {rest}" in html
+        assert ("2 have no picture." in html) == (len(found) == 2)
+        assert ("1 has no picture." in html) == (len(found) == 1)
+
+
+def test_the_report_counts_the_changes_that_it_leaves_out(monkeypatch):
+    last, session, events = told((0.3, 0), (0.05, WARN), (0.3, 0), (0.05, WARN))
+    found = conflicts(last, session, events, {})
+    for most, expected in (
+        (2, "1 older change is left out."),
+        (1, "2 older changes are left out."),
+    ):
+        monkeypatch.setattr(report, "EVENTS", most)
+        assert expected in report_html(found, {}, SCENE, last, session.span_s, {})
 
 
 def test_the_other_tables_tell_bounds_and_decisions_too():

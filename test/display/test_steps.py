@@ -1,6 +1,5 @@
 """The page's own steps, on a server that nobody looks at: what follows what, and what is kept."""
 
-import asyncio
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -17,6 +16,7 @@ from page_alone import CORNERS, HERE, NAMES, SCENE, THERE, drag, frame, words
 from rclpy.serialization import serialize_message
 from std_msgs.msg import Header
 
+from proximity_monitor.display import move
 from proximity_monitor.display import page as pages
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.limits import ASK_S, HAND_S, LimitsPanel
@@ -179,10 +179,10 @@ def test_a_drag_does_not_outlive_its_scene(page):
 def test_letting_nothing_go_keeps_what_is_held(page):
     page.hand.place("b", THERE, now=HERE)
     page.move.pick(None)
-    asyncio.run(page.move._on_release(None))
+    page.move._on_release(None)
     assert page.holds.poses
     page.move.pick("b")
-    asyncio.run(page.move._on_release(None))
+    page.move._on_release(None)
     assert not page.holds.poses
 
 
@@ -211,7 +211,7 @@ def panel(server):
 def set_by_hand(panel, name, value):
     slider = panel.lengths[name]
     slider.value = value
-    asyncio.run(panel.all._on_length(name, slider)(PERSON))
+    panel.all._on_length(name, slider)(PERSON)
 
 
 def show(panel, scene, now_s, refusal=""):
@@ -270,3 +270,31 @@ def test_sliders_have_the_unit_of_the_scene(panel):
     set_by_hand(panel, "warn", 10.0)
     show(panel, SCENE, 20.0)
     assert panel.asked == [{"thresholds.warn": pytest.approx(0.254)}]
+
+
+def elsewhere(x):
+    return HERE, np.array([x, 0.0, 0, 1, 0, 0, 0])
+
+
+def test_the_fields_of_a_part_that_others_move_wait_until_it_rests(page, monkeypatch):
+    page.move.pick("b")
+    page.tell(frame=frame(1.0, poses=elsewhere(3.0)))
+    assert page.move._position.value == (3000.0, 0.0, 0.0)  # it has just been chosen
+    assert page.move._now.content == ""
+    page.tell(frame=frame(2.0, poses=elsewhere(3.5)))
+    page.tell()
+    assert page.move._position.value == (3000.0, 0.0, 0.0)  # somebody may be typing
+    assert "now at 3500.0, 0.0, 0.0 mm" in words(page.move._now)
+    monkeypatch.setattr(move, "REST_S", 0.0)
+    page.tell()
+    assert page.move._position.value == (3500.0, 0.0, 0.0)
+    assert page.move._now.content == ""
+
+
+def test_the_fields_of_a_part_that_is_held_here_follow_the_hand(page):
+    page.move.pick("b")
+    page.tell(frame=frame(1.0))
+    for x in (3.25, 3.5):
+        page.hand.place("b", elsewhere(x)[1], now=THERE)
+        page.tell()
+        assert page.move._position.value == (1e3 * x, 0.0, 0.0)

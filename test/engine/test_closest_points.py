@@ -213,3 +213,28 @@ def test_normals_of_balls_and_of_what_has_none():
 def test_limits_that_make_no_sense(wrong, error):
     with pytest.raises(error, match=next(iter(wrong))):
         engine.closest_points(MODELS["box"], IDENTITY, [[0.0, 0.0, 0.0]], **wrong)
+
+
+def test_the_parameters_of_a_surface_lead_to_its_nearest_points():
+    rng = np.random.default_rng(11)
+    matrix = pose(rng, 2.0)
+    rotation, offset = matrix[:3, :3], matrix[:3, 3]
+    given = offset + rng.normal(size=(200, 3))
+    patch = engine.Patch(rng.normal(size=(5, 4, 3)), weights=rng.uniform(0.5, 2.0, (5, 4)))
+    curve = engine.Curve(rng.normal(size=(6, 3)))
+    made = engine.ParametricSurface([patch, curve])
+    found = engine.closest_points(made, matrix, given)
+    for i, (u, v) in enumerate(found.parameters):
+        on = curve.evaluate([u]) if found.elements[i] else patch.evaluate([u], [v])
+        assert rotation @ on[0] + offset == pytest.approx(found.points[i], abs=1e-13)
+    walls = [[0.0, -1.0], [0.8, -1.0]], [[0.8, -1.0], [1.2, 0.3], [0.5, 1.0]], [[0.5, 1], [0, 1]]
+    turned = engine.SolidOfRevolution([engine.Curve(wall) for wall in walls])
+    found = engine.closest_points(turned, matrix, given)
+    for i, (t, theta) in enumerate(found.parameters):
+        rho, z = engine.Curve(walls[found.elements[i]]).evaluate([t])[0][:2]
+        on = np.array([rho * math.cos(theta), rho * math.sin(theta), z])
+        assert rotation @ on + offset == pytest.approx(found.points[i], abs=1e-13)
+        assert 0.0 <= theta <= 2.0 * math.pi
+    far = engine.closest_points(turned, matrix, given, max_distance=1e-3)
+    assert np.isnan(far.parameters[far.elements < 0]).all()
+    assert engine.closest_points(sphere(2), matrix, given).parameters is None

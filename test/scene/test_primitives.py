@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 
 from proximity_monitor import engine
-from proximity_monitor.scene import UNITS, Body, Box, Capsule, Cylinder, Point, Sphere, load_model
+from proximity_monitor.scene import (
+    UNITS,
+    Body,
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Point,
+    Sphere,
+    Torus,
+    load_model,
+)
 from proximity_monitor.scene.description import Compound, Part
 
 MM = UNITS["mm"]
@@ -139,6 +150,70 @@ def test_spheres_and_capsules_are_exact():
         assert found.upper - found.lower < 1e-12
 
 
+@pytest.mark.parametrize("solid", [None, False])
+@pytest.mark.parametrize("scale", [1.0, 2.5])
+@pytest.mark.parametrize(
+    "shape, distances",
+    [  # of points at (rho, z); the walls of the cones have slopes of 3 : 4
+        (
+            Cone(0.3, 0.4),
+            {
+                (0.0, 0.5): 0.3,  # over the apex
+                (0.1, -0.5): 0.3,
+                (0.35, 0.15): 0.25,  # from the middle of the wall
+                (0.6, -0.6): 0.5,  # from the rim
+                (0.0, -0.1): -0.1,
+            },
+        ),
+        (
+            Cone(0.1, 0.4, 0.4),
+            {
+                (0.3, 0.3): 0.1,
+                (0.05, -0.3): 0.1,
+                (0.45, -0.15): 0.25,
+                (0.7, 0.6): 0.5,
+                (0.2, 0.15): -0.05,
+            },
+        ),
+        (
+            Torus(0.3, 0.1),
+            {(0.0, 0.0): 0.2, (0.6, 0.4): 0.4, (0.0, 0.4): 0.4, (0.3, 0.02): -0.08},
+        ),
+        (Torus(0.2, 0.2), {(0.0, 0.0): 0.0, (0.0, 0.15): 0.05, (0.5, 0.4): 0.3, (0.1, 0.0): -0.1}),
+    ],
+)
+def test_cones_and_tori_are_exact(shape, distances, scale, solid):
+    model = load_model(dataclasses.replace(with_shape(shape, scale), solid=solid), MM)
+    assert (model.is_solid, model.name) == (solid is None, "thing")
+    assert model.deviation < 1e-14
+    pose = random_pose(np.random.default_rng(4), 2.0)
+    for angle, ((rho, z), true) in enumerate(distances.items()):
+        probe = scale * np.array([[rho * math.cos(angle), rho * math.sin(angle), z]])
+        found = engine.signed_distance(model, pose, engine.points(probe), pose)
+        expected = scale * (true if solid is None else abs(true))
+        assert found.lower - 1e-14 <= expected <= found.upper + 1e-14
+        # From the axis a whole circle is nearest; a depth is known to a share of itself.
+        width = (1e-11 if rho else 1e-5) + 0.003 * max(-expected, 0.0)
+        assert found.upper - found.lower <= width
+
+
+def test_a_cone_in_a_ring():
+    """The middle of the tube, at rho = 0.3 and z = 0, is 0.12 from the wall."""
+    cone, ring = (
+        load_model(with_shape(Cone(0.3, 0.4)), MM),
+        load_model(with_shape(Torus(0.3, 0.1)), MM),
+    )
+    found = engine.signed_distance(cone, np.eye(4), ring, np.eye(4))
+    assert found.lower <= 0.02 + 1e-14 and found.upper == pytest.approx(0.02, abs=1e-12)
+    box = load_model(with_shape(Box((1.0, 1.0, 0.2))), MM)
+    below = np.eye(4)
+    below[2, 3] = -0.5
+    for round_one, gap in ((cone, 0.2), (ring, 0.3)):
+        found = engine.signed_distance(round_one, np.eye(4), box, below)
+        assert found.lower <= gap + 1e-14 and found.upper == pytest.approx(gap, abs=1e-12)
+        assert found.upper - found.lower < 1e-9
+
+
 def test_pictures_of_swept_models_lie_on_their_surfaces():
     for shape, enclosed in (
         (Sphere(0.25), 4 / 3 * math.pi * 0.25**3),
@@ -233,6 +308,17 @@ def test_a_deforming_sphere_is_a_mesh():
     body = dataclasses.replace(BODY, primitive=Sphere(0.25), deforming=True)
     mesh = load_model(body, MM)
     assert len(mesh.faces) == 1280 and mesh.swept_radius == mesh.deviation == 0.0
+
+
+@pytest.mark.parametrize("shape", [Cone(0.3, 0.4), Torus(0.3, 0.1)])
+def test_a_deforming_cone_or_torus_is_told_the_control_points_of_its_profile(shape):
+    body = dataclasses.replace(BODY, primitive=shape, deforming=True)
+    model = load_model(body, MM)
+    assert (model.kind, model.control_name) == ("solid of revolution", "control points")
+    model.deform(2.0 * model.control_points)
+    larger, tip = load_model(with_shape(shape, 2.0), MM), engine.points([[0.5, 0.9, 0.7]])
+    found, true = (engine.distance(each, np.eye(4), tip, np.eye(4)) for each in (model, larger))
+    assert found.upper == pytest.approx(true.upper, abs=1e-12) and found.lower <= true.upper
 
 
 def test_point():

@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from proximity_monitor.scene import Box, Cylinder, SceneError, Sphere, Thresholds, load_scene
+from proximity_monitor.scene import (
+    Box,
+    Cone,
+    Cylinder,
+    SceneError,
+    Sphere,
+    Thresholds,
+    Torus,
+    load_scene,
+)
 
 FULL = """\
 version: 1
@@ -182,8 +191,8 @@ SCHEMA_FAULTS = {
     "two primitives": (
         "radius: 1}",
         "radius: 1}, box: {size: [1, 1, 1]}",
-        "4: bodies[0].primitive: must have exactly 1 key of box, cylinder, sphere, capsule, point "
-        "(got 2)",
+        "4: bodies[0].primitive: must have exactly 1 key of box, cylinder, sphere, capsule, cone, "
+        "torus, point (got 2)",
     ),
     "radius 0": (
         "radius: 1",
@@ -259,6 +268,54 @@ def test_faults_of_form(problems, old, new, expected):
     found = problems(text.replace(old, new))
     assert len(found) == 1
     assert found[0].startswith(expected)
+
+
+def with_primitive(text):
+    return HEAD + BALL.replace("sphere: {radius: 1}", text).replace("moving", "\n    moving") + ROOM
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("cone: {radius: 20, height: 60}", Cone(0.02, 0.06)),
+        ("cone: {radius: 20, top_radius: 0, height: 60}", Cone(0.02, 0.06)),
+        ("cone: {radius: 20, top_radius: 30, height: 60}", Cone(0.02, 0.06, 0.03)),
+        ("torus: {radius: 20, tube: 5}", Torus(0.02, 0.005)),
+        ("torus: {radius: 20, tube: 20}", Torus(0.02, 0.02)),
+    ],
+)
+def test_cones_and_tori_in_the_scenes_unit(load, text, expected):
+    scene = load(with_primitive(text).replace("unit: m\n", "unit: mm\n"))
+    assert scene.bodies[0].primitive == expected
+
+
+@pytest.mark.parametrize(
+    "text, expected",
+    [
+        ("cone: {radius: 0, height: 1}", "cone.radius: must be greater than 0 (got 0)"),
+        ("cone: {radius: 1, height: -1}", "cone.height: must be greater than 0 (got -1)"),
+        ("cone: {radius: 1}", "cone: needs the key 'height'"),
+        (
+            "cone: {radius: 1, top_radius: -1, height: 1}",
+            "cone.top_radius: must be at least 0 (got -1)",
+        ),
+        (
+            "cone: {radius: 1, top_radius: .nan, height: 1}",
+            "cone.top_radius: must be a finite number (got .nan)",
+        ),
+        ("torus: {radius: .nan, tube: 1}", "torus.radius: must be a finite number (got .nan)"),
+        ("torus: {radius: 1, tube: 0}", "torus.tube: must be greater than 0 (got 0)"),
+        ("torus: {radius: 1, tube: 1.5}", "torus.tube: must be at most the radius, 1 (got 1.5)"),
+    ],
+)
+def test_faults_of_cones_and_tori(problems, text, expected):
+    assert problems(with_primitive(text)) == [f"4: bodies[0].primitive.{expected}"]
+
+
+@pytest.mark.parametrize("text", ["cone: {radius: 1, height: 1}", "torus: {radius: 2, tube: 1}"])
+def test_cones_and_tori_are_solids_without_being_told(problems, text):
+    (found,) = problems(with_primitive(text).replace("moving", "solid: robust, moving"))
+    assert found.startswith("5: bodies[0].solid: robust is for meshes")
 
 
 def test_all_faults_of_form_are_told_together_in_the_order_of_lines(problems):

@@ -23,8 +23,8 @@ bodies:
     colour: [0.1, 0.2, 0.3]
   - {name: shaft, primitive: {cylinder: {radius: 50, height: 400, segments: 16}}, topic: /cell/arm}
   - {name: piston, primitive: {sphere: {radius: 30, subdivisions: 2}}, scale: 2, moving: true}
-  - {name: cart, primitive: {box: {size: [1, 2, 3]}}, moving: true}
-  - {name: door, primitive: {box: {size: [1, 2, 3]}}, moving: true}
+  - {name: cart, primitive: {cone: {radius: 3, top_radius: 2, height: 1}}, moving: true}
+  - {name: door, primitive: {torus: {radius: 3, tube: 2}}, moving: true}
   - {name: tool, primitive: {box: {size: [1, 2, 3]}}, moving: true}
 pairs:
   groups: {both: [shaft, piston]}

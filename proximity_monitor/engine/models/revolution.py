@@ -161,7 +161,7 @@ class SolidOfRevolution(Surface):
     @staticmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:
         """The curve of the profile, and on it t and theta (2,), radians from 0 to 2 pi."""
-        return Feature("profile", element, np.array([parameters[0], angle(float(parameters[1]))]))
+        return Feature("profile", element, np.array([parameters[0], angle(parameters[1])]))
 
     def display_mesh(self, tolerance: float) -> DisplayMesh:
         """As of any surface, with normals that point outward."""
@@ -189,16 +189,16 @@ class SolidOfRevolution(Surface):
         self.profile, self._frame = Profile(*state["profile"]), frozen(state["frame"])
 
 
-def angle(v: float) -> float:
-    """The angle about the axis, radians, at a patch's second parameter; see `QUARTERS`.
+def angle(v: ArrayLike) -> NDArray[np.float64]:
+    """The angles about the axis, radians, at a patch's second parameter; see `QUARTERS`.
 
     On a quarter turn, a rational quadratic with the weights 1, w and 1, the point at s is
     ((1 - s)^2 + 2 w s (1 - s), s^2 + 2 w s (1 - s)) / (1 - s)^2 + ... .
     """
-    turn = min(max(math.floor(v), 0.0), QUARTERS[-1] - 1.0)
+    turn = np.clip(np.floor(v), 0.0, QUARTERS[-1] - 1.0)
     s = v - turn
     both = 2.0 * math.sqrt(0.5) * s * (1.0 - s)
-    return 0.5 * math.pi * turn + math.atan2(s * s + both, (1.0 - s) ** 2 + both)
+    return 0.5 * math.pi * turn + np.arctan2(s * s + both, (1.0 - s) ** 2 + both)
 
 
 def _frame(origin: ArrayLike, axis: ArrayLike, name: str) -> NDArray[np.float64]:

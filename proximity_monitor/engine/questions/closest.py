@@ -41,6 +41,8 @@ class Nearest:
     """(k, 3) where there is a triangle."""
     triangles: NDArray[np.int32]
     """(k,) in tree order, or NONE."""
+    parameters: NDArray[np.float64] | None
+    """(k, 2) on the elements of a surface, where there is one; None: of a mesh."""
     directions: NDArray[np.float64] | None
     """(k, 3) where there is a triangle, if they were asked for."""
     ends: NDArray[np.int64]
@@ -71,7 +73,7 @@ class Nearest:
         return np.where(near, self.numbers[np.where(near, self.triangles, 0)], -1)
 
     def vectors(self, found: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Those of the feet or directions (k, 3) that were found, and NaN."""
+        """Those of the feet, parameters or directions (k, n) that were found, and NaN."""
         return np.where(self.near()[:, None], found, np.nan)
 
 
@@ -132,7 +134,10 @@ def closest_points(
     ends = np.zeros(-(-k // _POINTS), np.int64)
     nothing = 0.0 if sides is None else -math.inf
     chosen = directions if normals else None
-    answer_made = Nearest(hierarchy.numbers, bounds, nearest, triangles, chosen, ends, nothing)
+    parameters = np.zeros((k, 2)) if isinstance(model, Surface) else None
+    answer_made = Nearest(
+        hierarchy.numbers, bounds, nearest, triangles, parameters, chosen, ends, nothing
+    )
     if isinstance(model, Surface):
         surface = SurfacePoints(model, pose, max_distance, deadline, sides is not None)
 
@@ -140,7 +145,7 @@ def closest_points(
             part = slice(first, first + _POINTS)
             ends[first // _POINTS] = first + surface.find(
                 given[part], first, stopped, bounds[part], nearest[part], triangles[part],
-                directions[part],
+                parameters[part], directions[part],
             )  # fmt: skip
 
         share(answer_surface, range(0, k, _POINTS), threads)

@@ -13,6 +13,7 @@ from ..kernels.inside.visit import ROOM
 from ..kernels.revolution.points import closest_points_of_revolution
 from ..kernels.surface.closest import GOING, closest_points
 from ..kernels.surface.side import sides_of_surface
+from ..models.revolution import angle
 from ..models.surface import Surface
 from ..models.surface_mesh import unit_normals
 from .slices import slices_until
@@ -39,7 +40,7 @@ class SurfacePoints:
     def find(
         self, given: NDArray[np.float64], first: int, stopped: Event,
         bounds: NDArray[np.float64], nearest: NDArray[np.float64], elements: NDArray[np.int32],
-        normals: NDArray[np.float64],
+        parameters: NDArray[np.float64], normals: NDArray[np.float64],
     ) -> int:  # fmt: skip
         """Write what `questions.closest.Nearest` says of points (k, 3); returns how many are done.
 
@@ -51,7 +52,6 @@ class SurfacePoints:
         count, model = len(given), self._hierarchy.table_of_all
         turned = self._hierarchy.tree_kind is RevolutionTree
         stack, stacked, going = np.empty(ROOM, np.int32), np.empty(ROOM), np.zeros(GOING)
-        parameters = np.empty((len(normals), 2))
         slices, found, done = slices_until(self._deadline), 0, 0
         while done < count and not stopped.is_set():
             if turned:
@@ -75,6 +75,8 @@ class SurfacePoints:
                 break
         if len(normals):
             self._normals(elements[:done], parameters, normals)
+        if turned:
+            parameters[:done, 1] = angle(parameters[:done, 1])
         return done
 
     def _normals(

@@ -171,8 +171,18 @@ class ClosestPoints:
 
     @cached_property
     def elements(self) -> NDArray[np.int32]:
-        """(k,) int32; the elements of the model that they lie on, such as triangles."""
+        """(k,) int32; the elements of the model that they lie on: triangles, patches or curves."""
         return self.found.elements()
+
+    @cached_property
+    def parameters(self) -> NDArray[np.float64] | None:
+        """(k, 2) where on its element each lies; None: of a mesh, where the points tell it.
+
+        On a patch u and v, within its knots; on a curve its parameter, and 0; of a solid of
+        revolution t on the curve of its profile, and theta, radians from 0 to 2 pi.
+        """
+        parameters = self.found.parameters
+        return None if parameters is None else self.found.vectors(parameters)
 
     @cached_property
     def done(self) -> NDArray[np.bool_]:
