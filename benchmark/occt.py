@@ -84,6 +84,11 @@ def shape(model: engine.ParametricSurface) -> Any:
     return compound
 
 
+def torus(major: float, minor: float) -> Any:
+    """A torus about z, of its own toroidal surface."""
+    return import_module("OCP.BRepPrimAPI").BRepPrimAPI_MakeTorus(major, minor).Shape()
+
+
 def point(place: NDArray[np.float64]) -> Any:
     """A vertex."""
     gp = import_module("OCP.gp")

@@ -10,7 +10,7 @@ Yoon, Kim and Elber, "Efficient Minimum Distance Computation for Solids of Revol
 pairs, at random poses and along a motion, at the precisions 1e-3, 1e-4 and 1e-5 m (their Figure
 12); the size and the building of hierarchies (their Tables 1 and 2, and Figure 9); a sixth solid
 that morphs through the five (their Figure 8), and all five deforming at once; exact answers beside
-OCCT's; and how deep they overlap.
+OCCT's, of the five and of two tori; and how deep they overlap.
 
 Meshes have so many triangles that no chord is farther from the solid than the precision; FCL and
 this engine get the same. Where they would have more than --finest triangles, a mesh of that many is
@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from revolution_depth import FITTED, HEADINGS, depths, fits
 from revolution_motion import deforming, morphing, motion
 from revolution_page import table, write_page
-from surfaces import at, turned
+from surfaces import at, torus, turned
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.revolution.build import build_arcs
@@ -55,6 +55,7 @@ PAPER = {  # Tables 1 and 2: MB of PQP's hierarchy and of theirs; nodes of PQP's
     "light_mill": ((91, 0.187, "424K", 247), (982, 0.347, "4.5M", 375), (590, 0.776, "42.5M", 687)),
 }
 HERE = np.eye(4)
+BESIDE_OCCT = ["queries", "fat arcs, us", "max", "OCCT", "ratio", "open", "OCCT wrong", "by"]
 
 
 def solids() -> dict[str, engine.SolidOfRevolution]:
@@ -173,6 +174,7 @@ def main(arguments: list[str] | None = None) -> int:
     morphs, morphed = morphing(made, precisions, 20 if options.quick else 1000)
     deformed = deforming(made, 20 if options.quick else 200)
     exact, contradicted = _exact(made, 10 if options.quick else 60)
+    tori, off = _tori(10 if options.quick else 60)
     rough = {k: engine.TriangleMesh(*tessellated(v, 1e-3, 10**6)[:2]) for k, v in made.items()}
     deep, unlike = depths(made, rough, 1e-3, 4 if options.quick else 20)
     fitted, unfit = fits(4 if options.quick else 20)
@@ -180,10 +182,11 @@ def main(arguments: list[str] | None = None) -> int:
     page = write_page(
         options.out, command, frames, (built, bars, morphed),
         {"sizes": sizes, "distances": distances, "morphing": morphs, "deforming": deformed,
-         "exact": exact, "depths": table(HEADINGS, [deep]), "fits": table(FITTED, fitted)},
+         "exact": exact, "tori": tori, "depths": table(HEADINGS, [deep]),
+         "fits": table(FITTED, fitted)},
     )  # fmt: skip
     print(page, end="")
-    if wrong := wrong + contradicted + unlike + unfit:
+    if wrong := wrong + contradicted + off + unlike + unfit:
         print(f"{wrong} ANSWERS CONTRADICT EACH OTHER", file=sys.stderr)
     return 1 if wrong else 0
 
@@ -294,28 +297,61 @@ def _exact(made: dict, count: int) -> tuple[str, int]:
         return "cadquery-ocp is not installed.\n", 0
     shapes = {name: occt.shape(solid) for name, solid in made.items()}
     names = list(made)
-    ours, theirs, off, low, open_ = [], [], [], 0, 0
-    for k, pose in enumerate(poses(count, 2)):
-        a, b = names[k % 5], names[(k // 5) % 5]
-        engine.distance(made[a], HERE, made[b], pose)
-        times, (answer,) = _time(
-            lambda p, m=(made[a], made[b]): engine.distance(m[0], HERE, m[1], p), [pose]
-        )
-        ours.append(times[0])
-        times, (value,) = _time(
-            lambda ask: ask(), [occt.query(shapes[a], occt.placed(shapes[b], pose))]
-        )
-        theirs.append(times[0])
+    placed = [(names[k % 5], names[(k // 5) % 5], p) for k, p in enumerate(poses(count, 2))]
+    asked = [
+        (partial(engine.distance, made[a], HERE, made[b], p), (shapes[a], shapes[b], p))
+        for a, b, p in placed
+    ]
+    row, low = _beside_occt(asked)
+    return table(BESIDE_OCCT, [row]), low
+
+
+def _tori(count: int) -> tuple[str, int]:
+    """Exact distances of two equal tori beside OCCT's, by what OCCT has for a torus."""
+    if occt.version() is None:
+        return "cadquery-ocp is not installed.\n", 0
+    solid = engine.shapes.torus(1.0, 0.3)
+    pair = engine.Pair(solid, solid, coherent=False)
+    many = poses(count, 5)
+    many[:, :3, 3] *= 1.2
+    ways = {"Pair": partial(pair.distance, HERE)}
+    ways["alone"] = partial(engine.distance, solid, HERE, solid)
+    shapes = {
+        "toroidal surface": occt.torus(1.0, 0.3),
+        "one rational face": occt.shape(solid),
+        "eight rational faces": occt.shape(torus()),
+    }
+    rows, wrong = [], 0
+    for (name, shape), (way, ask) in itertools.product(shapes.items(), ways.items()):
+        row, low = _beside_occt([(partial(ask, pose), (shape, shape, pose)) for pose in many])
+        rows.append([name, way, *row])
+        wrong += low
+    return table(["OCCT's torus", "asked", *BESIDE_OCCT], rows), wrong
+
+
+def _beside_occt(asked: list[tuple[Any, tuple[Any, Any, Any]]]) -> tuple[list[str], int]:
+    """The row of a table, and how many answers contradict ours.
+
+    Args:
+        asked: for each query what asks for our answer; OCCT's two shapes and the second one's pose.
+    """
+    asks, shapes = zip(*asked, strict=True)
+    for ask in asks:
+        ask()
+    ours, answers = _time(lambda ask: ask(), asks)
+    queries = [occt.query(a, occt.placed(b, pose)) for a, b, pose in shapes]
+    theirs, values = _time(lambda ask: ask(), queries)
+    off, low, open_ = [], 0, 0
+    for answer, value in zip(answers, values, strict=True):
         off.append(value - answer.upper)
         low += not value >= answer.lower - 1e-6
         open_ += answer.upper - answer.lower > 1e-11
     row = [
-        str(count), f"{np.median(ours):.1f}", f"{np.max(ours):.0f}", f"{np.median(theirs):.0f}",
-        f"{np.median(theirs) / np.median(ours):.0f}", str(open_), str(sum(x > 1e-6 for x in off)),
-        f"{max(off):.0e}",
+        str(len(asked)), f"{np.median(ours):.1f}", f"{np.max(ours):.0f}",
+        f"{np.median(theirs):.0f}", f"{np.median(theirs) / np.median(ours):.0f}", str(open_),
+        str(sum(x > 1e-6 for x in off)), f"{max(off):.0e}",
     ]  # fmt: skip
-    headings = ["queries", "fat arcs, us", "max", "OCCT", "ratio", "open", "OCCT wrong", "by"]
-    return table(headings, [row]), low
+    return row, low
 
 
 if __name__ == "__main__":

@@ -68,6 +68,11 @@ At random poses, crossing ones among them, beside OCCT. `open` counts answers wh
 than 1e-11 m apart, `OCCT wrong` those of OCCT that are more than 1e-6 m too large, `by` the most.
 
 {exact}
+Two equal tori of the radii 1 m and 0.3 m, at random poses with centres 0.96 m to 3.6 m apart, asked
+of a `Pair` that is made before, and `alone` by `engine.distance`, as the row above. OCCT gets its
+own toroidal surface, or the same torus as rational faces.
+
+{tori}
 ## Depths
 
 All 15 pairs at random poses at which they overlap: how deep, to 1 %, asked one at a time. `points`

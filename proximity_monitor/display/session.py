@@ -11,7 +11,7 @@ import numpy as np
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.smallest import Smallest
 from proximity_monitor.display.snapshot import Snapshot
-from proximity_monitor.display.state import Frame, Pairs
+from proximity_monitor.display.state import STALE, Frame, Pairs
 
 PERIOD_S = 0.1
 """Least seconds between two kept ticks."""
@@ -149,12 +149,13 @@ def _bounds(
 ) -> tuple[float, float]:
     if pair is not None:
         row = pairs.places.get(pair)
-        return (np.nan, np.nan) if row is None else (pairs.lower[row], pairs.upper[row])
+        known = row is not None and pairs.level[row] != STALE
+        return (pairs.lower[row], pairs.upper[row]) if known else (np.nan, np.nan)
     keep = np.ones(len(pairs), bool)
     for name in ignored:
         if name in pairs.places:
             keep[pairs.places[name]] = False
-    keep &= ~np.isnan(pairs.lower)
+    keep &= ~np.isnan(pairs.lower) & (pairs.level != STALE)
     if not keep.any():
         return np.nan, np.nan
     return float(pairs.lower[keep].min()), float(pairs.upper[keep].min())

@@ -1,0 +1,235 @@
+"""The plot of clearances: whose it is, its scale with its numbers, and what nobody knows."""
+
+from __future__ import annotations
+
+import re
+from contextlib import nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import page_alone
+import pytest
+import ticks as made
+from deadlines import START_DEADLINE_S
+
+pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
+
+from proximity_monitor.display import plot as plots
+from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.plot import LIMITS, LOG, Plot
+from proximity_monitor.display.session import Session
+from proximity_monitor.display.state import STALE, Thresholds
+
+NEAR, FAR = made.NAMES
+WIDE, TIGHT = Thresholds(0.1, 0.02, 0.0), Thresholds(0.002, 0.001, 0.0)
+ALIKE = replace(page_alone.SCENE, pairs=2, thresholds=WIDE)
+UNLIKE = replace(ALIKE, own_thresholds={FAR: TIGHT})
+WIDE_ENOUGH = """() => Object.values(window.__viserTestpoints?.uplots ?? {})
+  .some(({chart}) => chart.width > 0)"""
+# Which columns of the plot have something blue, and the numbers beside it.
+SEEN = """() => {
+  const [{chart}] = Object.values(window.__viserTestpoints.uplots);
+  const [left, top, width, height] = ["left", "top", "width", "height"]
+    .map(name => Math.round(chart.bbox[name]));
+  const {data} = chart.ctx.getImageData(left, top, width, height);
+  const blue = new Array(width).fill(false);
+  for (let i = 0; i < data.length; i += 4)
+    if (data[i + 2] > data[i] + 60) blue[(i / 4) % width] = true;
+  return [blue, chart.axes[1]._values];
+}"""
+
+
+class Gui:
+    """Keeps what a page is told."""
+
+    def __init__(self):
+        self.title = SimpleNamespace(content="")
+        self.scale = SimpleNamespace(value=LOG)
+        self.plots = []
+
+    def add_html(self, content):
+        return self.title
+
+    def add_button_group(self, label, options):
+        return self.scale
+
+    def add_folder(self, label):
+        return nullcontext()
+
+    def add_uplot(self, data, series, **looks):
+        assert len(data) == len(series)
+        self.plots.append(SimpleNamespace(data=data, series=series, remove=lambda: None, **looks))
+        return self.plots[-1]
+
+
+@pytest.fixture
+def shown():
+    """A plot, and what is told of it."""
+    gui, session, choice = Gui(), Session(), Choice()
+    plot = Plot(gui, session, choice)
+
+    def show(*frames, scene=UNLIKE):
+        for frame in frames:
+            session.add(frame)
+        plot.show(scene, session.span_s[0])
+        title = re.sub("<[^>]*>", "", gui.title.content)
+        return title, gui.plots[-1].data if title else None
+
+    return SimpleNamespace(show=show, gui=gui, session=session, choice=choice)
+
+
+def levels(frame, *given):
+    return replace(frame, pairs=replace(frame.pairs, level=np.array(given, np.int8)))
+
+
+def test_limits_are_shared_where_warn_and_stop_are_the_same():
+    assert plots.shared_limits(ALIKE, ()) == WIDE
+    assert plots.shared_limits(UNLIKE, ()) is None
+    assert plots.shared_limits(UNLIKE, {FAR}) == WIDE
+    assert plots.shared_limits(UNLIKE, {NEAR}) == TIGHT
+    steady = replace(WIDE, hysteresis=0.01)
+    assert plots.shared_limits(replace(ALIKE, own_thresholds={FAR: steady}), ()) is not None
+    every = replace(ALIKE, own_thresholds={NEAR: TIGHT, FAR: TIGHT})
+    assert plots.shared_limits(every, ()) == TIGHT
+
+
+def test_no_threshold_is_drawn_that_does_not_hold_for_the_curve(shown):
+    title, data = shown.show(made.frame(0.0, [0.3, 0.01]), made.frame(0.1, [0.3, 0.01]))
+    assert title.startswith("smallest clearance of all pairs: ")
+    assert title.endswith("; a highlighted pair has its own thresholds")
+    assert data[1].tolist() == [10.0, 10.0]
+    assert len(data) == len(shown.gui.plots[-1].series) == 4  # not 100 and 20: 10 mm is clear there
+    shown.choice.pair = FAR
+    title, data = shown.show()
+    assert data[1].tolist() == [10.0, 10.0]
+    assert (data[4][0], data[5][0]) == (2.0, 1.0)
+    shown.choice.pair = NEAR
+    title, data = shown.show()
+    assert title.startswith("a - b: lower and upper bound [mm]")
+    assert data[1].tolist() == [300.0, 300.0]
+    assert (data[4][0], data[5][0]) == (100.0, 20.0)
+
+
+def test_pairs_with_the_same_limits_share_one_curve(shown):
+    frames = [made.frame(0.0, [0.3, 0.01]), made.frame(0.1, [0.005, 0.01])]
+    title, data = shown.show(*frames, scene=ALIKE)
+    assert title == "smallest clearance of all pairs: lower and upper bound [mm] over time [s]"
+    assert data[1].tolist() == [10.0, 5.0]
+    assert (data[4][0], data[5][0]) == (100.0, 20.0)
+
+
+def test_what_belongs_to_another_scene_goes(shown):
+    shown.show(made.frame(1.0, [0.3, 0.01]), made.frame(1.1, [0.3, 0.01]))
+    gone = []
+    shown.gui.plots[-1].remove = lambda: gone.append(True)
+    assert shown.show(made.frame(0.0, [0.3, 0.01]))[0] == ""
+    assert gone
+
+
+@pytest.mark.parametrize("high", [0.06, 0.5, 3.0, 40.0, 700.0, 2e4])
+@pytest.mark.parametrize("low", [0.0, -0.02, -3.0])
+@pytest.mark.parametrize(("warn", "stop"), [(0.03, 0.005), (100.0, 20.0), (5.0, 0.0), (2.0, 1.9)])
+def test_the_logarithmic_scale_has_numbers_that_do_not_overlap(warn, stop, low, high):
+    limits = Thresholds(warn, stop, 0.0)
+    scale = plots.scale_of(LOG, limits, np.array([low, high]), np.array([low, high]))
+    at = np.array(plots.ticks(scale, limits))
+    (bottom, top), bend = scale["range"], scale["asinh"]
+    pixels = np.arcsinh(at / bend) - np.arcsinh(bottom / bend)
+    pixels *= (plots.HEIGHT - plots.BELOW - plots.PADDING[0]) / (
+        np.arcsinh(top / bend) - np.arcsinh(bottom / bend)
+    )
+    assert len(at) >= 3
+    assert np.diff(pixels).min() >= plots.LABEL - 1e-9
+    assert bottom <= at[0] and at[-1] <= top
+    assert stop in at
+    assert np.abs(pixels - np.interp(warn, at, pixels)).min() < plots.LABEL
+    assert all(float(f"{x:g}") == x for x in at)
+
+
+def test_the_numbers_beside_the_plot_are_told_for_the_logarithmic_scale_alone(shown):
+    shown.choice.pair = FAR
+    shown.show(made.frame(0.0, [0.3, 0.01]), made.frame(0.1, [0.3, 0.01]))
+    beside = shown.gui.plots[-1].axes[1]
+    assert {"0", "1", "2", "10"} <= set(beside["values"])
+    assert len(beside["values"]) == len(beside["splits"]) == len(beside["filter"])
+    shown.gui.scale.value = LIMITS
+    shown.show()
+    assert "splits" not in shown.gui.plots[-1].axes[1]
+
+
+@pytest.mark.parametrize("kind", [LOG, LIMITS])
+def test_a_search_that_was_cut_does_not_stretch_the_scale(kind):
+    limits = Thresholds(5.0, 1.5, 0.0)
+    lower, upper = np.array([20.0, -400.0, -np.inf, np.nan]), np.array([20.0, 3.0, 30.0, np.nan])
+    assert plots.scale_of(kind, limits, lower, upper)["range"][0] == -5.0
+
+
+def test_a_certain_overlap_is_shown_however_deep():
+    limits = Thresholds(5.0, 1.5, 0.0)
+    deep = np.array([20.0, -80.0])
+    assert plots.scale_of(LOG, limits, deep, deep)["range"] == (-100.0, 20.0)
+
+
+def at_gaps(stamps, known, period_s=0.1):
+    places, rows, cover = plots.covered(np.array(stamps), np.array(known, bool), period_s)
+    assert (np.diff(places) >= 0).all()
+    return list(zip(places.tolist(), rows.tolist(), cover.tolist(), strict=True))
+
+
+def test_what_nobody_knows_is_covered():
+    assert at_gaps([0.0, 0.1, 0.2], [1, 1, 1]) == [(0, 0, 0.0), (1, 1, 0.0), (2, 2, 0.0)]
+    assert at_gaps([0.0, 0.1, 0.2, 0.3], [1, 0, 0, 1]) == [
+        (0, 0, 0.0), (0, 0, 1.0), (3, 3, 1.0), (3, 3, 0.0)
+    ]  # fmt: skip
+    assert at_gaps([0.0, 0.1, 0.2], [0, 1, 0]) == [
+        (0, 1, 1.0), (1, 1, 1.0), (1, 1, 0.0), (1, 1, 1.0), (2, 1, 1.0)
+    ]  # fmt: skip
+    assert at_gaps([0.0, 0.1, 0.2], [0, 0, 0]) == [(0, 0, 1.0), (2, 2, 1.0)]
+
+
+def test_what_is_stale_is_not_known(shown):
+    stale = levels(made.frame(0.1, [0.3, 0.01]), 0, STALE)
+    _, data = shown.show(made.frame(0.0, [0.3, 0.01]), stale, made.frame(0.2, [0.3, 0.01]))
+    assert data[1].tolist() == [10.0, 300.0, 10.0]
+    shown.choice.pair = FAR
+    title, data = shown.show()
+    assert "grey: not known" in title
+    assert data[3].max() == 1.0
+
+
+def test_times_without_ticks_are_covered_but_not_a_slow_monitor():
+    stopped = [0.0, 0.1, 0.2, 15.2, 15.3]
+    assert at_gaps(stopped, [1] * 5)[2:6] == [(2, 2, 0.0), (2, 2, 1.0), (3, 3, 1.0), (3, 3, 0.0)]
+    for slow, period_s in (([0.0, 2.0, 4.0], 0.1), ([0.0, 0.1, 2.0], 1.0)):
+        assert not any(cover for _, _, cover in at_gaps(slow, [1, 1, 1], period_s))
+
+
+def test_the_plot_says_what_its_grey_is(shown):
+    shown.choice.pair = FAR
+    frames = [made.frame(0.1 * i, [0.3, 0.01 if i != 3 else np.nan]) for i in range(6)]
+    title, data = shown.show(*frames)
+    assert title.endswith("; grey: not known")
+    assert data[0].tolist() == [0.0, 0.1, 0.2, 0.2, 0.4, 0.4, 0.5]
+    assert data[3].tolist() == [0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0]
+    assert np.isfinite(np.array(data)).all()
+
+
+def test_a_browser_draws_no_line_through_a_gap_and_all_numbers(browser, server, eventually):
+    session, choice = Session(), Choice(pair=FAR)
+    plot = Plot(server.gui, session, choice)
+    for stamp in (*np.arange(0.0, 10.0, 0.1), *np.arange(20.0, 30.0, 0.1)):
+        session.add(made.frame(stamp, [0.3, 0.01], [0.3, 0.02]))
+    plot.show(UNLIKE, 0.0)
+    page = browser.new_page()
+    page.goto(f"http://127.0.0.1:{server.get_port()}", timeout=1e3 * START_DEADLINE_S)
+    page.wait_for_function(WIDE_ENOUGH, timeout=1e3 * START_DEADLINE_S)
+
+    def drawn():
+        blue, numbers = page.evaluate(SEEN)
+        third = np.array_split(np.array(blue), 3)
+        assert [part[4:-4].mean() for part in third] == [1.0, 0.0, 1.0]
+        assert {"1", "2", "0"} <= set(numbers)
+
+    eventually(drawn)
+    page.close()

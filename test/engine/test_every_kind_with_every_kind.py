@@ -1,0 +1,208 @@
+"""Each kind of model against each kind: near, crossing, almost touching and far away.
+
+Beside tessellations that are as near as a tolerance, whose bounds hold for the models themselves,
+as the tolerance is their `deviation`; and beside samples of these, that no engine searches. Meshes
+are held against exact arithmetic elsewhere.
+"""
+
+import itertools
+import zlib
+
+import numpy as np
+import pytest
+from engine_bodies import box, pose, rotation
+from scipy.spatial import cKDTree
+
+from proximity_monitor import engine
+from proximity_monitor.engine import Curve, ParametricSurface, Patch, SolidOfRevolution, Status
+
+TOLERANCE = 2e-4
+RADIUS, LENGTH = 0.02, 0.1
+WALL = np.array([[0.03, 0.0], [0.05, 0.04], [0.02, 0.1]])
+BENT = np.array([[0.0, 0.0, 0.0], [0.1, 0.05, 0.0], [0.1, 0.1, 0.1]])
+AXIS = [[0.0, 0.0, -0.5 * LENGTH], [0.0, 0.0, 0.5 * LENGTH]]
+PLACES = {"random": 0.12, "crossing": 0.02, "far": 20.0}
+SPACING = 6e-3
+
+
+def bowl():
+    """A patch that is open."""
+    x, y = np.meshgrid(*2 * [np.linspace(-0.05, 0.05, 4)], indexing="ij")
+    return ParametricSurface([Patch(np.stack((x, y, 8.0 * (x * x + y * y)), axis=2))])
+
+
+MODELS = {
+    "mesh": box((0.1, 0.08, 0.06)),
+    "surface": bowl(),
+    "revolution": SolidOfRevolution(
+        [Curve(each) for each in ([[0, 0], WALL[0]], WALL, [WALL[-1], [0, 0.1]])]
+    ),
+    "rounded": engine.polyline(AXIS, radius=RADIUS),
+    "curve": ParametricSurface([Curve(BENT)]),
+    "polyline": engine.polyline(BENT),
+    "points": engine.points(BENT),
+}
+
+
+def bezier(control, count):
+    """Points of a curve of degree 2, at equal steps."""
+    t = np.linspace(0.0, 1.0, count)[:, None]
+    return (1 - t) ** 2 * control[0] + 2 * t * (1 - t) * control[1] + t**2 * control[2]
+
+
+def lathe(profile, around=48):
+    """A closed mesh of a profile (n, 2) that runs from the axis to the axis."""
+    turn = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)
+    rho, z = np.asarray(profile)[1:-1].T
+    rings = np.stack(
+        (np.outer(rho, np.cos(turn)), np.outer(rho, np.sin(turn)), np.tile(z[:, None], around)), 2
+    )
+    vertices = [*rings.reshape(-1, 3), [0, 0, profile[0][1]], [0, 0, profile[-1][1]]]
+    low, high = len(vertices) - 2, len(vertices) - 1
+    faces = []
+    for j, k in zip(range(around), np.roll(range(around), -1), strict=True):
+        last = (len(rho) - 1) * around
+        faces += [[low, k, j], [last + j, last + k, high]]
+        for row in range(0, last, around):
+            faces += [[row + j, row + k, row + around + k]]
+            faces += [[row + j, row + around + k, row + around + j]]
+    return engine.TriangleMesh(np.array(vertices), faces, deviation=TOLERANCE, solid=True)
+
+
+def capsule():
+    """Points of a capsule's profile, whose chords err by less than the tolerance."""
+    angle = np.linspace(-0.5 * np.pi, 0.0, 9)
+    below = RADIUS * np.stack((np.cos(angle), np.sin(angle)), axis=1) - [0, 0.5 * LENGTH]
+    below[0, 0] = 0.0
+    return np.concatenate((below, below[::-1] * [1, -1]))
+
+
+def shown(model):
+    mesh = model.display_mesh(TOLERANCE)
+    return engine.TriangleMesh(mesh.vertices, mesh.faces, deviation=TOLERANCE, solid=False)
+
+
+TESSELLATED = MODELS | {
+    "surface": shown(MODELS["surface"]),
+    "curve": shown(MODELS["curve"]),
+    "revolution": lathe([[0, 0], *bezier(WALL, 12), [0, 0.1]]),
+    "rounded": lathe(capsule()),
+}
+"""Within the tolerance of the models."""
+
+CORES = TESSELLATED | {"rounded": engine.polyline(AXIS)}
+"""What `distance` sees: all of a capsule is as near as its axis less the radius, the inside too."""
+
+
+def samples(mesh):
+    """Points (n, 3) of a mesh; none of it is farther than the spacing from all of them."""
+    found = []
+    for corners in mesh.vertices[mesh.faces]:
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).max()
+        count = int(np.ceil(longest / SPACING)) + 1
+        u, v = np.meshgrid(*2 * [np.linspace(0.0, 1.0, count)])
+        u, v = u[u + v <= 1.0 + 1e-9], v[u + v <= 1.0 + 1e-9]
+        found.append(np.stack((1.0 - u - v, u, v), axis=1) @ corners)
+    return np.unique(np.concatenate(found), axis=0)
+
+
+SAMPLES = {name: samples(mesh) for name, mesh in CORES.items()}
+TREES = {name: cKDTree(points) for name, points in SAMPLES.items()}
+
+
+def sampled_distance(names, pose_a, pose_b):
+    """The distance of the samples."""
+    placed = SAMPLES[names[1]] @ pose_b[:3, :3].T + pose_b[:3, 3]
+    return TREES[names[0]].query((placed - pose_a[:3, 3]) @ pose_a[:3, :3])[0].min()
+
+
+def test_tessellations_are_as_near_as_they_say():
+    for name in ("surface", "curve", "revolution", "rounded"):
+        mesh, here = TESSELLATED[name], np.eye(4)
+        assert mesh.is_solid == MODELS[name].is_solid
+        corners = mesh.vertices[mesh.faces]
+        inner = [
+            corners.mean(axis=1),
+            *(0.5 * (corners[:, i] + corners[:, i - 1]) for i in range(3)),
+        ]
+        far = engine.closest_points(MODELS[name], here, np.concatenate(inner), signed=True)
+        assert np.abs(far.lower).max() < TOLERANCE
+
+
+def check(found, lower, upper):
+    """Two pairs of bounds of one number have it in common."""
+    assert found.lower <= found.upper
+    assert found.lower <= upper + 1e-12
+    assert found.upper >= lower - 1e-12
+
+
+def ask_all(a, pose_a, b, pose_b):
+    """The distance, which `within`, `collide` and the witness points must agree with."""
+    found = engine.distance(a, pose_a, b, pose_b)
+    assert 0.0 <= found.lower <= found.upper
+    if found.status is Status.EXACT:
+        assert found.upper - found.lower <= 1e-11
+    if found.upper > 0.0:
+        apart = np.linalg.norm(found.point_a - found.point_b)
+        assert abs(apart - found.upper) <= 1e-12
+    assert engine.within(a, pose_a, b, pose_b, found.upper).within
+    if found.lower > 1e-10:
+        assert not engine.within(a, pose_a, b, pose_b, found.lower - 1e-10).within
+    touch = engine.collide(a, pose_a, b, pose_b).colliding
+    assert touch or found.upper > 0.0
+    assert not (touch and found.lower > 1e-11)
+    return found
+
+
+@pytest.mark.parametrize("names", itertools.product(MODELS, MODELS), ids=" and ".join)
+def test_as_near_and_as_deep_as_a_tessellation(names):
+    a, b = (MODELS[name] for name in names)
+    core_a, core_b = (CORES[name] for name in names)
+    radii = RADIUS * names.count("rounded")
+    rng = np.random.default_rng(zlib.crc32(" ".join(names).encode()))
+    for place in PLACES.values():
+        pose_a, pose_b = pose(rng, 0.05), np.eye(4)
+        pose_b[:3, :3] = rotation(rng)
+        way = rng.normal(size=3)
+        pose_b[:3, 3] = pose_a[:3, 3] + place * way / np.linalg.norm(way)
+        found = ask_all(a, pose_a, b, pose_b)
+        about = engine.distance(core_a, pose_a, core_b, pose_b)
+        check(found, max(about.lower - radii, 0.0), max(about.upper - radii, 0.0))
+        sampled = sampled_distance(names, pose_a, pose_b) - radii
+        off = core_a.deviation + core_b.deviation
+        check(found, sampled - off - 2.0 * SPACING, max(sampled + off, 0.0))
+        signed = engine.signed_distance(a, pose_a, b, pose_b)
+        about = engine.signed_distance(*(
+            each for name, at in zip(names, (pose_a, pose_b), strict=True)
+            for each in (TESSELLATED[name], at)
+        ))  # fmt: skip
+        check(signed, about.lower, about.upper)
+        if signed.upper < 0.0:
+            assert signed.upper - signed.lower <= 0.0101 * -signed.lower + 1e-11
+
+
+@pytest.mark.parametrize("names", itertools.product(MODELS, MODELS), ids=" and ".join)
+@pytest.mark.parametrize("gap", [1e-6, 1e-9])
+def test_almost_touching(names, gap):
+    """The second model is moved towards the first along the line of the nearest points.
+
+    Nothing comes nearer by more than it is moved, so the distance left is known.
+    """
+    a, b = (MODELS[name] for name in names)
+    rng = np.random.default_rng(zlib.crc32(" ".join(names).encode()))
+    pose_a, pose_b = pose(rng, 0.05), pose(rng)
+    way = rng.normal(size=3)
+    pose_b[:3, 3] = pose_a[:3, 3] + 0.25 * way / np.linalg.norm(way)
+    start = engine.distance(a, pose_a, b, pose_b)
+    line = start.point_a - start.point_b
+    length = np.linalg.norm(line)
+    assert start.status is Status.EXACT and length > 0.01
+    pose_b[:3, 3] += line * (1.0 - gap / length)
+    least, most = start.lower - (length - gap) - 1e-15, gap + 1e-15
+    found = ask_all(a, pose_a, b, pose_b)
+    check(found, least, most)
+    assert found.upper - found.lower <= (1e-11 if found.status is Status.EXACT else 0.5 * gap)
+    assert engine.within(a, pose_a, b, pose_b, 1.001 * gap + 1e-11).within
+    assert not engine.within(a, pose_a, b, pose_b, 0.4 * gap).within
+    assert not engine.collide(a, pose_a, b, pose_b).colliding
+    check(engine.signed_distance(a, pose_a, b, pose_b), least, most)
