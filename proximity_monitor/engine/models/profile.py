@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base.rounding import DOUBLE_EPS
+from ..kernels.revolution.axis import farthest_beyond
 from ..kernels.revolution.crossing import first_crossing
 from .bezier import bernstein
 from .checks import ModelError
@@ -58,10 +59,10 @@ def checked_profile(nets: Sequence[Net], name: str) -> Profile:
     size = max(float(np.abs(net.points).max()) for net in nets)
     near = JOINED * size
     pieces = tuple(frozen(net.pieces()[:, 0, :, 0][..., [0, 1, 3]]) for net in nets)
-    for i, (net, own) in enumerate(zip(nets, pieces, strict=True)):
-        _check_axis(net, own, near, f"{name}: curves[{i}]")
+    all_of = _together(pieces)
+    _check_axis(nets, all_of, near, name)
     closed = _check_ends(pieces, near, name)
-    _check_simple(pieces, size, name)
+    _check_simple(all_of, size, name)
     area = sum(_area(own, pieces[0][0, 0], closed) for own in pieces)
     wide, high, _ = np.ptp(np.concatenate([net.points for net in nets]), axis=0)
     if not abs(area) > JOINED * wide * high + _AREA_ROUNDING * size * (wide + high):
@@ -69,22 +70,40 @@ def checked_profile(nets: Sequence[Net], name: str) -> Profile:
     return Profile(tuple(nets), closed, size, area > 0.0, pieces)
 
 
-def _check_axis(net: Net, pieces: Reals, near: float, what: str) -> None:
-    """Refuse a curve of which a point is beyond the axis, by more than what is `near`."""
-    rho = net.points[:, 0]
-    if (rho >= 0.0).all():
+class _Pieces(NamedTuple):
+    """The Bezier pieces of all curves of a profile, one after the other, as kernels take them."""
+
+    nets: Reals
+    """(n, 16, 3) rho w, z w and w of control points; what is beyond a degree means nothing."""
+    degrees: NDArray[np.int64]
+    curves: NDArray[np.int64]
+    """(n,) of which curve each is one."""
+
+
+def _together(pieces: Sequence[Reals]) -> _Pieces:
+    """All pieces, of those of each curve."""
+    counts = [len(own) for own in pieces]
+    padded = np.ones((sum(counts), HIGHEST_DEGREE + 1, 3))
+    for own, end in zip(pieces, np.cumsum(counts).tolist(), strict=True):
+        padded[end - len(own) : end, : own.shape[1]] = own
+    degrees = np.repeat([own.shape[1] - 1 for own in pieces], counts)
+    return _Pieces(padded, degrees, np.repeat(np.arange(len(pieces)), counts))
+
+
+def _check_axis(nets: Sequence[Net], all_of: _Pieces, near: float, name: str) -> None:
+    """Refuse curves of which a point is beyond the axis, by more than what is `near`."""
+    if all((net.points[:, 0] >= -near).all() for net in nets):
         return
-    along, _ = net.spans
-    count = 16 * pieces.shape[1] + 1
-    shares = np.linspace(0.0, 1.0, count)
-    for k, rows in enumerate(_points(pieces, count)[..., 0]):
-        found, t = rows, along.low[k] + shares * (along.high[k] - along.low[k])
-        worst = int(found.argmin())
-        if found[worst] < -near:
-            raise ModelError(
-                f"{what}: crosses the axis: rho = {found[worst]:.6g} m at t = {t[worst]:.6g}; "
-                "a profile stays where rho >= 0"
-            )
+    i, share, rho = farthest_beyond(all_of.nets, all_of.degrees, near)
+    if i >= 0:
+        k = int(all_of.curves[i])
+        along, _ = nets[k].spans
+        own = i - int(np.searchsorted(all_of.curves, k))
+        t = (1.0 - share) * along.low[own] + share * along.high[own]
+        raise ModelError(
+            f"{name}: curves[{k}]: crosses the axis: rho = {rho:.6g} m at t = {t:.6g}; "
+            "a profile stays where rho >= 0"
+        )
 
 
 def _check_ends(pieces: Sequence[Reals], near: float, name: str) -> bool:
@@ -126,15 +145,10 @@ def _shares(degree: int, count: int) -> Reals:
     return frozen(bernstein(degree, s, 1.0 - s))
 
 
-def _check_simple(pieces: Sequence[Reals], size: float, name: str) -> None:
+def _check_simple(all_of: _Pieces, size: float, name: str) -> None:
     """Refuse a profile that crosses itself."""
-    counts = [len(own) for own in pieces]
-    curves = np.repeat(np.arange(len(pieces)), counts)
-    padded = np.ones((len(curves), HIGHEST_DEGREE + 1, 3))
-    for own, end in zip(pieces, np.cumsum(counts).tolist(), strict=True):
-        padded[end - len(own) : end, : own.shape[1]] = own
-    degrees = np.repeat([own.shape[1] - 1 for own in pieces], counts)
-    i, j, rho, z = first_crossing(padded, degrees, size)
+    curves = all_of.curves
+    i, j, rho, z = first_crossing(all_of.nets, all_of.degrees, size)
     if i >= 0:
         raise ModelError(
             f"{name}: curves[{curves[i]}] and curves[{curves[j]}] cross near [{rho:.6g}, {z:.6g}]; "

@@ -1,38 +1,87 @@
 """Whether a profile crosses itself.
 
-Its Bezier pieces are cut into chords with bands as wide as a piece bends away from them. Where the
-bands of two chords meet that are no neighbours, both parts are cut again, until they are straight.
+Its Bezier pieces are halved until each part runs within a quarter turn, so that none crosses
+itself. Parts that follow each other make up a run as long as there is a direction along which all
+of them advance: no two of a run meet. Parts of different runs are compared with each other, and
+where no line between their control points proves them separate they are halved and compared again:
+until they are, or cross for certain, or are too straight for it to matter.
+
+What is taken for a profile that does not cross itself though it does:
+
+- A loop that shrinks to nothing if the profile is moved by some 1e-12 of its size, at a corner or a
+  cusp as well as elsewhere: _LEAST says why. It is narrow rather than short. That of a cubic near a
+  cusp is up to 1e-7 of the size long; and where the sides of a corner of no angle leave each other
+  as a circle as large as the profile leaves its tangent, up to 1e-5; straighter ones may be so near
+  each other for any length.
+- Pieces that cross where one of them ends, at an angle of less than _ANGLE, and as near to that end
+  as some 1e-12 of the size over the angle.
+- What is left to compare after _LOOKS at two parts and at what they are halved into, or _ALL_LOOKS
+  in all, and is no wider than _COARSE. That is so where a bent profile runs on itself for long, or
+  beside itself at less than some 1e-9 of its size.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..base.jit import allocating, allocating_entry, inlined, kernel
+from ..base.jit import allocating, allocating_entry, kernel
 from ..base.memory import table_on_stack
-
-_LEAST, _MOST, _FLAT = 4, 64, 1e-3
-"""Chords of a piece, at least and at most; and how far it may bend away from them, as a share of
-the profile's size."""
+from .part import (
+    BOX,
+    COLUMNS,
+    PLACE,
+    ROWS,
+    copy,
+    cross_wider,
+    directions,
+    extent,
+    halve,
+    heading,
+    parted,
+    separate,
+    take,
+    width,
+)
 
 _STRAIGHT = 1e-12
-"""Share of the size by which a part may bend that is taken for straight: how far apart two points
-may be that are taken for one, besides."""
+"""Share of the profile's size, as all lengths here: how far a part may bend away from its chord
+that is taken for straight, and how far apart two points may be that are taken for one."""
+
+_LEAST = 2e-12
+"""By how much what crosses has to be moved before it does not, at least: more than the 1e-12 that
+ends may be apart that coincide, and that rounding may have moved points at a cusp."""
+
+_QUARTER, _HALF = 0.5 * np.pi, 3.0
+"""Radians between which the tangents of a part and of a run are. Those of a run advance along a
+common direction by 1/14 of their length or more."""
 
 _ANGLE = 1e-6
 """Sine of the angle below which straight parts run along each other and do not cross."""
 
-_FINER, _ROOM, _LOOKS = 8, 4096, 1 << 16
-"""Into how many parts one is cut; how many pairs may wait; and how many are looked at, at the most.
-Where a profile runs along itself for long, it is taken for granted that it does not cross."""
+_BENT = 16.0
+"""A part's tangents are at an angle of up to 4 times its width over its length to its chord, as a
+circle's are; twice that to the next chord. Parts that run along each other may lie so."""
 
-_WIDTH = 16
-"""Control points that a piece has room for."""
+_AROUND = 1e-4
+"""Straight parts that meet at a larger angle are refused though none may be across the other: a
+corner may be on a wall. But the profile has to go farther away than this between them. Where its
+sides leave a corner or a cusp as the power m <= 15 of how far they are from it, they are at an
+angle of m times their distance over that: a smaller one if they are as near as 3e-12."""
+
+_DEEPEST = 60
+"""How often a piece is halved at most: a cusp is a point by then."""
+
+_ROOM, _LOOKS, _ALL_LOOKS = 256, 1 << 14, 1 << 16
+"""Pairs that may wait; how many are looked at, at most, for a pair of parts and in all."""
+
+_COARSE, _FEW_LOOKS = 1e-5, 1 << 10
+"""What is taken for straight where a pair takes more than that: what crosses at large is found by
+so many looks. So many each pair may take, whatever others took."""
 
 
 @allocating_entry
 def first_crossing(nets, degrees, size):
-    """Where a profile crosses itself first, as it runs along.
+    """Where a profile crosses itself first, as it runs along; see above what is overlooked.
 
     Args:
         nets: (n, 16, 3) control points rho w, z w and w of its pieces, one after the other.
@@ -40,62 +89,228 @@ def first_crossing(nets, degrees, size):
         size: metres; the largest coordinate.
 
     Returns:
-        (i, j, rho, z): two pieces and a point, metres; i is -1 where it does not.
+        (i, j, rho, z): two pieces, which may be the same, and a point, metres; i is -1 where it
+        does not.
     """
-    chords = _chords(nets, degrees, size)
-    pairs, looks = np.empty((_ROOM, 8)), 0
-    last = len(chords) - 1
-    for i in range(last):
-        for j in range(i + 2, last + (i > 0)):  # in a loop the last is a neighbour of the first
-            if not _near(chords[i], chords[j]):
+    if not size > 0.0:
+        return -1, -1, 0.0, 0.0
+    parts, angles = _parts(nets, degrees, size)
+    starts, boxes = _runs(parts, angles)
+    count, runs, looks = len(parts), len(boxes), 0
+    pairs, joined = np.empty((_ROOM, 2, ROWS, COLUMNS)), np.empty(_ROOM, np.bool_)
+    closed = count > 2 and _closes(parts[0], parts[-1], degrees)
+    for r in range(runs):
+        for s in range(r + 1, runs):
+            if not _boxes_meet(boxes[r], boxes[s]):
                 continue
-            pairs[0, 0], pairs[0, 1], pairs[0, 2] = chords[i, 5], chords[i, 6], chords[i, 7]
-            pairs[0, 3], pairs[0, 4], pairs[0, 5] = chords[j, 5], chords[j, 6], chords[j, 7]
-            pairs[0, 6], pairs[0, 7] = chords[i, 4], chords[j, 4]
-            found, looks, rho, z = _look(nets, degrees, size, pairs, looks)
-            if found:
-                return np.int64(chords[i, 5]), np.int64(chords[j, 5]), rho, z
+            for i in range(starts[r], starts[r + 1]):
+                if not _boxes_meet(parts[i, BOX], boxes[s]):
+                    continue
+                for j in range(starts[s], starts[s + 1]):
+                    if not _boxes_meet(parts[i, BOX], parts[j, BOX]):
+                        continue
+                    last = closed and i == 0 and j == count - 1  # followed by the first
+                    a, b = (j, i) if last else (i, j)
+                    p, q = np.int64(parts[a, PLACE, 2]), np.int64(parts[b, PLACE, 2])
+                    joint = last or j == i + 1
+                    if not _may_cross(parts[a], degrees[p], parts[b], degrees[q], joint):
+                        continue
+                    left = min(_LOOKS, max(_ALL_LOOKS - looks, _FEW_LOOKS))
+                    for enough in (_STRAIGHT, _COARSE):
+                        copy(parts[a], degrees[p], pairs[0, 0])
+                        copy(parts[b], degrees[q], pairs[0, 1])
+                        joined[0] = joint
+                        found, made, rho, z = _look(
+                            nets, degrees, size, closed, pairs, joined, enough, left
+                        )
+                        looks += made
+                        if found:
+                            return min(p, q), max(p, q), rho * size, z * size
+                        if made < left:
+                            break
+                        left = _FEW_LOOKS
     return -1, -1, 0.0, 0.0
 
 
 @allocating
-def _chords(nets, degrees, size):
-    """Chords (n, 8): two ends, the bend, the piece, and its parameters there."""
-    counts, bends = np.empty(len(nets), np.int64), np.empty(len(nets))
+def _parts(nets, degrees, size):
+    """Parts (n, 18, 5) in units of the size, but points; and their tangents' angles (n, 2)."""
+    parts, angles, count = np.empty((4 * len(nets), ROWS, COLUMNS)), np.empty((4 * len(nets), 2)), 0
+    waiting, depths = np.empty((_DEEPEST + 4, ROWS, COLUMNS)), np.empty(_DEEPEST + 4, np.int64)
+    part, kept = np.empty((ROWS, COLUMNS)), 0
     for k in range(len(nets)):
-        bends[k] = _bend(nets[k], degrees[k])
-        wanted = np.sqrt(bends[k] / (_FLAT * size))
-        counts[k] = min(max(np.int64(min(wanted, 1e6)), _LEAST), _MOST)
-    chords = np.empty((counts.sum(), 8))
-    at = 0
+        take(nets[k], degrees[k], size, k, part)
+        kept += extent(part) > _STRAIGHT
+    enough = 0 if kept > 2 else 2  # of a loop no two parts may have both ends in common
     for k in range(len(nets)):
-        count = counts[k]
-        for i in range(count):
-            _cut(nets[k], degrees[k], i / count, (i + 1) / count, chords[at])
-            chords[at, 4], chords[at, 5] = bends[k] / (count * count), k
-            at += 1
-    return chords
+        take(nets[k], degrees[k], size, k, waiting[0])
+        left, depths[0] = 1, 0
+        while left > 0:
+            left -= 1
+            copy(waiting[left], degrees[k], part)
+            depth = depths[left]
+            if extent(part) <= _STRAIGHT:
+                continue
+            low, high = directions(part, degrees[k])
+            if depth < _DEEPEST and (depth < enough or high - low > _QUARTER):
+                halve(part, degrees[k], waiting[left + 1], waiting[left])
+                depths[left] = depths[left + 1] = depth + 1
+                left += 2
+                continue
+            if count == len(parts):
+                more, beside = np.empty((2 * count, ROWS, COLUMNS)), np.empty((2 * count, 2))
+                more[:count], beside[:count] = parts, angles
+                parts, angles = more, beside
+            copy(part, degrees[k], parts[count])
+            angles[count, 0], angles[count, 1] = low, high
+            count += 1
+    return parts[:count], angles[:count]
+
+
+@allocating
+def _runs(parts, angles):
+    """Where runs begin (r + 1,), and the boxes (r, 4) around them."""
+    starts, boxes, runs = np.empty(len(parts) + 1, np.int64), np.empty((len(parts), 4)), 0
+    low, high = 0.0, 0.0
+    for i in range(len(parts)):
+        own_low, own_high = angles[i, 0], angles[i, 1]
+        turns = 2.0 * np.pi * np.rint((low + high - own_low - own_high) / (4.0 * np.pi))
+        own_low, own_high = own_low + turns, own_high + turns
+        box = parts[i, BOX]
+        if i > 0 and max(high, own_high) - min(low, own_low) <= _HALF:
+            low, high = min(low, own_low), max(high, own_high)
+            for c in (0, 2):
+                boxes[runs - 1, c] = min(boxes[runs - 1, c], box[c])
+                boxes[runs - 1, c + 1] = max(boxes[runs - 1, c + 1], box[c + 1])
+            continue
+        low, high, starts[runs] = own_low, own_high, i
+        for c in range(4):
+            boxes[runs, c] = box[c]
+        runs += 1
+    starts[runs] = len(parts)
+    return starts[: runs + 1], boxes[:runs]
 
 
 @kernel
-def _bend(net, degree):
-    """About how far a piece bends away from its chord, metres; more than that if it is rational."""
-    most = 0.0
-    for i in range(degree - 1):
-        for c in range(2):
-            a, b, d = (
-                net[i, c] / net[i, 2],
-                net[i + 1, c] / net[i + 1, 2],
-                net[i + 2, c] / net[i + 2, 2],
-            )
-            most = max(most, abs(a - 2.0 * b + d))
-    return 0.25 * degree * degree * most
+def _closes(first, last, degrees):
+    """Whether the profile ends where it begins."""
+    end = last[degrees[np.int64(last[PLACE, 2])]]
+    return np.hypot(first[0, 3] - end[3], first[0, 4] - end[4]) <= _LEAST
+
+
+@kernel
+def _boxes_meet(a, b):
+    return a[0] <= b[1] and b[0] <= a[1] and a[2] <= b[3] and b[2] <= a[3]
+
+
+@kernel
+def _may_cross(a, degree_a, b, degree_b, joined):
+    """Whether parts are not known to be separate, or on different sides of where they join."""
+    if joined:
+        return not parted(a, degree_a, b, degree_b, _STRAIGHT)
+    return not separate(a, degree_a, b, degree_b)
+
+
+@kernel
+def _look(nets, degrees, size, closed, pairs, joined, enough, most):
+    """Whether the two parts in pairs[0] cross, how many looks that took, and where they do.
+
+    Where `joined` says so, the first of a pair ends where the second begins. If there are as many
+    looks as there may be, they may cross all the same.
+    """
+    a0, a1 = table_on_stack(ROWS, COLUMNS, 0.0), table_on_stack(ROWS, COLUMNS, 0.0)
+    b0, b1 = table_on_stack(ROWS, COLUMNS, 0.0), table_on_stack(ROWS, COLUMNS, 0.0)
+    p, q = np.int64(pairs[0, 0, PLACE, 2]), np.int64(pairs[0, 1, PLACE, 2])
+    degree_a, degree_b = degrees[p], degrees[q]
+    count, looks = 1, 0
+    while count > 0 and looks < most:
+        looks += 1
+        count -= 1
+        a, b, joint = pairs[count, 0], pairs[count, 1], joined[count]
+        halve_a, halve_b = width(a) > enough, width(b) > enough
+        found, rho, z = cross_wider(nets, degrees, size, a, b, _LEAST)
+        if found:
+            return True, looks, rho, z
+        if not (halve_a or halve_b):
+            if enough == _STRAIGHT and not joint and _meet(nets, degrees, size, closed, a, b):
+                rho, z = _where(a, degree_a, b, degree_b)
+                return True, looks, rho, z
+            continue
+        if count + 4 > _ROOM:
+            continue
+        if halve_a:
+            halve(a, degree_a, a0, a1)
+        else:
+            copy(a, degree_a, a1)
+        if halve_b:
+            halve(b, degree_b, b0, b1)
+        else:
+            copy(b, degree_b, b0)
+        for k in range(4):  # the joint last, that is next
+            if (k < 2 and not halve_a) or (k % 2 == 0 and not halve_b):
+                continue
+            one, other = a0 if k < 2 else a1, b1 if k % 2 == 0 else b0
+            joined[count] = joint and k == 3
+            if _may_cross(one, degree_a, other, degree_b, joined[count]):
+                copy(one, degree_a, pairs[count, 0])
+                copy(other, degree_b, pairs[count, 1])
+                count += 1
+    return False, looks, 0.0, 0.0
+
+
+@kernel
+def _where(a, degree_a, b, degree_b):
+    """Where a part's chord meets the line of another's, or comes nearest to doing so."""
+    u, v = heading(a, degree_a)
+    x, y = heading(b, degree_b)
+    across = u * y - v * x
+    along = 0.5 * a[BOX, 4]
+    if abs(across) > _ANGLE:
+        along = ((b[0, 3] - a[0, 3]) * y - (b[0, 4] - a[0, 4]) * x) / across
+    along = min(max(along, 0.0), a[BOX, 4])
+    return a[0, 3] + along * u, a[0, 4] + along * v
+
+
+@kernel
+def _meet(nets, degrees, size, closed, a, b):
+    """Whether straight parts that meet are at an angle, and far apart along the profile."""
+    i, j = np.int64(a[PLACE, 2]), np.int64(b[PLACE, 2])
+    u, v = heading(a, degrees[i])
+    x, y = heading(b, degrees[j])
+    bent = width(a) / a[BOX, 4] + width(b) / b[BOX, 4]
+    if abs(u * y - v * x) <= _ANGLE + _BENT * bent:
+        return False
+    x, y = _where(a, degrees[i], b, degrees[j])
+    x, y = x * size, y * size
+    if i > j or (i == j and a[PLACE, 0] > b[PLACE, 0]):
+        a, b, i, j = b, a, j, i
+    far = _AROUND * size
+    if not _leaves(nets, degrees, i, a[PLACE, 1], j, b[PLACE, 0], x, y, far):
+        return False
+    if not closed:
+        return True
+    last = len(nets) - 1
+    return _leaves(nets, degrees, j, b[PLACE, 1], last, 1.0, x, y, far) or _leaves(
+        nets, degrees, 0, 0.0, i, a[PLACE, 0], x, y, far
+    )
+
+
+@kernel
+def _leaves(nets, degrees, i, low, j, high, x, y, far):
+    """Whether the profile is ever farther than `far` from a point, metres, between two places."""
+    for k in range(i, j + 1):
+        first, last = low if k == i else 0.0, high if k == j else 1.0
+        for m in range(9):
+            rho, z = _point(nets[k], degrees[k], first + (last - first) * m / 8)
+            if np.hypot(rho - x, z - y) > far:
+                return True
+    return False
 
 
 @kernel
 def _point(net, degree, t):
-    """The point of a piece at t, by de Casteljau's method."""
-    rows = table_on_stack(_WIDTH, 3, 0.0)
+    """The point of a piece at t, metres, by de Casteljau's method."""
+    rows = table_on_stack(16, 3, 0.0)
     for i in range(degree + 1):
         for c in range(3):
             rows[i, c] = net[i, c]
@@ -104,86 +319,3 @@ def _point(net, degree, t):
             for c in range(3):
                 rows[i, c] = (1.0 - t) * rows[i, c] + t * rows[i + 1, c]
     return rows[0, 0] / rows[0, 2], rows[0, 1] / rows[0, 2]
-
-
-@kernel
-def _cut(net, degree, low, high, chord):
-    """Write the ends of a part of a piece, and its parameters, but for a chord's bend and piece."""
-    chord[0], chord[1] = _point(net, degree, low)
-    chord[2], chord[3] = _point(net, degree, high)
-    chord[6], chord[7] = low, high
-
-
-@inlined
-def _side(a, x, y):
-    """How far a point is to the left of a chord, times its length."""
-    return (a[2] - a[0]) * (y - a[1]) - (a[3] - a[1]) * (x - a[0])
-
-
-@kernel
-def _near(a, b):
-    """Whether the bands of two chords may meet."""
-    both = a[4] + b[4]
-    for c in range(2):
-        if min(a[c], a[2 + c]) > max(b[c], b[2 + c]) + both:
-            return False
-        if min(b[c], b[2 + c]) > max(a[c], a[2 + c]) + both:
-            return False
-    for _ in range(2):
-        wide = both * np.hypot(a[2] - a[0], a[3] - a[1])
-        p, q = _side(a, b[0], b[1]), _side(a, b[2], b[3])
-        if min(p, q) > wide or max(p, q) < -wide:
-            return False
-        a, b = b, a
-    return True
-
-
-@kernel
-def _look(nets, degrees, size, pairs, looks):
-    """Whether the two parts in pairs[0] cross, how many looks were made then, and where they do."""
-    one, other = table_on_stack(_FINER, 8, 0.0), table_on_stack(_FINER, 8, 0.0)
-    count, enough = 1, _STRAIGHT * size
-    while count > 0 and looks < _LOOKS:
-        looks += 1
-        count -= 1
-        i, j = np.int64(pairs[count, 0]), np.int64(pairs[count, 3])
-        bend_a, bend_b = pairs[count, 6], pairs[count, 7]
-        low_a, low_b = pairs[count, 1], pairs[count, 4]
-        step_a, step_b = pairs[count, 2] - low_a, pairs[count, 5] - low_b
-        straight = max(bend_a, bend_b) <= enough
-        parts = 1 if straight else _FINER
-        for k in range(parts):
-            _cut(
-                nets[i],
-                degrees[i],
-                low_a + k * step_a / parts,
-                low_a + (k + 1) * step_a / parts,
-                one[k],
-            )
-            _cut(
-                nets[j],
-                degrees[j],
-                low_b + k * step_b / parts,
-                low_b + (k + 1) * step_b / parts,
-                other[k],
-            )
-            one[k, 4], other[k, 4] = bend_a / (parts * parts), bend_b / (parts * parts)
-        if straight:
-            if _cross(one[0], other[0]):
-                return True, looks, one[0, 0], one[0, 1]
-            continue
-        for k in range(parts):
-            for m in range(parts):
-                if count < _ROOM and _near(one[k], other[m]):
-                    pairs[count, 0], pairs[count, 1], pairs[count, 2] = i, one[k, 6], one[k, 7]
-                    pairs[count, 3], pairs[count, 4], pairs[count, 5] = j, other[m, 6], other[m, 7]
-                    pairs[count, 6], pairs[count, 7] = one[k, 4], other[m, 4]
-                    count += 1
-    return False, looks, 0.0, 0.0
-
-
-@kernel
-def _cross(a, b):
-    """Whether straight parts that meet, or nearly so, cross: unless they run along each other."""
-    x, y, u, v = a[2] - a[0], a[3] - a[1], b[2] - b[0], b[3] - b[1]
-    return abs(x * v - y * u) > _ANGLE * np.hypot(x, y) * np.hypot(u, v)

@@ -1,0 +1,269 @@
+"""Profiles that cross themselves or their axis are refused, however little; others are not."""
+
+import itertools
+import math
+import re
+
+import numpy as np
+import pytest
+
+from proximity_monitor.engine import Curve, ModelError, SolidOfRevolution
+from proximity_monitor.engine.models.profile import checked_profile
+
+LINE = Curve([[0, 0], [1, 0]])
+HALF = math.sqrt(0.5)
+
+
+def refusal(curves):
+    """Why a profile is refused; empty if it is not."""
+    try:
+        checked_profile([curve.nets[0] for curve in curves], "part")
+    except ModelError as error:
+        return str(error)
+    return ""
+
+
+def polyline(*points):
+    return [Curve(ends) for ends in itertools.pairwise(points)]
+
+
+def hooked(slope, back=0.2):
+    """A line, and a curve that goes back beside it and crosses it `back` from the corner."""
+    return [LINE, Curve([[1, 0], [0.5, 0.5 * back * slope], [0, (back - 1) * slope]])]
+
+
+def looped(width):
+    """A wall of one cubic: with a cusp; a loop, if the width is above 0; or a bend, if below."""
+    wall = Curve([[1, 0], [3 + width, 1], [1 - width, 1], [3, 0]])
+    return [LINE, wall, *polyline([3, 0], [3, 2], [0, 2])]
+
+
+def dipped(depth, t=22.5 / 48):
+    """A wall rho = (t' - t)^2 - depth, and caps at both its ends."""
+    start, control, end = t * t - depth, t * t - t - depth, (1 - t) ** 2 - depth
+    wall = Curve([[start, 0], [control, 0.5], [end, 1]])
+    return [Curve([[0, 0], [start, 0]]), wall, Curve([[end, 1], [0, 1]])]
+
+
+def spiked(weight):
+    """A wall with a heavy control point beyond the axis."""
+    control = [[1, 0], [1, 0.45], [-0.1, 0.5], [1, 0.55], [1, 1]]
+    return [LINE, Curve(control, weights=[1, 1, weight, 1, 1e12]), Curve([[1, 1], [0, 1]])]
+
+
+@pytest.mark.parametrize("slope", [0.03, 0.02, 0.01, 1e-3, 1e-6, 1e-9])
+def test_crosses_its_neighbour(slope):
+    with pytest.raises(ModelError, match=r"curves\[0\] and curves\[1\] cross near \[0.8, "):
+        SolidOfRevolution(hooked(slope))
+
+
+@pytest.mark.parametrize("slope", [0.03, 1e-3, 1e-5])
+def test_crosses_where_two_others_join(slope):
+    found = refusal([*polyline([0, 0], [0.8, 0], [1, 0]), hooked(slope)[1]])
+    assert "cross near [0.8, 0]" in found
+
+
+@pytest.mark.parametrize("width", [1e-6, 1e-4, 1e-3, 0.05, 0.2])
+def test_a_piece_that_crosses_itself(width):
+    with pytest.raises(ModelError, match=r"curves\[1\] and curves\[1\] cross near \[2,"):
+        SolidOfRevolution(looped(width))
+    assert not refusal(looped(-width))
+
+
+def test_what_deform_makes_of_a_cusp():
+    made = SolidOfRevolution(looped(0.0))
+    points = np.concatenate([curve.nets[0].points for curve in looped(1e-3)])
+    with pytest.raises(ModelError, match="cross near"):
+        made.deform(points[:, :2])
+    assert made.revision == 0
+
+
+@pytest.mark.parametrize("depth", [1e-3, 1e-4, 1e-6, 1e-8, 1e-10])
+def test_crosses_the_axis(depth):
+    with pytest.raises(ModelError, match=f"crosses the axis: rho = -{depth:.2g}"):
+        SolidOfRevolution(dipped(depth))
+    made = SolidOfRevolution(dipped(0.0))
+    points = np.concatenate([curve.nets[0].points for curve in dipped(depth)])
+    with pytest.raises(ModelError, match=r"curves\[1\]: crosses the axis: .* at t = 0.46875"):
+        made.deform(points[:, :2])
+
+
+def test_crosses_the_axis_by_little_more_than_is_allowed():
+    for t in (22.5 / 48, 0.5, 1 / 3, 0.123456789):
+        assert "crosses the axis: rho = -1.1" in refusal(dipped(1.15e-12, t))
+
+
+@pytest.mark.parametrize("depth", [0.9e-12, 1e-13, 1e-15, 0.0, -1e-13, -1e-3])
+def test_touches_the_axis_but_for_rounding(depth):
+    for t in (22.5 / 48, 0.5, 1 / 3, 0.123456789):
+        assert not refusal(dipped(depth, t))
+
+
+def test_crosses_the_axis_between_weights_of_many_magnitudes():
+    assert "crosses the axis: rho = -0.0963382 m at t = 0.00099" in refusal(spiked(1e8))
+    assert not refusal(spiked(1e6))
+
+
+def test_the_knot_span_where_it_crosses_the_axis():
+    control = np.array([[0, 0], [1, 0], [1, 1], [1, 2], [-0.5, 2.5], [1, 3], [1, 4], [0, 4]])
+    found = refusal([Curve(control, [2, 2, 2, 3, 4, 5, 6, 7, 8, 8, 8])])
+    assert re.search(r"curves\[0\]: crosses the axis: rho = -0.125 m at t = 5.5;", found)
+
+
+def arc(*control):
+    return Curve(control, weights=[1, HALF, 1])
+
+
+LEGAL = {
+    "corners on the axis": polyline([0, 0], [1, 0.5], [0, 1], [1, 1.5], [0, 2]),
+    "along the axis": polyline([0, 0], [1, 0], [1, 1], [0, 1], [0, 2], [1, 2], [1, 3], [0, 3]),
+    "closed along the axis": polyline([0, 0], [1, 0], [1, 1], [0, 1], [0, 0]),
+    "loop with a corner on the axis": polyline([1, 0], [0, 0.5], [1, 1], [2, 0.5], [1, 0]),
+    "begins and ends at one place": polyline([0, 0], [1, -1], [1, 1], [0, 0]),
+    "begins and ends nearly there": polyline([0, 0], [1, -1], [1, 1], [0, 1e-11]),
+    "two arcs": [Curve([[1, 0], [2, 0.5], [1, 1]]), Curve([[1, 1], [1.2, 0.5], [1, 0]])],
+    "two arcs with one tangent at their tips": [
+        Curve([[1, 0], [2, 0], [1, 1]]),
+        Curve([[1, 1], [2 - 1e-6, 0], [1, 0]]),
+    ],
+    "line and arc": [
+        *polyline([1, 0.3], [1, 0], [2, 0]),
+        arc([2, 0], [1.7, 0], [1.7, 0.3]),
+        Curve([[1.7, 0.3], [1, 0.3]]),
+    ],
+    "line and a small arc": [
+        *polyline([1, 1e-4], [1, 0], [2, 0]),
+        arc([2, 0], [2 - 1e-4, 0], [2 - 1e-4, 1e-4]),
+        Curve([[2 - 1e-4, 1e-4], [1, 1e-4]]),
+    ],
+    "cusp": looped(0.0),
+    "short pieces": polyline([0, 0], [1, 0], [1 + 1e-9, 1e-9], [1, 1], [0, 1]),
+    "pieces of no length": polyline([0, 0], [1, 0], [1 + 1e-13, 0], [1, 1], [0, 1]),
+    "ends that are apart": [
+        LINE,
+        Curve([[1 - 9e-13, 3e-13], [0.5, 3e-13], [0, 0.1]]),
+    ],
+    "horn torus": [
+        Curve(
+            [[0, 0], [0, -1], [1, -1], [2, -1], [2, 0], [2, 1], [1, 1], [0, 1], [0, 0]],
+            [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4],
+            [1, HALF] * 4 + [1],
+        )
+    ],
+    "weights of many magnitudes": [
+        Curve([[0, 0], [1, 0], [1, 1], [0, 1]], weights=[1, 1e30, 1, 1e-15])
+    ],
+}
+
+
+@pytest.mark.parametrize("name", LEGAL)
+def test_legal(name):
+    assert not refusal(LEGAL[name])
+    turned = [
+        Curve(net.points[::-1, :2], -net.knots_u[::-1], weights)
+        for net in (curve.nets[0] for curve in LEGAL[name][::-1])
+        for weights in [None if net.weights is None else net.weights[::-1, 0]]
+    ]
+    assert not refusal(turned)
+
+
+def test_runs_on_itself_before_it_leaves():
+    """Both sides of a corner of no angle may touch, but what crosses beyond that is found."""
+    out = np.array([[1, 0], [1.3, 0.3], [1.6, 0.2], [2, 0.5], [2.2, 1], [2.3, 1.5], [2.5, 2]])
+    knots = [0, 0, 0, 1, 2, 3, 4, 5, 5, 5]
+    for above in (True, False):  # where it came from, as it turns away
+        back = out[::-1].copy()
+        back[-3:] = [[1.5, 0.6], [1.3, 1], [1, 1]] if above else [[1.5, 0.3], [1.5, -0.3], [1, 0.8]]
+        found = refusal([Curve(out, knots), Curve(back, knots), Curve([back[-1], out[0]])])
+        assert ("curves[0] and curves[1] cross near" in found) is not above
+
+
+def test_random_stars_are_accepted():
+    """Seen from the middle each piece turns to one side, whatever its weights; so none crosses."""
+    random = np.random.default_rng(5)
+    for _ in range(150):
+        degrees = random.integers(1, 7, random.integers(3, 7))
+        steps = random.uniform(0.05, 1.0, degrees.sum())
+        # No control point is half a turn from another of its piece.
+        steps /= np.repeat(np.add.reduceat(steps, np.cumsum(degrees) - degrees), degrees)
+        angles = np.concatenate(([0.0], np.cumsum(steps))) * 2.0 * np.pi / len(degrees)
+        radii = 10.0 ** random.uniform(-2.0, 0.0, len(angles))
+        points = np.column_stack((np.cos(angles), np.sin(angles))) * radii[:, None] + [1.0, 0.0]
+        points[-1] = points[0]
+        starts = np.cumsum(degrees) - degrees
+        curves = [
+            Curve(points[a : a + n + 1], weights=10.0 ** random.uniform(-3.0, 3.0, n + 1))
+            for a, n in zip(starts, degrees, strict=True)
+        ]
+        assert not refusal(curves)
+
+
+def test_random_cusps_and_corners_of_no_angle():
+    random = np.random.default_rng(6)
+    for size in 10.0 ** random.uniform(-6.0, -2.0, 100):
+        t, turn = random.uniform(0.2, 0.8), random.uniform(0.0, 2.0 * np.pi)
+        rotated = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        for loop in (size, 0.0, -size):
+            # (s^2, s^3 - loop s) for s = t' - t, by its polar form
+            roots = np.array([[0, 0, 0], [0, 0, 1], [0, 1, 1], [1, 1, 1]]) - t
+            pairs = (roots * np.roll(roots, 1, axis=1)).mean(axis=1)
+            control = np.column_stack((pairs, roots.prod(axis=1) - loop * roots.mean(axis=1)))
+            ends = [control[-1], [3.0, 0.0], control[0]]
+            whole = [np.asarray(each) @ rotated + 5.0 for each in (control, ends[:2], ends[1:])]
+            assert ("cross near" in refusal([Curve(each) for each in whole])) == (loop > 0.0)
+        slope, back = 10.0 ** random.uniform(-5.0, 0.0), random.uniform(0.01, 0.9)
+        assert "cross near" in refusal(hooked(slope, back))
+        assert not refusal([LINE, Curve([[1, 0], [back, 0], [0, slope]])])
+
+
+def sampled(curves, count):
+    """Points along a profile, as many on each span."""
+    found = []
+    for curve in curves:
+        (along, _) = curve.nets[0].spans
+        t = np.linspace(along.low, along.high, count)[:-1].T.ravel()
+        found.append(curve.nets[0].derivatives(t, 0.0 * t, 0)[:, 0, 0, :2])
+    return np.concatenate([*found, curves[-1].nets[0].points[-1:, :2]])
+
+
+def crossing(points, kept=None):
+    """Whether lines between points cross; but for those at both ends, which may be one place."""
+    places = np.arange(len(points) - 1) if kept is None else np.nonzero(kept[:-1] & kept[1:])[0]
+    start = points[places]
+    step = points[places + 1] - start
+
+    def side(point):
+        x, y = np.moveaxis(point[None] - start[:, None], 2, 0)
+        return step[:, :1] * y - step[:, 1:] * x
+
+    over = side(start) * side(start + step) < 0.0
+    i, j = np.nonzero(over & over.T)
+    return bool(((j > i + 1) & (places[j] - places[i] < len(points) - 2)).any())
+
+
+def test_random_profiles_against_samples():
+    random = np.random.default_rng(7)
+    crossed = 0
+    for _ in range(200):
+        corners = random.uniform(0.1, 1.0, (random.integers(3, 6), 2))
+        corners[[0, -1], 0] = 0.0
+        spread, curves = random.choice([0.05, 0.2, 0.6]), []
+        for ends in itertools.pairwise(corners):
+            degree, spans = random.integers(1, 6), random.integers(1, 4)
+            share = np.linspace(0.0, 1.0, degree + spans)[:, None]
+            points = (1.0 - share) * ends[0] + share * ends[1]
+            points[1:-1] += spread * random.normal(size=(len(points) - 2, 2)) / len(points) ** 0.5
+            points[:, 0] = np.abs(points[:, 0])
+            knots = [0] * (degree + 1) + [*range(1, spans)] + [spans] * (degree + 1)
+            weights = 10.0 ** random.uniform(-1.0, 1.0, len(points))
+            curves.append(Curve(points, knots, weights))
+        found = refusal(curves)
+        truth = crossing(sampled(curves, 30))
+        if found and not truth:  # a loop that is smaller than the samples are apart
+            rho, z = re.search(r"near \[(.*), (.*)\]", found).groups()
+            fine = sampled(curves, 3000)
+            far = np.linalg.norm(fine - [float(rho), float(z)], axis=1)
+            truth = crossing(fine, far <= np.sort(far)[600])
+        assert truth == ("cross near" in found)
+        crossed += truth
+    assert 50 < crossed < 150
