@@ -42,14 +42,18 @@ class Turns:
         """Do what has come so far, in its order. An error leaves the rest for the next time."""
         for _ in range(len(self._waiting)):
             call = self._waiting.popleft()
-            self._restore(call)
-            call.act(*call.given)
+            if call.field is None:
+                call.act(*call.given)
+            else:
+                self._act_with_its_value(call)
 
-    def _restore(self, call: _Call) -> None:
-        """Give a field the value of that call: another one, or the page, may have changed it."""
-        if call.field is None or call.field.value == call.value:
+    def _act_with_its_value(self, call: _Call) -> None:
+        """Do it as if the field had still the value of that call: it may have got another since."""
+        state = call.field._impl  # setting the field's `value` would call all who listen to it
+        newer, state.value = state.value, call.value
+        call.act(*call.given)
+        if newer == call.value or state.value != call.value:
             return
-        if any(later.field is call.field for later in list(self._waiting)):
-            call.field._impl.value = call.value  # the browser is further by now
-        else:
-            call.field.value = call.value
+        state.value = newer
+        if not any(later.field is call.field for later in list(self._waiting)):
+            call.field.value = call.value  # the page changed it, and told the browser so

@@ -101,12 +101,15 @@ def test_what_a_browser_asks_for_has_its_turn_between_two_steps(page, raw, serve
 
 def test_each_has_its_turn_with_the_value_that_a_person_gave(page, raw, server):
     word = next(each for each in raw.inputs() if getattr(each, "label", "") == "pressed")
-    raw.set(word, f"pick:{' - '.join(NAMES)}#1")
-    raw.set(word, "unfilter:#2")
+    raw.set(word, f"ignore:{' - '.join(NAMES)}#1")
+    raw.set(word, f"ignore:{' - '.join(NAMES)}#2")
+    raw.set(word, "unfilter:#3")
+    raw.set(word, f"pick:{' - '.join(NAMES)}#4")  # done twice it would be undone
     raw.set(page.move._who, "b")
     raw.heard(server)
     page.move._who.value = "(none)"  # a step may say so before it hears of the choice
     page.tell()
+    assert page.choice.ignored == frozenset()
     assert page.choice.pair == NAMES
     assert page.choice.body == page.move._who.value == "b"
 
