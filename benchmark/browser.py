@@ -11,7 +11,7 @@ range, and takes the times between two lists, and between two frames.
 
 Monitor, player, display and Chromium share the machine's cores. Without a graphics card Chromium
 draws by software, which takes most of their time; `--small` makes its window smaller. With
-`--undrawn` nothing is drawn: that is left to wait for where a graphics card draws.
+`--undrawn` nothing is drawn, so what is left is about what a person with a graphics card waits for.
 """
 
 from __future__ import annotations
