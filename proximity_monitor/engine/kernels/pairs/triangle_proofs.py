@@ -13,20 +13,8 @@ from ..base.vectors import along, dot, norm, scaled, sub
 from ..elements.primitives import corners, mixed
 from ..elements.triangles import point_face
 from ..inside.nearest import point_outline
-from ..surface.certificate import (
-    ACROSS,
-    CORNER,
-    ENDS,
-    ERRORS,
-    HALF,
-    MIDDLE,
-    SLOPE,
-    SPREAD,
-    can_be_proven,
-    find_in,
-    put_point,
-    put_ranges,
-)
+from ..surface.certificate import can_be_proven, find_in, put_point, put_ranges
+from ..surface.form import ACROSS, CORNER, ENDS, ERRORS, HALF, MIDDLE, SLOPE, SPREAD
 
 _LARGE = 0.25
 """A weight that is no error; one of three is at least that."""

@@ -5,25 +5,10 @@ from __future__ import annotations
 from ..base.jit import implements, inlined, kernel
 from ..base.trees import NONE, SurfaceTree
 from .cells import net_of
-from .certificate import (
-    ACROSS,
-    CORNER,
-    ENDS,
-    ERRORS,
-    HALF,
-    HALVES,
-    LARGEST,
-    MIDDLE,
-    SECOND,
-    SLOPE,
-    SPREAD,
-    can_be_proven,
-    find_in,
-    put_point,
-    put_ranges,
-)
+from .certificate import can_be_proven, find_in, put_point, put_ranges
 from .evaluate import jet_at, point_at
 from .facing import vector
+from .form import ACROSS, CORNER, ENDS, ERRORS, HALF, HALVES, MIDDLE, SECOND, SLOPE, SPREAD
 from .ranges import errors_of, ranges_of, slope_error
 
 
@@ -78,9 +63,6 @@ def _put_ranges(tree, cells, nets, index, d, side):
     side[HALVES] = ranges.half_uu + twice * p * p
     side[HALVES + 1] = ranges.half_uv + twice * p * q
     side[HALVES + 2] = ranges.half_vv + twice * q * q
-    side[LARGEST] = ranges.most_uu + twice * p * p
-    side[LARGEST + 1] = ranges.most_uv + twice * p * q
-    side[LARGEST + 2] = ranges.most_vv + twice * q * q
     share = slope_error(piece, tree.nets)
     side[ERRORS] = share * p * (cell.high[0] - cell.low[0])
     side[ERRORS + 1] = share * q * (cell.high[1] - cell.low[1])

@@ -1,37 +1,17 @@
-"""A proof that nothing in two cells is nearer than the limit: convexity around the nearest points.
+"""A proof that nothing in two cells is nearer than the limit, where they hold the nearest points.
 
-For a unit vector n and the way D(p) between two points, with p the parameters of both, let
-tau = D - n (n D) be the part of D across n. Where |D| <= U, |D| - n D = tau^2 / (|D| + n D) is at
-least tau^2 / 2U, so for any m of 0 to 1/U
-
-    F(p) = n D + m tau^2 / 2
-
-is a lower bound of |D|. At the nearest points p0, with n along D and m = 1/U, its Hessian is that
-of |D| itself. Where it is positive all over two cells that hold these points, F is at least
-F(p0) + F'(p0) (p - p0) there: so both cells are done with. That is so in cells of a fixed size
-however near the surfaces are, as m may be less than 1/U; a bound of the gap alone would have cells
-divided until they are as small as the square root of what the answer may err by. The smaller m is,
-the less it matters how D changes across n, so the first to be tried is one that just outweighs the
-bends away from the other surface; it is 0 between cells that bulge towards each other.
-
-Where a point lies at an end of a parameter, F rises from there by F' x. Beside a saddle the Hessian
-is not positive when both points move along it; but for steps x of 0 to L the linear term is at
-least the quadratic F' x^2 / L, and outweighs that. So it counts as 2 F' / L in the Hessian.
-
-Where a tolerance leaves room below |D(p0)|, the Hessian may be as negative as that allows over the
-cells' extent. Points of joints and of edges between triangles lie in several cells: each has its
+See `form.py`. Points of joints and of edges between triangles lie in several cells: each has its
 own proof.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
-from ..base.jit import inlined, kernel, shared
-from ..base.memory import on_stack, table_on_stack
+from ..base.jit import kernel
+from ..base.memory import table_on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.vectors import dot, moved, norm, rotated, scaled, sub, turned_back
+from ..base.vectors import moved, norm, scaled, sub, turned_back
 from .facing import vector
+from .form import SIDE, falls_by, surpasses
 from .measure import MINIMUM_STEPS, measure_near
 from .newton import MOST
 from .sides import element_of
@@ -39,8 +19,8 @@ from .sides import element_of
 PROOF_STEPS = 4
 """Steps of a search that a proof takes as long as."""
 
-_ROUNDING = 1e-9
-"""Share of the Hessian's diagonal that is left out, for all that rounding does to it."""
+_FALLS = 1e-6
+"""Share of the distance by which that has to fall beyond the end of an element to be looked for."""
 
 
 def can_be_proven(tree, cells, index):
@@ -63,37 +43,6 @@ def put_point(tree, cells, index, weights, d, side):
 
     Of a triangle, which parameters these are depends on the point: so all that is said of it.
     """
-
-
-ACROSS, SPREAD, MIDDLE, HALF = 0, 6, 8, 10
-SECOND, HALVES, LARGEST = 12, 15, 18
-SLOPE, ENDS, ERRORS, CORNER = 21, 27, 31, 33
-_SIDE = 34
-_ACROSS, _SPREAD, _SLOPE, _SLANT, _RISE, _FORM = 0, 3, 4, 5, 6, 7
-"""A Side: numbers about a cell and a point of it, parameters being 0 to 1 over it. By u, and then
-by v: of the derivative see `Ranges`, across, 3 numbers each, spread, middle and half. Of the second
-derivatives by uu, uv and vv: middle, half and most. At the point: the derivative, 3 numbers each;
-how far back and forth the parameter may go from there; and how many times a point's rounding the
-derivative may err by. Last, whether the sum of both parameters is 1 at the most as well.
-
-The other line is about the rows of `_put_form`."""
-
-_STRETCH, _TILT = 1.0 + 1e-5, 1e-5
-"""By what lengths of b are increased, and which share of what is along n may be across it besides:
-a pose may change them by RIGID_TOLERANCE."""
-
-_OUTWEIGHING = 4.0
-"""How many times what outweighs the largest bend away from the other surface m is at first."""
-
-_SPARE = 1e-3
-"""Share of the Hessian's diagonal that outweighs what is left of the gradient at the points."""
-
-_FALLS = 1e-6
-"""Share of the distance by which that has to fall beyond the end of an element to be looked for."""
-
-_SHARE, _LARGEST = 0.5, 0.99
-"""Share of m |J x|^2 that is left of it where J is not the same all over the cells: where m is as
-large as need be; and at most where it is the largest, and more is left the less J differs."""
 
 
 @kernel
@@ -121,7 +70,7 @@ def is_done(tree_a, tree_b, state, a, b, slack):
     if not distance - slack > progress.enough:
         return False, 1
     n = scaled(way, (1.0 - 4.0 * DOUBLE_EPS) / distance)
-    sides = table_on_stack(2, _SIDE, 0.0)
+    sides = table_on_stack(2, SIDE, 0.0)
     put_ranges(tree_a, waiting.cells_a, waiting.nets_a, a, n, sides[0])
     put_ranges(tree_b, waiting.cells_b, waiting.nets_b, b, turned_back(motion, n), sides[1])
     put_point(tree_a, waiting.cells_a, a, at_a, n, sides[0])
@@ -130,258 +79,10 @@ def is_done(tree_a, tree_b, state, a, b, slack):
     element_a = element_of(tree_a, waiting.cells_a, a)
     element_b = element_of(tree_b, waiting.cells_b, b)
     other = element_a != progress.element_a or element_b != progress.element_b
-    if other and _fall(sides, n, motion) < -_FALLS * distance:
+    if surpasses(sides, n, motion, distance, progress.slack, limit):
+        return True, PROOF_STEPS
+    if other and falls_by(sides, n, motion) < -_FALLS * distance:
         # They were found at the end of an element, and beyond it the distance falls further.
         measure_near(tree_a, tree_b, state, element_a, at_a, element_b, at_b, MOST)
-        return False, MINIMUM_STEPS
-    return _surpasses(sides, n, motion, distance, progress.slack, limit), PROOF_STEPS
-
-
-@shared
-def _surpasses(sides, n, motion, distance, slack, limit):
-    """Whether |D| is at least `limit` all over two sides; `slack` is what `distance` errs by."""
-    form = table_on_stack(4, _FORM, 0.0)
-    _put_form(sides, n, motion, form)
-    high = distance - limit - 16.0 * DOUBLE_EPS * distance  # n is that much shorter than a unit
-    bends = across = spread = 0.0
-    for i in range(4):
-        side, k = sides[i // 2], i % 2
-        begin, end = _ends(sides, i)
-        # The derivatives at the points err as the points do, times the degree.
-        high -= slack * side[ERRORS + k] * (end - begin)
-        across += _STRETCH * norm(_three(side, SLOPE + 3 * k)) * (end - begin)
-        middle, least = _three(form[i], _ACROSS), side[SECOND + 2 * k]
-        least = (least if i >= 2 else -least) - side[HALVES + 2 * k]
-        squared = dot(middle, middle)
-        if squared > 0.0 and not _rises(sides, form, i, 0.0) > 0.0:
-            bends = max(bends, -least / squared)
-            spread = max(spread, form[i, _SPREAD] / np.sqrt(squared))
-    # tau vanishes at the points but for what these err by, and that times m is a slope as well. So
-    # the least m that makes the Hessian positive is the best, and all that serves where the points
-    # are very near each other. But in large cells it may not suffice.
-    m, share = min(1.0 / distance, _OUTWEIGHING / _SHARE * bends), _SHARE
-    larger = min(max(1.0 - spread, _SHARE), _LARGEST)
-    for _ in range(2):
-        left = high - m * slack * across
-        if left >= 0.0 and _is_least(sides, form, slack, m, share, left):
-            return True
-        m, share = 1.0 / distance, larger
-    return False
-
-
-@kernel
-def _put_form(sides, n, motion, form):
-    """Write a row about each of the four parameters: how D changes with it, in the frame of a.
-
-    Across n, the middle of the derivative and how far it may be from there; along n, middle and
-    half length of its range, and what it is at the points.
-    """
-    for i in range(4):
-        side, k = sides[i // 2], i % 2
-        middle, first = _three(side, ACROSS + 3 * k), _three(side, SLOPE + 3 * k)
-        slope, slant = side[MIDDLE + k], side[HALF + k]
-        if i < 2:  # of a: the way goes from there
-            middle, first, slope = scaled(middle, -1.0), scaled(first, -1.0), -slope
-        else:
-            middle, first = rotated(motion, middle), rotated(motion, first)
-        row = form[i]
-        row[_ACROSS], row[_ACROSS + 1], row[_ACROSS + 2] = middle
-        row[_SPREAD] = _STRETCH * side[SPREAD + k] + _TILT * (abs(slope) + slant)
-        row[_SLOPE], row[_SLANT] = slope, slant
-        row[_RISE] = dot(first, n)
-
-
-@kernel
-def _fall(sides, n, motion):
-    """The least that n D rises by, as the derivatives at the points say, over either side."""
-    u, v = _three(sides[0], SLOPE), _three(sides[0], SLOPE + 3)
-    least = _least_rise(sides[0], -dot(u, n), -dot(v, n))
-    u, v = rotated(motion, _three(sides[1], SLOPE)), rotated(motion, _three(sides[1], SLOPE + 3))
-    return least + _least_rise(sides[1], dot(u, n), dot(v, n))
-
-
-@inlined
-def _least_rise(side, u, v):
-    """The least that F rises by from the point on over a side, with its derivatives there."""
-    low_u, high_u, low_v, high_v = side[ENDS], side[ENDS + 1], side[ENDS + 2], side[ENDS + 3]
-    if side[CORNER] == 0.0:
-        return min(u * low_u, u * high_u) + min(v * low_v, v * high_v)
-    corner = u * low_u + v * low_v
-    return min(corner, min(u * high_u + v * low_v, u * low_u + v * high_v))
-
-
-@inlined
-def _rises(sides, form, i, turn):
-    """The least that F rises by a parameter as it leaves its end at the points; 0 if it has none.
-
-    `turn` is the most that m tau, times the derivative across n, may take off that.
-    """
-    begin, end = _ends(sides, i)
-    if begin == 0.0 and end > 0.0:
-        return form[i, _SLOPE] - form[i, _SLANT] - turn
-    if end == 0.0 and begin < 0.0:
-        return -form[i, _SLOPE] - form[i, _SLANT] - turn
-    return 0.0
-
-
-@inlined
-def _turn(sides, form, held, reaches, slack, i):
-    """The most that tau times its derivative takes off what F rises by from a parameter's end.
-
-    tau is the sum of all derivatives across n times how far these parameters have gone from the
-    points; what this one has gone itself adds to the rise, as a rule.
-    """
-    own = _three(form[i], _ACROSS)
-    if _ends(sides, i)[0] < 0.0:
-        own = scaled(own, -1.0)
-    least = -slack * reaches[i]
-    for j in range(4):
-        if held[j] > 0.0:
-            continue
-        begin, end = _ends(sides, j)
-        product = dot(own, _three(form[j], _ACROSS))
-        error = reaches[i] * form[j, _SPREAD] + reaches[j] * form[i, _SPREAD]
-        error += 8.0 * DOUBLE_EPS * reaches[i] * reaches[j]
-        least += min(min(end * (product - error), begin * (product + error)), 0.0)
-    return -least
-
-
-@inlined
-def _lift(sides, form, i):
-    """What an element of the Hessian's diagonal grows by where F rises from its parameter's end.
-
-    From 0 to L, g x is at least (2 g / L) x^2 / 2. What g errs by is in `high`; see `_surpasses`.
-    """
-    (begin, end), slope = _ends(sides, i), form[i, _RISE]
-    if begin == 0.0 and end > 0.0:
-        return 2.0 * max(slope, 0.0) / end
-    if end == 0.0 and begin < 0.0:
-        return 2.0 * max(-slope, 0.0) / -begin
-    return 0.0
-
-
-@inlined
-def _lift_of_both(sides, form, i, j):
-    """The same of an element off the diagonal, for both parameters of a triangle from a corner.
-
-    As x + y is at most 1, g x + h y is at least (g x + h y) (x + y), and any mean of that and of
-    g x^2 + h y^2. The share that is taken makes it a multiple of the squared length of the way,
-    where g and h are to each other as the squared lengths of both sides: a bend that is alike in
-    all directions, as a sphere's, is outweighed as well as can be.
-    """
-    one, other = _lift(sides, form, i), _lift(sides, form, j)
-    if i // 2 != j // 2 or sides[i // 2, CORNER] == 0.0 or one == 0.0 or other == 0.0:
-        return 0.0
-    e, f = _three(form[i], _ACROSS), _three(form[j], _ACROSS)
-    share = 2.0 * dot(e, f) / (dot(e, e) + dot(f, f))
-    return 0.5 * min(max(share, 0.0), 1.0) * (one + other)
-
-
-@kernel
-def _is_least(sides, form, slack, m, share, left):
-    """Whether F is nowhere less by more than `left` than it is at the points.
-
-    A parameter that ends there, where F rises all over the cells as it leaves its end, is as good
-    as fixed; and then tau is less, so that another one may be. Of those that are left the Hessian
-    has to be positive, by Cholesky's factors, when so much is added to its diagonal as makes that
-    difference. What it may differ by from that of the middles is subtracted there: with |E_ij| at
-    most R_ij, x E x is at least minus the sum of x_i^2 R_ij w_j / w_i, for any w > 0.
-
-    Of m |J x|^2, where the columns of J differ by e_i at most from those of the middles, J_0, a
-    `share` t is left: it is at least t m |J_0 x|^2 - t / (1 - t) m (sum of e_i |x_i|)^2, by Young's
-    inequality. So it counts with their squares how much they differ: of four parameters two do not
-    change tau, and there the bends have to outweigh that.
-
-    Where the points were not found to the last digit, the tangent falls from there: by its least
-    value over the cells, or, where a share s of the Hessian's diagonal h_i is left to outweigh
-    that, by g_i^2 / (2 s h_i), as g x + s h x^2 / 2 is no less.
-    """
-    hessian, errors = table_on_stack(4, 4, 0.0), table_on_stack(4, 4, 0.0)
-    held, reaches, kept = on_stack(4, 0.0), on_stack(4, 0.0), on_stack(4, 0.0)
-    for i in range(4):
-        held[i] = 0.0
-        reaches[i] = _STRETCH * (norm(_three(form[i], _ACROSS)) + form[i, _SPREAD])
-    changed = True
-    while changed:
-        changed = False
-        for i in range(4):
-            if held[i] > 0.0:
-                continue
-            if _rises(sides, form, i, m * _turn(sides, form, held, reaches, slack, i)) > 0.0:
-                held[i], changed = 1.0, True
-    reach = slack  # how far across n the way may lead at most
-    for i in range(4):
-        begin, end = _ends(sides, i)
-        reach += (1.0 - held[i]) * reaches[i] * max(-begin, end)
-    extent = 0.0
-    for i in range(4):
-        for j in range(i + 1):
-            if held[i] > 0.0 or held[j] > 0.0:
-                hessian[i, j] = errors[i, j] = errors[j, i] = 0.0
-                continue
-            value = share * m * dot(_three(form[i], _ACROSS), _three(form[j], _ACROSS))
-            error = share / (1.0 - share) * m * form[i, _SPREAD] * form[j, _SPREAD]
-            value += _lift(sides, form, i) if i == j else _lift_of_both(sides, form, i, j)
-            if i // 2 == j // 2:
-                side, k = sides[i // 2], i % 2 + j % 2
-                middle, half = side[SECOND + k], side[HALVES + k]
-                value += middle if i >= 2 else -middle
-                error += m * reach * (side[LARGEST + k] + _TILT * (abs(middle) + half)) + half
-            hessian[i, j] = value
-            errors[i, j] = errors[j, i] = _STRETCH * error
-        if hessian[i, i] == 0.0 and errors[i, i] == 0.0:
-            hessian[i, i] = 1.0  # a parameter that there is not
-            continue
-        begin, end = _ends(sides, i)
-        most = max(-begin, end)
-        extent += (abs(hessian[i, i]) + errors[i, i]) * most * most
-    for i in range(0, 4, 2):
-        side = sides[i // 2]
-        fall = 0.0
-        for k in range(i, i + 2):
-            (begin, end), slope = _ends(sides, k), form[k, _RISE]
-            least, kept[k] = min(slope * begin, slope * end), 1.0 - _ROUNDING
-            if held[k] == 0.0 and hessian[k, k] > 0.0:
-                other = -slope * slope / (2.0 * _SPARE * hessian[k, k])
-                if other > least:
-                    least, kept[k] = other, 1.0 - _ROUNDING - _SPARE
-            fall += least
-        left += max(fall, _least_rise(side, form[i, _RISE], form[i + 1, _RISE]))
-    if not left >= 0.0:
-        return False
-    # F may be less by half the sum of what is added times the squares of the extents.
-    more = left / extent if extent > 0.0 else 0.0
-    weights = on_stack(4, 0.0)
-    for i in range(4):
-        hessian[i, i] += more * (abs(hessian[i, i]) + errors[i, i])
-        if not hessian[i, i] > errors[i, i]:
-            return False
-        weights[i] = 1.0 / np.sqrt(hessian[i, i])
-    for i in range(4):
-        hessian[i, i] *= kept[i]
-        for j in range(4):
-            hessian[i, i] -= errors[i, j] * weights[j] / weights[i]
-    for i in range(4):
-        for j in range(i + 1):
-            value = hessian[i, j]
-            for k in range(j):
-                value -= hessian[i, k] * hessian[j, k]
-            if i != j:
-                hessian[i, j] = value / hessian[j, j]
-            elif value > 0.0:
-                hessian[i, i] = np.sqrt(value)
-            else:
-                return False
-    return True
-
-
-@inlined
-def _three(numbers, at):
-    return (numbers[at], numbers[at + 1], numbers[at + 2])
-
-
-@inlined
-def _ends(sides, i):
-    """How far a parameter may go back, not above 0, and forth, not below 0."""
-    at = ENDS + 2 * (i % 2)
-    return sides[i // 2, at], sides[i // 2, at + 1]
+        return False, PROOF_STEPS + MINIMUM_STEPS
+    return False, PROOF_STEPS

@@ -44,7 +44,7 @@ def leads_to_edges(tree_a, tree_b, state, a, b, slack):
         return False
     one, radius = ball_of(tree_a, waiting.cells_a, waiting.nets_a, a)
     other, more = ball_of(tree_b, waiting.cells_b, waiting.nets_b, b)
-    spread = (radius + more) * (1.0 + 1e-5) + 4.0 * slack  # lengths of b: see certificate.py
+    spread = (radius + more) * (1.0 + 1e-5) + 4.0 * slack  # lengths of b: see form.py
     way = sub(moved(state.motions[0], other), one)
     if of_a and falls(tree_a, waiting.cells_a, waiting.nets_a, a, way, spread):
         return True

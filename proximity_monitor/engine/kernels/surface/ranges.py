@@ -13,17 +13,16 @@ import numpy as np
 
 from ..base.jit import kernel, shared
 from ..base.memory import on_stack
-from ..base.rounding import DOUBLE_EPS
 from ..base.vectors import norm, scaled
 from .subdivide import PROJECTED
 
 Ranges = namedtuple(
     "Ranges", "across_u spread_u middle_u half_u across_v spread_v middle_v half_v"
-    " middle_uu half_uu most_uu middle_uv half_uv most_uv middle_vv half_vv most_vv"
+    " middle_uu half_uu middle_uv half_uv middle_vv half_vv"
 )  # fmt: skip
 """Of each derivative, metres: middle and half length of the range of its product with a direction
-d; and of x - d (d x), what it is across d, how long that is at most. Of the first derivatives'
-parts across d also a vector that these are near, and they differ from it by `spread` at the most.
+d. Of the first derivatives also what they are across d, x - d (d x): a vector that these are near,
+and they differ from it by `spread` at the most.
 """
 
 
@@ -60,26 +59,23 @@ def _first(nets, at, room, p, n, step_i, step_j, factor, d):
 
 @kernel
 def _second(nets, at, room, p, n, step, other, count_i, count_j, factor, d):
-    """Middle and half length of d times a second derivative, and its largest length across d.
+    """Middle and half length of the range of d times a second derivative.
 
-    As d is no longer than a unit, |x - d (d x)|^2 is at most |x|^2 - (d x)^2. The differences
-    are of the points k, k + step, k + other and k + step + other.
+    The differences are of the points k, k + step, k + other and k + step + other.
     """
-    low, high, most = np.inf, -np.inf, 0.0
+    low, high = np.inf, -np.inf
     for i in range(count_i):
         for j in range(count_j):
             k = at + i * n + j
-            value = squared = 0.0
+            value = 0.0
             for axis in range(3):
                 m = k + axis * room
                 x = (nets[m + step + other] - nets[m + step]) - (nets[m + other] - nets[m])
                 value += d[axis] * x
-                squared += x * x
             low, high = min(low, value), max(high, value)
-            most = max(most, squared * (1.0 + 16.0 * DOUBLE_EPS) - value * value)
     if high < low:
-        return 0.0, 0.0, 0.0
-    return 0.5 * factor * (low + high), 0.5 * factor * (high - low), factor * np.sqrt(most)
+        return 0.0, 0.0
+    return 0.5 * factor * (low + high), 0.5 * factor * (high - low)
 
 
 _RATIONAL = 32.0
@@ -148,7 +144,7 @@ def _of_net(nets, at, room, p, q, d):
     vv = _second(nets, at, room, p, n, 1, 1, p + 1, q - 1, q * (q - 1.0), d)
     return Ranges(
         across_u, spread_u, middle_u, half_u, across_v, spread_v, middle_v, half_v,
-        uu[0], uu[1], uu[2], uv[0], uv[1], uv[2], vv[0], vv[1], vv[2],
+        uu[0], uu[1], uv[0], uv[1], vv[0], vv[1],
     )  # fmt: skip
 
 
@@ -193,7 +189,7 @@ def _quotients(piece, nets, at, d, c):
     if not high < _MOST_WEIGHTS * low:
         return Ranges(
             of.across_u, np.inf, 0.0, np.inf, of.across_v, np.inf, 0.0, np.inf,
-            0.0, np.inf, np.inf, 0.0, np.inf, np.inf, 0.0, np.inf, np.inf,
+            0.0, np.inf, 0.0, np.inf, 0.0, np.inf,
         )  # fmt: skip
     inverse, error = 0.5 * (1.0 / low + 1.0 / high), (high - low) / (high + low)
     wu, half_wu = _weight(weights, p, n, n, n, p, n, 0, float(p))
@@ -211,7 +207,6 @@ def _quotients(piece, nets, at, d, c):
     du, half_u = inverse * of.middle_u, more * (of.half_u + reach_along * most_u)
     dv, half_v = inverse * of.middle_v, more * (of.half_v + reach_along * most_v)
     half_u, half_v = inverse * half_u + error * abs(du), inverse * half_v + error * abs(dv)
-    size_u, size_v = norm(u) + spread_u, norm(v) + spread_v
     middle_uu = of.middle_uu - 2.0 * du * wu
     half_uu = of.half_uu + 2.0 * (abs(du) * half_wu + half_u * most_u) + reach_along * most_uu
     middle_uv = of.middle_uv - du * wv - dv * wu
@@ -222,11 +217,8 @@ def _quotients(piece, nets, at, d, c):
     return Ranges(
         u, spread_u, du, half_u, v, spread_v, dv, half_v,
         inverse * middle_uu, inverse * (more * half_uu + error * abs(middle_uu)),
-        inverse * more * (of.most_uu + 2.0 * size_u * most_u + reach * most_uu),
         inverse * middle_uv, inverse * (more * half_uv + error * abs(middle_uv)),
-        inverse * more * (of.most_uv + size_u * most_v + size_v * most_u + reach * most_uv),
         inverse * middle_vv, inverse * (more * half_vv + error * abs(middle_vv)),
-        inverse * more * (of.most_vv + 2.0 * size_v * most_v + reach * most_vv),
     )  # fmt: skip
 
 
