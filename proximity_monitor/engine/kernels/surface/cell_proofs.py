@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 from ..base.jit import implements, inlined, kernel
+from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE, SurfaceTree
+from ..base.vectors import along, dot, norm, scaled, sub
 from .cells import net_of
 from .certificate import can_be_proven, find_in, put_point, put_ranges
 from .evaluate import jet_at, point_at
-from .facing import vector
+from .facing import closest_in, parameters_in, vector
 from .form import ACROSS, CORNER, ENDS, ERRORS, HALF, HALVES, MIDDLE, SECOND, SLOPE, SPREAD
 from .ranges import errors_of, ranges_of, slope_error
+from .sides import roughness
+
+_JOINED = 1e-9
+"""Share of a model's size by which patches that are joined may be apart, in what is tried here."""
+
+_FOOT_STEPS, _FLAT = 8, 1e-12
+"""Steps to the point of a cell that is another patch's, and the share of both squared derivatives'
+product that their determinant has at the least."""
 
 
 @implements(can_be_proven, SurfaceTree)
@@ -22,17 +32,77 @@ def _can_be_proven(tree, cells, index):
 @kernel
 def _find_in(tree, cells, index, element, weights):
     cell = cells[index]
+    place, piece = (weights[0], weights[1]), tree.pieces[cell.element]
     if cell.element != element:
-        one, other = tree.pieces[element], tree.pieces[cell.element]
-        if one.patch != other.patch or one.edge != NONE:
+        one = tree.pieces[element]
+        if one.edge != NONE:
             return False, weights, (0.0, 0.0, 0.0)
-        u = _carried(weights[0], one.low[0], one.high[0], other.low[0], other.high[0])
-        v = _carried(weights[1], one.low[1], one.high[1], other.low[1], other.high[1])
-        weights = (u, v, 0.0)
+        if one.patch == piece.patch:
+            u = _carried(weights[0], one.low[0], one.high[0], piece.low[0], piece.high[0])
+            v = _carried(weights[1], one.low[1], one.high[1], piece.low[1], piece.high[1])
+            place = u, v
+        elif not (0.0 < weights[0] < 1.0 and (0.0 < weights[1] < 1.0 or one.degree_v == 0)):
+            p = point_at(one, tree.nets, weights[0], weights[1])
+            rough = max(roughness(tree, cells, index), 0.0)
+            return _find_beside(piece, tree.nets, cell, p, rough, tree.scale[2])
     low, high = cell.low, cell.high
-    if not (low[0] <= weights[0] <= high[0] and low[1] <= weights[1] <= high[1]):
+    if not (low[0] <= place[0] <= high[0] and low[1] <= place[1] <= high[1]):
         return False, weights, (0.0, 0.0, 0.0)
-    return True, weights, point_at(tree.pieces[cell.element], tree.nets, weights[0], weights[1])
+    return True, (place[0], place[1], 0.0), point_at(piece, tree.nets, place[0], place[1])
+
+
+@kernel
+def _find_beside(piece, nets, cell, p, rough, size):
+    """Where a cell meets p, a point at the end of another patch, perhaps: see `find_in`.
+
+    `rough` is about how far it is from its parallelogram, metres.
+    """
+    centre, e, f = vector(cell.centre), vector(cell.along_u), vector(cell.along_v)
+    place = closest_in(centre, e, f, p)
+    near = along(along(centre, e, place[0]), f, place[1])
+    weights = parameters_in(cell, place)
+    if not norm(sub(p, near)) <= rough + _JOINED * size:
+        return False, weights, p
+    x, y, q = _foot(piece, nets, cell, p, weights[0], weights[1], 4.0 * DOUBLE_EPS * size)
+    return norm(sub(p, q)) <= _JOINED * size, (x, y, 0.0), q
+
+
+@kernel
+def _foot(piece, nets, cell, p, u, v, error):
+    """The place of a cell's point nearest to p, from one near it, and that: Gauss and Newton.
+
+    At an end of the cell where that changes it by no more than an error.
+    """
+    for _ in range(_FOOT_STEPS):
+        q, e, f, _, _, _ = jet_at(piece, nets, u, v)
+        way = sub(p, q)
+        ee, ff, ef = dot(e, e), dot(f, f), dot(e, f)
+        x, y = dot(e, way), dot(f, way)
+        if (u <= cell.low[0] and x <= 0.0) or (u >= cell.high[0] and x >= 0.0) or ee == 0.0:
+            ee, ef, x = 1.0, 0.0, 0.0
+        if (v <= cell.low[1] and y <= 0.0) or (v >= cell.high[1] and y >= 0.0) or ff == 0.0:
+            ff, ef, y = 1.0, 0.0, 0.0
+        det = ee * ff - ef * ef
+        if not det > _FLAT * ee * ff:
+            break
+        x, y = (x * ff - y * ef) / det, (y * ee - x * ef) / det
+        before_u, before_v = u, v
+        u = min(max(u + x, cell.low[0]), cell.high[0])
+        v = min(max(v + y, cell.low[1]), cell.high[1])
+        if norm(along(scaled(e, u - before_u), f, v - before_v)) <= error:
+            break
+    _, e, f, _, _, _ = jet_at(piece, nets, u, v)
+    u = _at_end(u, cell.low[0], cell.high[0], norm(e), error)
+    v = _at_end(v, cell.low[1], cell.high[1], norm(f), error)
+    return u, v, point_at(piece, nets, u, v)
+
+
+@inlined
+def _at_end(t, low, high, speed, error):
+    """A parameter, or the end that is so near."""
+    if (t - low) * speed <= error:
+        return low
+    return high if (high - t) * speed <= error else t
 
 
 @inlined
