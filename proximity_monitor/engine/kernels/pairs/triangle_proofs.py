@@ -83,15 +83,9 @@ def _on_edges(weights, triangle, p, error):
     return scaled((a, b, c), 1.0 / (a + b + c))
 
 
-@implements(put_ranges, MeshTree)
-@inlined
-def _put_ranges(tree, cells, nets, index, d, side):
-    pass
-
-
 @implements(put_point, MeshTree)
 @kernel
-def _put_point(tree, cells, index, weights, d, side):
+def _put_point(tree, cells, index, weights, side):
     for i in range(len(side)):
         side[i] = 0.0
     corner = corners(tree.triangles, index)
@@ -120,15 +114,24 @@ def _put_point(tree, cells, index, weights, d, side):
         beside = dot(f, e) / dot(e, e)
         f = along(f, e, -beside)
         side[CORNER], least, most = 0.0, min(beside, 0.0), max(beside, 1.0)
-    error = 20.0 * DOUBLE_EPS * tree.scale[2]
     for k in range(2):
         way, at = (e, s) if k == 0 else (f, t)
+        if norm(way) > 0.0:
+            for i in range(3):
+                side[SLOPE + 3 * k + i] = way[i]
+            begin, end = (least, most) if k == 0 else (0.0, 1.0)
+            side[ENDS + 2 * k], side[ENDS + 2 * k + 1] = begin - at, end - at
+
+
+@implements(put_ranges, MeshTree)
+@kernel
+def _put_ranges(tree, cells, nets, index, d, side):
+    error = 20.0 * DOUBLE_EPS * tree.scale[2]
+    for k in range(2):
+        way = (side[SLOPE + 3 * k], side[SLOPE + 3 * k + 1], side[SLOPE + 3 * k + 2])
         if norm(way) > 0.0:
             value = dot(way, d)
             for i in range(3):
                 side[ACROSS + 3 * k + i] = way[i] - value * d[i]
-                side[SLOPE + 3 * k + i] = way[i]
             side[MIDDLE + k] = value
             side[SPREAD + k], side[HALF + k], side[ERRORS + k] = error, error, 2.0
-            begin, end = (least, most) if k == 0 else (0.0, 1.0)
-            side[ENDS + 2 * k], side[ENDS + 2 * k + 1] = begin - at, end - at

@@ -136,14 +136,14 @@ def _put_ranges(tree, cells, nets, index, d, side):
     share = slope_error(piece, tree.nets)
     side[ERRORS] = share * p * (cell.high[0] - cell.low[0])
     side[ERRORS + 1] = share * q * (cell.high[1] - cell.low[1])
-    side[CORNER] = 0.0
 
 
 @implements(put_point, SurfaceTree)
 @kernel
-def _put_point(tree, cells, index, weights, d, side):
+def _put_point(tree, cells, index, weights, side):
     cell = cells[index]
     _, du, dv, _, _, _ = jet_at(tree.pieces[cell.element], tree.nets, weights[0], weights[1])
+    side[CORNER] = 0.0
     for k in range(2):
         first, width = du if k == 0 else dv, cell.high[k] - cell.low[k]
         for i in range(3):

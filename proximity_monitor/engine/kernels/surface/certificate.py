@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from ..base.jit import kernel
 from ..base.memory import table_on_stack
-from ..base.rounding import DOUBLE_EPS
-from ..base.vectors import moved, norm, scaled, sub, turned_back
+from ..base.vectors import moved, norm, sub, turned_back
 from .facing import vector
-from .form import SIDE, falls_by, surpasses
+from .form import SIDE, direction, falls_by, surpasses
 from .measure import MINIMUM_STEPS, measure_near
 from .newton import MOST
 from .sides import element_of
@@ -34,15 +33,15 @@ def find_in(tree, cells, index, element, weights):
     """
 
 
-def put_ranges(tree, cells, nets, index, d, side):
-    """Write what a Side says of a cell as a whole; d is n in its model's frame: a stub."""
-
-
-def put_point(tree, cells, index, weights, d, side):
+def put_point(tree, cells, index, weights, side):
     """Write what a Side says of a point of a cell: a stub.
 
-    Of a triangle, which parameters these are depends on the point: so all that is said of it.
+    Of a triangle, which parameters these are depends on the point.
     """
+
+
+def put_ranges(tree, cells, nets, index, d, side):
+    """Write what a Side says of a cell as a whole; d is n in its model's frame: a stub."""
 
 
 @kernel
@@ -69,17 +68,17 @@ def is_done(tree_a, tree_b, state, a, b, slack):
     distance = norm(way)
     if not distance - slack > progress.enough:
         return False, 1
-    n = scaled(way, (1.0 - 4.0 * DOUBLE_EPS) / distance)
     sides = table_on_stack(2, SIDE, 0.0)
+    put_point(tree_a, waiting.cells_a, a, at_a, sides[0])
+    put_point(tree_b, waiting.cells_b, b, at_b, sides[1])
+    n = direction(sides, motion, way, distance, progress.slack)
     put_ranges(tree_a, waiting.cells_a, waiting.nets_a, a, n, sides[0])
     put_ranges(tree_b, waiting.cells_b, waiting.nets_b, b, turned_back(motion, n), sides[1])
-    put_point(tree_a, waiting.cells_a, a, at_a, n, sides[0])
-    put_point(tree_b, waiting.cells_b, b, at_b, turned_back(motion, n), sides[1])
     limit = progress.enough + slack
     element_a = element_of(tree_a, waiting.cells_a, a)
     element_b = element_of(tree_b, waiting.cells_b, b)
     other = element_a != progress.element_a or element_b != progress.element_b
-    if surpasses(sides, n, motion, distance, progress.slack, limit):
+    if surpasses(sides, n, motion, way, distance, progress.slack, limit):
         return True, PROOF_STEPS
     if other and falls_by(sides, n, motion) < -_FALLS * distance:
         # They were found at the end of an element, and beyond it the distance falls further.

@@ -1,8 +1,8 @@
 """A lower bound of the distance over two cells, from how it bends around the nearest points.
 
-For a unit vector n and the way D(p) between two points, with p the parameters of both, let
-tau = D - n (n D) be the part of D across n. Where |D| <= U, |D| - n D = tau^2 / (|D| + n D) is at
-least tau^2 / 2U, so for any m of 0 to 1/U
+For a vector n, no longer than a unit, and the way D(p) between two points, with p the parameters of
+both, let tau = D - n (n D) be the part of D across n. Where |D| <= U, |D| - n D =
+tau^2 / (|D| + n D) is at least tau^2 / 2U, so for any m of 0 to 1/U
 
     F(p) = n D + m tau^2 / 2
 
@@ -19,8 +19,8 @@ gap alone would have cells divided until they are as small as the square root of
 err by.
 
 The smaller m is, the sooner a parameter is known to stay where it is. So the first m to be tried
-just outweighs the bends away from the other surface, and what is left of n D' where the points were
-not found to the last digit; it is 0 between cells that bulge towards each other.
+just outweighs the bends away from the other surface; it is 0 between cells that bulge towards each
+other.
 
 Where a point lies at an end of a parameter, F rises from there by F' x. Beside a saddle the form
 is not positive when both points move along it; but for steps x of 0 to L the linear term is at
@@ -37,13 +37,13 @@ import numpy as np
 from ..base.jit import inlined, kernel, shared
 from ..base.memory import on_stack, table_on_stack
 from ..base.rounding import DOUBLE_EPS
-from ..base.vectors import dot, norm, rotated, scaled
+from ..base.vectors import along, cross, dot, norm, rotated, scaled
 
 ACROSS, SPREAD, MIDDLE, HALF = 0, 6, 8, 10
 SECOND, HALVES = 12, 15
 SLOPE, ENDS, ERRORS, CORNER = 18, 24, 28, 30
 SIDE = 31
-_ACROSS, _SPREAD, _SLOPE, _SLANT, _RISE, _ROW = 0, 3, 4, 5, 6, 7
+_ACROSS, _SPREAD, _SLOPE, _SLANT, _RISE, _ERROR, _ROW = 0, 3, 4, 5, 6, 7, 8
 """A Side: numbers about a cell and a point of it, parameters being 0 to 1 over it. By u, and then
 by v: of the derivative see `Ranges`, across, 3 numbers each, spread, middle and half. Of the second
 derivatives by uu, uv and vv: middle and half. At the point: the derivative, 3 numbers each;
@@ -70,6 +70,9 @@ _LOOSE = 0.125
 """Share by which what J may differ by counts for more, so that tau(p0) counts alone: with E for one
 and C for the other, (E + C)^2 is at most (1 + s) E^2 + (1 + 1/s) C^2."""
 
+_SHORTER = 4.0 * DOUBLE_EPS
+"""By how much a direction is shorter than a unit vector, for all that rounding does to it."""
+
 _ROUNDING = 1e-9
 """Share of the form's diagonal that is left out, for all that rounding does to it."""
 
@@ -78,49 +81,81 @@ _SHARE, _LARGEST = 0.5, 0.99
 large as need be; and at most where it is the largest, and more is left the less J differs."""
 
 
+@kernel
+def direction(sides, motion, way, distance, slack):
+    """The unit vector n, near that along the way between the points, that is best for the proof.
+
+    Where the points are so near each other that rounding tilts the way, that across the derivatives
+    at the points which it is about normal to: then n D' vanishes, and tau(p0) is below the slack.
+    """
+    n, long, wide = scaled(way, (1.0 - _SHORTER) / distance), 0.0, 0.0
+    first = normal = (0.0, 0.0, 0.0)
+    for i in range(4):
+        t = _tangent(sides, motion, i)
+        length = norm(t)
+        if length > long and abs(dot(t, way)) <= slack * length:
+            first, long = t, length
+    if long == 0.0:
+        return n
+    for i in range(4):
+        t = _tangent(sides, motion, i)
+        if abs(dot(t, way)) <= slack * norm(t):
+            other = cross(first, t)
+            if norm(other) > wide:
+                normal, wide = other, norm(other)
+    for k in range(2):
+        better = normal if k == 0 else along(way, first, -dot(first, way) / (long * long))
+        length = norm(better)
+        if not length > 0.0:
+            continue
+        better = scaled(better, (1.0 - _SHORTER) / (length if dot(better, way) > 0.0 else -length))
+        if norm(along(way, better, -dot(better, way))) <= slack:
+            return better
+    return n
+
+
+@inlined
+def _tangent(sides, motion, i):
+    """A derivative at the points, in a's frame."""
+    t = _three(sides[i // 2], SLOPE + 3 * (i % 2))
+    return t if i < 2 else rotated(motion, t)
+
+
 @shared
-def surpasses(sides, n, motion, distance, slack, limit):
-    """Whether |D| is at least `limit` all over two sides; `slack` is what `distance` errs by."""
-    rows = table_on_stack(4, _ROW, 0.0)
-    _put_rows(sides, n, motion, rows)
-    high = distance - limit - 16.0 * DOUBLE_EPS * distance  # n is that much shorter than a unit
-    bends = slopes = spread = 0.0
+def surpasses(sides, n, motion, way, distance, slack, limit):
+    """Whether |D| is at least `limit` all over two sides; `slack` is what the points err by."""
+    rows, rise = table_on_stack(4, _ROW, 0.0), dot(way, n)
+    _put_rows(sides, n, motion, slack, rows)
+    high = rise - limit - 16.0 * DOUBLE_EPS * distance
+    beside = norm(along(way, n, -rise)) + slack + 16.0 * DOUBLE_EPS * distance
+    bends = spread = 0.0
     for i in range(4):
         side, k = sides[i // 2], i % 2
-        begin, end = _ends(sides, i)
-        # The derivatives at the points err as the points do, times the degree.
-        high -= slack * side[ERRORS + k] * (end - begin)
         middle, least = _three(rows[i], _ACROSS), side[SECOND + 2 * k]
         least = (least if i >= 2 else -least) - side[HALVES + 2 * k]
         squared = dot(middle, middle)
         if squared > 0.0 and not _rises(sides, rows, i, 0.0) > 0.0:
             bends = max(bends, -least / squared)
             spread = max(spread, rows[i, _SPREAD] / np.sqrt(squared))
-            slope = rows[i, _RISE]
-            if min(slope * begin, slope * end) < -_ROOM_SHARE * high:
-                slopes = max(slopes, slope * slope / squared)
-    if not high > 0.0:
-        return False
     # The least m that will do is the best for parameters that stay where they are, and all that
     # serves where the points are very near each other. But in large cells it may not suffice.
-    m, share = _OUTWEIGHING / _SHARE * bends, _SHARE
-    m = max(m, slopes / (_SHARE * _MOST_SPARE * _ROOM_SHARE * high))
-    m, larger = min(1.0 / distance, m), min(max(1.0 - spread, _SHARE), _LARGEST)
+    m, share = min(1.0 / distance, _OUTWEIGHING / _SHARE * bends), _SHARE
+    larger = min(max(1.0 - spread, _SHARE), _LARGEST)
     for _ in range(2):
-        # What tau(p0) takes off, which is the slack at most.
-        lost = 0.5 * (1.0 + 1.0 / _LOOSE) * share / (1.0 - share) * m * slack * slack
-        if high > lost and _is_least(sides, rows, slack, m, share, high - lost):
+        # What tau(p0) takes off.
+        lost = 0.5 * (1.0 + 1.0 / _LOOSE) * share / (1.0 - share) * m * beside * beside
+        if high > lost and _is_least(sides, rows, beside, m, share, high - lost):
             return True
         m, share = 1.0 / distance, larger
     return False
 
 
 @kernel
-def _put_rows(sides, n, motion, rows):
+def _put_rows(sides, n, motion, slack, rows):
     """Write a row about each of the four parameters: how D changes with it, in the frame of a.
 
     Across n, the middle of the derivative and how far it may be from there; along n, middle and
-    half length of its range, and what it is at the points.
+    half length of its range, what it is at the points, and what that errs by.
     """
     for i in range(4):
         side, k = sides[i // 2], i % 2
@@ -135,6 +170,7 @@ def _put_rows(sides, n, motion, rows):
         row[_SPREAD] = _STRETCH * side[SPREAD + k] + _TILT * (abs(slope) + slant)
         row[_SLOPE], row[_SLANT] = slope, slant
         row[_RISE] = dot(first, n)
+        row[_ERROR] = slack * side[ERRORS + k]  # as the points do, times the degree
 
 
 @kernel
@@ -144,6 +180,13 @@ def falls_by(sides, n, motion):
     least = _least_rise(sides[0], -dot(u, n), -dot(v, n))
     u, v = rotated(motion, _three(sides[1], SLOPE)), rotated(motion, _three(sides[1], SLOPE + 3))
     return least + _least_rise(sides[1], dot(u, n), dot(v, n))
+
+
+@inlined
+def _least_of(rows, i, begin, end):
+    """The least, not above 0, that F rises by with a parameter, by its derivative at the points."""
+    rise, error = rows[i, _RISE], rows[i, _ERROR]
+    return min(min((rise + error) * begin, (rise - error) * end), 0.0)
 
 
 @inlined
@@ -171,16 +214,17 @@ def _rises(sides, rows, i, turn):
 
 
 @inlined
-def _turn(sides, rows, held, reaches, slack, i):
+def _turn(sides, rows, held, reaches, beside, i):
     """The most that tau times its derivative takes off what F rises by from a parameter's end.
 
-    tau is the sum of all derivatives across n times how far these parameters have gone from the
-    points; what this one has gone itself adds to the rise, as a rule.
+    tau is no longer than `beside` at the points, and further on the sum of that and of all
+    derivatives across n times how far their parameters have gone from there; what this one has gone
+    itself adds to the rise, as a rule.
     """
     own = _three(rows[i], _ACROSS)
     if _ends(sides, i)[0] < 0.0:
         own = scaled(own, -1.0)
-    least = -slack * reaches[i]
+    least = -beside * reaches[i]
     for j in range(4):
         if held[j] > 0.0:
             continue
@@ -196,13 +240,13 @@ def _turn(sides, rows, held, reaches, slack, i):
 def _lift(sides, rows, i):
     """What an element of the form's diagonal grows by where F rises from its parameter's end.
 
-    From 0 to L, g x is at least (2 g / L) x^2 / 2. What g errs by is in `high`; see `_surpasses`.
+    From 0 to L, g x is at least (2 g / L) x^2 / 2.
     """
-    (begin, end), slope = _ends(sides, i), rows[i, _RISE]
+    (begin, end), slope, error = _ends(sides, i), rows[i, _RISE], rows[i, _ERROR]
     if begin == 0.0 and end > 0.0:
-        return 2.0 * max(slope, 0.0) / end
+        return 2.0 * max(slope - error, 0.0) / end
     if end == 0.0 and begin < 0.0:
-        return 2.0 * max(-slope, 0.0) / -begin
+        return 2.0 * max(-slope - error, 0.0) / -begin
     return 0.0
 
 
@@ -224,8 +268,10 @@ def _lift_of_both(sides, rows, i, j):
 
 
 @kernel
-def _is_least(sides, rows, slack, m, share, left):
+def _is_least(sides, rows, beside, m, share, left):
     """Whether F is nowhere less by more than `left` than it is at the points.
+
+    There tau is no longer than `beside`.
 
     A parameter that ends there, where F rises all over the cells as it leaves its end, is as good
     as fixed; and then tau is less, so that another one may be. Of those that are left the form
@@ -234,7 +280,7 @@ def _is_least(sides, rows, slack, m, share, left):
     most R_ij, x E x is at least minus the sum of x_i^2 R_ij w_j / w_i, for any w > 0.
 
     Of m |tau(p0) + J x|^2, where the columns of J differ by e_i at most from those of the middles,
-    J_0, a `share` t is left: with E the sum of e_i |x_i|, and C the length of tau(p0), it is at
+    J_0, a `share` t is left: with E the sum of e_i |x_i|, and C = `beside`, it is at
     least t m |J_0 x|^2 - t / (1 - t) m (E + C)^2, by Young's inequality. So it counts with their
     squares how much they differ: of four parameters two do not change tau, and there the bends have
     to outweigh that.
@@ -254,7 +300,7 @@ def _is_least(sides, rows, slack, m, share, left):
         for i in range(4):
             if held[i] > 0.0:
                 continue
-            if _rises(sides, rows, i, m * _turn(sides, rows, held, reaches, slack, i)) > 0.0:
+            if _rises(sides, rows, i, m * _turn(sides, rows, held, reaches, beside, i)) > 0.0:
                 held[i], changed = 1.0, True
     extent = 0.0
     differing = (1.0 + _LOOSE) * share / (1.0 - share) * m
@@ -286,17 +332,22 @@ def _is_least(sides, rows, slack, m, share, left):
     room = left
     for i in range(0, 4, 2):
         side = sides[i // 2]
-        falls = 0.0
+        falls = errors_of_both = 0.0
         for k in range(i, i + 2):
-            (begin, end), slope = _ends(sides, k), rows[k, _RISE]
-            least, kept[k] = min(slope * begin, slope * end), 1.0 - _ROUNDING
-            if held[k] == 0.0 and matrix[k, k] > 0.0 and least < 0.0:
+            begin, end = _ends(sides, k)
+            least, kept[k] = _least_of(rows, k, begin, end), 1.0 - _ROUNDING
+            errors_of_both += rows[k, _ERROR] * (end - begin)
+            if held[k] > 0.0:
+                continue
+            if matrix[k, k] > 0.0 and least < 0.0:
+                slope = abs(rows[k, _RISE]) + rows[k, _ERROR]
                 fall = 0.5 * slope * slope / matrix[k, k]
                 spare = min(max(fall / (_ROOM_SHARE * room), _SPARE), _MOST_SPARE)
                 if -fall / spare > least:
                     least, kept[k] = -fall / spare, 1.0 - _ROUNDING - spare
             falls += least
-        left += max(falls, _least_rise(side, rows[i, _RISE], rows[i + 1, _RISE]))
+        joint = _least_rise(side, rows[i, _RISE], rows[i + 1, _RISE]) - errors_of_both
+        left += max(falls, joint)
     if not left >= 0.0:
         return False
     # F may be less by half the sum of what is added times the squares of the extents.
