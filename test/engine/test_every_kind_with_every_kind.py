@@ -90,6 +90,8 @@ TESSELLATED = MODELS | {
 }
 """Within the tolerance of the models."""
 
+NAMES = list(itertools.product(MODELS, MODELS))
+
 CORES = TESSELLATED | {"rounded": engine.polyline(AXIS)}
 """What `distance` sees: all of a capsule is as near as its axis less the radius, the inside too."""
 
@@ -138,7 +140,7 @@ def check(found, lower, upper):
 
 def ask_all(a, pose_a, b, pose_b):
     """The distance, which `within`, `collide` and the witness points must agree with."""
-    found = engine.distance(a, pose_a, b, pose_b)
+    found = engine.distance(a, pose_a, b, pose_b, budget_s=10.0)
     assert 0.0 <= found.lower <= found.upper
     if found.status is Status.EXACT:
         assert found.upper - found.lower <= 1e-11
@@ -154,7 +156,7 @@ def ask_all(a, pose_a, b, pose_b):
     return found
 
 
-@pytest.mark.parametrize("names", itertools.product(MODELS, MODELS), ids=" and ".join)
+@pytest.mark.parametrize("names", NAMES, ids=" and ".join)
 def test_as_near_and_as_deep_as_a_tessellation(names):
     a, b = (MODELS[name] for name in names)
     core_a, core_b = (CORES[name] for name in names)
@@ -181,15 +183,14 @@ def test_as_near_and_as_deep_as_a_tessellation(names):
             assert signed.upper - signed.lower <= 0.0101 * -signed.lower + 1e-11
 
 
-@pytest.mark.parametrize("names", itertools.product(MODELS, MODELS), ids=" and ".join)
-@pytest.mark.parametrize("gap", [1e-6, 1e-9])
-def test_almost_touching(names, gap):
-    """The second model is moved towards the first along the line of the nearest points.
+def almost_touching(names, gap, seed=""):
+    """Poses of two models that are so far apart, and their start: distance and status.
 
-    Nothing comes nearer by more than it is moved, so the distance left is known.
+    The second one is moved towards the first along the line of the nearest points. Nothing comes
+    nearer by more than it is moved, so the distance left is known.
     """
     a, b = (MODELS[name] for name in names)
-    rng = np.random.default_rng(zlib.crc32(" ".join(names).encode()))
+    rng = np.random.default_rng(zlib.crc32((" ".join(names) + seed).encode()))
     pose_a, pose_b = pose(rng, 0.05), pose(rng)
     way = rng.normal(size=3)
     pose_b[:3, 3] = pose_a[:3, 3] + 0.25 * way / np.linalg.norm(way)
@@ -198,11 +199,32 @@ def test_almost_touching(names, gap):
     length = np.linalg.norm(line)
     assert start.status is Status.EXACT and length > 0.01
     pose_b[:3, 3] += line * (1.0 - gap / length)
-    least, most = start.lower - (length - gap) - 1e-15, gap + 1e-15
+    return pose_a, pose_b, start.lower - (length - gap) - 1e-15
+
+
+@pytest.mark.parametrize("names", NAMES, ids=" and ".join)
+@pytest.mark.parametrize("gap", [1e-6, 1e-9, 1e-11])
+def test_almost_touching(names, gap):
+    a, b = (MODELS[name] for name in names)
+    pose_a, pose_b, least = almost_touching(names, gap)
     found = ask_all(a, pose_a, b, pose_b)
-    check(found, least, most)
-    assert found.upper - found.lower <= (1e-11 if found.status is Status.EXACT else 0.5 * gap)
+    check(found, least, gap + 1e-15)
+    assert found.status is Status.EXACT
+    assert found.upper - found.lower <= 1e-12
+    assert found.bound_tests < 20_000
     assert engine.within(a, pose_a, b, pose_b, 1.001 * gap + 1e-11).within
     assert not engine.within(a, pose_a, b, pose_b, 0.4 * gap).within
     assert not engine.collide(a, pose_a, b, pose_b).colliding
-    check(engine.signed_distance(a, pose_a, b, pose_b), least, most)
+    check(engine.signed_distance(a, pose_a, b, pose_b), least, gap + 1e-15)
+
+
+@pytest.mark.parametrize("names", [("mesh", "curve"), ("revolution", "polyline")], ids=" and ".join)
+@pytest.mark.parametrize("gap", [1e-9, 1e-11])
+def test_almost_touching_where_elements_join(names, gap):
+    """At edges between triangles, and at the ring where the profile has a corner."""
+    for seed in map(str, range(8)):
+        a, b = (MODELS[name] for name in names)
+        pose_a, pose_b, _ = almost_touching(names, gap, seed)
+        found = engine.distance(a, pose_a, b, pose_b, budget_s=10.0)
+        assert found.status is Status.EXACT
+        assert found.bound_tests < 2000
