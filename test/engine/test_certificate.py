@@ -1,4 +1,4 @@
-"""What proofs of convexity rest on, ranges of derivatives; and the searches that they shorten."""
+"""What proofs around near points rest on, ranges of derivatives; and searches that they shorten."""
 
 import numpy as np
 import pytest
@@ -49,11 +49,8 @@ def test_ranges_hold_every_derivative(decades, parts, monkeypatch):
             assert (np.linalg.norm(across(found, d) - near, axis=1) <= spread + 1e-12).all()
         finite += np.isfinite(bounds.spread_u)
         for name, found in zip(("uu", "uv", "vv"), seconds, strict=True):
-            middle, half, most = (
-                getattr(bounds, f"{k}_{name}") for k in ("middle", "half", "most")
-            )
+            middle, half = getattr(bounds, f"middle_{name}"), getattr(bounds, f"half_{name}")
             assert (np.abs(found @ d - middle) <= half + 1e-12).all()
-            assert (np.linalg.norm(across(found, d), axis=1) <= most + 1e-12).all()
     assert finite == 12 or (parts < 512 and decades == 0.5)
     if parts == 512 and decades is None:  # ranges of small pieces are small
         assert bounds.spread_v < 0.6 * np.linalg.norm(bounds.across_v)

@@ -1,10 +1,12 @@
 """A proof that a local minimum of two profiles that turn is the only one in a box around it.
 
 With d the way in a's plane from a's point to b's, n its direction at the minimum x, and tau what it
-extends beside that, |d| >= n . d + tau² / 2 U wherever |d| <= U. Where the Hessian of that is
-positive over the whole box, |d| is no less there than the tangent plane at x, or than U. The
-Hessian at x is known; how much it may change over the box follows from limits of the third
-derivatives. A parameter at the end of its range, along which |d| falls nowhere in the box, stays.
+extends beside that, |d| >= n . d + tau² / 2 U wherever |d| <= U. From x on, n . d is its tangent
+plane and half the form of a mean of its second derivatives; tau is a mean of its derivatives times
+the step. Where the sum of both forms is positive whatever these are over the box, |d| is no less
+there than the tangent plane at x, or than U. At x they are known; how much they may change over the
+box follows from limits of the next derivatives. A parameter at the end of its range, along which
+|d| falls nowhere in the box, stays.
 """
 
 from __future__ import annotations
@@ -141,7 +143,6 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wa
     # Beside the direction.
     b_s, b_t, b_a = n0 * s1 - n1 * s0, n0 * t1 - n1 * t0, n0 * h1 - n1 * h0
     d_s, d_bt, d_ba = la[1] * rs, d_t + turn * lb[0], d_a + turn * r0
-    beside = (abs(b_s) + d_s) * rs + (abs(b_t) + d_bt) * rt + (abs(b_a) + d_ba) * ra
     g_s, g_t, g_a = g_s * rs, g_t * rt, g_a * ra
     for k in range(_SHARES):
         mu = (0.0 if k == 0 else (1.0 if k == 1 else 0.2)) / max(upper, distance)
@@ -151,20 +152,17 @@ def least_around(curve_a, curve_b, arc_a, arc_b, motion, minimum, box, upper, wa
                 break
             mu = _SPARE_SHARE * both * both / (around * b_t * b_t)
         h00 = mu * b_s * b_s - n0 * bend[0] - n1 * bend[1]
-        v00 = la[2] * rs + mu * ((2.0 * abs(b_s) + d_s) * d_s + beside * la[1])
+        v00 = la[2] * rs + mu * (2.0 * abs(b_s) + d_s) * d_s
         h11 = mu * b_t * b_t + n0 * tt0 + n1 * tt1
-        most = abs(tt0) + abs(tt1) + v_tt
-        v11 = v_tt + mu * ((2.0 * abs(b_t) + d_bt) * d_bt + beside * most)
+        v11 = v_tt + mu * (2.0 * abs(b_t) + d_bt) * d_bt
         h22 = mu * b_a * b_a + n0 * aa0 + n1 * aa1
-        most = abs(aa0) + abs(aa1) + v_aa
-        v22 = v_aa + mu * ((2.0 * abs(b_a) + d_ba) * d_ba + beside * most)
+        v22 = v_aa + mu * (2.0 * abs(b_a) + d_ba) * d_ba
         h10 = mu * b_s * b_t
         v10 = mu * (abs(b_s) * d_bt + abs(b_t) * d_s + d_s * d_bt)
         h20 = mu * b_s * b_a
         v20 = mu * (abs(b_s) * d_ba + abs(b_a) * d_s + d_s * d_ba)
         h21 = mu * b_t * b_a + n0 * ta0 + n1 * ta1
-        most = abs(ta0) + abs(ta1) + v_ta
-        v21 = v_ta + mu * (abs(b_t) * d_ba + abs(b_a) * d_bt + d_bt * d_ba + beside * most)
+        v21 = v_ta + mu * (abs(b_t) * d_ba + abs(b_a) * d_bt + d_bt * d_ba)
         h = (
             h00 * rs * rs, h10 * rs * rt, h11 * rt * rt, h20 * rs * ra, h21 * rt * ra, h22 * ra * ra
         )  # fmt: skip
