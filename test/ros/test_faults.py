@@ -8,8 +8,10 @@ import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
+from lifecycle_msgs.msg import Transition
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 APART = {"ball": (0.0, 0.0, 0.5), "die": (0.8, 0.1, 0.9)}
@@ -132,6 +134,28 @@ def test_a_peer_whose_qos_cannot_fit_is_counted_by_topic(peer):
     assert "~/closest_points: a subscriber does not fit by its DURABILITY" in peer.monitor.text
     peer.node.destroy_subscription(late)
     assert {pair["state"] for pair in peer.settle().values()} == {"clear"}
+
+
+def test_a_transition_that_is_not_possible_does_not_kill_the_node(peer):
+    assert not peer.change(Transition.TRANSITION_CONFIGURE)
+    assert {pair["state"] for pair in peer.settle().values()} == {"clear"}
+
+
+def test_a_second_node_of_the_same_name_is_told_of(peer):
+    def outputs():
+        return peer.health(peer.next("diagnostics"))["outputs"]
+
+    assert outputs()["nodes of the same name"] == "0"
+    other = rclpy.create_node("proximity_monitor")
+    found = peer.wait(
+        lambda: (o := outputs())["nodes of the same name"] == "1" and o, "the diagnostics of both"
+    )
+    assert "2 nodes are called proximity_monitor" in found["text"]
+    assert found["level"] == DiagnosticStatus.WARN
+    outputs()
+    assert peer.monitor.text.count("another node is called /proximity_monitor") == 1
+    other.destroy_node()
+    peer.wait(lambda: "no other node is called" in peer.monitor.text, "the other to be gone")
 
 
 def test_two_monitors_in_one_domain_do_not_disturb_each_other(peer, launch, scene_file, new_peer):

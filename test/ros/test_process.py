@@ -1,5 +1,6 @@
 """The installed executables as processes: starting, failing, lifecycle, ending."""
 
+import json
 import math
 import re
 import signal
@@ -12,35 +13,83 @@ from deadlines import START_DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
-import rclpy
-from diagnostic_msgs.msg import DiagnosticStatus
+
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import GetState
 from rosgraph_msgs.msg import Clock
 
 BROKEN = {
-    "missing.yaml": (None, "missing.yaml"),
-    "not_yaml.yaml": ("bodies: [", "not_yaml.yaml"),
-    "key.yaml": ("version: 1\nframe: world\nunit: furlong\n", "unit"),
-    "model.yaml": (
+    "not_yaml": ("bodies: [", "not_yaml.yaml"),
+    "key": ("version: 1\nframe: world\nunit: furlong\n", "unit"),
+    "model": (
         "version: 1\nframe: world\nunit: m\nbodies:\n"
         "  - {name: a, model: nowhere.stl, pose: {position: [0, 0, 0]}}\n"
         "  - {name: b, primitive: {sphere: {radius: 1}}, moving: true}\npairs: all\n",
         "nowhere.stl",
     ),
 }
+"""Scenes, and what is told of them."""
+BROKEN["torn"] = (BROKEN["model"][0].replace("nowhere", "torn"), "torn.stl")
+BAD = {
+    "rate_hz": -3.0,
+    "budget_ms": "often",
+    "rel_err": -0.5,
+    "thresholds.warn": 0.001,  # below stop
+    "pairs.ball.die.stop": -1.0,
+}
+"""Parameters at start."""
+BEGIN = """
+import json, sys
+from proximity_monitor.ros.node import main
+
+for name, given in json.loads(sys.argv[1]).items():
+    arguments = [part for key in given for part in ("-p", f"{key}:={given[key]}")]
+    code = main(["--ros-args", *arguments])
+    print(f"{name} ends with {code}", file=sys.stderr, flush=True)
+"""
 PROMPT_S = 15.0  # half a second where nothing else runs
 
 
+@pytest.fixture(scope="module")
+def begun(ros_environment, scene_file, tmp_path_factory):
+    """How the node ended that was begun with each of these, and what it told; all in one process.
+
+    That its exit code is the program's, another test shows.
+    """
+    folder = tmp_path_factory.mktemp("broken")
+    (folder / "torn.stl").write_bytes(b"\x00\x01 no mesh")
+    for name, (text, _) in BROKEN.items():
+        (folder / f"{name}.yaml").write_text(text)
+    scenes = {name: {"scene": str(folder / f"{name}.yaml")} for name in BROKEN}
+    given = scenes | {name: {"scene": str(scene_file), name: BAD[name]} for name in BAD}
+    command = [sys.executable, "-c", BEGIN, json.dumps(given)]
+    log = folder / "log"
+    with log.open("w") as file:
+        subprocess.run(command, stdout=file, stderr=file, timeout=START_DEADLINE_S, check=True)
+    found, text = {}, log.read_text()
+    for name in given:
+        told, _, text = text.partition(f"{name} ends with ")
+        code, _, text = text.partition("\n")
+        found[name] = int(code), told
+    return found
+
+
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_scene_that_cannot_be_used_ends_the_node_with_a_message(launch, tmp_path, name):
-    text, told = BROKEN[name]
-    if text is not None:
-        (tmp_path / name).write_text(text)
-    process = launch("node", scene=tmp_path / name)
-    assert process.ended() == 1
-    assert told in process.text
-    assert "Traceback" not in process.text
+def test_a_scene_that_cannot_be_used_ends_the_node_with_a_message(begun, name):
+    code, text = begun[name]
+    assert code == 1
+    assert BROKEN[name][1] in text
+    assert "Traceback" not in text
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_parameter_at_start_ends_the_node_with_a_message(begun, name):
+    code, text = begun[name]
+    assert code == 1
+    assert name.rpartition(".")[0] in text
+    assert name.rpartition(".")[2] in text
+    assert "Traceback" not in text
+    assert "atomic" not in text, "a call is no way out before it runs"
 
 
 @pytest.mark.parametrize("name", ["node", "player"])
@@ -54,34 +103,7 @@ def test_what_libraries_do_as_they_are_unloaded_crashes_nothing(run, executable,
     process = run(sys.executable, "-c", program, executable(name), "--ros-args", "-p", scene)
     assert process.ended() == 1
     assert "missing.yaml" in process.text
-
-
-def test_a_model_that_is_no_mesh_ends_the_node_with_a_message(launch, tmp_path):
-    (tmp_path / "torn.stl").write_bytes(b"\x00\x01 no mesh")
-    (tmp_path / "torn.yaml").write_text(BROKEN["model.yaml"][0].replace("nowhere", "torn"))
-    process = launch("node", scene=tmp_path / "torn.yaml")
-    assert process.ended() == 1
-    assert "torn.stl" in process.text
     assert "Traceback" not in process.text
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("rate_hz", -3.0),
-        ("budget_ms", "often"),
-        ("rel_err", -0.5),
-        ("thresholds.warn", 0.001),  # below stop
-        ("pairs.ball.die.stop", -1.0),
-    ],
-)
-def test_a_bad_parameter_at_start_ends_the_node_with_a_message(launch, scene_file, name, value):
-    process = launch("node", **{"scene": scene_file, name: value})
-    assert process.ended() == 1
-    assert name.rpartition(".")[0] in process.text
-    assert name.rpartition(".")[2] in process.text
-    assert "Traceback" not in process.text
-    assert "atomic" not in process.text, "a call is no way out before it runs"
 
 
 def test_a_real_number_may_be_given_as_a_whole_one(launch, scene_file, new_peer):
@@ -95,13 +117,11 @@ def test_a_real_number_may_be_given_as_a_whole_one(launch, scene_file, new_peer)
     assert not peer.set_parameters(tick_on_pose=1)[0]
 
 
-@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_an_active_node_cleanly(launch, scene_file, new_peer, kind):
-    namespace = f"ends_{kind.name.lower()}"
-    process = launch("node", "-r", f"__ns:=/{namespace}", scene=scene_file)
-    peer = new_peer(process, namespace)
+def test_a_signal_ends_an_active_node_cleanly(launch, scene_file, new_peer):
+    process = launch("node", "-r", "__ns:=/ends", scene=scene_file)
+    peer = new_peer(process, "ends")
     peer.settle()
-    code, took_s = process.stop(kind)
+    code, took_s = process.stop(signal.SIGINT)
     assert code == 0, process.text
     assert took_s < PROMPT_S
     assert "Traceback" not in process.text
@@ -178,24 +198,6 @@ def test_an_interrupt_that_comes_up_as_another_error_is_one_all_the_same(run):
     assert process.text == "it: ended by SIGINT\n"
 
 
-def test_a_second_node_of_the_same_name_is_told_of(launch, scene_file, new_peer):
-    process = launch("node", "-r", "__ns:=/twice", scene=scene_file)
-    peer = new_peer(process, "twice")
-    peer.settle()
-    assert peer.health(peer.next("diagnostics"))["outputs"]["nodes of the same name"] == "0"
-    other = rclpy.create_node("proximity_monitor", namespace="twice")
-    outputs = peer.wait(
-        lambda: (o := peer.health()["outputs"])["nodes of the same name"] == "1" and o,
-        "the diagnostics of both",
-    )
-    assert "2 nodes are called twice/proximity_monitor" in outputs["text"]
-    assert outputs["level"] == DiagnosticStatus.WARN
-    peer.next("diagnostics")
-    assert process.text.count("another node is called /twice/proximity_monitor") == 1
-    other.destroy_node()
-    peer.wait(lambda: "no other node is called" in process.text, "the other to be gone")
-
-
 def test_a_signal_ends_a_node_that_waits_to_be_configured(launch, scene_file, new_peer):
     process = launch("node", "-r", "__ns:=/waits", scene=scene_file, autostart="false")
     state = new_peer(process, "waits").call(GetState, "get_state", GetState.Request())
@@ -242,14 +244,6 @@ def test_a_lifecycle_manager_can_drive_it_through_its_states(launch, scene_file,
     assert peer.change(Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
     assert state() == "finalized"
     assert process.stop(signal.SIGINT)[0] == 0
-
-
-def test_a_transition_that_is_not_possible_does_not_kill_the_node(launch, scene_file, new_peer):
-    process = launch("node", "-r", "__ns:=/steady", scene=scene_file)
-    peer = new_peer(process, "steady")
-    peer.settle()
-    assert not peer.change(Transition.TRANSITION_CONFIGURE)
-    assert {pair["state"] for pair in peer.settle().values()} == {"clear"}
 
 
 def test_a_scene_that_fails_to_configure_can_be_replaced(launch, scene_file, tmp_path, new_peer):
@@ -331,17 +325,6 @@ def test_the_player_publishes_the_motion_with_stamps(launch, new_peer, rclpy_con
 def test_the_player_ends_after_one_period_if_it_is_not_to_loop(launch):
     process = launch("player", "-r", "__ns:=/once", speed=50.0, loop="false")
     assert process.ended() == 0
-
-
-@pytest.mark.parametrize(
-    ("parameters", "told"),
-    [({"scene": "nowhere.yaml"}, "nowhere.yaml"), ({"rate_hz": -2.0}, "rate_hz")],
-)
-def test_a_player_that_cannot_start_says_why(launch, parameters, told):
-    process = launch("player", **parameters)
-    assert process.ended() == 1
-    assert told in process.text
-    assert "Traceback" not in process.text
 
 
 CUT = """
