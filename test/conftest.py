@@ -30,18 +30,26 @@ FIRST = ("test_hard_cases.py", "test_process.py", "test_refit.py")
 """These compile much that all tests use, where the cache is empty."""
 
 
-def pytest_collection_modifyitems(items):
-    """Files whose tests start processes come early: what comes last should be short.
+SHORT = ("display", "ros")
+"""Folders whose files are short unless their tests start processes."""
+TAIL = 0.2
+"""The share of the files that comes after the last whose tests start processes."""
 
-    Workers are given whole files, in this order.
+
+def pytest_collection_modifyitems(items):
+    """Files whose tests start processes take turns with the others.
+
+    Workers are given whole files, in this order. Who waits for a process leaves its processor to
+    others: where all of them wait at once, it idles. What comes last should be short.
     """
     processes = {item.path for item in items if "ros_environment" in item.fixturenames}
-
-    def rank(item):
-        name = item.path.name
-        return FIRST.index(name) if name in FIRST else len(FIRST) + (item.path not in processes)
-
-    items.sort(key=rank)
+    others = {item.path for item in items} - processes
+    rank = {}
+    for paths, share in ((processes, 1.0 - TAIL), (others, 1.0)):
+        in_order = sorted(paths, key=lambda path: (path.parent.name in SHORT, path))
+        rank |= {path: share * i / len(paths) for i, path in enumerate(in_order)}
+    rank |= {path: FIRST.index(path.name) - len(FIRST) for path in rank if path.name in FIRST}
+    items.sort(key=lambda item: rank[item.path])
 
 
 def _claim_domain():
