@@ -13,6 +13,8 @@ from proximity_monitor.scene.state import PairStatus
 
 COUNT = 12
 PAIRS = COUNT * (COUNT - 1) // 2
+ENOUGH_S = 60.0
+"""Of which some milliseconds are taken, on a busy machine a tenth of a second."""
 
 
 def watch(load, **parts):
@@ -21,7 +23,7 @@ def watch(load, **parts):
     return scene, models, Monitor(scene, models)
 
 
-@pytest.mark.parametrize("budget_s", [0.0, 2e-4, 0.1])
+@pytest.mark.parametrize("budget_s", [0.0, 2e-4, ENOUGH_S])
 @pytest.mark.parametrize("reach", [0.01, 0.4])
 def test_what_is_not_listed_is_farther_than_its_range(load, budget_s, reach):
     _, models, monitor = watch(load, head=f"range: {reach}")
@@ -35,7 +37,7 @@ def test_what_is_not_listed_is_farther_than_its_range(load, budget_s, reach):
         assert len(tick.pairs) + tick.far == PAIRS
         assert tick.unsure == 0
         assert tick.clearance() <= min(at.upper for at in true.values())
-        if budget_s == 0.1:
+        if budget_s == ENOUGH_S:
             assert listed == {pair for pair, at in true.items() if at.lower <= reach}
             assert tick.left == 0
         listed_ever += len(listed)
