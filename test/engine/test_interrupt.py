@@ -16,6 +16,9 @@ import numpy as np
 import trimesh
 from proximity_monitor import engine
 
+# Who starts the tests in the background may have them ignore it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 
 def ball(subdivisions, radius):
     mesh = trimesh.creation.icosphere(subdivisions, radius)
