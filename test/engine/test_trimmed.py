@@ -145,8 +145,8 @@ def test_no_sample_of_what_is_left_is_nearer_than_the_bounds(seed):
 
 @njit(pipeline_class=ROOT)
 def parts_of(tree, element, levels, nets, points, told):
-    """Control points (k, 10, 3) of an edge's parts, level by level; five points of each; bends."""
-    bends, flat = np.empty(1 << levels), np.empty(3 * 16)
+    """Nets (k, 48) of an edge's parts, level by level; five points of each; how each bends."""
+    bends = np.empty(1 << levels)
     bends[0] = tree.pieces[element].bend
     k = 0
     for level in range(1, levels + 1):
@@ -154,8 +154,8 @@ def parts_of(tree, element, levels, nets, points, told):
         for i in range(count - 1, -1, -1):
             low, high = i / count, (i + 1) / count
             piece = tree.pieces[element]
-            bends[i] = put_edge(tree, piece, low, high, 0.25 * bends[i // 2], flat, 0)
-            nets[k], told[k] = flat.reshape(3, 16)[:, :10].T, bends[i]
+            bends[i] = put_edge(tree, piece, low, high, 0.25 * bends[i // 2], nets[k], 0)
+            told[k] = bends[i]
             for j in range(5):
                 at = point_on(tree, element, low + (high - low) * (j + 0.5) / 5.0, 0.0)
                 points[k, j, 0], points[k, j, 1], points[k, j, 2] = at
@@ -169,9 +169,10 @@ def test_boxes_around_parts_of_edges_hold_the_curve(seed):
     tree = random_patch(random, seed % 2 == 0)._hierarchy.tree
     ways = random.normal(size=(40, 3))
     for element in np.flatnonzero(tree.pieces["edge"] >= 0):
-        nets, points, told = np.empty((62, 10, 3)), np.empty((62, 5, 3)), np.empty(62)
+        nets, points, told = np.empty((62, 48)), np.empty((62, 5, 3)), np.empty(62)
         parts_of(tree, element, 5, nets, points, told)
-        assert ((points @ ways.T).max(axis=1) <= (nets @ ways.T).max(axis=1) + 1e-13).all()
+        control = nets.reshape(62, 3, 16)[:, :, :10].swapaxes(1, 2)
+        assert ((points @ ways.T).max(axis=1) <= (control @ ways.T).max(axis=1) + 1e-13).all()
         second = 25.0 * np.linalg.norm(np.diff(points, 2, axis=1), axis=-1)
         assert (second.max(axis=1) / 8.0 <= told * (1.0 + 1e-6) + 1e-12).all()
 
