@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..base.jit import implements, inlined, kernel
+from ..base.jit import implements, inlined, kernel, shared
 from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE, SurfaceTree
 from ..base.vectors import along, dot, norm, scaled, sub
@@ -51,7 +51,7 @@ def _find_in(tree, cells, index, element, weights):
     return True, (place[0], place[1], 0.0), point_at(piece, tree.nets, place[0], place[1])
 
 
-@kernel
+@shared
 def _find_beside(piece, nets, cell, p, rough, size):
     """Where a cell meets p, a point at the end of another patch, perhaps: see `find_in`.
 
@@ -73,6 +73,7 @@ def _foot(piece, nets, cell, p, u, v, error):
 
     At an end of the cell where that changes it by no more than an error.
     """
+    e = f = (0.0, 0.0, 0.0)
     for _ in range(_FOOT_STEPS):
         q, e, f, _, _, _ = jet_at(piece, nets, u, v)
         way = sub(p, q)
@@ -91,7 +92,6 @@ def _foot(piece, nets, cell, p, u, v, error):
         v = min(max(v + y, cell.low[1]), cell.high[1])
         if norm(along(scaled(e, u - before_u), f, v - before_v)) <= error:
             break
-    _, e, f, _, _, _ = jet_at(piece, nets, u, v)
     u = _at_end(u, cell.low[0], cell.high[0], norm(e), error)
     v = _at_end(v, cell.low[1], cell.high[1], norm(f), error)
     return u, v, point_at(piece, nets, u, v)

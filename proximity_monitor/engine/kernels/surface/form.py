@@ -81,7 +81,7 @@ _SHARE, _LARGEST = 0.5, 0.99
 large as need be; and at most where it is the largest, and more is left the less J differs."""
 
 
-@kernel
+@shared
 def direction(sides, motion, way, distance, slack):
     """The unit vector n, near that along the way between the points, that is best for the proof.
 
