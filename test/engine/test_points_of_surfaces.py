@@ -135,7 +135,7 @@ def test_slices_do_not_change_the_answers():
         done = calls = 0
         while done < count:
             done = closest.closest_points(
-                table, HERE, points, np.inf, False, done, steps, stack, stacked, going,
+                table, HERE, points, np.inf, 0.0, 0.0, False, done, steps, stack, stacked, going,
                 bounds, feet, elements, parameters,
             )  # fmt: skip
             calls += 1

@@ -82,6 +82,8 @@ def closest_points(
     pose: NDArray[np.float64],
     points: ArrayLike,
     *,
+    rel_err: float = 0.0,
+    abs_err: float = 0.0,
     max_distance: float = math.inf,
     budget_s: float | None = None,
     threads: int = 1,
@@ -94,6 +96,10 @@ def closest_points(
         model: the surface.
         pose: (4, 4) model to world, metres.
         points: (k, 3) metres, world.
+        rel_err: what is found may be farther than the nearest point:
+            upper <= (1 + rel_err) · true distance, to rounding; the bounds tell how near it is.
+        abs_err: metres; upper <= true distance + abs_err, whichever allows more. With `signed`, a
+            point that is nearer to the surface than that may be told to be on either side.
         max_distance: metres; for points farther away only that is found out, which is cheaper, and
             with `signed` on which side they lie.
         budget_s: seconds; when they are over, the remaining points stay undone. None: no limit.
@@ -110,15 +116,16 @@ def closest_points(
             this changes nothing.
 
     Raises:
-        TypeError: a model that is none, a distance or budget that is no real number.
+        TypeError: a model that is none, a distance, error or budget that is no real number.
         ValueError: a pose that is no rigid motion; points of another shape or not finite; a
-            distance or budget that is negative or NaN, less than one thread.
+            distance, error or budget that is negative or NaN, less than one thread.
     """
     start = perf_counter()
     check_model(model, "model")
     pose = check_pose(pose)
     given = as_reals(points, "points")
     max_distance = check_tolerance("max_distance", max_distance)
+    errors = check_tolerance("rel_err", rel_err), check_tolerance("abs_err", abs_err)
     threads = as_count(threads, "threads")
     deadline = deadline_of(start, budget_s)
     if given.ndim != 2 or given.shape[1] != 3:
@@ -129,6 +136,8 @@ def closest_points(
     k = len(given)
     hierarchy = model._hierarchy
     sides = sides_of(model) if signed and model.is_solid else None
+    if sides is not None:  # a point nearer than is tolerated may be on either side
+        errors = min(errors[0], 1.0), 0.5 * errors[1]
     bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
     directions = np.empty((k if normals else 0, 3))
     ends = np.zeros(-(-k // _POINTS), np.int64)
@@ -139,7 +148,7 @@ def closest_points(
         hierarchy.numbers, bounds, nearest, triangles, parameters, chosen, ends, nothing
     )
     if isinstance(model, Surface):
-        surface = SurfacePoints(model, pose, max_distance, deadline, sides is not None)
+        surface = SurfacePoints(model, pose, max_distance, errors, deadline, sides is not None)
 
         def answer_surface(first: int, stopped: Event) -> None:
             part = slice(first, first + _POINTS)
@@ -164,8 +173,8 @@ def closest_points(
         while at < count and not (over or stopped.is_set()):
             if at == found:
                 found = closest_kernel.closest_points(
-                    hierarchy.table, pose, given[part], max_distance, sides is not None, at,
-                    slices.steps, stack, stacked, going, bounds[part], nearest[part],
+                    hierarchy.table, pose, given[part], max_distance, *errors, sides is not None,
+                    at, slices.steps, stack, stacked, going, bounds[part], nearest[part],
                     triangles[part], directions[part],
                 )  # fmt: skip
             if sides is None:

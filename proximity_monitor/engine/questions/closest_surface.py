@@ -26,16 +26,17 @@ class SurfacePoints:
         model: the surface.
         pose: (4, 4) model to world, metres.
         max_distance: metres, beyond which nothing more is asked.
+        errors: relative, and absolute in metres.
         deadline: of perf_counter, or None.
         signed: whether distances are negative inside; the model is a solid then.
     """
 
     def __init__(
         self, model: Surface, pose: NDArray[np.float64], max_distance: float,
-        deadline: float | None, signed: bool,
+        errors: tuple[float, float], deadline: float | None, signed: bool,
     ) -> None:  # fmt: skip
         self._hierarchy, self._pose, self._signed = model._hierarchy, pose, signed
-        self._limit, self._deadline = max_distance, deadline
+        self._limit, self._errors, self._deadline = max_distance, errors, deadline
 
     def find(
         self, given: NDArray[np.float64], first: int, stopped: Event,
@@ -56,13 +57,14 @@ class SurfacePoints:
         while done < count and not stopped.is_set():
             if turned:
                 done = found = closest_points_of_revolution(
-                    model, self._pose, given, self._limit, self._signed,
+                    model, self._pose, given, self._limit, *self._errors, self._signed,
                     done, slices.steps, bounds, nearest, elements, parameters,
                 )  # fmt: skip
             elif done == found:
                 found = closest_points(
-                    model, self._pose, given, self._limit, self._signed, found, slices.steps,
-                    stack, stacked, going, bounds, nearest, elements, parameters,
+                    model, self._pose, given, self._limit, *self._errors, self._signed,
+                    found, slices.steps, stack, stacked, going, bounds, nearest, elements,
+                    parameters,
                 )  # fmt: skip
             if turned or not self._signed:
                 done = found

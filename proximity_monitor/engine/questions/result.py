@@ -180,6 +180,10 @@ class ClosestPoints:
 
         On a patch u and v, within its knots; on a curve its parameter, and 0; of a solid of
         revolution t on the curve of its profile, and theta, radians from 0 to 2 pi.
+
+        They are those of the point that was found. How far from those of the nearest point they
+        may be is not told: as the distance changes with their square, about the square root of
+        what the bounds differ by. `distance` has `param_err` for what must be certain.
         """
         parameters = self.found.parameters
         return None if parameters is None else self.found.vectors(parameters)

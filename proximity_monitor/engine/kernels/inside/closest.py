@@ -14,9 +14,11 @@ from ..elements.primitives import corners, mixed
 from ..elements.swept import core_of, lower_of, surface_points, upper_of
 from ..tree.layout import WIDTH
 from .angles import side_of
-from .nearest import begin_nearest, nearest, point_triangle
+from .nearest import Point, answer_at, begin_nearest, point_triangle
 from .solid_table import solid_at
 from .solids import NOWHERE
+from .tolerance import distance_of, share_of_error, spare_of_error
+from .visit import descend
 
 NONE = -1
 """The triangle of a point that is beyond the largest distance asked for, or not done."""
@@ -34,13 +36,14 @@ asked for: nearer to a surface, rounding hides on which side of it the point lie
 
 @entry
 def closest_points(
-    model, pose, points, max_distance, signed, first, steps, stack, stacked, going,
-    bounds, feet, triangles, normals,
+    model, pose, points, max_distance, rel_err, abs_err, signed, first, steps,
+    stack, stacked, going, bounds, feet, triangles, normals,
 ):  # fmt: skip
     """Nearest points on a mesh at `pose` to points (k, 3) in the world, from the first one on.
 
     The model is the table of its hierarchy. Whatever the volumes are: boxes may be taken for swept
-    spheres.
+    spheres. A point may be found that is farther than the nearest by a relative or an absolute
+    error, whichever is more.
 
     Returns how many are done: all, or as many as about `steps` steps suffice for. Then the search
     for the next one may have begun: `going` (3,) is its distance so far, its triangle, and how many
@@ -55,31 +58,36 @@ def closest_points(
     found = on_stack(WIDTH, np.float32(0.0))
     radius, deviation = tree.scale[SWEPT], tree.scale[DEVIATION]
     farthest = core_of(max_distance, radius, deviation)
-    least = TELLING * tree.scale[2] if signed else 0.0
+    telling = TELLING * tree.scale[2] if signed else 0.0
+    share = share_of_error(rel_err)
     for k in range(first, points.shape[0]):
         if steps <= 0:
             return k
         p, slack = image_of(tree, pose, points, k)
-        beyond = farthest + 2.0 * slack  # less one slack it is beyond, whatever rounding does
+        spare = spare_of_error(tree, abs_err, slack)
+        query = Point(p, slack, share, spare, radius)
+        # Less one slack it is beyond, whatever rounding does.
+        beyond = distance_of(farthest + slack, share, spare, radius)
         distance, nearby, top = going[0], np.int64(going[1]), np.int64(going[2])
         if top == 0:
             steps -= _ONE_POINT
             nearby = max(np.int64(triangles[k - 1]), 0) if k > 0 else 0
             distance, nearby, top = begin_nearest(tree, p, nearby, stack, stacked)
-            distance = min(distance, max(beyond, least))
-        distance, nearby, top, steps = nearest(
-            tree, p, distance, nearby, top, slack, 0.0, stack, stacked, found, max(steps, 1)
-        )
+            told = distance_of(telling, share, spare, radius)
+            distance = min(distance, max(beyond, told))
+        answer = answer_at(query, distance, nearby)
+        answer, top, steps = descend(query, tree, answer, top, stack, stacked, found, max(steps, 1))
+        distance, nearby, least = answer
         going[0], going[1], going[2] = distance, nearby, top
         if top > 0:
             return k
         near = distance < beyond
         triangles[k] = nearby if near else NONE
         if signed:
-            bounds[k, 0] = max(distance - slack, 0.0)
+            bounds[k, 0] = max(least, 0.0)
             bounds[k, 1] = distance + slack if near else np.inf
             continue
-        bounds[k, 0] = max(lower_of(distance - slack, radius, deviation), 0.0)
+        bounds[k, 0] = max(lower_of(least, radius, deviation), 0.0)
         bounds[k, 1] = np.inf
         if near:
             bounds[k, 1] = upper_of(distance + slack, radius, deviation)

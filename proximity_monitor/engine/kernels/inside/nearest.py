@@ -30,12 +30,12 @@ from ..tree.layout import (
     first_of,
 )
 from . import visit
+from .tolerance import limit_of
 from .visit import at_root, descend
 
-Point = namedtuple("Point", "place slack spare")
-"""The query for the triangle nearest to a point; the answer is (distance, triangle). Nothing is
-looked into that is less than `spare` metres nearer."""
-
+Point = namedtuple("Point", "place slack share spare radius")
+"""The query for the triangle nearest to a point; the answer is (distance, triangle, limit): what
+is nearer by less than is tolerated (see tolerance.py), and so not below the limit, is left out."""
 
 Middle = namedtuple("Middle", "place slack")
 """The query for a volume whose middle is near a point."""
@@ -144,10 +144,16 @@ def _lane_middles(query, nodes, base, x, y, z, margin, gaps):
     _middle_gaps(nodes, base, x, y, z, gaps)
 
 
+@inlined
+def answer_at(query, distance, t):
+    """The answer to a Point at a distance of triangle t."""
+    return distance, np.int64(t), limit_of(distance, query.share, query.spare, query.radius)
+
+
 @implements(visit.limit, Point)
 @inlined
 def _limit(query, answer):
-    return answer[0] - query.spare
+    return answer[2]
 
 
 @implements(visit.meet, Point)
@@ -155,7 +161,7 @@ def _limit(query, answer):
 def _meet(query, tree, t, answer):
     a, b, c = corners(tree.triangles, t)
     distance = np.sqrt(point_triangle(query.place, a, b, c)[0])
-    return (distance, t) if distance < answer[0] else answer
+    return answer_at(query, distance, t) if distance < answer[0] else answer
 
 
 @kernel
@@ -175,7 +181,8 @@ def nearest(tree, p, best, nearby, top, slack, spare, stack, bounds, found, step
     Metres, triangles in tree order. Where the stack is empty then, the distance is that to the
     triangle and the true one at most `spare` smaller, right to `slack`.
     """
-    query, answer = Point(p, slack, max(slack, spare)), (best, np.int64(nearby))
+    query = Point(p, slack, 0.0, max(slack, spare), 0.0)
+    answer = answer_at(query, best, nearby)
     answer, top, steps = descend(query, tree, answer, top, stack, bounds, found, steps)
     return answer[0], answer[1], top, steps
 

@@ -296,9 +296,9 @@ def _guess(tree_a, tree_b, state):
     found = on_stack(WIDTH, np.float32(0.0))
     middle = moved(state.motions[0], scaled(row(tree_b.centres, 0), tree_b.scale[0]))
     # Around the pieces of a surface volumes are thin: their bounds tell better than their middles.
-    a, from_a = begin_on(tree_a, walk(Point(middle, 0.0, 0.0), tree_a, found))
+    a, from_a = begin_on(tree_a, walk(Point(middle, 0.0, 0.0, 0.0, 0.0), tree_a, found))
     q = moved(state.motions[1], stubs.witness(tree_a, a, from_a))
-    b, from_b = begin_on(tree_b, walk(Point(q, 0.0, 0.0), tree_b, found))
+    b, from_b = begin_on(tree_b, walk(Point(q, 0.0, 0.0, 0.0, 0.0), tree_b, found))
     measure_near(tree_a, tree_b, state, a, from_a, b, from_b, 0)
     _improve_guess(tree_a, tree_b, state, found)
 

@@ -101,7 +101,7 @@ def _first_triangle(solid, mesh, motion, spare, found):
     """The triangle of a mesh about nearest to where a solid is nearest to the mesh's middle."""
     middle = scaled(row(mesh.centres, 0), mesh.scale[0])
     foot = moved_back(motion, foot_of(solid, moved(motion, middle), spare))
-    return _nearest_triangle(mesh, foot, walk(Point(foot, 0.0, 0.0), mesh, found), found)
+    return _nearest_triangle(mesh, foot, walk(Point(foot, 0.0, 0.0, 0.0, 0.0), mesh, found), found)
 
 
 @kernel

@@ -12,6 +12,7 @@ from ..base.vectors import norm, sub
 from ..elements.errors import joints_err, points_err
 from ..elements.swept import core_of, lower_of, upper_of
 from ..inside.closest import NONE, image_of
+from ..inside.tolerance import distance_of, share_of_error, spare_of_error
 from ..inside.winding import UNKNOWN
 from ..surface.edges import point_on
 from ..surface.pieces import parameters_of
@@ -26,7 +27,8 @@ _LOOKS = 8
 
 @entry
 def closest_points_of_revolution(
-    table, pose, points, max_distance, signed, first, steps, bounds, feet, elements, parameters
+    table, pose, points, max_distance, rel_err, abs_err, signed, first, steps,
+    bounds, feet, elements, parameters,
 ):  # fmt: skip
     """As `closest_points` of a surface, of the solid of a table; distances may be signed.
 
@@ -34,15 +36,17 @@ def closest_points_of_revolution(
     """
     tree, _ = tree_at(RevolutionTree, table)
     deviation, joints = tree.scale[DEVIATION], joints_err(tree)
-    beyond = core_of(max_distance, 0.0, deviation)
+    farthest, share = core_of(max_distance, 0.0, deviation), share_of_error(rel_err)
     for k in range(first, points.shape[0]):
         if k > first and steps <= 0:
             return k
         p, moved = image_of(tree, pose, points, k)
         at = place_in(tree, p, (0.0, 0.0, 0.0))
         slack = moved + points_err(tree)
-        spare = RESOLUTION * tree.scale[2] + 2.0 * (slack + at.margin)
-        least, away, piece, t, looks = nearest_on(tree, at.rho, at.z, at.margin, 0.0, spare)
+        finest = RESOLUTION * tree.scale[2] + 2.0 * (slack + at.margin)
+        spare = spare_of_error(tree, abs_err, finest)
+        beyond = distance_of(farthest + 2.0 * slack, share, spare, 0.0)
+        least, away, piece, t, looks = nearest_on(tree, at.rho, at.z, at.margin, share, spare)
         steps -= 1 + looks // _LOOKS
         low = max(lower_of(least - slack, 0.0, deviation), 0.0)
         high, elements[k] = np.inf, NONE

@@ -13,6 +13,7 @@ from ..base.vectors import norm, sub
 from ..elements.errors import points_err
 from ..elements.swept import core_of, lower_of, upper_of
 from ..inside.closest import NONE, TELLING, image_of
+from ..inside.tolerance import distance_of, share_of_error, spare_of_error
 from ..inside.visit import at_root
 from ..tree.layout import WIDTH
 from .edges import point_on
@@ -28,8 +29,8 @@ GOING = 7
 
 @entry
 def closest_points(
-    model, pose, points, max_distance, signed, first, steps, stack, stacked, going,
-    bounds, feet, elements, parameters,
+    model, pose, points, max_distance, rel_err, abs_err, signed, first, steps,
+    stack, stacked, going, bounds, feet, elements, parameters,
 ):  # fmt: skip
     """Nearest points of a surface at `pose` to points (k, 3) in the world, from the first one on.
 
@@ -41,13 +42,15 @@ def closest_points(
     Writes bounds (k, 2), certified, and elements (k,) in tree order, and of those nearer than
     `max_distance` metres feet (k, 3) in the world and their parameters (k, 2), which may be (0, 2);
     of the others the element is NONE and the upper bound infinite. Where `signed`, lower bounds are
-    such that sides can be told. Each search begins with the foot before.
+    such that sides can be told. Each search begins with the foot before. Errors are those of the
+    meshes' `closest_points`.
     """
     tree, _ = tree_at(SurfaceTree, model)
     found, last = on_stack(WIDTH, np.float32(0.0)), (0.0, 0.0, 0.0)
     near, near_u, near_v = NONE, 0.0, 0.0
     deviation = tree.scale[DEVIATION]
     farthest = core_of(max_distance, 0.0, deviation)
+    share = share_of_error(rel_err)
     telling = TELLING * tree.scale[2] if signed else 0.0
     for k in range(first, points.shape[0]):
         if steps <= 0:
@@ -55,15 +58,18 @@ def closest_points(
         # Bounds include what the surface's points err by; that of the point itself is left.
         p, moved = image_of(tree, pose, points, k)
         slack = moved + points_err(tree)
-        spare = RESOLUTION * tree.scale[2] + 2.0 * slack
-        query = Foot(p, slack, spare, 0.0)
-        beyond = min(farthest + spare + 2.0 * slack, FAR)  # less both it is beyond `farthest`
+        finest = RESOLUTION * tree.scale[2] + 2.0 * slack
+        spare = spare_of_error(tree, abs_err, finest)
+        query = Foot(p, slack, share, spare, finest)
+        # Less both slacks it is beyond `farthest`, whatever rounding does.
+        beyond = min(distance_of(farthest + 2.0 * slack, share, spare, 0.0), FAR)
         top = np.int64(going[6])
         if top > 0:
             answer = going[0], np.int64(going[1]), going[2], going[3], going[4], np.int64(going[5])
         else:
             steps -= _ONE_POINT
-            top, answer = at_root(stack, stacked), unlooked(max(beyond, telling), 0, 0.0, 0.0)
+            told = distance_of(telling, share, spare, 0.0)
+            top, answer = at_root(stack, stacked), unlooked(max(beyond, told), 0, 0.0, 0.0)
             if near != NONE:
                 away = norm(sub(last, p))
                 if away < answer[0]:

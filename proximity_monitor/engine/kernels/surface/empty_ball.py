@@ -38,7 +38,7 @@ from .square import is_beyond
 Bowl = namedtuple("Bowl", "place slack radius")
 """The query whether nothing is nearer to a place than a radius; the answer is (yes, cost)."""
 
-Empty = namedtuple("Empty", "place slack spare share own")
+Empty = namedtuple("Empty", "place slack share spare finest own")
 """The query, as Foot, but `own` is not looked into, and pieces are not divided: where that would be
 needed, the least is 0."""
 
@@ -129,7 +129,7 @@ def _nearest(tree, place, radius, more, element, u, v, which):
     """
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
-    query = Empty(place, points_err(tree), more, 0.0, element if which == _OTHERS else NONE)
+    query = Empty(place, points_err(tree), 0.0, more, 0.0, element if which == _OTHERS else NONE)
     answer = unlooked(radius, element, u, v)
     if which == _ITSELF:
         if tree.pieces[element].edge == NONE:  # else its patch is among the others

@@ -51,14 +51,15 @@ from .sides import is_left
 from .square import is_beyond
 from .trim import CROSSING, OUTSIDE
 
-Foot = namedtuple("Foot", "place slack spare share")
-"""The query: nothing is looked into that is nearer by less than is spared, metres, or a share of
-the distance. The answer is (distance, piece, u, v, least, cost): the surface is no nearer than the
-least of what was left, and it took so many divisions and proofs. A piece that has not been looked
-into yet, because the search began with one of its points, is ~piece."""
+Foot = namedtuple("Foot", "place slack share spare finest")
+"""The query: nothing is looked into that is nearer by less than a share of the distance, than is
+spared, metres, or than the `finest` that bounds come to. The answer is (distance, piece, u, v,
+least, cost): the surface is no nearer than the least of what was left, and it took so many
+divisions and proofs. A piece that has not been looked into yet, because the search began with one
+of its points, is ~piece."""
 
 _PATIENCE, _GROWTH = 4096, 12
-"""What a search may cost until it tolerates more, and with which power of its cost that grows. So
+"""What a search may cost until its finest grows, and with which power of its cost it does. So
 every search ends: around the centre of a sphere all of it is about as near."""
 
 _NEARER = 0.25
@@ -84,15 +85,15 @@ _TURN, _LOOK = 4, 2
 
 
 @inlined
-def _times(cost):
-    """How many times what the query tolerates is tolerated."""
-    return max(cost / _PATIENCE, 1.0) ** _GROWTH
+def _spared(query, cost):
+    """The metres that are spared after such a cost."""
+    return max(query.spare, max(cost / _PATIENCE, 1.0) ** _GROWTH * query.finest)
 
 
 @inlined
 def enough(query, answer):
     """The distance from which on nothing is looked for, metres."""
-    return answer[0] - _times(answer[5]) * max(query.share * answer[0], query.spare)
+    return answer[0] - max(query.share * answer[0], _spared(query, answer[5]))
 
 
 @inlined
@@ -114,7 +115,7 @@ def look_for(query, tree, answer, top, stack, bounds, found, steps):
 @inlined
 def bounded(query, answer):
     """The nearest piece of an answer, and how near the surface may be at least, metres."""
-    least = min(answer[4], answer[0] - max(query.share * answer[0], query.spare))
+    least = min(answer[4], answer[0] - max(query.share * answer[0], _spared(query, 0)))
     return max(answer[1], ~answer[1]), max(least, 0.0)
 
 
@@ -167,10 +168,9 @@ def _improved(query, tree, t, answer, limits, at, u, v):
     Namely the bound, where the search has led to, what is left, whether it is to be halved in u.
     """
     distance, nearest, best_u, best_v, least, cost = answer
-    times = _times(cost)
     found, u, v, bound, at, in_u = minimum_in(
         tree.pieces[t], tree.nets, limits, query.place, at, u, v, distance,
-        times * query.share, times * query.spare, query.slack,
+        query.share, _spared(query, cost), query.slack,
     )  # fmt: skip
     if found < distance and is_left(tree, t, (u, v, 0.0)):
         distance, nearest, best_u, best_v = found, np.int64(t), u, v

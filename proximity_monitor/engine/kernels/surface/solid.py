@@ -35,7 +35,7 @@ def share_of(at):
 @implements(feet.seek, SurfaceTree)
 @inlined
 def _seek(tree, p, k, at, point, stack, reached, found, steps):
-    query = Foot(p, at.slack, 4.0 * at.slack, share_of(at))
+    query = Foot(p, at.slack, share_of(at), 0.0, 4.0 * at.slack)
     top = at.height
     answer = unlooked(FAR, point.near[k], 0.0, 0.0)
     if top == 0:
