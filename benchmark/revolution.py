@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from revolution_depth import FITTED, HEADINGS, depths, fits
 from revolution_motion import deforming, morphing, motion
 from revolution_page import table, write_page
-from surfaces import at, torus, turned
+from surface_scenes import at, torus, turned
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.revolution.build import build_arcs

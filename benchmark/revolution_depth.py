@@ -7,7 +7,7 @@ from time import thread_time
 
 import numpy as np
 from numpy.typing import NDArray
-from surfaces import at, turned
+from surface_scenes import at, turned
 
 from proximity_monitor import engine
 

@@ -15,7 +15,7 @@ from time import thread_time
 
 import numpy as np
 from numpy.typing import NDArray
-from surfaces import jug, torus
+from surface_scenes import teapot, torus
 
 from proximity_monitor import engine
 from proximity_monitor.engine.questions.result import ClosestPoints
@@ -40,7 +40,7 @@ def main(arguments: list[str] | None = None) -> None:
         name: (model, model.centre + model.radius * rng.uniform(-1.5, 1.5, (count, 3)))
         for name, model in {
             "wavy net": wavy(1, 10),
-            "32 patches": jug(),
+            "teapot, 32 patches": teapot(),
             "solid of revolution": engine.SolidOfRevolution([wall]),
             "mesh, 40,000 triangles": engine.TriangleMesh(*shapes.sphere(1.0)),
         }.items()

@@ -9,7 +9,7 @@ with weights in homogeneous coordinates.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import comb, factorial
 from typing import NamedTuple
 
@@ -150,16 +150,19 @@ def basis(along: Spans, parameters: NDArray[np.float64], order: int) -> tuple[ND
 def bernstein(degree: int, s: NDArray[np.float64], r: NDArray[np.float64]) -> NDArray[np.float64]:
     """The Bernstein polynomials (k, degree + 1) at s = 1 - r, (k,)."""
     j = np.arange(degree + 1)
-    binomials = np.array([comb(degree, i) for i in j], np.float64)
-    return binomials * s[:, None] ** j * r[:, None] ** (degree - j)
+    return _binomials(degree) * s[:, None] ** j * r[:, None] ** (degree - j)
+
+
+@cache
+def _binomials(degree: int) -> NDArray[np.float64]:
+    """(degree + 1,) the binomial coefficients of a degree: many short calls ask for the same."""
+    made = np.array([comb(degree, i) for i in range(degree + 1)], np.float64)
+    made.setflags(write=False)
+    return made
 
 
 def product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """The Bernstein coefficients (n + m - 1, c) of the product of polynomials (n, c) and (m, 1)."""
-    scaled = [
-        each * np.array([[float(comb(len(each) - 1, i))] for i in range(len(each))])
-        for each in (a, b)
-    ]
-    size = len(a) + len(b) - 2
-    columns = [np.convolve(column, scaled[1][:, 0]) for column in scaled[0].T]
-    return np.stack(columns, axis=1) / [[float(comb(size, k))] for k in range(size + 1)]
+    one, other = (each.T * _binomials(len(each) - 1) for each in (a, b))
+    made = np.array([np.convolve(column, other[0]) for column in one])
+    return (made / _binomials(len(a) + len(b) - 2)).T
