@@ -10,7 +10,7 @@ import zlib
 
 import numpy as np
 import pytest
-from engine_bodies import box, pose, rotation
+from engine_bodies import IDENTITY, box, pose, rotation
 from scipy.spatial import cKDTree
 
 from proximity_monitor import engine
@@ -228,3 +228,30 @@ def test_almost_touching_where_elements_join(names, gap):
         found = engine.distance(a, pose_a, b, pose_b, budget_s=10.0)
         assert found.status is Status.EXACT
         assert found.bound_tests < 2000
+
+
+CUBE = engine.shapes.box((0.2, 0.2, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("model", "distance", "signed"),
+    [
+        (CUBE, 0.1, -0.1),
+        (engine.shapes.cylinder(0.1, 0.4), 0.1, -0.1),
+        (engine.shapes.sphere(0.1), 0.0, -0.1),
+        (engine.shapes.capsule(0.1, 0.4), 0.0, -0.1),
+        (engine.TriangleMesh(CUBE.vertices, CUBE.faces, radius=0.02), 0.08, -0.12),
+    ],
+    ids=["box", "cylinder", "ball", "capsule", "swept box"],
+)
+def test_what_lies_inside_is_as_far_from_what_a_model_consists_of(model, distance, signed):
+    """A boundary, or all that is near a core: the table of docs/models.md."""
+    middle = engine.points([[0.0, 0.0, 0.0]])
+    found = engine.distance(model, IDENTITY, middle, IDENTITY)
+    assert found.upper == pytest.approx(distance, abs=1e-12)
+    assert engine.collide(model, IDENTITY, middle, IDENTITY).colliding is (distance == 0.0)
+    deep = engine.signed_distance(model, IDENTITY, middle, IDENTITY, depth_err=1e-6)
+    assert deep.lower <= signed + 1e-12
+    assert deep.upper == pytest.approx(signed, rel=1e-5)
+    nearest = engine.closest_points(model, IDENTITY, [[0.0, 0.0, 0.0]], signed=True)
+    assert nearest.upper[0] == pytest.approx(signed, abs=1e-12)
