@@ -52,7 +52,7 @@ def test_parts_become_bodies_where_the_file_places_them(tmp_path):
     turned = "pose: {position: [0, 0, 100], quaternion: [0, 0, 1, 0]}"
     made = load(tmp_path, turned)
     bodies = {body.name: body for body in made.bodies}
-    assert len(bodies) == 16
+    assert len(bodies) == 20
     wheel, bolt = bodies["wheel"], bodies["bolt 2"]
     np.testing.assert_allclose(wheel.pose[:3, 3], [-0.0352, 0.0, 0.095], atol=1e-12)
     turn = np.pi + np.pi / 34  # that of the assembly, and half a tooth
