@@ -64,6 +64,7 @@ def pair():
 QUESTIONS = {
     "rel_err": [
         lambda x: engine.distance(A, HERE, B, THERE, rel_err=x),
+        lambda x: engine.closest_points(A, HERE, [[0.0, 0.0, 0.0]], rel_err=x),
         lambda x: engine.signed_distance(A, HERE, B, THERE, rel_err=x),
         lambda x: engine.distances(A, POSES, B, POSES, rel_err=x),
         lambda x: pair().ideal(HERE, THERE, rel_err=x),
@@ -71,6 +72,7 @@ QUESTIONS = {
     ],
     "abs_err": [
         lambda x: engine.distance(A, HERE, B, THERE, abs_err=x),
+        lambda x: engine.closest_points(A, HERE, [[0.0, 0.0, 0.0]], abs_err=x),
         lambda x: engine.signed_distance(A, HERE, B, THERE, abs_err=x),
         lambda x: engine.distances(A, POSES, B, POSES, abs_err=x),
         lambda x: pair().ideal(HERE, THERE, abs_err=x),

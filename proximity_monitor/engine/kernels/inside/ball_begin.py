@@ -12,9 +12,10 @@ from ..base.trees import SWEPT, MeshTree
 from ..base.vectors import dot, moved, sub
 from ..elements.errors import joints_err, points_err
 from .ball_frame import common_box, in_a_frame, take_axes
-from .ball_state import IDLE, LOOSEST, NONE, OF_CELLS, ball_at
+from .ball_state import IDLE, NONE, OF_CELLS, ball_at
 from .solid_table import solid_at
 from .solids import HALF, NOWHERE
+from .tolerance import LOOSEST
 
 _TELLING = 1e-6
 """Share of both models' size that a bound may be above 0 where there is no ball, and one of them

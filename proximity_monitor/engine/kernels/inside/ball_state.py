@@ -138,6 +138,3 @@ def ball_at(kind, memory):
 
 FULL = 2
 """What a slice returns, beside ENDED and CUT, when there is no room for more cells."""
-
-LOOSEST = 1e3
-"""Relative tolerances above it are taken for it: an infinite one makes no number of a radius 0."""

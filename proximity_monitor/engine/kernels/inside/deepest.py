@@ -37,7 +37,7 @@ from .ball_cells import limit_of, pop
 from .ball_feet import write_foot, write_point
 from .ball_frame import take_axes
 from .ball_point import certain_radius, place_of, possible_depth, sound_some
-from .ball_state import CELL_CENTRE, FULL, IDLE, LOOSEST, OF_PIECES, ball_at
+from .ball_state import CELL_CENTRE, FULL, IDLE, OF_PIECES, ball_at
 from .pieces import (
     WHOLE,
     control_of,
@@ -58,6 +58,7 @@ from .pieces import (
 )
 from .solid_table import region_at, solid_at
 from .solids import HALF
+from .tolerance import LOOSEST
 from .volumes import sphere_of
 
 _SPARE = 0.1

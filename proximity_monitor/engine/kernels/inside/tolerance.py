@@ -10,7 +10,8 @@ from __future__ import annotations
 from ..base.jit import inlined
 
 LOOSEST = 1e3
-"""The largest relative error that is made use of: beyond, a point must still be found."""
+"""Relative errors above it are taken for it: with an infinite one no point would be found, and it
+makes no number of a radius 0."""
 
 
 @inlined
