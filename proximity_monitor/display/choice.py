@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from proximity_monitor.display.snapshot import Snapshot
 
 PairName = tuple[str, str]
 
@@ -53,6 +56,18 @@ class Choice:
     """By part, of those that do not look as the scene says."""
     at_s: float | None = None
     """The moment of the session to show; None: now."""
+    seen: tuple[PairName, Snapshot] | None = None
+    """A pair that somebody went back to, as it was: the session may not have kept that tick."""
+
+    @property
+    def filtered(self) -> bool:
+        """Whether some pairs are not listed."""
+        return bool(self.search or self.state or self.part or self.status)
+
+    def look_back(self, pair: PairName, stamp_s: float, then: Snapshot | None) -> None:
+        """Show a pair at a moment; `then` is the pair there, if that is known."""
+        self.seen = None if then is None else (pair, then)
+        self.at_s, self.pair = stamp_s, pair
 
     def ignore(self, pair: PairName) -> None:
         """Ignore a pair, or watch it again."""

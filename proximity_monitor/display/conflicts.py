@@ -104,27 +104,36 @@ def _problem(error: Exception, path: Path, unsaved: bool) -> str:
     return f"{path}: {why}. The file is left as it is.{kept}"
 
 
-def decided(pairs: Pairs, row: int, status: str, comment: str) -> Decision:
-    """Return the decision that somebody takes now about a pair as it is."""
+def decided(pairs: Pairs, row: int | None, status: str, comment: str) -> Decision:
+    """Return the decision that somebody takes now about a pair as it is; None: beyond its range."""
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    if row is None:
+        return Decision(status, comment, decided=now)
     bounds = (float(x) for x in (pairs.lower[row], pairs.upper[row]))
     known = (x if abs(x) <= decisions.FAR_M else None for x in bounds)
-    now = datetime.now(UTC).isoformat(timespec="seconds")
     return Decision(status, comment, KINDS[kinds(pairs)[row]], *known, now)
 
 
-def told(decision: Decision, state: str, unit: Unit) -> str:
-    """Return a decision in a line, for people; empty: there is none."""
+def told(decision: Decision, state: str, unit: Unit, worse: str = "worse now") -> str:
+    """Return a decision in a line, for people; empty: there is none.
+
+    Args:
+        decision: about a pair.
+        state: of the pair, one of `order.KINDS`.
+        unit: of the bounds.
+        worse: what is said if that is worse than what was decided about.
+    """
     if decision == UNDECIDED:
         return ""
     known = decision.upper is not None and decision.status != NEW
     at = f" at {length(decision.upper, unit)}" if known else ""
-    worse = f" as {decision.state}, and worse now" if decision.outgrown(state) else ""
+    outgrown = f" as {decision.state}, and {worse}" if decision.outgrown(state) else ""
     comment = f": {decision.comment}" if decision.comment else ""
-    return f"{decision.status}{at}{worse}{comment}"
+    return f"{decision.status}{at}{outgrown}{comment}"
 
 
-def row_mark(decision: Decision, state: str, unit: Unit) -> str:
-    """Return a decision as HTML, for a row of its pair."""
+def row_mark(decision: Decision, state: str, unit: Unit, worse: str = "worse now") -> str:
+    """Return a decision as HTML, for a row of its pair; see `told`."""
     kind = "pm-unproved" if decision.outgrown(state) else "pm-dim"
-    line = escape(told(decision, state, unit))
+    line = escape(told(decision, state, unit, worse))
     return f'<div class="pm-small pm-decided {kind}">{line}</div>' if line else ""

@@ -10,6 +10,7 @@ from proximity_monitor.display.choice import Choice, PairName
 from proximity_monitor.display.conflicts import UNDECIDED, Conflicts, decided, told
 from proximity_monitor.display.decisions import NEW, STATUSES
 from proximity_monitor.display.order import KINDS, kinds
+from proximity_monitor.display.signs import clearance
 from proximity_monitor.display.state import Pairs, SceneInfo
 
 
@@ -34,8 +35,8 @@ class Deciding:
 
         @self._keep.on_click
         def _(_) -> None:
-            row = None if self._pairs is None else self._pairs.places.get(self._pair)
-            if row is not None:
+            if self._pair is not None:
+                row = self._pairs.places.get(self._pair)
                 decision = decided(self._pairs, row, self._status.value, self._comment.value)
                 conflicts.decide(self._pair, decision)
 
@@ -45,7 +46,7 @@ class Deciding:
         Without one it takes no room from the list, unless the file is in trouble.
 
         Args:
-            pairs: of now, which is what one decides about.
+            pairs: of the moment that is shown, which is what one decides about.
             scene: of these.
         """
         pair, self._pairs = self._choice.pair, pairs
@@ -55,7 +56,6 @@ class Deciding:
             self._pair = pair
             self._status.value, self._comment.value = decision.status, decision.comment
         row = pairs.places.get(pair)
-        self._keep.disabled = row is None
         problem = escape(self._conflicts.problem)
         self._folder.visible = pair is not None or bool(problem)
         self._note.content = (
@@ -69,5 +69,10 @@ class Deciding:
         state = "" if row is None else KINDS[kinds(self._pairs)[row]]
         line = f"{' - '.join(self._pair)}: {told(decision, state, scene.unit) or NEW}"
         when = f", decided {decision.decided}" if decision.decided else ""
+        if row is None:
+            when += "; now beyond its range"
+        elif self._choice.at_s is not None:
+            then = clearance(self._pairs, row, scene.unit)
+            when += f"; what you keep is about this moment: {then}"
         path = self._conflicts.path
         return f"{line}{when}" + (f"; kept in {path}" if path is not None else "")

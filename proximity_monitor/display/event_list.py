@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from html import escape
 
 import viser
@@ -13,11 +14,13 @@ from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.event_picture import EventPicture
 from proximity_monitor.display.events import Event
 from proximity_monitor.display.inbox import News
+from proximity_monitor.display.listing import admits, left_out
+from proximity_monitor.display.paging import page_of, pager
 from proximity_monitor.display.shared import Shared
 from proximity_monitor.display.state import SceneInfo
 
-LISTED = 40
-"""How many events are listed, the newest."""
+TURN = "events-from"
+"""The word with which a page of the list is asked for."""
 
 EVERY_S = 0.3
 """Seconds between two updates of the list."""
@@ -35,6 +38,7 @@ class EventList:
         self._conflicts = shared.conflicts
         self._choice = choice
         self._due_s = 0.0
+        self._newest: int | None = None  # that the page has; None: it follows the session
         self._reset_here = False
         button = gui.add_button(
             "Forget the smallest clearances", icon=viser.Icon.ERASER,
@@ -43,7 +47,8 @@ class EventList:
         self._reset = gui.add_html("")
         self._picture = picture
         picture.add(gui)
-        self._list = gui.add_html("")
+        with gui.add_folder("Events"):
+            self._list = gui.add_html("")
 
         @button.on_click
         def _(_) -> None:
@@ -64,31 +69,49 @@ class EventList:
         """Look back at an event's moment, at its pair."""
         event = self._events.at(int(number)) if number.isdecimal() else None
         if event is not None:
-            self._choice.at_s, self._choice.pair = event.stamp_s, event.pair
+            self._choice.look_back(event.pair, event.stamp_s, event.then)
             self._picture.choose(event)
 
+    def turn(self, newest: str) -> None:
+        """Show the page that begins with an event, by its number; none: that of the newest."""
+        self._newest, self._due_s = int(newest) if newest.isdecimal() else None, 0.0
+
     def _html(self, scene: SceneInfo) -> str:
-        events, start, decisions = self._events, self._session.span_s[0], self._conflicts.all
+        choice, decisions, every = self._choice, self._conflicts.all, self._events.all
+        listed = [
+            event for event in every if admits(choice, event.pair, event.after.kind, decisions)
+        ][::-1]
+        numbers = [-event.number for event in listed]
+        first = 0 if self._newest is None else bisect_left(numbers, -self._newest)
+        page = page_of(first, len(listed))
+        start = self._session.span_s[0]
         rows = "".join(
-            _row(event, start, decisions.get(frozenset(event.pair), UNDECIDED), scene)
-            for event in events.all[: -LISTED - 1 : -1]
+            _row(event, start, decisions.get(frozenset(event.pair), UNDECIDED), scene, choice)
+            for event in listed[page]
         )
-        more = len(events.all) - LISTED
-        rest = [f"{more} older"] if more > 0 else []
-        rest += [f"the first {events.lost} are no longer known"] if events.lost else []
+
+        def mark(first: int) -> str:  # more events may come before the page is turned
+            return str(listed[first].number) if first else ""
+
+        lost = self._events.lost
+        rest = f"; the first {lost} are no longer known" if lost else ""
         return (
             f'<div class=pm {PRESSES}><table class=pm-table id="pm-events"><tr><th>at</th>'
             f"<th>state</th><th>pair</th><th class=pm-num>clearance</th></tr>{rows}</table>"
-            f"<div class='pm-small pm-dim'>{'; '.join(rest)}</div></div>"
+            f"{pager(TURN, page.start, len(listed), mark)}"
+            f"<div class='pm-small pm-dim'>the newest first{rest}</div>"
+            f"{left_out(len(every) - len(listed))}</div>"
         )
 
 
-def _row(event: Event, start: float, decision: Decision, scene: SceneInfo) -> str:
+def _row(event: Event, start: float, decision: Decision, scene: SceneInfo, choice: Choice) -> str:
     a, b = map(escape, event.pair)
+    chosen = " pm-chosen" if (event.pair, event.stamp_s) == (choice.pair, choice.at_s) else ""
     return (
-        f"<tr class=pm-row {word(f'event:{event.number}')}><td>{event.stamp_s - start:.1f} s</td>"
+        f'<tr class="pm-row{chosen}" {word(f"event:{event.number}")}>'
+        f"<td>{event.stamp_s - start:.1f} s</td>"
         f'<td class=pm-sign style="color:{event.after.colour}">{event.before.glyph}'
         f" {event.before.word} → {event.after.glyph} {event.after.word}</td>"
-        f"<td>{a} - {b}{row_mark(decision, event.after.kind, scene.unit)}</td>"
+        f"<td>{a} - {b}{row_mark(decision, event.after.kind, scene.unit, 'worse then')}</td>"
         f"<td class=pm-num>{escape(event.clearance)}</td></tr>"
     )

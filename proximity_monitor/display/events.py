@@ -98,10 +98,6 @@ class Events:
         i = number - self.lost
         return self.all[i] if 0 <= i < len(self.all) else None
 
-    def of(self, stamp_s: float, pair: PairName | None) -> Event | None:
-        """Return the event of a pair at a stamp, if there is one."""
-        return next((e for e in self.all if e.stamp_s == stamp_s and e.pair == pair), None)
-
     def keep(self, event: Event, picture: bytes) -> None:
         """Keep a picture of an event that is still known. Any thread may call."""
         if self.at(event.number) is event:

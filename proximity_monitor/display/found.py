@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 from typing import NamedTuple
-
-import numpy as np
 
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.conflicts import UNDECIDED
 from proximity_monitor.display.decisions import Decision, Decisions
 from proximity_monitor.display.events import Event, Events
-from proximity_monitor.display.order import CLEAR_KIND, KINDS, STALE_KIND, kinds
+from proximity_monitor.display.order import CLEAR_KIND, KINDS, STALE_KIND
 from proximity_monitor.display.session import Session
+from proximity_monitor.display.signs import SIGNS, Sign, sign
 from proximity_monitor.display.snapshot import Snapshot
-from proximity_monitor.display.state import Frame
+from proximity_monitor.display.state import SceneInfo
 
 CLOCK_S = 1e9
 """Stamps beyond it are of a clock on the wall, others those of a simulation."""
@@ -34,52 +34,75 @@ class Conflict(NamedTuple):
     events: Sequence[Event]
     """The oldest first."""
 
+    def sign(self, scene: SceneInfo) -> Sign:
+        """Return the sign of the worst state."""
+        found = [event.after for event in self.events]
+        if self.worst is not None:
+            found.append(sign(self.worst.frame(self.pair).pairs, 0, scene))
+        # What had that state for a moment that is not kept never was as near as the limit for sure.
+        like = [each for each in SIGNS if each.kind == self.state]
+        return next((each for each in like if each in found), like[-1])
 
-def conflicts(
-    last: Frame, session: Session, events: Events, decisions: Decisions
-) -> list[Conflict]:
+
+class Found(NamedTuple):
+    """A conflict, with what its place in a list depends on."""
+
+    pair: PairName
+    kind: int
+    """The worst state of the session, a place in `order.KINDS`."""
+    least: float
+    """The smallest upper bound in metres; infinite: none is known."""
+
+
+def find(scene: SceneInfo, session: Session, events: Events, decisions: Decisions) -> list[Found]:
     """Return the conflicts, the worst state first and then the smallest clearance.
 
     Args:
-        last: the newest tick.
-        session: the smallest clearances.
+        scene: a decision about parts that are not in it is left out.
+        session: the states and the smallest clearances.
         events: the changes of state that are still known.
         decisions: what people decided.
     """
-    of_pair: dict[PairName, list[Event]] = defaultdict(list)
-    found: dict[PairName, int] = {}
+    found = {pair: (kind, least) for pair, kind, least in session.conflicts()}
 
     def note(pair: PairName, kind: int) -> None:
-        if kind < STALE_KIND:  # what is stale is no conflict: nothing is known
-            found[pair] = min(kind, found.get(pair, CLEAR_KIND))
+        known = found.get(pair)
+        if known is None:
+            worst = session.worst(pair)
+            known = CLEAR_KIND, math.inf if worst is None else worst[1].upper
+        found[pair] = min(kind, known[0]), known[1]
 
     for event in events.all:
+        kind = KINDS.index(event.after.kind)
+        if kind < STALE_KIND:  # what is stale is no conflict: nothing is known
+            note(event.pair, kind)
+    for pair in _decided(scene, decisions):
+        note(pair[::-1] if session.knows(pair[::-1]) else pair, CLEAR_KIND)
+    return sorted((Found(pair, *each) for pair, each in found.items()), key=lambda one: one[1:])
+
+
+def _decided(scene: SceneInfo, decisions: Decisions) -> list[PairName]:
+    """Return the pairs of a scene that somebody decided about, their parts in its order."""
+    places = {name: place for place, name in enumerate(scene.names)}
+    both = (sorted(key, key=places.get) for key in decisions if key <= places.keys())
+    return [(pair[0], pair[1]) for pair in both if len(pair) == 2]
+
+
+def conflicts(
+    found: Iterable[Found], session: Session, events: Events, decisions: Decisions
+) -> list[Conflict]:
+    """Return all about some conflicts, in their order; for the rest see `find`."""
+    of_pair: dict[PairName, list[Event]] = defaultdict(list)
+    for event in events.all:
         of_pair[event.pair].append(event)
-        note(event.pair, KINDS.index(event.after.kind))
-    least, now = session.worst_of_each(), kinds(last.pairs)
-    for pair, worst in least.items():
-        note(pair, int(kinds(worst.frame(pair).pairs)[0]))
-    for i in np.flatnonzero(now < STALE_KIND):
-        note(last.pairs.names[i], int(now[i]))
-    for pair in (*last.pairs.names, *least):
-        if frozenset(pair) in decisions:
-            found.setdefault(pair, CLEAR_KIND)
-    made = [
-        Conflict(
-            pair,
-            KINDS[kind],
-            least.get(pair),
-            decisions.get(frozenset(pair), UNDECIDED),
-            of_pair[pair],
+    made = []
+    for pair, kind, _ in found:
+        worst = session.worst(pair)
+        decision = decisions.get(frozenset(pair), UNDECIDED)
+        made.append(
+            Conflict(pair, KINDS[kind], worst and worst[1], decision, of_pair.get(pair, ()))
         )
-        for pair, kind in found.items()
-    ]
-    return sorted(made, key=_urgency)
-
-
-def _urgency(conflict: Conflict) -> tuple[int, float]:
-    least = float("inf") if conflict.worst is None else conflict.worst.upper
-    return KINDS.index(conflict.state), least
+    return made
 
 
 def moment(stamp_s: float, start_s: float) -> str:

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 import viser
 
-from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.bridge import word
+from proximity_monitor.display.choice import Choice, PairName
 from proximity_monitor.display.conflicts import UNDECIDED
 from proximity_monitor.display.decisions import STATUSES, Decisions
 from proximity_monitor.display.order import CLEAR_KIND, KINDS, kinds, urgent_first
@@ -51,17 +52,31 @@ def listing(
 
 
 def _matching(pairs: Pairs, of: np.ndarray, choice: Choice, decisions: Decisions) -> np.ndarray:
-    found = of == KINDS.index(choice.state) if choice.state else np.ones(len(pairs), bool)
-    if choice.part:
-        found &= np.fromiter((choice.part in name for name in pairs.names), bool, len(pairs))
-    if choice.status:
-        statuses = (decisions.get(frozenset(name), UNDECIDED).status for name in pairs.names)
-        found &= np.fromiter((each == choice.status for each in statuses), bool, len(pairs))
-    if words := choice.search.lower().split():
-        texts = (f"{a} {b}".lower() for a, b in pairs.names)
-        each = (all(word in text for word in words) for text in texts)
-        found &= np.fromiter(each, bool, len(pairs))
-    return found
+    if not choice.filtered:
+        return np.ones(len(pairs), bool)
+    each = (
+        admits(choice, name, KINDS[kind], decisions)
+        for name, kind in zip(pairs.names, of, strict=True)
+    )
+    return np.fromiter(each, bool, len(pairs))
+
+
+def admits(choice: Choice, pair: PairName, state: str, decisions: Decisions) -> bool:
+    """Return whether a pair in a state, one of `order.KINDS`, is listed."""
+    if not choice.filtered:
+        return True
+    if (choice.state and choice.state != state) or (choice.part and choice.part not in pair):
+        return False
+    if choice.status and choice.status != decisions.get(frozenset(pair), UNDECIDED).status:
+        return False
+    text = " ".join(pair).lower()
+    return all(each in text for each in choice.search.lower().split())
+
+
+def left_out(count: int) -> str:
+    """Return as HTML that the filters leave rows out of a list, and what to press to have all."""
+    told = f"{count} left out by the filter: press to list all"
+    return f"<div class='pm-press pm-unproved' {word('unfilter:')}>{told}</div>" if count else ""
 
 
 def _grouped(

@@ -8,9 +8,10 @@ from html import escape
 import numpy as np
 import viser
 
-from proximity_monitor.display import picking
+from proximity_monitor.display import conflict_list, event_list, picking
 from proximity_monitor.display.bridge import Bridge
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.conflict_list import ConflictList
 from proximity_monitor.display.connection import Connection, banner, pill
 from proximity_monitor.display.deciding import Deciding
 from proximity_monitor.display.event_list import EventList
@@ -63,7 +64,6 @@ class Page:
         self._client = client
         self._server = shared.server
         self._session = shared.session
-        self._events = shared.events
         self._conflicts = shared.conflicts
         self.hand = Hand(shared.holds, f"browser {client.client_id + 1}")
         self._choice = Choice()
@@ -104,6 +104,7 @@ class Page:
             picture = EventPicture(
                 shared.events, self._choice, self._portraits, lambda: self._parts
             )
+            self._conflict_list = ConflictList(gui, shared, self._choice)
             self._event_list = EventList(gui, shared, self._choice, picture)
             self._save = Save(gui, shared, self._choice, lambda: self._shown, self._move.hide)
             self._files = ReportFiles(
@@ -162,7 +163,7 @@ class Page:
             self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told)
             self._limits.show(scene, news.health, news.refusal, now_s)
-            self._deciding.show(news.frame.pairs, scene)
+            self._deciding.show(frame.pairs, scene)
             if told.current:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
         listed = (frame, scene, self._conflicts.all, replace(choice))
@@ -174,15 +175,16 @@ class Page:
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(told)), LONGEST_S)
         self._timeline.show(scene, now_s)
         self._player.show(news, now_s)
+        self._conflict_list.show(scene, now_s)
         self._event_list.show(news, now_s)
 
     def _at(self, stamp_s: float) -> Frame:
-        """Return the tick at a stamp; of an event whose tick was thinned out, its pair alone."""
-        frame = self._session.at(stamp_s)
-        if frame.stamp_s != stamp_s:
-            event = self._events.of(stamp_s, self._choice.pair)
-            if event is not None and event.then is not None:
-                return event.then.frame(event.pair)
+        """Return the tick at a stamp; of one that was not kept, the pair that is looked back at."""
+        frame, seen = self._session.at(stamp_s), self._choice.seen
+        if seen is not None and frame.stamp_s != stamp_s:
+            pair, then = seen
+            if (pair, then.stamp_s) == (self._choice.pair, stamp_s):
+                return then.frame(pair)
         return frame
 
     def _draw(self, frame: Frame, scene: SceneInfo) -> None:
@@ -275,6 +277,12 @@ class Page:
             self._filters.clear()
         elif what == "event":
             self._event_list.go(name)
+        elif what == event_list.TURN:
+            self._event_list.turn(name)
+        elif what == conflict_list.TURN:
+            self._conflict_list.turn(name)
+        elif what == "conflict":
+            self._conflict_list.go(pair)
         elif (
             self._shown is None
             or pair not in self._shown.frame.pairs.places.keys() | choice.ignored

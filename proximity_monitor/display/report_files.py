@@ -7,7 +7,7 @@ from collections.abc import Callable
 import viser
 
 from proximity_monitor.display.choice import PairName
-from proximity_monitor.display.found import Conflict, conflicts
+from proximity_monitor.display.found import Conflict, conflicts, find
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.portraits import Portraits
 from proximity_monitor.display.report import PICTURES, conflicts_csv, pictured, report_html
@@ -51,7 +51,8 @@ class ReportFiles:
 
     def _found(self, shown: Shown) -> list[Conflict]:
         shared = self._shared
-        return conflicts(shown.newest, shared.session, shared.events, shared.conflicts.all)
+        about = shared.session, shared.events, shared.conflicts.all
+        return conflicts(find(shown.scene, *about), *about)
 
     def _report(self, shown: Shown, _: viser.ClientHandle) -> bytes:
         found, events, parts = self._found(shown), self._shared.events, self._parts()

@@ -105,9 +105,13 @@ class Session:
             return None if found is None else (pair, found)
         return self._smallest.least(ignored)
 
-    def worst_of_each(self) -> dict[PairName, Snapshot]:
-        """Return the smallest clearance of each pair that had one."""
-        return self._smallest.each()
+    def knows(self, pair: PairName) -> bool:
+        """Return whether a tick listed a pair, since the smallest clearances began."""
+        return pair in self._smallest
+
+    def conflicts(self) -> list[tuple[PairName, int, float]]:
+        """Return the pairs that were not clear; see `Smallest.conflicts`."""
+        return self._smallest.conflicts()
 
     def series(
         self, pair: PairName | None = None, ignored: Collection[PairName] = ()

@@ -53,6 +53,11 @@ CONTACT_SIGN = Sign("✖", "CONTACT", "#9008ac")
 OVERLAP_SIGN = Sign("✖", "OVERLAP", "#9008ac")
 HIDDEN_SIGN = Sign("◍", "hidden", fresh.GREY)
 STALE_SIGN = Sign("?", "stale", fresh.GREY)
+SIGNS = (
+    OVERLAP_SIGN, CONTACT_SIGN, STOP_SIGN, STOP_UNPROVED_SIGN, WARN_SIGN, WARN_UNPROVED_SIGN,
+    STALE_SIGN, CLEAR_SIGN,
+)  # fmt: skip
+"""Of pairs, the worst first."""
 
 _FAR = np.array([0x00, 0x72, 0xB2], float)
 _CLEAR = np.array([0x00, 0x9E, 0x73], float)

@@ -1,4 +1,7 @@
-"""The smallest clearance of each pair in the session, in columns: a tick may change thousands."""
+"""The smallest clearance and the worst state of each pair in the session.
+
+They are in columns, because a tick may change thousands.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from collections.abc import Collection
 import numpy as np
 
 from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.order import CLEAR_KIND, STALE_KIND, kinds
 from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import STALE, Frame, PairNames
 
@@ -20,6 +24,7 @@ _MOMENT = np.dtype(
         ("points", float, (2, 3)),
         ("status", np.int8),
         ("level", np.int8),
+        ("worst", np.int8),  # state, a place in `order.KINDS`
     ]
 )
 _READ = ("lower", "upper", "points", "status", "level")
@@ -47,6 +52,9 @@ class Smallest:
         pairs = frame.pairs
         with self._lock:
             at = self._rows(pairs.names)
+            of = kinds(pairs)
+            of[of == STALE_KIND] = CLEAR_KIND
+            self._moments["worst"][at] = np.minimum(self._moments["worst"][at], of)
             nearer = pairs.upper < self._moments["upper"][at]  # NaN is not
             nearer &= pairs.level != STALE
             at = at[nearer]
@@ -56,6 +64,10 @@ class Smallest:
             poses = np.empty((), object)
             poses[()] = frame.poses
             self._moments["poses"][at] = poses
+
+    def __contains__(self, pair: PairName) -> bool:
+        """Whether a tick listed a pair."""
+        return pair in self._places
 
     def of(self, pair: PairName) -> Snapshot | None:
         """Return that of a pair; None: it never had one."""
@@ -74,11 +86,16 @@ class Smallest:
             pair = next(name for name, at in self._places.items() if at == row)
             return pair, self._snapshot(row)
 
-    def each(self) -> dict[PairName, Snapshot]:
-        """Return that of each pair that had one."""
+    def conflicts(self) -> list[tuple[PairName, int, float]]:
+        """Return the pairs that were not clear: each with its worst state and smallest upper bound.
+
+        States are places in `order.KINDS`, bounds in metres, infinite where none was known.
+        """
         with self._lock:
-            found = {name: self._snapshot(row) for name, row in self._places.items()}
-        return {name: moment for name, moment in found.items() if moment is not None}
+            worst, upper, names = self._moments["worst"], self._moments["upper"], list(self._places)
+            rows = np.flatnonzero(worst < STALE_KIND)
+            found = zip(rows.tolist(), worst[rows].tolist(), upper[rows].tolist(), strict=True)
+            return [(names[row], kind, least) for row, kind, least in found]
 
     def _rows(self, names: PairNames) -> np.ndarray:
         """Return the places (k,) of pairs, new ones too."""
@@ -86,7 +103,7 @@ class Smallest:
             places = self._places
             at = np.fromiter((places.setdefault(n, len(places)) for n in names), int, len(names))
             more = np.zeros(len(places) - len(self._moments), _MOMENT)
-            more["upper"] = np.inf
+            more["upper"], more["worst"] = np.inf, CLEAR_KIND
             self._moments = np.concatenate((self._moments, more))
             self._last = (names, at)
         return self._last[1]

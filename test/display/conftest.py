@@ -369,4 +369,4 @@ def alone(server, raw, monkeypatch, tmp_path):
     """That browser's page, with a scene, and all that it shares with others."""
     from page_alone import page_of
 
-    return page_of(server, raw, monkeypatch, tmp_path / "cell.conflicts.json")
+    return page_of(server, raw.client, monkeypatch, tmp_path / "cell.conflicts.json")

@@ -45,7 +45,7 @@ def frame(stamp_s, clearance=0.3, level=0, poses=(HERE, THERE)):
     return Frame(stamp_s, np.array(poses), told)
 
 
-def page_of(server, raw, monkeypatch, conflicts):
+def page_of(server, client, monkeypatch, conflicts):
     """The page of one browser, with all that it shares with others."""
     monkeypatch.setattr(all_pages, "STEP_S", np.inf)
     monkeypatch.setattr(pages, "TABLE_S", 0.0)
@@ -66,10 +66,11 @@ def page_of(server, raw, monkeypatch, conflicts):
 
     tell(scene=SCENE, parts=PARTS, frame=frame(0.0))
     assert not logged
-    own = made._pages[raw.client.client_id]
+    own = made._pages[client.client_id]
     return SimpleNamespace(
         tell=tell, all=own, pages=made, move=own._move, choice=own._choice, holds=holds,
-        hand=own.hand, session=made._shared.session, logged=logged, asked=asked,
+        hand=own.hand, session=made._shared.session, events=made._shared.events, logged=logged,
+        asked=asked,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from proximity_monitor.display import report
 from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.export import events_csv, pairs_csv
-from proximity_monitor.display.found import conflicts, moment
+from proximity_monitor.display.found import conflicts, find, moment
 from proximity_monitor.display.portraits import _aimed
 from proximity_monitor.display.report import conflicts_csv, report_html
 from proximity_monitor.display.session import Session
@@ -24,6 +24,10 @@ from proximity_monitor.display.state import STALE, STOP, WARN
 
 EVIL = Decision("accepted", "<script>alert(1)</script>", "stop", 0.01, 0.01, "2026-01-02T03:04:05")
 FITS = Decision("accepted", "a press fit", "stop", 0.008, 0.01, "2026-01-02T03:04:05")
+
+
+def of(*session):
+    return conflicts(find(SCENE, *session), *session)
 
 
 def told(*ticks):
@@ -35,8 +39,8 @@ def told(*ticks):
 
 
 def test_what_was_near_for_one_tick_is_a_conflict_with_its_own_numbers():
-    last, session, events = told((0.3, 0), (0.05, WARN), (0.0123456, STOP), (0.3, 0))
-    (found,) = conflicts(last, session, events, {})
+    _, session, events = told((0.3, 0), (0.05, WARN), (0.0123456, STOP), (0.3, 0))
+    (found,) = of(session, events, {})
     assert (found.pair, found.state, found.decision.status) == (NAMES, "stop", "new")
     assert (found.worst.lower, found.worst.stamp_s) == (0.0123456, 1e9 + 2)
     assert [event.lower for event in found.events] == [0.05, 0.0123456, 0.3]
@@ -47,23 +51,23 @@ def test_what_was_near_for_one_tick_is_a_conflict_with_its_own_numbers():
 
 def test_the_newest_changes_of_state_have_pictures_the_worst_conflicts_first(monkeypatch):
     monkeypatch.setattr(report, "PICTURED", 3)
-    last, session, events = told(*((0.3, 0), (0.05, WARN)) * 4)
-    found = conflicts(last, session, events, {})
+    _, session, events = told(*((0.3, 0), (0.05, WARN)) * 4)
+    found = of(session, events, {})
     assert [event.stamp_s - 1e9 for event in report.pictured(found)] == [5, 6, 7]
     monkeypatch.setattr(report, "EVENT_PICTURES", 2)
     assert len(report.pictured(found)) == 2
 
 
 def test_what_is_clear_or_stale_is_none_unless_somebody_decided_about_it():
-    last, session, events = told((0.3, 0), (0.3, STALE), (0.3, 0))
-    assert conflicts(last, session, events, {}) == []
-    (found,) = conflicts(last, session, events, {frozenset(NAMES): EVIL})
+    _, session, events = told((0.3, 0), (0.3, STALE), (0.3, 0))
+    assert of(session, events, {}) == []
+    (found,) = of(session, events, {frozenset(NAMES): EVIL})
     assert (found.state, found.decision) == ("clear", EVIL)
 
 
 def test_the_report_holds_numbers_words_and_picture_and_no_html_of_others():
     last, session, events = told((0.3, 0), (0.0123456, STOP), (0.3, 0))
-    found = conflicts(last, session, events, {frozenset(NAMES): EVIL})
+    found = of(session, events, {frozenset(NAMES): EVIL})
     html = report_html(found, {NAMES: b"abc"}, SCENE, last, session.span_s, {1: b"then"})
     for expected in (
         "&lt;i&gt;a - b", "lower bound 12.346 mm, upper bound 12.346 mm", "accepted", "■ STOP",
@@ -88,7 +92,7 @@ def test_the_report_holds_numbers_words_and_picture_and_no_html_of_others():
 def status_of(*ticks, **changes):
     """The words of the row "status", of a pair that was accepted and then had these ticks."""
     last, session, events = told(*ticks)
-    found = conflicts(last, session, events, {frozenset(NAMES): FITS._replace(**changes)})
+    found = of(session, events, {frozenset(NAMES): FITS._replace(**changes)})
     html = report_html(found, {}, SCENE, last, session.span_s, {})
     return re.search("<th>status</th><td>(.*?)</td>", html)[1]
 
@@ -124,7 +128,7 @@ def test_what_is_not_known_of_a_decision_is_left_out():
 )
 def test_the_report_counts_pairs_conflicts_and_pictures(pairs, expected):
     last, session, events = told((0.3, 0), (0.05, WARN))
-    (one,) = conflicts(last, session, events, {})
+    (one,) = of(session, events, {})
     for found, rest in (
         ([], "0 conflicts found"), ([one], "1 conflict found"), ([one, one], "2 conflicts found")
     ):  # fmt: skip
@@ -136,7 +140,7 @@ def test_the_report_counts_pairs_conflicts_and_pictures(pairs, expected):
 
 def test_the_report_counts_the_changes_that_it_leaves_out(monkeypatch):
     last, session, events = told((0.3, 0), (0.05, WARN), (0.3, 0), (0.05, WARN))
-    found = conflicts(last, session, events, {})
+    found = of(session, events, {})
     for most, expected in (
         (2, "1 older change is left out."),
         (1, "2 older changes are left out."),

@@ -39,12 +39,13 @@ def test_the_smallest_clearances_of_pairs_that_come_and_go_are_kept():
     nearer = replace(alone, lower=np.array([0.05]), upper=np.array([0.1]))
     session.add(Frame(1.0, np.full((2, 7), 1.0), nearer))
     session.add(frame(2.0, [0.25, 0.4]))
-    found = {name: (w.lower, w.upper, w.stamp_s) for name, w in session.worst_of_each().items()}
-    assert found == {("a", "b"): (0.25, 0.25, 2.0), ("a", "c"): (0.05, 0.1, 1.0)}
+    found = [session.worst(name)[1] for name in full.pairs.names]
+    found = [(each.lower, each.upper, each.stamp_s) for each in found]
+    assert found == [(0.25, 0.25, 2.0), (0.05, 0.1, 1.0)]
     session.forget_worst()
     assert session.worst() is None
     session.add(frame(3.0, [0.25, np.nan]))
-    assert set(session.worst_of_each()) == {("a", "b")}
+    assert session.worst(("a", "b"))[1].upper == 0.25
     assert session.worst(("a", "c")) is None
 
 

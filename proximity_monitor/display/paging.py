@@ -1,0 +1,37 @@
+"""Long lists a page at a time: each row can be reached, and a browser gets no more than a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from proximity_monitor.display.bridge import word
+
+ROWS = 40
+"""Rows of a page."""
+
+
+def pager(turn: str, first: int, total: int, mark: Callable[[int], str] = str) -> str:
+    """Return as HTML which rows are shown, and what to press for other pages.
+
+    Args:
+        turn: what a press sends, followed by the mark of the page.
+        first: the row with which the page begins.
+        total: how many rows there are.
+        mark: returns by which word a page that begins with some row is known.
+    """
+    if total <= ROWS:
+        return ""
+    before = {"first": 0, "previous": max(first - ROWS, 0)} if first > 0 else {}
+    after = {"next": first + ROWS, "last": total - ROWS} if first + ROWS < total else {}
+    presses = (
+        f"<span class=pm-press {word(f'{turn}:{mark(to)}')}>{name}</span>"
+        for name, to in (before | after).items()
+    )
+    shown = f"{first + 1} to {min(first + ROWS, total)} of {total}"
+    return f"<div class=pm-small id=pm-{turn}>{shown}: {' '.join(presses)}</div>"
+
+
+def page_of(first: int, total: int) -> slice:
+    """Return the rows of the page that begins with a row, or of the last page."""
+    first = max(min(first, total - 1), 0)
+    return slice(first, first + ROWS)
