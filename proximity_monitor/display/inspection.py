@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.banding import Banding
-from proximity_monitor.display.choice import PLAIN, Choice, Look
+from proximity_monitor.display.choice import PLAIN, Choice
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.section import Plane, Section
@@ -34,6 +34,7 @@ class Inspect:
         buttons = client.gui.add_button_group(
             "Gap", (ZOOM, SECTION, WHOLE), hint="Of the chosen pair; without one, the nearest"
         )
+        self._note = client.gui.add_html("")
 
         @buttons.on_click
         def _(_) -> None:
@@ -55,12 +56,16 @@ class Inspect:
 
         @self._whose.on_update
         def _(_) -> None:
-            look = self._choice.looks.get(self._whose.value, PLAIN)
-            if look.opacity is not None:
-                self._opacity.value = look.opacity
-            self._edges.value, self._bands.value = look.edges, look.bands
+            # Of all parts it shows what they have in common.
+            looks = [self._choice.looks.get(name, PLAIN) for name in self._named()]
+            opacities = {look.opacity for look in looks} - {None}
+            if len(opacities) == 1:
+                self._opacity.value = opacities.pop()
+            self._edges.value = all(look.edges for look in looks)
+            self._bands.value = all(look.bands for look in looks)
 
-        for field in (self._opacity, self._edges, self._bands):
+        self._fields = {"opacity": self._opacity, "edges": self._edges, "bands": self._bands}
+        for field in self._fields.values():
             field.on_update(self._on_look)
 
     def begin(self, scene: SceneInfo, parts: Parts) -> None:
@@ -81,6 +86,8 @@ class Inspect:
         self._banding.show(frame, parts, wanted, now_s)
         self._legend.content = self._banding.legend()
         self._section.lift(plain)
+        on = f"a section is on; {WHOLE} ends it" if self._section.plane is not None else ""
+        self._note.content = f'<div class="pm pm-small" id="pm-section">{on}</div>' if on else ""
         if self._section.plane is not None:
             self._section.show(View.of(self._client.camera), now_s)
 
@@ -115,11 +122,13 @@ class Inspect:
     def _on_look(self, event: viser.GuiEvent) -> None:
         if event.client is None:
             return
-        names = self._whose.options[1:] if self._whose.value == EVERY else (self._whose.value,)
-        opacity = self._opacity.value if event.target is self._opacity else None
+        field = next(name for name, each in self._fields.items() if each is event.target)
         looks = dict(self._choice.looks)
-        for name in names:
-            before = looks.get(name, PLAIN)
-            see_through = before.opacity if opacity is None else opacity
-            looks[name] = Look(see_through, self._edges.value, self._bands.value)
+        for name in self._named():
+            looks[name] = looks.get(name, PLAIN)._replace(**{field: event.target.value})
         self._choice.looks = looks
+
+    def _named(self) -> Sequence[str]:
+        """Return the parts whose look the fields show and change."""
+        whose = self._whose.value
+        return self._whose.options[1:] if whose == EVERY else (whose,)

@@ -31,6 +31,8 @@ class Listing(NamedTuple):
     """Clear pairs that match but come later."""
     left_out: int
     """Pairs that are not clear, neither ignored, and do not match."""
+    clear_left_out: int
+    """Those that are clear."""
 
 
 def listing(
@@ -44,10 +46,12 @@ def listing(
     rows = order[(watched & matching)[order]]
     late = np.cumsum(clear[rows]) > ROWS
     late &= clear[rows]
+    rest = watched & ~matching
     return Listing(
         _grouped(pairs, of, rows[~late].tolist(), choice.group),
         int(late.sum()),
-        int((watched & ~matching & ~clear).sum()),
+        int((rest & ~clear).sum()),
+        int((rest & clear).sum()),
     )
 
 

@@ -6,6 +6,7 @@ from html import escape
 from itertools import combinations
 
 from proximity_monitor.display.bridge import PRESSES, word
+from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.labels import short
 from proximity_monitor.display.order import urgent_first
 from proximity_monitor.display.signs import sign
@@ -18,7 +19,7 @@ NAME = 16
 """Characters of a name that are shown."""
 
 
-def matrix(pairs: Pairs, scene: SceneInfo) -> str:
+def matrix(pairs: Pairs, scene: SceneInfo, highlighted: PairName | None = None) -> str:
     """Return the matrix as HTML; pairs that are not listed are beyond their range."""
     named: dict[str, None] = {}
     for i in urgent_first(pairs, scene):
@@ -30,7 +31,7 @@ def matrix(pairs: Pairs, scene: SceneInfo) -> str:
     for (r, a), (c, b) in combinations(enumerate(names), 2):
         row = pairs.places.get((a, b), pairs.places.get((b, a)))
         if row is not None:
-            cells[c, r] = _cell(pairs, row, scene)
+            cells[c, r] = _cell(pairs, row, scene, highlighted)
     head = "".join(f"<th title={_quoted(name)}>{k + 1}</th>" for k, name in enumerate(names[:-1]))
     rows = "".join(
         f"<tr><td class=pm-cut title={_quoted(name)}>{r + 1} {escape(short(name, NAME))}</td>"
@@ -46,13 +47,14 @@ def matrix(pairs: Pairs, scene: SceneInfo) -> str:
     )
 
 
-def _cell(pairs: Pairs, i: int, scene: SceneInfo) -> str:
+def _cell(pairs: Pairs, i: int, scene: SceneInfo, highlighted: PairName | None) -> str:
     a, b = pairs.names[i]
     shown = sign(pairs, i, scene)
     title = f"{a} - {b}: {shown.word}"  # no number, which would change with each tick
+    chosen = " pm-chosen" if (a, b) == highlighted else ""
     return (
-        f'<td class=pm-sign style="color:{shown.colour};cursor:pointer" title={_quoted(title)}'
-        f" {word(f'pick:{a} - {b}')}>{shown.glyph}</td>"
+        f'<td class="pm-sign{chosen}" style="color:{shown.colour};cursor:pointer"'
+        f" title={_quoted(title)} {word(f'pick:{a} - {b}')}>{shown.glyph}</td>"
     )
 
 

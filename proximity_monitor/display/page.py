@@ -171,7 +171,7 @@ class Page:
         if now_s >= self._table_due_s and listed != self._listed:
             self._listed = listed
             self._table.content = told = table(frame.pairs, scene, choice, self._conflicts.all)
-            self._matrix.content = matrix(frame.pairs, scene)
+            self._matrix.content = matrix(frame.pairs, scene, choice.pair)
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(told)), LONGEST_S)
         self._timeline.show(scene, now_s)
         self._player.show(news, now_s)

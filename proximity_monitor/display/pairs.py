@@ -147,6 +147,8 @@ def _rest(pairs: Pairs, scene: SceneInfo, found: Listing) -> str:
         more.append("no pair is left by the search, the filter and what is hidden")
     if found.more_clear:
         more.append(f"{found.more_clear} more that are clear: search for them")
+    if found.clear_left_out:
+        more.append(f"{found.clear_left_out} that are clear are left out by the filter")
     if (beyond := scene.pairs - len(pairs)) > 0:
         more.append(f"{beyond} beyond their range")
     told = f"<div class='pm-small pm-dim'>{'; '.join(more)}</div>" if more else ""

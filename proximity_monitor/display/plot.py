@@ -55,7 +55,7 @@ class Plot:
         self._plot: viser.GuiUplotHandle | None = None
         self._title = gui.add_html("")
         self._holder = gui.add_folder(None)
-        self._scale = gui.add_button_group("Scale", (LOG, LIMITS))
+        self._scale = gui.add_dropdown("Scale", (LOG, LIMITS))
 
     def show(self, scene: SceneInfo, start: float) -> None:
         """Draw the session so far, which began at a stamp; what is not known is covered.

@@ -24,7 +24,7 @@ STYLE = (
 .pm-table td { padding: 3px 4px; border-bottom: 1px solid #8882; vertical-align: top; }
 .pm-table tr.pm-row { cursor: pointer; }
 .pm-table tr.pm-row:hover { background: #0072b214; }
-.pm-table tr.pm-chosen { background: #0072b226; }
+.pm-table .pm-chosen { background: #0072b226; }
 .pm-table .pm-num { text-align: right; white-space: nowrap; }
 .pm-table .pm-group td { font-weight: 600; background: #8882; }
 .pm-unproved { color: #b04e00; font-weight: 600; }

@@ -216,7 +216,10 @@ def test_a_pair_that_is_not_clear_is_listed_among_however_many_nearer_ones_that_
     # A filter that leaves them out says so.
     found = listing(told, scene, Choice(search="p5"))
     assert found.left_out == 2
-    assert "2 pairs are not clear and left out" in words(table(told, scene, Choice(search="p5")))
+    text = words(table(told, scene, Choice(search="p5")))
+    assert "2 pairs are not clear and left out" in text
+    assert f"{found.clear_left_out} that are clear are left out by the filter" in text
+    assert found.clear_left_out > 0
     assert listing(told, scene, Choice(state="stop")).groups == [("", [77])]
     assert listing(told, scene, Choice(part="p78")).groups == [("", [78])]
     assert [title for title, _ in listing(told, scene, Choice(group="state")).groups] == [

@@ -1,5 +1,6 @@
 """Sections, labels and clicks: their geometry, without a browser."""
 
+import re
 from dataclasses import replace
 from itertools import combinations
 
@@ -362,7 +363,10 @@ def test_the_clash_matrix_has_each_listed_pair_once_and_no_html_of_others():
     assert "<i>" not in html
     assert "pick:&lt;i&gt;a - b" in html and "pick:c - &lt;i&gt;a" in html
     fewer = at(0.0, (0.05, 1), (WARN, 0), names[:2]).pairs
-    assert matrix(fewer, replace(scene, bodies=bodies)).count(">·</td>") == 1
+    html = matrix(fewer, replace(scene, bodies=bodies), names[1])
+    assert html.count(">·</td>") == 1
+    (marked,) = re.findall("pm-chosen[^>]*>", html)
+    assert "pick:c - &lt;i&gt;a" in marked
 
 
 def test_many_parts_leave_a_matrix_of_the_most_urgent():

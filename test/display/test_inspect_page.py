@@ -143,6 +143,7 @@ def test_a_section_is_one_click(page, put, wait, eventually):
         assert page.evaluate(peg.IS_SHOWN, "/parts/1/cut")
         assert page.evaluate(peg.IS_SHOWN, "/parts/1/hatching")
         assert not page.evaluate(peg.IS_SHOWN, "/parts/1/mesh")
+        assert "a section is on" in page.inner_text("#pm-section")
         # The plane goes through both closest points, so they lie in the plane of the outline.
         ends = np.array(page.evaluate(peg.CORNERS, "/distances/points")).reshape(-1, 2, 3)[:, 0]
         lines = np.array(page.evaluate(peg.CORNERS, "/parts/1/outline")).reshape(-1, 3)
@@ -156,6 +157,7 @@ def test_a_section_is_one_click(page, put, wait, eventually):
     button(page, "Whole scene").click()
     wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/mesh"), "the whole block")
     assert not page.evaluate(peg.IS_SHOWN, "/parts/1/cut")
+    assert not page.locator("#pm-section").count()
 
 
 def test_each_part_is_as_transparent_as_one_likes(page, wait):
@@ -169,6 +171,16 @@ def test_each_part_is_as_transparent_as_one_likes(page, wait):
     page.locator("input[type=checkbox]:visible").nth(1).click()
     wait(lambda: not page.evaluate(peg.IS_SHOWN, "/parts/0/edges"), "its edges to go")
     assert page.evaluate(peg.IS_SHOWN, "/parts/1/edges")
+    # The edges of one are off, so those of all are not on; what is not changed stays.
+    select(page, field(page, "Look of"), "(all parts)")
+    wait(lambda: not page.locator("input[type=checkbox]:visible").nth(1).is_checked(), "the edges")
+    bands = page.locator("input[type=checkbox]:visible").nth(2)
+    bands.click()
+    wait(lambda: page.locator("#pm-bands").count(), "the bands")
+    bands.click()
+    wait(lambda: page.evaluate(peg.IS_SHOWN, "/parts/1/edges"), "the block's edges as before")
+    assert page.evaluate(OPACITY, 0) == pytest.approx(0.5)
+    select(page, field(page, "Look of"), "peg")
     enter(page, "Opacity", "1", 1)
     page.locator("input[type=checkbox]:visible").nth(1).click()
     page.get_by_text("Picture", exact=True).click()
@@ -210,7 +222,8 @@ def test_the_plot_tells_fits_apart_after_a_long_way_and_shows_the_thresholds(
 ):
     for z in (40, -10):
         put(0, 0, z)
-    button(page, scale).click()
+    select(page, field(page, "Scale"), scale)
+    assert field(page, "Scale").input_value() == scale
 
     def told_apart():
         for threshold in (0.03, 0.005):
