@@ -38,7 +38,7 @@ PATIENCE_S = 60.0
 # Notes of the library, such as that the graphics are software, would lie on the panel.
 NO_NOTES = """addEventListener('DOMContentLoaded', () => {
   const style = document.createElement('style');
-  style.textContent = '.mantine-Notification-root { display: none }';
+  style.textContent = '.mantine-Notification-root { display: none !important }';
   document.head.append(style);
 })"""
 # WebGL takes what it is given, and draws nothing of it.
@@ -98,7 +98,7 @@ WATCH_LIST = """() => {
 def measure_drag(page: Page, chosen: argparse.Namespace) -> None:
     """Drag, and print the times."""
     page.get_by_role("tab", name="Move").click()
-    page.locator("input[role=combobox]:visible").first.fill(HELD)
+    page.locator("xpath=//label[.='Part']/ancestor::*[.//input][1]//input").fill(HELD)
     page.get_by_role("option", name=HELD, exact=True).click()
     page.wait_for_function(
         "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.fresh import CLEAR, aging, patience_s
+from proximity_monitor.display.fresh import GREEN, GREY, aging, fading, patience_s
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.order import urgent_first
 from proximity_monitor.display.signs import (
@@ -42,12 +42,12 @@ class ConnectionState(enum.Enum):
 
 _PILLS = {
     ConnectionState.DISCONNECTED: ("✖", "#b3261e"),
-    ConnectionState.COMPUTING: ("…", "#0072b2"),
-    ConnectionState.STALE: ("?", "#7a7a85"),
-    ConnectionState.LIVE: ("●", CLEAR),
+    ConnectionState.COMPUTING: ("…", fading("#0072b2")),
+    ConnectionState.STALE: ("?", GREY),
+    ConnectionState.LIVE: ("●", fading(GREEN)),
 }
 
-_PAST = "#6a3d9a"
+_PAST = fading("#6a3d9a")
 
 
 class Connection(NamedTuple):
@@ -76,13 +76,15 @@ def connection(news: News, now_s: float) -> Connection:
     if silent:
         if news.frame is None:
             return Connection(
-                ConnectionState.COMPUTING, "the monitor is there and prepares its search"
+                ConnectionState.COMPUTING,
+                "the monitor is there and prepares its search",
+                current=False,
             )
         what = f"no word from the monitor for {since_frame:.0f} s"
         return Connection(ConnectionState.STALE, what, current=False)
     if news.frame is None or news.parts is None or news.scene is None:
         what = "its first tick" if news.frame is None else "the meshes of the parts"
-        return Connection(ConnectionState.COMPUTING, f"waiting for {what}")
+        return Connection(ConnectionState.COMPUTING, f"waiting for {what}", current=False)
     if late:
         activity = news.health.schedule.get("message", "") if news.health is not None else ""
         what = f"no tick for {since_frame:.1f} s: {activity}"
@@ -131,8 +133,9 @@ def pill(told: Connection, choice: Choice, newest_s: float = 0.0) -> str:
         now = "" if told.state is ConnectionState.LIVE else f"; now {state}: {text}"
         text = f"looking back by {newest_s - choice.at_s:.1f} s: only the banner is of now{now}"
         state, name, reason, title, colour = "past", "◀ past", text, text, _PAST
-    elif told.state is ConnectionState.LIVE:
-        name, reason = aging(name, "? no news"), aging(text, "no tick came in time")
+    if told.current:  # else it is known here why
+        then = "" if choice.at_s is None else f"{text}; "
+        name, reason = aging(name, "? no news"), aging(text, f"{then}no tick came in time")
         title = ""  # it would not grow old
     return (
         f'<div class="pm pm-line" id="pm-connection" data-state="{state}">'

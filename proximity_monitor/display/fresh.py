@@ -1,7 +1,8 @@
 """News grows old in the browser itself.
 
-Each tick that is shown restarts an animation of the style sheet, which ends when the next tick is
-overdue. Its end makes grey what was green and changes the words, so nothing here has to be alive
+What a browser shows is old unless an animation of the style sheet says otherwise. Each tick that is
+shown restarts that animation, which ends when the next tick is overdue. Then all colours of states
+turn grey, words and glyphs change, and a veil lies over the window. So nothing here has to be alive
 for that: neither the monitor nor the display, and no script runs.
 """
 
@@ -16,19 +17,35 @@ LATE_S = 1.0
 """Without a tick for so many periods, and at least so many seconds, what is shown is old."""
 
 GREEN, GREY = "#009e73", "#7a7a85"
-CLEAR = f"var(--pm-clear, {GREEN})"
-"""The colour of what is clear or live, while that is known."""
 
-_END = (
-    f"{{ to {{ --pm-clear: {GREY}; --pm-now: none; --pm-then: inline;"
-    " --pm-canvas: grayscale(1) opacity(.6) } }"
+
+def fading(colour: str) -> str:
+    """Return a colour of the style sheet that is grey once the news is old."""
+    return f"var(--pm-old, {colour})"
+
+
+_OLD = (
+    f"--pm-old: {GREY}; --pm-now: none; --pm-then: inline; --pm-veil: block; --pm-faint: .55;"
+    " --pm-drained: grayscale(1) opacity(.6)"
 )
+_FRESH = (
+    "--pm-old: initial; --pm-now: inline; --pm-then: none; --pm-veil: none; --pm-faint: 1;"
+    " --pm-drained: none"
+)
+# Without a beat, as in a replay, all of it is fresh.
 STYLE = f"""
-@keyframes pm-old-0 {_END}
-@keyframes pm-old-1 {_END}
+@keyframes pm-fresh-0 {{ from, to {{ {_FRESH} }} }}
+@keyframes pm-fresh-1 {{ from, to {{ {_FRESH} }} }}
 .pm-now {{ display: var(--pm-now, inline) }}
 .pm-then {{ display: var(--pm-then, none) }}
-.pm-good, .tabler-icon-cloud-check, canvas {{ filter: var(--pm-canvas, none) }}
+.pm-num {{ opacity: var(--pm-faint, 1) }}
+.pm-bar, .tabler-icon-cloud-check, canvas {{ filter: var(--pm-drained, none) }}
+body::before, body::after {{ display: var(--pm-veil, none); position: fixed; pointer-events: none }}
+body::before {{ content: ""; inset: 0; z-index: 9998;
+  background: repeating-linear-gradient(45deg, {GREY}22 0 8px, transparent 8px 24px) }}
+body::after {{ content: "? no news: all that is shown is old"; top: 8px; left: 8px; z-index: 9999;
+  padding: 4px 12px; border-radius: 6px; background: {GREY}; color: #fff;
+  font: 600 15px system-ui, sans-serif }}
 """
 
 
@@ -47,8 +64,8 @@ class Beat:
     """The animation, which every tick restarts by another name."""
 
     def __init__(self, gui: viser.GuiApi) -> None:
-        """Add it to a page."""
-        self._html = gui.add_html("")
+        """Add it to a page, which is old before its first tick."""
+        self._html = gui.add_html(_rule(""))
         self._frame: Frame | None = None
         self._turn = 0
 
@@ -57,5 +74,8 @@ class Beat:
         if frame is self._frame or left_s <= 0.0:
             return
         self._frame, self._turn = frame, 1 - self._turn
-        rule = f"body {{ animation: pm-old-{self._turn} 1ms linear {left_s:.3f}s forwards }}"
-        self._html.content = f'<style id="pm-beat">{rule}</style>'
+        self._html.content = _rule(f"animation: pm-fresh-{self._turn} {left_s:.3f}s linear")
+
+
+def _rule(animation: str) -> str:
+    return f'<style id="pm-beat">body {{ {_OLD}; {animation} }}</style>'

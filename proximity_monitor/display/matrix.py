@@ -9,7 +9,7 @@ from proximity_monitor.display.bridge import PRESSES, word
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.labels import short
 from proximity_monitor.display.order import urgent_first
-from proximity_monitor.display.signs import sign
+from proximity_monitor.display.signs import glyph, sign
 from proximity_monitor.display.state import Pairs, SceneInfo
 
 PARTS = 24
@@ -54,7 +54,7 @@ def _cell(pairs: Pairs, i: int, scene: SceneInfo, highlighted: PairName | None) 
     chosen = " pm-chosen" if (a, b) == highlighted else ""
     return (
         f'<td class="pm-sign{chosen}" style="color:{shown.colour};cursor:pointer"'
-        f" title={_quoted(title)} {word(f'pick:{a} - {b}')}>{shown.glyph}</td>"
+        f" title={_quoted(title)} {word(f'pick:{a} - {b}')}>{glyph(shown)}</td>"
     )
 
 

@@ -18,7 +18,7 @@ from proximity_monitor.display.guard import AT_CONTACT, AT_STOP, FREE, farthest,
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.parts import Parts
-from proximity_monitor.display.signs import DECIMALS, clearance, sign
+from proximity_monitor.display.signs import DECIMALS, clearance, glyph, sign
 from proximity_monitor.display.state import Frame, Pairs, SceneInfo
 
 NOBODY = "(none)"
@@ -273,8 +273,8 @@ def _clearances(name: str | None, pairs: Pairs, scene: SceneInfo) -> str:
         return ""
     rows = [i for i in np.argsort(pairs.lower) if name in pairs.names[i]][:NEAREST]
     told = "".join(
-        f'<div class=pm-line><b style="color:{(mark := sign(pairs, i, scene)).colour}">{mark.glyph}'
-        f"</b><span class=pm-cut>{escape(' - '.join(pairs.names[i]))}</span>"
+        f'<div class=pm-line><b style="color:{(shown := sign(pairs, i, scene)).colour}">'
+        f"{glyph(shown)}</b><span class=pm-cut>{escape(' - '.join(pairs.names[i]))}</span>"
         f"<span class=pm-num>{clearance(pairs, i, scene.unit)}</span></div>"
         for i in rows
     )

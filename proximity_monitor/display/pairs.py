@@ -133,9 +133,8 @@ def _bar(pairs: Pairs, i: int, scene: SceneInfo) -> str:
         f"<u style='left:{100.0 * x / full:.1f}%'></u>" for x in (limits.stop, limits.warn)
     )
     title = f"stop {length(limits.stop, scene.unit)}, warn {length(limits.warn, scene.unit)}"
-    good = " pm-good" if pairs.level[i] == 0 else ""
     return (
-        f'<div class="pm-bar{good}" title="{title}"><i style="left:0;width:{low:.1f}%;'
+        f'<div class=pm-bar title="{title}"><i style="left:0;width:{low:.1f}%;'
         f'background:{colour})"></i><i style="left:{low:.1f}%;width:{high - low:.1f}%;'
         f'background:{colour} / .4)"></i>{marks}</div>'
     )

@@ -36,6 +36,7 @@ class Sign(NamedTuple):
     glyph: str
     word: str
     colour: str
+    """Of the style sheet; grey once the news is old."""
 
     @property
     def kind(self) -> str:
@@ -44,13 +45,13 @@ class Sign(NamedTuple):
         return "contact" if word == "overlap" else word
 
 
-CLEAR_SIGN = Sign("●", "clear", fresh.CLEAR)
-WARN_SIGN = Sign("▲", "warn", "#e69f00")
-WARN_UNPROVED_SIGN = Sign("△", "warn?", "#e69f00")
-STOP_SIGN = Sign("■", "STOP", "#d55e00")
-STOP_UNPROVED_SIGN = Sign("□", "STOP?", "#d55e00")
-CONTACT_SIGN = Sign("✖", "CONTACT", "#9008ac")
-OVERLAP_SIGN = Sign("✖", "OVERLAP", "#9008ac")
+CLEAR_SIGN = Sign("●", "clear", fresh.fading(fresh.GREEN))
+WARN_SIGN = Sign("▲", "warn", fresh.fading("#e69f00"))
+WARN_UNPROVED_SIGN = Sign("△", "warn?", WARN_SIGN.colour)
+STOP_SIGN = Sign("■", "STOP", fresh.fading("#d55e00"))
+STOP_UNPROVED_SIGN = Sign("□", "STOP?", STOP_SIGN.colour)
+CONTACT_SIGN = Sign("✖", "CONTACT", fresh.fading("#9008ac"))
+OVERLAP_SIGN = Sign("✖", "OVERLAP", CONTACT_SIGN.colour)
 HIDDEN_SIGN = Sign("◍", "hidden", fresh.GREY)
 STALE_SIGN = Sign("?", "stale", fresh.GREY)
 SIGNS = (
@@ -91,11 +92,15 @@ def unproved(pairs: Pairs, row: int, scene: SceneInfo) -> bool:
 
 
 def mark(shown: Sign) -> str:
-    """Return a sign as HTML; what is clear grows old with the news."""
-    now = f"{shown.glyph} {shown.word}"
-    if shown is not CLEAR_SIGN:
-        return now
-    return fresh.aging(now, f"{STALE_SIGN.glyph} {STALE_SIGN.word}")
+    """Return a sign with its word as HTML, which grows old with the news."""
+    bad = shown not in (CLEAR_SIGN, HIDDEN_SIGN, STALE_SIGN)
+    then = f"was {shown.word}" if bad else STALE_SIGN.word
+    return fresh.aging(f"{shown.glyph} {shown.word}", f"{STALE_SIGN.glyph} {then}")
+
+
+def glyph(shown: Sign) -> str:
+    """Return a sign without its word as HTML, which grows old with the news."""
+    return fresh.aging(shown.glyph, STALE_SIGN.glyph)
 
 
 _PARAMETERS = {"patch": ("u", "v"), "curve": ("t",)}

@@ -75,13 +75,9 @@ def page_of(server, client, monkeypatch, conflicts):
 
 
 def words(html):
-    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", html.content)).strip()
-
-
-def now(html):
     """The words while the news is fresh."""
     content = re.sub("<span class=pm-then>[^<]*</span>", "", html.content)
-    return words(SimpleNamespace(content=content))
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", content)).strip()
 
 
 def drag(page, phase, x):

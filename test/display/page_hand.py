@@ -14,7 +14,7 @@ SAVE_MS = 180_000.0
 # Notes of the library, such as that the graphics are software, would lie on the picture.
 NO_NOTES = """addEventListener('DOMContentLoaded', () => {
   const style = document.createElement('style');
-  style.textContent = '.mantine-Notification-root { display: none }';
+  style.textContent = '.mantine-Notification-root { display: none !important }';
   document.head.append(style);
 })"""
 # Pictures are made ten times a second, and where one takes long, for a third of the time: each
@@ -185,7 +185,7 @@ def button(page, name):
 
 def choose(page, part):
     tab(page, "Move")
-    page.locator("input[role=combobox]:visible").first.click()
+    field(page, "Part").click()
     page.get_by_role("option", name=part).click()
     page.wait_for_function(
         "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"

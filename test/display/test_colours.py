@@ -1,5 +1,6 @@
 """The states' colours as people see them, of whom some do not see all colours."""
 
+import re
 from itertools import combinations
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from proximity_monitor.display import banding, fresh, inks, signs
+from proximity_monitor.display import banding, inks, signs
 from proximity_monitor.display.lines import pattern
 
 # Machado, Oliveira, Fernandes: A physiologically-based model for simulation of color vision
@@ -39,11 +40,14 @@ TO_XYZ = np.array(
     ]
 )
 STATES = {
-    "clear": fresh.GREEN,
-    "warn": signs.WARN_SIGN.colour,
-    "stop": signs.STOP_SIGN.colour,
-    "contact": signs.CONTACT_SIGN.colour,
-    "stale": fresh.GREY,
+    each.word.lower(): re.search("#[0-9a-f]{6}", each.colour)[0]
+    for each in (
+        signs.CLEAR_SIGN,
+        signs.WARN_SIGN,
+        signs.STOP_SIGN,
+        signs.CONTACT_SIGN,
+        signs.STALE_SIGN,
+    )
 }
 LEAST = 15.0
 """Least difference in CIELAB, of which about 2.3 are just noticed."""

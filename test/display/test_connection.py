@@ -14,11 +14,11 @@ from proximity_monitor.display.connection import (
     connection,
     pill,
 )
-from proximity_monitor.display.fresh import CLEAR
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.listing import ROWS, listing
 from proximity_monitor.display.order import urgent_first
 from proximity_monitor.display.pairs import table
+from proximity_monitor.display.signs import CLEAR_SIGN
 from proximity_monitor.display.state import (
     BOUNDED,
     INTERSECTING,
@@ -147,6 +147,8 @@ LIVE = Connection(ConnectionState.LIVE, "")
 
 
 def words(html):
+    """The words while the news is fresh."""
+    html = re.sub("<span class=pm-then>[^<]*</span>", "", html)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", html)).strip()
 
 
@@ -168,14 +170,14 @@ def test_ignored_pairs_raise_no_alert_but_nothing_is_green_unless_they_are_clear
     assert words(told) == (
         "◍ hidden 1 hidden pair is not clear: STOP b - c: 10.000 mm, stop at 20.000 mm"
     )
-    assert CLEAR not in told
+    assert CLEAR_SIGN.colour not in told
     stale = news(frame=frame((0, 0, STALE), silent=("", "", "no recent pose of c")))
     told = banner(stale.frame, SCENE, hidden, connection(stale, NOW))
     assert words(told).startswith("◍ hidden 1 hidden pair is not clear: stale b - c: no recent")
-    assert CLEAR not in told
+    assert CLEAR_SIGN.colour not in told
     told = banner(frame(), SCENE, hidden, LIVE)
-    assert now(told) == "● clear all 3 pairs, 1 of them hidden; nearest b - c: 10.000 mm"
-    assert CLEAR in told
+    assert words(told) == "● clear all 3 pairs, 1 of them hidden; nearest b - c: 10.000 mm"
+    assert CLEAR_SIGN.colour in told
 
 
 def test_what_is_not_proved_above_a_limit_reads_otherwise_than_what_is_below():
@@ -242,11 +244,6 @@ def test_many_that_are_not_clear_are_all_listed():
     )  # fmt: skip
     html = table(told, replace(SCENE, pairs=count), Choice())
     assert re.findall('data-pair="a - (p[0-9]+)"', html) == [b for _, b in names]
-
-
-def now(html):
-    """The words while the news is fresh."""
-    return words(re.sub("<span class=pm-then>[^<]*</span>", "", html))
 
 
 @pytest.mark.parametrize(

@@ -359,7 +359,7 @@ def test_the_clash_matrix_has_each_listed_pair_once_and_no_html_of_others():
     names = tuple(tuple(named[x] for x in pair) for pair in frame.pairs.names)
     told = at(0.0, (0.05, 1, 0.01), (WARN, 0, STOP), names).pairs
     html = matrix(told, replace(scene, bodies=bodies))
-    assert [html.count(f">{glyph}</td>") for glyph in "▲●■·"] == [1, 1, 1, 0]
+    assert [html.count(f">{glyph}<") for glyph in "▲●■·"] == [1, 1, 1, 0]
     assert "<i>" not in html
     assert "pick:&lt;i&gt;a - b" in html and "pick:c - &lt;i&gt;a" in html
     fewer = at(0.0, (0.05, 1), (WARN, 0), names[:2]).pairs

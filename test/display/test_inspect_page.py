@@ -104,7 +104,7 @@ def test_the_peg_s_handles_are_gripped_where_the_peg_covers_them(page, put, wait
 
 def test_a_part_is_chosen_by_a_click_through_what_is_transparent(page, put, wait):
     put(0, 0, -10)
-    page.locator("input[role=combobox]:visible").first.click()
+    field(page, "Part").click()
     page.get_by_role("option", name="(none)").click()
     note = page.locator("#pm-held")
     wait(lambda: "Click a part" in note.inner_text(), "nothing to be chosen")

@@ -14,7 +14,7 @@ from deadlines import DEADLINE_S
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from page_alone import HERE, NAMES, SCENE, THERE, drag, frame, now, words
+from page_alone import HERE, NAMES, SCENE, THERE, drag, frame, words
 from raw_browser import RawBrowser
 
 from proximity_monitor.display import pages as all_pages
@@ -121,9 +121,9 @@ def test_each_tick_is_good_for_a_second_from_when_it_came(page):
         page.tell()  # the same tick again
         told.append(page.all._beat._html.content)
     names, seconds = zip(
-        *(re.search(r"(pm-old-\d) 1ms linear (.*)s f", x).groups() for x in told), strict=True
+        *(re.search(r"(pm-fresh-\d) (.*)s linear", x).groups() for x in told), strict=True
     )
-    assert set(names) == {"pm-old-0", "pm-old-1"}  # another name begins it anew
+    assert set(names) == {"pm-fresh-0", "pm-fresh-1"}  # another name begins it anew
     assert all(0.5 < float(each) <= 1.0 for each in seconds)
     page.pages._inbox.tell(frame_at_s=time.monotonic() - 2.0, frame=frame(3.0))
     page.pages.step()
@@ -134,7 +134,7 @@ def test_what_was_tried_in_one_scene_is_not_told_in_another(page):
     times = {"search_p50_ms": "1.25", "search_p99_ms": "2.5", "message": ""}
     for _ in range(3):
         page.tell(health=Health(times))
-    assert "Search now: 1.25 ms" in now(page.all._limits._cost)
+    assert "Search now: 1.25 ms" in words(page.all._limits._cost)
     assert "1.25 2.50 0.000 mm 0" in words(page.all._limits._cost)
     page.tell(scene=replace(SCENE, name="another"), health=Health(times))
     told = words(page.all._limits._cost)

@@ -17,9 +17,12 @@ from page_hand import (
     decoded,
     drag,
     enter,
+    field,
     listed,
+    opened,
     press,
     row,
+    select,
     tab,
     word,
 )
@@ -69,10 +72,12 @@ def at_present(page):
     page.evaluate(SENT)
 
 
-def greens(page):
-    """How many pixels of the window are green, as what is clear is."""
+def coloured(page):
+    """How many pixels of the window are green, as what is clear is, or have stop's vermilion."""
     red, green, blue = np.moveaxis(decoded(page.screenshot()).astype(int), -1, 0)
-    return int(((green - red > 60) & (green - blue > 25)).sum())
+    greens = (green - red > 60) & (green - blue > 25)
+    vermilions = (red - green > 70) & (green - blue > 40)
+    return int(greens.sum()), int(vermilions.sum())
 
 
 def words(page):
@@ -80,6 +85,18 @@ def words(page):
     return page.inner_text("#pm-connection") + page.inner_text("#pm-banner") + "".join(
         text for _, _, text in listed(page).values()
     )  # fmt: skip
+
+
+# What lies over the window once the news is old; nothing while it is fresh.
+VEIL = """() => ['::before', '::after'].map(part => getComputedStyle(document.body, part))
+  .map(style => style.display === 'none' ? '' : style.content)"""
+OLD = ['""', '"? no news: all that is shown is old"']
+
+
+def all_is_old(page, said="#pm-pairs"):
+    """Whether the scene and what is said in a tab show nothing as known."""
+    grey = coloured(page) == (0, 0) and page.evaluate(VEIL) == OLD
+    return grey and not set("●■") & set(page.inner_text(said))
 
 
 def test_choice_hide_and_search_belong_to_each_browser(two, wait):
@@ -121,8 +138,7 @@ def test_what_is_hidden_is_not_clear_for_that(two, sources, wait):
     wait(lambda: (word(one), word(other)) == ("hidden", "STOP"), "both to know")
     assert "1 hidden pair is not clear: STOP table - ball" in one.inner_text("#pm-banner")
     other.get_by_text("Filter and group").click()
-    other.locator("input[role=combobox]:visible").first.click()
-    other.get_by_role("option", name="clear").click()
+    select(other, field(other, "State"), "clear")
     left_out = "1 pair is not clear and left out by the filter"
     wait(lambda: other.get_by_text(left_out).count(), "the list to say what it leaves out")
     assert "table - ball" not in listed(other)
@@ -175,7 +191,7 @@ def test_a_held_part_has_an_owner_and_is_let_go_with_it(two, sources, wait):
     wait(lambda: sources.heard("die"), "the die to be held")
     wait(lambda: "held here" in other.inner_text("#pm-held"), "its holder to know")
     tab(one, "Move")
-    one.locator("input[role=combobox]:visible").first.click()
+    field(one, "Part").click()
     one.get_by_role("option", name="die").click()
     wait(lambda: "held by browser 2" in one.inner_text("#pm-held"), "the owner to be shown")
     # A browser draws picture and panel one after the other, so each is waited for.
@@ -190,25 +206,50 @@ def test_a_held_part_has_an_owner_and_is_let_go_with_it(two, sources, wait):
     wait(lambda: row(one, "table - die")[0] == pytest.approx(0.225), "its own source")
 
 
-def test_with_the_display_killed_nothing_stays_green(one, display, start_display, wait):
-    page, (process, address) = one, display
-    wait(lambda: greens(page) > 100, "what is clear")
-    assert "live" in words(page) and "clear" in words(page)
+@pytest.fixture
+def mixed(one, sources, wait):
+    """The first browser, to which one pair is below stop, others are clear, and all is fresh."""
+    sources.move("ball", (-0.2, 0.0, 0.11))
+    wait(lambda: word(one) == "STOP", "the ball to be near")
+    choose(one, "ball")
+    wait(lambda: set("●■") <= set(one.inner_text("#pm-near")), "both signs in the panel")
+    tab(one, "Clearances")
+    wait(lambda: min(coloured(one)) > 100, "both colours")
+    assert "live" in words(one) and "● clear" in words(one) and "■ STOP" in words(one)
+    assert one.evaluate(VEIL) == ["", ""]
+    return one
+
+
+def reads_as_old(page):
+    """Whether the panel names what was near, and calls nothing live or clear."""
+    said = words(page)
+    return "? was STOP" in said and not any(each in said for each in ("live", "clear", "●", "■"))
+
+
+def test_with_the_display_killed_all_is_grey_and_reads_as_old(mixed, display, start_display, wait):
+    page, (process, address) = mixed, display
     process.popen.send_signal(signal.SIGKILL)
-    wait(lambda: greens(page) == 0, "the page to turn grey")
-    assert "live" not in words(page)
-    assert "clear" not in words(page)
+    wait(lambda: all_is_old(page), "the page to turn grey")
+    assert reads_as_old(page)
     assert "? no news" in words(page)
     process.popen.wait()
     start_display(urlsplit(address).port)
-    wait(lambda: page.query_selector("#pm-pairs .pm-row") and greens(page) > 100, "life")
+    wait(lambda: page.query_selector("#pm-pairs .pm-row") and min(coloured(page)) > 100, "life")
 
 
-def test_with_the_monitor_killed_nothing_stays_green(one, sources, wait):
-    page = one
-    wait(lambda: greens(page) > 100, "what is clear")
+def test_with_the_monitor_killed_all_is_grey_and_reads_as_old_to_who_comes_later_too(
+    mixed, sources, browser, address, wait
+):
+    page = mixed
     sources.monitor.popen.send_signal(signal.SIGKILL)
-    wait(lambda: greens(page) == 0, "the page to turn grey")
-    assert "clear" not in words(page)
+    wait(lambda: all_is_old(page), "the page to turn grey")
+    assert reads_as_old(page)
     wait(lambda: page.evaluate(STATE) in ("stale", "disconnected"), "the page to say so")
-    assert greens(page) == 0
+    tab(page, "Move")
+    assert all_is_old(page, "#pm-near")
+    tab(page, "Clearances")
+    later = opened(browser, address)
+    wait(lambda: later.query_selector("#pm-pairs .pm-row"), "the last list")
+    assert coloured(later) == (0, 0)
+    assert later.evaluate(VEIL) == OLD
+    later.close()
