@@ -10,6 +10,7 @@ import viser
 from proximity_monitor.display.banding import Banding
 from proximity_monitor.display.choice import PLAIN, Choice
 from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.portraits import Sitting
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.section import Plane, Section
 from proximity_monitor.display.state import Frame, SceneInfo
@@ -28,6 +29,7 @@ class Inspect:
         self._client = client
         self._choice = choice
         self._look_at_all = look_at_all
+        self._plane: Plane | None = None
         self._section: Section | None = None
         self._parts: Parts | None = None
         self._frame: Frame | None = None
@@ -70,30 +72,32 @@ class Inspect:
 
     def begin(self, scene: SceneInfo, parts: Parts) -> None:
         """Take a scene."""
-        self._parts = parts
+        self._parts, self._plane = parts, None
         self._section = Section(self._client.scene, parts)
         self._banding = Banding(self._client.scene, parts, scene)
         self._choice.looks = {}
         self._whose.options = (EVERY, *(body.name for body in scene.bodies))
 
     def show(
-        self, frame: Frame, parts: Sequence[Part], now_s: float, *, plain: bool = False
+        self, frame: Frame, parts: Sequence[Part], now_s: float, sitting: Sitting | None = None
     ) -> None:
-        """Cut the parts where they are now, or colour them by clearance, unless they are plain."""
+        """Cut the parts where they are now, and colour them by clearance; a picture has its own."""
         self._frame = frame
-        looks = {} if plain else self._choice.looks
+        looks = {} if sitting is not None else self._choice.looks
         wanted = [name for name, look in looks.items() if look.bands]
         self._banding.show(frame, parts, wanted, now_s)
         self._legend.content = self._banding.legend()
-        self._section.lift(plain)
-        on = f"a section is on; {WHOLE} ends it" if self._section.plane is not None else ""
+        on = f"a section is on; {WHOLE} ends it" if self._plane is not None else ""
         self._note.content = f'<div class="pm pm-small" id="pm-section">{on}</div>' if on else ""
-        if self._section.plane is not None:
-            self._section.show(View.of(self._client.camera), now_s)
+        plane = self._plane if sitting is None else sitting.cut
+        if plane is not self._section.plane:
+            self._section.aim(plane)
+        view = View.of(self._client.camera) if sitting is None else sitting.view
+        self._section.show(view, now_s)
 
     def plane(self) -> Plane | None:
         """Return the plane of the section, if there is one."""
-        return None if self._section is None else self._section.plane
+        return self._plane
 
     def gap(self) -> np.ndarray | None:
         """Return the closest points (2, 3) of the chosen or nearest pair, in the page's units."""
@@ -112,12 +116,12 @@ class Inspect:
     def _do(self, what: str) -> None:
         camera, ends = self._client.camera, self.gap()
         if what == WHOLE:
-            self._section.aim(None)
+            self._plane = None
             self._look_at_all()
         elif ends is not None and what == ZOOM:
             zoom(camera, ends)
         elif ends is not None:
-            self._section.aim(Plane(ends.mean(axis=0), facing(ends, np.array(camera.position))))
+            self._plane = Plane(ends.mean(axis=0), facing(ends, np.array(camera.position)))
 
     def _on_look(self, event: viser.GuiEvent) -> None:
         if event.client is None:

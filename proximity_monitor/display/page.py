@@ -157,8 +157,7 @@ class Page:
         self._draw(frame, scene)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
-        sitting = self._portraits.sitting is not None
-        self._inspect.show(frame, news.parts, now_s, plain=sitting)
+        self._inspect.show(frame, news.parts, now_s, self._portraits.sitting)
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S
             self._banner.content = banner(news.frame, scene, choice, told)
@@ -191,9 +190,9 @@ class Page:
         """Bring the picture up to date: parts, lines and labels."""
         choice, sitting = self._choice, self._portraits.sitting
         held = self.hand.poses if choice.at_s is None else {}
-        view = View.of(self._client.camera)
+        view, cut = View.of(self._client.camera), None
         if sitting is not None:
-            frame, pair, view = sitting
+            frame, pair, view, cut = sitting
             held, choice = {}, replace(choice, pair=pair, ignored=frozenset())
         self._parts.show(frame, held, choice, choice.pair or ())
         drawn = (frame, choice.pair, choice.body, choice.ignored, choice.lines, scene)
@@ -203,7 +202,7 @@ class Page:
         if self._sat is not sitting:  # no picture may show a number of another moment
             self._sat = sitting
             self._labels.clear()
-        labels = [*self._lines.labels, *self._parts.labels()]
+        labels = [*self._lines.labels, *self._parts.labels()] if cut is None else []
         self._labels.show(labels, view, self._lines.tips, at_once=sitting is not None)
 
     def _build(self, news: News) -> None:

@@ -1,4 +1,9 @@
-"""Pictures of one pair at one moment, drawn by the browser that asks for them."""
+"""Pictures of one pair at one moment, drawn by the browser that asks for them.
+
+One shows whole parts. Where the gap is small on it, another shows the gap itself, in a section.
+That one is seen from the same place through a longer lens, because pictures show nothing that is
+nearer to the camera than a hundredth of the page's unit.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +18,9 @@ import viser.transforms
 
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.parts import Parts
+from proximity_monitor.display.section import Plane
 from proximity_monitor.display.state import Frame
-from proximity_monitor.display.view import View, facing
+from proximity_monitor.display.view import FILL, LEAST, View, facing
 
 SIZE = (960, 600)
 """Pixels of a picture at most."""
@@ -32,6 +38,12 @@ SIDES = 4.0
 CONTEXT = 0.6
 """The same at least, in sizes of the scene, so that one sees where on the parts the gap is."""
 
+SMALL = 60.0
+"""Pixels; a gap that is smaller on the picture has another one."""
+
+DETAIL = 0.04
+"""Of a contact that one shows as much as of a gap of so many sizes of the scene."""
+
 
 class Sitting(NamedTuple):
     """What the page shows for a picture, instead of what its user looks at."""
@@ -39,6 +51,8 @@ class Sitting(NamedTuple):
     frame: Frame
     pair: PairName
     view: View
+    cut: Plane | None = None
+    """Of the section; None: whole parts, with labels."""
 
 
 class Portraits:
@@ -71,20 +85,33 @@ class Portraits:
         Raises:
             RuntimeError, TimeoutError: the browser sent none.
         """
-        camera = self._client.camera
-        width, height = min(SIZE[0], camera.image_width), min(SIZE[1], camera.image_height)
+        return self._take(self._whole(frame, pair, parts))
+
+    def take_with_gap(self, frame: Frame, pair: PairName, parts: Parts) -> list[np.ndarray]:
+        """Return that picture and, if the gap is small on it, one of the gap; see `take`."""
+        whole = self._whole(frame, pair, parts)
         ends = frame.pairs.points[frame.pairs.places[pair]] * parts.scale
-        view = _aimed(ends, np.array(camera.position), parts.size, (width, height))
+        close = _close(whole, ends, DETAIL * parts.size)
+        return [self._take(each) for each in (whole, close) if each is not None]
+
+    def _whole(self, frame: Frame, pair: PairName, parts: Parts) -> Sitting:
+        camera = self._client.camera
+        size = min(SIZE[0], camera.image_width), min(SIZE[1], camera.image_height)
+        ends = frame.pairs.points[frame.pairs.places[pair]] * parts.scale
+        view = _aimed(ends, np.array(camera.position), parts.size, size)
+        return Sitting(frame, pair, view)
+
+    def _take(self, sitting: Sitting) -> np.ndarray:
         with self._one_at_a_time:
             self._is_shown.clear()
             self._hide_gizmo(True)
-            self.sitting = Sitting(frame, pair, view)
+            self.sitting = sitting
             try:
                 if not self._is_shown.wait(PATIENCE_S):
                     raise TimeoutError("the page did not show the moment")
                 for _ in range(TRIALS):
-                    self._render(view, TRIAL)
-                image = self._render(view, (width, height))
+                    self._render(sitting.view, TRIAL)
+                image = self._render(sitting.view, sitting.view.size)
             finally:
                 self.sitting = None
                 self._hide_gizmo(False)
@@ -118,3 +145,25 @@ def _aimed(
     middle = ends.mean(axis=0)
     away = max(SIDES * float(np.linalg.norm(ends[1] - ends[0])), CONTEXT * size)
     return View.looking(middle + away * facing(ends, position), middle, picture)
+
+
+def _close(whole: Sitting, ends: np.ndarray, detail: float) -> Sitting | None:
+    """Return a view in which a gap fills as much as after *Zoom to the gap*.
+
+    Args:
+        whole: a view across the gap.
+        ends: (2, 3) of the gap, in the page's units.
+        detail: what is shown where there is none, in the same.
+
+    Returns:
+        None: it is not small as it is.
+    """
+    view, across = whole.view, float(np.linalg.norm(ends[1] - ends[0]))
+    away = ends.mean(axis=0) - view.position
+    distance = float(np.linalg.norm(away))
+    if view.focal * across / distance >= SMALL:
+        return None
+    shown = max(across, LEAST) if across > 0.0 else detail
+    focal = FILL * min(view.size) * distance / shown
+    plane = Plane(ends.mean(axis=0), -away / distance)
+    return whole._replace(view=view._replace(focal=focal), cut=plane)

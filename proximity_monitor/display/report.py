@@ -41,6 +41,8 @@ body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 62em; margi
 section { border-top: 2px solid #8886; margin-top: 2em; break-inside: avoid-page; }
 h2 { overflow-wrap: anywhere; }
 img { max-width: 100%; border: 1px solid #8886; }
+.seen { display: flex; gap: 1em; }
+.seen img { flex: 1; min-width: 0; }
 td img { width: 15em; }
 table { border-collapse: collapse; margin: .6em 0; }
 th, td { text-align: left; padding: 2px 14px 2px 0; vertical-align: top; }
@@ -51,7 +53,7 @@ th, td { text-align: left; padding: 2px 14px 2px 0; vertical-align: top; }
 
 def report_html(
     found: Sequence[Conflict],
-    pictures: Mapping[PairName, bytes],
+    pictures: Mapping[PairName, Sequence[bytes]],
     scene: SceneInfo,
     last: Frame,
     span_s: tuple[float, float],
@@ -61,7 +63,8 @@ def report_html(
 
     Args:
         found: the conflicts, in the order in which they are told.
-        pictures: PNG files of some of them, at their smallest clearances.
+        pictures: PNG files of some of them, at their smallest clearances: whole parts, then a
+            section through the gap if it is small there.
         scene: of the session.
         last: the newest tick.
         span_s: stamps of the session's begin and end.
@@ -84,8 +87,8 @@ def report_html(
         f" clearance is certified to lie between its two bounds.{without}</p>",
     ]
     for conflict in found:
-        picture = pictures.get(conflict.pair)
-        told.append(_section(conflict, picture, of_events, scene, last, start))
+        seen = pictures.get(conflict.pair, ())
+        told.append(_section(conflict, seen, of_events, scene, last, start))
     return "\n".join([*told, "</body></html>\n"])
 
 
@@ -97,7 +100,7 @@ def pictured(found: Sequence[Conflict]) -> list[Event]:
 
 def _section(
     conflict: Conflict,
-    picture: bytes | None,
+    pictures: Sequence[bytes],
     of_events: Mapping[int, bytes],
     scene: SceneInfo,
     last: Frame,
@@ -105,9 +108,8 @@ def _section(
 ) -> str:
     pair, unit = conflict.pair, scene.unit
     name, limits = escape(" - ".join(pair)), scene.thresholds_of(pair)
-    image = ""
-    if picture is not None:
-        image = _image(picture, f"{name} at its smallest clearance")
+    alts = (f"{name} at its smallest clearance", f"a section through the gap of {name} then")
+    images = "".join(_image(each, alt) for each, alt in zip(pictures, alts, strict=False))
     row = last.pairs.places.get(pair)
     now = "" if row is None else KINDS[kinds(last.pairs)[row]]
     rows = [("status", escape(_decision(conflict, now, unit)))]
@@ -119,7 +121,7 @@ def _section(
     rows.append(("limits", f"warn {length(limits.warn, unit)}, stop {length(limits.stop, unit)}"))
     table = "".join(f"<tr><th>{key}</th><td>{value}</td></tr>" for key, value in rows)
     return (
-        f"<section><h2>{name}</h2>{image}<table>{table}</table>"
+        f"<section><h2>{name}</h2><div class=seen>{images}</div><table>{table}</table>"
         f"{_events(conflict, of_events, scene, start)}</section>"
     )
 

@@ -57,18 +57,19 @@ class ReportFiles:
     def _report(self, shown: Shown, _: viser.ClientHandle) -> bytes:
         found, events, parts = self._found(shown), self._shared.events, self._parts()
 
-        def portrait(of: Snapshot, pair: PairName) -> bytes:
-            return png(self._portraits.take(of.frame(pair), pair, parts))
+        def portraits(of: Snapshot, pair: PairName) -> list[bytes]:
+            return [*map(png, self._portraits.take_with_gap(of.frame(pair), pair, parts))]
 
         pictures = {
-            each.pair: portrait(each.worst, each.pair)
+            each.pair: portraits(each.worst, each.pair)
             for each in found[:PICTURES]
             if each.worst is not None
         }
         of_events = dict(events.pictures)
         for event in pictured(found):
             if event.number not in of_events:
-                of_events[event.number] = portrait(event.sight, event.pair)
+                seen = event.sight.frame(event.pair)
+                of_events[event.number] = png(self._portraits.take(seen, event.pair, parts))
                 events.keep(event, of_events[event.number])
         span_s = self._shared.session.span_s
         document = report_html(found, pictures, shown.scene, shown.newest, span_s, of_events)

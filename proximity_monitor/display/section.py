@@ -18,8 +18,8 @@ from proximity_monitor.display.view import View
 EVERY_S = 0.2
 """Seconds between two cuts of parts that move."""
 
-SPACING = 0.03
-"""Distance of the hatching's lines, in those of the camera to the plane's middle."""
+SPACING = 12.0
+"""About the distance of the hatching's lines, in pixels."""
 
 LINES = 60
 """How many lines of a part's hatching are drawn at most to either side of the middle."""
@@ -137,7 +137,6 @@ class Section:
         self._due_s = -math.inf
         self._nodes: dict[str, list[viser.SceneNodeHandle]] = {}
         self._made: dict[str, tuple] = {}
-        self._lifted = False
         self.plane: Plane | None = None
 
     def aim(self, plane: Plane | None) -> None:
@@ -147,19 +146,13 @@ class Section:
         if plane is None:
             self._clear_all()
 
-    def lift(self, lifted: bool) -> None:
-        """Show whole parts for as long as it is lifted; the plane stays where it is."""
-        if lifted != self._lifted:
-            self._lifted, self._due_s = lifted, -math.inf
-            self._clear_all()
-
     def show(self, view: View, now_s: float) -> None:
         """Cut the parts where they are now."""
-        if self.plane is None or self._lifted or now_s < self._due_s:
+        if self.plane is None or now_s < self._due_s:
             return
         self._due_s = now_s + EVERY_S
         distance = float(np.linalg.norm(view.position - self.plane.middle))
-        spacing = SPACING * 2.0 ** round(math.log2(max(distance, 1e-6)))
+        spacing = 2.0 ** round(math.log2(max(SPACING * distance / view.focal, 1e-9)))
         for i, part in enumerate(self._parts.shown()):
             self._cut(i, part, spacing)
 

@@ -22,6 +22,9 @@ NEAREST = 3e-5
 Positions on the page are of single precision, and parts about a unit large: at this distance they
 jump by a pixel at most."""
 
+LEAST = 2e-5
+"""No gap is shown larger than one of this size would be, in units of the page: see `NEAREST`."""
+
 NEAR = 0.02
 """Distance of the near plane, as a share of that to the point that the camera looks at."""
 

@@ -80,13 +80,21 @@ def test_the_report_shows_each_conflict_at_its_smallest_clearance(page, near, br
     assert "● clear → ▲ warn" in words or "● clear → ■ STOP" in words
     for conflict in told.locator("section").all():  # on a busy machine a cut search may be one
         assert re.search("[▲△■□✖]", conflict.inner_text()), "it was always clear"
-    image, *of_events = section.locator("img").all()
+    image, close, *of_events = section.locator("img").all()
     assert image.evaluate("each => each.complete && each.naturalWidth") > 200
     assert len({each.get_attribute("src") for each in of_events}) >= 2  # one a change of state
-    picture = image.get_attribute("src").partition(",")[2]
-    pixels = decoded(base64.b64decode(picture)).astype(int)
+    pixels, near = (
+        decoded(base64.b64decode(each.get_attribute("src").partition(",")[2])).astype(int)
+        for each in (image, close)
+    )
     # The line is in stop's colour, and the ball is before what is dim; now all is clear.
     assert (np.abs(pixels - (213, 94, 0)).max(axis=2) < 40).sum() > 20
+    # The gap is 4 pixels high there. In its own picture it is seen, between hatched parts.
+    rows = np.flatnonzero((np.abs(near - (213, 94, 0)).max(axis=2) < 40).any(axis=1))
+    assert np.ptp(rows) > 0.3 * min(near.shape[:2])
+    dark = near.max(axis=2) < 190
+    assert dark[: rows.min() - 30].any() and dark[rows.max() + 30 :].any()
+    assert not dark[rows.min() + 30 : round(rows.mean()), :50].any()
     red, green, blue = np.moveaxis(pixels, 2, 0)
     assert ((blue > green + 20) & (green > red + 20)).mean() > 0.01
     told.close()

@@ -17,7 +17,7 @@ from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.export import events_csv, pairs_csv
 from proximity_monitor.display.found import conflicts, find, moment
-from proximity_monitor.display.portraits import _aimed
+from proximity_monitor.display.portraits import Sitting, _aimed, _close
 from proximity_monitor.display.report import conflicts_csv, report_html
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.state import STALE, STOP, WARN
@@ -68,11 +68,12 @@ def test_what_is_clear_or_stale_is_none_unless_somebody_decided_about_it():
 def test_the_report_holds_numbers_words_and_picture_and_no_html_of_others():
     last, session, events = told((0.3, 0), (0.0123456, STOP), (0.3, 0))
     found = of(session, events, {frozenset(NAMES): EVIL})
-    html = report_html(found, {NAMES: b"abc"}, SCENE, last, session.span_s, {1: b"then"})
+    html = report_html(found, {NAMES: [b"abc", b"near"]}, SCENE, last, session.span_s, {1: b"then"})
     for expected in (
         "&lt;i&gt;a - b", "lower bound 12.346 mm, upper bound 12.346 mm", "accepted", "■ STOP",
         "&lt;script&gt;", "data:image/png;base64,YWJj",
-        "data:image/png;base64,dGhlbg==", "1.00 s (2001-09-09 01:46:41.000 UTC)",
+        "data:image/png;base64,dGhlbg==", "data:image/png;base64,bmVhcg==",
+        "a section through the gap of &lt;i&gt;a - b then", "1.00 s (2001-09-09 01:46:41.000 UTC)",
         "warn 100.000 mm, stop 20.000 mm", "default-src 'none'",
     ):  # fmt: skip
         assert expected in html, expected
@@ -182,3 +183,21 @@ def test_a_picture_looks_at_the_gap_across_it(position):
         places, depth = view.project(turned)
         assert (depth > 0.0).all()
         np.testing.assert_allclose(places.mean(axis=0), (200, 150), atol=1e-6)
+
+
+@pytest.mark.parametrize("across", [0.0, 1e-9, 2e-4, 0.03])
+def test_a_small_gap_is_seen_from_the_same_place_as_large_as_the_picture_is_sharp(across):
+    ends = np.array([(0.1, 0.2, 0.3), (0.1, 0.2, 0.3 + across)])
+    view = _aimed(ends, np.array([0.0, 3.0, 1.0]), 1.0, (400, 300))
+    close = _close(Sitting(None, NAMES, view), ends, 0.04)
+    shown = np.linalg.norm(np.diff(close.view.project(ends)[0], axis=0))
+    assert shown == pytest.approx({0.0: 0.0, 1e-9: 0.006, 2e-4: 120.0, 0.03: 120.0}[across])
+    np.testing.assert_allclose((ends - close.cut.middle) @ close.cut.normal, 0.0, atol=1e-12)
+    assert (view.position - close.cut.middle) @ close.cut.normal > 0.5
+    np.testing.assert_array_equal(close.view.position, view.position)
+
+
+def test_a_large_gap_has_no_second_picture():
+    ends = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.5)])
+    view = _aimed(ends, np.array([0.0, 3.0, 1.0]), 1.0, (960, 600))
+    assert _close(Sitting(None, NAMES, view), ends, 0.04) is None
