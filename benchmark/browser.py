@@ -98,7 +98,7 @@ WATCH_LIST = """() => {
 def measure_drag(page: Page, chosen: argparse.Namespace) -> None:
     """Drag, and print the times."""
     page.get_by_role("tab", name="Move").click()
-    page.locator("xpath=//label[.='Part']/ancestor::*[.//input][1]//input").fill(HELD)
+    page.get_by_role("combobox", name="Part").fill(HELD)
     page.get_by_role("option", name=HELD, exact=True).click()
     page.wait_for_function(
         "() => window.__viserSceneTree.getState()['/gizmo'].effectiveVisibility"

@@ -8,13 +8,21 @@ import io
 import socket
 import warnings
 from collections.abc import Iterator
+from types import SimpleNamespace
 from urllib.parse import urlsplit
 
 import viser
 import websockets.asyncio.server
 import websockets.typing
+from viser.infra import _infra
 
 from proximity_monitor.display.intake import Intake
+
+_STILL = SimpleNamespace(perf_counter=lambda: 0.0)
+"""The clock whose time viser tells with each of its messages; that is all that it asks of it there.
+
+By these times a browser evens out when it shows messages: if one has come late, it holds back those
+that follow, for seconds. By a clock that stands still it shows each as soon as it has come."""
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """The names under which only this machine can reach itself."""
@@ -40,6 +48,7 @@ def serve(host: str, port: int, title: str) -> viser.ViserServer:
     with _guarded(intake), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     intake.server = server
+    _infra.time = _STILL
     server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=False)
     light(server)
     return server

@@ -7,6 +7,7 @@ import time
 
 import msgspec
 import viser
+import zstandard
 from deadlines import DEADLINE_S
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
@@ -25,11 +26,13 @@ CAMERA = {
 
 
 class RawBrowser:
-    """A connection that hears everything, and only counts it."""
+    """A connection that hears everything, and keeps the last of it."""
 
     def __init__(self, server):
         self.messages = 0
         """So many have been heard."""
+        self.last = {}
+        """What the last of them told."""
         before = set(server.get_clients())
         address = f"ws://127.0.0.1:{server.get_port()}"
         self._socket = connect(address, subprotocols=[f"viser-v{viser.__version__}"])
@@ -71,7 +74,10 @@ class RawBrowser:
     def _hear(self):
         try:
             while True:
-                self._socket.recv()
+                data = self._socket.recv()
+                size = int.from_bytes(data[8:16], "little")
+                told = zstandard.ZstdDecompressor().decompress(data[16 : 16 + size])
+                self.last = msgspec.msgpack.decode(told)
                 self.messages += 1
         except ConnectionClosed:
             pass

@@ -78,3 +78,15 @@ def test_what_a_browser_no_longer_hears_is_not_warned_of():
         assert told == []
     finally:
         serving.stop(server)
+
+
+def test_no_message_is_held_back_by_a_browser_because_another_came_late(server, raw):
+    """A browser holds them back by how the server's clock went on between them."""
+    for text in ("one", "two"):
+        before = raw.messages
+        raw.client.gui.add_html(text)
+        deadline = time.monotonic() + DEADLINE_S
+        while raw.messages == before:
+            assert time.monotonic() < deadline, "the message to be heard"
+            time.sleep(0.005)
+        assert raw.last["messages"] and raw.last["timestampSec"] == 0.0
