@@ -16,14 +16,19 @@ from os import environ
 from pathlib import Path
 from threading import Thread
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Locator, Page, sync_playwright
 
 IMAGES = Path(__file__).resolve().parents[1] / "docs" / "images"
 SIZE = {"width": 1440, "height": 860}
+SMALL = {"width": 1000, "height": 640}
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+REPORT_HIGH = 860.0
+"""Pixels of a conflict's section that are shown: pictures, numbers, and the first change."""
 PATIENCE_MS = 240_000
 TRIES = 20
 FRESH = "getComputedStyle(document.body).getPropertyValue('--pm-now') !== 'none'"
+# The news grows old when the animation of the style sheet ends that each tick begins anew.
+AGES = "() => { window.aged = false; document.body.onanimationend = () => { window.aged = true } }"
 BESIDE = "Drag the parts and see their clearances at "
 
 
@@ -32,20 +37,19 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--chromium", default=shutil.which("chromium"), help="the browser's path")
     parser.add_argument("--folder", type=Path, default=IMAGES, help="where the pictures go")
+    parser.add_argument("--scene", help="only the pictures of this bundled scene")
     chosen = parser.parse_args()
     if chosen.chromium is None:
         print("no Chromium on the PATH: name one by --chromium", file=sys.stderr)
         return 1
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chosen.chromium, args=FLAGS)
-        for scene, draw, speed in (
-            ("engine", draw_engine, 0.2),
-            ("probe", draw_probe, 0.2),
-            ("turbine", draw_turbine, 1e-9),
-        ):
+        for scene, draw, speed, size in SCENES:
+            if chosen.scene not in (None, scene):
+                continue
             demo, address = start_demo(scene, speed)
             try:
-                page = browser.new_page(viewport=SIZE)
+                page = browser.new_page(viewport=size)
                 page.set_default_timeout(PATIENCE_MS)
                 page.goto(address)
                 page.wait_for_selector("#pm-pairs .pm-row")
@@ -100,8 +104,9 @@ def shoot(page: Page, path: Path) -> None:
     """Draw a picture while the news is fresh: software draws slowly, and meanwhile it grows old."""
     for _ in range(TRIES):
         page.wait_for_function(f"() => {FRESH}")
+        page.evaluate(AGES)
         page.screenshot(path=path)
-        if page.evaluate(FRESH):
+        if page.evaluate(f"() => {FRESH} && !window.aged"):
             return
     raise RuntimeError(f"{path.name}: the page was stale in each of {TRIES} pictures")
 
@@ -140,6 +145,54 @@ def draw_turbine(page: Page, folder: Path) -> None:
     settle(page, 30)
     shoot(page, folder / "display_turbine.png")
 
+
+def field(page: Page, label: str, i: int = 0) -> Locator:
+    """Return the input with a label, or the i-th of several in a row."""
+    found = page.locator(f"xpath=//label[.='{label}']/ancestor::*[.//input][1]//input")
+    return found.nth(i)
+
+
+def put(page: Page, word: str, *place: float) -> None:
+    """Type a position of the one part that can be moved, in mm, and wait for the state of then."""
+    tab(page, "Move")
+    for i, number in enumerate(place):
+        field(page, "Position [mm]", i).fill(f"{number}")
+        page.wait_for_timeout(100)  # the library sends one value in 50 ms
+    page.get_by_role("button", name="Put it there").click()
+    page.wait_for_selector(f'#pm-banner[data-word="{word}"]')
+    settle(page)
+
+
+def draw_peg(page: Page, folder: Path) -> None:
+    """A gap of 0.02 mm in a section, and the report of a session."""
+    put(page, "clear", 0.0, 0.0, -10.0)
+    put(page, "STOP", 0.046, 0.0, -10.0)
+    put(page, "warn", 0.03, 0.0, -10.0)
+    tab(page, "Clearances")
+    for name in ("Section through it", "Zoom to the gap"):
+        page.get_by_role("button", name=name).click()
+        page.mouse.move(5, 5)  # or a hint lies over the panel
+        settle(page)
+    shoot(page, folder / "display_section.png")
+    page.get_by_role("button", name="Whole scene").click()
+    put(page, "clear", 0.0, 0.0, 40.0)
+    tab(page, "Session")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Conflicts, illustrated (HTML)").click()
+    report = page.context.browser.new_page(viewport=SMALL)
+    report.set_content(download.value.path().read_text(encoding="utf-8"))
+    begin = report.locator("section").first.bounding_box()
+    clip = {**begin, "height": REPORT_HIGH}
+    report.screenshot(path=folder / "display_report.png", full_page=True, clip=clip)
+    report.close()
+
+
+SCENES = (
+    ("engine", draw_engine, 0.2, SIZE),
+    ("probe", draw_probe, 0.2, SIZE),
+    ("turbine", draw_turbine, 1e-9, SIZE),
+    ("peg", draw_peg, 1e-9, SMALL),
+)
 
 if __name__ == "__main__":
     sys.exit(main())
