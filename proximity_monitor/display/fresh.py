@@ -1,9 +1,10 @@
 """News grows old in the browser itself.
 
-What a browser shows is old unless an animation of the style sheet says otherwise. Each tick that is
-shown restarts that animation, which ends when the next tick is overdue. Then all colours of states
-turn grey, words and glyphs change, and a veil lies over the window. So nothing here has to be alive
-for that: neither the monitor nor the display, and no script runs.
+What a browser shows is old until its first tick. Each tick that is shown restarts an animation of
+the style sheet, which ends when the next tick is overdue. Then all colours of states turn grey,
+words and glyphs change, and a veil lies over the window. So nothing here has to be alive for that:
+neither the monitor nor the display, and no script runs. The animation does nothing before its end,
+because one that runs lets a browser compute the style of the page anew for each frame.
 """
 
 from __future__ import annotations
@@ -28,14 +29,10 @@ _OLD = (
     f"--pm-old: {GREY}; --pm-now: none; --pm-then: inline; --pm-veil: block; --pm-faint: .55;"
     " --pm-drained: grayscale(1) opacity(.6)"
 )
-_FRESH = (
-    "--pm-old: initial; --pm-now: inline; --pm-then: none; --pm-veil: none; --pm-faint: 1;"
-    " --pm-drained: none"
-)
 # Without a beat, as in a replay, all of it is fresh.
 STYLE = f"""
-@keyframes pm-fresh-0 {{ from, to {{ {_FRESH} }} }}
-@keyframes pm-fresh-1 {{ from, to {{ {_FRESH} }} }}
+@keyframes pm-old-0 {{ to {{ {_OLD} }} }}
+@keyframes pm-old-1 {{ to {{ {_OLD} }} }}
 .pm-now {{ display: var(--pm-now, inline) }}
 .pm-then {{ display: var(--pm-then, none) }}
 .pm-num {{ opacity: var(--pm-faint, 1) }}
@@ -65,7 +62,7 @@ class Beat:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         """Add it to a page, which is old before its first tick."""
-        self._html = gui.add_html(_rule(""))
+        self._html = gui.add_html(_rule(_OLD))
         self._frame: Frame | None = None
         self._turn = 0
 
@@ -74,8 +71,10 @@ class Beat:
         if frame is self._frame or left_s <= 0.0:
             return
         self._frame, self._turn = frame, 1 - self._turn
-        self._html.content = _rule(f"animation: pm-fresh-{self._turn} {left_s:.3f}s linear")
+        self._html.content = _rule(
+            f"animation: pm-old-{self._turn} 1ms linear {left_s:.3f}s forwards"
+        )
 
 
-def _rule(animation: str) -> str:
-    return f'<style id="pm-beat">body {{ {_OLD}; {animation} }}</style>'
+def _rule(style: str) -> str:
+    return f'<style id="pm-beat">body {{ {style} }}</style>'

@@ -121,9 +121,9 @@ def test_each_tick_is_good_for_a_second_from_when_it_came(page):
         page.tell()  # the same tick again
         told.append(page.all._beat._html.content)
     names, seconds = zip(
-        *(re.search(r"(pm-fresh-\d) (.*)s linear", x).groups() for x in told), strict=True
+        *(re.search(r"(pm-old-\d) 1ms linear (.*)s f", x).groups() for x in told), strict=True
     )
-    assert set(names) == {"pm-fresh-0", "pm-fresh-1"}  # another name begins it anew
+    assert set(names) == {"pm-old-0", "pm-old-1"}  # another name begins it anew
     assert all(0.5 < float(each) <= 1.0 for each in seconds)
     page.pages._inbox.tell(frame_at_s=time.monotonic() - 2.0, frame=frame(3.0))
     page.pages.step()
