@@ -16,8 +16,8 @@ from proximity_monitor.display.state import SceneInfo
 EVERY_S = 0.25
 """Seconds between two updates of the plot."""
 
-LIVE_S = 2.0 * EVERY_S
-"""Within so many seconds of its end, the slider means now: a browser knows an older end."""
+LIVE_S = 2.0
+"""Within so many seconds of its end, the slider means now: a slow browser knows an older end."""
 
 
 class Timeline:
