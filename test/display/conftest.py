@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 from deadlines import DEADLINE_S, POSE_TIMEOUT_S, START_DEADLINE_S
-from page_hand import opened
+from page_hand import address_of, opened
 
 SCENE = """
 version: 1
@@ -297,13 +297,7 @@ def start_display(sources, domain, launch_for_all):
     def start(port):
         process = launch_for_all("display", port=port, environment={"ROS_DOMAIN_ID": domain})
         started.append(process)
-
-        def said():
-            assert process.popen.poll() is None, process.text
-            line = next((x for x in process.text.splitlines() if x.startswith("display: ")), None)
-            return line and line.removeprefix("display: ")
-
-        return process, until(said, "the display's address", START_DEADLINE_S)
+        return process, address_of(process, until)
 
     yield start
     for process in started:

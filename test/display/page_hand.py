@@ -101,6 +101,17 @@ CHOSEN = ".pm-row.pm-chosen"
 HIDDEN = "#pm-pairs ~ .pm-small .pm-press"
 
 
+def address_of(display, wait):
+    """Where a display's process tells that its page is."""
+
+    def told():
+        assert display.popen.poll() is None, display.text
+        line = next((x for x in display.text.splitlines() if x.startswith("display: ")), None)
+        return line and line.removeprefix("display: ")
+
+    return wait(told, "the display's address", START_DEADLINE_S)
+
+
 def opened(browser, address, width=1000, height=640):
     """A page of the browser at an address; its `errors` are those that its scripts made."""
     page = browser.new_page(

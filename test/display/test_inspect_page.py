@@ -19,6 +19,7 @@ from page_hand import (
     OPACITY,
     SAVE_MS,
     TEXTS,
+    address_of,
     button,
     enter,
     field,
@@ -44,13 +45,7 @@ def bench(browser, domain, launch_for_all, wait):
     player = launch_for_all("player", speed=1e-9, **settings)
     display = launch_for_all("display", port=0, environment=settings["environment"])
 
-    def said():
-        assert display.popen.poll() is None, display.text
-        line = next((x for x in display.text.splitlines() if x.startswith("display: ")), None)
-        return line and line.removeprefix("display: ")
-
-    address = wait(said, "the display's address", START_DEADLINE_S)
-    page = opened(browser, address)
+    page = opened(browser, address_of(display, wait))
     page.wait_for_selector("#pm-pairs .pm-row", timeout=1e3 * START_DEADLINE_S)
     yield page
     for process in (display, player, monitor):
@@ -402,5 +397,4 @@ def test_the_smallest_clearances_begin_anew(put, page, wait):
     tab(page, "Session")
     button(page, "Forget the smallest clearances").click()
     wait(lambda: "0.050 mm" in worst.inner_text(), "the present one")
-    told = page.locator("#pm-reset")
-    wait(lambda: told.inner_text() == "the monitor forgot the minima of 1 pair", "its answer")
+    wait(lambda: page.inner_text("#pm-reset") == "the monitor forgot the minima of 1 pair", "it")

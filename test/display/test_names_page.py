@@ -6,7 +6,19 @@ import signal
 
 import pytest
 from deadlines import POSE_TIMEOUT_S, START_DEADLINE_S
-from page_hand import CHOSEN, button, enter, field, listed, opened, press, row, select, tab
+from page_hand import (
+    CHOSEN,
+    address_of,
+    button,
+    enter,
+    field,
+    listed,
+    opened,
+    press,
+    row,
+    select,
+    tab,
+)
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
@@ -53,15 +65,8 @@ def page(browser, domain, launch_for_all, wait, tmp_path_factory):
     player = launch_for_all("player", scene=path, environment=environment)
     display = launch_for_all("display", port=0, environment=environment)
 
-    def said():
-        for process in (display, monitor, player):
-            assert process.popen.poll() is None, process.text
-        line = next((x for x in display.text.splitlines() if x.startswith("display: ")), None)
-        return line and line.removeprefix("display: ")
-
-    address = wait(said, "the display's address", START_DEADLINE_S)
-    page = opened(browser, address)
-    wait(lambda: said() and page.query_selector("#pm-pairs .pm-row"), "the list", START_DEADLINE_S)
+    page = opened(browser, address_of(display, wait))
+    wait(lambda: page.query_selector("#pm-pairs .pm-row"), "the list", START_DEADLINE_S)
     yield page
     for process in (display, player, monitor):
         process.stop(signal.SIGKILL)

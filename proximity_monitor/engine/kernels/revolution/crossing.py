@@ -38,6 +38,7 @@ from .part import (
     halve,
     heading,
     parted,
+    point_on,
     separate,
     take,
     width,
@@ -298,24 +299,11 @@ def _meet(nets, degrees, size, closed, a, b):
 @kernel
 def _leaves(nets, degrees, i, low, j, high, x, y, far):
     """Whether the profile is ever farther than `far` from a point, metres, between two places."""
+    rows = table_on_stack(PLACE, 3, 0.0)
     for k in range(i, j + 1):
         first, last = low if k == i else 0.0, high if k == j else 1.0
         for m in range(9):
-            rho, z = _point(nets[k], degrees[k], first + (last - first) * m / 8)
+            rho, z, _ = point_on(nets[k], degrees[k], first + (last - first) * m / 8, rows)
             if np.hypot(rho - x, z - y) > far:
                 return True
     return False
-
-
-@kernel
-def _point(net, degree, t):
-    """The point of a piece at t, metres, by de Casteljau's method."""
-    rows = table_on_stack(16, 3, 0.0)
-    for i in range(degree + 1):
-        for c in range(3):
-            rows[i, c] = net[i, c]
-    for level in range(degree, 0, -1):
-        for i in range(level):
-            for c in range(3):
-                rows[i, c] = (1.0 - t) * rows[i, c] + t * rows[i + 1, c]
-    return rows[0, 0] / rows[0, 2], rows[0, 1] / rows[0, 2]

@@ -278,6 +278,25 @@ def _advances(part, degree, u, v):
 
 
 @kernel
+def point_on(net, degree, t, rows):
+    """The point of a piece at t, metres, and its weight, by de Casteljau's method.
+
+    Writes the two control points between which it lies last, x w, y w and w, to the first rows.
+    """
+    for i in range(degree + 1):
+        for c in range(3):
+            rows[i, c] = net[i, c]
+    for level in range(degree, 1, -1):
+        for i in range(level):
+            for c in range(3):
+                rows[i, c] = (1.0 - t) * rows[i, c] + t * rows[i + 1, c]
+    w = (1.0 - t) * rows[0, 2] + t * rows[1, 2]
+    x = ((1.0 - t) * rows[0, 0] + t * rows[1, 0]) / w
+    y = ((1.0 - t) * rows[0, 1] + t * rows[1, 1]) / w
+    return x, y, w
+
+
+@kernel
 def _across(part, degree, u, v, along):
     """How far a part is to the left of a direction where it is so far along; else not a number."""
     rows = table_on_stack(PLACE, 3, 0.0)
@@ -285,16 +304,7 @@ def _across(part, degree, u, v, along):
     first, last = u * part[0, 3] + v * part[0, 4], u * part[degree, 3] + v * part[degree, 4]
     t = min(max((along - first) / (last - first), 0.0), 1.0)
     for _ in range(60):
-        for i in range(degree + 1):
-            for c in range(3):
-                rows[i, c] = part[i, c]
-        for level in range(degree, 1, -1):
-            for i in range(level):
-                for c in range(3):
-                    rows[i, c] = (1.0 - t) * rows[i, c] + t * rows[i + 1, c]
-        w = (1.0 - t) * rows[0, 2] + t * rows[1, 2]
-        x = ((1.0 - t) * rows[0, 0] + t * rows[1, 0]) / w
-        y = ((1.0 - t) * rows[0, 1] + t * rows[1, 1]) / w
+        x, y, w = point_on(part, degree, t, rows)
         over = u * x + v * y - along
         if abs(over) <= _FOUND:
             return u * y - v * x
