@@ -97,7 +97,8 @@ REACH = """i => {
   return reach;
 }"""
 ROWS = "all => all.map(r => [r.dataset.pair, [+r.dataset.lower, +r.dataset.upper, r.innerText]])"
-CHOSEN = ".pm-row.pm-chosen"
+# Of the list of pairs alone: those of conflicts and of events are pressed to look back.
+CHOSEN = "#pm-pairs .pm-row.pm-chosen"
 HIDDEN = "#pm-pairs ~ .pm-small .pm-press"
 
 

@@ -23,7 +23,6 @@ POSES = np.tile(HERE, (len(BODIES), 1))
 AWAY = 0.3
 EVENTS = "#pm-events .pm-row"
 CONFLICTS = "#pm-conflicts .pm-row"
-CHOSEN_PAIR = f"#pm-pairs {CHOSEN}"
 
 
 def tick(stamp_s, near=None):
@@ -109,7 +108,7 @@ def test_every_conflict_is_reached_and_its_status_too(long_session, wait):
     assert told == ["■ STOP", "tool - part 99", "10.990 mm", "199.0 s"]
     last.dispatch_event("pointerdown")
     tab(page, "Clearances")
-    wait(lambda: seen(made, page, CHOSEN_PAIR, 2) == ["10.990 mm"], "that moment")
+    wait(lambda: seen(made, page, CHOSEN, 2) == ["10.990 mm"], "that moment")
     page.get_by_text("Status of the pair", exact=True).click()
     note = page.locator("#pm-decided")
     wait(lambda: made.tell() or "about this moment: 10.990 mm" in note.inner_text(), "the panel")
