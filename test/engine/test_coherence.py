@@ -130,6 +130,30 @@ def test_it_spares_tests_where_the_models_move_little_and_none_where_they_leap()
         assert least <= spared <= most
 
 
+def test_with_a_tolerance_the_nearest_points_stay_near_and_half_the_volumes_are_opened():
+    a, b = torus(96), sphere(4)
+    rng = np.random.default_rng(1)
+    axis = rng.normal(size=3)
+    start = np.cross(axis, rng.normal(size=3))
+    start *= 2.9 / np.linalg.norm(start)
+    path = []
+    for k in range(150):  # steps of some 4 % of the distance
+        turn = turned(axis, 0.01 * k)
+        path.append(pose(turn, (1.0 + 0.03 * np.sin(0.1 * k)) * turn @ start))
+    found = {}
+    for coherent in (True, False):
+        search, answers = run.Search(a, b, coherent=coherent), []
+        for at in path:
+            search.run(IDENTITY, at, rel_err=0.1)
+            answers.append(search.answer[[index.UPPER, index.TESTS]])
+        found[coherent] = np.array(answers)[3:]
+    exact = np.array([engine.distance(a, IDENTITY, b, at).upper for at in path])[3:]
+    (upper, tests), (_, as_often) = found[True].T, found[False].T
+    assert np.all(upper <= 1.1 * exact + 1e-14)
+    assert np.mean(upper / exact) < 1.025
+    assert tests.sum() < 0.5 * as_often.sum()
+
+
 def test_a_model_that_was_refitted_is_looked_at_anew():
     rng = np.random.default_rng(17)
     for _ in range(40):

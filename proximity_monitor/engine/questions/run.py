@@ -143,7 +143,7 @@ class Search:
     @property
     def coherent(self) -> bool:
         """Whether it remembers volumes."""
-        return len(self.state.keys) > 0
+        return len(self.state.far) > 0
 
     @property
     def nearest(self) -> tuple[int, int]:
@@ -215,7 +215,7 @@ class Search:
             models[0], models[1] = self._known = tables
         collected = self._collecting
         if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
-            self.state.keys.fill(-1)  # too far were those pairs that it looked at
+            self.state.far["key"] = index.NO_KEY  # too far were those pairs that it looked at
         if collect != collected or (collect and fresh):
             # An answer may still hold the rows of the last search.
             self._blocks, self._collecting = [], collect

@@ -11,7 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels.base import state as index
-from ..kernels.base.state import CELL, CELL_PAIR, KEPT, MINIMUM, RING, Dividing, Turning, Waiting
+from ..kernels.base.state import (
+    CELL,
+    CELL_PAIR,
+    FAR,
+    KEPT,
+    MINIMUM,
+    NO_KEY,
+    RING,
+    Dividing,
+    Turning,
+    Waiting,
+)
 from ..kernels.base.tables import MODEL_ROWS, state_table, table
 from ..kernels.base.trees import ARC, RevolutionTree
 from ..kernels.revolution.front import FRONT
@@ -30,7 +41,7 @@ _LIST = 1 << 20
 provides only the part that is used."""
 
 _COHERENT = 1024
-"""Pairs of volumes that are remembered as too far, a power of two: 16 kB."""
+"""Pairs of volumes that are remembered as too far, a power of two: 24 kB."""
 
 _LEVELS = 16
 """The stack has room for a multiple of so many levels: that serves models of most sizes."""
@@ -172,18 +183,16 @@ class SearchMemory(Memory):
                 np.empty(_ARCS, ARC), np.empty(_ARCS, ARC), np.empty(MINIMA, MINIMUM),
                 np.empty(2 * FRONT, RING),
             )  # fmt: skip
-        motions, keys = np.zeros((2, 12)), np.empty(_COHERENT if coherent else 0, np.int64)
-        keys.fill(-1)
-        self.state = index.State(
-            motions, record, open_pairs, waiting, np.empty((0, 3)), keys, np.empty(len(keys))
-        )
+        motions, far = np.zeros((2, 12)), np.zeros(_COHERENT if coherent else 0, FAR)
+        far["key"] = NO_KEY
+        self.state = index.State(motions, record, open_pairs, waiting, np.empty((0, 3)), far)
         self.table = state_table(self.state)
-        self._keep((*open_pairs, *waiting, keys, self.state.reaches), record, motions)
+        self._keep((*open_pairs, *waiting, far), record, motions)
 
     def clear(self) -> None:
         """As `Memory.clear`; nothing is remembered as too far."""
         super().clear()
-        self.state.keys.fill(-1)
+        self.state.far["key"] = NO_KEY
 
     def begin_at(self, nearest: tuple[int, int]) -> None:
         """Let the first search begin at two elements, in tree order."""

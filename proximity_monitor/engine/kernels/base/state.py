@@ -17,13 +17,12 @@ BreadthFirst = namedtuple("BreadthFirst", "pairs bounds spread_a spread_b")
 """The same level by level (see levels.py); spread_a and spread_b (int32, k × 4) vertices of each
 node, as 3 triangle + corner."""
 
-State = namedtuple("State", "motions progress open waiting collected keys reaches")
+State = namedtuple("State", "motions progress open waiting collected far")
 """A search. motions (2, 12): b to a, a to b; progress, a PROGRESS; open, of one of the three types
 above, which says in which order pairs are taken; waiting, the pairs of leaves whose
 elements are still to be compared; collected (n, 3) every pair that may hold the minimum, where they
-are asked for (n > 0): two triangles and their distance, or ~lane, ~lane and a lower bound; keys
-(int64) and reaches (n,), which pairs of lanes were too far, and how far the models will have moved
-when they no longer are (see coherence.py).
+are asked for (n > 0): two triangles and their distance, or ~lane, ~lane and a lower bound; far
+(n,) FAR, what was too far (see coherence.py), nothing where searches do not follow one another.
 """
 
 Waiting = namedtuple("Waiting", "lanes bounds")
@@ -78,6 +77,20 @@ MINIMUM = np.dtype(
     align=True,
 )
 """A local minimum of the distance of two pieces of profiles that turn."""
+
+FAR = np.dtype(
+    [
+        ("key", np.int64),  # of a pair of lanes; NO_KEY where there is none
+        ("reach", np.float64),  # how far the models will have moved when it no longer holds, metres
+        ("kept", np.int64),  # the lanes of which it does not: see search/coherence.py
+    ],
+    align=True,
+)
+"""A pair of lanes under which most was too far, or all."""
+
+NO_KEY = -1
+SOME = -1
+"""Instead of lanes: some of them, and which they are will soon be another question."""
 
 CELL = np.dtype(
     [
@@ -154,11 +167,13 @@ PROGRESS = np.dtype(
         ("weights_b", np.float64, (3,)),
         ("approached", np.float64),  # the distance from which they were last improved
         ("patience", np.int64),  # bound tests after which that is tried again
+        ("spent", np.int64),  # bound tests of all searches since they were last renewed
         ("travelled", np.float64),  # how far the models have moved in all
         ("step", np.float64),  # ... and since the last search
         ("shape_a", np.float64),  # how often the models had been refitted
         ("shape_b", np.float64),
-        ("proven", np.float64),  # bound of the pair opened last, where all below it were pruned
+        ("proven", np.float64),  # bound of what was pruned below the pair opened last
+        ("kept", np.int64),  # the lanes of it that were not; or SOME
         ("level_lower", np.float64),  # the least bound of this level and what follows
         ("next_lower", np.float64),  # ... and of the next level
         ("element_a", np.int64),  # the nearest elements, in tree order

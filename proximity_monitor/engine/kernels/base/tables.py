@@ -15,6 +15,7 @@ from .memory import addresses, records_at, rows_at
 from .state import (
     CELL,
     CELL_PAIR,
+    FAR,
     KEPT,
     MINIMUM,
     PROGRESS,
@@ -200,7 +201,7 @@ _RINGS = _CELLS | {
 _WAITING = {Waiting: _LEAVES, Dividing: _CELLS, Turning: _RINGS}
 _SEARCH = {
     "motions": (_DOUBLE, 12), "progress": (PROGRESS, 0), "collected": (_DOUBLE, 3),
-    "keys": (_LONG, 0), "reaches": (_DOUBLE, 0),
+    "far": (FAR, 0),
 }  # fmt: skip
 
 

@@ -38,7 +38,7 @@ def has_leapt(tree_a, tree_b, state):
     Where nothing is known of that, they have not.
     """
     sizes = tree_a.scale[LARGEST] + tree_b.scale[LARGEST]
-    return state.keys.shape[0] > 0 and state.progress[0].step >= _LEAP * sizes
+    return state.far.shape[0] > 0 and state.progress[0].step >= _LEAP * sizes
 
 
 @inlined

@@ -33,7 +33,7 @@ def _settle(waiting, tree_a, tree_b, state):
 @implements(stubs.guess, RevolutionTree, RevolutionTree)
 @kernel
 def _guess(tree_a, tree_b, state):
-    if has_leapt(tree_a, tree_b, state) or state.keys.shape[0] == 0:  # or may have, for all we know
+    if has_leapt(tree_a, tree_b, state) or state.far.shape[0] == 0:  # or may have, for all we know
         look_around(tree_a, tree_b, state)
     elif state.progress[0].minima == 0:  # else a minimum has been looked for already
         measure_again(tree_a, tree_b, state)

@@ -1,9 +1,10 @@
 """Pairs of volumes that were too far, and still are as long as the models have moved little since.
 
-From one moment to the next a search mostly opens the same pairs of volumes, and finds nothing under
-many of them. What it proved there, that nothing is nearer than some bound, is kept with how far the
-models had moved by then. Later that bound holds less what they have moved since, and where it is
-still beyond the limit, the pair is not opened. Each search remembers its nearest triangles
+From one moment to the next a search mostly opens the same pairs of volumes, and finds little that
+is near under them. What it proved there, that nothing is nearer than some bound but for what is
+under some lanes, is kept with how far the models had moved by then. Later that bound holds less
+what they have moved since, and where it is still beyond the limit, the pair is not bounded anew: it
+is done with, or those lanes are open at once. Each search remembers its nearest triangles
 separately (Larsen et al. 1999, section 6.2).
 """
 
@@ -13,12 +14,17 @@ import numpy as np
 
 from ..base.hashing import EMPTY_HASH, mixed, slot
 from ..base.jit import inlined, kernel
+from ..base.lanes import lowest
 from ..base.rounding import TRAVEL_SHARE
+from ..base.state import NO_KEY, SOME
 from ..base.trees import REVISION
 from ..base.vectors import dot, scaled
-from ..tree.layout import radius_of, row
+from ..tree.layout import WIDTH, radius_of, row
+from .stubs import push
 
-_NONE = -1
+_LANES = (1 << WIDTH) - 1
+_FLIP = WIDTH
+"""The bits of `kept` that are lanes; and the one that tells that these are of tree a."""
 
 
 @kernel
@@ -64,8 +70,8 @@ def travel(tree_a, tree_b, state, before, slack):
     progress, motions = state.progress[0], state.motions
     if progress.shape_a != tree_a.scale[REVISION] or progress.shape_b != tree_b.scale[REVISION]:
         progress.shape_a, progress.shape_b = tree_a.scale[REVISION], tree_b.scale[REVISION]
-        for i in range(state.keys.shape[0]):
-            state.keys[i] = _NONE
+        for i in range(state.far.shape[0]):
+            state.far[i].key = NO_KEY
     if radius_of(tree_a) < radius_of(tree_b):
         distance = _displacement(tree_a, before[1], motions[1])
     else:
@@ -79,23 +85,44 @@ def travel(tree_a, tree_b, state, before, slack):
 @inlined
 def is_coherent(state):
     """Whether the models have moved so little since the last search that its bounds may serve."""
-    return state.keys.shape[0] > 0 and state.progress[0].step < 2.0 * state.progress[0].limit
+    return state.far.shape[0] > 0 and state.progress[0].step < 2.0 * state.progress[0].limit
 
 
 @inlined
-def still_far(state, a, b):
-    """Whether it is known that nothing under the lanes a and b is nearer than the limit."""
+def near_under(state, a, b):
+    """The lanes below the lanes a and b that may be nearer than the limit, as far as is known.
+
+    None, zero, where all is too far; SOME where nothing is known, or no longer.
+    """
     key = a << 32 | b
-    i = slot(mixed(EMPTY_HASH, key), state.keys.shape[0])
-    far = state.reaches[i] - state.progress[0].travelled >= state.progress[0].limit
-    return far and state.keys[i] == key
+    known = state.far[slot(mixed(EMPTY_HASH, key), state.far.shape[0])]
+    far = known.reach - state.progress[0].travelled >= state.progress[0].limit
+    return known.kept if far and known.key == key else np.int64(SOME)
 
 
 @inlined
-def remember_far(state, a, b, bound):
-    """Keep the bound, metres, of all that is under the lanes a and b."""
-    if bound > 0.0:
+def open_again(tree_a, tree_b, state, a, b, bound, kept):
+    """Open those lanes, which `near_under` tells; all of them are bounded by `bound`, metres."""
+    flip = kept >> _FLIP
+    node = np.int64(tree_a.children[a] if flip else tree_b.children[b])
+    lanes = kept & _LANES
+    first = top = state.progress[0].open
+    while lanes:
+        child = node * WIDTH + lowest(lanes)
+        lanes &= lanes - 1
+        i, j = (child, b) if flip else (a, child)
+        push(state.open, state, first, top, i, j, bound)
+        top += 1
+    state.progress[0].open = top
+
+
+@inlined
+def remember_far(state, a, b, flip):
+    """Keep what the opening of the lanes a and b has proven; `flip` where that was of a."""
+    progress = state.progress[0]
+    if progress.proven > 0.0 and progress.kept != SOME:
         key = a << 32 | b
-        i = slot(mixed(EMPTY_HASH, key), state.keys.shape[0])
-        state.keys[i] = key
-        state.reaches[i] = (bound + state.progress[0].travelled) * (1.0 - TRAVEL_SHARE)
+        known = state.far[slot(mixed(EMPTY_HASH, key), state.far.shape[0])]
+        known.key = key
+        known.kept = progress.kept | np.int64(flip) << _FLIP if progress.kept else 0
+        known.reach = (progress.proven + progress.travelled) * (1.0 - TRAVEL_SHARE)

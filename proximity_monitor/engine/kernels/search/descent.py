@@ -14,13 +14,13 @@ import numpy as np
 from ..base.jit import inlined, shared
 from ..base.lanes import lowest, not_above, smallest
 from ..base.memory import on_stack
-from ..base.state import COLLECTED_FULL, CUT, ENDED
+from ..base.state import COLLECTED_FULL, CUT, ENDED, SOME
 from ..bounds.cross import Scratch, left_between
 from ..bounds.gaps import BATCH
 from ..elements.primitives import collect, enough
 from ..tree.layout import EXTENT, LARGEST, PROMISE, STRIDE, WIDTH
 from .approach import APPROACH_STEPS, come_nearer, far_from_nearest
-from .coherence import is_coherent, remember_far, still_far
+from .coherence import is_coherent, near_under, open_again, remember_far
 from .stubs import (
     cross_leaves,
     divide,
@@ -38,6 +38,11 @@ _FOUND = WIDTH + _CROSSED
 WAITING_ROOM = BATCH + _CROSSED
 """Pairs of leaves that there is room for."""
 
+_SURE = 0.8
+"""Share of the limit below which lanes are likely to be near again at the next moment. Of several
+that are less sure, one opening of their pair prunes as many as it takes openings of their own; a
+single one costs one opening either way."""
+
 _HOPE = 1.25
 """How many times what a volume promises a bound may grow by: its parts promise something, too."""
 
@@ -47,7 +52,8 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     """Bound one lane of the tree `fixed` against the sixteen under lane `parent` of `tree`.
 
     The pairs that survive are open then; but pairs of leaves wait. `flip` says that `fixed` is tree
-    b, `inherited` is a bound of all pairs; where none survives, PROVEN is as good a one or better.
+    b, `inherited` is a bound of all pairs; where no leaves wait, KEPT are the lanes of those that
+    survive, if they are sure to soon again, and PROVEN is a bound of the others.
     Returns how many pairs are waiting then, of n before.
     """
     progress, waiting = state.progress[0], state.waiting
@@ -64,7 +70,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     top = first
     survivors = not_above(found, 0, reach)
     survivors &= left_between(waiting, tree, node, progress, limit, scratch.lows)
-    progress.proven = inherited
+    progress.kept = 0
     if not survivors:
         progress.proven = max(inherited, smallest(found, 0, _ALL) * unit)
         return n
@@ -78,6 +84,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
             waiting.bounds[n] = max(found[k] * unit, inherited)
             n += 1
         return n
+    kept, largest = survivors, -np.inf
     while survivors:
         k = lowest(survivors)
         survivors &= survivors - 1
@@ -85,12 +92,16 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
         if not bound > inherited:
             bound = inherited
         if bound >= limit:
+            kept &= ~(1 << k)
             continue
+        largest = max(largest, bound)
         child = node * WIDTH + k
         a, b = (child, lane) if flip else (lane, child)
         push(state.open, state, first, top, a, b, bound)
         top += 1
     progress.open = top
+    progress.kept = kept if top - first <= 1 or largest < _SURE * limit else SOME
+    progress.proven = max(inherited, smallest(found, 0, _ALL & ~kept) * unit)
     return n
 
 
@@ -170,8 +181,11 @@ def advance(tree_a, tree_b, state):
             # is LIMIT, and only pairs of triangles are collected.
             collect(state, ~a, ~b, bound)
             continue
-        if coherent and still_far(state, a, b):
-            continue
+        if coherent:
+            kept = near_under(state, a, b)
+            if kept != SOME:
+                open_again(tree_a, tree_b, state, a, b, bound, kept)
+                continue
         opened, taken = open_whole(waiting, tree_a, tree_b, state, a, b, bound, scratch)
         if opened:
             steps -= min(steps, taken)
@@ -210,19 +224,20 @@ def advance(tree_a, tree_b, state):
                 nearest_last(waiting, before, n)
             if n >= 0:
                 if coherent and n == before:
-                    remember_far(state, a, b, progress.proven)
+                    progress.kept = 0
+                    remember_far(state, a, b, flip)
                 continue
             n = before
         # Two lowest nodes together are the better bargain, unless one is far larger.
         if lowest_a != lowest_b:
             size_a, size_b = (size_a, larger * size_b) if lowest_a else (larger * size_a, size_b)
         flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
-        before, depth = n, progress.open
+        before = n
         if flip:
             n = open_pair(tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, n)
         else:
             n = open_pair(tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, n)
-        if coherent and n == before and progress.open == depth:
-            remember_far(state, a, b, progress.proven)
+        if coherent and n == before:
+            remember_far(state, a, b, flip)
     progress.steps, progress.waiting = steps, n
     return code

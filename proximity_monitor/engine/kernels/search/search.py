@@ -93,7 +93,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     apart = np.sqrt(t[9] * t[9] + t[10] * t[10] + t[11] * t[11])
     progress.slack, progress.bound_slack = slacks(tree_a, tree_b, apart, error_a + error_b)
     prepare(state.waiting, tree_a, tree_b, state)
-    if state.keys.shape[0] > 0:
+    if state.far.shape[0] > 0:
         travel(tree_a, tree_b, state, before, slack)
     progress.upper_slack = progress.slack
     last = progress.distance
@@ -106,6 +106,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.stop, progress.param_err = query.stop + progress.radii, query.param_err
     limit = core_of(query.limit, progress.radii, progress.deviations)
     progress.limit, progress.enough = limit, limit
+    progress.spent += progress.bound_tests
     progress.bound_tests, progress.primitive_tests, progress.collected = 0, 0, 0
     progress.waiting = 0
     pairs, bounds = state.open.pairs, state.open.bounds
