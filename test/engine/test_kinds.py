@@ -243,8 +243,7 @@ class Asker:
             DepthFirst(np.empty((512, 2), np.int32), np.empty(512)),
             index.Waiting(*waiting),
             np.empty((0, 3)),
-            np.empty(0, np.int64),
-            np.empty(0),
+            np.empty(0, index.FAR),
         )
         self.memory = tables.state_table(self.state)
 

@@ -89,7 +89,7 @@ def arrays(kept: memory.Memory) -> list[np.ndarray]:
     if hasattr(kept, "ball"):
         return [*kept.ball, *kept.more]
     state = kept.state
-    return [state.motions, state.progress, *state.open, *state.waiting, state.keys, state.reaches]
+    return [state.motions, state.progress, *state.open, *state.waiting, state.far]
 
 
 def spoil(kept: memory.Memory) -> None:

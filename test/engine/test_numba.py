@@ -20,7 +20,7 @@ from numba.core.caching import NullCache
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base import cache, jit, lanes, memory, tables
-from proximity_monitor.engine.kernels.base.state import PROGRESS, Priority, State, Waiting
+from proximity_monitor.engine.kernels.base.state import FAR, PROGRESS, Priority, State, Waiting
 from proximity_monitor.engine.kernels.base.trees import MeshTree
 from proximity_monitor.engine.kernels.bounds import volumes
 from proximity_monitor.engine.kernels.inside.ball_state import (
@@ -269,7 +269,8 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
         search.motions[1, 11], search.collected[2, 2] = 3.0, 4.0
         search.waiting.lanes[1, 1], search.waiting.bounds[1] = 5, 6.0
         search.open.pairs[3, 1], search.open.bounds[3], search.open.frames[1] = 7, 8.0, 9
-        search.keys[3], search.reaches[3] = 10, 11.0
+        far = search.far[3]
+        far.key, far.reach, far.kept = 10, 11.0, 12
         return (tree.nodes[-1], tree.centres[-1, 3], tree.children[-1], tree.sizes[-1, 1],
                 tree.triangles[-1, 8], tree.scale[-1], faces[-1])  # fmt: skip
 
@@ -279,7 +280,7 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
         np.zeros((2, 12)), np.zeros(1, PROGRESS),
         Priority(np.zeros((4, 2), np.int32), np.zeros(4), np.zeros(2, np.int64)),
         Waiting(np.zeros((2, 2), np.int32), np.zeros(2)), np.zeros((3, 3)),
-        np.zeros(4, np.int64), np.zeros(4),
+        np.zeros(4, FAR),
     )  # fmt: skip
     found = read(tables.model_table(hierarchy.numbers, hierarchy.tree), tables.state_table(state))
     assert found == tuple(each.flat[-1] for each in arrays)
@@ -287,7 +288,7 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
     assert (state.motions[1, 11], state.collected[2, 2]) == (3.0, 4.0)
     assert (state.waiting.lanes[1, 1], state.waiting.bounds[1]) == (5, 6.0)
     assert [each.flat[-1] for each in state.open] == [7, 8.0, 9]
-    assert (state.keys[3], state.reaches[3]) == (10, 11.0)
+    assert state.far[3].tolist() == (10, 11.0, 12)
     for k, name in enumerate(hierarchy.tree._fields):
         other = hierarchy.tree._replace(**{name: np.zeros(arrays[k].shape, np.int8)})
         with pytest.raises(TypeError, match=f"{name}: int8"):
