@@ -23,6 +23,9 @@ HIGHEST_DEGREE = 15
 SMALLEST_WEIGHT = 1e-50
 """As a share of the largest, so that no product of weights and coordinates underflows."""
 
+ONE = 1, 1
+"""A span in u and in v as it is."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Net:
@@ -48,13 +51,13 @@ class Net:
     @property
     def spans(self) -> tuple[Spans, Spans]:
         """Its polynomial spans in u and in v."""
-        return self.parts(1)
+        return self.parts(ONE)
 
-    def parts(self, count: int) -> tuple[Spans, Spans]:
-        """The same, each cut into so many parts, but for that of a curve in v."""
+    def parts(self, count: tuple[int, int]) -> tuple[Spans, Spans]:
+        """The same, each cut into so many parts in u and in v, but for that of a curve in v."""
         p, q = self.degrees
-        along_v = NO_DIRECTION if self.is_curve else spans(self.knots_v, q, count)
-        return spans(self.knots_u, p, count), along_v
+        along_v = NO_DIRECTION if self.is_curve else spans(self.knots_v, q, count[1])
+        return spans(self.knots_u, p, count[0]), along_v
 
     @property
     def points(self) -> NDArray[np.float64]:
@@ -82,17 +85,17 @@ class Net:
             made *= self.weights[..., None]
         return made
 
-    def pieces(self, parts: int = 1) -> NDArray[np.float64]:
+    def pieces(self, parts: tuple[int, int] = ONE) -> NDArray[np.float64]:
         """The control nets (s_u, s_v, degree_u + 1, degree_v + 1, 4) of its Bezier pieces.
 
-        Each span in u or v may be cut into parts.
+        Each span may be cut into parts, in u and in v.
         """
         made = cut(self.homogeneous(), *self.parts(parts))
         if self.weights is None:
             made[..., 3] = 1.0
         return made
 
-    def error(self, parts: int = 1) -> float:
+    def error(self, parts: tuple[int, int] = ONE) -> float:
         """Metres by which rounding may move a point in `pieces`."""
         largest = float(np.linalg.norm(self.points, axis=1).max())
         return conversion_error(*self.parts(parts), self.weights is not None, largest)

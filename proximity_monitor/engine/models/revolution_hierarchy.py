@@ -14,9 +14,9 @@ from ..kernels.revolution.build import build_arcs
 from ..kernels.revolution.guess import take_samples
 from ..kernels.revolution.reach import take_reaches
 from .nurbs import frozen
+from .parts import even_parts
 from .sphere import sphere_of
 from .surface_hierarchy import SurfaceHierarchy
-from .surface_tree import parts_of
 
 if TYPE_CHECKING:
     from .profile import Profile
@@ -47,6 +47,9 @@ class RevolutionHierarchy(SurfaceHierarchy):
     KEPT = (*SurfaceHierarchy.KEPT, *_OWN)
 
     __slots__ = _OWN
+
+    parts_of = staticmethod(even_parts)
+    """As kernels count the parts of patches by those of the profile."""
 
     arcs: NDArray
     """(k,) ARC."""
@@ -132,7 +135,7 @@ def _beyond(pieces: NDArray[np.float64]) -> float:
 
 def _curves(patches: SurfaceHierarchy, profile: Profile) -> tuple[NDArray, NDArray[np.int32]]:
     """The pieces of a profile, and which piece of the patches, in tree order, is which part."""
-    parts = parts_of(patches.nets)
+    parts = patches.parts[0][0]
     made = []
     first = 0
     for k, (net, patch) in enumerate(zip(profile.nets, patches.nets, strict=True)):

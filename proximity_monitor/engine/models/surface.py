@@ -67,8 +67,9 @@ class Surface(Model):
             ahead.want(self.kind)
             if self._joints is None:
                 self._joints = self._checked(self.nets)
+            parts = self._hierarchy_kind.parts_of(self.nets)
             self._made = SurfaceHierarchy.of(
-                self.nets, deviation=self._deviation, solid=self._solid, joints=self._joints
+                self.nets, parts, deviation=self._deviation, solid=self._solid, joints=self._joints
             )
         return self._made
 

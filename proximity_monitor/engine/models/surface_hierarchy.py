@@ -16,6 +16,7 @@ from ..kernels.surface.trim import CROSSING
 from ..kernels.surface.trim_entries import nearest_trim_points
 from .hierarchy import Hierarchy
 from .nurbs import frozen
+from .parts import parts_of
 from .solid import plain_sides
 from .surface_tree import build_surface, in_threes, projected, refit_surface
 from .tree import weld
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from ..kernels.base.trees import SurfaceTree
     from .closed import Joints
     from .nurbs import Net
+    from .parts import Parts
     from .solid import Sides
 
 _ROWS, _RATIONAL_ROWS = 3, 7
@@ -34,9 +36,12 @@ _ROWS, _RATIONAL_ROWS = 3, 7
 class SurfaceHierarchy(Hierarchy):
     """Volumes around the Bezier pieces of patches and curves."""
 
-    KEPT = (*Hierarchy.KEPT, "joints", "nets", "order")
+    KEPT = (*Hierarchy.KEPT, "joints", "nets", "order", "parts")
 
-    __slots__ = ("cell_width", "joints", "nets", "order")
+    __slots__ = ("cell_width", "joints", "nets", "order", "parts")
+
+    parts_of = staticmethod(parts_of)
+    """Into how many parts the spans of nets are to be cut."""
 
     joints: Joints
     """How the patches close up, or why there is no inside."""
@@ -45,22 +50,30 @@ class SurfaceHierarchy(Hierarchy):
     """Of the patches and curves."""
     order: NDArray[np.int32]
     """(m,) which piece, counted patch by patch, stands where in tree order."""
+    parts: Parts
+    """Into how many parts their spans are cut; as long as the structure stays."""
 
     @classmethod
     def of(
-        cls, nets: Sequence[Net], *, deviation: float, solid: bool | None, joints: Joints
+        cls,
+        nets: Sequence[Net],
+        parts: Parts,
+        *,
+        deviation: float,
+        solid: bool | None,
+        joints: Joints,
     ) -> Self:
-        """The hierarchy of checked nets, which close up so.
+        """The hierarchy of checked nets, which close up so and are cut into such parts.
 
         Raises:
             ModelError: a trimming loop leaves the rectangle of its patch.
         """
         trims = joined([net.trim for net in nets])
-        tree, order, depth = build_surface(nets, trims, deviation, joints.gap)
+        tree, order, depth = build_surface(nets, parts, trims, deviation, joints.gap)
         return cls._made({
             "joints": joints, "nets": tuple(nets), "swept_radius": 0.0, "deviation": deviation,
             "solid": solid, "tree": tree, "distinct": tree, "depth": depth, "order": order,
-            "numbers": np.ascontiguousarray(tree.pieces["patch"]),
+            "numbers": np.ascontiguousarray(tree.pieces["patch"]), "parts": parts,
         })  # fmt: skip
 
     def refitted(self, nets: Sequence[Net], joints: Joints) -> Self:
@@ -68,7 +81,7 @@ class SurfaceHierarchy(Hierarchy):
 
         Its revision is one more.
         """
-        tree = refit_surface(self.tree, self.order, nets, joints.gap)
+        tree = refit_surface(self.tree, self.order, nets, self.parts, joints.gap)
         changed = {"joints": joints, "nets": tuple(nets), "tree": tree, "distinct": tree}
         made = self._made(self._kept() | changed)
         made._ranges = self._ranges

@@ -108,7 +108,7 @@ def _bends(net: Net) -> tuple[NDArray[np.float64], ...]:
     The smaller a part of it, the closer are the bounds that its control points give.
     """
     parts = 1 if net.weights is None else _PARTS
-    made = net.pieces(parts)
+    made = net.pieces((parts, parts))
     weights = made[..., 3:]
     points = made[..., :3] / weights
     points -= 0.5 * (points.min(axis=(2, 3)) + points.max(axis=(2, 3)))[:, :, None, None]

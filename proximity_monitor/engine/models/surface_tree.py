@@ -28,20 +28,18 @@ from ..kernels.tree.layout import (
 from ..kernels.tree.measure import measure
 from .edges import with_edges
 from .nurbs import Net, frozen
+from .parts import Parts
 from .tree import TreeError
-
-_PIECES, _MOST_PARTS = 1024, 8
-"""How many pieces a model of few spans is cut into, about, and the most parts of a span: volumes
-around smaller ones are thinner. Against a mesh that leaves an eighth of the pairs of leaves."""
 
 
 def build_surface(
-    nets: Sequence[Net], trims: Trims, deviation: float, gap: float
+    nets: Sequence[Net], parts: Parts, trims: Trims, deviation: float, gap: float
 ) -> tuple[SurfaceTree, NDArray[np.int32], int]:
     """The tree over the pieces of nets.
 
     Args:
         nets: of the patches and curves.
+        parts: into how many parts their spans are cut.
         trims: their loops.
         deviation: metres; how far they may be from what they stand for.
         gap: metres; of a solid, the gaps between patches that were taken for none.
@@ -53,7 +51,7 @@ def build_surface(
     Raises:
         ModelError: a loop leaves the rectangle of its patch.
     """
-    pieces, flat, lost = with_edges(*_cut(nets), trims)
+    pieces, flat, lost = with_edges(*_cut(nets, parts), trims)
     points, starts = project(pieces, flat)
     low = np.minimum.reduceat(points, starts[:-1])
     high = np.maximum.reduceat(points, starts[:-1])
@@ -63,17 +61,18 @@ def build_surface(
     leaves[:, 0] = np.arange(len(pieces))
     children, order, depth = build_tree(stand_ins, leaves, len(pieces))
     children.setflags(write=False)  # as when it is refitted: kernels need no second form
-    scale = _scale(nets, lost, 0.0, deviation, gap)
+    scale = _scale(nets, parts, lost, 0.0, deviation, gap)
     tree = _fitted(children, order, pieces, flat, scale, trims)
     return tree, order.astype(np.int32), depth + 1
 
 
 def refit_surface(
-    tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net], gap: float
+    tree: SurfaceTree, order: NDArray[np.int32], nets: Sequence[Net], parts: Parts, gap: float
 ) -> SurfaceTree:
     """A tree of the same structure over the pieces of the same nets, whose control points moved."""
-    pieces, flat, lost = with_edges(*_cut(nets), tree.trims)
-    scale = _scale(nets, lost, tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2], gap)
+    pieces, flat, lost = with_edges(*_cut(nets, parts), tree.trims)
+    revision, deviation = tree.scale[REVISION] + 1.0, tree.scale[REVISION + 2]
+    scale = _scale(nets, parts, lost, revision, deviation, gap)
     return _fitted(tree.children, order, pieces, flat, scale, tree.trims)
 
 
@@ -82,13 +81,12 @@ def projected(tree: SurfaceTree) -> tuple[NDArray[np.float64], NDArray[np.int64]
     return project(tree.pieces, tree.nets)
 
 
-def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
+def _cut(nets: Sequence[Net], parts: Parts) -> tuple[NDArray, NDArray[np.float64]]:
     """The pieces of nets one after the other, and their control nets (m, k), as `nets` has them."""
     pieces, flat, start = [], [], 0
-    parts = parts_of(nets)
-    for patch, net in enumerate(nets):
-        along_u, along_v = net.parts(parts)
-        made = net.pieces(parts)
+    for patch, (net, own_parts) in enumerate(zip(nets, parts, strict=True)):
+        along_u, along_v = net.parts(own_parts)
+        made = net.pieces(own_parts)
         s_u, s_v, n_u, n_v, _ = made.shape
         count, points = s_u * s_v, n_u * n_v
         room = -(-points // NET_WIDTH) * NET_WIDTH
@@ -112,12 +110,6 @@ def _cut(nets: Sequence[Net]) -> tuple[NDArray, NDArray[np.float64]]:
     cut = np.concatenate(pieces)
     cut["face"] = np.arange(len(cut))
     return cut, np.concatenate(flat)
-
-
-def parts_of(nets: Sequence[Net]) -> int:
-    """Into how many parts each span in u and in v is cut, so that volumes are thin."""
-    count = sum(len(u.low) * len(v.low) for u, v in (net.spans for net in nets))
-    return max(min(math.isqrt(_PIECES // count), _MOST_PARTS), 1)
 
 
 def _fitted(
@@ -152,14 +144,13 @@ def in_threes(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _scale(
-    nets: Sequence[Net], lost: float, revision: float, deviation: float, gap: float
+    nets: Sequence[Net], parts: Parts, lost: float, revision: float, deviation: float, gap: float
 ) -> NDArray[np.float64]:
     """The numbers of a tree as a whole, but for the first three: see `SurfaceTree`.
 
     `lost` metres is how far rounding may move an edge.
     """
-    parts = parts_of(nets)
-    error = max(net.error(parts) for net in nets) + lost
+    error = max(net.error(own) for net, own in zip(nets, parts, strict=True)) + lost
     return np.array([0.0, 0.0, 0.0, revision, 0.0, deviation, error, gap])
 
 

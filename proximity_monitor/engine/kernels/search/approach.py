@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
+from ..base.memory import on_stack
 from ..elements.primitives import enough, has_leapt
 from ..tree.layout import WIDTH
 from .stubs import approach, guess, least_open, settle
@@ -33,6 +34,13 @@ found before more of them pay. Along a path it never has, and none are made."""
 _PATIENCE, _LONG, _LONGER = 24 * WIDTH, 96 * WIDTH, 8
 """Bound tests that a search with a tolerance makes first; the same where it began with points that
 were the nearest of the search before; and how many times as many it makes before it tries again."""
+_RENEWAL = 200 * WIDTH
+"""Bound tests of searches with a tolerance until the nearest points are renewed (see `renew`).
+
+Such a search finds none that are nearer by less than is tolerated. What the next begins with is too
+far then by more and more, and with it the limit, so that it opens more volumes: half as many again
+along a path. To bring the points nearer takes some 30 openings.
+"""
 _WITHIN_REACH = 1.5
 """How many times as far as a clearance the nearest points may be and may soon be within it."""
 _POOR, _POOR_SHARE, _PATH = 0.1, 0.25, 0.02
@@ -63,6 +71,16 @@ def begin_near(tree_a, tree_b, state, last):
         guess(tree_a, tree_b, state)
     if progress.distance <= near:
         progress.approached, progress.patience = progress.distance, _LONG
+
+
+@inlined
+def renew(tree_a, tree_b, state):
+    """Bring the nearest points of the search before nearer, if that is due."""
+    progress = state.progress[0]
+    tolerant = progress.rel_err + progress.abs_err > 0.0
+    if state.far.shape[0] > 0 and tolerant and progress.spent >= _RENEWAL:
+        progress.spent = 0
+        approach(tree_a, tree_b, state, _QUERY, on_stack(WIDTH, np.float32(0.0)))
 
 
 @inlined

@@ -38,7 +38,7 @@ _FOUND = WIDTH + _CROSSED
 WAITING_ROOM = BATCH + _CROSSED
 """Pairs of leaves that there is room for."""
 
-_SURE = 0.8
+_SURE = 0.9
 """Share of the limit below which lanes are likely to be near again at the next moment. Of several
 that are less sure, one opening of their pair prunes as many as it takes openings of their own; a
 single one costs one opening either way."""

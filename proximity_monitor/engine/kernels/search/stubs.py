@@ -100,8 +100,8 @@ def prepare(waiting, tree_a, tree_b, state):
 def settle(waiting, tree_a, tree_b, state):
     """Move the nearest points, those of the search before, to where they are nearest now.
 
-    Of elements that are measured as a whole nothing is done where nothing is tolerated: where their
-    points lie is found out soon enough.
+    Where elements are measured as a whole that is found out soon enough, but for searches with a
+    tolerance: see `approach.renew`.
     """
 
 

@@ -5,19 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import implements, inlined
-from ..base.memory import on_stack
 from ..base.state import ENDED, Waiting
-from ..tree.layout import WIDTH
 from . import stubs
-
-_RENEWAL, _QUERY = 200 * WIDTH, 32
-"""Bound tests of searches with a tolerance until the nearest points are renewed; and steps of each
-point query for that.
-
-Such a search finds none that are nearer by less than is tolerated. What it begins with is too far
-then by more and more, and with it the limit, so that it opens more volumes: half as many again
-along a path. To bring the points nearer takes some 30 openings.
-"""
+from .approach import renew
 
 
 @implements(stubs.resolution, Waiting)
@@ -35,11 +25,7 @@ def _prepare(waiting, tree_a, tree_b, state):
 @implements(stubs.settle, Waiting)
 @inlined
 def _settle(waiting, tree_a, tree_b, state):
-    progress = state.progress[0]
-    follows = state.far.shape[0] > 0
-    if follows and progress.rel_err + progress.abs_err > 0.0 and progress.spent >= _RENEWAL:
-        progress.spent = 0
-        stubs.approach(tree_a, tree_b, state, _QUERY, on_stack(WIDTH, np.float32(0.0)))
+    renew(tree_a, tree_b, state)
 
 
 @implements(stubs.compare, Waiting)

@@ -1,7 +1,9 @@
 """The piece of a surface that is about nearest to a point: where to look for near points next.
 
 A leaf stands for its whole piece: what counts is the distance of one of its points, one that lies
-where its corners' parallelogram comes nearest. So another piece may be nearer than the answer.
+where its corners' parallelogram comes nearest. So another piece may be nearer than the answer. What
+loops have cut off does not count: a plane's corners are often nearer than all that is left of it,
+and the edges are pieces of their own.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from ..inside import visit
 from ..inside.nearest import point_gaps
 from .edges import point_on
 from .facing import closest_in, vector
+from .sides import is_left
 
 Around = namedtuple("Around", "place slack")
 """The query; the answer is (distance, piece, u, v)."""
@@ -54,4 +57,6 @@ def _meet(query, tree, t, answer):
     u, v = 0.5 + 0.5 * u, (0.5 + 0.5 * v if piece.degree_v > 0 else 0.0)
     way = sub(point_on(tree, t, u, v), query.place)
     distance = np.sqrt(dot(way, way))
-    return (distance, np.int64(t), u, v) if distance < answer[0] else answer
+    if distance < answer[0] and is_left(tree, t, (u, v, 0.0)):
+        return distance, np.int64(t), u, v
+    return answer
