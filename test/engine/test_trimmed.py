@@ -13,6 +13,7 @@ from test_trim import CENTRE, HOLE, RADIUS, circle, frame, polygon
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base.linking import ROOT
+from proximity_monitor.engine.kernels.surface import sides
 from proximity_monitor.engine.kernels.surface.edges import point_on, put_edge
 from proximity_monitor.engine.kernels.surface.trim import INSIDE
 from proximity_monitor.engine.kernels.surface.trim_entries import classify_points
@@ -198,6 +199,29 @@ def test_only_what_is_left_reaches_into_a_solid():
     depth = 2.2 - x
     assert found.lower <= -depth <= found.upper + 1e-12
     assert found.upper - found.lower <= 2e-3 * depth
+
+
+@njit(pipeline_class=ROOT)
+def near_to(tree, x, y, z, found):
+    """Which place `near` tells for a point of the model's frame, beginning with an edge."""
+    stack, bounds, gaps = np.empty(512, np.int32), np.empty(512), np.empty(16, np.float32)
+    edge, begin = len(tree.pieces) - 1, (0.5, 0.0, 0.0)
+    element, at = sides.near(tree, (x, y, z), edge, begin, 64, 0.0, stack, bounds, gaps)
+    found[0], found[1], found[2] = point_on(tree, element, at[0], at[1])
+
+
+def test_what_loops_have_cut_off_is_not_taken_for_near():
+    """A disc left of a square: the square's corners are nearer to what is beyond them."""
+    square = [[[u, v, 0.0] for v in (-5.0, 5.0)] for u in (-5.0, 5.0)]
+    knots = np.repeat([-5.0, 5.0], 2)
+    trim = Trim([circle((0.0, 0.0), 5.0)], (-5, -5), (5, 5))
+    tree = engine.Patch(square, knots, knots, trim=trim)._hierarchy.tree
+    found = np.empty(3)
+    for angle in np.linspace(0.0, 2.0 * math.pi, 25):
+        point = np.array([7.0 * math.cos(angle), 7.0 * math.sin(angle), 0.5])
+        near_to(tree, *point, found)
+        assert np.hypot(*found[:2]) < 5.0 + 1e-9
+        assert np.linalg.norm(found - point) < math.hypot(2.0, 0.5) + 0.02
 
 
 def test_a_loop_that_leaves_its_rectangle_is_refused():
