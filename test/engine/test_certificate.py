@@ -7,7 +7,7 @@ from engine_surfaces import patch, torus_patches
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.surface import evaluate, ranges
-from proximity_monitor.engine.models import surface_tree
+from proximity_monitor.engine.models import parts as division
 from proximity_monitor.study import shapes
 
 jet_at, ranges_of = from_python(evaluate.jet_at), from_python(ranges.ranges_of)
@@ -29,7 +29,7 @@ def across(vectors, d):
 @pytest.mark.parametrize("decades", [0.0, 0.5, None])
 def test_ranges_hold_every_derivative(decades, parts, monkeypatch):
     """Of rational pieces too; where weights differ too much they are infinite."""
-    monkeypatch.setattr(surface_tree, "_PIECES", parts)
+    monkeypatch.setattr(division, "_PIECES", parts)
     patches = torus_patches() if decades is None else [patch(3, decades=decades)]
     tree, rng = engine.ParametricSurface(patches)._hierarchy.tree, np.random.default_rng(4)
     finite = 0
@@ -53,7 +53,7 @@ def test_ranges_hold_every_derivative(decades, parts, monkeypatch):
             assert (np.abs(found @ d - middle) <= half + 1e-12).all()
     assert finite == 12 or (parts < 512 and decades == 0.5)
     if parts == 512 and decades is None:  # ranges of small pieces are small
-        assert bounds.spread_v < 0.6 * np.linalg.norm(bounds.across_v)
+        assert bounds.spread_u < 0.6 * np.linalg.norm(bounds.across_u)
 
 
 POSES = np.array(

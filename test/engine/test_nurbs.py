@@ -157,14 +157,18 @@ def test_a_bezier_patch_is_its_own_piece():
     control = np.random.default_rng(9).normal(size=(4, 5, 3))
     (net,) = engine.Patch(control).nets
     assert np.array_equal(net.pieces()[0, 0, ..., :3], control)
-    assert net.error() == 0.0 < net.error(2)
+    assert net.error() == 0.0 < net.error((2, 2))
 
 
 def test_pieces_that_are_joined_have_the_same_points_there():
     wide = (12, 9), (3, 2), clamped, 6.0
-    for made, parts in ((bumps(3), 1), (patch(5, *wide), 1), (bumps(3), 3), (patch(5, *wide), 4)):
+    whole, alike, unlike = (1, 1), (3, 3), (4, 2)
+    for made, parts in (
+        (bumps(3), whole), (patch(5, *wide), whole), (bumps(3), alike), (patch(5, *wide), unlike),
+    ):  # fmt: skip
         cut = made.nets[0].pieces(parts)
-        assert cut.shape[:2] == tuple(parts * len(along.low) for along in made.nets[0].spans)
+        spans = [len(along.low) for along in made.nets[0].spans]
+        assert cut.shape[:2] == (parts[0] * spans[0], parts[1] * spans[1])
         assert np.array_equal(cut[:-1, :, -1], cut[1:, :, 0])
         assert np.array_equal(cut[:, :-1, :, -1], cut[:, 1:, :, 0])
 

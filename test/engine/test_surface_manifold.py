@@ -324,8 +324,8 @@ def _alone(surface, patch):
 def test_what_coincides_touches_in_each_piece_and_its_neighbours():
     a = bumps(1)
     found = engine.collide(a, HERE, a, HERE, all_contacts=True)
-    pieces = 7 * 4  # spans, each in four parts
-    assert len(found.contacts) == (3 * pieces - 2) ** 2
+    beside = [3 * 7 * parts - 2 for parts in a._hierarchy.parts[0]]  # of seven spans, with itself
+    assert len(found.contacts) == beside[0] * beside[1]
     assert found.complete
 
 
