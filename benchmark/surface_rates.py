@@ -73,6 +73,7 @@ def step(count: int) -> list[Row]:
                 for level in (each.warn, each.stop)
             )
         )
+    whole = [_took(tick, k, np.inf) for k in range(10 * count + 1, 12 * count + 1)]
     faces = sum(len(getattr(models[body.name], "nets", ())) for body in scene.bodies)
     what = f"{faces} faces in {len(scene.bodies)} parts"
     watched = (
@@ -83,6 +84,7 @@ def step(count: int) -> list[Row]:
     return [
         _row("step", f"{what}: from reading to the first answers", [opened]),
         _row("step", f"a tick of {watched}; {rest}", took),
+        _row("step", "a tick without a budget, in which all are searched", whole),
     ]
 
 
