@@ -154,6 +154,23 @@ def test_with_a_tolerance_the_nearest_points_stay_near_and_half_the_volumes_are_
     assert tests.sum() < 0.5 * as_often.sum()
 
 
+def test_a_search_that_is_cut_knows_bounds_of_what_it_did_not_look_at_again():
+    a, b = torus(96), sphere(4)
+    axis = np.array([0.3, 0.2, 1.0])
+    start = np.cross(axis, [1.0, 0.0, 0.0])
+    start *= 2.9 / np.linalg.norm(start)
+    pair = engine.Pair(a, b)
+    for k in range(60):
+        turn = turned(axis, 0.01 * k)
+        at = pose(turn, (1.0 + 0.03 * np.sin(0.1 * k)) * turn @ start)
+        exact = engine.distance(a, IDENTITY, b, at)
+        if k % 2 == 0:
+            pair.distance(IDENTITY, at)
+        else:
+            cut = pair.distance(IDENTITY, at, budget_s=0.0)
+            assert 0.85 * exact.lower <= cut.lower <= exact.upper
+
+
 def test_a_model_that_was_refitted_is_looked_at_anew():
     rng = np.random.default_rng(17)
     for _ in range(40):

@@ -270,7 +270,7 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
         search.waiting.lanes[1, 1], search.waiting.bounds[1] = 5, 6.0
         search.open.pairs[3, 1], search.open.bounds[3], search.open.frames[1] = 7, 8.0, 9
         far = search.far[3]
-        far.key, far.reach, far.kept = 10, 11.0, 12
+        far.key, far.reach, far.kept, far.least = 10, 11.0, 12, 13.0
         return (tree.nodes[-1], tree.centres[-1, 3], tree.children[-1], tree.sizes[-1, 1],
                 tree.triangles[-1, 8], tree.scale[-1], faces[-1])  # fmt: skip
 
@@ -288,7 +288,7 @@ def test_tables_lead_to_the_arrays_that_they_were_made_of():
     assert (state.motions[1, 11], state.collected[2, 2]) == (3.0, 4.0)
     assert (state.waiting.lanes[1, 1], state.waiting.bounds[1]) == (5, 6.0)
     assert [each.flat[-1] for each in state.open] == [7, 8.0, 9]
-    assert state.far[3].tolist() == (10, 11.0, 12)
+    assert state.far[3].tolist() == (10, 11.0, 12, 13.0)
     for k, name in enumerate(hierarchy.tree._fields):
         other = hierarchy.tree._replace(**{name: np.zeros(arrays[k].shape, np.int8)})
         with pytest.raises(TypeError, match=f"{name}: int8"):

@@ -41,7 +41,7 @@ _LIST = 1 << 20
 provides only the part that is used."""
 
 _COHERENT = 1024
-"""Pairs of volumes that are remembered as too far, a power of two: 24 kB."""
+"""Pairs of volumes that are remembered as too far, a power of two: 32 kB."""
 
 _LEVELS = 16
 """The stack has room for a multiple of so many levels: that serves models of most sizes."""

@@ -83,6 +83,7 @@ FAR = np.dtype(
         ("key", np.int64),  # of a pair of lanes; NO_KEY where there is none
         ("reach", np.float64),  # how far the models will have moved when it no longer holds, metres
         ("kept", np.int64),  # the lanes of which it does not: see search/coherence.py
+        ("least", np.float64),  # how far they will have moved when those may meet, metres
     ],
     align=True,
 )
@@ -174,6 +175,7 @@ PROGRESS = np.dtype(
         ("shape_b", np.float64),
         ("proven", np.float64),  # bound of what was pruned below the pair opened last
         ("kept", np.int64),  # the lanes of it that were not; or SOME
+        ("least", np.float64),  # the least bound of these
         ("level_lower", np.float64),  # the least bound of this level and what follows
         ("next_lower", np.float64),  # ... and of the next level
         ("element_a", np.int64),  # the nearest elements, in tree order

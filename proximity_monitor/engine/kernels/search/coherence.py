@@ -92,12 +92,15 @@ def is_coherent(state):
 def near_under(state, a, b):
     """The lanes below the lanes a and b that may be nearer than the limit, as far as is known.
 
-    None, zero, where all is too far; SOME where nothing is known, or no longer.
+    None, zero, where all is too far; SOME where nothing is known, or no longer. Returns also a
+    bound of them, metres.
     """
     key = a << 32 | b
     known = state.far[slot(mixed(EMPTY_HASH, key), state.far.shape[0])]
-    far = known.reach - state.progress[0].travelled >= state.progress[0].limit
-    return known.kept if far and known.key == key else np.int64(SOME)
+    travelled = state.progress[0].travelled
+    far = known.reach - travelled >= state.progress[0].limit
+    kept = known.kept if far and known.key == key else np.int64(SOME)
+    return kept, known.least - travelled
 
 
 @inlined
@@ -126,3 +129,5 @@ def remember_far(state, a, b, flip):
         known.key = key
         known.kept = progress.kept | np.int64(flip) << _FLIP if progress.kept else 0
         known.reach = (progress.proven + progress.travelled) * (1.0 - TRAVEL_SHARE)
+        least = (progress.least + progress.travelled) * (1.0 - TRAVEL_SHARE)
+        known.least = least if progress.least > 0.0 else -np.inf

@@ -53,7 +53,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
 
     The pairs that survive are open then; but pairs of leaves wait. `flip` says that `fixed` is tree
     b, `inherited` is a bound of all pairs; where no leaves wait, KEPT are the lanes of those that
-    survive, if they are sure to soon again, and PROVEN is a bound of the others.
+    survive, if they are sure to soon again, LEAST is a bound of these, and PROVEN of the others.
     Returns how many pairs are waiting then, of n before.
     """
     progress, waiting = state.progress[0], state.waiting
@@ -102,6 +102,7 @@ def open_pair(fixed, lane, tree, parent, motion, flip, state, inherited, scratch
     progress.open = top
     progress.kept = kept if top - first <= 1 or largest < _SURE * limit else SOME
     progress.proven = max(inherited, smallest(found, 0, _ALL & ~kept) * unit)
+    progress.least = max(inherited, smallest(found, 0, kept) * unit)
     return n
 
 
@@ -182,9 +183,9 @@ def advance(tree_a, tree_b, state):
             collect(state, ~a, ~b, bound)
             continue
         if coherent:
-            kept = near_under(state, a, b)
+            kept, least = near_under(state, a, b)
             if kept != SOME:
-                open_again(tree_a, tree_b, state, a, b, bound, kept)
+                open_again(tree_a, tree_b, state, a, b, max(bound, least), kept)
                 continue
         opened, taken = open_whole(waiting, tree_a, tree_b, state, a, b, bound, scratch)
         if opened:
