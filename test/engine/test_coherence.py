@@ -160,7 +160,7 @@ def test_a_search_that_is_cut_knows_bounds_of_what_it_did_not_look_at_again():
     start = np.cross(axis, [1.0, 0.0, 0.0])
     start *= 2.9 / np.linalg.norm(start)
     pair = engine.Pair(a, b)
-    for k in range(60):
+    for k in range(100):
         turn = turned(axis, 0.01 * k)
         at = pose(turn, (1.0 + 0.03 * np.sin(0.1 * k)) * turn @ start)
         exact = engine.distance(a, IDENTITY, b, at)
