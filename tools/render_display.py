@@ -164,7 +164,7 @@ def put(page: Page, word: str, *place: float) -> None:
 
 
 def draw_peg(page: Page, folder: Path) -> None:
-    """A gap of 0.02 mm in a section, and the report of a session."""
+    """A gap of 0.02 mm in a section, an event that is looked back at, and a session's report."""
     put(page, "clear", 0.0, 0.0, -10.0)
     put(page, "STOP", 0.046, 0.0, -10.0)
     put(page, "warn", 0.03, 0.0, -10.0)
@@ -175,8 +175,16 @@ def draw_peg(page: Page, folder: Path) -> None:
         settle(page)
     shoot(page, folder / "display_section.png")
     page.get_by_role("button", name="Whole scene").click()
+    page.set_viewport_size(SIZE)
     put(page, "clear", 0.0, 0.0, 40.0)
     tab(page, "Session")
+    page.locator("#pm-events .pm-row", has_text="→ ■").first.dispatch_event("pointerdown")
+    page.wait_for_selector("#pm-event img")
+    settle(page)
+    page.evaluate("() => document.querySelector('#pm-events').scrollIntoView({block: 'start'})")
+    settle(page)
+    page.screenshot(path=folder / "display_event.png")  # of the past: it does not grow old
+    page.get_by_role("button", name="Back to live").click()
     with page.expect_download() as download:
         page.get_by_role("button", name="Conflicts, illustrated (HTML)").click()
     report = page.context.browser.new_page(viewport=SMALL)
