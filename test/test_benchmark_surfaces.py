@@ -66,9 +66,10 @@ def test_rates_of_a_deforming_surface(tmp_path):
 def test_rates_of_an_assembly(tmp_path):
     done = surfaces("--scene", "step", "--poses", "1", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
-    opened, tick = json.loads((tmp_path / "surfaces.json").read_text())
+    opened, tick, whole = json.loads((tmp_path / "surfaces.json").read_text())
     assert opened["what"].startswith("544 faces in 19 parts")
     assert "76 pairs" in tick["what"]
+    assert whole["ms"] > 0.0
 
 
 def test_an_unknown_scene_is_refused_with_the_known_ones(tmp_path):

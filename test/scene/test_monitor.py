@@ -128,7 +128,7 @@ def test_every_interval_contains_the_distance_at_every_tick(load, budget_s):
 
 
 def test_an_ample_budget_gives_the_engines_own_answers(scene, models):
-    tick = Monitor(scene, models).tick(samples(APART), budget_s=1.0)
+    tick = Monitor(scene, models).tick(samples(APART), budget_s=60.0)
     poses = {"table": np.eye(4), **APART}
     for pair in tick.pairs:
         own = engine.signed_distance(models[pair.a], poses[pair.a], models[pair.b], poses[pair.b])
@@ -142,8 +142,8 @@ def test_an_ample_budget_gives_the_engines_own_answers(scene, models):
 
 def test_nothing_is_searched_while_nothing_moves(scene, models):
     monitor = Monitor(scene, models)
-    first = monitor.tick(samples(APART), budget_s=1.0)
-    again = monitor.tick(samples({n: p.copy() for n, p in APART.items()}), budget_s=1.0)
+    first = monitor.tick(samples(APART), budget_s=60.0)
+    again = monitor.tick(samples({n: p.copy() for n, p in APART.items()}), budget_s=60.0)
     assert len(first.searched) == len(first.pairs)
     assert again.searched == ()
     assert [(p.lower, p.upper, p.status) for p in again.pairs] == [
@@ -153,8 +153,8 @@ def test_nothing_is_searched_while_nothing_moves(scene, models):
 
 def test_only_pairs_of_a_body_that_moved_are_searched_again(scene, models):
     monitor = Monitor(scene, models)
-    monitor.tick(samples(APART), budget_s=1.0)
-    tick = monitor.tick(samples(APART | {"die": pose(0, 2.4, 3)}), budget_s=1.0)
+    monitor.tick(samples(APART), budget_s=60.0)
+    tick = monitor.tick(samples(APART | {"die": pose(0, 2.4, 3)}), budget_s=60.0)
     assert {i for i, pair in enumerate(tick.pairs) if "die" in (pair.a, pair.b)} == set(
         tick.searched
     )
@@ -162,9 +162,9 @@ def test_only_pairs_of_a_body_that_moved_are_searched_again(scene, models):
 
 def test_bodies_that_are_carried_together_are_not_searched_again(scene, models):
     monitor = Monitor(scene, models)
-    before = monitor.tick(samples(APART), budget_s=1.0)
+    before = monitor.tick(samples(APART), budget_s=60.0)
     carried = {name: pose(0.3, -0.2, 0.1, 0.4) @ each for name, each in APART.items()}
-    tick = monitor.tick(samples(carried), budget_s=1.0)
+    tick = monitor.tick(samples(carried), budget_s=60.0)
     among = [i for i, pair in enumerate(tick.pairs) if "table" not in (pair.a, pair.b)]
     assert not set(among) & set(tick.searched)
     for i in among:
@@ -175,7 +175,7 @@ def test_bodies_that_are_carried_together_are_not_searched_again(scene, models):
 
 def test_bounds_that_straddle_a_threshold_come_first_then_the_nearest(scene, models):
     monitor = Monitor(scene, models)
-    monitor.tick(samples(APART), budget_s=1.0)
+    monitor.tick(samples(APART), budget_s=60.0)
     steps = {"ball": pose(0.05, 0, 0), "rod": pose(0, 0.05, 0), "die": pose(0, 0, 0.05)}
     moved = {name: each @ steps[name] for name, each in APART.items()}
     bounds = monitor.tick(samples(moved), budget_s=0.0).pairs
@@ -185,7 +185,7 @@ def test_bounds_that_straddle_a_threshold_come_first_then_the_nearest(scene, mod
     far[unsure] = (bounds[unsure].lower + bounds[unsure].upper) / 2.0
     monitor.set_thresholds([Thresholds(level, 0.0, 0.0) for level in far])
 
-    order = monitor.tick(samples(moved), budget_s=1.0).searched
+    order = monitor.tick(samples(moved), budget_s=60.0).searched
     assert order[0] == unsure
     rest = [bounds[i].lower for i in order[1:]]
     assert rest == sorted(rest)
@@ -202,7 +202,7 @@ def test_of_equally_near_pairs_the_one_not_looked_at_for_longest_comes_first(loa
     for turn, movers in enumerate(((), ("ball",), ("rod",), MOVING)):
         clock.now += 10.0
         poses |= {name: poses[name] @ pose(0.001, 0.002, 0, 0.1 * turn) for name in movers}
-        order = monitor.tick(samples(poses), budget_s=1.0).searched
+        order = monitor.tick(samples(poses), budget_s=60.0).searched
         if turn < 3:
             looked |= dict.fromkeys(order, turn)
     assert sorted(order) == list(range(6))
@@ -241,7 +241,7 @@ def test_an_interrupted_search_goes_on_while_its_bodies_stand_still(load):
 def test_the_age_of_an_answer_grows_until_the_pair_is_looked_at_again(scene, models):
     clock = Clock()
     monitor = Monitor(scene, models, clock=clock)
-    monitor.tick(samples(APART), budget_s=1.0)
+    monitor.tick(samples(APART), budget_s=60.0)
     clock.now += 2.0
     assert {p.age_s for p in monitor.tick(samples(APART), budget_s=0.0).pairs} == {0.0}
     moved = {name: each @ pose(0.05, 0, 0, 0.1) for name, each in APART.items()}
@@ -250,18 +250,18 @@ def test_the_age_of_an_answer_grows_until_the_pair_is_looked_at_again(scene, mod
 
 def test_a_tolerance_that_the_bounds_meet_saves_the_search(scene, models):
     monitor = Monitor(scene, models)
-    monitor.tick(samples(APART), budget_s=1.0)
+    monitor.tick(samples(APART), budget_s=60.0)
     monitor.set_tolerance(abs_err=0.1)
-    tick = monitor.tick(samples(APART | {"die": pose(0, 2.46, 3)}), budget_s=1.0)
+    tick = monitor.tick(samples(APART | {"die": pose(0, 2.46, 3)}), budget_s=60.0)
     assert tick.searched == ()
     assert {p.status for p in tick.pairs} == {PairStatus.WITHIN_TOLERANCE}
     monitor.set_tolerance(rel_err=0.0, abs_err=0.0)
-    exact = monitor.tick(samples(APART | {"die": pose(0, 2.46, 3)}), budget_s=1.0)
+    exact = monitor.tick(samples(APART | {"die": pose(0, 2.46, 3)}), budget_s=60.0)
     assert {p.status for p in exact.pairs} == {PairStatus.EXACT}
 
 
 def test_a_body_without_a_pose_gives_no_numbers(scene, models):
-    tick = Monitor(scene, models).tick(samples({"ball": pose(0, 0, 2)}), budget_s=1.0)
+    tick = Monitor(scene, models).tick(samples({"ball": pose(0, 0, 2)}), budget_s=60.0)
     for pair in tick.pairs:
         missing = tuple(name for name in (pair.a, pair.b) if name in ("rod", "die"))
         assert pair.silent == missing
@@ -278,8 +278,8 @@ def test_a_body_without_a_pose_gives_no_numbers(scene, models):
 
 def test_a_stale_body_keeps_its_numbers_and_is_never_room(scene, models):
     monitor = Monitor(scene, models)
-    monitor.tick(samples(APART), budget_s=1.0)
-    tick = monitor.tick(samples(APART, stale=("die",)), budget_s=1.0)
+    monitor.tick(samples(APART), budget_s=60.0)
+    tick = monitor.tick(samples(APART, stale=("die",)), budget_s=60.0)
     for pair in tick.pairs:
         assert pair.stale == ("die" in (pair.a, pair.b))
         assert pair.status is PairStatus.EXACT
@@ -294,23 +294,23 @@ def test_the_sessions_minima_are_of_times_when_the_poses_were_good(scene, models
         return state.lower, state.session_min, state.session_min_lower
 
     near = APART | {"ball": pose(0, 0, 1)}
-    reached, *_ = least(monitor.tick(samples(near), budget_s=1.0))
-    _, upper, lower = least(monitor.tick(samples(APART), budget_s=1.0))
+    reached, *_ = least(monitor.tick(samples(near), budget_s=60.0))
+    _, upper, lower = least(monitor.tick(samples(APART), budget_s=60.0))
     assert (upper, lower) == pytest.approx((reached, reached), abs=1e-12)
     nearer = APART | {"ball": pose(0, 0, 0.6)}
-    _, upper, _ = least(monitor.tick(samples(nearer, stale=("ball",)), budget_s=1.0))
+    _, upper, _ = least(monitor.tick(samples(nearer, stale=("ball",)), budget_s=60.0))
     assert upper == pytest.approx(reached, abs=1e-12)
     monitor.reset_minima()
-    now, upper, _ = least(monitor.tick(samples(APART), budget_s=1.0))
+    now, upper, _ = least(monitor.tick(samples(APART), budget_s=60.0))
     assert upper == pytest.approx(now, abs=1e-12)
 
 
 @pytest.mark.parametrize("bad", [np.full((4, 4), np.nan), 2.0 * np.eye(4), np.eye(3)])
 def test_a_bad_pose_is_refused_by_name_and_changes_nothing(scene, models, bad):
     monitor = Monitor(scene, models)
-    before = monitor.tick(samples(APART), budget_s=1.0)
+    before = monitor.tick(samples(APART), budget_s=60.0)
     with pytest.raises(ValueError, match="rod"):
-        monitor.tick(samples(APART | {"ball": pose(0, 0, 0.5), "rod": bad}), budget_s=1.0)
+        monitor.tick(samples(APART | {"ball": pose(0, 0, 0.5), "rod": bad}), budget_s=60.0)
     after = monitor.tick(samples(APART), budget_s=0.0)
     assert [p.lower for p in after.pairs] == [p.lower for p in before.pairs]
     assert {p.status for p in after.pairs} == {PairStatus.EXACT}

@@ -56,14 +56,14 @@ def test_pairs_of_their_own_range_and_pairs_of_none(load):
     assert ("b3", "b4") not in ranges
     for poses in walk(COUNT, 15, seed=2):
         true = exact(models, poses)
-        listed = assert_certified(monitor.tick(samples(poses), 0.1), true)
+        listed = assert_certified(monitor.tick(samples(poses), ENOUGH_S), true)
         assert listed == {pair for pair, reach in ranges.items() if true[pair].lower <= reach}
 
 
 def test_a_listed_pair_knows_its_place_among_all(load):
     scene, _, monitor = watch(load, head="range: 0.4")
     for poses in walk(COUNT, 5, seed=3):
-        tick = monitor.tick(samples(poses), 0.1)
+        tick = monitor.tick(samples(poses), ENOUGH_S)
         places = [pair.index for pair in tick.pairs]
         assert places == sorted(places)
         for pair in tick.pairs:
@@ -73,7 +73,7 @@ def test_a_listed_pair_knows_its_place_among_all(load):
 def test_what_is_far_is_not_searched(load):
     _, models, monitor = watch(load, head="range: 0.01")
     for poses in walk(COUNT, 10, spread=6.0):
-        tick = monitor.tick(samples(poses), 1.0)
+        tick = monitor.tick(samples(poses), ENOUGH_S)
         balls = {
             (i, j)
             for i, a in enumerate(models)
@@ -94,7 +94,7 @@ def test_thresholds_beyond_the_range_widen_it(load):
     monitor.set_thresholds([Thresholds(0.5, 0.1, 0.25)] * PAIRS)
     for poses in walk(COUNT, 10, seed=4):
         true = exact(models, poses)
-        listed = assert_certified(monitor.tick(samples(poses), 0.1), true)
+        listed = assert_certified(monitor.tick(samples(poses), ENOUGH_S), true)
         assert listed == {pair for pair, at in true.items() if at.lower <= 0.75}
     with pytest.raises(ValueError, match=f"3 thresholds for {PAIRS} pairs"):
         monitor.set_thresholds([Thresholds(0.5, 0.1, 0.25)] * 3)
@@ -105,9 +105,9 @@ def test_a_silent_body_is_never_far(load):
     """Where it is by now nobody knows, so all its pairs are listed, near or not."""
     _, models, monitor = watch(load, head="range: 0.01")
     poses = next(walk(COUNT, 1, spread=20.0))
-    assert len(monitor.tick(samples(poses), 0.1).pairs) == 0
+    assert len(monitor.tick(samples(poses), ENOUGH_S).pairs) == 0
 
-    tick = monitor.tick(samples(poses, stale=("b5",)), 0.1)
+    tick = monitor.tick(samples(poses, stale=("b5",)), ENOUGH_S)
     assert {frozenset((p.a, p.b)) for p in tick.pairs} == {
         frozenset(("b5", f"b{i}")) for i in range(COUNT) if i != 5
     }
@@ -117,7 +117,7 @@ def test_a_silent_body_is_never_far(load):
     assert tick.clearance() == 0.0
 
     del poses["b5"]
-    tick = monitor.tick(samples(poses), 0.1)
+    tick = monitor.tick(samples(poses), ENOUGH_S)
     assert len(tick.pairs) == COUNT - 1
     assert {pair.status for pair in tick.pairs} == {PairStatus.UNKNOWN}
     assert tick.far == PAIRS - (COUNT - 1)
@@ -127,7 +127,7 @@ def test_a_silent_body_is_never_far(load):
 def test_of_very_many_silent_bodies_not_every_pair_is_listed(load, monkeypatch):
     monkeypatch.setattr(watched_pairs, "LISTED_SILENT", 20)
     _, _, monitor = watch(load, head="range: 0.01")
-    tick = monitor.tick({}, 0.1)
+    tick = monitor.tick({}, ENOUGH_S)
     assert len(tick.pairs) == 20
     assert tick.unsure == PAIRS - 20
     assert tick.far == 0
@@ -138,10 +138,10 @@ def test_pairs_that_are_ignored_are_not_counted_among_the_unsure(load, monkeypat
     monkeypatch.setattr(watched_pairs, "LISTED_SILENT", 20)
     _, _, monitor = watch(load, head="range: 0.01")
     monitor.ignore([0, PAIRS - 2, PAIRS - 1])  # one that would be listed, and two that would not
-    tick = monitor.tick({}, 0.1)
+    tick = monitor.tick({}, ENOUGH_S)
     assert (len(tick.pairs), tick.far, tick.unsure) == (19, 0, PAIRS - 22)
     monitor.ignore([])
-    tick = monitor.tick({}, 0.1)
+    tick = monitor.tick({}, ENOUGH_S)
     assert (len(tick.pairs), tick.far, tick.unsure) == (20, 0, PAIRS - 20)
 
 
@@ -158,7 +158,7 @@ def test_the_silence_of_bodies_costs_no_more_than_their_pairs(load, monkeypatch)
         return kind(a, b)
 
     monkeypatch.setattr(scene.pairs, "kind", counted)
-    tick = monitor.tick({}, 0.1)
+    tick = monitor.tick({}, ENOUGH_S)
     assert [(pair.a, pair.b) for pair in tick.pairs] == [("b0", "b1"), ("b4", "b9")]
     assert sum(looked_up) < COUNT
 
@@ -166,16 +166,16 @@ def test_the_silence_of_bodies_costs_no_more_than_their_pairs(load, monkeypatch)
 def test_the_minima_of_a_pair_survive_its_absence(load):
     _, _, monitor = watch(load, head="range: 0.5")
     near, far = next(walk(COUNT, 1)), next(walk(COUNT, 1, spread=50.0))
-    first = {(p.a, p.b): p for p in monitor.tick(samples(near), 1.0).pairs}
-    assert len(monitor.tick(samples(far), 1.0).pairs) < len(first)
+    first = {(p.a, p.b): p for p in monitor.tick(samples(near), ENOUGH_S).pairs}
+    assert len(monitor.tick(samples(far), ENOUGH_S).pairs) < len(first)
     back = {n: pose @ _shift(0.001) for n, pose in near.items()}
-    for pair in monitor.tick(samples(back), 1.0).pairs:
+    for pair in monitor.tick(samples(back), ENOUGH_S).pairs:
         if (pair.a, pair.b) in first:
             assert pair.session_min <= first[pair.a, pair.b].upper
             assert pair.session_min_lower <= first[pair.a, pair.b].lower
-    monitor.tick(samples(far), 1.0)
+    monitor.tick(samples(far), ENOUGH_S)
     monitor.reset_minima()
-    for pair in monitor.tick(samples(back), 1.0).pairs:
+    for pair in monitor.tick(samples(back), ENOUGH_S).pairs:
         assert pair.session_min == pair.upper
 
 
@@ -189,17 +189,17 @@ def test_pairs_that_are_ignored_are_neither_searched_nor_listed(load):
     _, _, monitor = watch(load)
     poses = list(walk(COUNT, 2))
     monitor.ignore([3, 7])
-    tick = monitor.tick(samples(poses[0]), 1.0)
+    tick = monitor.tick(samples(poses[0]), ENOUGH_S)
     assert {pair.index for pair in tick.pairs} == set(range(PAIRS)) - {3, 7}
     assert not {3, 7} & set(tick.searched)
     assert (tick.left, tick.far) == (0, 0)
     monitor.ignore([])
-    assert set(monitor.tick(samples(poses[0]), 1.0).searched) == {3, 7}
+    assert set(monitor.tick(samples(poses[0]), ENOUGH_S).searched) == {3, 7}
 
 
 def test_all_beyond_their_range_is_room_as_far_as_the_range(load):
     _, _, monitor = watch(load, head="range: 0.25")
-    tick = monitor.tick(samples(next(walk(COUNT, 1, spread=50.0))), 0.1)
+    tick = monitor.tick(samples(next(walk(COUNT, 1, spread=50.0))), ENOUGH_S)
     assert (len(tick.pairs), tick.far) == (0, PAIRS)
     assert tick.clearance() == 0.25
 
@@ -210,16 +210,16 @@ def test_a_crowd_before_its_first_poses_costs_no_more_than_after(load):
     monitor, alerts = Monitor(scene, load_models(scene)), Alerts(scene.pairs, scene.unit)
     limits = [pair.thresholds for pair in scene.pairs]
     why = {body.name: "no pose yet" for body in scene.bodies}
-    before = monitor.tick({}, 0.1)
+    before = monitor.tick({}, ENOUGH_S)
     alerts.update(before, limits, 0.0, silent=why)
     poses = samples(next(walk(300, 1, spread=4.0)))
-    listed = len(monitor.tick(poses, 0.1).pairs)
+    listed = len(monitor.tick(poses, ENOUGH_S).pairs)
     assert len(before.pairs) <= 250 < listed, "the crowd is a dense one"
     assert before.unsure + len(before.pairs) == len(scene.pairs)
-    assert len(alerts.update(monitor.tick(poses, 0.1), limits, 1.0)) <= listed + 250
+    assert len(alerts.update(monitor.tick(poses, ENOUGH_S), limits, 1.0)) <= listed + 250
     judged = []
     judge = alerts._judge
     alerts._judge = lambda *given: judged.append(given) or judge(*given)
     for k in range(2):
-        alerts.update(monitor.tick({}, 0.1), limits, 2.0 + k, silent=why)
+        alerts.update(monitor.tick({}, ENOUGH_S), limits, 2.0 + k, silent=why)
     assert len(judged) <= 250, "who is as silent as before is not judged again"

@@ -34,12 +34,13 @@ found before more of them pay. Along a path it never has, and none are made."""
 _PATIENCE, _LONG, _LONGER = 24 * WIDTH, 96 * WIDTH, 8
 """Bound tests that a search with a tolerance makes first; the same where it began with points that
 were the nearest of the search before; and how many times as many it makes before it tries again."""
-_RENEWAL = 200 * WIDTH
-"""Bound tests of searches with a tolerance until the nearest points are renewed (see `renew`).
+_RENEWAL, _STALE = 200 * WIDTH, 0.05
+"""Bound tests of searches with a tolerance until the nearest points are renewed (see `renew`); and
+which share of the distance is tolerated at least.
 
 Such a search finds none that are nearer by less than is tolerated. What the next begins with is too
-far then by more and more, and with it the limit, so that it opens more volumes: half as many again
-along a path. To bring the points nearer takes some 30 openings.
+far then by more and more, and with it the limit, so that it opens more volumes: along a path half
+as many again for 10 %. To bring the points nearer takes some 30 openings.
 """
 _WITHIN_REACH = 1.5
 """How many times as far as a clearance the nearest points may be and may soon be within it."""
@@ -77,8 +78,8 @@ def begin_near(tree_a, tree_b, state, last):
 def renew(tree_a, tree_b, state):
     """Bring the nearest points of the search before nearer, if that is due."""
     progress = state.progress[0]
-    tolerant = progress.rel_err + progress.abs_err > 0.0
-    if state.far.shape[0] > 0 and tolerant and progress.spent >= _RENEWAL:
+    stale = progress.rel_err * progress.distance + progress.abs_err >= _STALE * progress.distance
+    if state.far.shape[0] > 0 and stale and progress.spent >= _RENEWAL:
         progress.spent = 0
         approach(tree_a, tree_b, state, _QUERY, on_stack(WIDTH, np.float32(0.0)))
 
