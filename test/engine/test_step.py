@@ -309,3 +309,17 @@ def test_a_part_that_is_open_stays_a_surface_and_says_why(tmp_path):
     assert "4 open edges" in part.not_solid
     with pytest.raises(engine.ModelError, match=r"open\.step: no solid: .* 4 open edges"):
         engine.load(tmp_path / "open.step", solid=True)
+
+
+def test_flat_sides_in_one_plane_are_divided_in_turns():
+    """Of two flat cells one alone was divided, by what rounding made of its bend: without end."""
+    poses = []
+    for at, angle in ((0.0, 1.1309733552923258), (0.0352, -0.5728786603615185)):
+        pose = np.eye(4)
+        c, s = np.cos(angle), np.sin(angle)
+        pose[:2, :2], pose[[0, 2], 3] = [[c, -s], [s, c]], (at, -0.005)
+        poses.append(pose)
+    pinion, wheel = (engine.load(GEARBOX, part=part) for part in ("pinion", "wheel"))
+    found = engine.distance(pinion, poses[0], wheel, poses[1], rel_err=0.1, budget_s=20.0)
+    assert found.status is engine.Status.WITHIN_TOLERANCE
+    assert found.bound_tests < 60_000

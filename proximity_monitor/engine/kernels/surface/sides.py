@@ -18,6 +18,10 @@ from .edges import rectangle_of
 from .facing import vector
 from .trim import CROSSING, INSIDE, classify_point
 
+_FLAT = 1e-6
+"""Share of a cell's extent that counts as its bend at the least, well above what rounding makes of
+the bends of flat ones: else of two flat cells one would be divided all the time."""
+
 
 def whole(tree, element, cells, nets, roots, used):
     """The cell of a whole element, and how many are in use then; NONE where there is no room."""
@@ -109,7 +113,7 @@ def _roughness(tree, cells, index):
     # Flat ones too are divided where nothing else is left to do, the larger one first.
     u, v = vector(cell.along_u), vector(cell.along_v)
     size = u[0] * u[0] + u[1] * u[1] + u[2] * u[2] + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    return cell.bend_u + cell.bend_v + cell.twist + 1e-12 * size**0.5
+    return cell.bend_u + cell.bend_v + cell.twist + _FLAT * size**0.5
 
 
 @implements(least_of, SurfaceTree)
