@@ -217,15 +217,16 @@ class Sources:
             self._publishers[name].publish(message)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def scene_file(tmp_path_factory):
+    """Each file's own, as what is decided about pairs is kept beside it."""
     path = tmp_path_factory.mktemp("display_scene") / "cell.yaml"
     path.write_text(SCENE)
     (path.parent / "a.ball").write_text("0 0 0 100")
     return path
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def world(scene_file):
     """The scene and its models, loaded here as a user of the library would."""
     from proximity_monitor.scene import load_scene
