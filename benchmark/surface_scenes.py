@@ -69,6 +69,29 @@ def teapot() -> engine.ParametricSurface:
     return engine.ParametricSurface(made, name="teapot")
 
 
+def fitting() -> engine.Model:
+    """A plate with a boss, a cone and a ring on it, of planes and solids of revolution."""
+    shapes, flat = engine.shapes, {"solid": False}
+    low, high = np.array([-0.2, -0.1, -0.02]), np.array([0.2, 0.1, 0.02])
+    sides = []
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for end in (low, high):
+            grid = np.tile(end, (2, 2, 1))
+            grid[0, :, u], grid[1, :, u] = low[u], high[u]
+            grid[:, 0, v], grid[:, 1, v] = low[v], high[v]
+            sides.append(engine.Patch(grid))
+    round_ones = [
+        (shapes.cylinder(0.05, 0.12, **flat), (-0.1, 0.0, 0.08)),
+        (shapes.cone(0.06, 0.0, 0.16, **flat), (0.1, 0.0, 0.1)),
+        (shapes.cone(0.04, 0.02, 0.06, **flat), (0.0, 0.0, -0.05)),
+        (shapes.torus(0.05, 0.015, **flat), (-0.1, 0.0, 0.14)),
+    ]
+    parts = [shapes.Part(engine.ParametricSurface(sides), np.eye(4))]
+    parts += [shapes.Part(model, at(np.eye(3), np.array(place))) for model, place in round_ones]
+    return shapes.compound(parts, name="fitting", solid=False)
+
+
 def turned(rng: np.random.Generator) -> NDArray[np.float64]:
     """A random rotation (3, 3)."""
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
@@ -161,6 +184,19 @@ def _teapot(count: int) -> Scene:
     return Scene(a, a, _random(a, a, count, 1.2), every=4)
 
 
+def _fitting(count: int) -> Scene:
+    a = fitting()
+    return Scene(a, a, _random(a, a, count, 1.2), every=4)
+
+
+def _aligned(count: int) -> Scene:
+    scene, rng = _fitting(count), np.random.default_rng(9)
+    for pose in scene.poses:
+        turn = np.eye(3)[rng.permutation(3)] * rng.choice([-1.0, 1.0], 3)
+        pose[:3, :3] = turn * np.linalg.det(turn)
+    return scene
+
+
 def _mesh(count: int, radius: float = 1.0) -> Scene:
     ring, ball = torus(), engine.TriangleMesh(*shapes.sphere(radius), name="sphere")
     shown = ring.display_mesh(2e-4)
@@ -181,6 +217,8 @@ SCENES: dict[str, Callable[[int], Scene]] = {
     "interlocked": _interlocked,
     "coaxial": _coaxial,
     "teapot": _teapot,
+    "fitting": _fitting,
+    "aligned": _aligned,
     "mesh": _mesh,
     "hole": _hole,
 }

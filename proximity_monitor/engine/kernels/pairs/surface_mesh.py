@@ -19,11 +19,12 @@ from ..surface.sides import (
     element_of,
     facing,
     is_left,
-    is_short,
+    is_long_in,
     least_of,
     margin_of,
     normal_of,
     roughness,
+    ways_to_divide,
     whole,
 )
 from . import divided, mesh_in_ball, swept  # noqa: F401 - each implements stubs for these kinds
@@ -39,20 +40,26 @@ def _whole(tree, element, cells, nets, roots, used):
 
 @implements(divide_side, MeshTree)
 @inlined
-def _divide(tree, index, cells, nets, used, most):
+def _divide(tree, index, cells, nets, used, in_u, in_v):
     return used
 
 
-@implements(is_short, MeshTree)
+@implements(ways_to_divide, MeshTree)
 @inlined
-def _is_short(tree, cells, index, most):
-    return True
+def _ways(tree, cells, nets, index, n):
+    return False, False, -1.0
+
+
+@implements(is_long_in, MeshTree)
+@inlined
+def _is_long_in(tree, cells, index, most):
+    return False, False
 
 
 @implements(roughness, MeshTree)
 @inlined
 def _roughness(tree, cells, index):
-    return -1.0
+    return 0.0
 
 
 @implements(least_of, MeshTree)

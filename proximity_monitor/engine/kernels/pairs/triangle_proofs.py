@@ -5,6 +5,8 @@ Of a triangle nothing bends, so all that is said of it holds as it stands.
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.jit import implements, inlined, kernel
 from ..base.precise import accurate_cross
 from ..base.rounding import DOUBLE_EPS
@@ -14,7 +16,7 @@ from ..elements.primitives import corners, mixed
 from ..elements.triangles import point_face
 from ..inside.nearest import point_outline
 from ..surface.certificate import can_be_proven, find_in, put_point, put_ranges
-from ..surface.form import ACROSS, CORNER, ENDS, ERRORS, HALF, MIDDLE, SLOPE, SPREAD
+from ..surface.form import ACROSS, APART, CORNER, ENDS, ERRORS, HALF, MIDDLE, SLOPE, SPREAD
 
 _LARGE = 0.25
 """A weight that is no error; one of three is at least that."""
@@ -88,6 +90,7 @@ def _on_edges(weights, triangle, p, error):
 def _put_point(tree, cells, index, weights, side):
     for i in range(len(side)):
         side[i] = 0.0
+    side[APART] = side[APART + 1] = np.inf
     corner = corners(tree.triangles, index)
     # From the corner with the largest weight to the other two, that with the least one last: so a
     # point on an edge or at a corner stands at the end of the parameters that lead away.

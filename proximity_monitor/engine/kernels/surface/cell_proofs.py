@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.jit import implements, inlined, kernel, shared
 from ..base.rounding import DOUBLE_EPS
 from ..base.trees import NONE, SurfaceTree
@@ -10,12 +12,27 @@ from .cells import net_of
 from .certificate import can_be_proven, find_in, put_point, put_ranges
 from .evaluate import jet_at, point_at
 from .facing import closest_in, parameters_in, vector
-from .form import ACROSS, CORNER, ENDS, ERRORS, HALF, HALVES, MIDDLE, SECOND, SLOPE, SPREAD
+from .form import (
+    ACROSS,
+    APART,
+    CORNER,
+    ENDS,
+    ERRORS,
+    HALF,
+    HALVES,
+    MIDDLE,
+    SECOND,
+    SLOPE,
+    SPREAD,
+)
 from .ranges import errors_of, ranges_of, slope_error
 from .sides import roughness
 
 _JOINED = 1e-9
 """Share of a model's size by which patches that are joined may be apart, in what is tried here."""
+
+_POLE = 1e-14
+"""The same of control points at an end of a patch that is a pole."""
 
 _FOOT_STEPS, _FLAT = 8, 1e-12
 """Steps to the point of a cell that is another patch's, and the share of both squared derivatives'
@@ -31,24 +48,21 @@ def _can_be_proven(tree, cells, index):
 @implements(find_in, SurfaceTree)
 @kernel
 def _find_in(tree, cells, index, element, weights):
-    cell = cells[index]
-    place, piece = (weights[0], weights[1]), tree.pieces[cell.element]
-    if cell.element != element:
-        one = tree.pieces[element]
-        if one.edge != NONE:
-            return False, weights, (0.0, 0.0, 0.0)
-        if one.patch == piece.patch:
-            u = _carried(weights[0], one.low[0], one.high[0], piece.low[0], piece.high[0])
-            v = _carried(weights[1], one.low[1], one.high[1], piece.low[1], piece.high[1])
-            place = u, v
-        elif not (0.0 < weights[0] < 1.0 and (0.0 < weights[1] < 1.0 or one.degree_v == 0)):
-            p = point_at(one, tree.nets, weights[0], weights[1])
-            rough = max(roughness(tree, cells, index), 0.0)
-            return _find_beside(piece, tree.nets, cell, p, rough, tree.scale[2])
-    low, high = cell.low, cell.high
-    if not (low[0] <= place[0] <= high[0] and low[1] <= place[1] <= high[1]):
+    cell, u, v = cells[index], weights[0], weights[1]
+    piece, one = tree.pieces[cell.element], tree.pieces[element]
+    if cell.element != element and one.edge != NONE:
         return False, weights, (0.0, 0.0, 0.0)
-    return True, (place[0], place[1], 0.0), point_at(piece, tree.nets, place[0], place[1])
+    if one.patch == piece.patch:
+        if cell.element != element:
+            u = _carried(u, one.low[0], one.high[0], piece.low[0], piece.high[0])
+            v = _carried(v, one.low[1], one.high[1], piece.low[1], piece.high[1])
+        if cell.low[0] <= u <= cell.high[0] and cell.low[1] <= v <= cell.high[1]:
+            return True, (u, v, 0.0), point_at(piece, tree.nets, u, v)
+    if 0.0 < weights[0] < 1.0 and (0.0 < weights[1] < 1.0 or one.degree_v == 0):
+        return False, weights, (0.0, 0.0, 0.0)
+    # At an end patches are joined; and a patch with itself, at a pole and along a seam.
+    p = point_at(one, tree.nets, weights[0], weights[1])
+    return _find_beside(piece, tree.nets, cell, p, roughness(tree, cells, index), tree.scale[2])
 
 
 @shared
@@ -138,13 +152,39 @@ def _put_ranges(tree, cells, nets, index, d, side):
     side[ERRORS + 1] = share * q * (cell.high[1] - cell.low[1])
 
 
+@kernel
+def _apart_at(piece, nets, axis, end, size):
+    """How far apart at the most, metres, a piece's points are at an end of u, or of v; see `form`.
+
+    They are means of the control points there.
+    """
+    n = piece.degree_v + 1
+    first = (piece.degree_u * n if axis == 0 else piece.degree_v) if end == 1.0 else 0
+    count, step = (n, 1) if axis == 0 else (piece.degree_u + 1, n)
+    p, apart = _control(piece, nets, first), 0.0
+    for k in range(1, count):
+        apart = max(apart, norm(sub(_control(piece, nets, first + k * step), p)))
+    return 2.0 * apart + 16.0 * DOUBLE_EPS * size if apart <= _POLE * size else np.inf
+
+
+@inlined
+def _control(piece, nets, k):
+    at, room = piece.net + k, piece.room
+    w = nets[at + 3 * room] if piece.rational else 1.0
+    return nets[at] / w, nets[at + room] / w, nets[at + 2 * room] / w
+
+
 @implements(put_point, SurfaceTree)
 @kernel
 def _put_point(tree, cells, index, weights, side):
     cell = cells[index]
-    _, du, dv, _, _, _ = jet_at(tree.pieces[cell.element], tree.nets, weights[0], weights[1])
+    piece = tree.pieces[cell.element]
+    _, du, dv, _, _, _ = jet_at(piece, tree.nets, weights[0], weights[1])
     side[CORNER] = 0.0
     for k in range(2):
+        side[APART + k] = np.inf
+        if weights[k] == 0.0 or weights[k] == 1.0:
+            side[APART + k] = _apart_at(piece, tree.nets, k, weights[k], tree.scale[2])
         first, width = du if k == 0 else dv, cell.high[k] - cell.low[k]
         for i in range(3):
             side[SLOPE + 3 * k + i] = first[i] * width

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel, shared
+from ..base.memory import on_stack
 from ..base.rounding import NET_SPLIT
 from ..base.trees import CONVERSION, NONE
 from ..base.vectors import norm
@@ -25,6 +26,9 @@ element's parameters, which float64 still tells apart."""
 
 _FLATTER = 3.0
 """How many times as flat one direction must be for the other alone to be divided."""
+
+_MOST_POINTS = 256
+"""Control points of a cell: of degree 15 in both directions."""
 
 
 @kernel
@@ -64,11 +68,11 @@ def root_cell(tree, element, cells, nets, roots, used):
 
 
 @shared
-def divide_cell(tree, index, cells, nets, used, most):
+def divide_cell(tree, index, cells, nets, used, in_u, in_v):
     """Divide a cell in two or four, unless it is; returns how many cells are in use then.
 
-    Where `most` is finite, in the parameters in which it is longer than that; else as its shape
-    demands. As many as before where it is too small, or there is no room: it has no child then.
+    IN_U, IN_V or both. As many as before where it is too small, or there is no room: it has no
+    child then.
     """
     cell = cells[index]
     if cell.child != NONE or cell.splits >= MOST_SPLITS or used + 4 > len(cells):
@@ -76,7 +80,6 @@ def divide_cell(tree, index, cells, nets, used, most):
     piece = tree.pieces[cell.element]
     if piece.edge != NONE:
         return _divide_edge(tree, index, cells, nets, used)
-    in_u, in_v = _directions(piece, cell, most)
     net, step = net_of(cells, nets, index), net_of(cells, nets, 1)
     one = net_of(cells, nets, used)
     if in_u and in_v:
@@ -164,18 +167,57 @@ def length_in(piece, cell, axis):
 
 
 @kernel
-def _directions(piece, cell, most):
-    """Whether a cell is to be divided in u, and in v."""
-    if most < np.inf:
-        return length_in(piece, cell, 0) > most, length_in(piece, cell, 1) > most
-    if piece.degree_v == 0:
-        return True, False
-    u, v = cell.bend_u, cell.bend_v
+def directions_of(tree, cells, nets, index, n):
+    """Whether a cell is to be divided in u, and in v; and about how far it bends, metres.
+
+    Along n, a vector of the model's frame, or 0: the gap along n is too small by what cells bend
+    along it. So where surfaces are parallel along a line or an arc, cells stay as long as they are.
+    One that does not bend along n is divided as its shape demands.
+    """
+    cell = cells[index]
+    piece = tree.pieces[cell.element]
+    if piece.edge != NONE or piece.degree_v == 0:
+        return True, False, cell.bend_u + cell.bend_v + cell.twist
+    u, v, twist = cell.bend_u, cell.bend_v, cell.twist
+    bends = u + v + twist
+    if n != (0.0, 0.0, 0.0):
+        in_u, in_v, twisted = _bends_along(piece, nets, net_of(cells, nets, index), n)
+        bends = 0.0
+        if max(max(in_u, in_v), twisted) > cell.margin:
+            u, v, twist = in_u, in_v, twisted
+            bends = u + v + twist
     # Twist becomes less in either direction, so then it is the longer one: a fan, straight along
     # its ribs, would fall into many that are as long. Bends below the margin are noise and stay.
-    if max(u, v) < max(cell.twist, cell.margin):
+    if max(u, v) < max(twist, cell.margin):
         u, v = norm(cell.along_u), norm(cell.along_v)
-    return not u * _FLATTER < v, not v * _FLATTER < u
+    return not u * _FLATTER < v, not v * _FLATTER < u, bends
+
+
+@kernel
+def _bends_along(piece, nets, at, n):
+    """How far a cell is from straight along u, and along v, and twisted, by its points along n."""
+    p, q, room = np.int64(piece.degree_u), np.int64(piece.degree_v), np.int64(piece.room)
+    if p == 3 and q == 3:
+        return _bends(nets, at, n, 3, 3, room)
+    if p == 2 and q == 2:
+        return _bends(nets, at, n, 2, 2, room)
+    return _bends(nets, at, n, p, q, room)
+
+
+@inlined
+def _bends(nets, at, n, p, q, room):
+    line = on_stack(_MOST_POINTS, 0.0)
+    for k in range((p + 1) * (q + 1)):
+        i = at + k
+        line[k] = n[0] * nets[i] + n[1] * nets[i + room] + n[2] * nets[i + 2 * room]
+    row, u, v = q + 1, 0.0, 0.0
+    for k in range((p - 1) * row):
+        u = max(u, abs((line[k] - line[k + row]) - (line[k + row] - line[k + 2 * row])))
+    for i in range(p + 1):
+        for k in range(i * row, i * row + q - 1):
+            v = max(v, abs((line[k] - line[k + 1]) - (line[k + 1] - line[k + 2])))
+    twist = abs((line[0] - line[q]) - (line[p * row] - line[p * row + q]))
+    return 0.125 * p * (p - 1) * u, 0.125 * q * (q - 1) * v, 0.25 * twist
 
 
 @kernel

@@ -46,9 +46,10 @@ def put_ranges(tree, cells, nets, index, d, side):
 
 @kernel
 def is_done(tree_a, tree_b, state, a, b, slack):
-    """Whether nothing in two cells improves the answer, and the steps that it took to know.
+    """Whether nothing in two cells improves the answer; not known of any but the nearest.
 
-    Only where both hold the nearest points found so far. `slack` is what their bound may err by.
+    Those hold the nearest points found so far. Returns also whether these do, and the steps that it
+    took to know. `slack` is what their bound may err by.
     """
     progress, waiting, motion = state.progress[0], state.waiting, state.motions[0]
     if not (
@@ -56,18 +57,18 @@ def is_done(tree_a, tree_b, state, a, b, slack):
         and can_be_proven(tree_a, waiting.cells_a, a)
         and can_be_proven(tree_b, waiting.cells_b, b)
     ):
-        return False, 0
+        return False, False, 0
     at_a, at_b = vector(progress.weights_a), vector(progress.weights_b)
     found, at_a, p = find_in(tree_a, waiting.cells_a, a, progress.element_a, at_a)
     if not found:
-        return False, 0
+        return False, False, 0
     found, at_b, q = find_in(tree_b, waiting.cells_b, b, progress.element_b, at_b)
     if not found:
-        return False, 0
+        return False, False, 0
     way = sub(moved(motion, q), p)
     distance = norm(way)
     if not distance - slack > progress.enough:
-        return False, 1
+        return False, True, 1
     sides = table_on_stack(2, SIDE, 0.0)
     put_point(tree_a, waiting.cells_a, a, at_a, sides[0])
     put_point(tree_b, waiting.cells_b, b, at_b, sides[1])
@@ -79,9 +80,9 @@ def is_done(tree_a, tree_b, state, a, b, slack):
     element_b = element_of(tree_b, waiting.cells_b, b)
     other = element_a != progress.element_a or element_b != progress.element_b
     if surpasses(sides, n, motion, way, distance, progress.slack, limit):
-        return True, PROOF_STEPS
+        return True, True, PROOF_STEPS
     if other and falls_by(sides, n, motion) < -_FALLS * distance:
         # They were found at the end of an element, and beyond it the distance falls further.
         measure_near(tree_a, tree_b, state, element_a, at_a, element_b, at_b, MOST)
-        return False, PROOF_STEPS + MINIMUM_STEPS
-    return False, PROOF_STEPS
+        return False, True, PROOF_STEPS + MINIMUM_STEPS
+    return False, True, PROOF_STEPS

@@ -30,11 +30,12 @@ from .sides import (
     divide_side,
     element_of,
     facing,
-    is_short,
+    is_long_in,
     least_of,
     margin_of,
     normal_of,
     roughness,
+    ways_to_divide,
     whole,
 )
 from .trim import OUTSIDE
@@ -46,6 +47,10 @@ only edges are near."""
 _ROUGH = 0.25
 """Share of their distance by which two cells may differ from their parallelograms before normals
 are tried as directions."""
+
+_ALMOST = 1e-8
+"""Share of the distance found by which a bound may fall short for that, too: the way between points
+on flat surfaces is tilted by about that, as it hardly becomes longer."""
 
 _EACH, _NEAR = 16, 0.25
 """Pairs that wait for each local search from which on one is begun where two cells may cross; and
@@ -110,22 +115,30 @@ def divide_nearest(tree_a, tree_b, state):
     slack = progress.slack + margin_of(tree_a, cells.cells_a, a)
     slack += margin_of(tree_b, cells.cells_b, b)
     # Where pairs are collected and nothing nearer is to be found, only what is too long is divided.
-    collects, most = state.collected.shape[0] > 0, np.inf
+    collects = state.collected.shape[0] > 0
     meet = progress.distance - progress.slack <= progress.radii
     settled, steps = collects and (meet or bound >= progress.enough), 0
+    # What bends along it weakens the bound. A proof needs cells that are small in any direction.
+    along = normal if bound > 0.0 else (0.0, 0.0, 0.0)
     if not settled:
-        done, steps = is_done(tree_a, tree_b, state, a, b, slack)
+        done, holds, steps = is_done(tree_a, tree_b, state, a, b, slack)
+        if holds:
+            along = (0.0, 0.0, 0.0)
         if done and not collects:
             progress.dividing = drop(pairs, progress.dividing, at)
             return steps
         if done:
             bound, settled = progress.enough, True
-    rough_a = roughness(tree_a, cells.cells_a, a)
-    rough_b = roughness(tree_b, cells.cells_b, b)
+    u_a, v_a, rough_a = ways_to_divide(tree_a, cells.cells_a, cells.nets_a, a, along)
+    u_b, v_b, rough_b = ways_to_divide(
+        tree_b, cells.cells_b, cells.nets_b, b, turned_back(state.motions[0], along)
+    )
     if settled:
         most = progress.param_err
-        rough_a = -1.0 if is_short(tree_a, cells.cells_a, a, most) else rough_a
-        rough_b = -1.0 if is_short(tree_b, cells.cells_b, b, most) else rough_b
+        u_a, v_a = is_long_in(tree_a, cells.cells_a, a, most)
+        u_b, v_b = is_long_in(tree_b, cells.cells_b, b, most)
+        rough_a = rough_a if u_a or v_a else -1.0
+        rough_b = rough_b if u_b or v_b else -1.0
     on_edges = leads_to_edges(tree_a, tree_b, state, a, b, slack)
     if on_edges or (rough_a < 0.0 and rough_b < 0.0):
         progress.dividing = drop(pairs, progress.dividing, at)
@@ -139,11 +152,11 @@ def divide_nearest(tree_a, tree_b, state):
     of_a = rough_a >= rough_b
     if of_a:
         before, index, side = progress.cells_a, a, cells.cells_a
-        progress.cells_a = divide_side(tree_a, a, side, cells.nets_a, before, most)
+        progress.cells_a = divide_side(tree_a, a, side, cells.nets_a, before, u_a, v_a)
         steps += DIVISION_STEPS if progress.cells_a > before else 0
     else:
         before, index, side = progress.cells_b, b, cells.cells_b
-        progress.cells_b = divide_side(tree_b, b, side, cells.nets_b, before, most)
+        progress.cells_b = divide_side(tree_b, b, side, cells.nets_b, before, u_b, v_b)
         steps += DIVISION_STEPS if progress.cells_b > before else 0
     first, count = np.int64(side[index].child), np.int64(side[index].children)
     if first == NONE:
@@ -211,9 +224,9 @@ def bound_pair(tree_a, tree_b, state, a, b, bound, normal, gap):
     gap = _gap(tree_a, tree_b, state, a, b, n) - slack
     if gap > bound:
         bound, normal = gap, n
-    rough = max(roughness(tree_a, cells.cells_a, a), 0.0)
-    rough += max(roughness(tree_b, cells.cells_b, b), 0.0)
-    if rough > _ROUGH * apart and bound < progress.limit:
+    rough = roughness(tree_a, cells.cells_a, a) + roughness(tree_b, cells.cells_b, b)
+    almost = bound > progress.limit - _ALMOST * progress.distance
+    if (almost or rough > _ROUGH * apart) and bound < progress.limit:
         bound, normal = _along_normals(tree_a, tree_b, state, a, b, way, slack, bound, normal)
     if bound < progress.limit <= bound + rough:
         gap = _gap_of_parts(tree_a, tree_b, state, a, b, normal) - slack

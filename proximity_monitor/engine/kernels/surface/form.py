@@ -41,14 +41,16 @@ from ..base.vectors import along, cross, dot, norm, rotated, scaled
 
 ACROSS, SPREAD, MIDDLE, HALF = 0, 6, 8, 10
 SECOND, HALVES = 12, 15
-SLOPE, ENDS, ERRORS, CORNER = 18, 24, 28, 30
-SIDE = 31
+SLOPE, ENDS, ERRORS, CORNER, APART = 18, 24, 28, 30, 31
+SIDE = 33
 _ACROSS, _SPREAD, _SLOPE, _SLANT, _RISE, _ERROR, _ROW = 0, 3, 4, 5, 6, 7, 8
 """A Side: numbers about a cell and a point of it, parameters being 0 to 1 over it. By u, and then
 by v: of the derivative see `Ranges`, across, 3 numbers each, spread, middle and half. Of the second
 derivatives by uu, uv and vv: middle and half. At the point: the derivative, 3 numbers each;
 how far back and forth the parameter may go from there; and how many times a point's rounding the
-derivative may err by. Last, whether the sum of both parameters is 1 at the most as well.
+derivative may err by. Whether the sum of both parameters is 1 at the most as well. Last, by u and v
+again, how far apart points are where the parameter stays at its end: tiny at a pole, as a cone's
+apex is, and infinite where nothing is said of it.
 
 The other line is about the rows of `_put_rows`."""
 
@@ -274,7 +276,8 @@ def _is_least(sides, rows, beside, m, share, left):
     There tau is no longer than `beside`.
 
     A parameter that ends there, where F rises all over the cells as it leaves its end, is as good
-    as fixed; and then tau is less, so that another one may be. Of those that are left the form
+    as fixed; and then tau is less, so that another one may be. At a pole the other parameter of the
+    same surface is fixed with it. Of those that are left the form
     has to be positive, by Cholesky's factors, when so much is added to its diagonal as makes that
     difference. What it may differ by from that of the middles is subtracted there: with |E_ij| at
     most R_ij, x E x is at least minus the sum of x_i^2 R_ij w_j / w_i, for any w > 0.
@@ -294,6 +297,8 @@ def _is_least(sides, rows, beside, m, share, left):
     for i in range(4):
         held[i] = 0.0
         reaches[i] = _STRETCH * (norm(_three(rows[i], _ACROSS)) + rows[i, _SPREAD])
+    # No derivative of F is longer than this by that of D.
+    steepest = 1.0 + m * (beside + reaches[0] + reaches[1] + reaches[2] + reaches[3])
     changed = True
     while changed:
         changed = False
@@ -302,6 +307,10 @@ def _is_least(sides, rows, beside, m, share, left):
                 continue
             if _rises(sides, rows, i, m * _turn(sides, rows, held, reaches, beside, i)) > 0.0:
                 held[i], changed = 1.0, True
+                apart = sides[i // 2, APART + i % 2]
+                if apart < np.inf and held[i ^ 1] == 0.0:  # a pole: the other one moves nothing
+                    held[i ^ 1] = 1.0
+                    left, beside = left - steepest * apart, beside + apart
     extent = 0.0
     differing = (1.0 + _LOOSE) * share / (1.0 - share) * m
     for i in range(4):

@@ -14,7 +14,7 @@ from ..inside import pieces
 from ..inside.ball_cells import push
 from ..inside.ball_state import MORE
 from ..tree.layout import first_of
-from .cells import divide_cell, net_of, root_cell
+from .cells import directions_of, divide_cell, net_of, root_cell
 from .edges import place_on, point_on
 from .facing import vector
 from .sides import is_left
@@ -71,7 +71,8 @@ def _push_element(surface, parts, state, leaf, near, bound):
 @kernel
 def _divide(surface, parts, state, piece, near, bound):
     at, cell = state.at[0], piece.part
-    at.parts = divide_cell(surface, cell, parts.cells, parts.nets, at.parts, np.inf)
+    in_u, in_v, _ = directions_of(surface, parts.cells, parts.nets, cell, (0.0, 0.0, 0.0))
+    at.parts = divide_cell(surface, cell, parts.cells, parts.nets, at.parts, in_u, in_v)
     first, count = np.int64(parts.cells[cell].child), np.int64(parts.cells[cell].children)
     if first == NONE:
         return False

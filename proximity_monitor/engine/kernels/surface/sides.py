@@ -12,37 +12,37 @@ from ..base.jit import implements, inlined, kernel
 from ..base.lanes import least_along
 from ..base.trees import NONE, SurfaceTree
 from ..base.vectors import cross
-from .cells import MOST_SPLITS, divide_cell, length_in, net_of, root_cell
+from .cells import MOST_SPLITS, directions_of, divide_cell, length_in, net_of, root_cell
 from .clip import clipped_least
 from .edges import rectangle_of
 from .facing import vector
 from .trim import CROSSING, INSIDE, classify_point
 
-_FLAT = 1e-6
-"""Share of a cell's extent that counts as its bend at the least, well above what rounding makes of
-the bends of flat ones: else of two flat cells one would be divided all the time."""
+_FLAT, _CROSSED = 1e-12, 1e-6
+"""Share of its extent by which a cell counts as rough at the least; and one that loops cross."""
 
 
 def whole(tree, element, cells, nets, roots, used):
     """The cell of a whole element, and how many are in use then; NONE where there is no room."""
 
 
-def divide_side(tree, index, cells, nets, used, most):
-    """Divide a cell unless it is; returns how many are in use then.
-
-    Where `most` is finite, so that its parts become no longer than that in their parameters.
-    """
-
-
-def is_short(tree, cells, index, most):
-    """Whether a cell is no longer than `most` in the parameters of its patch or curve."""
-
-
-def roughness(tree, cells, index):
-    """How far about, metres, a cell is from the parallelogram that stands for it, or its extent.
+def ways_to_divide(tree, cells, nets, index, n):
+    """Whether a cell is to be divided in u, and in v, and how rough it is along n, its own frame.
 
     The rougher of two cells is divided. Negative where it cannot be.
     """
+
+
+def divide_side(tree, index, cells, nets, used, in_u, in_v):
+    """Divide a cell unless it is; returns how many are in use then."""
+
+
+def is_long_in(tree, cells, index, most):
+    """Whether a cell is longer than `most` in u, and in v, in its patch's parameters."""
+
+
+def roughness(tree, cells, index):
+    """How far about, metres, a cell is from the parallelogram that stands for it."""
 
 
 def least_of(tree, cells, nets, index, n):
@@ -91,29 +91,38 @@ implements(whole, SurfaceTree)(root_cell)
 implements(divide_side, SurfaceTree)(divide_cell)
 
 
-@implements(is_short, SurfaceTree)
+@implements(is_long_in, SurfaceTree)
 @kernel
-def _is_short(tree, cells, index, most):
-    if most == np.inf:
-        return True
+def _is_long_in(tree, cells, index, most):
     cell = cells[index]
     piece = tree.pieces[cell.element]
     if piece.edge == NONE:
-        return length_in(piece, cell, 0) <= most and length_in(piece, cell, 1) <= most
+        return length_in(piece, cell, 0) > most, length_in(piece, cell, 1) > most
     low_u, low_v, high_u, high_v = rectangle_of(tree, piece, cell.low[0], cell.high[0])
-    return high_u - low_u <= most and high_v - low_v <= most
+    return high_u - low_u > most or high_v - low_v > most, False
 
 
 @implements(roughness, SurfaceTree)
 @inlined
 def _roughness(tree, cells, index):
     cell = cells[index]
+    return cell.bend_u + cell.bend_v + cell.twist
+
+
+@implements(ways_to_divide, SurfaceTree)
+@kernel
+def _ways(tree, cells, nets, index, n):
+    cell = cells[index]
     if cell.splits >= MOST_SPLITS:
-        return -1.0
-    # Flat ones too are divided where nothing else is left to do, the larger one first.
+        return False, False, -1.0
+    crossed = cell.side == CROSSING
+    # What loops leave of a cell bends otherwise than the cell: nothing is known along n.
+    n = (0.0, 0.0, 0.0) if crossed else n
+    in_u, in_v, bends = directions_of(tree, cells, nets, index, n)
     u, v = vector(cell.along_u), vector(cell.along_v)
     size = u[0] * u[0] + u[1] * u[1] + u[2] * u[2] + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
-    return cell.bend_u + cell.bend_v + cell.twist + _FLAT * size**0.5
+    # Flat ones are divided where nothing else is left to do, the larger one first.
+    return in_u, in_v, bends + (_CROSSED if crossed else _FLAT) * size**0.5
 
 
 @implements(least_of, SurfaceTree)
