@@ -1,6 +1,7 @@
 """Models made from dimensions: closed, turned outwards, and as large as they should be."""
 
 import math
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -118,6 +119,30 @@ def test_a_solid_of_revolution_alone_stays_one():
         other = shapes.compound([part], **how)
         assert type(other) is engine.ParametricSurface
     assert type(shapes.compound([shapes.Part(cone, HERE)] * 2)) is engine.ParametricSurface
+
+
+def test_solids_of_patches_make_a_union_whichever_way_their_patches_point():
+    """Where parts overlapped whose normals pointed unlike ways, a point was taken to be outside."""
+    profile = [[0.0, -0.5], [0.4, -0.5], [0.4, 0.5], [0.0, 0.5]]
+    up, down = (
+        engine.SolidOfRevolution(list(map(engine.Curve, pairwise(corners))))
+        for corners in (profile, profile[::-1])
+    )
+    pose = np.eye(4)
+    pose[0, 3] = 0.3
+    inside_both, outside = shapes.points([[0.15, 0.0, 0.1]]), shapes.points([[-0.5, 0.0, 0.1]])
+    solids = [up, down]
+    solids += [
+        engine.ParametricSurface.of(solid.nets, name="of", deviation=0.0, solid=True)
+        for solid in solids
+    ]
+    for a, b in product(solids, repeat=2):
+        for scale in ((1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)):
+            made = shapes.compound([shapes.Part(a, HERE), shapes.Part(b, pose, scale)])
+            assert made.is_solid
+            depth = engine.signed_distance(inside_both, HERE, made, HERE)
+            assert depth.upper == pytest.approx(-0.25, abs=0.01)  # to the wall of b at -0.1
+            assert engine.signed_distance(outside, HERE, made, HERE).lower > 0.09
 
 
 def test_patches_make_one_surface_and_none_with_meshes():

@@ -22,6 +22,10 @@ from .tessellate import tessellated
 _SUBDIVISIONS = 3
 """Of the icosahedron that stands for a ball where a mesh has to."""
 
+_FINENESS = 1e-2, 1e-3, 1e-4
+"""Shares of a model's radius by which a mesh may err that tells whether its normals point inward:
+thin shells need finer ones."""
+
 
 class Part(NamedTuple):
     """A model in a compound."""
@@ -38,9 +42,10 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
 
     Patches and curves stay what they are, but only among themselves; where they are mirrored, u and
     v are swapped, so that normals still point outward; a solid of revolution that is the only part
-    stays one, unless unlike factors scale it. Parts that enclose a solid do so whatever
-    the others are; but where ``solid="robust"``, the inside is that of all parts together. Where
-    balls sweep only some parts, or are unlike, these parts become meshes, with a deviation.
+    stays one, unless unlike factors scale it. Parts that enclose a solid do so whatever the others
+    are, and whichever way their normals point; but where ``solid="robust"``, the inside is that of
+    all parts together. Where balls sweep only some parts, or are unlike, these parts become meshes,
+    with a deviation.
 
     Raises:
         ModelError: a part that a ball sweeps is scaled by unlike factors; parametric surfaces
@@ -85,11 +90,30 @@ def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
         placed = [
             net.moved(net.points * scale @ pose[:3, :3].T + pose[:3, 3]) for net in model.nets
         ]
-        # Mirrored, which turns the outside in.
-        nets += [net.swapped() for net in placed] if math.prod(scale) < 0.0 else placed
+        # Mirrored, which turns the outside in; or turned in before, and where such a part overlaps
+        # another, both would count for nothing.
+        inward = _is_inward(model) != (math.prod(scale) < 0.0)
+        nets += [net.swapped() for net in placed] if inward else placed
     own = max(model.deviation * float(np.abs(scale).max()) for model, _, scale in parts)
     deviation = own + how.get("deviation", 0.0)
     return ParametricSurface.of(nets, name=name, deviation=deviation, solid=how.get("solid"))
+
+
+def _is_inward(model: Surface) -> bool:
+    """Whether the normals of a solid's patches point inward."""
+    if isinstance(model, SolidOfRevolution):
+        return model.profile.leftward
+    if not model.is_solid:
+        return False
+    for share in _FINENESS:
+        vertices, faces, _ = model.display_mesh(share * model.radius)
+        corners = vertices[faces]
+        area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        volume = _volume(vertices, faces)
+        # Six times the volume; a layer on the mesh that is as thick as it errs has less.
+        if abs(volume) > 6.0 * share * model.radius * np.linalg.norm(area, axis=1).sum():
+            break
+    return volume < 0.0
 
 
 def _turned(parts: Sequence[Part], name: str, how: How) -> SolidOfRevolution | None:
