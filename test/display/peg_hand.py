@@ -102,6 +102,19 @@ def at_place(page, place):
     return held(page) == pytest.approx(place, abs=1e-6)
 
 
+# Where a node's origin is, in units of the page.
+PLACE = """name => {
+  const node = window.__viserMutable.nodeRefFromName[name];
+  node.updateWorldMatrix(true, false);
+  return node.matrixWorld.elements.slice(12, 15);
+}"""
+
+
+def place(page):
+    """Where the peg is drawn, in units of the page; its fields may be told later."""
+    return np.array(page.evaluate(PLACE, "/parts/0"))
+
+
 # How far a node's origin is from another's.
 APART = """names => {
   const [to, from] = names.map(name => {
@@ -111,6 +124,13 @@ APART = """names => {
   });
   return to.map((x, i) => x - from[i]);
 }"""
+
+
+def end_drag(page, wait, apart):
+    """End a drag; then the peg, which follows by steps, is as far from its handles as it was."""
+    page.mouse.up()
+    names = ["/gizmo", "/parts/0"]
+    wait(lambda: page.evaluate(APART, names) == pytest.approx(apart, abs=1e-6), "the peg")
 
 
 WIDTH = "image => image.complete && image.naturalWidth"

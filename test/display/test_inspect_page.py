@@ -258,21 +258,20 @@ def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
     put(0, 0, 40)
     page.evaluate(DRAWN)
     apart = page.evaluate(peg.APART, ["/gizmo", "/parts/0"])
+    begin = peg.place(page)
 
-    def followed():
-        """Whether the peg, which follows by steps, is at its handles again."""
-        now = page.evaluate(peg.APART, ["/gizmo", "/parts/0"])
-        return peg.held(page)[0] > 5.0 and now == pytest.approx(apart, abs=1e-6)
+    def gone():
+        return np.linalg.norm(peg.place(page) - begin)
 
     peg.dragged(page, 0, 60)
-    page.mouse.up()
-    wait(followed, "a drag")
-    far = peg.held(page)[0]
+    peg.end_drag(page, wait, apart)
+    far = gone()
     put(0, 0, 40)
+    wait(lambda: gone() < 1e-6 < far, "the peg to be back")
     peg.pick(page, "Drag", "1 : 100")
     peg.dragged(page, 0, 60)
     page.mouse.up()
-    wait(lambda: peg.held(page)[0] == pytest.approx(far / 100.0, rel=0.2), "a hundredth of it")
+    wait(lambda: gone() == pytest.approx(far / 100.0, rel=0.2), "a hundredth of it")
     page.get_by_text("Snap drags to the steps").click()
     enter(page, "Step [mm]", "0.05")
     put(0, 0, 40)

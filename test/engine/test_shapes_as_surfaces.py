@@ -61,7 +61,10 @@ ANY = Rotation.random(200, random_state=7).as_matrix()
 ALIGNED, RANDOM = poses(40, QUARTERS, 0.2, 0.6), poses(40, ANY, 0.4, 0.8)
 
 
-@pytest.mark.parametrize("pair", itertools.combinations_with_replacement(SURFACES, 2), ids=" ".join)
+PAIRS = list(itertools.combinations_with_replacement(SURFACES, 2))
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids=" ".join)
 def test_parallel_shapes_close_their_gap(pair):
     """Along what is equally near all over, cells were divided until there was no room for more."""
     a, b = pair
