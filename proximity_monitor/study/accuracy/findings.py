@@ -54,8 +54,8 @@ def _first_tolerance(rows: Rows) -> str:
         said.append(f"{least} in {scene}")
     return (
         "**Ask for the exact distance, or allow a real error.** The smallest relative error that "
-        f"saves {percent(_WORTH)} of the exact query's time is {listed(said)}; a smaller one costs "
-        "as much as the exact distance, because rounding is all that it forgives."
+        f"saves {percent(_WORTH)} of the exact query's time is {listed(said)}; a smaller one saves "
+        "less, because rounding is about all that it forgives."
     )
 
 
