@@ -102,35 +102,28 @@ def at_place(page, place):
     return held(page) == pytest.approx(place, abs=1e-6)
 
 
-# Where a node's origin is, in units of the page.
-PLACE = """name => {
+# Where nodes' origins are at one moment, in units of the page.
+PLACES = """names => names.map(name => {
   const node = window.__viserMutable.nodeRefFromName[name];
   node.updateWorldMatrix(true, false);
   return node.matrixWorld.elements.slice(12, 15);
-}"""
+})"""
 
 
 def place(page):
     """Where the peg is drawn, in units of the page; its fields may be told later."""
-    return np.array(page.evaluate(PLACE, "/parts/0"))
+    return np.array(page.evaluate(PLACES, ["/parts/0"])[0])
 
 
-# How far a node's origin is from another's.
-APART = """names => {
-  const [to, from] = names.map(name => {
-    const node = window.__viserMutable.nodeRefFromName[name];
-    node.updateWorldMatrix(true, false);
-    return node.matrixWorld.elements.slice(12, 15);
-  });
-  return to.map((x, i) => x - from[i]);
-}"""
+def apart(page):
+    """How far its handles are from the peg, in the same units."""
+    return np.subtract(*page.evaluate(PLACES, ["/gizmo", "/parts/0"]))
 
 
-def end_drag(page, wait, apart):
-    """End a drag; then the peg, which follows by steps, is as far from its handles as it was."""
+def end_drag(page, wait, before):
+    """End a drag; then the peg, which follows by steps, is `apart` from its handles as before."""
     page.mouse.up()
-    names = ["/gizmo", "/parts/0"]
-    wait(lambda: page.evaluate(APART, names) == pytest.approx(apart, abs=1e-6), "the peg")
+    wait(lambda: apart(page) == pytest.approx(before, abs=1e-6), "the peg at its handles")
 
 
 WIDTH = "image => image.complete && image.naturalWidth"

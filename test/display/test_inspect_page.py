@@ -257,8 +257,7 @@ def test_enter_puts_the_part_there_steps_go_down_to_a_micrometre_and_ctrl_z_undo
 def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
     put(0, 0, 40)
     page.evaluate(DRAWN)
-    apart = page.evaluate(peg.APART, ["/gizmo", "/parts/0"])
-    begin = peg.place(page)
+    apart, begin = peg.apart(page), peg.place(page)
 
     def gone():
         return np.linalg.norm(peg.place(page) - begin)

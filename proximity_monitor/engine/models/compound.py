@@ -43,9 +43,9 @@ def compound(parts: Sequence[Part], *, name: str = "compound", **how: Unpack[How
     Patches and curves stay what they are, but only among themselves; where they are mirrored, u and
     v are swapped, so that normals still point outward; a solid of revolution that is the only part
     stays one, unless unlike factors scale it. Parts that enclose a solid do so whatever the others
-    are, and whichever way their normals point; but where ``solid="robust"``, the inside is that of
-    all parts together. Where balls sweep only some parts, or are unlike, these parts become meshes,
-    with a deviation.
+    are, and whichever way their normals point: where these differ, all are turned outward. But
+    where ``solid="robust"``, the inside is that of all parts together. Where balls sweep only some
+    parts, or are unlike, these parts become meshes, with a deviation.
 
     Raises:
         ModelError: a part that a ball sweeps is scaled by unlike factors; parametric surfaces
@@ -86,21 +86,27 @@ def _surface(parts: Sequence[Part], name: str, how: How) -> ParametricSurface:
     """Patches and curves in the frame of their compound."""
     _check_surface(name, how)
     nets: list[Net] = []
-    for model, pose, scale in parts:
+    # Where parts overlap whose normals point unlike ways, both would count for nothing.
+    encloses = len(parts) > 1 and how.get("solid") is not False
+    inward = [encloses and _is_inward(part.model) for part in parts]
+    turned = inward if not all(inward) else [False] * len(parts)
+    for (model, pose, scale), is_turned in zip(parts, turned, strict=True):
         placed = [
             net.moved(net.points * scale @ pose[:3, :3].T + pose[:3, 3]) for net in model.nets
         ]
-        # Mirrored, which turns the outside in; or turned in before, and where such a part overlaps
-        # another, both would count for nothing.
-        inward = _is_inward(model) != (math.prod(scale) < 0.0)
-        nets += [net.swapped() for net in placed] if inward else placed
+        # What is mirrored has its outside in.
+        swaps = is_turned != (math.prod(scale) < 0.0)
+        nets += [net.swapped() for net in placed] if swaps else placed
     own = max(model.deviation * float(np.abs(scale).max()) for model, _, scale in parts)
     deviation = own + how.get("deviation", 0.0)
     return ParametricSurface.of(nets, name=name, deviation=deviation, solid=how.get("solid"))
 
 
 def _is_inward(model: Surface) -> bool:
-    """Whether the normals of a solid's patches point inward."""
+    """Whether the normals of a solid's patches point inward; False of what is no solid.
+
+    A shell that is thinner than the finest mesh can tell is taken as that mesh says.
+    """
     if isinstance(model, SolidOfRevolution):
         return model.profile.leftward
     if not model.is_solid:

@@ -46,10 +46,10 @@ def put_ranges(tree, cells, nets, index, d, side):
 
 @kernel
 def is_done(tree_a, tree_b, state, a, b, slack):
-    """Whether nothing in two cells improves the answer; not known of any but the nearest.
+    """Whether two cells that hold the nearest points found so far hold nothing that is nearer.
 
-    Those hold the nearest points found so far. Returns also whether these do, and the steps that it
-    took to know. `slack` is what their bound may err by.
+    Returns also whether they hold these points, as of other cells it is not known, and the steps
+    that it took. `slack` is what their bound may err by.
     """
     progress, waiting, motion = state.progress[0], state.waiting, state.motions[0]
     if not (
