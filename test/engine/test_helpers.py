@@ -107,6 +107,25 @@ def test_versions_of_one_function_are_kept_apart():
     assert len(names) == len(symbols) == 3
 
 
+def test_a_helper_s_code_has_one_name_in_all_processes():
+    """Else what one compiles finds nothing of it in what another one does at the same time."""
+    script = """
+from numba.core.compiler import Flags
+from proximity_monitor.engine.kernels.base import jit
+flags = Flags()
+flags.fastmath = jit._FREE
+print(flags.get_mangle_string())
+"""
+    names = {
+        subprocess.run(
+            [sys.executable, "-c", script], env={**os.environ, "PYTHONHASHSEED": str(seed)},
+            capture_output=True, text=True, check=True,
+        ).stdout
+        for seed in range(3)
+    }  # fmt: skip
+    assert len(names) == 1
+
+
 def test_what_is_compiled_for_types_of_others_is_not_kept():
     """They may change what they implement for them, and nobody here would know."""
     Own = namedtuple("Own", "values")

@@ -2,12 +2,14 @@
 
 import gc
 import operator
+from contextlib import suppress
 
 import numba
 import numpy as np
 import pytest
 from llvmlite import ir
-from numba.core import compiler, event
+from numba.core import compiler, errors, event
+from numba.core import ir as numba_ir
 from numba.core.caching import NullCache
 from test_numba import broken, run
 
@@ -144,6 +146,107 @@ def _yielding(count):
     for _ in range(count):
         yield x
         x += 1.0
+
+
+def test_what_may_be_written_out_is_known_without_an_error(monkeypatch):
+    raised = []
+    monkeypatch.setattr(errors, "LiteralTypingError", raised.append)
+    kernel = run(_branching)
+    assert kernel(3, 2.0) == 12.0
+    what = broken("asks types.maybe_literal and lowering._lit_or_omitted (sooner._literal)")
+    assert not raised, what
+    for value in (1, 1.5, "name", True, None, slice(1, 2)):
+        with suppress(errors.TypingError):
+            assert numba.types.maybe_literal(value) == numba.types.literal(value), what
+
+
+def test_the_variables_of_an_instruction_are_those_that_numba_finds(monkeypatch):
+    code = numba.core.compiler.run_frontend(_with_all_kinds)
+    found = [each for block in code.blocks.values() for each in block.body]
+    own = [[variable.name for variable in each.list_vars()] for each in found]
+    assert any(len(each) > 3 for each in own) and any(not each for each in own)
+    what = broken("finds variables by Inst._rec_list_vars (sooner._variables)")
+    monkeypatch.setattr(numba_ir.Inst, "_rec_list_vars", _variables)
+    assert own == [[variable.name for variable in each.list_vars()] for each in found], what
+
+
+def _with_all_kinds(values, n):
+    pair = (values, n)
+    table = {"n": n, "m": n}
+    for i in range(n):
+        values[i] = max(pair[0][i], n, key=len(table))
+    return f"{n} {pair}"
+
+
+def _variables(self, held):
+    if isinstance(held, numba_ir.Var):
+        return [held]
+    if isinstance(held, numba_ir.Inst):
+        return held.list_vars()
+    parts = held.values() if isinstance(held, dict) else held
+    parts = parts if isinstance(held, (dict, list, tuple)) else ()
+    return [variable for each in parts for variable in _variables(self, each)]
+
+
+def test_an_array_is_made_of_none(monkeypatch):
+    asked, ask = [], sooner._implementation
+
+    def count(context, function, signature, first=True):
+        asked.append(function)
+        return ask(context, function, signature, first)
+
+    monkeypatch.setattr(sooner, "_implementation", count)
+    assert run(_second)(np.array([1.0, 3.0])) == 3.0
+    assert asked and "__array__" not in asked
+
+
+def _second(values):
+    return values[1]
+
+
+def test_what_is_registered_is_taken_up_once(monkeypatch):
+    taken, take = [], sooner._load
+
+    def count(context):
+        taken.append(context)
+        take(context)
+
+    run(_second)(np.ones(2))
+    monkeypatch.setattr(sooner, "_load", count)
+    run(_second)(np.ones(2))
+    what = broken("keeps what is registered in lists of its registries (sooner._refresh)")
+    assert not taken, what
+
+    @numba.extending.overload(_unknown)
+    def _(x):
+        return lambda x: x + 1.0
+
+    assert run(lambda x: _unknown(x))(1.0) == 2.0
+    assert taken
+
+
+def _unknown(x):
+    """What numba knows nothing of."""
+
+
+def test_calls_of_llvm_for_our_kernels_are_not_timed(monkeypatch):
+    heard = []
+
+    class Listener(event.Listener):
+        def on_start(self, start):
+            heard.append(start)
+
+        on_end = on_start
+
+    what = broken("hears of LLVM's calls by callbacks in a list of its lock (jit._Undisturbed)")
+    with event.install_listener("numba:llvm_lock", Listener()):
+        assert numba.njit(_second)(np.ones(2)) == 1.0
+        assert heard, what
+        heard.clear()
+        monkeypatch.setattr(jit, "_PACKAGE", __name__)
+        assert run(_second)(np.ones(2)) == 1.0
+        assert not heard, what
+    assert jit._LLVM._cblist, "numba times others' functions as before"
 
 
 @pytest.mark.parametrize("frozen", [False, True])

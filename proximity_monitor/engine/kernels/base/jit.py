@@ -18,6 +18,7 @@ import gc
 import logging
 from types import FunctionType
 
+from llvmlite.binding import ffi
 from numba import njit, types
 from numba.core import event
 from numba.core.typing.templates import infer, infer_global, make_overload_template
@@ -25,6 +26,9 @@ from numba.core.typing.templates import infer, infer_global, make_overload_templ
 from .cache import CACHE_DIRECTORY, HelperCache, KernelCache, refused
 from .linking import HELPER, ROOT
 from .sooner import widened
+
+_LLVM = ffi.lib._lock
+"""Taken for each call of LLVM; it tells those in `_cblist`."""
 
 _PACKAGE = __package__.partition(".")[0] + "."
 
@@ -58,32 +62,39 @@ class _Announcement(event.Listener):
 event.register("numba:compile", _Announcement())
 
 
-class _Uncollected(event.Listener):
+class _Undisturbed(event.Listener):
     """Lets Python look for no garbage while it compiles, which took a tenth of the time.
 
-    Little of what the compiler makes is garbage before it is done.
+    Little of what the compiler makes is garbage before it is done. Nor does numba time the calls of
+    LLVM for a kernel of ours: a hundred thousand, each of them for a dozen callers.
     """
 
-    _depth, _enabled = 0, False
+    _depth, _enabled, _told = 0, False, None
 
     def on_start(self, start: event.Event) -> None:
         """Hear of a compilation: one may need others."""
         if self._depth == 0:
             self._enabled = gc.isenabled()
             gc.disable()
+            if start.data["dispatcher"].py_func.__module__.startswith(_PACKAGE):
+                self._told, _LLVM._cblist = _LLVM._cblist, []
         self._depth += 1
 
     def on_end(self, end: event.Event) -> None:
         """Go on as before when the outermost is done."""
         self._depth -= 1
-        if self._depth == 0 and self._enabled:
+        if self._depth > 0:
+            return
+        if self._told is not None:
+            self._told, _LLVM._cblist = None, self._told
+        if self._enabled:
             if gc.get_freeze_count() == 0:  # else somebody has frozen some, which stay so
                 gc.freeze()  # all count as old from now on, without a look at each
                 gc.unfreeze()
             gc.enable()
 
 
-event.register("numba:compile", _Uncollected())
+event.register("numba:compile", _Undisturbed())
 
 
 # Each kernel says all of these. What it leaves open numba takes from the caller that it is compiled

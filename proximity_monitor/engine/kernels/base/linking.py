@@ -19,6 +19,7 @@ from numba import types
 from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import CodeLibrary, JITCodeLibrary
 from numba.core.compiler import Compiler, CompileResult
+from numba.core.cpu_options import FastMathOptions
 from numba.core.environment import lookup_environment
 from numba.core.untyped_passes import ExtractByteCode
 
@@ -225,3 +226,11 @@ def _mangled(self: types.Record) -> tuple[str, tuple[int]]:
 
 
 types.Record.mangling_args = property(_mangled)
+
+
+def _encoded(self: FastMathOptions) -> str:
+    """Options in the name of a function's code: the order of a set is another in each process."""
+    return str(sorted(self.flags))
+
+
+FastMathOptions.encode = _encoded

@@ -5,19 +5,22 @@ size. No kernel needs that: LLVM puts in the constants where it inlines a call. 
 options so often that how they are read matters. It looks through dozens of meanings for each `+`
 and each element of an array, of which kernels have thousands. After each of its passes it finds out
 which variables live in each block, for nobody; and it says where each variable ends, which only
-what counts references asks for. And it has LLVM read a module whenever it wants to know how large a
-type is.
+what counts references asks for. It has LLVM read a module whenever it wants to know how large a
+type is. And it asks the same of its registries and of its own functions thousands of times, often
+by an error that it raises and catches.
 """
 
 from __future__ import annotations
 
+import functools
 import operator
 from typing import Any
 from weakref import WeakSet
 
 from llvmlite import ir
 from numba import types
-from numba.core import base
+from numba.core import base, lowering
+from numba.core import ir as numba_ir
 from numba.core.compiler import Flags
 from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.transforms import canonicalize_cfg
@@ -126,3 +129,71 @@ def _size(self: base.BaseContext, kind: ir.Type) -> int:
 
 
 base.BaseContext.get_abi_sizeof = _size
+
+
+_LITERALS = types.Literal.ctor_map
+
+
+def _literal(value: Any) -> types.Literal | None:
+    """The type of a value that is written out; None of one that cannot be."""
+    make = _LITERALS.get(type(value))
+    return None if make is None else make(value)
+
+
+def _literal_or_omitted(value: Any) -> types.Type:
+    """The type of an operand that may be written out."""
+    return _literal(value) or types.Omitted(value)
+
+
+types.maybe_literal = _literal
+lowering._lit_or_omitted = _literal_or_omitted
+
+
+def _variables(self: numba_ir.Inst, held: Any) -> list[numba_ir.Var]:
+    """The variables in what an instruction holds, which is mostly one or none."""
+    kind = type(held)
+    if kind is numba_ir.Var:
+        return [held]
+    if kind is dict:
+        held = held.values()
+    elif kind is not list and kind is not tuple:
+        return held.list_vars() if isinstance(held, numba_ir.Inst) else []
+    return [variable for each in held for variable in self._rec_list_vars(each)]
+
+
+numba_ir.Inst._rec_list_vars = _variables
+
+
+_implementation = base.BaseContext.get_function
+
+
+def _get_function(
+    self: base.BaseContext, function: Any, signature: Any, _firstcall: bool = True
+) -> Any:
+    """What implements a function. An array is not made of another object."""
+    if function == "__array__" and type(signature.args[0]) in (types.Array, types.NestedArray):
+        raise NotImplementedError(function)
+    return _implementation(self, function, signature, _firstcall)
+
+
+base.BaseContext.get_function = _get_function
+base._has_loc = functools.lru_cache(base._has_loc)
+
+
+_load = base.BaseContext.refresh
+
+
+def _refresh(self: base.BaseContext) -> None:
+    """Take up what was registered since the last time, if there is any."""
+    if _registered(self) != vars(self).get("_taken_up"):
+        _load(self)
+        self._taken_up = _registered(self)
+
+
+def _registered(context: base.BaseContext) -> int:
+    """How much the registries hold at which a context, and that of its types, look."""
+    registries = *context._registries, *context.typing_context._registries
+    return sum(len(each) for one in registries for each in vars(one).values())
+
+
+base.BaseContext.refresh = _refresh
