@@ -1,4 +1,4 @@
-"""Rings as thin as hairs against circles in 30 digits, and other pairs at their limits."""
+"""Two circles, and rings as thin as hairs, against 30 digits; and other pairs at their limits."""
 
 import itertools
 import math
@@ -7,12 +7,15 @@ import mpmath
 import numpy as np
 import pytest
 from engine_bodies import IDENTITY, pose, translation
+from numba.core.caching import NullCache
 from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 from test_revolution import torus
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, SolidOfRevolution
+from proximity_monitor.engine.kernels.base import jit
+from proximity_monitor.engine.kernels.revolution import circles
 
 DIGITS, STARTS = 30, 720
 
@@ -91,6 +94,102 @@ POSES = {
 }
 
 
+@jit.entry
+def ask(motion, around, radius, spare):
+    return circles.distance_of_circles(circles.circles_of(motion, around, 0.0, radius, 0.0), spare)
+
+
+@jit.entry
+def bound(motion, around, radius, angle, half):
+    apart, least, _ = circles._bound(
+        circles.circles_of(motion, around, 0.0, radius, 0.0), angle, half
+    )
+    return apart, least
+
+
+ask._cache = bound._cache = NullCache()
+
+
+def check_circles(around, radius, at, sharp):
+    """That the bound holds in 30 digits, and is as sharp as that share of the sizes."""
+    if radius > around:
+        around, radius, at = radius, around, np.linalg.inv(at)
+    size = around + radius + np.linalg.norm(at[:3, 3])
+    motion = np.concatenate((at[:3, :3].ravel(), at[:3, 3]))
+    least, angle, apart, _ = ask(motion, around, radius, 1e-14 * size)
+    expected = circles_apart(around, radius, at)
+    assert least <= expected
+    assert expected - least <= sharp * size
+    assert abs(apart - expected) <= 1e-14 * size
+    x, y, z = at[:3, 3] + radius * (at[:3, :2] @ (math.cos(angle), math.sin(angle)))
+    assert math.hypot(math.hypot(x, y) - around, z) == pytest.approx(apart, abs=1e-14 * size)
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_circles_at_their_limits(name):
+    radius, at = POSES[name]
+    check_circles(1.0, radius, at, 1e-13)
+
+
+def test_circles_at_random():
+    rng = np.random.default_rng(11)
+    for k in range(60):
+        radius, scale = 10.0 ** rng.uniform(-3, 3), 10.0 ** rng.uniform(-6, 6)
+        at = pose(rng, (1.0 + radius) * (0.01, 0.3, 0.8, 3.0)[k % 4])
+        at[:3, 3] *= scale
+        check_circles(scale, scale * radius, at, 3e-14)
+
+
+def test_circles_far_away_and_of_no_radius():
+    rng = np.random.default_rng(12)
+    for _ in range(8):
+        check_circles(1.0, 0.5, pose(rng, 1e8), 3e-14)
+        check_circles(1.0, 0.0, pose(rng, 2.0), 3e-14)
+        check_circles(0.0, 0.0, pose(rng, 2.0), 3e-14)
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 0.0])
+def test_circles_that_nearly_touch(gap):
+    """Through a common point, one is moved off it along the normal of both."""
+    rng = np.random.default_rng(13)
+    for _ in range(4):
+        radius, at = rng.uniform(0.1, 1.0), pose(rng, 1.0)
+        turn, rim = rng.uniform(0.0, 2.0 * np.pi, 2)
+        common = np.array([math.cos(rim), math.sin(rim), 0.0])
+        along = np.array([-math.sin(rim), math.cos(rim), 0.0])
+        other = at[:3, :2] @ (-math.sin(turn), math.cos(turn))
+        normal = np.cross(along, other) / np.linalg.norm(np.cross(along, other))
+        out = at[:3, :2] @ (math.cos(turn), math.sin(turn))
+        at[:3, 3] = common + gap * normal - radius * out
+        check_circles(1.0, radius, at, 1e-13)
+
+
+@pytest.mark.parametrize("z", [0.0, 1e-6, 0.3])
+@pytest.mark.parametrize("radius", [0.4, 1.0 - 1e-6, 1.0])
+def test_circles_about_one_axis(radius, z):
+    """All of one is as near to the other."""
+    check_circles(1.0, radius, translation(0.0, 0.0, z), 1e-13)
+    check_circles(1.0, radius, tilted(1e-9, z=z), 1e-9 if z < 1e-3 else 1e-13)
+
+
+def test_no_point_of_an_interval_is_nearer_than_its_bound():
+    rng = np.random.default_rng(14)
+    turns = np.linspace(-1.0, 1.0, 401)
+    for k in range(300):
+        radius, at = 10.0 ** rng.uniform(-3, 0), pose(rng, 10.0 ** rng.uniform(-2, 0.3))
+        if k % 5 == 0:  # close to the axis, where rho turns fast
+            at[:3, 3] = (radius * (1.0 + 10.0 ** rng.uniform(-8, -1)), 0.0, rng.uniform(0, 1))
+        angle, half = rng.uniform(0.0, 2.0 * np.pi), 10.0 ** rng.uniform(-6, -0.3)
+        motion = np.concatenate((at[:3, :3].ravel(), at[:3, 3]))
+        apart, least = bound(motion, 1.0, radius, angle, half)
+        way = angle + half * turns
+        rim = at[:3, :2] @ np.array([np.cos(way), np.sin(way)]) * radius + at[:3, 3:]
+        found = np.hypot(np.hypot(rim[0], rim[1]) - 1.0, rim[2])
+        assert least <= found.min() + 1e-15
+        assert apart == pytest.approx(found[200], abs=2e-15)
+        assert least >= apart - 1.01 * radius * half - 1e-13
+
+
 @pytest.mark.parametrize("thin", [1e-3, 1e-9])
 @pytest.mark.parametrize("name", POSES)
 def test_thin_rings_are_as_far_apart_as_circles(name, thin):
@@ -106,7 +205,8 @@ def test_thin_rings_are_as_far_apart_as_circles(name, thin):
     ):
         assert found.lower <= expected + 1e-15 * size
         assert found.upper >= expected - 1e-15 * size
-        assert found.upper - found.lower <= 1e-5 * size
+        assert found.upper - found.lower <= 3e-12 * size
+        assert found.bound_tests == 1
 
 
 def test_thin_rings_at_random():

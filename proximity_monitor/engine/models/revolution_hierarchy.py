@@ -15,8 +15,8 @@ from ..kernels.revolution.guess import take_samples
 from ..kernels.revolution.reach import take_reaches
 from .nurbs import frozen
 from .parts import even_parts
-from .sphere import sphere_of
 from .surface_hierarchy import SurfaceHierarchy
+from .tube import tube_of
 
 if TYPE_CHECKING:
     from .profile import Profile
@@ -72,7 +72,7 @@ class RevolutionHierarchy(SurfaceHierarchy):
         extent = profile.size + _BEYOND * max(_beyond(pieces) for pieces in profile.pieces)
         rows[:3], rows[3] = frame[:3, :3].T, frame[:3, 3]
         rows[4, :2] = extent, _is_convex(profile)
-        rows[5, :2] = sphere_of(profile)
+        rows[5] = tube_of(profile)
         arcs = build_arcs(curves, extent, PRECISION * profile.size)
         kept = {name: getattr(patches, name) for name in SurfaceHierarchy.KEPT}
         own = {

@@ -120,8 +120,9 @@ arcs (k,) ARC, the first of them around all; curves (c,) CURVE_PIECE, one after 
 profile; places (int32) which piece, in tree order, is which part of a patch: see CURVE_PIECE; frame
 (6, 3) the frame of the profile in the model's: its x, y and z, the axis, and the origin, metres;
 then the length of which arcs err by a share, metres, and whether the solid is about convex, 1 or 0;
-and of a sphere the z of its centre and its radius, at least, metres, else 0; samples (m, 3) points
-of the profile: see revolution/guess.py; reaches (p, VECTORS) metres, what parts of it reach: see
+and of what a ball sweeps along a circle the circle's z, the ball's radius, at least, and the
+circle's, which is 0 of a sphere, metres, else 0; samples (m, 3) points of the profile: see
+revolution/guess.py; reaches (p, VECTORS) metres, what parts of it reach: see
 revolution/reach.py.
 """
 

@@ -28,7 +28,7 @@ from .bounded import (
 )
 from .front import forget_front, has_front, keep_ring
 from .reach import arc_at, reach_of
-from .sphere import is_sphere, least_beside_sphere
+from .tube import are_tubes, least_beside_tube
 
 _NEAR = 0.1
 """Half the angle of the sector around a minimum in which a proof is tried first, radians."""
@@ -73,8 +73,8 @@ def part_around(tree_a, tree_b, state, motion, minimum):
     if has_front(tree_a, tree_b, state):
         return 1 + go_over(tree_a, tree_b, state, motion)
     steps, a, b = 1, np.int64(0), np.int64(0)
-    if is_sphere(tree_a) or is_sphere(tree_b):
-        beside, more = least_beside_sphere(tree_a, tree_b, state, motion)
+    if are_tubes(tree_a, tree_b):
+        beside, more = least_beside_tube(tree_a, tree_b, state, motion)
         least, steps = max(least, beside), steps + more
         if least >= progress.limit:
             return steps

@@ -1,4 +1,4 @@
-"""Solids of revolution that are spheres: exact however they are turned, as balls in sockets."""
+"""Solids of revolution that are spheres or tori: what the circle of their centres tells."""
 
 import math
 from fractions import Fraction
@@ -12,7 +12,7 @@ from test_revolution import ball, cylinder, torus, vase
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Curve, SolidOfRevolution
-from proximity_monitor.engine.models.sphere import sphere_of
+from proximity_monitor.engine.models.tube import tube_of
 
 CUP = lines((0, 0), (1, 1.5), (1.2, 1.5), (0.2, -0.2), (0, -0.2))
 HELD = {
@@ -73,7 +73,7 @@ def test_a_ball_around_another_solid_is_searched_as_any_other():
     assert found.upper - found.lower < 1e-4
 
 
-def test_spheres_are_told_from_what_is_nearly_one():
+def test_spheres_and_tori_are_told_from_what_is_nearly_one():
     half = math.sqrt(0.5)
 
     def egg(wide, middle, above=1.0):
@@ -82,24 +82,38 @@ def test_spheres_are_told_from_what_is_nearly_one():
         return SolidOfRevolution([Curve(points, [0, 0, 0, 1, 1, 2, 2, 2], [1, half, 1, half, 1])])
 
     for middle in (0.0, 5.0, -1e3):
-        centre, radius = sphere_of(egg(1.0, middle).profile)
-        assert centre == middle
-        assert 0.0 <= radius - 1.0 < 1e-12 * (1.0 + middle * middle)
+        centre, radius, around = tube_of(egg(1.0, middle).profile)
+        assert (centre, around) == (middle, 0.0)
+        assert 0.0 <= radius - 1.0 < 1e-12 * (1.0 + abs(middle))
+    for small in (1e-9, 1e-3, 0.2, 0.999):
+        centre, radius, around = tube_of(torus(1.0, small).profile)
+        assert (centre, around) == pytest.approx((0.0, 1.0), abs=1e-15)
+        assert 0.0 <= radius - small < 1e-13
     for wide, above in ((1.0 + 1e-9, 1.0), (1.0, 1.0 + 1e-9), (0.9, 1.0)):
-        assert sphere_of(egg(wide, 0.0, above).profile) == (0.0, 0.0)
-    for solid in (torus(1.0, 0.2), cylinder(0.5, 1.0), vase(), socket(0.5)):
-        assert sphere_of(solid.profile) == (0.0, 0.0)
+        assert tube_of(egg(wide, 0.0, above).profile) == (0.0, 0.0, 0.0)
+    square = lines((1, 0), (2, 0), (2, 1), (1, 1), (1, 0))
+    oval = torus(1.0, 0.2)
+    oval.deform(oval.control_points * (1.0, 1.0, 1.0 + 1e-9))
+    for solid in (cylinder(0.5, 1.0), vase(), socket(0.5), square, oval):
+        assert tube_of(solid.profile) == (0.0, 0.0, 0.0)
 
 
-def test_no_point_of_a_sphere_is_beyond_its_radius():
-    """By exact sums of fractions, for quarters of degree 2 and 3 about centres along the axis."""
+QUARTERS = (
+    [(0, -1), (1, -1), (1, 0)], [(1, 0), (1, 1), (0, 1)], [(0, 1), (-1, 1), (-1, 0)],
+    [(-1, 0), (-1, -1), (0, -1)],
+)  # fmt: skip
+
+
+def test_no_point_of_a_circle_is_beyond_its_radius():
+    """By exact sums of fractions, for quarters of degree 2 and 3, of spheres and of tori."""
     rng = np.random.default_rng(7)
-    for k in range(20):
+    for k in range(40):
         split, size = rng.uniform(0.3, 0.7), 10.0 ** rng.uniform(-3, 3)
-        middle, curves = rng.normal() * size, []
-        for quarter in ([(0, -1), (1, -1), (1, 0)], [(1, 0), (1, 1), (0, 1)]):
+        around = size * 10.0 ** rng.uniform(0.1, 3) if k % 4 > 1 else 0.0
+        middle, curves = (around, rng.normal() * size), []
+        for quarter in QUARTERS if around else QUARTERS[:2]:
             w = np.array([1.0, math.sqrt(0.5), 1.0])
-            rows = np.column_stack((np.array(quarter) * size + (0.0, middle), np.ones(3)))
+            rows = np.column_stack((np.array(quarter) * size + middle, np.ones(3)))
             rows *= w[:, None]
             if k % 2:
                 rows = np.array(
@@ -108,8 +122,9 @@ def test_no_point_of_a_sphere_is_beyond_its_radius():
             ends = [0] * len(rows), [1] * len(rows)
             curves.append(Curve(rows[:, :2] / rows[:, 2:], np.concatenate(ends), rows[:, 2]))
         made = SolidOfRevolution(curves)
-        centre, radius = sphere_of(made.profile)
-        assert radius > 0.0
+        centre, radius, found = tube_of(made.profile)
+        assert radius > 0.0 and found == pytest.approx(around, rel=1e-12)
+        assert radius - size < 1e-13 * (size + around + abs(middle[1]))
         for pieces in made.profile.pieces:
             for rows in pieces:
                 control = [[Fraction(float(x)) for x in row] for row in rows]
@@ -121,5 +136,5 @@ def test_no_point_of_a_sphere_is_beyond_its_radius():
                             for p, q in pairwise(each)
                         ]
                     x, z, w = each[0]
-                    square = (x / w) ** 2 + (z / w - Fraction(centre)) ** 2
+                    square = (x / w - Fraction(found)) ** 2 + (z / w - Fraction(centre)) ** 2
                     assert square <= Fraction(radius) ** 2
