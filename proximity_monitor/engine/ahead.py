@@ -14,6 +14,7 @@ from numba import typeof
 from numpy.typing import NDArray
 
 from .kernels.base import ahead, cache, claims
+from .kernels.base.trees import ARC, CURVE_PIECE, PIECE
 from .kernels.inside import ball, solids
 from .kernels.inside.contain import Insides, settle_signs
 from .kernels.pairs import (
@@ -23,7 +24,10 @@ from .kernels.pairs import (
     surface_mesh,
     surface_surface,
 )
-from .kernels.tree import build, fit_tree, pairing
+from .kernels.revolution import build as arcs
+from .kernels.revolution import reach
+from .kernels.surface import limits
+from .kernels.tree import build, fit_surface, fit_tree, pairing
 
 Kernel = tuple[Any, tuple[Any, ...]]
 """An entry, and examples of its arguments: their types are what counts."""
@@ -58,6 +62,15 @@ def _watching() -> Iterator[Kernel]:
     yield solids.part_volumes, (_frozen(rows), 0.0, lanes, lanes)
 
 
+def _solids() -> Iterator[Kernel]:
+    """What making a solid of revolution needs as soon as its profile is checked."""
+    points, starts, children = np.empty((0, 3)), np.empty(0, np.int64), np.empty(0, np.int32)
+    yield fit_surface.fit_surface, (points, starts, _frozen(children), 0.0)
+    yield arcs.build_arcs, (np.empty(0, CURVE_PIECE), 0.0, 0.0)
+    yield limits.fit_limits, (np.empty(0, PIECE), np.empty(0), np.empty(0))
+    yield reach.take_reaches, (np.empty(0, ARC), 0.0)
+
+
 def _search(part: Any, search: Any) -> Callable[[], Iterator[Kernel]]:
     """A search of models with elements that are divided, and the part that it needs late."""
 
@@ -74,6 +87,7 @@ _OF_SURFACES = _search(late.surfaces, surface_surface.search)
 _ACROSS = _search(late.surface_mesh, surface_mesh.search)
 
 FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
+    ({"solid of revolution"}, _solids),
     ({"surface", "mesh"}, _ACROSS),
     ({"solid of revolution", "mesh"}, _ACROSS),
     ({"surface"}, _OF_SURFACES),
@@ -81,7 +95,8 @@ FORESEEN: tuple[tuple[set[str], Callable[[], Iterator[Kernel]]], ...] = (
     ({"mesh"}, _meshes),
     ({"mesh", ahead.WATCHING}, _watching),
 )
-"""What is compiled, in this order, once all of these are wanted: kinds of models, and WATCHING."""
+"""What is compiled, in this order, once all of these are wanted: kinds of models, and WATCHING.
+What is wanted later goes before what is left then, if it stands above."""
 
 
 def _frozen(array: NDArray[Any]) -> NDArray[Any]:
@@ -103,23 +118,23 @@ def work(directory: str) -> None:
     names: Queue[str] = Queue()
     Thread(target=_listen, args=(names,), daemon=True).start()
     wanted: set[str] = set()
-    done: set[int] = set()
+    foreseen = [(needs, list(kernels())) for needs, kernels in FORESEEN]
     with suppress(Empty):
         while True:
-            wanted.add(names.get(timeout=_IDLE_S))
-            for i, (needs, kernels) in enumerate(FORESEEN):
-                if needs <= wanted and i not in done and names.empty():
-                    done.add(i)
-                    _compile(kernels())
+            while not names.empty():
+                wanted.add(names.get())
+            if left := next((left for needs, left in foreseen if left and needs <= wanted), None):
+                _compile(*left.pop(0))
+            else:
+                wanted.add(names.get(timeout=_IDLE_S))
 
 
-def _compile(kernels: Iterator[Kernel]) -> None:
-    """Compile those that no process has or compiles."""
-    for kernel, arguments in kernels:
-        types = tuple(typeof(argument) for argument in arguments)
-        if kernel._cache.is_wanting(types, kernel.targetctx):
-            with suppress(Exception):  # whoever needs it compiles it, and says what is wrong
-                kernel.compile(types)
+def _compile(kernel: Any, arguments: tuple[Any, ...]) -> None:
+    """Compile a kernel that no process has or compiles."""
+    types = tuple(typeof(argument) for argument in arguments)
+    if kernel._cache.is_wanting(types, kernel.targetctx):
+        with suppress(Exception):  # whoever needs it compiles it, and says what is wrong
+            kernel.compile(types)
 
 
 def _listen(names: Queue[str]) -> None:

@@ -9,9 +9,11 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from numba import typeof
 
+from proximity_monitor import engine
 from proximity_monitor.engine import ahead as foreseen
 from proximity_monitor.engine.kernels.base import ahead, cache, claims
 from proximity_monitor.engine.kernels.pairs import late
@@ -30,6 +32,31 @@ from proximity_monitor.engine import ahead
 from proximity_monitor.engine.kernels.base import cache, motion
 ahead._IDLE_S = 0.5
 ahead.FORESEEN = (({"one", "two"}, lambda: [(motion.pose_deviation, (np.eye(4),))]),)
+ahead.work(str(cache.CACHE_DIRECTORY))
+"""
+IN_TURN = """
+import sys, time
+from types import SimpleNamespace
+from proximity_monitor.engine import ahead
+from proximity_monitor.engine.kernels.base import cache
+ahead._IDLE_S = 0.5
+heard = []
+listen = ahead.Queue.put
+def put(names, name):
+    listen(names, name)
+    heard.append(name)
+ahead.Queue.put = put
+def kernel(name):
+    def compiled(types):
+        print(name, flush=True)
+        while len(heard) < 2:
+            time.sleep(0.01)
+    wanting = SimpleNamespace(is_wanting=lambda *_: True)
+    return SimpleNamespace(_cache=wanting, targetctx=None, compile=compiled), ()
+ahead.FORESEEN = (
+    ({"one", "two"}, lambda: [kernel("above")]),
+    ({"one"}, lambda: [kernel("first"), kernel("second")]),
+)
 ahead.work(str(cache.CACHE_DIRECTORY))
 """
 PARENT = """
@@ -241,7 +268,7 @@ def test_a_process_that_cannot_be_started_is_no_error(begun, monkeypatch, tmp_pa
 
 @pytest.mark.parametrize("wanted", ["surface", "solid of revolution"])
 def test_what_is_compiled_ahead_is_what_a_search_needs(wanted):
-    (kernels,) = [kernels for needs, kernels in foreseen.FORESEEN if needs == {wanted}]
+    *_, kernels = [kernels for needs, kernels in foreseen.FORESEEN if needs == {wanted}]
     parts, searches = [], []
     for kernel, arguments in kernels():
         types = tuple(map(typeof, arguments))
@@ -251,6 +278,29 @@ def test_what_is_compiled_ahead_is_what_a_search_needs(wanted):
     for part, search in zip(parts, searches, strict=True):
         assert needed(part) > {part}
         assert needed(part) - {part} < needed(search), "it was compiled for other types"
+
+
+def test_what_is_compiled_ahead_is_what_making_a_solid_needs():
+    kernels, *_ = [each for needs, each in foreseen.FORESEEN if needs == {"solid of revolution"}]
+    made = engine.shapes.torus(2.0, 0.5)
+    assert engine.distance(made, np.eye(4), made, np.eye(4)).lower == 0.0
+    of_solids = [(kernel, tuple(map(typeof, arguments))) for kernel, arguments in kernels()]
+    assert len(of_solids) > 3
+    for kernel, types in of_solids:
+        assert types in kernel.overloads, "it was compiled for other types"
+
+
+def test_what_is_wanted_meanwhile_goes_before_what_stands_below(tmp_path):
+    """A process hears of more while it compiles the first kernel of three."""
+    with run(IN_TURN, tmp_path) as worker:
+        worker.stdin.write("one\n")
+        worker.stdin.flush()
+        assert worker.stdout.readline() == "first\n"
+        worker.stdin.write("two\n")
+        worker.stdin.flush()
+        assert worker.stdout.readline() == "above\n"
+        assert worker.stdout.readline() == "second\n"
+        assert worker.wait(SOON_S) == 0
 
 
 def needed(name):

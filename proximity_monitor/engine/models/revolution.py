@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_reals
+from ..kernels.base import ahead
 from ..kernels.base.rounding import DOUBLE_EPS, LARGEST_COORDINATE
 from .checks import ModelError, checked_length, checked_vertices
 from .closed import GAP_ROUNDING, Joints
@@ -65,6 +66,7 @@ class SolidOfRevolution(Surface):
         name: str = "solid of revolution",
         deviation: float = 0.0,
     ) -> None:
+        ahead.want(self.kind)
         given = tuple(curves)
         for i, curve in enumerate(given):
             if not isinstance(curve, Curve):

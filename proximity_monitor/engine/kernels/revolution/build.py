@@ -45,7 +45,8 @@ def build_arcs(curves, size, precision):
     while at < count:
         if count + 2 > room:
             more, wider = np.empty(2 * room, ARC), np.empty((2 * room, 2), np.int64)
-            more[:room], wider[:room] = arcs, spans
+            for i in range(room):
+                more[i], wider[i, 0], wider[i, 1] = arcs[i], spans[i, 0], spans[i, 1]
             arcs, spans, room = more, wider, 2 * room
         arc, first, end = arcs[at], spans[at, 0], spans[at, 1]
         if end - first > 1:

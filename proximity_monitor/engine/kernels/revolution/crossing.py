@@ -160,7 +160,10 @@ def _parts(nets, degrees, size):
                 continue
             if count == len(parts):
                 more, beside = np.empty((2 * count, ROWS, COLUMNS)), np.empty((2 * count, 2))
-                more[:count], beside[:count] = parts, angles
+                # Of slices numba would compile its message for unlike lengths: three seconds.
+                for i in range(count):
+                    copy(parts[i], degrees[np.int64(parts[i, PLACE, 2])], more[i])
+                    beside[i, 0], beside[i, 1] = angles[i, 0], angles[i, 1]
                 parts, angles = more, beside
             copy(part, degrees[k], parts[count])
             angles[count, 0], angles[count, 1] = low, high
