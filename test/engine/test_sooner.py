@@ -1,8 +1,10 @@
 """What the engine changes of numba so that it compiles sooner: each test says what it relies on."""
 
+import ast
 import gc
 import operator
 from contextlib import suppress
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -247,6 +249,30 @@ def test_calls_of_llvm_for_our_kernels_are_not_timed(monkeypatch):
         assert run(_second)(np.ones(2)) == 1.0
         assert not heard, what
     assert jit._LLVM._cblist, "numba times others' functions as before"
+
+
+COMPILED = {"allocating", "allocating_entry", "entry", "kernel", "shared"}
+
+
+def test_no_kernel_assigns_an_array_to_a_slice():
+    """Numba would compile the message for lengths that differ with it: two to three seconds."""
+    found, looked = [], 0
+    for path in sorted(Path(sooner.__file__).parents[1].rglob("*.py")):
+        for function in ast.walk(ast.parse(path.read_text())):
+            names = {getattr(each, "id", "") for each in getattr(function, "decorator_list", ())}
+            if names & COMPILED:
+                looked += 1
+                found += [f"{path.name}:{line}" for line in _slices_assigned(function)]
+    assert looked > 500 and found == []
+
+
+def _slices_assigned(function):
+    for each in ast.walk(function):
+        if not isinstance(each, (ast.Assign, ast.AugAssign)) or ast.unparse(each.value) == "np.inf":
+            continue
+        for target in each.targets if isinstance(each, ast.Assign) else [each.target]:
+            if any(isinstance(part, ast.Slice) for part in ast.walk(target)):
+                yield each.lineno
 
 
 @pytest.mark.parametrize("frozen", [False, True])

@@ -161,5 +161,6 @@ def part_volumes(triangles, unit, part, samples):
         for i in range(3):
             j, h = (i + 1) % 3, (i + 2) % 3
             found[k, 1] += abs(a[i]) * (abs(b[j] * c[h]) + abs(b[h] * c[j]))
-    found[:, 0] += lost
+    for k in range(len(lost)):
+        found[k, 0] += lost[k]
     return found
