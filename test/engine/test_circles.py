@@ -16,6 +16,7 @@ from proximity_monitor import engine
 from proximity_monitor.engine import Curve, SolidOfRevolution
 from proximity_monitor.engine.kernels.base import jit
 from proximity_monitor.engine.kernels.revolution import circles
+from proximity_monitor.engine.kernels.revolution.bound import half_of
 
 DIGITS, STARTS = 30, 720
 
@@ -253,6 +254,42 @@ def test_a_ring_in_the_tube_of_another(at):
     assert found.upper - found.lower <= 1e-10
     signed = engine.signed_distance(torus(1.0, 0.4), IDENTITY, torus(0.95, 0.02), at)
     assert signed.lower <= -0.04 <= signed.upper + 1e-12
+
+
+def test_a_thin_ring_in_a_tube_that_is_nearest_in_two_places():
+    """The second of them lay between the two parts of a sector that is almost all of a turn."""
+    large, tube, radius, thin = 0.243192549, 0.204462611, 0.25129693, 2.47713013e-4
+    at = tilted(8.0824013e-6, 3.91746048e-6, -2.35908564e-6, -2.06665678e-6)
+    expected = tube - thin - circles_apart(large, radius, at, most=True)
+    for turn in np.linspace(0.0, 2.0 * np.pi, 7)[1:]:
+        cos, sin = math.cos(turn), math.sin(turn)
+        turned = at @ [[cos, -sin, 0, 0], [sin, cos, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+        found = engine.distance(
+            torus(large, tube), IDENTITY, torus(radius, thin), turned, budget_s=0.1
+        )
+        assert found.lower <= expected + 1e-15
+        assert found.upper >= expected - 1e-15
+
+
+@jit.entry
+def part(angle, half, which):
+    return half_of(angle, half, which)
+
+
+part._cache = NullCache()
+
+
+@pytest.mark.parametrize(
+    "half", [math.pi, math.pi - 0.1, 3.05, 3.0 + 1e-12, 3.0, 2.9, 1.0, 1e-3, 1e-9]
+)
+def test_both_parts_of_a_sector_are_all_of_it(half):
+    for angle in (0.3, 6.1, -2.0):
+        parts = [part(angle, half, which) for which in (0, 1)]
+        for aside in half * np.linspace(-1.0, 1.0, 2001):
+            away = [abs(angle + aside - middle) for middle, _ in parts]
+            away = [abs((each + math.pi) % (2.0 * math.pi) - math.pi) for each in away]
+            wide = [each for _, each in parts]
+            assert away[0] <= wide[0] + 1e-15 or away[1] <= wide[1] + 1e-15
 
 
 @pytest.mark.parametrize("bulge", [1e-3, 1e-9, 1e-14, 0.0])

@@ -158,12 +158,12 @@ def sector_of(angle, half):
 def half_of(angle, half, which):
     """The middle of one of two parts of a sector, and half its angle.
 
-    What turns all around is nearest in the middle: that is parted from the rest.
+    What turns all around, or almost, is nearest in the middle: that is parted from all else.
     """
     if half > _WIDE:
         if which == 0:
             return angle, _FRONT
-        return angle + math.pi, (half - _FRONT) * (1.0 + 1e-15)
+        return angle + math.pi, (math.pi - _FRONT) * (1.0 + 1e-15)
     half *= 0.5
     return angle + (half if which else -half), half * (1.0 + 1e-15)
 
