@@ -173,7 +173,7 @@ def _bound(circles, angle, half):
     off = rho - circles.around
     apart = math.sqrt(off * off + z * z)
     place, slope = _PLACE * circles.size, _SLOPE * r
-    # No point is nearer by more than the length of the way to it.
+    # Nor is any nearer to the axis by more than the way to it.
     least, low = _least_near(circles, apart, half), _least_near(circles, rho, half)
     if not low > 0.0:
         return apart, least, 0.0
