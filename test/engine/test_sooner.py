@@ -251,7 +251,10 @@ def test_calls_of_llvm_for_our_kernels_are_not_timed(monkeypatch):
     assert jit._LLVM._cblist, "numba times others' functions as before"
 
 
-COMPILED = {"allocating", "allocating_entry", "entry", "kernel", "shared"}
+COMPILED = {
+    "allocating", "allocating_entry", "entry", "fused", "inlined", "inlined16", "kernel", "loop16",
+    "shared",
+}  # fmt: skip
 
 
 def test_no_kernel_assigns_an_array_to_a_slice():

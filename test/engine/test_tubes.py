@@ -73,6 +73,23 @@ def test_a_ball_around_another_solid_is_searched_as_any_other():
     assert found.upper - found.lower < 1e-4
 
 
+@pytest.mark.parametrize("gap", [1e-3, 1e-9, 1e-12, 1e-14, 0.0])
+@pytest.mark.parametrize("name", ["bore", "cylinder", "torus", "ball"])
+def test_a_ball_that_almost_touches_takes_one_bound(name, gap):
+    """Outside another solid or inside it, as a ball in the tube of a torus or in a larger ball."""
+    holder = ball(0.7) if name == "ball" else HELD[name][0]
+    rng, looked = np.random.default_rng(8), 0
+    for _ in range(20):
+        at = pose(rng, 1.0)
+        radius = engine.closest_points(holder, np.eye(4), at[None, :3, 3]).upper[0] - gap
+        if radius > 0.01:
+            looked += 1
+            as_centre_tells(holder, np.eye(4), ball(radius), at, radius)
+            found = engine.distance(holder, np.eye(4), ball(radius), at)
+            assert found.bound_tests <= 2
+    assert looked > 10
+
+
 def test_spheres_and_tori_are_told_from_what_is_nearly_one():
     half = math.sqrt(0.5)
 

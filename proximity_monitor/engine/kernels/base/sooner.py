@@ -170,7 +170,11 @@ _implementation = base.BaseContext.get_function
 def _get_function(
     self: base.BaseContext, function: Any, signature: Any, _firstcall: bool = True
 ) -> Any:
-    """What implements a function. An array is not made of another object."""
+    """What implements a function.
+
+    For every access numba asks how an array is made of an array, as it is of other objects. Nothing
+    does that, and to find out it would take up all registries anew.
+    """
     if function == "__array__" and type(signature.args[0]) in (types.Array, types.NestedArray):
         raise NotImplementedError(function)
     return _implementation(self, function, signature, _firstcall)
@@ -193,7 +197,8 @@ def _refresh(self: base.BaseContext) -> None:
 def _registered(context: base.BaseContext) -> int:
     """How much the registries hold at which a context, and that of its types, look."""
     registries = *context._registries, *context.typing_context._registries
-    return sum(len(each) for one in registries for each in vars(one).values())
+    kept = [each for one in registries for each in vars(one).values()]
+    return sum(len(each) for each in kept if isinstance(each, list))
 
 
 base.BaseContext.refresh = _refresh

@@ -114,7 +114,15 @@ def least_beside_tube(tree_a, tree_b, state, motion):
     """
     progress = state.progress[0]
     spare = _SPARE * (tree_a.scale[2] + tree_b.scale[2])
-    if _radius(tree_a) > 0.0 and _radius(tree_b) > 0.0:
+    if _is_sphere(tree_b):  # first, as a sphere may be in the tube of a torus, or in a sphere
+        q = moved(motion, (0.0, 0.0, _height(tree_b)))
+        least, p, looks = _beside_sphere(tree_a, tree_b, q, spare)
+        p = moved_back(motion, p)
+    elif _is_sphere(tree_a):
+        p = moved_back(motion, (0.0, 0.0, _height(tree_a)))
+        least, q, looks = _beside_sphere(tree_b, tree_a, p, spare)
+        q = moved(motion, q)
+    else:
         if _around(tree_a) >= _around(tree_b):
             least, p, q, looks = _beside_ring(tree_a, tree_b, motion, spare)
         else:
@@ -122,16 +130,8 @@ def least_beside_tube(tree_a, tree_b, state, motion):
             _turn_back(motion, back)
             least, q, p, looks = _beside_ring(tree_b, tree_a, back, spare)
         p, q = moved_back(motion, p), moved(motion, q)
-    elif _is_sphere(tree_b):
-        q = moved(motion, (0.0, 0.0, _height(tree_b)))
-        least, p, looks = _beside_sphere(tree_a, tree_b, q, spare)
-        p = moved_back(motion, p)
-    else:
-        p = moved_back(motion, (0.0, 0.0, _height(tree_a)))
-        least, q, looks = _beside_sphere(tree_b, tree_a, p, spare)
-        q = moved(motion, q)
     least -= progress.slack + progress.bound_slack
-    if 0.0 < least < progress.limit:
+    if -progress.abs_err < least < progress.limit:  # where they cross, these points are not near
         _, a, s, more = _foot(tree_a, q, 0.0, spare)
         _, b, t, also = _foot(tree_b, p, 0.0, spare)
         looks += more + also
