@@ -11,6 +11,7 @@ from test_surface_distance import MODELS, made
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.inside.visit import ROOM
 from proximity_monitor.engine.kernels.surface import closest, evaluate, limits, minimum, square
+from proximity_monitor.engine.questions import closest_surface
 
 HERE = np.eye(4)
 jet_at, limits_of = from_python(evaluate.jet_at), from_python(limits.limits_of)
@@ -216,3 +217,25 @@ def test_points_beyond_the_largest_distance_are_told_to_be():
     assert np.isinf(found.upper[~near]).all()
     assert np.abs(found.upper - whole.upper)[near].max() < 1e-11
     assert (whole.upper[~near] >= limit).all()
+
+
+@pytest.mark.parametrize("model", ["torus", "ring"])
+def test_normals_and_angles_take_none_of_a_budget(model, monkeypatch):
+    """They are made when they are read, of the surface as it was when it was asked about."""
+    model = made("torus")[0] if model == "torus" else engine.shapes.torus(1.0, 0.3)
+    given, read = np.random.default_rng(3).normal(size=(50, 3)), []
+    before = engine.closest_points(model, HERE, given, normals=True)
+    normals, parameters = before.normals, before.parameters
+    for name in ("angle", "unit_normals"):
+        work = getattr(closest_surface, name)
+        monkeypatch.setattr(
+            closest_surface, name, lambda *a, work=work, name=name: read.append(name) or work(*a)
+        )
+    pose = HERE.copy()
+    found = engine.closest_points(model, pose, given, normals=True)
+    assert not read
+    pose[:3, :3] = np.diag((-1.0, -1.0, 1.0))
+    model.deform(model.control_points * (1.0, 1.0, 1.5))
+    assert np.array_equal(found.normals, normals)
+    assert np.array_equal(found.parameters, parameters)
+    assert "unit_normals" in read

@@ -16,7 +16,7 @@ from ..models.model import Model
 from ..models.solid import sides_of
 from ..models.surface import Surface
 from ..poses import check_pose
-from .closest_surface import SurfacePoints
+from .closest_surface import PointsOnSurface, SurfacePoints
 from .result import ClosestPoints
 from .run import check_model
 from .sharing import share
@@ -41,10 +41,10 @@ class Nearest:
     """(k, 3) where there is a triangle."""
     triangles: NDArray[np.int32]
     """(k,) in tree order, or NONE."""
-    parameters: NDArray[np.float64] | None
-    """(k, 2) on the elements of a surface, where there is one; None: of a mesh."""
+    surface: PointsOnSurface | None
+    """What else was written about those of a surface; None: of a mesh."""
     directions: NDArray[np.float64] | None
-    """(k, 3) where there is a triangle, if they were asked for."""
+    """(k, 3) where there is a triangle of a mesh, if they were asked for."""
     ends: NDArray[np.int64]
     """The points that are done of every _POINTS: those before this one."""
     nothing: float
@@ -72,9 +72,23 @@ class Nearest:
         near = self.near()
         return np.where(near, self.numbers[np.where(near, self.triangles, 0)], -1)
 
-    def vectors(self, found: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Those of the feet, parameters or directions (k, n) that were found, and NaN."""
-        return np.where(self.near()[:, None], found, np.nan)
+    def points(self) -> NDArray[np.float64]:
+        """The feet that were found (k, 3), or NaN."""
+        return self._found(self.feet)
+
+    def parameters(self) -> NDArray[np.float64] | None:
+        """Where those are on the elements of a surface (k, 2), or NaN; None: of a mesh."""
+        return None if self.surface is None else self._found(self.surface.places())
+
+    def normals(self) -> NDArray[np.float64] | None:
+        """The surface's normals there (k, 3), or NaN, if they were asked for."""
+        directions = self.directions
+        if self.surface is not None:
+            directions = self.surface.normals(self.elements())
+        return None if directions is None else self._found(directions)
+
+    def _found(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(self.near()[:, None], vectors, np.nan)
 
 
 def closest_points(
@@ -142,10 +156,10 @@ def closest_points(
     directions = np.empty((k if normals else 0, 3))
     ends = np.zeros(-(-k // _POINTS), np.int64)
     nothing = 0.0 if sides is None else -math.inf
-    chosen = directions if normals else None
-    parameters = np.zeros((k, 2)) if isinstance(model, Surface) else None
+    found_on = PointsOnSurface.of(model, pose, k, normals) if isinstance(model, Surface) else None
+    chosen = directions if normals and found_on is None else None
     answer_made = Nearest(
-        hierarchy.numbers, bounds, nearest, triangles, parameters, chosen, ends, nothing
+        hierarchy.numbers, bounds, nearest, triangles, found_on, chosen, ends, nothing
     )
     if isinstance(model, Surface):
         surface = SurfacePoints(model, pose, max_distance, errors, deadline, sides is not None)
@@ -154,7 +168,7 @@ def closest_points(
             part = slice(first, first + _POINTS)
             ends[first // _POINTS] = first + surface.find(
                 given[part], first, stopped, bounds[part], nearest[part], triangles[part],
-                parameters[part], directions[part],
+                found_on.parameters[part],
             )  # fmt: skip
 
         share(answer_surface, range(0, k, _POINTS), threads)

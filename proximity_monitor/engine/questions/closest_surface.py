@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from threading import Event
 from time import perf_counter
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,52 @@ from ..models.revolution import angle
 from ..models.surface import Surface
 from ..models.surface_mesh import unit_normals
 from .slices import slices_until
+
+if TYPE_CHECKING:
+    from ..models.nurbs import Net
+
+
+@dataclass(frozen=True, slots=True)
+class PointsOnSurface:
+    """Where points of a surface lie on its patches, as kernels wrote it.
+
+    Angles and normals take longer than a short budget lasts, so they are made when they are read.
+    """
+
+    nets: tuple[Net, ...]
+    """The surface's, as the search saw them: it may be deformed later."""
+    pose: NDArray[np.float64]
+    """(4, 4) model to world."""
+    parameters: NDArray[np.float64]
+    """(k, 2) on patches, where a point was found."""
+    turned: bool
+    """Whether the second one stands for an angle; see `models.revolution.angle`."""
+    wanted: bool
+    """Whether normals were asked for."""
+
+    @classmethod
+    def of(cls, model: Surface, pose: NDArray[np.float64], count: int, wanted: bool) -> Self:
+        """Of so many points that are not found yet."""
+        hierarchy = model._hierarchy
+        turned = hierarchy.tree_kind is RevolutionTree
+        return cls(hierarchy.nets, pose.copy(), np.zeros((count, 2)), turned, wanted)
+
+    def places(self) -> NDArray[np.float64]:
+        """Their parameters (k, 2) as answers name them."""
+        if not self.turned:
+            return self.parameters
+        return np.column_stack((self.parameters[:, 0], angle(self.parameters[:, 1])))
+
+    def normals(self, patches: NDArray[np.int32]) -> NDArray[np.float64] | None:
+        """The unit normals (k, 3) on these patches, world, if they were asked for; -1: none."""
+        if not self.wanted:
+            return None
+        made = np.empty((len(patches), 3))
+        for patch in np.unique(patches[patches >= 0]):
+            of = np.flatnonzero(patches == patch)
+            u, v = self.parameters[of].T
+            made[of] = unit_normals(self.nets[patch], u, v) @ self.pose[:3, :3].T
+        return made
 
 
 class SurfacePoints:
@@ -41,11 +89,11 @@ class SurfacePoints:
     def find(
         self, given: NDArray[np.float64], first: int, stopped: Event,
         bounds: NDArray[np.float64], nearest: NDArray[np.float64], elements: NDArray[np.int32],
-        parameters: NDArray[np.float64], normals: NDArray[np.float64],
+        parameters: NDArray[np.float64],
     ) -> int:  # fmt: skip
         """Write what `questions.closest.Nearest` says of points (k, 3); returns how many are done.
 
-        `first` is the number of the first. Its normals are written where there is room for any.
+        `first` is the number of the first.
         """
         late = self._deadline is not None and perf_counter() >= self._deadline
         if first and late:
@@ -75,21 +123,4 @@ class SurfacePoints:
             # At least one point, so that asking again and again comes to an end.
             if slices.over() and (first or done):
                 break
-        if len(normals):
-            self._normals(elements[:done], parameters, normals)
-        if turned:
-            parameters[:done, 1] = angle(parameters[:done, 1])
         return done
-
-    def _normals(
-        self, elements: NDArray[np.int32], parameters: NDArray[np.float64],
-        normals: NDArray[np.float64],
-    ) -> None:  # fmt: skip
-        """Write the surface's unit normals in the world at parameters on elements."""
-        near = elements >= 0
-        patches = self._hierarchy.numbers[np.where(near, elements, 0)]
-        for patch in np.unique(patches[near]):
-            of = np.flatnonzero(near & (patches == patch))
-            u, v = parameters[of].T
-            found = unit_normals(self._hierarchy.nets[patch], u, v)
-            normals[of] = found @ self._pose[:3, :3].T

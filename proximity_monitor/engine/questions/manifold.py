@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..kernels.elements.swept import lower_of, reach_of, upper_of
 from ..models.hierarchy import Hierarchy
 from .regions import Ranges, Regions, groups_of, regions_of
-from .run import Cells, Search, least
+from .run import Divided, Search, least
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,7 +114,7 @@ class Candidates:
     """Rows of `State.collected`."""
     pending: tuple[NDArray[np.int32], NDArray[np.float64]]
     """Pairs of volumes that the search did not look into: lanes (k, 2), bounds (k,) in metres."""
-    cells: Cells | None
+    divided: Divided | None
     """Pairs of parts of elements; None where none are divided."""
     motion: NDArray[np.float64]
     """(12,) from b to a."""
@@ -145,10 +145,11 @@ class Candidates:
         ranges = [
             [side.own(triangles[:, k]), side.under(lanes[:, k])] for k, side in enumerate(sides)
         ]
-        if self.cells is not None:
-            near = self.cells.bounds <= reach
-            lower.append(self.cells.bounds[near])
-            for side, own, parts in zip(sides, ranges, self.cells.pairs[near].T, strict=True):
+        if self.divided is not None:
+            cells = self.divided.cells()
+            near = cells.bounds <= reach
+            lower.append(cells.bounds[near])
+            for side, own, parts in zip(sides, ranges, cells.pairs[near].T, strict=True):
                 own.append(side.own(parts))
         of_a, of_b = (np.concatenate(own) for own in ranges)
         upper = np.concatenate((distances, self._apart(of_a, of_b, len(triangles)))) + slack
@@ -171,7 +172,7 @@ class Candidates:
 
     def _sides(self) -> tuple[Regions, Regions]:
         if not self.made:
-            cells = (None, None) if self.cells is None else self.cells.sides
+            cells = (None, None) if self.divided is None else self.divided.sides
             self.made.extend(map(regions_of, self.hierarchies, cells))
         a, b = self.made
         return a, b

@@ -167,7 +167,7 @@ class ClosestPoints:
     @cached_property
     def points(self) -> NDArray[np.float64]:
         """(k, 3) metres, world; the nearest points of the surface."""
-        return self.found.vectors(self.found.feet)
+        return self.found.points()
 
     @cached_property
     def elements(self) -> NDArray[np.int32]:
@@ -185,8 +185,7 @@ class ClosestPoints:
         may be is not told: as the distance changes with their square, about the square root of
         what the bounds differ by. `distance` has `param_err` for what must be certain.
         """
-        parameters = self.found.parameters
-        return None if parameters is None else self.found.vectors(parameters)
+        return self.found.parameters()
 
     @cached_property
     def done(self) -> NDArray[np.bool_]:
@@ -200,8 +199,7 @@ class ClosestPoints:
         That of the triangle points outward as the order of its corners says, and is zero where it
         has no area. Of a model swept by a ball it is that of its surface.
         """
-        directions = self.found.directions
-        return None if directions is None else self.found.vectors(directions)
+        return self.found.normals()
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,6 +77,23 @@ class Cells(NamedTuple):
     """(m,) CELL of either model; none if its elements are not divided."""
 
 
+class Divided(NamedTuple):
+    """The same as a search keeps it: what sorting it out takes is for whoever reads it."""
+
+    pairs: tuple[NDArray, NDArray]
+    """CELL_PAIR, of the kernel's first and second model: waiting ones and others."""
+    sides: tuple[NDArray, NDArray]
+    """As those of `Cells`."""
+    turned: bool
+    """Whether the kernel's first model is the second one that was asked about."""
+
+    def cells(self) -> Cells:
+        """Sort it out."""
+        names = ("b", "a") if self.turned else ("a", "b")
+        bounds, *sides = (np.concatenate([e[k] for e in self.pairs]) for k in ("bound", *names))
+        return Cells(bounds, np.stack(sides, axis=1), self.sides)
+
+
 class Search:
     """The memory of a search over two models, and its last answers.
 
@@ -302,15 +319,14 @@ class Search:
 
     def progress_now(self) -> np.void:
         """How far the search is at this moment: a copy that no later search writes to."""
-        # As bytes: numpy copies records field by field, which takes ten times as long.
-        return np.frombuffer(self.state.progress.tobytes(), index.PROGRESS)[0]
+        return _copies(self.state.progress)[0][0]
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
         blocks = *self._blocks, self.state.collected[: self.progress["collected"]]
         return tuple(each[:, (1, 0, 2)] for each in blocks) if self._turned else blocks
 
-    def divided(self) -> Cells | None:
+    def divided(self) -> Divided | None:
         """The pairs of cells that may hold the minimum: a copy; None where nothing is divided."""
         waiting = self.state.waiting
         if not isinstance(waiting, (index.Dividing, index.Turning)):
@@ -318,21 +334,26 @@ class Search:
         progress, pairs = self.progress, waiting.pairs
         heap, aside = pairs[: progress["dividing"]], pairs[len(pairs) - int(progress["aside"]) :]
         used = waiting.cells_a[: progress["cells_a"]], waiting.cells_b[: progress["cells_b"]]
-        # As bytes: numpy copies records field by field, which takes ten times as long.
-        a, b = (np.frombuffer(each.tobytes(), index.CELL) for each in used)
-        bounds, *sides = (np.concatenate((heap[k], aside[k])) for k in ("bound", "a", "b"))
-        return Cells(bounds, np.stack(self._as_asked(*sides), axis=1), self._as_asked(a, b))
+        return Divided(_copies(heap, aside), self._as_asked(*_copies(*used)), self._turned)
 
     def pending(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """The pairs of volumes not yet looked into: their lanes (k, 2) and lower bounds (k,)."""
-        pairs, bounds, *_ = self.state.open
-        where: slice | NDArray[np.int64] = slice(self.progress["open"])
+        state, progress = self.state, self.progress
+        lanes, lower, *_ = state.waiting
+        waiting, ends = int(progress["waiting"]), int(progress["open"])
+        pairs, bounds, *_ = state.open
         if self.order == "breadth_first":  # a ring
-            where = np.arange(self.progress["base"], self.progress["open"]) % len(bounds)
-        lanes, lower, *_ = self.state.waiting
-        waiting = slice(self.progress["waiting"])
-        found = np.concatenate((pairs[where], lanes[waiting]))
+            where = np.arange(progress["base"], ends) % len(bounds)
+            open_pairs, open_bounds = pairs[where], bounds[where]
+        else:
+            open_pairs, open_bounds = pairs[:ends], bounds[:ends]
+        found = np.concatenate((open_pairs, lanes[:waiting]))
         return (
             found[:, ::-1] if self._turned else found,
-            np.concatenate((bounds[where], lower[waiting])),
+            np.concatenate((open_bounds, lower[:waiting])),
         )
+
+
+def _copies(*records: NDArray) -> tuple[NDArray, ...]:
+    """Copies of one-dimensional records; numpy's own, field by field, take ten times as long."""
+    return tuple([np.frombuffer(each.tobytes(), each.dtype) for each in records])

@@ -39,10 +39,10 @@ slices are over at once, or meet nothing but the cheapest of their work: that te
 next slice, which may not become long because of it."""
 
 
-_END, _LONGEST_END_S = 0.01, 5e-5
+_END, _LONGEST_END_S = 0.02, 1e-4
 """Share of a budget that is kept for the end of a call, and the most of it, seconds. A search of
-milliseconds drives Python out of the processor's caches, so that its end takes five times as long
-as after a short one."""
+milliseconds drives Python out of the processor's caches, so that its end takes up to ten times as
+long as after a short one."""
 
 
 def deadline_of(start: float, budget_s: SupportsFloat | None) -> float | None:

@@ -21,7 +21,7 @@ from ..kernels.tree.layout import first_of, last_of
 from ..models.hierarchy import Hierarchy
 from .contact_surface import contacts_of
 from .contacts import Met, Touching, no_contacts
-from .run import Search
+from .run import Cells, Search
 
 Reals = NDArray[np.float64]
 Pairs = NDArray[np.int64]
@@ -29,6 +29,9 @@ Pairs = NDArray[np.int64]
 
 _PART_S = 5e-5
 """Seconds that a part of what it takes to begin may take."""
+
+_HALF = 32
+"""Bits of an element's number."""
 
 
 class PieceSearch:
@@ -57,16 +60,27 @@ class PieceSearch:
     def _begin(self, search: Search) -> Iterator[None]:
         """Begin in parts, as each may take longer than a budget: it yields before each of them."""
         yield
-        found = _of_cells(search)
+        divided = search.divided()
         yield
-        pairs = np.unique(np.concatenate((found, _of_leaves(search))), axis=0)
-        queries = np.zeros(len(pairs), index.QUERY)
-        queries["bodies"], queries["nearest"], queries["alone"] = (0, 1), pairs, 1
+        keys = _keys(*_of_leaves(search))
+        if divided is not None:
+            cells = divided.cells()
+            yield
+            near = cells.pairs[cells.bounds <= search.progress["limit"]]
+            yield
+            keys = np.concatenate((keys, _keys(*_elements_of(near, cells, search))))
+        yield
+        keys = np.unique(keys)
+        yield
+        queries = np.zeros(len(keys), index.QUERY)
+        queries["bodies"], queries["alone"] = (0, 1), 1
+        queries["nearest"][:, 0], queries["nearest"][:, 1] = keys >> _HALF, keys % (1 << _HALF)
         queries["limit"], queries["param_err"] = math.ulp(0.0), math.inf
         yield
         self._queries, self._asked = queries, table((queries,))
+        yield
         self._search = Search(*search.models, coherent=False)
-        self.answers = np.empty((len(pairs), index.ANSWER))
+        self.answers = np.empty((len(queries), index.ANSWER))
         yield
 
     def run(self, deadline: float | None) -> bool:
@@ -146,21 +160,20 @@ class MetPieces:
         return np.where(pieces["edge"] == NONE, elements, pieces["face"])
 
 
-def _of_cells(search: Search) -> Pairs:
-    """The pairs of elements (k, 2), in tree order, whose cells may touch as far as is known."""
-    cells = search.divided()
-    if cells is None:
-        return np.empty((0, 2), np.int64)
-    near = cells.pairs[cells.bounds <= search.progress["limit"]]
-    sides = []
+def _keys(one: Pairs, other: Pairs) -> Pairs:
+    """A number for each pair of elements (k,) and (k,): numpy sorts these far faster than rows."""
+    return (one << _HALF) + other
+
+
+def _elements_of(near: NDArray[np.int32], cells: Cells, search: Search) -> Iterator[Pairs]:
+    """The elements of a, and of b, in tree order, of whose cells pairs are near."""
     for parts, own, model in zip(near.T, cells.sides, search.models, strict=True):
         divided = isinstance(model._hierarchy.tree, SurfaceTree)
-        sides.append(own["element"][parts] if divided else parts)
-    return np.stack(sides, axis=1).astype(np.int64)
+        yield (own["element"][parts] if divided else parts).astype(np.int64)
 
 
 def _of_leaves(search: Search) -> Pairs:
-    """Those of leaves: there was no room for their cells."""
+    """The elements of a, and of b, under pairs of leaves for whose cells there was no room."""
     a, b = (model._hierarchy for model in search.models)
     found = [
         (i, j)
@@ -169,7 +182,7 @@ def _of_leaves(search: Search) -> Pairs:
         for i in _under(a, one)
         for j in _under(b, other)
     ]
-    return np.array(found, np.int64).reshape(-1, 2)
+    return np.array(found, np.int64).reshape(-1, 2).T
 
 
 def _under(hierarchy: Hierarchy, lane: int) -> Iterator[int]:
