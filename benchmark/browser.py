@@ -121,11 +121,12 @@ def measure_drag(page: Page, chosen: argparse.Namespace) -> None:
     for i in range(chosen.steps):
         at = 6.0 - i % 2
         page.mouse.move(x + at * step[0], y + at * step[1])
+        # In no step with the monitor's ticks. To look more often takes the browser's time.
+        time.sleep(rng.uniform(0.3, 0.4))
         ends = time.monotonic() + 5.0
         while len(page.evaluate("() => window.took")) <= i - lost and time.monotonic() < ends:
-            time.sleep(0.02)
+            time.sleep(0.3)
         lost += time.monotonic() >= ends
-        time.sleep(rng.uniform(0.15, 0.25))  # in no step with the monitor's ticks
     page.mouse.up()
     took = page.evaluate("() => window.took")
     triangles = 20 * 4**chosen.subdivisions

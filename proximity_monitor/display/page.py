@@ -8,7 +8,7 @@ from html import escape
 import numpy as np
 import viser
 
-from proximity_monitor.display import conflict_list, event_list, picking
+from proximity_monitor.display import conflict_list, event_list, picking, serving
 from proximity_monitor.display.bridge import Bridge
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.conflict_list import ConflictList
@@ -125,7 +125,7 @@ class Page:
                 self._banner.content = ""  # it spoke of the previous scene
         if news.complete:
             if self._choice.body is not None:
-                self._client.flush()
+                serving.hand_over(self._client)
             with self._client.atomic():
                 self._show(news, told, now_s)
         self._client.flush()  # else it waits for what else may come

@@ -6,6 +6,7 @@ import contextlib
 import http
 import io
 import socket
+import time
 import warnings
 from collections.abc import Iterator
 from types import SimpleNamespace
@@ -26,6 +27,10 @@ that follow, for seconds. By a clock that stands still it shows each as soon as 
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """The names under which only this machine can reach itself."""
+
+
+TURN_S, _LOOK_S = 0.01, 0.0005
+"""Seconds that a sender may take to have its turn, and between two looks whether it had."""
 
 
 def serve(host: str, port: int, title: str) -> viser.ViserServer:
@@ -67,6 +72,18 @@ def stop(server: viser.ViserServer) -> None:
     """End the server."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
+
+
+def hand_over(client: viser.ClientHandle) -> None:
+    """Have what was told to a browser so far sent before what follows, and wait until it is.
+
+    Its sender is a thread of Python too, and takes nothing while an atomic block is open: if the
+    next one begins before it has had its turn, all of that waits for the end of the next one.
+    """
+    client.flush()
+    buffer, ends = client._websock_connection.get_message_buffer(), time.monotonic() + TURN_S
+    while buffer.message_from_id and not buffer.done and time.monotonic() < ends:
+        time.sleep(_LOOK_S)
 
 
 def wake(server: viser.ViserServer) -> None:

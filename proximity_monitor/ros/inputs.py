@@ -73,14 +73,21 @@ class _Input:
 class _Last(_Input):
     """The last good pose of one body, and the one before it with another stamp."""
 
-    __slots__ = ("before", "before_ns", "first", "pose")
+    __slots__ = ("before", "before_ns", "first", "pose", "rests")
 
     def forget(self) -> None:
         super().forget()
+        self.rests = False
         self.pose: np.ndarray | None = None
         self.before_ns: int | None = None
         self.before: np.ndarray | None = None
         self.first: np.ndarray | None = None
+
+    def wakes(self, pose: np.ndarray) -> bool:
+        """Return whether it has rested, and a pose says that it does no more."""
+        rested = self.rests
+        self.rests = self.pose is not None and pose.tobytes() == self.pose.tobytes()
+        return rested and not self.rests
 
     def keep(self, pose: np.ndarray, stamp_ns: int) -> None:
         if stamp_ns != self.stamp_ns:
@@ -115,7 +122,11 @@ class Inputs:
         self._shapes: dict[str, tuple[_Input, str]] = {}
         self._frame = frame
         self._counted: set[bytes] = set()
+        self._round: frozenset[str] = frozenset()
         self._awaited: set[str] = set()
+        self.woken = False
+        """Whether a body that rested, by the last two poses of a topic of its own, has moved since
+        the round began."""
         self.attached: frozenset[str] = frozenset()
         """Bodies whose own poses do not count now."""
         self.strangers: list[str] = []
@@ -138,7 +149,9 @@ class Inputs:
         if reason is not None:
             self.rejected[reason] += 1
             return reason
-        last.keep(pose_matrix(pose.position, pose.quaternion), pose.stamp_ns)
+        matrix = pose_matrix(pose.position, pose.quaternion)
+        self.woken |= last.wakes(matrix)
+        last.keep(matrix, pose.stamp_ns)
         self._awaited.discard(name)
         return None
 
@@ -265,7 +278,13 @@ class Inputs:
 
     def await_again(self, names: Iterable[str]) -> None:
         """Begin a new round, which is `complete` once each of these bodies has a new pose."""
-        self._awaited = set(names)
+        self._round = frozenset(names)
+        self.woken = False
+        self.renew()
+
+    def renew(self) -> None:
+        """Wait for the poses of all bodies of the round once more."""
+        self._awaited = set(self._round)
 
     @property
     def complete(self) -> bool:

@@ -20,9 +20,13 @@ class Pace:
         """Allow so many ticks a second from now on."""
         self._period_s = 1.0 / rate_hz
 
+    def wait_s(self, now_s: float) -> float:
+        """Return in how many seconds a tick may happen, 0 or less if it may now."""
+        return self._due_s - 0.5 * self._period_s - now_s
+
     def allows(self, now_s: float) -> bool:
         """Return whether a tick may happen now; if so, it counts as done."""
-        if now_s < self._due_s - 0.5 * self._period_s:
+        if self.wait_s(now_s) > 0.0:
             return False
         self._due_s = max(self._due_s, now_s) + self._period_s
         return True

@@ -92,8 +92,8 @@ SPECS: Mapping[str, Spec] = {
     "markers": Spec(True, "Publish ~/markers and ~/parts where they have subscribers."),
     "tick_on_pose": Spec(
         True,
-        "Tick as soon as every body has a new pose, at most rate_hz times a second, and otherwise"
-        " at rate_hz; false: always at rate_hz.",
+        "Tick as soon as every body has a new pose, or one that rested has moved, at most rate_hz"
+        " times a second, and otherwise at rate_hz; false: always at rate_hz.",
     ),
     "record_distances": Spec(
         False,

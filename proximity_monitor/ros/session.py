@@ -69,7 +69,7 @@ class Session:
         self.settings = settings
         self._node = node
         self._paused = False
-        self._late = False  # the timer waits longer, see _on_poses
+        self._irregular = False  # the timer rings sooner or later, see _on_poses
         self._tick: Tick | None = None
         self._distance_ticks = 0
         self._now_ns = 0
@@ -188,33 +188,45 @@ class Session:
         vars(self).clear()
 
     def _restart(self, periods: float) -> None:
-        """Let the timer ring every so many periods from now on."""
-        self._late = periods > 1.0
+        """Let the timer ring after so many periods, and then every period."""
+        self._irregular = periods != 1.0
         self._ticking.timer_period_ns = int(1e9 * periods / self.settings.rate_hz)
         self._ticking.reset()
 
     def _on_timer(self) -> None:
-        if self._late:
+        if self._irregular:
             self._restart(1.0)
+        if self._inputs.woken:
+            self._pace.allows(time.perf_counter())  # a tick that a pose has asked for, see below
         if not self._paused:
             self._step()
 
     def _on_poses(self) -> None:
-        """Tick at once if all bodies have new poses.
+        """Tick at once if all bodies have new poses, or one that rested has moved.
 
         The timer then waits half a period longer for the next poses. If they come at just the tick
         rate, it would otherwise ring just before them, and its tick, which finds nothing new, would
         keep them waiting.
+
+        What may not tick yet does so as soon as it may if a body has moved from rest, as in a hand:
+        somebody waits for that. Else it waits for the next poses of all bodies, so that after a
+        tick out of turn those are again as new as can be.
         """
-        if (
-            self.settings.tick_on_pose
-            and self._inputs.complete
-            and not self._paused
-            and not self._ticking.is_canceled()
-            and self._pace.allows(time.perf_counter())
-        ):
+        inputs, asked = self._inputs, self.settings.tick_on_pose
+        if not asked or self._paused or self._ticking.is_canceled():
+            return
+        if not (inputs.complete or inputs.woken):
+            return
+        now_s = time.perf_counter()
+        if self._pace.allows(now_s):
             self._step()
             self._restart(1.5)
+        elif inputs.woken:
+            wait_s = self._pace.wait_s(now_s)
+            if self._ticking.time_until_next_call() > 1e9 * wait_s:
+                self._restart(wait_s * self.settings.rate_hz)
+        else:
+            inputs.renew()
 
     def _step(self) -> None:
         started = time.perf_counter()

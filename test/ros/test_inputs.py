@@ -186,6 +186,31 @@ def test_a_round_is_complete_when_all_that_are_awaited_spoke(inputs):
     assert inputs.complete
 
 
+def test_a_body_wakes_that_rested_and_moves(inputs):
+    def woken(x):
+        pose = StampedPose(10 * SECOND, "cell", (x, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        assert inputs.store("one", pose, 10 * SECOND) is None
+        return inputs.woken
+
+    inputs.await_again(["one", "two"])
+    assert [woken(x) for x in (0.0, 1.0, 2.0, 2.0)] == [False] * 4
+    inputs.renew()
+    assert [woken(x) for x in (2.0, 3.0, 4.0)] == [False, True, True]
+    inputs.await_again(["one", "two"])
+    assert [woken(x) for x in (5.0, 5.0)] == [False, False]
+    inputs.forget()
+    assert not woken(6.0)
+
+
+def test_a_tick_may_come_half_a_period_early():
+    pace = Pace(10.0)
+    assert pace.wait_s(0.0) <= 0.0
+    assert pace.allows(0.0)
+    assert pace.wait_s(0.02) == pytest.approx(0.03)
+    assert pace.allows(0.06)
+    assert pace.wait_s(0.06) == pytest.approx(0.09), "the next is due where it would have been"
+
+
 def test_a_flood_gets_no_more_ticks_than_the_rate_and_a_steady_source_gets_all():
     pace = Pace(100.0)
     flood = sum(pace.allows(i * 1e-4) for i in range(20_000))
