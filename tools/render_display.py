@@ -25,10 +25,22 @@ FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox
 REPORT_HIGH = 860.0
 """Pixels of a conflict's section that are shown: pictures, numbers, and the first change."""
 PATIENCE_MS = 240_000
+NEAR_S = 0.2
+"""A moment of the engine at which two pistons are nearer to the crankshaft than `warn`."""
 TRIES = 20
 FRESH = "getComputedStyle(document.body).getPropertyValue('--pm-now') !== 'none'"
 # The news grows old when the animation of the style sheet ends that each tick begins anew.
 AGES = "() => { window.aged = false; document.body.onanimationend = () => { window.aged = true } }"
+# While `held` is set, the canvas shows what was drawn last, and to draw takes no time.
+HOLDING = """for (const name of [
+  'clear', 'drawArrays', 'drawArraysInstanced', 'drawElements', 'drawElementsInstanced',
+  'drawRangeElements',
+]) {
+  const draw = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...given) {
+    if (!window.held) draw.apply(this, given);
+  };
+}"""
 BESIDE = "Drag the parts and see their clearances at "
 
 
@@ -51,6 +63,7 @@ def main() -> int:
             try:
                 page = browser.new_page(viewport=size)
                 page.set_default_timeout(PATIENCE_MS)
+                page.add_init_script(HOLDING)
                 page.goto(address)
                 page.wait_for_selector("#pm-pairs .pm-row")
                 for close in page.locator(".mantine-Notification-closeButton").all():
@@ -101,24 +114,48 @@ def settle(page: Page, frames: int = 15) -> None:
 
 
 def shoot(page: Page, path: Path) -> None:
-    """Draw a picture while the news is fresh: software draws slowly, and meanwhile it grows old."""
+    """Draw a picture while the news is fresh: software draws so slowly that it grows old meanwhile.
+
+    So the parts are drawn first, and then the page with them.
+    """
     for _ in range(TRIES):
+        page.evaluate("() => { window.held = true }")
         page.wait_for_function(f"() => {FRESH}")
         page.evaluate(AGES)
         page.screenshot(path=path)
-        if page.evaluate(f"() => {FRESH} && !window.aged"):
+        fresh = page.evaluate(f"() => {FRESH} && !window.aged")
+        page.evaluate("() => { window.held = false }")
+        if fresh:
             return
+        settle(page, 2)
     raise RuntimeError(f"{path.name}: the page was stale in each of {TRIES} pictures")
 
 
+def play(page: Page, on: bool) -> None:
+    """Let the motion go on, or hold it at a moment, so that all numbers of a picture are of one."""
+    tab(page, "Session")
+    button, then = ("Play", "Pause") if on else ("Pause", "Play")
+    page.get_by_role("button", name=button, exact=True).click()
+    page.get_by_role("button", name=then, exact=True).wait_for()
+    if not on:
+        moment = field(page, "Moment [s]", 1)  # the first is the slider
+        moment.fill(str(NEAR_S))
+        moment.press("Enter")
+        settle(page)
+
+
 def draw_engine(page: Page, folder: Path) -> None:
-    """All parts with their clearances, one pair alone, and what accuracy costs."""
+    """All parts with their clearances, one pair alone, what accuracy costs, and bands."""
+    settle(page)
+    play(page, False)
+    tab(page, "Clearances")
     settle(page)
     shoot(page, folder / "display.png")
     press(page, "piston_2 - crankshaft")
     settle(page)
     shoot(page, folder / "display_pair.png")
     press(page, "piston_2 - crankshaft")
+    play(page, True)
     tab(page, "Limits")
     slider = page.get_by_role("slider").and_(page.locator(":visible")).nth(4)
     page.wait_for_selector("#pm-cost >> text=as the scene says")
@@ -126,9 +163,30 @@ def draw_engine(page: Page, folder: Path) -> None:
         for _ in range(10):
             slider.press("ArrowRight")
         page.wait_for_selector(f"#pm-cost >> text={percent} %, ")
+    play(page, False)
+    tab(page, "Limits")
     settle(page)
     page.evaluate("() => document.querySelector('#pm-cost').scrollIntoView({block: 'end'})")
     shoot(page, folder / "display_cost.png")
+    for _ in range(30):
+        slider.press("ArrowLeft")
+    tab(page, "Clearances")
+    page.get_by_role("button", name="Whole scene").click()
+    page.get_by_text("Picture", exact=True).click()
+    page.locator('[data-pair="piston_2 - crankshaft"]').first.wait_for()
+    press(page, "piston_2 - crankshaft")
+    settle(page)
+    whose = field(page, "Look of")
+    whose.fill("crankshaft")
+    options = page.locator(f"[id='{whose.get_attribute('aria-controls')}'] [role=option]")
+    options.get_by_text("crankshaft", exact=True).dispatch_event("click")
+    page.locator("input[type=checkbox]:visible").nth(2).click()
+    page.wait_for_selector("#pm-bands")
+    page.get_by_text("Clash matrix", exact=True).click()
+    settle(page, 40)
+    page.evaluate("() => document.querySelector('#pm-matrix').scrollIntoView({block: 'start'})")
+    settle(page)
+    shoot(page, folder / "display_bands.png")
 
 
 def draw_probe(page: Page, folder: Path) -> None:
@@ -187,8 +245,10 @@ def draw_peg(page: Page, folder: Path) -> None:
     page.get_by_role("button", name="Back to live").click()
     with page.expect_download() as download:
         page.get_by_role("button", name="Conflicts, illustrated (HTML)").click()
+    written = download.value.path().read_text(encoding="utf-8")
+    page.goto("about:blank")  # it draws no more, which would take what the next picture needs
     report = page.context.browser.new_page(viewport=SMALL)
-    report.set_content(download.value.path().read_text(encoding="utf-8"))
+    report.set_content(written)
     begin = report.locator("section").first.bounding_box()
     clip = {**begin, "height": REPORT_HIGH}
     report.screenshot(path=folder / "display_report.png", full_page=True, clip=clip)
