@@ -23,7 +23,6 @@ from proximity_monitor.ros.cloud_bodies import CloudBodies
 from proximity_monitor.ros.diagnostics import Health, NodeState
 from proximity_monitor.ros.inputs import Inputs
 from proximity_monitor.ros.outputs import Outputs
-from proximity_monitor.ros.pace import Pace
 from proximity_monitor.ros.preparing import saying
 from proximity_monitor.ros.qos import Incompatible
 from proximity_monitor.ros.recorder import dump
@@ -32,6 +31,7 @@ from proximity_monitor.ros.services import Services
 from proximity_monitor.ros.sources import Sources
 from proximity_monitor.ros.spin import interruptible
 from proximity_monitor.ros.strangers import namesakes, strangers
+from proximity_monitor.ros.ticking import Ticking
 from proximity_monitor.ros.whereabouts import Whereabouts
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.alerts import Alert, Alerts, Level
@@ -68,8 +68,6 @@ class Session:
         self.scene = scene
         self.settings = settings
         self._node = node
-        self._paused = False
-        self._irregular = False  # the timer rings sooner or later, see _on_poses
         self._tick: Tick | None = None
         self._distance_ticks = 0
         self._now_ns = 0
@@ -86,8 +84,6 @@ class Session:
         )
         self._changeable = [body.name for body in scene.bodies if body.moving or body.deforming]
         self._health = Health(node.get_fully_qualified_name().lstrip("/"), settings.frame)
-        self._pace = Pace(settings.rate_hz)
-
         self._incompatible = Incompatible(node)
         self._outputs = Outputs(node, scene, settings, self._incompatible)
         self._diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
@@ -114,6 +110,7 @@ class Session:
             | {body.name: "cloud" for body in scene.bodies if body.cloud is not None}
         )
         self._outputs.show(models)
+        self._ticking = Ticking(node, settings.rate_hz, self._inputs, self._step)
         self._sources = Sources(
             node,
             scene,
@@ -122,7 +119,7 @@ class Session:
             self._inputs,
             self._incompatible,
             deform=self._deform,
-            on_poses=self._on_poses,
+            on_poses=self._ticking.take_poses,
         )
         self._clouds = CloudBodies(
             node,
@@ -137,9 +134,6 @@ class Session:
             node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._ticking = node.create_timer(
-            1.0 / settings.rate_hz, self._on_timer, clock=steady, autostart=False
-        )
         self._seconds = node.create_timer(1.0, self._on_second, clock=steady)
         self._prepared = True
         self.apply(settings)
@@ -154,10 +148,8 @@ class Session:
             self._monitor.set_thresholds(settings.thresholds)
         if _effort(before) != _effort(settings):
             self._health.timing.forget_window()  # its percentiles are of the old ones
-        if before.rate_hz != settings.rate_hz:
-            self._pace.limit(settings.rate_hz)
-            if not self._ticking.is_canceled():
-                self._restart(1.0)  # else the old period has to end first
+        self._ticking.limit(settings.rate_hz)
+        self._ticking.on_pose = settings.tick_on_pose
         self._inputs.timeout_s = settings.pose_timeout_s
         self._outputs.apply(settings)
         self._where.attach(settings.attachments, self._node.get_clock().now().nanoseconds)
@@ -165,11 +157,11 @@ class Session:
     def start(self) -> None:
         """Begin to tick."""
         self._health.timing.forget_window()
-        self._restart(1.0)
+        self._ticking.start()
 
     def stop(self) -> None:
         """Stop ticking, and remove the last tick's markers from viewers."""
-        self._ticking.cancel()
+        self._ticking.stop()
         self._outputs.take_down(self._node.get_clock().now().to_msg())
 
     def close(self) -> None:
@@ -179,54 +171,13 @@ class Session:
             self._sources.destroy()
             self._clouds.destroy()
             self._services.destroy()
-            for timer in (self._ticking, self._seconds):
-                self._node.destroy_timer(timer)
+            self._ticking.destroy()
+            self._node.destroy_timer(self._seconds)
         self._outputs.destroy()
         self._node.destroy_publisher(self._diagnostics)
         # Each callback is a reference cycle, and Python never collects cycles of objects that
         # existed when `spin` began: meshes and search trees would stay for good.
         vars(self).clear()
-
-    def _restart(self, periods: float) -> None:
-        """Let the timer ring after so many periods, and then every period."""
-        self._irregular = periods != 1.0
-        self._ticking.timer_period_ns = int(1e9 * periods / self.settings.rate_hz)
-        self._ticking.reset()
-
-    def _on_timer(self) -> None:
-        if self._irregular:
-            self._restart(1.0)
-        if self._inputs.woken:
-            self._pace.allows(time.perf_counter())  # a tick that a pose has asked for, see below
-        if not self._paused:
-            self._step()
-
-    def _on_poses(self) -> None:
-        """Tick at once if all bodies have new poses, or one that rested has moved.
-
-        The timer then waits half a period longer for the next poses. If they come at just the tick
-        rate, it would otherwise ring just before them, and its tick, which finds nothing new, would
-        keep them waiting.
-
-        What may not tick yet does so as soon as it may if a body has moved from rest, as in a hand:
-        somebody waits for that. Else it waits for the next poses of all bodies, so that after a
-        tick out of turn those are again as new as can be.
-        """
-        inputs, asked = self._inputs, self.settings.tick_on_pose
-        if not asked or self._paused or self._ticking.is_canceled():
-            return
-        if not (inputs.complete or inputs.woken):
-            return
-        now_s = time.perf_counter()
-        if self._pace.allows(now_s):
-            self._step()
-            self._restart(1.5)
-        elif inputs.woken:
-            wait_s = self._pace.wait_s(now_s)
-            if self._ticking.time_until_next_call() > 1e9 * wait_s:
-                self._restart(wait_s * self.settings.rate_hz)
-        else:
-            inputs.renew()
 
     def _step(self) -> None:
         started = time.perf_counter()
@@ -327,8 +278,8 @@ class Session:
                 f"poses of {name} are published, but {self.scene.path.name} has no such moving body"
             )
         self._note_namesakes()
-        activity = "inactive" if self._ticking.is_canceled() else "active"
-        if self._paused and activity == "active":
+        activity = "inactive" if self._ticking.stopped else "active"
+        if self._ticking.paused and activity == "active":
             activity = "paused"
         silent = self._where.silent(self._where.samples(now.nanoseconds), now.nanoseconds)
         joints = self._sources.joints
@@ -381,7 +332,7 @@ class Session:
         return f"forgot the minima of {counted(len(self.scene.pairs), 'pair', 'pairs')}"
 
     def _pause(self, wanted: bool) -> str:
-        was, self._paused = self._paused, wanted
+        was, self._ticking.paused = self._ticking.paused, wanted
         self._health.timing.forget_window()
         if was == wanted:
             return f"already {'paused' if was else 'running'}"

@@ -1,0 +1,106 @@
+"""When to tick: regularly, and at once where new poses ask for it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from proximity_monitor.ros.inputs import Inputs
+from proximity_monitor.ros.pace import Pace
+
+
+class Ticking:
+    """A timer of the steady clock, and a pace for the ticks that poses ask for.
+
+    Attributes:
+        on_pose: whether poses may ask for ticks.
+        paused: whether there are no ticks for now.
+    """
+
+    def __init__(
+        self, node: Node, rate_hz: float, inputs: Inputs, tick: Callable[[], None]
+    ) -> None:
+        """Create the timer, which does not run yet; `tick` is what it is for."""
+        self.on_pose = True
+        self.paused = False
+        self._node = node
+        self._rate_hz = rate_hz
+        self._inputs = inputs
+        self._tick = tick
+        self._pace = Pace(rate_hz)
+        self._irregular = False  # the timer rings sooner or later, see `take_poses`
+        self._timer = node.create_timer(
+            1.0 / rate_hz,
+            self._on_timer,
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+            autostart=False,
+        )
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the timer does not run."""
+        return self._timer.is_canceled()
+
+    def start(self) -> None:
+        """Let it run."""
+        self._ring(1.0)
+
+    def stop(self) -> None:
+        """End the ticks."""
+        self._timer.cancel()
+
+    def destroy(self) -> None:
+        """Destroy the timer."""
+        self._node.destroy_timer(self._timer)
+
+    def limit(self, rate_hz: float) -> None:
+        """Tick so many times a second from now on."""
+        if rate_hz != self._rate_hz:
+            self._rate_hz = rate_hz
+            self._pace.limit(rate_hz)
+            if not self.stopped:
+                self._ring(1.0)  # else the old period has to end first
+
+    def take_poses(self) -> None:
+        """Tick at once if all bodies have new poses, or one that rested has moved.
+
+        The timer then waits half a period longer for the next poses. If they come at just the tick
+        rate, it would otherwise ring just before them, and its tick, which finds nothing new, would
+        keep them waiting.
+
+        What may not tick yet does so as soon as it may if a body has moved from rest, as in a hand:
+        somebody waits for that. Else it waits for the next poses of all bodies, so that after a
+        tick out of turn those are again as new as can be.
+        """
+        inputs = self._inputs
+        if not self.on_pose or self.paused or self.stopped:
+            return
+        if not (inputs.complete or inputs.woken):
+            return
+        now_s = time.perf_counter()
+        if self._pace.allows(now_s):
+            self._tick()
+            self._ring(1.5)
+        elif inputs.woken:
+            wait_s = self._pace.wait_s(now_s)
+            if self._timer.time_until_next_call() > 1e9 * wait_s:
+                self._ring(wait_s * self._rate_hz)
+        else:
+            inputs.renew()
+
+    def _ring(self, periods: float) -> None:
+        """Let the timer ring after so many periods, and then every period."""
+        self._irregular = periods != 1.0
+        self._timer.timer_period_ns = int(1e9 * periods / self._rate_hz)
+        self._timer.reset()
+
+    def _on_timer(self) -> None:
+        if self._irregular:
+            self._ring(1.0)
+        if self._inputs.woken:
+            self._pace.allows(time.perf_counter())  # it rings for that: see `take_poses`
+        if not self.paused:
+            self._tick()
