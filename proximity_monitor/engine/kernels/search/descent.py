@@ -120,6 +120,84 @@ def nearest_last(waiting, first, last):
     lanes[best, 1], lanes[last, 1] = lanes[last, 1], lanes[best, 1]
 
 
+@inlined
+def _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch):
+    """Look into the next open pair, if it is still of use; n pairs of leaves wait.
+
+    Returns how many wait then, and how many of the steps are left.
+    """
+    progress, waiting = state.progress[0], state.waiting
+    at = take(state.open, tree_a, tree_b, state)
+    if at < 0:
+        return n, steps
+    steps -= 1
+    pairs = state.open.pairs
+    a, b, bound = np.int64(pairs[at, 0]), np.int64(pairs[at, 1]), state.open.bounds[at]
+    near = state.collected.shape[0] > 0 and bound >= progress.enough + 3.0 * progress.slack
+    if near and progress.param_err == np.inf:
+        # It may hold the minimum, and that is all that was asked: without tolerances this
+        # is LIMIT, and only pairs of triangles are collected.
+        collect(state, ~a, ~b, bound)
+        return n, steps
+    if coherent:
+        kept, least = near_under(state, a, b)
+        if kept != SOME:
+            open_again(tree_a, tree_b, state, a, b, max(bound, least), kept)
+            return n, steps
+    opened, taken = open_whole(waiting, tree_a, tree_b, state, a, b, bound, scratch)
+    if opened:
+        return n, steps - min(steps, taken)
+    child_a, child_b = tree_a.children[a], tree_b.children[b]
+    if child_a < 0 and child_b < 0:
+        waiting.lanes[n, 0], waiting.lanes[n, 1], waiting.bounds[n] = a, b, bound
+        return n + 1, steps
+    # Lane 0 of a lowest node, and of no other, holds a triangle.
+    lowest_a = child_a < 0 or tree_a.children[child_a * WIDTH] < 0
+    lowest_b = child_b < 0 or tree_b.children[child_b * WIDTH] < 0
+    size_a = tree_a.sizes[a, EXTENT] * tree_a.scale[0]
+    size_b = tree_b.sizes[b, EXTENT] * tree_b.scale[0]
+    if bound > 0.0 and lowest_a + lowest_b < inner:
+        # Apart: their bound grows by what one of them promises, if that may be enough.
+        promise_a = tree_a.sizes[a, PROMISE] * tree_a.scale[0]
+        promise_b = tree_b.sizes[b, PROMISE] * tree_b.scale[0]
+        if bound + _HOPE * max(promise_a, promise_b) >= progress.limit:
+            size_a, size_b = promise_a, promise_b
+    before = n
+    if lowest_a and lowest_b and child_a >= 0 and child_b >= 0:
+        tests = progress.bound_tests
+        flip = not size_a > size_b
+        if flip:
+            n = cross_leaves(
+                tree_b, tree_a, child_b, a, state.motions[0], flip, state, bound, progress.limit,
+                scratch, n,
+            )  # fmt: skip
+        else:
+            n = cross_leaves(
+                tree_a, tree_b, child_a, b, state.motions[1], flip, state, bound, progress.limit,
+                scratch, n,
+            )  # fmt: skip
+        steps -= min(steps, (progress.bound_tests - tests) // WIDTH)
+        if n > before + BATCH:
+            nearest_last(waiting, before, n)
+        if n >= 0:
+            if coherent and n == before:
+                progress.kept = 0
+                remember_far(state, a, b, flip)
+            return n, steps
+        n = before
+    # Two lowest nodes together are the better bargain, unless one is far larger.
+    if lowest_a != lowest_b:
+        size_a, size_b = (size_a, larger * size_b) if lowest_a else (larger * size_a, size_b)
+    flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
+    if flip:
+        n = open_pair(tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, n)
+    else:
+        n = open_pair(tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, n)
+    if coherent and n == before:
+        remember_far(state, a, b, flip)
+    return n, steps
+
+
 @shared
 def advance(tree_a, tree_b, state):
     """Run a search for the steps that it has left.
@@ -127,7 +205,6 @@ def advance(tree_a, tree_b, state):
     Returns ENDED, CUT, COLLECTED_FULL or CELLS_FULL.
     """
     progress, waiting = state.progress[0], state.waiting
-    pairs, bounds = state.open.pairs, state.open.bounds
     steps = progress.steps
     scratch = Scratch(
         on_stack(16, np.float32(0.0)), on_stack(_FOUND, np.float32(0.0)),
@@ -147,7 +224,12 @@ def advance(tree_a, tree_b, state):
     # Next to a lowest node only size counts, so that two of them meet soon; but not where all that
     # is asked for is a clearance.
     inner = 2 if progress.limit < enough(progress) else 1
+    opens = False
     while True:
+        # Numba compiles what is called in the order in which it is written: this stands first, as
+        # of what follows other processes compile parts ahead.
+        if opens:
+            n, steps = _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch)
         full = room > 0 and progress.collected + LARGEST * LARGEST * (n + _CROSSED) > room
         while n >= many or (
             n > 0
@@ -160,8 +242,10 @@ def advance(tree_a, tree_b, state):
             come_nearer(tree_a, tree_b, state, scratch.found)
             steps -= min(steps, APPROACH_STEPS)
         steps -= min(steps, look_ahead(waiting, tree_a, tree_b, state))
-        if n > 0 and progress.open == 0 and steps > 0:
-            continue  # nothing is open any more: those that wait come first
+        # Where nothing is open any more, those that wait come first.
+        opens = not (n > 0 and progress.open == 0 and steps > 0)
+        if not opens:
+            continue
         if n == 0 and (progress.open == 0 or progress.distance - progress.slack <= progress.stop):
             code, steps = divide(waiting, tree_a, tree_b, state, steps)
             break
@@ -171,74 +255,5 @@ def advance(tree_a, tree_b, state):
         if full:
             code = COLLECTED_FULL
             break
-        at = take(state.open, tree_a, tree_b, state)
-        if at < 0:
-            continue
-        steps -= 1
-        a, b, bound = np.int64(pairs[at, 0]), np.int64(pairs[at, 1]), bounds[at]
-        near = room > 0 and bound >= progress.enough + 3.0 * progress.slack
-        if near and progress.param_err == np.inf:
-            # It may hold the minimum, and that is all that was asked: without tolerances this
-            # is LIMIT, and only pairs of triangles are collected.
-            collect(state, ~a, ~b, bound)
-            continue
-        if coherent:
-            kept, least = near_under(state, a, b)
-            if kept != SOME:
-                open_again(tree_a, tree_b, state, a, b, max(bound, least), kept)
-                continue
-        opened, taken = open_whole(waiting, tree_a, tree_b, state, a, b, bound, scratch)
-        if opened:
-            steps -= min(steps, taken)
-            continue
-        child_a, child_b = tree_a.children[a], tree_b.children[b]
-        if child_a < 0 and child_b < 0:
-            waiting.lanes[n, 0], waiting.lanes[n, 1], waiting.bounds[n] = a, b, bound
-            n += 1
-            continue
-        # Lane 0 of a lowest node, and of no other, holds a triangle.
-        lowest_a = child_a < 0 or tree_a.children[child_a * WIDTH] < 0
-        lowest_b = child_b < 0 or tree_b.children[child_b * WIDTH] < 0
-        size_a = tree_a.sizes[a, EXTENT] * tree_a.scale[0]
-        size_b = tree_b.sizes[b, EXTENT] * tree_b.scale[0]
-        if bound > 0.0 and lowest_a + lowest_b < inner:
-            # Apart: their bound grows by what one of them promises, if that may be enough.
-            promise_a = tree_a.sizes[a, PROMISE] * tree_a.scale[0]
-            promise_b = tree_b.sizes[b, PROMISE] * tree_b.scale[0]
-            if bound + _HOPE * max(promise_a, promise_b) >= progress.limit:
-                size_a, size_b = promise_a, promise_b
-        if lowest_a and lowest_b and child_a >= 0 and child_b >= 0:
-            before, tests = n, progress.bound_tests
-            flip = not size_a > size_b
-            if flip:
-                n = cross_leaves(
-                    tree_b, tree_a, child_b, a, state.motions[0], flip, state, bound,
-                    progress.limit, scratch, n,
-                )  # fmt: skip
-            else:
-                n = cross_leaves(
-                    tree_a, tree_b, child_a, b, state.motions[1], flip, state, bound,
-                    progress.limit, scratch, n,
-                )  # fmt: skip
-            steps -= min(steps, (progress.bound_tests - tests) // WIDTH)
-            if n > before + BATCH:
-                nearest_last(waiting, before, n)
-            if n >= 0:
-                if coherent and n == before:
-                    progress.kept = 0
-                    remember_far(state, a, b, flip)
-                continue
-            n = before
-        # Two lowest nodes together are the better bargain, unless one is far larger.
-        if lowest_a != lowest_b:
-            size_a, size_b = (size_a, larger * size_b) if lowest_a else (larger * size_a, size_b)
-        flip = child_b < 0 or (child_a >= 0 and size_a > size_b)
-        before = n
-        if flip:
-            n = open_pair(tree_b, b, tree_a, a, state.motions[0], flip, state, bound, scratch, n)
-        else:
-            n = open_pair(tree_a, a, tree_b, b, state.motions[1], flip, state, bound, scratch, n)
-        if coherent and n == before:
-            remember_far(state, a, b, flip)
     progress.steps, progress.waiting = steps, n
     return code
