@@ -110,7 +110,6 @@ class Session:
             | {body.name: "cloud" for body in scene.bodies if body.cloud is not None}
         )
         self._outputs.show(models)
-        self._ticking = Ticking(node, settings.rate_hz, self._inputs, self._step)
         self._sources = Sources(
             node,
             scene,
@@ -119,7 +118,7 @@ class Session:
             self._inputs,
             self._incompatible,
             deform=self._deform,
-            on_poses=self._ticking.take_poses,
+            on_poses=self._take_poses,
         )
         self._clouds = CloudBodies(
             node,
@@ -133,6 +132,7 @@ class Session:
         self._services = Services(
             node, reset=self._reset_minima, pause=self._pause, dump=self._dump_recording
         )
+        self._ticking = Ticking(node, settings.rate_hz, self._inputs, self._step)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._seconds = node.create_timer(1.0, self._on_second, clock=steady)
         self._prepared = True
@@ -178,6 +178,9 @@ class Session:
         # Each callback is a reference cycle, and Python never collects cycles of objects that
         # existed when `spin` began: meshes and search trees would stay for good.
         vars(self).clear()
+
+    def _take_poses(self) -> None:
+        self._ticking.take_poses()
 
     def _step(self) -> None:
         started = time.perf_counter()

@@ -94,7 +94,7 @@ class Ticking:
     def _ring(self, periods: float) -> None:
         """Let the timer ring after so many periods, and then every period."""
         self._irregular = periods != 1.0
-        self._timer.timer_period_ns = int(1e9 * periods / self._rate_hz)
+        self._timer.timer_period_ns = max(int(1e9 * periods / self._rate_hz), 1)
         self._timer.reset()
 
     def _on_timer(self) -> None:
