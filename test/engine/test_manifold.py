@@ -24,6 +24,7 @@ from engine_bodies import (
     translation,
 )
 from engine_oracles import pairwise_distances, triangles
+from engine_surfaces import torus_patches
 
 from proximity_monitor import engine
 from proximity_monitor.engine import Status
@@ -202,3 +203,30 @@ def test_ties_that_are_apart_are_groups_of_their_own():
     whole = engine.distance(plate(8), IDENTITY, plate(8), translation(0, 0, 0.2), manifold=True)
     assert [len(group) for group in whole.solution_set] == [len(whole.manifold)]
     assert engine.distance(plate(8), IDENTITY, tops, IDENTITY).solution_set is None
+
+
+@pytest.mark.parametrize("kind", ["meshes", "surfaces"])
+def test_an_answer_keeps_its_rows_while_the_pair_goes_on(kind):
+    """What is made when it is read is of its own question, whatever was asked since."""
+    a, b = sphere(3, 1.0), sphere(3, 0.5)
+    if kind == "surfaces":
+        a = b = engine.ParametricSurface(torus_patches())
+    places = [translation(0.9), translation(0.0, 0.7), translation(0.3, 0.2, 0.6)]
+
+    def asked(at_once):
+        pair, found = engine.Pair(a, b), []
+        for at in places:
+            found.append(pair.distance(IDENTITY, at, manifold=True))
+            found.append(pair.collide(IDENTITY, at, all_contacts=True))
+            if at_once:
+                assert len(found[-2].manifold) + len(found[-1].contacts)
+        return found
+
+    for one, other in zip(asked(True), asked(False), strict=True):
+        if isinstance(one, engine.Distance):
+            one, other = one.manifold, other.manifold
+            names = "lower", "upper", "ranges_a", "ranges_b", "faces_a", "faces_b"
+        else:
+            names = "contacts", "points", "normals"
+        for name in names:
+            assert np.array_equal(getattr(one, name), getattr(other, name)), name

@@ -233,10 +233,11 @@ class Search:
         collected = self._collecting
         if collect != collected and not (a.distinct is a.tree and b.distinct is b.tree):
             self.state.far["key"] = index.NO_KEY  # too far were those pairs that it looked at
-        if collect != collected or (collect and fresh):
-            # An answer may still hold the rows of the last search.
-            self._blocks, self._collecting = [], collect
+        if collect != collected:
+            self._collecting = collect
             self._keep(self.state._replace(collected=np.empty((_BLOCK if collect else 0, 3))))
+        if fresh:
+            self._blocks = []
         if fresh and self.order == "breadth_first":
             pairs, bounds, *_ = self.state.open
             corners = self._as_asked(a.spread_corners(), b.spread_corners())
@@ -307,14 +308,12 @@ class Search:
             fresh = code == index.CUT_BETWEEN
 
     def _make_room(self) -> None:
-        """Set aside the rows of the full block that still matter, and begin another."""
+        """Set aside the rows of the full block that still matter, and begin it anew."""
         progress = self.progress
         rows = self.state.collected[: progress["collected"]]
         rows = rows[least(rows, progress["slack"]) <= progress["limit"]]
-        room = np.empty((_BLOCK, 3))
         # The number last: Ctrl-C may come at any moment, and no row may be missing.
         self._blocks.append(rows)
-        self._keep(self.state._replace(collected=room))
         progress["collected"] = 0
 
     def progress_now(self) -> np.void:
@@ -323,7 +322,7 @@ class Search:
 
     def collected(self) -> tuple[NDArray[np.float64], ...]:
         """The rows of `State.collected` so far, in blocks that no search writes to any more."""
-        blocks = *self._blocks, self.state.collected[: self.progress["collected"]]
+        blocks = *self._blocks, self.state.collected[: self.progress["collected"]].copy()
         return tuple(each[:, (1, 0, 2)] for each in blocks) if self._turned else blocks
 
     def divided(self) -> Divided | None:
