@@ -123,6 +123,7 @@ def apart(page):
 def end_drag(page, wait, before):
     """End a drag; then the peg, which follows by steps, is `apart` from its handles as before."""
     page.mouse.up()
+    page.evaluate(SENT)
     wait(lambda: apart(page) == pytest.approx(before, abs=1e-6), "the peg at its handles")
 
 

@@ -263,6 +263,7 @@ def test_a_geared_drag_moves_the_part_by_a_hundredth_and_snaps(put, page, wait):
         return np.linalg.norm(peg.place(page) - begin)
 
     peg.dragged(page, 0, 60)
+    wait(lambda: gone() > 1e-6, "the drag")  # else it ends where it has not begun
     peg.end_drag(page, wait, apart)
     far = gone()
     put(0, 0, 40)
