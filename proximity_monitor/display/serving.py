@@ -28,8 +28,7 @@ that follow, for seconds. By a clock that stands still it shows each as soon as 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """The names under which only this machine can reach itself."""
 
-
-TURN_S, _LOOK_S = 0.01, 0.0005
+_TURN_S, _LOOK_S = 0.01, 0.0005
 """Seconds that a sender may take to have its turn, and between two looks whether it had."""
 
 
@@ -81,7 +80,7 @@ def hand_over(client: viser.ClientHandle) -> None:
     next one begins before it has had its turn, all of that waits for the end of the next one.
     """
     client.flush()
-    buffer, ends = client._websock_connection.get_message_buffer(), time.monotonic() + TURN_S
+    buffer, ends = client._websock_connection.get_message_buffer(), time.monotonic() + _TURN_S
     while buffer.message_from_id and not buffer.done and time.monotonic() < ends:
         time.sleep(_LOOK_S)
 

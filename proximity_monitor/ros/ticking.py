@@ -100,7 +100,7 @@ class Ticking:
     def _on_timer(self) -> None:
         if self._irregular:
             self._ring(1.0)
-        if self._inputs.woken:
-            self._pace.allows(time.perf_counter())  # it rings for that: see `take_poses`
-        if not self.paused:
+        if self.on_pose and self._inputs.woken:
+            self.take_poses()  # it rings for that, and the tick counts as one that poses ask for
+        elif not self.paused:
             self._tick()

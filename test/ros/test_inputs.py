@@ -1,15 +1,18 @@
 """What is kept of poses, made by hand: many at once, in any layout, late, out of order."""
 
 import math
+import time
 
 import numpy as np
 import pytest
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 
+import rclpy
 from geometry_msgs.msg import Pose, PoseArray, PoseStamped, TransformStamped
 from hypothesis import given
 from hypothesis import strategies as st
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 
@@ -17,6 +20,7 @@ from proximity_monitor.ros.bulk import StampedPose, read_pose, read_pose_array
 from proximity_monitor.ros.clouds import read_points
 from proximity_monitor.ros.inputs import Inputs, Reason
 from proximity_monitor.ros.pace import Pace
+from proximity_monitor.ros.ticking import Ticking
 from proximity_monitor.scene import pose_matrix
 
 SECOND = 1_000_000_000
@@ -209,6 +213,34 @@ def test_a_tick_may_come_half_a_period_early():
     assert pace.wait_s(0.02) == pytest.approx(0.03)
     assert pace.allows(0.06)
     assert pace.wait_s(0.06) == pytest.approx(0.09), "the next is due where it would have been"
+
+
+def test_bodies_that_wake_get_no_more_ticks_than_the_rate(rclpy_context, inputs):
+    """Whenever they wake: a timer that rings for one of them is not to ring again soon after."""
+    node, ticks, seconds = rclpy.create_node("ticking"), [], 2.0
+
+    def tick():
+        ticks.append(time.monotonic())
+        inputs.await_again(["one", "two"])
+
+    ticking = Ticking(node, 20.0, inputs, tick)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    ticking.start()
+    begun, done = time.monotonic(), 0
+    while (now := time.monotonic()) < begun + seconds:
+        executor.spin_once(timeout_sec=0.002)
+        # All have new poses every second period; one moves from rest a fifth of a period later.
+        while begun + 0.1 * (done // 2) + 0.01 * (done % 2) < now:
+            for name in ("one",) if done % 2 else ("two", "one"):
+                x = (float((done + 1) // 2), 0.0, 0.0)
+                inputs.store(name, StampedPose(10 * SECOND, "cell", x, (0, 0, 0, 1)), 10 * SECOND)
+                ticking.take_poses()
+            done += 1
+    ticking.destroy()
+    executor.shutdown()
+    node.destroy_node()
+    assert len(ticks) <= 20.0 * seconds + 6, "half as many more if the timer rings once too often"
 
 
 def test_a_flood_gets_no_more_ticks_than_the_rate_and_a_steady_source_gets_all():

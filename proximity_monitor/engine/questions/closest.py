@@ -153,14 +153,15 @@ def closest_points(
     if sides is not None:  # a point nearer than is tolerated may be on either side
         errors = min(errors[0], 1.0), 0.5 * errors[1]
     bounds, nearest, triangles = np.empty((k, 2)), np.empty((k, 3)), np.empty(k, np.int32)
-    directions = np.empty((k if normals else 0, 3))
     ends = np.zeros(-(-k // _POINTS), np.int64)
     nothing = 0.0 if sides is None else -math.inf
     found_on = PointsOnSurface.of(model, pose, k, normals) if isinstance(model, Surface) else None
-    chosen = directions if normals and found_on is None else None
+    of_mesh = normals and found_on is None
+    directions = np.empty((k if of_mesh else 0, 3))
     answer_made = Nearest(
-        hierarchy.numbers, bounds, nearest, triangles, found_on, chosen, ends, nothing
-    )
+        hierarchy.numbers, bounds, nearest, triangles, found_on,
+        directions if of_mesh else None, ends, nothing,
+    )  # fmt: skip
     if isinstance(model, Surface):
         surface = SurfacePoints(model, pose, max_distance, errors, deadline, sides is not None)
 
