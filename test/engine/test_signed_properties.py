@@ -140,3 +140,35 @@ def test_any_angle_of_turned_plates():
         here = np.eye(4)
         here[:3, :3] = rotation(rng)
         check(ask(plate, here, plate, here @ translation(0.1, 0.2, 0.05)), -0.05)
+
+
+def _corners_and_faces(size):
+    solid = box(tuple(size))
+    return solid.vertices, solid.faces
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_points_of_swept_solids_that_overlap_lie_on_their_surfaces(seed):
+    rng = np.random.default_rng(seed)
+    radii = rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.4)
+    a, b = (
+        engine.TriangleMesh(*_corners_and_faces(rng.uniform(0.5, 1.5, 3)), radius=radius)
+        for radius in radii
+    )
+    pose_a, pose_b = pose(rng, 0.1), pose(rng, 0.4)
+    found = engine.signed_distance(a, pose_a, b, pose_b)
+    assert found.upper < 0.0
+    for model, at, point in ((a, pose_a, found.point_a), (b, pose_b, found.point_b)):
+        beside = engine.closest_points(model, at, point[None], signed=True)
+        assert max(abs(beside.lower[0]), abs(beside.upper[0])) < 1e-9
+
+
+def test_the_deepest_point_in_the_sweep_of_a_solid_is_beside_its_surface():
+    solid = engine.TriangleMesh(*_corners_and_faces((2.0, 2.0, 2.0)), radius=0.3)
+    surface = engine.TriangleMesh(
+        [[-0.01, 0.0, 0.0], [0.01, 0.0, 0.0], [0.0, 0.01, 0.002]], [[0, 1, 2]], solid=False
+    )
+    found = engine.signed_distance(solid, IDENTITY, surface, translation(1.1, 0.0, 0.0))
+    assert found.upper == pytest.approx(-0.21, abs=1e-9)
+    assert found.point_a == pytest.approx((1.3, 0.0, 0.0), abs=1e-9)
+    assert found.point_b == pytest.approx((1.09, 0.0, 0.0), abs=1e-9)

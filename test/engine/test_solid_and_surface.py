@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 from ball_oracle import deepest_of_surface, winding_numbers
 from engine_bodies import IDENTITY, box, pose, sphere, torus, translation
 from engine_oracles import pairwise_distances, triangles
@@ -222,3 +223,15 @@ def test_what_is_surely_outside_is_not_looked_at_vertex_by_vertex():
         - engine.distance(model, IDENTITY, part, translation(1.25)).primitive_tests
     )
     assert points < 0.1 * len(part.vertices)
+
+
+def test_a_ridge_that_is_equally_deep_all_along_ends():
+    solid, inner = (
+        trimesh.creation.torus(1.0, radius, major_sections=24, minor_sections=12)
+        for radius in (0.3, 0.1)
+    )
+    a = engine.TriangleMesh(solid.vertices, solid.faces)
+    b = engine.TriangleMesh(inner.vertices, inner.faces, solid=False)
+    found = engine.signed_distance(a, IDENTITY, b, IDENTITY, depth_err=1e-6)
+    assert found.upper - found.lower <= -1e-6 * found.lower
+    assert found.bound_tests < 100_000

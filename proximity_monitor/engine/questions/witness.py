@@ -12,14 +12,21 @@ def witness_points(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDAr
     """Nearest points of both models, world, metres; from answers of searches (..., ANSWER).
 
     If the models overlap, each point is as far from its core as the radius says, even if that is
-    inside the other model, as with two spheres.
+    inside the other model, as with two spheres; or it is told by the row.
     """
-    return surface_points(
+    radii = rows[..., index.RADIUS_A : index.RADIUS_B + 1]
+    p, q = surface_points(
         rows[..., index.POINT_A : index.POINT_A + 3],
         rows[..., index.POINT_B : index.POINT_B + 3],
-        rows[..., index.RADIUS_A : index.RADIUS_B + 1],
+        radii,
         rows[..., index.UPPER] < 0.0,
     )
+    told = np.isnan(radii).any(axis=-1, keepdims=True)
+    if not told.any():
+        return p, q
+    p = np.where(told, rows[..., index.SURFACE_A : index.SURFACE_A + 3], p)
+    q = np.where(told, rows[..., index.SURFACE_B : index.SURFACE_B + 3], q)
+    return p, q
 
 
 def surface_points(

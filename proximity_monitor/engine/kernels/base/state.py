@@ -233,12 +233,13 @@ is swept: `finish` makes them such of the models."""
 
 LOWER, UPPER, POINT_A, POINT_B = 0, 1, 2, 5
 FEATURE_A, FEATURE_B, TREE_A, TREE_B, TESTS, STATUS = 8, 12, 16, 17, 18, 20
-RADIUS_A, RADIUS_B, ANSWER = 21, 22, 23
+RADIUS_A, RADIUS_B, SURFACE_A, SURFACE_B, ANSWER = 21, 22, 23, 26, 29
 """An answer, one row of float64 (with a record of named fields a call would take half a
 microsecond longer, of four): the certified bounds, metres; the nearest points of the triangles
 in the world; for each its barycentric weights and then its face; the triangles in tree order; bound
 tests and primitive tests made; one of the following; and the radii that sweep the triangles, by
-which the points lie inside the models (see swept.py)."""
+which the points lie inside the models (see swept.py). Of a depth these are NaN, and what follows
+are the points of the models' surfaces, as a largest ball does not touch both on one line."""
 
 EXACT, WITHIN_TOLERANCE, OUT_OF_TIME, INTERSECTING = 0, 1, 2, 3
 """Why a search stopped, in the order of `result.Status`."""

@@ -25,14 +25,15 @@ import numpy as np
 
 from ..base.jit import allocating_entry, implements, kernel, shared
 from ..base.memory import on_stack
+from ..base.precise import volume
 from ..base.rounding import DOUBLE_EPS
 from ..base.trees import MeshTree
 from ..base.vectors import cross, dot, norm, sub
 from ..elements.primitives import corners
 from ..tree.layout import EMPTY, WIDTH, first_of, last_of
-from .nearest import begin_nearest, nearest
+from .nearest import Point, answer_at, begin_nearest
 from .solids import HALF
-from .visit import ROOM, TO_THE_END
+from .visit import ROOM, TO_THE_END, descend
 from .winding import UNKNOWN, ray_steps, winding_number
 
 AREA, RADIUS, LOST, MOMENTS = 6, 7, 8, 9
@@ -59,14 +60,22 @@ by 12 u P, and their sum by 12 u P: below 64 u P. Together less than 80 u P.
 _LEAST_PRODUCT = 1e-250
 """Cubic metres below which the lengths' product would lose digits, as it nears the subnormals."""
 
+_PRECISE = 128.0 * DOUBLE_EPS * DOUBLE_EPS
+"""The same of the determinant alone with twice the precision: it errs by 32 u² of its six products
+(see `precise.orientation`), whose magnitudes are together at most 3 P."""
+
+_LEAST_PAIR = 1e-200
+"""Square metres that the lengths' products by twos have at least then: what is lost of a number
+below the smallest ones is far less than that error."""
+
 
 @kernel
-def _solid_angle(p, a, b, c):
+def _solid_angle(p, triangle):
     """Half the solid angle of a triangle seen from p, and how far it may be wrong.
 
     Van Oosterom and Strackee 1983, "The solid angle of a plane triangle", equation 8.
     """
-    a, b, c = sub(a, p), sub(b, p), sub(c, p)
+    a, b, c = sub(triangle[0], p), sub(triangle[1], p), sub(triangle[2], p)
     la, lb, lc = norm(a), norm(b), norm(c)
     product = la * lb * lc
     above = dot(a, cross(b, c))
@@ -74,6 +83,12 @@ def _solid_angle(p, a, b, c):
     size, error = np.sqrt(above * above + below * below), _ROUNDING * product
     if not (product > _LEAST_PRODUCT and size > 4.0 * error):
         return 0.0, math.pi
+    if below < 0.0 and abs(above) <= error:
+        # Close to the triangle: on the wrong side of it the angle would be -pi instead of pi.
+        above = volume(*triangle, p)
+        least = product / max(la, max(lb, lc))
+        if not (abs(above) > _PRECISE * product and least > _LEAST_PAIR):
+            return 0.0, math.pi
     # No arc is longer than pi / 2 of its sine.
     return np.arctan2(above, below), 1.6 * error / (size - error) + 16.0 * DOUBLE_EPS
 
@@ -118,8 +133,7 @@ def _winding(tree, moments, p, share, stack):
                 continue
             steps += last_of(child) - first_of(child) + 1
             for t in range(first_of(child), last_of(child) + 1):
-                a, b, c = corners(tree.triangles, t)
-                angle, error = _solid_angle(p, a, b, c)
+                angle, error = _solid_angle(p, corners(tree.triangles, t))
                 total += 2.0 * angle
                 lost += 2.0 * error + 4.0 * DOUBLE_EPS * (abs(angle) + abs(total))
     return total / _FOUR_PI, lost / _FOUR_PI * (1.0 + 1e-6), steps
@@ -127,14 +141,15 @@ def _winding(tree, moments, p, share, stack):
 
 @kernel
 def _from_rim(region, p):
-    """The distance of a point from the open edges, and the steps it took."""
+    """A distance that no open edge is nearer than, a hundredth too short; and the steps it took."""
     stack, bounds = on_stack(ROOM, np.int32(0)), on_stack(ROOM, 0.0)
     found = on_stack(WIDTH, np.float32(0.0))
     away, near, top = begin_nearest(region.rim_tree, p, 0, stack, bounds)
-    away, _, _, left = nearest(
-        region.rim_tree, p, away, near, top, 0.0, 1e-3 * away, stack, bounds, found, TO_THE_END
+    query = Point(p, 0.0, 1e-3, 0.0, 0.0)
+    answer, _, left = descend(
+        query, region.rim_tree, answer_at(query, away, near), top, stack, bounds, found, TO_THE_END
     )
-    return away * (1.0 - 1e-2), TO_THE_END - left
+    return answer[0] * (1.0 - 1e-2), TO_THE_END - left
 
 
 def is_outside(tree, region, p, radius, q, slack, stack):

@@ -166,7 +166,7 @@ def _begin_cells(tree_a, tree_b, region_a, region_b, state):
     for i in range(state.order.shape[0]):
         state.order[i] = i
     cell = state.cells[0]
-    if not common_box(tree_a, tree_b, state, cell.centre, cell.half):
+    if not common_box(tree_a, tree_b, region_a, region_b, state, cell.centre, cell.half):
         return 1
     cell.count = 0
     steps = 1
@@ -204,7 +204,7 @@ def _begin_cell(state):
 
 
 @kernel
-def _compare_with_middle(tree_a, tree_b, state):
+def _compare_with_middle(tree_a, tree_b, region_a, region_b, state):
     """Try the middle of all that both models share, before a ball is improved where it is.
 
     Where they overlap a little, a ball at the rim grows by small steps, if its centre climbs.
@@ -213,7 +213,7 @@ def _compare_with_middle(tree_a, tree_b, state):
     at.trusted = 0.0
     take_axes(at.axes, axis_of(best))
     centre, half = on_stack(3, 0.0), on_stack(3, 0.0)
-    if common_box(tree_a, tree_b, state, centre, half):
+    if common_box(tree_a, tree_b, region_a, region_b, state, centre, half):
         _try_centre(state, SEED, centre, best, False)
 
 
@@ -363,7 +363,7 @@ def search_ball(solids, memory, seeds_alone, steps):
             steps = _go_on(tree_a, tree_b, region_a, region_b, state, steps)
         elif at.climbs > 0 and not seeds_alone:
             if at.radius < at.trusted and at.ceiling > limit_of(at):
-                _compare_with_middle(tree_a, tree_b, state)
+                _compare_with_middle(tree_a, tree_b, region_a, region_b, state)
             elif not (at.newtons > 0 and begin_newton(tree_a, tree_b, state)):
                 begin_climb(state)
         elif at.seed < at.seeds:

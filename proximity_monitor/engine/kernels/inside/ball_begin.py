@@ -73,7 +73,7 @@ def begin_ball(solids, memory, pose_a, pose_b, rel_err, abs_err):
     if at.ceiling > 0.0:
         take_axes(at.axes, way)
         middle, half = on_stack(3, 0.0), on_stack(3, 0.0)
-        if common_box(tree_a, tree_b, state, middle, half):
+        if common_box(tree_a, tree_b, region_a, region_b, state, middle, half):
             at.middle = at.seeds
             add_seed(state, in_a_frame(at.axes, middle))
     take_axes(at.axes, (1.0, 0.0, 0.0))

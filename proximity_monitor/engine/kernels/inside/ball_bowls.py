@@ -180,8 +180,7 @@ def _bowls(tree_a, tree_b, region_a, region_b, state, centre, half, limit, spare
         return False, 1
     # How far the cell reaches, and how high the bowls do.
     yn = (along_axis(at.axes, 0, n), along_axis(at.axes, 1, n), along_axis(at.axes, 2, n))
-    square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
-    aside = beside(yn, half, square) * (1.0 + 1e-12)
+    aside = beside(yn, half) * (1.0 + 1e-12)
     high = abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
     clear, bent = CLEAR * slack + 2.0 * at.joints, max(abs(k1), abs(k2))
     high = max(high, max(h, -h_b) + room + steepest * aside + 0.5 * bent * aside * aside)

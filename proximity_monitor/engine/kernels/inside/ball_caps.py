@@ -32,7 +32,7 @@ from numba import float32, uint64
 from ..base.jit import implements, inlined, kernel, loop16, shared
 from ..base.memory import on_stack
 from ..base.trees import MeshTree, SurfaceTree
-from ..base.vectors import along, dot, moved, norm, rotated, scaled, sub
+from ..base.vectors import along, cross, dot, moved, norm, rotated, scaled, sub
 from ..elements.primitives import corners
 from ..tree.layout import (
     CENTRE_X,
@@ -164,11 +164,18 @@ def _by_volumes(tree, o, n, radius, height, top, slack, stack):
 
 
 @kernel
-def beside(n, half, square):
-    """How far a cell reaches from its centre perpendicular to n; `square` half its diagonal's."""
-    x, y, z = n[0] * half[0], n[1] * half[1], n[2] * half[2]
-    low = min(min(abs(x + y + z), abs(x + y - z)), min(abs(x - y + z), abs(x - y - z)))
-    return np.sqrt(max(square - low * low, 0.0))
+def beside(n, half):
+    """How far a cell reaches from its centre perpendicular to n, a unit vector.
+
+    Not by Pythagoras: along n half of the digits of a small rest would be lost.
+    """
+    square = 0.0
+    for corner in range(4):  # the other four lie opposite
+        v = -half[1] if corner & 1 else half[1]
+        w = -half[2] if corner & 2 else half[2]
+        across = cross((half[0], v, w), n)
+        square = max(square, dot(across, across))
+    return np.sqrt(square)
 
 
 @shared
@@ -218,7 +225,7 @@ def _one_way(tree, region, motion, k, at, point, way, centre, half, spare, most,
     square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
     height, away = dot(yn, offset), norm(offset)
     top = height + abs(yn[0]) * half[0] + abs(yn[1]) * half[1] + abs(yn[2]) * half[2]
-    aside = np.sqrt(max(away * away - height * height, 0.0)) + beside(yn, half, square)
+    aside = norm(along(offset, yn, -height)) + beside(yn, half)
     far = (away + np.sqrt(square)) * (1.0 + 1e-12)
     clear = CLEAR * slack + 2.0 * at.joints
     high = most + 2.0 * clear

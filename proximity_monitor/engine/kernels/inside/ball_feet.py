@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.jit import entry, kernel
-from ..base.state import FEATURE_A, FEATURE_B, POINT_A, POINT_B, RADIUS_A, RADIUS_B
+from ..base.state import (
+    FEATURE_A,
+    FEATURE_B,
+    POINT_A,
+    POINT_B,
+    RADIUS_A,
+    SURFACE_A,
+    SURFACE_B,
+)
 from ..base.trees import SWEPT, MeshTree
-from ..base.vectors import dot, moved, sub
+from ..base.vectors import moved
 from .ball_point import place_of
 from .ball_state import OF_CELLS, ball_at
 from .feet import foot_of
 from .solid_table import solid_at
 
 _POINTS, _FEATURES = (POINT_A, POINT_B), (FEATURE_A, FEATURE_B)
+_SURFACES = SURFACE_A, SURFACE_B
 
 
 KIND_A = KIND_B = MeshTree
@@ -29,13 +40,8 @@ def write_ball(solids, memory, pose_a, pose_b, row, first):
     state = ball_at(OF_CELLS, memory)
     write_foot(tree_a, labels_a, state, 0, pose_a, row, first)
     write_foot(tree_b, labels_b, state, 1, pose_b, row, 1 - first)
-    best = state.best[0]
-    centre = in_world(pose_a, place_of(best))
-    at, other = _POINTS[first], _POINTS[1 - first]
-    a = (row[at], row[at + 1], row[at + 2])
-    b = (row[other], row[other + 1], row[other + 2])
-    row[RADIUS_A + first] = _aimed(centre, a, b, best.side[0]) * tree_a.scale[SWEPT]
-    row[RADIUS_B - first] = _aimed(centre, b, a, best.side[1]) * tree_b.scale[SWEPT]
+    write_surface(state.best[0].way[0], pose_a, tree_a.scale[SWEPT], row, first)
+    write_surface(state.best[0].way[1], pose_a, tree_b.scale[SWEPT], row, 1 - first)
 
 
 @kernel
@@ -67,12 +73,12 @@ def in_world(pose, x):
 
 
 @kernel
-def _aimed(centre, point, other, side):
-    """The sign of the radius that leads from a core's point to the swept surface.
+def write_surface(way, pose, swept, row, side):
+    """Write the point of a swept surface, by its core's point, which is there already.
 
-    An answer takes the surface's point along the way to the other core's point. A swept surface is
-    nearest to a centre on the far side of it, seen from the core's point, or on the near side where
-    the centre is inside the core.
+    `way` leads into the solid, in the frame of `pose`; where nothing is swept it does not matter.
     """
-    away = dot(sub(centre, point), sub(other, point))
-    return -1.0 if (away < 0.0) != (side > 0) else 1.0
+    row[RADIUS_A + side] = np.nan
+    for i in range(3):
+        inward = pose[i, 0] * way[0] + pose[i, 1] * way[1] + pose[i, 2] * way[2]
+        row[_SURFACES[side] + i] = row[_POINTS[side] + i] - swept * inward

@@ -24,6 +24,7 @@ from ..tree.layout import (
     V_Z,
     WIDTH,
 )
+from .solids import HALF
 
 
 @kernel
@@ -67,10 +68,15 @@ def axis_of(point):
 
 
 @kernel
-def _extent(tree, motion, axis, swept, slack):
-    """From where to where a model reaches along a unit vector of a's frame, metres: bounds."""
+def _extent(tree, region, motion, axis, swept, slack):
+    """From where to where a solid reaches along a unit vector of a's frame, metres: bounds."""
     n = rotated(motion, axis)
-    shift = axis[0] * 0.0
+    shift = motion[9] * n[0] + motion[10] * n[1] + motion[11] * n[2]
+    if region.inside == HALF:  # beside layers that face the same way there may be an inside, too
+        ball = region.ball
+        middle = n[0] * ball[0] + n[1] * ball[1] + n[2] * ball[2] - shift
+        reach = ball[3] * (1.0 + 1e-12) + 4.0 * slack + swept
+        return middle - reach, middle + reach
     lo, hi = np.inf, -np.inf
     nodes, unit_length = tree.nodes, tree.scale[0]
     size = tree.centres[0, 3]
@@ -87,19 +93,18 @@ def _extent(tree, motion, axis, swept, slack):
         reach = nodes[i + HALF_U] * abs(u) + nodes[i + HALF_V] * abs(v) + nodes[i + RADIUS]
         lo, hi = min(lo, c - reach), max(hi, c + reach)
     margin = SINGLE_MARGIN * size * unit_length + 4.0 * slack + swept
-    shift += motion[9] * n[0] + motion[10] * n[1] + motion[11] * n[2]
     lo, hi = (lo + middle) * unit_length - shift, (hi + middle) * unit_length - shift
     return lo - margin, hi + margin
 
 
 @shared
-def common_box(tree_a, tree_b, state, centre, half):
+def common_box(tree_a, tree_b, region_a, region_b, state, centre, half):
     """Write the cuboid of the search's frame that holds what two models share; False for none."""
     at, motions = state.at[0], state.motions
     for i in range(3):
         axis = _axis(at.axes, i)
-        lo, hi = _extent(tree_a, motions[0], axis, at.swept[0], at.slack)
-        low, high = _extent(tree_b, motions[1], axis, at.swept[1], at.slack)
+        lo, hi = _extent(tree_a, region_a, motions[0], axis, at.swept[0], at.slack)
+        low, high = _extent(tree_b, region_b, motions[1], axis, at.swept[1], at.slack)
         lo, hi = max(lo, low), min(hi, high)
         if not lo <= hi:
             return False

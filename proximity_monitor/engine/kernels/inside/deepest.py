@@ -16,10 +16,10 @@ from ..base.jit import kernel, shared
 from ..base.memory import on_stack
 from ..base.motion import deviation, relative_motions
 from ..base.rounding import POINT_FLOOR, POINT_MARGIN, POSE_MARGIN
-from ..base.state import CUT, ENDED, RADIUS_A, RADIUS_B
+from ..base.state import CUT, ENDED
 from ..base.tables import tree_at
 from ..base.trees import SWEPT
-from ..base.vectors import along, cross, dot, sub, unit
+from ..base.vectors import along, cross, dot, moved, sub, unit
 from ..elements.errors import joints_err, points_err
 from ..tree.layout import (
     EMPTY,
@@ -34,10 +34,12 @@ from ..tree.layout import (
 )
 from .ball_caps import plane
 from .ball_cells import limit_of, pop
-from .ball_feet import write_foot, write_point
+from .ball_feet import write_foot, write_point, write_surface
 from .ball_frame import take_axes
 from .ball_point import certain_radius, place_of, possible_depth, sound_some
 from .ball_state import CELL_CENTRE, FULL, IDLE, OF_PIECES, ball_at
+from .feet import facet_of
+from .nearest import point_triangle
 from .pieces import (
     WHOLE,
     control_of,
@@ -136,6 +138,7 @@ def _keep(surface, parts, state):
         best.near[1] = element_of(surface, parts, state.cells[state.order[0]])
         for i in range(3):
             best.place[i], best.weights[i] = trial.place[i], trial.weights[i]
+            best.way[0, i] = trial.way[0, i]
 
 
 @kernel
@@ -232,6 +235,22 @@ def _end_lane(tree, region, surface, parts, state, lane, bound):
     return steps
 
 
+@kernel
+def _beside_facet(tree, surface, parts, state, piece, margin):
+    """A bound of how deep a piece reaches, by how far it is from the facet nearest to its middle.
+
+    That is a convex function of the place (see ball_tangents.py), and so largest at a control
+    point. Along an edge that points into the solid, other bounds shrink no faster than pieces do.
+    """
+    at, motion = state.at[0], state.motions[0]
+    a, b, c = facet_of(tree, 0, state.trial[0])
+    square = 0.0
+    for i in range(count_of(surface, parts, piece)):
+        p = moved(motion, control_of(surface, parts, piece, i))
+        square = max(square, point_triangle(p, a, b, c)[0])
+    return np.sqrt(square) + at.swept[0] + 4.0 * at.slack + margin
+
+
 @shared
 def _end_piece(tree, region, surface, parts, state, piece, bound):
     """Bound a piece, whose middle is the trial point, and put its parts into the heap."""
@@ -245,6 +264,8 @@ def _end_piece(tree, region, surface, parts, state, piece, bound):
     radius = np.sqrt(square) * (1.0 + 1e-12) + margin
     bound = min(bound, possible_depth(trial, 0, region.inside, at.swept[0], radius, at.slack))
     limit = limit_of(at)
+    if bound > limit:
+        bound = min(bound, _beside_facet(tree, surface, parts, state, piece, margin))
     if bound > limit:
         axes = at.axes
         u, v = span_of(surface, parts, piece)
@@ -335,5 +356,5 @@ def write_deepest(models, memory, solid, pose, pose_surface, row):
     place, parameters = spot_at(surface, element, best)
     write_foot(tree, names, state, 0, pose, row, solid)
     write_point(pose_surface, place, parameters, labels[element], row, 1 - solid)
-    row[RADIUS_A] = row[RADIUS_B] = 0.0
-    row[RADIUS_A + solid] = -tree.scale[SWEPT]
+    write_surface(best.way[0], pose_surface, tree.scale[SWEPT], row, solid)
+    write_surface(best.way[0], pose_surface, 0.0, row, 1 - solid)  # its own points, not the sweep's

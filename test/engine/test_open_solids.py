@@ -1,0 +1,88 @@
+"""Solids with holes, whose inside is where they wind around a point more than half."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ball_oracle import point_distances, winding_numbers
+from engine_bodies import IDENTITY, box, rotation, translation
+
+from proximity_monitor import engine
+from proximity_monitor.engine.kernels.base.jit import entry
+from proximity_monitor.engine.kernels.base.trees import MeshTree
+from proximity_monitor.engine.kernels.inside.angles import _from_rim
+from proximity_monitor.engine.kernels.inside.solid_table import solid_at
+from proximity_monitor.engine.models.solid import sides_of
+
+BOX_FACES = (
+    (0, 1, 3), (0, 3, 2), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4),
+    (1, 5, 7), (1, 7, 3),
+)  # fmt: skip
+"""All but those of one end, x = 1, of the corners that `box_corners` makes."""
+
+
+def box_corners(width):
+    """Corners (8, 3) of a box that is 2 long, so wide, and 1 high."""
+    return np.array([(x, y, z) for x in (-1.0, 1.0) for y in (0.0, width) for z in (-1.0, 0.0)])
+
+
+@entry
+def _rim_distance(solid, p):
+    _, _, region = solid_at(MeshTree, solid)
+    return _from_rim(region, (p[0], p[1], p[2]))[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_open_edge_is_nearer_than_is_said(seed):
+    rng = np.random.default_rng(seed)
+    solid = box((2.0, 2.0, 2.0))
+    # Small triangles that are open all around, far away and next to each other.
+    places = rng.normal(size=(40, 3)) * 10.0 ** rng.uniform(-4.0, 1.0, (40, 1))
+    loose = places[:, None] + rng.normal(size=(40, 3, 3)) * 1e-6
+    vertices = np.concatenate((solid.vertices, loose.reshape(-1, 3)))
+    faces = np.concatenate((solid.faces, 8 + np.arange(120).reshape(40, 3)))
+    mesh = engine.TriangleMesh(vertices, faces, solid="robust")
+    table = sides_of(mesh).table
+    points = places[rng.integers(40, size=200)]
+    points = points + rng.normal(size=(200, 3)) * 10.0 ** rng.uniform(-4.0, 0.0, (200, 1))
+    edges = loose[:, [[0, 1, 1], [1, 2, 2], [2, 0, 0]]].reshape(-1, 3, 3)  # flat triangles
+    true = point_distances(points, edges)
+    found = np.array([_rim_distance(table, p) for p in points])
+    assert (found <= true).all()
+    assert (found >= 0.98 * true).all()
+
+
+@pytest.mark.parametrize("width", [1e-5, 1e-6])
+def test_the_side_of_a_long_thin_triangle_is_right_close_to_it(width):
+    rng = np.random.default_rng(3)
+    turn, shift = rotation(rng), rng.normal(size=3)
+    vertices = box_corners(width) @ turn.T + shift
+    mesh = engine.TriangleMesh(vertices, np.array(BOX_FACES), solid="robust")
+    assert mesh.is_solid
+    count = 400
+    x, y = rng.uniform(-0.8, 0.8, count), width * rng.uniform(0.3, 0.7, count)
+    z = 10.0 ** rng.uniform(-12.0, np.log10(width) - 2.0, count)
+    for sign in (-1.0, 1.0):  # inside, outside
+        points = np.stack((x, y, sign * z), axis=1) @ turn.T + shift
+        found = engine.closest_points(mesh, IDENTITY, points, signed=True)
+        wrong = found.lower > 0.0 if sign < 0.0 else found.upper < 0.0
+        assert not wrong.any()
+        known = found.upper < 0.0 if sign < 0.0 else found.lower > 0.0
+        assert known.mean() > 0.9
+
+
+def test_an_inside_beyond_the_elements_is_found():
+    # Three layers that face the same way wind once around what is near them.
+    sheet = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
+    vertices = np.concatenate([sheet + np.array((0.0, 0.0, 1e-3 * k)) for k in range(3)])
+    faces = np.concatenate([np.array([(0, 1, 2), (0, 2, 3)]) + 4 * k for k in range(3)])
+    layers = engine.TriangleMesh(vertices, faces, solid="robust")
+    cube, at = box((0.2, 0.2, 0.2)), translation(0.0, 0.0, 0.4)
+    corners = cube.vertices[cube.faces] + at[:3, 3]
+    assert (np.abs(winding_numbers(corners.reshape(-1, 3), vertices[faces])) > 0.8).all()
+    for found in (
+        engine.signed_distance(layers, IDENTITY, cube, at),
+        engine.signed_distance(cube, at, layers, IDENTITY),
+    ):
+        assert found.lower <= -0.2 <= found.upper + 1e-12
+        assert found.upper < -0.199
