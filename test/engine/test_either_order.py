@@ -17,6 +17,8 @@ from proximity_monitor.engine.kernels.base.state import (
     RADIUS_A,
     RADIUS_B,
     STATUS,
+    SURFACE_A,
+    SURFACE_B,
     TREE_A,
     TREE_B,
 )
@@ -30,7 +32,8 @@ PLACES = {
 }
 COLUMNS = [LOWER, LOWER + 1, *range(POINT_B, POINT_B + 3), *range(POINT_A, POINT_A + 3),
            *range(FEATURE_B, FEATURE_B + 4), *range(FEATURE_A, FEATURE_A + 4), TREE_B, TREE_A,
-           18, 19, STATUS, RADIUS_B, RADIUS_A]  # fmt: skip
+           18, 19, STATUS, RADIUS_B, RADIUS_A, *range(SURFACE_B, SURFACE_B + 3),
+           *range(SURFACE_A, SURFACE_A + 3)]  # fmt: skip
 """Those of an answer, both models' exchanged."""
 
 

@@ -1,9 +1,11 @@
 """Memory that outlives its search: it is used again, never by two at once, and holds no traces."""
 
 import gc
+import re
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ OTHER = engine.TriangleMesh(0.9 * ICO.vertices, ICO.faces)
 NET, TURNED = bumps(1), bumps(2)
 APART, INTO = translation(2.1, 0.1, 0.2), translation(1.2, 0.3, 0.1)
 ABOVE = translation(0.1, 0.2, 0.5)
+PROFILE = [[0.8, 0.0], [1.2, -0.3], [1.2, 0.3], [0.8, 0.0]]
 CROWD = [translation(x, 0.2, 0.1) for x in np.linspace(2.5, 1.8, 9)]
 
 QUESTIONS = {
@@ -227,3 +230,36 @@ def test_threads_never_own_the_same_memory(monkeypatch):
         list(pool.map(ask, range(8)))
     gc.collect()
     assert not busy
+
+
+@pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="only Linux tells")
+def test_no_search_asks_for_huge_pages():
+    """To provide one may take the system milliseconds, within a question that has a budget."""
+    ring = engine.SolidOfRevolution([engine.Curve(PROFILE)])
+    searches = [
+        run.Search(BALL, OTHER, "breadth_first", True),
+        run.Search(ring, ring, "depth_first", True),
+        run.Search(NET, BALL, "depth_first", True),
+    ]
+    places = mappings_with_huge_pages()
+    large = 0
+    for search in searches:
+        for array in (*search.state.open, *search.state.waiting):
+            if array.nbytes >= 1 << 22:  # smaller ones may lie where a large one did
+                large += 1
+                begin = array.__array_interface__["data"][0]
+                end = begin + array.nbytes
+                assert not any(low < end and begin < high for low, high in places)
+    assert large >= 2
+
+
+def mappings_with_huge_pages() -> list[tuple[int, int]]:
+    """Where the parts of this process's memory begin and end that are marked for them."""
+    found, begin, end = [], 0, 0
+    for line in Path("/proc/self/smaps").read_text().splitlines():
+        first, *rest = line.split()
+        if re.fullmatch("[0-9a-f]+-[0-9a-f]+", first):
+            begin, end = (int(each, 16) for each in first.split("-"))
+        elif first == "VmFlags:" and "hg" in rest:
+            found.append((begin, end))
+    return found

@@ -17,6 +17,7 @@ from proximity_monitor.engine.kernels.surface import sides
 from proximity_monitor.engine.kernels.surface.edges import point_on, put_edge
 from proximity_monitor.engine.kernels.surface.trim import INSIDE
 from proximity_monitor.engine.kernels.surface.trim_entries import classify_points
+from proximity_monitor.engine.models.compound import Part
 from proximity_monitor.engine.models.trim import Trim, joined
 
 HERE = np.eye(4)
@@ -71,14 +72,19 @@ def test_a_pin_in_a_hole_is_no_nearer_than_its_clearance():
     assert engine.collide(PLATE, HERE, pin, pose)
 
 
-def test_arcs_are_trimmed_in_their_angle():
-    """A cylinder's wall, cut off by a loop that is given in angles: a window of it is left."""
+def window():
+    """What a loop, which is given in angles, leaves of a quarter of a cylinder's wall."""
     quarter = revolved(np.array([[2.0, 0.0], [2.0, 1.0]]), np.ones(2))[0]
     control, weights = quarter.nets[0].control, quarter.nets[0].weights
     low, high = np.array([0.0, 0.0]), np.array([math.pi / 2, 1.0])
-    window = polygon((0.3, 0.2), (0.9, 0.2), (0.9, 0.8), (0.3, 0.8))
+    loop = polygon((0.3, 0.2), (0.9, 0.2), (0.9, 0.8), (0.3, 0.8))
     knots = np.repeat([0.0, math.pi / 2], 3), np.repeat([0.0, 1.0], 2)
-    cut = engine.Patch(control, *knots, weights, trim=Trim([window], low, high, arcs=(1, 0)))
+    trim = Trim([loop], low, high, arcs=(1, 0))
+    return engine.ParametricSurface([engine.Patch(control, *knots, weights, trim=trim)])
+
+
+def test_arcs_are_trimmed_in_their_angle():
+    cut = window()
     angles = np.array([0.0, 0.3, 0.6, 0.9, 1.4])
     for height in (0.0, 0.5):
         points = np.column_stack(
@@ -230,3 +236,23 @@ def test_a_loop_that_leaves_its_rectangle_is_refused():
     patch = engine.Patch(control, trim=Trim(loops, (0, 0), (1, 1)))
     with pytest.raises(engine.ModelError, match="patch 0: a trimming loop leaves its rectangle"):
         engine.distance(patch, HERE, PLATE, HERE)
+
+
+def test_what_is_cut_off_is_cut_off_in_the_mirror_too():
+    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
+    mirrored = engine.shapes.compound([Part(PLATE, HERE, (-1.0, 1.0, 1.0))])
+    assert mirrored.nets[0].trim is not None
+    random = np.random.default_rng(2)
+    points = random.uniform((0.0, 0.0, -1.0), (10.0, 5.0, 1.0), (200, 3))
+    points[0] = *CENTRE, 0.0
+    found = engine.closest_points(mirrored, HERE, points @ mirror[:3, :3])
+    assert found.upper == pytest.approx(to_plate(points), abs=1e-11)
+    again = engine.shapes.compound([Part(mirrored, HERE, (-1.0, 1.0, 1.0))])
+    assert again.digest() == engine.shapes.compound([Part(PLATE, HERE)]).digest()
+    # Along arcs loops are told by angles, one way as the other.
+    wall = engine.shapes.compound([Part(window(), HERE, (-1.0, 1.0, 1.0))])
+    points = np.column_stack([3 * np.cos(random.uniform(0, 1.5, 50)), random.uniform(1, 3, 50)])
+    points = np.column_stack([points, random.uniform(0, 1, 50)])
+    one = engine.closest_points(window(), HERE, points)
+    other = engine.closest_points(wall, HERE, points @ mirror[:3, :3])
+    assert other.upper == pytest.approx(one.upper, abs=1e-11)

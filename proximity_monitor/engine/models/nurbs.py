@@ -74,7 +74,8 @@ class Net:
             return self
         weights = None if self.weights is None else frozen(self.weights.T.copy())
         control = frozen(self.control.transpose(1, 0, 2).copy())
-        return Net(control, weights, self.knots_v, self.knots_u, False)
+        trim = None if self.trim is None else self.trim.swapped()
+        return Net(control, weights, self.knots_v, self.knots_u, False, trim)
 
     def homogeneous(self) -> NDArray[np.float64]:
         """The control net (n_u, n_v, 4) in homogeneous coordinates, x w, y w, z w and w."""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -126,6 +126,19 @@ class Trim:
                     f"pieces of degree {along.degree}"
                 )
 
+    def swapped(self) -> Self:
+        """The same of a patch whose u is v, and the other way round."""
+        made = object.__new__(type(self))
+        made.record, made.segments = self.record.copy(), self.segments.copy()
+        for name in ("low", "extent", "tangent", "arcs"):
+            made.record[name] = self.record[name][::-1]
+        for name in ("a", "b"):
+            made.segments[name] = self.segments[name][:, ::-1]
+        made.snapped, made.whole = self.snapped[::-1].copy(), self.whole
+        made.nets = _exchanged(self.nets.reshape(-1, 3)).ravel()
+        made.loops = tuple(tuple(part.swapped() for part in loop) for loop in self.loops)
+        return made
+
     def digest(self) -> bytes:
         """Of all that makes it up."""
         return self.record.tobytes() + self.segments.tobytes() + self.nets.tobytes()
@@ -169,6 +182,17 @@ class Part(NamedTuple):
     """It, or where it lies along a side, the polyline outside that stands for it."""
     edge: Reals
     """(n, 3) it, as it bounds what is left: along a side from end to end."""
+
+    def swapped(self) -> Part:
+        """The same with y for x."""
+        rows = [(a[::-1], b[::-1], *rest) for a, b, *rest in self.rows]
+        net = _exchanged(self.net) if self.net.size else self.net
+        return Part(rows, net, [_exchanged(each) for each in self.outline], _exchanged(self.edge))
+
+
+def _exchanged(points: Reals) -> Reals:
+    """Points (n, 3) with y for x."""
+    return np.ascontiguousarray(points[:, [1, 0, 2]])
 
 
 def _closed(curves: list[Reals], slack: float) -> list[Part]:

@@ -9,15 +9,38 @@ more. Threads need no lock, as each step on a deque is done at once.
 
 from __future__ import annotations
 
+import mmap
 from collections import deque
 from collections.abc import Hashable
+from contextlib import suppress
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 _MOST, _LARGEST = 8, 1 << 24
 """How many memories are kept, the last ones given back, and the bytes that one may take."""
+
+
+_HUGE = 1 << 22
+"""Bytes from which on numpy asks the system for huge pages."""
+
+
+def room(count: int, kind: DTypeLike = np.float64) -> NDArray:
+    """An array (count,) of which the system provides only the pages that are written to.
+
+    A huge page, of 2 MB, is cleared as a whole when it is first touched, and the system may move
+    other memory out of its way before: milliseconds, in a call that has a budget.
+    """
+    dtype = np.dtype(kind)
+    size = count * dtype.itemsize
+    if size < _HUGE or not hasattr(mmap, "MAP_ANONYMOUS"):
+        return np.empty(count, dtype)
+    pages = mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+    if hasattr(mmap, "MADV_NOHUGEPAGE"):
+        with suppress(OSError):  # a system without huge pages
+            pages.madvise(mmap.MADV_NOHUGEPAGE)
+    return np.frombuffer(pages, dtype)
 
 
 class Memory:

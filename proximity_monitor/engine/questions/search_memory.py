@@ -31,7 +31,7 @@ from ..kernels.search.descent import WAITING_ROOM
 from ..kernels.search.queue import QUEUE
 from ..models.hierarchy import Hierarchy
 from ..models.model import Model
-from .memory import Memory
+from .memory import Memory, room
 
 Order = Literal["depth_first", "priority", "breadth_first"]
 """The order in which a search visits pairs of volumes; the answer is the same."""
@@ -83,12 +83,12 @@ def _room(width: int, whole: int, parts: int) -> CellRoom:
     return CellRoom(min(parts, max(_BYTES // (8 * width), _FEWEST)) + whole, width, whole)
 
 
-def cells_for(room: CellRoom | None) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
+def cells_for(wanted: CellRoom | None) -> tuple[NDArray, NDArray[np.float64], NDArray[np.int32]]:
     """Cells, their control points, and which of them are whole elements."""
-    if room is None:
+    if wanted is None:
         return np.empty(0, CELL), np.empty(0), np.empty(0, np.int32)
-    cells, width, whole = room
-    return np.empty(cells, CELL), np.empty(cells * width), np.empty(whole, np.int32)
+    cells, width, whole = wanted
+    return room(cells, CELL), room(cells * width), room(whole, np.int32)
 
 
 class SearchKind(NamedTuple):
@@ -163,7 +163,7 @@ class SearchMemory(Memory):
         # A list of levels is full while there is still room for a search depth first (levels.py).
         record["full"] = capacity - 15 * levels - 16
         self.progress = record[0]
-        pairs, bounds = np.empty((capacity, 2), np.int32), np.empty(capacity)
+        pairs, bounds = room(2 * capacity, np.int32).reshape(-1, 2), room(capacity)
         no_corners = np.empty((0, KEPT), np.int32)
         open_pairs: tuple[NDArray, ...] = index.DepthFirst(pairs, bounds)
         if order == "priority":
@@ -175,13 +175,12 @@ class SearchMemory(Memory):
         )
         if cells != [None, None]:
             waiting = Dividing(
-                *waiting, np.empty(_PAIRS, CELL_PAIR), *cells_for(cells[0]), *cells_for(cells[1])
+                *waiting, room(_PAIRS, CELL_PAIR), *cells_for(cells[0]), *cells_for(cells[1])
             )
         if rings:
             waiting = Turning(
-                *waiting, np.empty(_RINGS, RING), np.empty(_RINGS, np.int32),
-                np.empty(_ARCS, ARC), np.empty(_ARCS, ARC), np.empty(MINIMA, MINIMUM),
-                np.empty(2 * FRONT, RING),
+                *waiting, room(_RINGS, RING), room(_RINGS, np.int32), room(_ARCS, ARC),
+                room(_ARCS, ARC), room(MINIMA, MINIMUM), room(2 * FRONT, RING),
             )  # fmt: skip
         motions, far = np.zeros((2, 12)), np.zeros(_COHERENT if coherent else 0, FAR)
         far["key"] = NO_KEY

@@ -21,7 +21,7 @@ def witness_points(rows: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDAr
         radii,
         rows[..., index.UPPER] < 0.0,
     )
-    told = np.isnan(radii).any(axis=-1, keepdims=True)
+    told = (radii < 0.0).any(axis=-1, keepdims=True)
     if not told.any():
         return p, q
     p = np.where(told, rows[..., index.SURFACE_A : index.SURFACE_A + 3], p)

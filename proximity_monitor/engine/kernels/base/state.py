@@ -238,7 +238,7 @@ RADIUS_A, RADIUS_B, SURFACE_A, SURFACE_B, ANSWER = 21, 22, 23, 26, 29
 microsecond longer, of four): the certified bounds, metres; the nearest points of the triangles
 in the world; for each its barycentric weights and then its face; the triangles in tree order; bound
 tests and primitive tests made; one of the following; and the radii that sweep the triangles, by
-which the points lie inside the models (see swept.py). Of a depth these are NaN, and what follows
+which the points lie inside the models (see swept.py). Of a depth these are -1, and what follows
 are the points of the models' surfaces, as a largest ball does not touch both on one line."""
 
 EXACT, WITHIN_TOLERANCE, OUT_OF_TIME, INTERSECTING = 0, 1, 2, 3

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..base.jit import entry, kernel
 from ..base.state import (
     FEATURE_A,
@@ -78,7 +76,7 @@ def write_surface(way, pose, swept, row, side):
 
     `way` leads into the solid, in the frame of `pose`; where nothing is swept it does not matter.
     """
-    row[RADIUS_A + side] = np.nan
+    row[RADIUS_A + side] = -1.0
     for i in range(3):
         inward = pose[i, 0] * way[0] + pose[i, 1] * way[1] + pose[i, 2] * way[2]
         row[_SURFACES[side] + i] = row[_POINTS[side] + i] - swept * inward

@@ -32,6 +32,7 @@ from ..base.state import (
     RADIUS_A,
     RADIUS_B,
     STATUS,
+    SURFACE_A,
     TESTS,
     TREE_A,
     TREE_B,
@@ -166,6 +167,8 @@ def finish(tree_a, tree_b, labels_a, labels_b, state, pose_a, pose_b, turned, co
     answer[TESTS], answer[TESTS + 1] = progress.bound_tests, progress.primitive_tests
     answer[_RADII[first]] = tree_a.scale[SWEPT]
     answer[_RADII[second]] = tree_b.scale[SWEPT]
+    for i in range(SURFACE_A, ANSWER):
+        answer[i] = 0.0
     if code != ENDED:
         answer[STATUS] = OUT_OF_TIME
     elif lower_of(certain, radii, deviations) <= 0.0:

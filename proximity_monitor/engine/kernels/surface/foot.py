@@ -76,6 +76,9 @@ UNDIVIDED = 128
 _LOOKS, _CHORDS = 256, 64
 """Looks at parts of an edge, and how many of them may wait."""
 
+_TOLD = 2.0**-52
+"""The shortest stretch of a parameter, 0 to 1, whose ends float64 has wherever halving puts it."""
+
 FAR = 1e150
 """Metres: farther than anything is."""
 
@@ -295,6 +298,9 @@ def _look_at_part(query, tree, t, answer, parts, about, k):
         return bound, answer
     most = 1 if side == CROSSING else _FEW
     low_u, high_u, low_v, high_v = row[LOW_U], row[HIGH_U], row[LOW_V], row[HIGH_V]
+    # What is shorter may have been rounded to another stretch: see `is_halved`.
+    if high_u - low_u < _TOLD or (piece.degree_v > 0 and high_v - low_v < _TOLD):
+        return bound, answer
     limits = limits_in(limits_of_part(piece, parts, at, margin), high_u - low_u, high_v - low_v)
     u = 0.5 * ((low_u + high_u) + a * (high_u - low_u))
     v = 0.5 * ((low_v + high_v) + b * (high_v - low_v))

@@ -129,7 +129,9 @@ def bound_at(piece, limits, jet, way, at, u, v, slack):
     across_u, across_v = limits.u * k, limits.v * m
     if not less > -_HOPELESS * (distance * distance + across_u * across_u + across_v * across_v):
         return -np.inf, left, lost_u >= lost_v
-    bound = np.sqrt(max(distance * distance + 2.0 * less, 0.0)) - slack
+    # Before the root: what is left of the square may be far smaller than it.
+    nearest = max(distance - slack, 0.0)
+    bound = np.sqrt(max(nearest * nearest + 2.0 * less, 0.0))
     return bound, left, lost_u >= lost_v
 
 

@@ -109,6 +109,17 @@ def _roughness(tree, cells, index):
     return cell.bend_u + cell.bend_v + cell.twist
 
 
+@inlined
+def is_halved(low, high):
+    """Whether float64 has the middle of an interval of parameters, so that its halves are such.
+
+    Where weights differ by many orders, all of a piece lies within the last bit of a parameter. Its
+    control points go on to be halved, but a proof would be about another stretch.
+    """
+    middle = 0.5 * (low + high)
+    return middle > low and middle - low == high - middle
+
+
 @implements(ways_to_divide, SurfaceTree)
 @kernel
 def _ways(tree, cells, nets, index, n):
@@ -119,6 +130,10 @@ def _ways(tree, cells, nets, index, n):
     # What loops leave of a cell bends otherwise than the cell: nothing is known along n.
     n = (0.0, 0.0, 0.0) if crossed else n
     in_u, in_v, bends = directions_of(tree, cells, nets, index, n)
+    in_u = in_u and is_halved(cell.low[0], cell.high[0])
+    in_v = in_v and is_halved(cell.low[1], cell.high[1])
+    if not (in_u or in_v):
+        return False, False, -1.0
     u, v = vector(cell.along_u), vector(cell.along_v)
     size = u[0] * u[0] + u[1] * u[1] + u[2] * u[2] + v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
     # Flat ones are divided where nothing else is left to do, the larger one first.
