@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from ball_oracle import point_distances, winding_numbers
-from engine_bodies import IDENTITY, box, rotation, translation
+from engine_bodies import IDENTITY, box, rotation
+from scipy.spatial.transform import Rotation
 
 from proximity_monitor import engine
 from proximity_monitor.engine.kernels.base.jit import entry
@@ -71,18 +72,28 @@ def test_the_side_of_a_long_thin_triangle_is_right_close_to_it(width):
         assert known.mean() > 0.9
 
 
-def test_an_inside_beyond_the_elements_is_found():
-    # Three layers that face the same way wind once around what is near them.
+def layers(turn):
+    """Three layers that face the same way: they wind once around what is near them."""
     sheet = np.array([(-1.0, -1.0, 0.0), (1.0, -1.0, 0.0), (1.0, 1.0, 0.0), (-1.0, 1.0, 0.0)])
     vertices = np.concatenate([sheet + np.array((0.0, 0.0, 1e-3 * k)) for k in range(3)])
     faces = np.concatenate([np.array([(0, 1, 2), (0, 2, 3)]) + 4 * k for k in range(3)])
-    layers = engine.TriangleMesh(vertices, faces, solid="robust")
-    cube, at = box((0.2, 0.2, 0.2)), translation(0.0, 0.0, 0.4)
-    corners = cube.vertices[cube.faces] + at[:3, 3]
-    assert (np.abs(winding_numbers(corners.reshape(-1, 3), vertices[faces])) > 0.8).all()
+    return engine.TriangleMesh(vertices @ turn.T, faces, solid="robust")
+
+
+@pytest.mark.parametrize(("slope", "expected"), [(0.25 * np.pi, -0.2), (0.0, 0.298)])
+def test_an_inside_beyond_the_elements_ends_at_their_box(slope, expected):
+    turn = Rotation.from_euler("x", slope).as_matrix()
+    solid, cube, at = layers(turn), box((0.2, 0.2, 0.2)), np.eye(4)
+    at[:3, :3], at[:3, 3] = turn, 0.4 * turn[:, 2]
+    corners = cube.vertices @ turn.T + at[:3, 3]
+    assert (np.abs(winding_numbers(corners, solid.vertices[solid.faces])) > 0.8).all()
     for found in (
-        engine.signed_distance(layers, IDENTITY, cube, at),
-        engine.signed_distance(cube, at, layers, IDENTITY),
+        engine.signed_distance(solid, IDENTITY, cube, at),
+        engine.signed_distance(cube, at, solid, IDENTITY),
     ):
-        assert found.lower <= -0.2 <= found.upper + 1e-12
-        assert found.upper < -0.199
+        assert found.lower <= expected <= found.upper + 1e-12
+        assert found.upper - found.lower < 1e-3
+    middle = engine.closest_points(solid, IDENTITY, at[None, :3, 3], signed=True)
+    sign = -1.0 if expected < 0.0 else 1.0
+    assert middle.lower == pytest.approx(sign * 0.398)
+    assert middle.upper == pytest.approx(sign * 0.398)

@@ -52,7 +52,8 @@ class TriangleMesh(Model):
             must, which is checked here and at every `deform`. False: it is a surface, whatever it
             encloses. "robust": if it encloses none because faces are missing or turned, its
             inside is where its generalised winding number is more than one half either way
-            (Jacobson et al. 2013), within the sphere `centre`, `core_radius`.
+            (Jacobson et al. 2013), within the sphere `centre`, `core_radius` and the box around all
+            corners of its faces along the model's axes.
 
     Raises:
         ModelError: wrong shapes, no faces, a vertex that is not finite or beyond 1e45 m, a face

@@ -25,7 +25,8 @@ class Feature:
             of a surface "patch" or "curve".
         index: which element of the model: a mesh's triangle, a patch, a profile curve.
         parameters: where on it: (3,) barycentric weights of a triangle's corners; (2,) u and v of a
-            patch; (1,) that of a curve; t and theta of a curve that is revolved.
+            patch; (1,) that of a curve; t and theta of a curve that is revolved. Where a patch is
+            torn apart at a knot, that of either side is the knot, which evaluates to one of them.
     """
 
     kind: str

@@ -119,7 +119,9 @@ def find_sides(mesh: MeshHierarchy, known: Sides | None) -> Sides:
     if mesh.solid is not False and mesh.swept_radius > 0.0:
         reason = ""  # whatever comes into the ball is near its core
     ball = np.array([*mesh.centre, mesh.core_radius])
-    region = Region(inside, samples, ball, rim, rim_tree, moments)
+    corners = mesh.tree.triangles.reshape(-1, 3)
+    box = np.stack((corners.min(axis=0), corners.max(axis=0)))
+    region = Region(inside, samples, ball, box, rim, rim_tree, moments)
     return _sides(mesh, first, part, proper, opening, region, reason)
 
 
@@ -130,7 +132,7 @@ def plain_sides(
     nothing = np.empty(0, np.int32)
     ball = np.array([*hierarchy.centre, hierarchy.core_radius])
     inside = NOWHERE if reason else WHOLE
-    region = Region(inside, samples, ball, 0.0, _no_rim(), _NO_MOMENTS)
+    region = Region(inside, samples, ball, np.zeros((2, 3)), 0.0, _no_rim(), _NO_MOMENTS)
     return _sides(hierarchy, nothing, nothing, proper, None, region, reason)
 
 
@@ -138,7 +140,7 @@ def _sides(
     hierarchy: Hierarchy, first: NDArray[np.int32], part: NDArray[np.int32], proper: bool,
     opening: tuple[str, int, int] | None, region: Region, reason: str,
 ) -> Sides:  # fmt: skip
-    for array in (region.samples, region.ball, region.moments):
+    for array in (region.samples, region.ball, region.box, region.moments):
         array.setflags(write=False)
     extent = np.array([region.inside, region.rim], np.float64)
     table = solid_table(hierarchy.table_of_all, region, extent)

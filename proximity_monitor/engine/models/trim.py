@@ -41,7 +41,7 @@ class TrimCurve(NamedTuple):
 
 
 class Trim:
-    """What is left of a patch: the parameters inside an odd number of closed loops.
+    """What is left of a patch: the parameters inside an odd number of closed loops, or on a loop.
 
     Args:
         loops: closed sequences of curves: each begins where the one before it ends. A smaller gap

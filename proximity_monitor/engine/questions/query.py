@@ -182,9 +182,10 @@ def signed_distance(
     faces inside a union.
 
     For a mesh with holes, `solid="robust"`, a point is inside if it lies within the sphere
-    `centre`, `core_radius` and its winding number is more than one half either way. The surface is
-    still that of the triangles: there is none across a hole, but whatever passes through a hole
-    changes sides, and its signed distance jumps.
+    `centre`, `core_radius` and the box around all corners of its faces along the model's axes, and
+    its winding number is more than one half either way. The surface is still that of the triangles:
+    there is none across a hole, but whatever passes through a hole changes sides, and its signed
+    distance jumps.
 
     Args:
         a: first model.

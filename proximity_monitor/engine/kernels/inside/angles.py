@@ -23,7 +23,7 @@ import math
 
 import numpy as np
 
-from ..base.jit import allocating_entry, implements, kernel, shared
+from ..base.jit import allocating_entry, implements, inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.precise import volume
 from ..base.rounding import DOUBLE_EPS
@@ -183,16 +183,27 @@ def surely_outside(tree, region, p, radius, q, slack, stack):
     return False, steps
 
 
+@inlined
+def _beyond(region, p):
+    """How far outside the ball and the box of a solid a point is; or minus how far inside both."""
+    ball, box = region.ball, region.box
+    beyond = norm((p[0] - ball[0], p[1] - ball[1], p[2] - ball[2])) - ball[3]
+    square = 0.0
+    for i in range(3):
+        over = max(box[0, i] - p[i], p[i] - box[1, i])
+        beyond = max(beyond, over)
+        square += max(over, 0.0) ** 2
+    return max(beyond, np.sqrt(square)) if square > 0.0 else beyond
+
+
 @implements(half_side, MeshTree)
 @kernel
 def _half(tree, region, p, least, slack, stack):
     """As `side_of` says."""
-    ball = region.ball
-    from_centre = (p[0] - ball[0], p[1] - ball[1], p[2] - ball[2])
-    beyond = norm(from_centre) - ball[3]
-    if beyond > 0.0:
-        clear = beyond - slack
-        return (-1, clear, 1) if clear > 2.0 * slack else (0, 0.0, 1)
+    beyond = _beyond(region, p)
+    outer = beyond - slack  # so far around it nothing is inside, whatever winds around it
+    if outer > least:
+        return -1, outer, 1
     rim, steps = _from_rim(region, p)
     rim = max(rim - slack, least)
     for share in _SHARES:
@@ -201,16 +212,15 @@ def _half(tree, region, p, least, slack, stack):
         sure = abs(abs(winding) - 0.5) - error
         if sure <= 0.0:
             continue
-        # The s at which s L / (4 pi (rim - s)²) is as much as is sure.
-        t = region.rim / (2.0 * _FOUR_PI * sure)
-        clear = rim * (rim / (rim + t + np.sqrt(t * (2.0 * rim + t)))) * (1.0 - 1e-9)
+        # On a way of length s it changes by at most s L / (4 pi rim (rim - s)), the integral of L /
+        # (4 pi (rim - t)²): this s makes it as much as is sure.
+        clear = rim * (rim / (rim + region.rim / (_FOUR_PI * sure))) * (1.0 - 1e-9)
         clear = min(clear, least)
         side = 1 if abs(winding) > 0.5 else -1
-        if side > 0:
-            clear = min(clear, -beyond - slack)
+        clear = min(clear, -beyond - slack) if side > 0 else max(clear, outer)
         if clear > 2.0 * slack:
             return side, clear, steps
-    return 0, 0.0, steps
+    return (-1, outer, steps) if outer > 2.0 * slack else (0, 0.0, steps)
 
 
 @kernel

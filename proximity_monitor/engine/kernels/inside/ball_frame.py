@@ -72,10 +72,11 @@ def _extent(tree, region, motion, axis, swept, slack):
     """From where to where a solid reaches along a unit vector of a's frame, metres: bounds."""
     n = rotated(motion, axis)
     shift = motion[9] * n[0] + motion[10] * n[1] + motion[11] * n[2]
-    if region.inside == HALF:  # beside layers that face the same way there may be an inside, too
-        ball = region.ball
-        middle = n[0] * ball[0] + n[1] * ball[1] + n[2] * ball[2] - shift
-        reach = ball[3] * (1.0 + 1e-12) + 4.0 * slack + swept
+    if region.inside == HALF:  # not its volumes: between them and its box there may be an inside
+        box, middle, reach = region.box, -shift, 4.0 * slack + swept
+        for i in range(3):
+            middle += 0.5 * (box[0, i] + box[1, i]) * n[i]
+            reach += 0.5 * (box[1, i] - box[0, i]) * abs(n[i])
         return middle - reach, middle + reach
     lo, hi = np.inf, -np.inf
     nodes, unit_length = tree.nodes, tree.scale[0]

@@ -15,8 +15,8 @@ _REGION = MODEL_ROWS
 """The row from which on the table is about the region; a model's own table comes first."""
 
 _LAYOUT = {
-    "samples": (np.int32, 0), "ball": (np.float64, 0), "rim_tree": TREES[MeshTree],
-    "moments": (np.float64, MOMENTS), "extent": (np.float64, 0),
+    "samples": (np.int32, 0), "ball": (np.float64, 0), "box": (np.float64, 3),
+    "rim_tree": TREES[MeshTree], "moments": (np.float64, MOMENTS), "extent": (np.float64, 0),
 }  # fmt: skip
 _ARRAYS = constant(Addressed(Region, _LAYOUT, readonly=True))
 """What it says of the region: its arrays, and `extent`, its two numbers."""
@@ -32,7 +32,7 @@ def solid_table(model, region, extent):
 
     Whoever keeps the table has to keep the arrays.
     """
-    arrays = region.samples, region.ball, *region.rim_tree, region.moments, extent
+    arrays = region.samples, region.ball, region.box, *region.rim_tree, region.moments, extent
     return np.concatenate((model, table(arrays)), axis=0)
 
 
@@ -48,4 +48,4 @@ def region_at(solid):
     """The Region alone: a surface's tree may be of another kind."""
     held = arrays_at(_ARRAYS, _REGION, solid)
     inside, rim = np.int64(held.extent[0]), held.extent[1]
-    return Region(inside, held.samples, held.ball, rim, held.rim_tree, held.moments)
+    return Region(inside, held.samples, held.ball, held.box, rim, held.rim_tree, held.moments)

@@ -10,18 +10,19 @@ from ..base.jit import allocating, allocating_entry, kernel
 from ..base.precise import two_sum
 from ..base.vectors import cross, dot
 
-Region = namedtuple("Region", "inside samples ball rim rim_tree moments")
+Region = namedtuple("Region", "inside samples ball box rim rim_tree moments")
 """A mesh as the kernels of signed distances see it, beside its Tree.
 
 inside, one of the following; samples (int32, k) one vertex of every connected part, as 3 times the
 triangle, in tree order, whose first corner it is; ball (4,) centre and radius of a sphere around
-it, metres; and where the inside is HALF: rim, metres, how long its open edges are together;
-rim_tree, the hierarchy of these; and moments (k, MOMENTS) of what is under each lane (angles.py).
+it, metres; and where the inside is HALF: box (2, 3) the lowest and the highest corner of all,
+metres; rim, metres, how long its open edges are together; rim_tree, the hierarchy of these; and
+moments (k, MOMENTS) of what is under each lane (angles.py).
 """
 
 NOWHERE, WHOLE, HALF = 0, 1, 2
 """Where a mesh has an inside: nowhere, it is a surface; where its winding number, a whole one, is
-not 0; or where that is more than one half either way, within its ball."""
+not 0; or where that is more than one half either way, within its ball and its box."""
 
 
 @allocating
