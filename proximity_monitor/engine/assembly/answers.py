@@ -146,10 +146,15 @@ class Answers:
             displacement: metres; no point moved farther than that (`Model.deform`). inf: unknown.
         """
         self._measure(body)
+        rows = self._rows_of(body)
+        before = self.table["kind"][rows]
+        self.sign(rows, before != kernel.UNSIGNED)
         stretch = self._places["stretch"][body] + displacement
         if math.isinf(stretch):
-            self._forget(self._rows_of(body))
+            self._forget(rows)
         else:
+            # Where a solid has got a hole, or lost one, its distances jump, or do so no more.
+            self._forget(rows[self.table["kind"][rows] != before])
             self._places["stretch"][body] = math.nextafter(stretch, math.inf)
         self._place(np.array([body]), self.poses[[body]], True)
 

@@ -73,6 +73,7 @@ class Assembly:
         self._hierarchies = []  # the tables are made anew
         self._insides = None
         self._cut.clear()
+        self._depths = LongSearches(coherent=False)
         self._deepest = max(self._shapes, key=lambda model: model._hierarchy.depth)
         self._searches.clear()  # their memory is that for the models before
 

@@ -346,7 +346,7 @@ def report(rows, answers, balls, silent, records, views, now_s, listed):
     for k in range(len(rows)):
         row, view = rows[k], views[k]
         record, answer = records[row], answers[row]
-        if view.known and not view.stale:
+        if view.known and not view.stale and not record.ignored:
             record.min_upper = min(record.min_upper, view.upper)
             record.min_lower = min(record.min_lower, view.lower)
         left += view.wanting

@@ -58,7 +58,9 @@ def fit_arc(curve, low, high, size, arc):
             across = (bulge * bulge + along * along - half * half) / (2.0 * bulge)
             radius = np.sqrt(half * half + across * across)
             side = 1.0 if bulge > 0.0 else -1.0
-            if -across * side > _BENT * radius:
+            if -across * side > _BENT * radius and _is_before(
+                rows, degree, mx, mz, ux, uz, across, side
+            ):
                 arc.sine, arc.cosine = side * half / radius, -across * side / radius
                 error = _arc_error(rows, degree, mx, mz, ux, uz, half, across, radius, side)
                 error /= radius
@@ -98,6 +100,16 @@ def _arc_error(rows, degree, mx, mz, ux, uz, half, across, radius, side):
             )
         most = max(most, abs(value) / weight)
     return most
+
+
+@kernel
+def _is_before(rows, degree, mx, mz, ux, uz, across, side):
+    """Whether all control points are on the side of the centre that the arc is on."""
+    for i in range(degree + 1):
+        dx, dz = rows[i, 0] / rows[i, 2] - mx, rows[i, 1] / rows[i, 2] - mz
+        if not side * (dz * ux - dx * uz - across) > 0.0:
+            return False
+    return True
 
 
 @kernel

@@ -28,7 +28,7 @@ from ..base.memory import on_stack, table_on_stack
 from ..base.trees import NONE
 from .certificate import LOST, SPARE
 from .meridian import chord_of, from_arc, from_chord, from_segment, thickness
-from .profile import jet_of
+from .profile import jet_of, put_part
 
 _STACK = 128
 """Arcs that may wait: twice as many as a tree is deep; and parts of one."""
@@ -101,6 +101,18 @@ def _least_on(curve, arc, rho, z, t):
 
 
 @kernel
+def _share_at(rows, degree, s):
+    """The share of a part's parameter that is at about `s` of its way, whatever its end weights.
+
+    With these alike it is `s`, and a parameter for which they are does not move the part.
+    """
+    if rows[degree, 2] == rows[0, 2]:
+        return s
+    ratio = (rows[degree, 2] / rows[0, 2]) ** (1.0 / degree)
+    return s / (s + (1.0 - s) * ratio)
+
+
+@kernel
 def _divide(curve, arc, rho, z, t, distance, share, spare, margin):
     """The same by parts that are as thin as their control points tell: t, distance and bound."""
     rows = table_on_stack(16, 3, 0.0)
@@ -120,7 +132,7 @@ def _divide(curve, arc, rho, z, t, distance, share, spare, margin):
             distance, t = (first, low) if first <= last else (last, high)
             distance += margin
         looks += 1
-        middle = 0.5 * (low + high)
+        middle = low + _share_at(rows, curve.degree, 0.5) * (high - low)
         if looks > _PARTS or not low < middle < high:
             least = min(least, bound)
             continue
@@ -144,6 +156,7 @@ def nearest_on(tree, rho, z, margin, share, spare):
     arcs = tree.arcs
     stack, bounds = on_stack(_STACK, np.int32(0)), on_stack(_STACK, 0.0)
     stack[0], bounds[0] = 0, -np.inf
+    rows = table_on_stack(16, 3, 0.0)
     top, looks = 1, 0
     distance, least, piece, at = np.inf, np.inf, np.int64(0), 0.0
     while top > 0:
@@ -167,8 +180,12 @@ def nearest_on(tree, rho, z, margin, share, spare):
         if bound >= enough(distance, share, spare):
             continue
         k = np.int64(arc.curve)
-        t = arc.low + 0.5 * (1.0 + s) * (arc.high - arc.low)
-        t, found = _newton(tree.curves[k], arc.low, arc.high, rho, z, t)
+        curve, along = tree.curves[k], 0.5 * (1.0 + s)
+        if curve.control[2] != curve.control[3 * curve.degree + 2]:
+            put_part(curve, arc.low, arc.high, rows)
+            along = _share_at(rows, curve.degree, along)
+        t = arc.low + along * (arc.high - arc.low)
+        t, found = _newton(curve, arc.low, arc.high, rho, z, t)
         looks += 2
         if found + margin < distance:
             distance, piece, at = found + margin, k, t

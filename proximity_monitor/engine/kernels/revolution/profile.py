@@ -64,8 +64,8 @@ def put_part(curve, low, high, rows):
                     rows[i, c] = (1.0 - high) * rows[i - 1, c] + high * rows[i, c]
     if low > 0.0:
         # Right of `low`, which is a share of what is there now.
-        share = low / high
+        share, left = low / high, (high - low) / high  # 1 - share would lose what is near the end
         for level in range(degree):
             for i in range(degree - level):
                 for c in range(3):
-                    rows[i, c] = (1.0 - share) * rows[i, c] + share * rows[i + 1, c]
+                    rows[i, c] = left * rows[i, c] + share * rows[i + 1, c]

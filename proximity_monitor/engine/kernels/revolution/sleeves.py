@@ -80,8 +80,7 @@ def _seen(tree, motion, centre, half, axes):
     u, axis = turned_back(motion, place.across), turned_back(motion, axis_of(tree))
     z = (along_axis(axes, 0, axis), along_axis(axes, 1, axis), along_axis(axes, 2, axis))
     far = abs(z[0]) * half[0] + abs(z[1]) * half[1] + abs(z[2]) * half[2]
-    square = half[0] * half[0] + half[1] * half[1] + half[2] * half[2]
-    across = beside(z, half, square)
+    across = beside(z, half)
     return Seen(place, u, axis, across * (1.0 + 1e-12), far * (1.0 + 1e-12))
 
 
