@@ -236,6 +236,10 @@ class Inputs:
         for heard, _ in self._shapes.values():
             heard.forget()
 
+    def forget_pose(self, name: str) -> None:
+        """Forget a body's pose: whatever comes next is newer."""
+        self._last[name].forget()
+
     def place(self, name: str, pose: np.ndarray, stamp_ns: int) -> None:
         """Put a body where it was carried to, when it is detached."""
         last = self._last[name]

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 from rclpy.node import Node
@@ -25,6 +25,12 @@ from proximity_monitor.scene import Robot, Scene
 POSITIONS = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Several publishers may each report some of the joints, so more than the latest message counts.
 Best effort accepts reliable publishers, too."""
+
+_NAMED = 20
+"""Names of unknown joints that are told of, of one message."""
+
+_MOST_TOLD = 10_000
+"""Names of joints that are remembered as told: with more, no others are told of."""
 
 Store = Callable[[Sequence[str], np.ndarray, int, str, int], object]
 """Takes poses of bodies: names, (n, 4, 4) poses, stamp in ns, frame, the node's time in ns."""
@@ -80,6 +86,11 @@ class _Joints:
             self.positions[name], self.stamps[name] = value, stamp_ns
         return beyond
 
+    def first(self, names: Iterable[str]) -> list[str]:
+        """The bodies that hang on one of these joints, if it has the file's position until now."""
+        new = (self._free.keys() & set(names)) - self.stamps.keys()
+        return [body for body, drivers in self._drivers.items() if drivers & new]
+
     def by_stamp(self, stamp_ns: int, root_ns: int | None) -> dict[int, list[str]]:
         """The bodies whose poses are known, by the oldest stamp that their poses depend on.
 
@@ -111,6 +122,7 @@ class JointInputs:
         *,
         frame: str | None = None,
         root: RootPose = lambda name: None,
+        forget: Callable[[str], None] = lambda body: None,
     ) -> None:
         """Subscribe to each topic once.
 
@@ -120,12 +132,15 @@ class JointInputs:
             store: called with the poses of a message's robots; counts what it refuses.
             frame: fixed frame of the poses; None: the scene's.
             root: gives the poses of moving roots; `follow` must be called when there is a new one.
+            forget: called with a body whose next pose may have an earlier stamp than the last: that
+                was by the scene file's position of a joint.
         """
         self.rejected: Counter[str] = Counter({reason: 0 for reason in JointReason.ALL})
         self._node = node
         self._store = store
         self._frame = scene.frame if frame is None else frame
         self._root = root
+        self._forget = forget
         self._told: set[str] = set()
         self._now_ns = 0
         self._by_topic: dict[str, list[_Joints]] = {}
@@ -154,14 +169,18 @@ class JointInputs:
             if each.robot.name == name:
                 self._place(each, now_ns, now_ns)
 
+    def forget(self) -> None:
+        """Begin again with the scene file's positions: the clock went back."""
+        for each in self._all():
+            each.forget()
+
     def _all(self) -> Iterator[_Joints]:
         return itertools.chain.from_iterable(self._by_topic.values())
 
     def _now(self) -> int:
         now_ns = self._node.get_clock().now().nanoseconds
         if now_ns < self._now_ns:  # the clock went back, so earlier stamps cannot be compared
-            for each in self._all():
-                each.forget()
+            self.forget()
         self._now_ns = now_ns
         return now_ns
 
@@ -175,6 +194,8 @@ class JointInputs:
         positions = dict(zip(message.name, message.position, strict=True))
         self._note_unknown(positions.keys() - set().union(*(each.known for each in robots)))
         for each in robots:
+            for body in each.first(positions):
+                self._forget(body)
             self.rejected[JointReason.LIMIT] += each.take(positions, stamp_ns)
             self._place(each, stamp_ns, now_ns)
 
@@ -194,8 +215,13 @@ class JointInputs:
 
     def _note_unknown(self, names: set[str]) -> None:
         self.rejected[JointReason.UNKNOWN] += bool(names)
-        for name in sorted(names):
+        new = sorted(names - self._told) if len(self._told) < _MOST_TOLD else ()
+        for name in new[:_NAMED]:
             self._warn(name, "is not of a robot in the scene")
+        if len(new) > _NAMED:
+            more = f"and {len(new) - _NAMED} more joints are not of a robot in the scene"
+            self._node.get_logger().warning(more)
+        self._told.update(new[:_MOST_TOLD])
 
     def _warn(self, name: str, why: str) -> None:
         """Once for each joint: messages come by the hundred."""

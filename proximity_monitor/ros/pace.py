@@ -13,11 +13,11 @@ class Pace:
 
     def __init__(self, rate_hz: float) -> None:
         """Begin with the first tick allowed."""
-        self._due_s = float("-inf")
         self.limit(rate_hz)
 
     def limit(self, rate_hz: float) -> None:
-        """Allow so many ticks a second from now on."""
+        """Allow so many ticks a second from now on; the first is allowed."""
+        self._due_s = float("-inf")
         self._period_s = 1.0 / rate_hz
 
     def wait_s(self, now_s: float) -> float:

@@ -157,6 +157,7 @@ class Session:
     def start(self) -> None:
         """Begin to tick."""
         self._health.timing.forget_window()
+        self._alerts.interrupt()
         self._ticking.start()
 
     def stop(self) -> None:
@@ -187,6 +188,8 @@ class Session:
         now = self._node.get_clock().now()
         if now.nanoseconds < self._now_ns:
             self._where.forget()
+            if self._sources.joints is not None:
+                self._sources.joints.forget()
             self._node.get_logger().warning("the clock went back: waiting for new poses")
         self._now_ns, stamp = now.nanoseconds, now.to_msg()
         self._clouds.build(now.nanoseconds)
@@ -341,6 +344,7 @@ class Session:
             return f"already {'paused' if was else 'running'}"
         if wanted:
             return "paused: nothing is watched or published until it goes on"
+        self._alerts.interrupt()
         return "running again"
 
     def _dump_recording(self) -> Future:

@@ -17,7 +17,7 @@ from functools import partial
 import numpy as np
 from geometry_msgs.msg import PoseArray, PoseStamped, TransformStamped
 from rclpy.node import Node
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
 
 from proximity_monitor import engine
 from proximity_monitor.ros.bulk import StampedPose, read_pose, read_pose_array, stamped_pose
@@ -59,9 +59,11 @@ class Sources:
             on_poses: called after each message that may have brought poses.
 
         Raises:
-            ValueError: /tf is asked for, and tf2_msgs is not installed.
+            ValueError: /tf is asked for, and tf2_msgs is not installed; or one topic would carry
+                messages of two types.
         """
         transforms = _transforms_type() if settings.tf else None
+        _check_topics(node, scene, models, settings)
         self._node = node
         self._inputs = inputs
         self._frame = settings.frame
@@ -95,8 +97,9 @@ class Sources:
         self.joints = None
         if scene.robots:
             self.joints = JointInputs(
-                node, scene, self._store_many, frame=settings.frame, root=inputs.last
-            )
+                node, scene, self._store_many, frame=settings.frame, root=inputs.last,
+                forget=inputs.forget_pose,
+            )  # fmt: skip
 
     def destroy(self) -> None:
         """End all subscriptions."""
@@ -187,6 +190,34 @@ class Sources:
             for name in self._frames.get(transform.child_frame_id, ()):
                 p, q = transform.transform.translation, transform.transform.rotation
                 self._take(name, stamped_pose(transform.header, p, q))
+
+
+def _check_topics(
+    node: Node, scene: Scene, models: Mapping[str, engine.Model], settings: Settings
+) -> None:
+    """Refuse two types of messages on one topic, of which the middleware tells nothing."""
+    wanted: list[tuple[str, type, str]] = [("poses", PoseArray, "the poses of all bodies")]
+    for robot in scene.robots:
+        wanted.append((robot.topic, JointState, f"the joints of {robot.name}"))
+        if robot.root is not None:
+            wanted.append((robot.root.topic, PoseStamped, f"the root of {robot.name}"))
+    for body in scene.bodies:
+        if body.topic is not None and settings.body_topics:
+            wanted.append((body.topic, PoseStamped, f"the pose of {body.name}"))
+        if body.cloud is not None:
+            wanted.append((body.cloud.topic, PointCloud2, f"the cloud {body.name}"))
+        elif body.deforming:
+            topic = control_topic(body.name, models[body.name].control_name)
+            wanted.append((topic, PointCloud2, f"the shape of {body.name}"))
+    first: dict[str, tuple[type, str]] = {}
+    for topic, kind, whose in wanted:
+        full = node.resolve_topic_name(topic)
+        other, its = first.setdefault(full, (kind, whose))
+        if other is not kind:
+            raise ValueError(
+                f"{scene.path.name}: topic {full} is to carry {its} ({other.__name__}) and {whose} "
+                f"({kind.__name__}); give one of them another topic"
+            )
 
 
 def _transforms_type():

@@ -22,6 +22,7 @@ class StillClock:
         self._clock = clock
         self._now_ns = -1
         self._since_s = time.monotonic()
+        self._pardoned = False
         self.still = False
         """What the last `update` found."""
 
@@ -32,12 +33,17 @@ class StillClock:
         """
         steady_s = time.monotonic()
         if now_ns != self._now_ns:
-            self._now_ns, self._since_s = now_ns, steady_s
+            self._now_ns, self._since_s, self._pardoned = now_ns, steady_s, False
         before, self.still = self.still, False
         if self._clock.ros_time_is_active:
             self.still = steady_s - self._since_s > timeout_s
         return self.still is not before
 
     def pardon(self, seconds: float) -> None:
-        """Leave out a time in which the node was busy and could not hear /clock."""
-        self._since_s += seconds
+        """Leave out a time in which the node was busy and could not hear /clock.
+
+        Only once until it is heard again: between two ticks it could be.
+        """
+        if not self._pardoned:
+            self._since_s += seconds
+            self._pardoned = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 
 import numpy as np
 from rclpy.node import Node
@@ -13,6 +13,7 @@ from proximity_monitor.ros.still_clock import REASON, StillClock
 from proximity_monitor.scene import Scene
 from proximity_monitor.scene.attachments import Attachments, Samples
 from proximity_monitor.scene.relative_motion import Course
+from proximity_monitor.scene.watch import UNWATCHED
 
 
 class Whereabouts:
@@ -44,6 +45,7 @@ class Whereabouts:
         self._unwatched_for = {}, frozenset()
         self._log = node.get_logger()
         self._pairs = scene.pairs
+        self._at = {name: i for i, name in enumerate(scene.pairs.names)}
         self._inputs = inputs
         self._clouds = clouds
         self._ignore = ignore
@@ -113,10 +115,23 @@ class Whereabouts:
         if (held, absent) == self._unwatched_for:
             return
         self._unwatched_for, unwatched = (held, absent), {}
-        for i, pair in enumerate(self._pairs if held or absent else ()):
-            if held.get(pair.a) == pair.b or held.get(pair.b) == pair.a:
-                unwatched[i] = "attached to each other: not watched"
-            elif nothing := absent & {pair.a, pair.b}:
+        names = self._pairs.names
+        for name in absent:
+            for i, other in self._pairs_of(name, np.arange(len(names))):
+                nothing = absent & {name, names[other]}
                 unwatched[i] = f"nothing is seen of {' and '.join(sorted(nothing))}"
+        for child, parent in held.items():
+            for i, _ in self._pairs_of(child, np.array([self._at[parent]])):
+                unwatched[i] = "attached to each other: not watched"
         self.unwatched = unwatched
         self._ignore(unwatched)
+
+    def _pairs_of(self, name: str, others: np.ndarray) -> Iterator[tuple[int, int]]:
+        """The watched pairs of a body with others (k,), by index; and which of these it is."""
+        own = self._at[name]
+        others = others[others != own]
+        a, b = np.minimum(others, own), np.maximum(others, own)
+        watched = self._pairs.kind(a, b) != UNWATCHED
+        watched &= self._pairs.moving[a] | self._pairs.moving[b]
+        places = self._pairs.positions(a[watched], b[watched])
+        return zip(places.tolist(), others[watched].tolist(), strict=True)

@@ -152,6 +152,11 @@ class Alerts:
         self._levels, self._unclear, self._unlisted = levels, unclear, clear
         return changes
 
+    def interrupt(self) -> None:
+        """Note that nothing was watched for a while: no pair counts as clear since before that."""
+        for held in self._held.values():
+            held.above_stop_s = held.above_warn_s = math.nan
+
     def _as_silent(self, pairs: PairStates) -> np.ndarray:
         """Return which pairs (k,) were silent before and still are."""
         still = pairs.unsure

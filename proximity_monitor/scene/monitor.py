@@ -156,6 +156,7 @@ class Monitor:
         change = self._near.update(placing.known, placing.silent, moved)
         self._schedule.end(change.left, change.left_rows)
         self._begin(change.come_rows)
+        placing.settle()
         self._schedule.update(self._near.rows, placing.known, placing.silent, distances)
         # The time that the end of the tick takes is set aside beforehand.
         deadline = started + budget_s - min(self._closing_s, budget_s / 2.0)

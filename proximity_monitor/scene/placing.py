@@ -45,7 +45,7 @@ class Placing:
         fixed = np.flatnonzero(~moving)
         if len(fixed):
             self.answers.move(fixed, np.stack([bodies[i].pose for i in fixed]))
-        self._reshaped = False  # since the last `take`
+        self._moved = False
         self._at = {name: i for i, name in enumerate(self.names)}
         self._moving = np.flatnonzero(moving)
         self._everybody = np.ones(len(self._moving), dtype=bool)
@@ -54,26 +54,38 @@ class Placing:
     def take(self, poses: Mapping[str, PoseSample | None], silent: Collection[str] = ()) -> bool:
         """Take the poses of moving bodies by name; return whether anything moved or was reshaped.
 
-        `silent` are bodies that are not to be relied on, whatever their poses say.
+        That is since `settle` was called: whatever ends a tick early, the next one knows.
+
+        Args:
+            poses: by name; None or a missing name: not known.
+            silent: bodies that are not to be relied on, whatever their poses say.
 
         Raises:
+            KeyError: there is no such silent body; nothing has changed.
             ValueError: a pose is no rigid motion; it names the body, and nothing has changed.
         """
+        unreliable = [self._at[name] for name in silent]
         samples = [poses.get(name) for name in self._moving_names]
         given = [sample.pose for sample in samples if sample is not None]
-        known, moved = self._everybody, 0
+        known = self._everybody
         if len(given) < len(samples):
             known = np.array([sample is not None for sample in samples], dtype=bool)
         if given:
             bodies = self._moving[known]
-            moved = self.answers.move(bodies, self._stacked(given, bodies))
+            stacked = self._stacked(given, bodies)
+            # Before they move: Ctrl-C may come at any moment.
+            moved_before, self._moved = self._moved, True
+            self._moved = self.answers.move(bodies, stacked) > 0 or moved_before
         self.known[self._moving] = known
         self.silent[:] = False
         self.silent[self._moving] = [sample is None or sample.stale for sample in samples]
-        self.silent[[self._at[name] for name in silent]] = True
+        self.silent[unreliable] = True
         self._look_for_deformed()
-        reshaped, self._reshaped = self._reshaped, False
-        return reshaped or moved > 0
+        return self._moved
+
+    def settle(self) -> None:
+        """Note that what was moved or reshaped so far has been looked at."""
+        self._moved = False
 
     def model(self, name: str) -> engine.Model:
         """Return the model of a body.
@@ -92,7 +104,7 @@ class Placing:
         body = self._at[name]
         self.models = (*self.models[:body], model, *self.models[body + 1 :])
         self.kinds = tuple(type(each) for each in self.models)
-        self._reshaped = True
+        self._moved = True
         self.solid[body] = model.is_solid
         rows = self.answers.replace(body, model)
         a, b = self.answers.pairs(rows).T
@@ -136,7 +148,7 @@ class Placing:
             self._reshape(self.models[body], np.inf)
 
     def _reshape(self, model: engine.Model, displacement: float) -> None:
-        self._reshaped = True
+        self._moved = True
         for i, each in enumerate(self.models):
             if each is model:
                 self.answers.reshape(i, displacement)

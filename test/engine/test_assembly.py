@@ -295,3 +295,22 @@ def test_a_depth_begins_little_by_little_where_no_time_is_left(monkeypatch, offs
             break
     ways = {tuple(names) for names in calls}
     assert ways == {("rows",), ("__init__",), ("begin",), ("_slice",)}, calls
+
+
+def test_a_body_that_got_another_model_is_measured_anew():
+    """A search for a depth that was cut is not one of the model that came in its place."""
+    large, other = sphere(4), sphere(4, 0.9)
+    small = engine.TriangleMesh(0.01 * other.vertices + (5.0, 0.0, 0.0), other.faces)
+    poses = np.stack((np.eye(4), np.eye(4)))
+    poses[1, 0, 3] = 0.3
+    true = engine.signed_distance(large, poses[0], small, poses[1])
+    for budget_s in (0.0, 1e-5, 1e-4, 3e-4):
+        for cuts in range(1, 6):
+            assembly = engine.Assembly([large, other])
+            for _ in range(cuts):
+                assembly.distances(poses, [(0, 1)], signed=True, budget_s=budget_s)
+            assembly.replace(1, small)
+            for left_s in (0.0, budget_s):
+                found = assembly.distances(poses, [(0, 1)], signed=True, budget_s=left_s)
+                assert found.lower[0] <= true.upper + 1e-9
+                assert found.upper[0] >= true.lower - 1e-9

@@ -265,3 +265,47 @@ def test_refused_axis():
         ball(axis=(0, 0, 0))
     with pytest.raises(ModelError, match="three finite metres"):
         ball(origin=(0, math.nan, 0))
+
+
+def test_an_arc_holds_a_curve_that_runs_to_its_circle_s_far_side():
+    """A fin of one curve: its middle lies on the foot, so an arc through that bulges away."""
+    z = (0, 0.825936, 1.206125, 1.238894, 1.02257, 0.65548, 0.235952, -0.137687, -0.36711, -0.35399)
+    rho = (2.005, 2.005, 2.004778, 2.004333, 2.003667, 2.002778, 2.001667, 2.000333, 1.998778)
+    weights = 1.0 * (7.0 / 3.0) ** np.arange(11)
+    points = np.stack(((*rho, 1.997, 1.995), (*z, 0.0)), axis=1)
+    fin = engine.Curve(points, weights=weights)
+    around = [(1.995, 0.0), (0.0, 0.0)], [(0.0, -1.0), (3.0, -1.0)], [(3.0, -1.0), (3.0, 0.0)]
+    lines = [engine.Curve(each) for each in (*around, [(3.0, 0.0), (2.005, 0.0)])]
+    solid = engine.SolidOfRevolution([*lines[1:], fin, lines[0]])
+    flank = fin.evaluate(np.linspace(0.0, 1.0, 20_001))
+    tip = flank[:, 1].argmax()
+    height = np.linspace(0.1, 0.98, 23)
+    left = np.interp(height, flank[: tip + 1, 1], flank[: tip + 1, 0])
+    right = np.interp(height, flank[:tip:-1, 1], flank[:tip:-1, 0])
+    middle = np.stack((0.5 * (left + right), 0.0 * height, height), axis=1)
+    found = engine.closest_points(solid, IDENTITY, middle, signed=True)
+    assert (found.upper < 0.0).all()
+    above = np.array([[flank[tip, 0], 0.0, flank[tip, 1] + 0.3]])
+    found = engine.closest_points(solid, IDENTITY, above)
+    assert found.lower[0] <= 0.3 <= found.upper[0] + 1e-6
+    ball, at = engine.shapes.sphere(0.05), np.eye(4)
+    at[:3, 3] = above[0]
+    for lower in (
+        engine.distance(solid, IDENTITY, ball, at).lower,
+        engine.distance(ball, at, solid, IDENTITY).lower,
+    ):
+        assert lower <= 0.25 + 1e-9
+
+
+@pytest.mark.parametrize("skew", [1e-2, 1e-4, 1e-6])
+def test_a_circle_has_the_same_feet_whatever_its_end_weights(skew):
+    half = math.sqrt(0.5)
+    upper = engine.Curve([[1, 0], [1, 1], [0, 1]], weights=[1.0, skew * half, skew * skew])
+    lower = engine.Curve([[0, -1], [1, -1], [1, 0]], weights=[1.0, half, 1.0])
+    ball, rng = engine.SolidOfRevolution([lower, upper]), np.random.default_rng(0)
+    angle, away = rng.uniform(0.02, 1.55, 500), rng.choice([1e-6, 0.01, 0.3, -0.3], 500)
+    points = np.stack((np.cos(angle), 0.0 * angle, np.sin(angle)), axis=1)
+    found = engine.closest_points(ball, IDENTITY, points * (1.0 + away)[:, None], signed=True)
+    assert (found.lower <= away + 1e-12).all()
+    assert (found.upper >= away - 1e-12).all()
+    assert (found.upper - found.lower).max() < 1e-9

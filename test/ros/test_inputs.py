@@ -2,6 +2,7 @@
 
 import math
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,12 +17,14 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2, PointField
 
+from proximity_monitor.ros import still_clock
 from proximity_monitor.ros.bulk import StampedPose, read_pose, read_pose_array
 from proximity_monitor.ros.clouds import read_points
 from proximity_monitor.ros.inputs import Inputs, Reason
 from proximity_monitor.ros.pace import Pace
+from proximity_monitor.ros.sources import Sources
 from proximity_monitor.ros.ticking import Ticking
-from proximity_monitor.scene import pose_matrix
+from proximity_monitor.scene import load_scene, pose_matrix
 
 SECOND = 1_000_000_000
 NAMES = ("one", "two", "three")
@@ -339,4 +342,50 @@ def test_transforms_to_frames_named_like_bodies_are_poses(rclpy_context, world):
     assert inputs.rejected[Reason.FRAME] == 1
     assert called == [1]
     sources.destroy()
+    node.destroy_node()
+
+
+def test_a_higher_rate_has_its_ticks_at_once():
+    pace = Pace(0.1)
+    assert pace.allows(0.0)
+    pace.limit(100.0)
+    assert pace.wait_s(0.01) <= 0.0
+    assert pace.allows(0.01)
+    assert 0.0 < pace.wait_s(0.01) < 0.02
+
+
+def test_a_clock_that_stands_is_told_of_while_ticks_take_all_of_the_time(monkeypatch):
+    steady = [0.0]
+    monkeypatch.setattr(still_clock.time, "monotonic", lambda: steady[0])
+    clock = still_clock.StillClock(SimpleNamespace(ros_time_is_active=True))
+    for k in range(20):  # it goes on: a tick of 0.6 s is none of its time
+        assert not clock.update(k, 0.5)
+        steady[0] += 0.6
+        clock.pardon(0.6)
+    for _ in range(40):  # it stands
+        clock.update(20, 0.5)
+        if clock.still:
+            break
+        steady[0] += 0.02
+        clock.pardon(0.02)
+    assert clock.still
+    assert steady[0] < 20 * 0.6 + 0.02 + 0.5 + 0.05
+
+
+def test_one_topic_for_two_types_of_messages_is_refused(rclpy_context, tmp_path):
+    path = tmp_path / "scene.yaml"
+    path.write_text(
+        "version: 1\nunit: m\nbodies:\n"
+        "  - {name: a, primitive: {sphere: {radius: 1}}, topic: other}\n"
+        "  - {name: b, primitive: {sphere: {radius: 1}}, topic: poses}\n"
+    )
+    scene, node = load_scene(path), rclpy.create_node("topics")
+    settings = SimpleNamespace(tf=False, body_topics=True, frame=scene.frame)
+    with pytest.raises(
+        ValueError, match=r"topic /poses is to carry the poses of all bodies .*of b"
+    ):
+        Sources(
+            node, scene, {}, settings, None, None, deform=lambda *_: None, on_poses=lambda: None
+        )
+    assert not any("other" in each.topic_name for each in node.subscriptions)
     node.destroy_node()

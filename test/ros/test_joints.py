@@ -89,7 +89,9 @@ class Bench:
 
         self.node = counting_node()
         self.inputs = Inputs([body.name for body in scene.bodies if body.moving], scene.frame)
-        self.joints = JointInputs(self.node, scene, self.inputs.store_many)
+        self.joints = JointInputs(
+            self.node, scene, self.inputs.store_many, forget=self.inputs.forget_pose
+        )
         self._publisher = self.node.create_publisher(JointState, "joint_states", 10)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
@@ -354,3 +356,44 @@ def test_the_diagnostics_count_what_is_wrong_with_joints(robot):
     )
     robot.joints = {"run": math.nan, "turn": 0.0}
     robot.wait(lambda: counts()[JointReason.NOT_FINITE] > 0, "a count")
+
+
+def test_a_joint_s_first_position_counts_though_measured_before_another_s(
+    rclpy_context, all_in_file
+):
+    bench = Bench(all_in_file)
+    bench.tell(grip=0.05)
+    bench.tell(late_s=0.1, run=0.0, turn=math.pi / 2)
+    assert bench.place("gantry_jaw") == (0.15, 0.0, 0.5)
+    assert bench.inputs.stamp_ns("gantry_jaw") == bench.now_ns - SECOND // 10
+    bench.close()
+
+
+@pytest.fixture
+def all_in_file(gantry_file):
+    from proximity_monitor.scene import load_scene
+
+    known = "offsets: {grip: 50, run: 0}\n    angles_deg: {turn: 0}"
+    path = gantry_file.with_name("known.yaml")
+    path.write_text(SCENE.replace("offsets: {grip: 50}", known))
+    return load_scene(path)
+
+
+def test_many_unknown_joints_are_told_of_by_some(bench, capfd):
+    names = [f"other{i}" for i in range(20_000)]
+    begun = time.monotonic()
+    bench.tell(names=names, positions=[0.0] * len(names))
+    assert time.monotonic() - begun < 5.0
+    said = capfd.readouterr().err
+    assert said.count("is not of a robot in the scene") == 20
+    assert "and 19980 more joints" in said
+    for step in range(5):
+        bench.tell(names=[f"{name}.{step}" for name in names], positions=[0.0] * len(names))
+    assert len(bench.joints._told) < 30_000
+
+
+def test_joints_forget_when_they_are_told_that_the_clock_went_back(bench):
+    bench.tell(run=0.5, turn=0.0)
+    assert bench.joints.missing() == []
+    bench.joints.forget()
+    assert bench.joints.missing() == ["run", "turn"]

@@ -291,3 +291,13 @@ def test_a_time_that_cannot_be_is_refused_by_line(problems, wrong):
         "  - {name: b, primitive: {sphere: {radius: 1}}, moving: true}\n"
     )
     assert told.startswith("3: thresholds.hold_s: must be ")
+
+
+def test_a_time_in_which_nothing_was_watched_is_no_time_above():
+    watch = Watch(limits=HELD)
+    watch.see(pair(0.001))
+    assert watch.level(pair(0.020)) is Level.STOP  # above since now
+    watch.alerts.interrupt()
+    watch.now_s += 10.0
+    assert [watch.level(pair(0.020)) for _ in range(5)] == [Level.STOP] * 5
+    assert watch.level(pair(0.020)) is Level.CLEAR

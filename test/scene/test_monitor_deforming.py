@@ -8,6 +8,7 @@ from scipy.interpolate import BSpline
 from proximity_monitor import engine
 from proximity_monitor.scene.monitor import Monitor
 from proximity_monitor.scene.opening import load_models
+from proximity_monitor.scene.state import PoseSample
 
 COUNT = 8
 
@@ -171,3 +172,78 @@ def test_a_body_that_deforms_shares_its_model_with_nobody(load):
     models = load_models(load("\n  - ".join(("version: 1\nunit: m\nbodies:", *bodies)) + "\n"))
     assert models["one"] is models["two"]
     assert len({id(model) for model in models.values()}) == 3
+
+
+def test_a_robust_solid_that_opens_and_closes_has_no_carried_signs(load, tmp_path):
+    """While its lid is up whatever comes in is inside at once, however far it was before."""
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]) - 0.5
+    quads = ((0, 2, 6, 4), (0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (8, 9, 10, 11))
+    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    vertices = np.concatenate((corners, corners[[1, 5, 7, 3]]))  # the lid's are its own
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    (tmp_path / "box.obj").write_text("\n".join(lines))
+    scene = load(
+        "version: 1\nunit: m\nthresholds: {warn: 0.1, stop: 0.05}\nbodies:\n"
+        f"  - {{name: box, model: {tmp_path / 'box.obj'}, solid: robust, deforming: true,\n"
+        "     pose: {position: [0, 0, 0]}}\n"
+        "  - {name: ball, primitive: {sphere: {radius: 0.05}}, moving: true}\n"
+    )
+    models = load_models(scene)
+    monitor = Monitor(scene, models)
+    ways = [(3.0, 0.0), (3.0, 2.0), (1.5, 2.0), (1.0, 2.0), (0.6, 2.0), (0.3, 2.0), (0.0, 2.0)]
+    ways += [(0.0, 1.0), (0.0, 0.3), (0.0, 0.01), (0.05, 0.0), (0.05, 0.5)]
+    rest = np.array(models["box"].control_points)
+    for height, lift in ways:
+        points = rest.copy()
+        points[-4:, 2] += lift
+        monitor.deform("box", points)
+        at = np.eye(4)
+        at[2, 3] = height
+        (seen,) = monitor.tick({"ball": PoseSample(at)}, 1.0).pairs
+        true = engine.signed_distance(models["box"], np.eye(4), models["ball"], at)
+        assert seen.lower <= true.upper + 1e-9
+        assert true.lower <= seen.upper + 1e-9
+
+
+def test_a_tick_that_fails_loses_no_motion(load):
+    scene = load(
+        "version: 1\nunit: m\nthresholds: {warn: 0.2, stop: 0.1}\nbodies:\n"
+        "  - {name: a, primitive: {box: {size: [1, 1, 1]}}, pose: {position: [0, 0, 0]}}\n"
+        "  - {name: b, primitive: {box: {size: [1, 1, 1]}}, moving: true}\n"
+        "pairs: {watch: [{between: [a, b], range: 0.5}]}\n"
+    )
+    monitor = Monitor(scene, load_models(scene))
+    far, near = np.eye(4), np.eye(4)
+    far[0, 3], near[0, 3] = 5.0, 1.01
+    assert not monitor.tick({"b": PoseSample(far)}, 1.0).pairs
+    with pytest.raises(KeyError):
+        monitor.tick({"b": PoseSample(near)}, 1.0, silent=["bb"])
+    (seen,) = monitor.tick({"b": PoseSample(near)}, 1.0).pairs
+    assert seen.upper == pytest.approx(0.01)
+    assert not monitor.tick({"b": PoseSample(far)}, 1.0).pairs
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    update, monitor._near.update = monitor._near.update, interrupted
+    with pytest.raises(KeyboardInterrupt):
+        monitor.tick({"b": PoseSample(near)}, 1.0)
+    monitor._near.update = update
+    (seen,) = monitor.tick({"b": PoseSample(near)}, 1.0).pairs
+    assert seen.upper == pytest.approx(0.01)
+
+
+def test_what_is_not_watched_has_no_part_in_the_minima(load):
+    scene = load(
+        "version: 1\nunit: m\nbodies:\n"
+        "  - {name: a, primitive: {box: {size: [1, 1, 1]}}, pose: {position: [0, 0, 0]}}\n"
+        "  - {name: b, primitive: {box: {size: [1, 1, 1]}}, moving: true}\n"
+    )
+    monitor = Monitor(scene, load_models(scene))
+    for ignored, x in (((), 3.0), ((0,), 1.5), ((), 2.5)):
+        monitor.ignore(ignored)
+        at = np.eye(4)
+        at[0, 3] = x
+        tick = monitor.tick({"b": PoseSample(at)}, 1.0)
+    (seen,) = tick.pairs
+    assert seen.session_min == pytest.approx(1.5)
