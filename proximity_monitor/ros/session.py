@@ -14,6 +14,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
+from rclpy.time import Time as RosTime
 
 from proximity_monitor import engine
 from proximity_monitor.engine import compiling
@@ -185,13 +186,8 @@ class Session:
 
     def _step(self) -> None:
         started = time.perf_counter()
-        now = self._node.get_clock().now()
-        if now.nanoseconds < self._now_ns:
-            self._where.forget()
-            if self._sources.joints is not None:
-                self._sources.joints.forget()
-            self._node.get_logger().warning("the clock went back: waiting for new poses")
-        self._now_ns, stamp = now.nanoseconds, now.to_msg()
+        now = self._now()
+        stamp = now.to_msg()
         self._clouds.build(now.nanoseconds)
         samples = self._where.samples(now.nanoseconds)
         held = self._inputs.attached
@@ -225,6 +221,17 @@ class Session:
         ended = time.perf_counter()
         self._health.timing.record(ended, tick, ended - started, 1.0 / self.settings.rate_hz)
         self._where.clock.pardon(ended - started)
+
+    def _now(self) -> RosTime:
+        """The time; where it went back, messages from before count no more."""
+        now = self._node.get_clock().now()
+        if now.nanoseconds < self._now_ns:
+            self._where.forget()
+            if self._sources.joints is not None:
+                self._sources.joints.forget()
+            self._node.get_logger().warning("the clock went back: waiting for new poses")
+        self._now_ns = now.nanoseconds
+        return now
 
     def _search(self, samples: Samples, silent: Mapping[str, str]) -> Tick:
         """Spend the budget, or less if a signal comes."""
@@ -278,7 +285,7 @@ class Session:
         self._tell_state(self._node.get_clock().now().to_msg(), doing, silent, {})
 
     def _on_second(self) -> None:
-        now = self._node.get_clock().now()
+        now = self._now()  # also while it is paused
         for name in self._inputs.note_strangers(strangers(self._node, self._sources.topics)):
             self._node.get_logger().warning(
                 f"poses of {name} are published, but {self.scene.path.name} has no such moving body"
