@@ -238,3 +238,10 @@ def test_the_parameters_of_a_surface_lead_to_its_nearest_points():
     far = engine.closest_points(turned, matrix, given, max_distance=1e-3)
     assert np.isnan(far.parameters[far.elements < 0]).all()
     assert engine.closest_points(sphere(2), matrix, given).parameters is None
+
+
+@pytest.mark.parametrize("far", [1e46, 1e160, 1e200])
+def test_points_beyond_all_coordinates_are_refused(far):
+    for model in (box(), engine.shapes.cylinder(1.0, 2.0)):
+        with pytest.raises(ValueError, match=r"points\[1\] = .*at most 1e\+45 m"):
+            engine.closest_points(model, IDENTITY, [[0.0, 0.0, 0.0], [0.0, 0.0, far]])

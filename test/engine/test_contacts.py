@@ -91,3 +91,37 @@ def test_points_at_one_place_have_no_normal():
 def test_without_contact_there_is_neither():
     found = engine.collide(box(), IDENTITY, box(), translation(9.0))
     assert found.points.shape == found.normals.shape == (0, 3)
+
+
+def test_no_volume_is_listed_as_a_contact():
+    """Rounding of the radius may let a volume lie between what may touch and what is asked about."""
+    rng = np.random.default_rng(0)
+    near = rng.uniform(-0.2, 0.2, (16, 3))
+    far = np.array([1.5, 0.0, 0.0]) + rng.uniform(-1, 1, (4, 3)) * [0.0003, 0.001, 0.001]
+    points = np.concatenate((near, far))
+    cloud = engine.points(points)
+
+    def ask(radius):
+        pair = engine.Pair(cloud, engine.points([[0.0, 0.0, 0.0]], radius=radius), coherent=False)
+        return pair, pair.collide(IDENTITY, IDENTITY, all_contacts=True)
+
+    pair, _ = ask(1.6)
+    bounds = pair._search.state.open.bounds[:6]
+    asked = 0
+    for bound in bounds[(bounds > 1.3) & (bounds < 1.6)]:
+        for share in (8, 16, 26, 40):
+            radius = float(bound) * (1.0 - share * 2.0**-53)
+            _, found = ask(radius)
+            touching = np.flatnonzero(np.linalg.norm(points, axis=1) <= radius)
+            assert sorted(found.contacts[:, 0].tolist()) == touching.tolist()
+            asked += 1
+    assert asked
+
+
+def test_what_counts_as_touching_has_a_contact():
+    corners = np.array([[1e3, 0.0, 0.0], [1e3 + 1.0, 0.0, 0.0], [1e3, 1.0, 0.0]])
+    a = engine.TriangleMesh(corners, [[0, 1, 2]])
+    for apart in np.linspace(0.3, 1.1, 30) * 27 * 2.0**-53 * 1001.0:
+        b = engine.TriangleMesh(corners + (0.0, 0.0, apart), [[0, 1, 2]])
+        found = engine.collide(a, IDENTITY, b, IDENTITY, all_contacts=True)
+        assert found.colliding == bool(len(found.contacts))

@@ -166,3 +166,24 @@ def test_patches_make_one_surface_and_none_with_meshes():
         shapes.compound([shapes.Part(shapes.box((1, 1, 1)), HERE), parts[0]])
     with pytest.raises(engine.ModelError, match="volume and solid='robust' are for meshes"):
         shapes.compound(parts, volume="obb")
+
+
+def test_dimensions_that_are_none_are_refused():
+    for make, message in (
+        (lambda: shapes.sphere(1.0, 0, deviation=-0.1), "deviation = -0.1"),
+        (lambda: shapes.sphere(1.0, -1), "subdivisions = -1"),
+        (lambda: shapes.cylinder(1.0, 1.0, 0), "segments"),
+        (lambda: shapes.cylinder(1.0, 1.0, 2), "segments = 2"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            make()
+    for make in (lambda: shapes.cylinder(1.0, 1.0, 2.5), lambda: shapes.sphere(1.0, 1.5)):
+        with pytest.raises(TypeError, match=r"= [12]\.5: expected a whole number"):
+            make()
+
+
+def test_a_prism_of_many_sides_deviates_by_what_rounding_does():
+    for sides in (5_000, 100_000):
+        prism = shapes.cylinder(1.0, 1.0, sides)
+        radii = np.hypot(*prism.vertices[: 2 * sides, :2].T)
+        assert prism.deviation >= np.abs(radii - 1.0).max() + 2.0**-53

@@ -192,3 +192,33 @@ def test_edges_in_parallel_have_the_nearest_points_of_edges_one_by_one(kind):
                 attained = np.linalg.norm(ends[1] - ends[0])
                 assert abs(attained - np.sqrt(squared[k])) <= 1e-15 * size, case
                 assert min(s[k], t[k]) >= 0.0 and max(s[k], t[k]) <= 1.0, case
+
+
+def test_points_of_a_sliver_that_crosses_a_tiny_triangle_attain_the_bound():
+    tiny = [
+        [-110.23169006265377, -82.29229886283471, 109.84435218189563],
+        [-110.23169206265376, -82.29229936283471, 109.84435218189563],
+        [-110.23169256265376, -82.29229836283471, 109.84435018189563],
+    ]
+    sliver = [
+        [483392.794129903, -333120.6025338054, -131165.40415192753],
+        [-40459.50344492837, 27710.405091541576, 11065.020211639603],
+        [40239.04006280306, -27874.98968976714, -10845.33150727579],
+    ]
+    a, b = (engine.TriangleMesh(each, [[0, 1, 2]]) for each in (tiny, sliver))
+    for one, other in ((a, b), (b, a)):
+        found = engine.distance(one, np.eye(4), other, np.eye(4))
+        assert np.linalg.norm(found.point_a - found.point_b) <= found.upper
+    rng = np.random.default_rng(1)
+    for length, size in ((1e9, 1e-6), (1e15, 3.0)):
+        for _ in range(20):
+            small = rng.normal(size=(3, 3)) * size
+            middle, way = small.T @ rng.dirichlet((3, 3, 3)), rng.normal(size=3)
+            way *= length / np.linalg.norm(way)
+            ends = middle - way * rng.uniform(0.3, 1), middle + way * rng.uniform(0.3, 1)
+            large = np.array([*ends, rng.normal(size=3) * length])
+            found = engine.distance(
+                engine.TriangleMesh(small, [[0, 1, 2]]), np.eye(4),
+                engine.TriangleMesh(large, [[0, 1, 2]]), np.eye(4),
+            )  # fmt: skip
+            assert np.linalg.norm(found.point_a - found.point_b) <= found.upper

@@ -7,6 +7,7 @@ import pytest
 from engine_bodies import Fcl, box, pose, soup, sphere, torus, translation
 
 from proximity_monitor import engine, scene
+from proximity_monitor.engine.kernels.tree.layout import RADIUS
 from proximity_monitor.engine.models.tree import check_tree
 
 KINDS = ("rss", "lss", "pss", "hybrid", "obb", "aabb")
@@ -310,3 +311,13 @@ def test_a_size_that_is_too_small_is_found():
     sizes[WIDTH + 1] *= 0.5
     with pytest.raises(AssertionError, match="node 1 lane 1"):
         check_tree(tree._replace(sizes=sizes))
+
+
+def test_a_sphere_around_points_is_hardly_larger_than_need_be():
+    grid = np.array([[x, y, 0.0] for x in range(5) for y in range(5)])
+    cube = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+    line = np.linspace(0.0, 1.0, 11)[:, None] * [1.0, 2.0, 3.0]
+    for points in (grid, cube, line, cube[[0, 1, 2, 4, 7]], np.concatenate((cube, cube))):
+        tree = engine.points(points, volume="pss")._hierarchy.tree
+        radius = tree.nodes[int(RADIUS)] * tree.scale[0]
+        assert radius <= 1.001 * np.linalg.norm(np.ptp(points, axis=0)) / 2

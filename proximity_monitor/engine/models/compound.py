@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .checks import ModelError
-from .facets import RESERVE, Facets, How, icosphere
+from .facets import Facets, How, deviation_of, icosphere
 from .mesh import TriangleMesh
 from .model import Model
 from .nurbs import Net
@@ -199,5 +199,5 @@ def _unswept(given: Facets) -> Facets:
     inside = tessellated(given.vertices, given.faces, radius, 0.0)[2]
     larger = 2.0 * radius**2 / (radius + inside)
     vertices, faces, _ = tessellated(given.vertices, given.faces, larger, 0.0)
-    deviation = (larger - radius) * RESERVE + given.deviation
+    deviation = deviation_of(larger, radius) + given.deviation
     return Facets(vertices, faces, deviation=deviation)

@@ -8,6 +8,8 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.base.rounding import DOUBLE_EPS
+from .checks import checked_length
 from .hierarchy import Solid
 from .mesh import TriangleMesh
 from .model import Model
@@ -39,7 +41,8 @@ class Facets(NamedTuple):
 
     def model(self, name: str, how: How) -> Model:
         """The mesh; a deviation that `how` says comes on top."""
-        given = how | {"deviation": self.deviation + how.get("deviation", 0.0)}
+        more = checked_length(how.get("deviation", 0.0), name, "deviation")
+        given = how | {"deviation": self.deviation + more}
         return TriangleMesh(self.vertices, self.faces, radius=self.radius, name=name, **given)
 
 
@@ -61,7 +64,12 @@ def icosphere(radius: float, subdivisions: int) -> Facets:
     # The foot of the centre on a face is its circumcentre: all corners are as far from it.
     inside = (np.einsum("ij,ij->i", normals, a) / np.linalg.norm(normals, axis=1)).min()
     larger = 2.0 * radius / (1.0 + float(inside))
-    return Facets(vertices * larger, faces, deviation=(larger - radius) * RESERVE)
+    return Facets(vertices * larger, faces, deviation=deviation_of(larger, radius))
+
+
+def deviation_of(larger: float, radius: float) -> float:
+    """How far corners at `larger` from an axis or a centre are off, with what rounding adds."""
+    return (larger - radius) * RESERVE + 8.0 * DOUBLE_EPS * larger
 
 
 def _icosahedron() -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -15,9 +15,10 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import as_count
 from .checks import ModelError, checked_vertices
 from .compound import Part, compound
-from .facets import RESERVE, Facets, How, icosphere
+from .facets import Facets, How, deviation_of, icosphere
 from .mesh import TriangleMesh
 from .model import Model
 from .patch import Curve
@@ -126,6 +127,8 @@ def cylinder(
     """
     if segments is None:
         return cone(radius, radius, height, name=name, **how)
+    if as_count(segments, "segments") < 3:
+        raise ModelError(f"{name}: segments = {segments}: a prism has 3 sides at least")
     larger = 2.0 * radius / (1.0 + math.cos(math.pi / segments))
     turn = np.arange(segments) * (2.0 * math.pi / segments)
     ring = np.stack((np.cos(turn), np.sin(turn), np.zeros(segments)), axis=1) * larger
@@ -140,7 +143,7 @@ def cylinder(
         (high, beside + segments, np.full(segments, top)),
     )
     faces = np.concatenate([np.stack(each, axis=1) for each in corners])
-    deviation = (larger - radius) * RESERVE
+    deviation = deviation_of(larger, radius)
     return Facets(vertices, faces, deviation=deviation).model(name, how)
 
 
@@ -157,7 +160,8 @@ def sphere(
     """
     if subdivisions is None:
         return points(np.zeros((1, 3)), radius=radius, name=name, **how)
-    return icosphere(radius, subdivisions).model(name, how)
+    count = 0 if subdivisions == 0 else as_count(subdivisions, "subdivisions")
+    return icosphere(radius, count).model(name, how)
 
 
 def capsule(radius: float, length: float, *, name: str = "capsule", **how: Unpack[How]) -> Model:

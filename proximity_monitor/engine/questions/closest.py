@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arguments import as_count, as_reals, check_tolerance
+from ..kernels.base.rounding import LARGEST_COORDINATE
 from ..kernels.inside import closest as closest_kernel
 from ..models.model import Model
 from ..models.solid import sides_of
@@ -131,8 +132,9 @@ def closest_points(
 
     Raises:
         TypeError: a model that is none, a distance, error or budget that is no real number.
-        ValueError: a pose that is no rigid motion; points of another shape or not finite; a
-            distance, error or budget that is negative or NaN, less than one thread.
+        ValueError: a pose that is no rigid motion; points of another shape, not finite or
+            beyond 1e45 m; a distance, error or budget that is negative or NaN; less than one
+            thread.
     """
     start = perf_counter()
     check_model(model, "model")
@@ -144,9 +146,12 @@ def closest_points(
     deadline = deadline_of(start, budget_s)
     if given.ndim != 2 or given.shape[1] != 3:
         raise ValueError(f"points: shape {given.shape}, expected (k, 3)")
-    if not np.isfinite(given).all():
-        first = int(np.argwhere(~np.isfinite(given))[0, 0])
-        raise ValueError(f"points[{first}] = {given[first].tolist()}: must be finite")
+    if not (np.abs(given) <= LARGEST_COORDINATE).all():
+        first = int(np.argwhere(~(np.abs(given) <= LARGEST_COORDINATE))[0, 0])
+        raise ValueError(
+            f"points[{first}] = {given[first].tolist()}: must be finite and at most "
+            f"{LARGEST_COORDINATE:g} m"
+        )
     k = len(given)
     hierarchy = model._hierarchy
     sides = sides_of(model) if signed and model.is_solid else None

@@ -68,6 +68,8 @@ class Met:
         rows = np.concatenate(
             [each[least(each, progress["slack"]) <= reach] for each in self.blocks]
         )
+        if not len(rows) and self.touching:  # rounding hides whether they do
+            rows = self.row[None, [index.TREE_A, index.TREE_B]]
         pairs = rows[:, :2].astype(np.int32)
         points, normals = np.empty((len(pairs), 3)), np.empty((len(pairs), 3))
         # The search itself may go on meanwhile.

@@ -159,6 +159,7 @@ PROGRESS = np.dtype(
         ("abs_err", np.float64),
         ("stop", np.float64),  # the distance at which the search may end
         ("param_err", np.float64),  # parts of elements that are collected are no longer than that
+        ("volumes", np.bool_),  # whether pairs of volumes may be collected
         ("radii", np.float64),  # both models' swept radii together
         ("deviations", np.float64),  # both deviations
         ("normal_a", np.float64, (3,)),  # unit vector from the nearest point of a to that of b,

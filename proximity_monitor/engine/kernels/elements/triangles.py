@@ -151,9 +151,42 @@ def _meeting_point(p, q, t):
     w1 = abs(volume(p, q, t[2], t[0]))
     w2 = abs(volume(p, q, t[0], t[1]))
     total = w0 + w1 + w2
-    if total == 0.0:
-        return s, (1.0, 0.0, 0.0)
-    return s, (w0 / total, w1 / total, w2 / total)
+    weights = (1.0, 0.0, 0.0)
+    if total > 0.0:
+        weights = (w0 / total, w1 / total, w2 / total)
+    d, e, f = sub(q, p), sub(t[1], t[0]), sub(t[2], t[0])
+    n = accurate_cross(e, f)
+    nn, dn = dot(n, n), dot(d, n)
+    if not nn > 0.0:
+        return s, weights
+    gap = _apart_by(p, d, s, t, weights)
+    x = s
+    for _ in range(3):
+        if dn != 0.0:
+            x = clamped(x - dot(sub(along(p, d, x), t[0]), n) / dn)
+        y = along(p, d, x)
+        inside, v, w, _ = point_face(y, t[0], e, f, n, nn)
+        if inside:
+            other = (max(1.0 - v - w, 0.0), v, w)
+            rest = _apart_by(p, d, x, t, other)
+            if rest < gap:
+                s, weights, gap = x, other, rest
+        for i in range(3):
+            k = sub(t[(i + 1) % 3], t[i])
+            kk = dot(k, k)
+            other = _on_edge(i, clamped(dot(sub(y, t[i]), k) / kk) if kk > 0.0 else 0.0)
+            rest = _apart_by(p, d, x, t, other)
+            if rest < gap:
+                s, weights, gap = x, other, rest
+    return s, weights
+
+
+@kernel
+def _apart_by(p, d, s, t, w):
+    """Squared distance of the point at s along d from p and that of a triangle with weights w."""
+    a, e, f = t[0], sub(t[1], t[0]), sub(t[2], t[0])
+    g = along(along(sub(along(p, d, s), a), e, -w[1]), f, -w[2])
+    return dot(g, g)
 
 
 @kernel

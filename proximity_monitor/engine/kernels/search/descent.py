@@ -134,9 +134,9 @@ def _open_next(tree_a, tree_b, state, coherent, larger, inner, n, steps, scratch
     pairs = state.open.pairs
     a, b, bound = np.int64(pairs[at, 0]), np.int64(pairs[at, 1]), state.open.bounds[at]
     near = state.collected.shape[0] > 0 and bound >= progress.enough + 3.0 * progress.slack
-    if near and progress.param_err == np.inf:
-        # It may hold the minimum, and that is all that was asked: without tolerances this
-        # is LIMIT, and only pairs of triangles are collected.
+    if near and progress.volumes:
+        # It may hold the minimum, and that is all that was asked. Contacts are pairs of triangles:
+        # rounding of what sweeps them may let a volume lie between ENOUGH and LIMIT.
         collect(state, ~a, ~b, bound)
         return n, steps
     if coherent:

@@ -105,6 +105,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     progress.rel_err = query.rel_err
     progress.abs_err = max(query.abs_err, resolution(state.waiting, tree_a, tree_b, progress.slack))
     progress.stop, progress.param_err = query.stop + progress.radii, query.param_err
+    progress.volumes = query.limit == np.inf and query.param_err == np.inf
     limit = core_of(query.limit, progress.radii, progress.deviations)
     progress.limit, progress.enough = limit, limit
     progress.spent += progress.bound_tests

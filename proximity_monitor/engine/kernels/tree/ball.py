@@ -52,7 +52,7 @@ def _farthest(points, n, centre):
     for i in range(n):
         d = sub(_at(points, i), centre)
         squared = dot(d, d)
-        if squared > farthest:
+        if not squared <= farthest:
             farthest, which = squared, i
     return farthest, which
 
