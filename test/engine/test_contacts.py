@@ -94,7 +94,7 @@ def test_without_contact_there_is_neither():
 
 
 def test_no_volume_is_listed_as_a_contact():
-    """Rounding of the radius may let a volume lie between what may touch and what is asked about."""
+    """Rounding of a radius may let one lie between what may touch and what is asked about."""
     rng = np.random.default_rng(0)
     near = rng.uniform(-0.2, 0.2, (16, 3))
     far = np.array([1.5, 0.0, 0.0]) + rng.uniform(-1, 1, (4, 3)) * [0.0003, 0.001, 0.001]
@@ -122,6 +122,6 @@ def test_what_counts_as_touching_has_a_contact():
     corners = np.array([[1e3, 0.0, 0.0], [1e3 + 1.0, 0.0, 0.0], [1e3, 1.0, 0.0]])
     a = engine.TriangleMesh(corners, [[0, 1, 2]])
     for apart in np.linspace(0.3, 1.1, 30) * 27 * 2.0**-53 * 1001.0:
-        b = engine.TriangleMesh(corners + (0.0, 0.0, apart), [[0, 1, 2]])
+        b = engine.TriangleMesh(corners + np.array((0.0, 0.0, apart)), [[0, 1, 2]])
         found = engine.collide(a, IDENTITY, b, IDENTITY, all_contacts=True)
         assert found.colliding == bool(len(found.contacts))
