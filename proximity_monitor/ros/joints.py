@@ -89,7 +89,7 @@ class _Joints:
     def first(self, names: Iterable[str]) -> list[str]:
         """The bodies that hang on one of these joints, if it has the file's position until now."""
         new = (self._free.keys() & set(names)) - self.stamps.keys()
-        return [body for body, drivers in self._drivers.items() if drivers & new]
+        return [body for body, drivers in self._drivers.items() if drivers & new] if new else []
 
     def by_stamp(self, stamp_ns: int, root_ns: int | None) -> dict[int, list[str]]:
         """The bodies whose poses are known, by the oldest stamp that their poses depend on.

@@ -148,6 +148,7 @@ class Monitor:
                 searched anyway, because its alert needs it.
 
         Raises:
+            KeyError: there is no such silent body; nothing has changed.
             ValueError: a pose is not finite or not rigid; it names the body, nothing has changed.
         """
         started = self._clock()

@@ -85,3 +85,19 @@ def test_points_on_edges_of_triangles_end_a_search(pose, turned):
     assert answer.status is engine.Status.EXACT
     assert (answer.feature_a if turned else answer.feature_b).kind == "edge"
     assert answer.bound_tests < 20_000  # 8,000; more than 120,000 without
+
+
+@pytest.mark.parametrize("weight", [1e-6, 1e-8, 1e-10, 1e-13, 1e-16, 1e-20])
+def test_a_segment_within_the_last_bits_of_its_parameter(weight):
+    """Most of it lies where float64 has no parameters: a proof there would be of another part."""
+    segment = engine.Curve([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], weights=[1.0, weight])
+    for x in np.random.default_rng(1).uniform(0.05, 0.95, 8):
+        for height in (0.0, 1e-11, 1e-8, 1e-6, 1e-2):
+            place = [[x, height, 0.0]]
+            found = engine.distance(segment, np.eye(4), engine.points(place), np.eye(4))
+            assert found.lower <= height + 1e-15
+            assert found.upper >= height - 1e-15
+            assert found.bound_tests < 20_000
+            nearest = engine.closest_points(segment, np.eye(4), place)
+            assert nearest.lower[0] <= height + 1e-15
+            assert nearest.upper[0] >= height - 1e-15

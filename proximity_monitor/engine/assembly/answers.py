@@ -146,17 +146,20 @@ class Answers:
             displacement: metres; no point moved farther than that (`Model.deform`). inf: unknown.
         """
         self._measure(body)
-        rows = self._rows_of(body)
-        before = self.table["kind"][rows]
-        self.sign(rows, before != kernel.UNSIGNED)
+        if self._hierarchies[body].solid == "robust":
+            self._sign_anew(self._rows_of(body))
         stretch = self._places["stretch"][body] + displacement
         if math.isinf(stretch):
-            self._forget(rows)
+            self._forget(self._rows_of(body))
         else:
-            # Where a solid has got a hole, or lost one, its distances jump, or do so no more.
-            self._forget(rows[self.table["kind"][rows] != before])
             self._places["stretch"][body] = math.nextafter(stretch, math.inf)
         self._place(np.array([body]), self.poses[[body]], True)
+
+    def _sign_anew(self, rows: NDArray[np.int64]) -> None:
+        """Forget those answers whose kind changed: a solid has got a hole, or lost its last one."""
+        before = self.table["kind"][rows]
+        self.sign(rows, before != kernel.UNSIGNED)
+        self._forget(rows[self.table["kind"][rows] != before])
 
     def deformed(self) -> list[int]:
         """The bodies whose models were deformed since the last `reshape`."""
