@@ -114,6 +114,35 @@ def test_each_has_its_turn_with_the_value_that_a_person_gave(page, raw, server):
     assert page.choice.body == page.move._who.value == "b"
 
 
+def test_each_has_its_turn_with_what_the_other_fields_showed_then(page, raw, server):
+    inspect = page.all._inspect
+    raw.set(inspect._bands, True)
+    raw.heard(server)
+    page.tell()
+    assert all(page.choice.looks[name].bands for name in NAMES)
+    raw.set(inspect._bands, False)  # of all parts
+    raw.set(inspect._whose, "b")
+    raw.set(inspect._opacity, 0.5)  # of that one
+    raw.heard(server)
+    page.tell()
+    assert not any(page.choice.looks[name].bands for name in NAMES)
+    assert [page.choice.looks[name].opacity for name in NAMES] == [None, 0.5]
+    assert inspect._whose.value == "b"
+
+
+def test_a_step_is_as_long_as_was_shown_when_it_was_pressed(page, raw, server):
+    labelled = {getattr(each, "label", ""): each for each in raw.inputs()}
+    raw.set(page.move._who, "b")
+    raw.set(labelled["Step [mm]"], 2.0)
+    raw.set(labelled["Step by"], "+X")
+    raw.set(labelled["Step [mm]"], 5.0)
+    raw.set(labelled["Step by"], "+Y")
+    raw.heard(server)
+    page.tell()
+    assert page.holds.poses["b"][:3] == pytest.approx([3.002, 0.005, 0.0])
+    assert labelled["Step [mm]"].value == 5.0
+
+
 def test_each_tick_is_good_for_a_second_from_when_it_came(page):
     told = []
     for stamp_s in (1.0, 2.0):
