@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ from proximity_monitor.display.part_view import Coat
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, STOP_SIGN, WARN_SIGN, length
-from proximity_monitor.display.state import Frame, SceneInfo
+from proximity_monitor.display.state import STALE, Frame, SceneInfo
 
 EVERY_S = 0.5
 """Seconds between two parts' bands at least."""
@@ -30,7 +30,8 @@ _WORKER = ThreadPoolExecutor(1, thread_name_prefix="bands")
 
 
 _Near = tuple[tuple[Part, bytes | None], tuple]
-"""A part with its pose, and those near it: part, pose, whether it is a point, and the limits."""
+"""A part with its pose, and those near it: part, pose, whether it is a point, and the limits. The
+pose is None where it is not known at that moment, or too old."""
 
 
 class _Job(NamedTuple):
@@ -53,12 +54,26 @@ class Banding:
         self._job: _Job | None = None
         self._due_s = 0.0
         self._behind_s = 0.0
-        self._sampled_m: dict[str, float] = {}  # how far along each the colours may be off
+        # How far along each the colours may be off, and how far its shape and those near it may.
+        self._sampled_m: dict[str, tuple[float, float]] = {}
 
     def show(
-        self, frame: Frame, parts: Sequence[Part], wanted: Sequence[str], now_s: float
+        self,
+        frame: Frame,
+        parts: Sequence[Part],
+        wanted: Sequence[str],
+        now_s: float,
+        past: bool = False,
     ) -> None:
-        """Colour the parts that are wanted, one after the other, and no other."""
+        """Colour the parts that are wanted, one after the other, and no other.
+
+        Args:
+            frame: the tick that is shown.
+            parts: as they are now.
+            wanted: names of parts.
+            now_s: of a clock that never goes back.
+            past: whether the tick is of the past, when what deforms had another shape.
+        """
         for name in self._made.keys() - set(wanted):
             del self._made[name], self._sampled_m[name]
             self._parts[name].coat(self._api, ())
@@ -66,7 +81,8 @@ class Banding:
             job, self._job = self._job, None
             if job.name in wanted:
                 self._draw(job)
-        near = {name: self._near(name, frame, parts) for name in wanted}
+        changed = self._scene.deforming if past else frozenset()
+        near = {name: self._near(name, frame, parts, changed) for name in wanted}
         old = [n for n in wanted if n not in self._made or self._made[n][0] != near[n]]
         since = [frame.stamp_s - self._made[name][1] for name in old if name in self._made]
         self._behind_s = max(since, default=0.0)
@@ -84,21 +100,38 @@ class Banding:
             for colour, word, shown in zip(COLOURS, _WORDS, _SIGNS, strict=True)
         )
         late = f"; {self._behind_s:.1f} s behind" if self._behind_s > 0.0 else ""
-        most = max(self._sampled_m.values(), default=0.0)
-        near = f"colours end up to {length(most, self._scene.unit)} off along a part"
-        exact = near if most > 0.0 else "certain"
+        sampled, off = np.array(list(self._sampled_m.values()) or [(0.0, 0.0)]).max(axis=0)
+        unit, told = self._scene.unit, []
+        if sampled > 0.0:
+            told.append(f"colours end up to {length(sampled, unit)} off along a part")
+        if np.isinf(off):
+            told.append("how far what is drawn is off the shapes is not known")
+        elif off > 0.0:
+            told.append(f"what is drawn is up to {length(off, unit)} off the shapes")
+        exact = "; ".join(told) or "certain"
         return f'<div class="pm pm-small" id="pm-bands">{boxes}<br>{exact}{late}</div>'
 
-    def _near(self, name: str, frame: Frame, parts: Sequence[Part]) -> _Near:
-        """Return all that a part's bands depend on: the listed pairs that it is in."""
-        others = []
-        for pair in frame.pairs.names:
+    def _near(
+        self, name: str, frame: Frame, parts: Sequence[Part], changed: Collection[str]
+    ) -> _Near:
+        """Return all that a part's bands depend on: the listed pairs that it is in.
+
+        Nothing is known of a stale pair, of a tick of which one pair is known, and of what had
+        another shape.
+        """
+        part, pose = self._placed(name, frame, parts)
+        if not frame.whole or name in changed:
+            return (part, None), ()
+        others, pairs = [], frame.pairs
+        for row, pair in enumerate(pairs.names):
             if name in pair:
                 other = pair[1] if pair[0] == name else pair[0]
                 point = self._scene.bodies[self._number[other]].point
-                placed = self._placed(other, frame, parts)
-                others.append((*placed, point, self._scene.thresholds_of(pair)))
-        return self._placed(name, frame, parts), tuple(others)
+                there, at = self._placed(other, frame, parts)
+                known = pairs.level[row] != STALE and other not in changed
+                limits = self._scene.thresholds_of(pair)
+                others.append((there, at if known else None, point, limits))
+        return (part, pose), tuple(others)
 
     def _placed(self, name: str, frame: Frame, parts: Sequence[Part]) -> tuple[Part, bytes | None]:
         """Return a part and its pose, as bytes that can be compared."""
@@ -108,7 +141,8 @@ class Banding:
         return part, None if pose is None else pose.tobytes()
 
     def _draw(self, job: _Job) -> None:
-        corners, of, self._sampled_m[job.name] = job.answer.result()  # an error is the page's
+        corners, of, *off = job.answer.result()  # an error is the page's
+        self._sampled_m[job.name] = tuple(off)
         scale = self._parts.scale
         # What there was no time for is tried again.
         self._made[job.name] = (None if _is_cut(job.near, of) else job.near, job.stamp_s)
@@ -132,12 +166,15 @@ def _bands(near: _Near) -> bands.Bands:
     (part, own), others = near
     corners = part.corners.reshape(-1, 3, 3)
     if not _is_placed(near):
-        return bands.Bands(corners, np.full(len(corners), bands.UNKNOWN), 0.0)
+        return bands.Bands(corners, np.full(len(corners), bands.UNKNOWN), 0.0, 0.0)
     inverse = np.linalg.inv(bands.matrix(np.frombuffer(own)))
     told = [
         bands.Other(
-            bands.model_of(other, point), inverse @ bands.matrix(np.frombuffer(pose)), limits
+            bands.model_of(other, point),
+            inverse @ bands.matrix(np.frombuffer(pose)),
+            limits,
+            other.off,
         )
         for other, pose, point, limits in others
     ]
-    return bands.bands(corners, told)
+    return bands.bands(corners, told, off=part.off)

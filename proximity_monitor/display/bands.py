@@ -3,7 +3,9 @@
 A clearance changes by no more than the way along the part. So if a triangle has its middle at c and
 its farthest corner at r from there, the clearance of each of its points is that of c to r. A
 triangle that may reach into two bands is divided until it is small or the time is over. Then it has
-the band of its middle, and the page says how far that is from its other points.
+the band of its middle, and the page says how far that is from its other points. The triangles may
+be off what they show, and what is near by as much: a band is certain only where that leaves it the
+same.
 """
 
 from __future__ import annotations
@@ -44,17 +46,27 @@ class Other(NamedTuple):
     pose: np.ndarray
     """(4, 4) to the frame of the part whose bands are wanted, metres."""
     limits: Thresholds
+    off: float = 0.0
+    """Metres; that of the part, see there. What is finite is the model's deviation, too."""
 
 
 def model_of(part: Part, point: bool) -> engine.Model:
     """Return what is shown of a body as a model; `point` says that it is a single point."""
     found = _MODELS.get(part)
     if found is None:
+        how = {"deviation": part.off if np.isfinite(part.off) else 0.0}
         if point:
-            found = engine.shapes.points(np.zeros((1, 3)))
+            found = engine.shapes.points(np.zeros((1, 3)), **how)
         else:
             vertices, index = np.unique(part.corners, axis=0, return_inverse=True)
-            found = engine.shapes.triangles(vertices, index.reshape(-1, 3))
+            if not part.solid:
+                how["solid"] = False
+            found = engine.shapes.triangles(vertices, index.reshape(-1, 3), **how)
+            if part.solid and found.has_area and not found.is_solid:
+                # Of a curved body neighbouring patches may have corners of their own.
+                found = engine.shapes.triangles(
+                    vertices, index.reshape(-1, 3), solid="robust", **how
+                )
         _MODELS[part] = found
     return found
 
@@ -75,35 +87,44 @@ class Bands(NamedTuple):
     band: np.ndarray
     """(m,)"""
     sampled_m: float
-    """The farthest that any point is from the one whose band it got; 0: every band is certain."""
+    """The farthest that any point of a triangle is from the one whose band it got."""
+    off_m: float
+    """How far the shapes may be off, both together; 0: no band depends on it; inf: not known.
+    Every band is certain where this and `sampled_m` are 0."""
 
 
-def bands(corners: np.ndarray, others: Sequence[Other], budget_s: float = BUDGET_S) -> Bands:
+def bands(
+    corners: np.ndarray, others: Sequence[Other], budget_s: float = BUDGET_S, off: float = 0.0
+) -> Bands:
     """Return the bands of a part.
 
     Args:
         corners: (n, 3, 3) of its triangles in its own frame, metres.
         others: what it shall keep away from.
         budget_s: seconds, after what is made once for each model, or compiled, is there.
+        off: metres; how far these triangles are at most from what they show; inf: not known.
     """
     for other in others:
         engine.closest_points(other.model, other.pose, np.zeros((1, 3)), signed=True)
     ends = time.monotonic() + budget_s
     size = float(np.ptp(corners.reshape(-1, 3), axis=0).max()) if len(corners) else 0.0
-    done, of_done, sampled_m = [], [], 0.0
+    done, of_done, sampled_m, off_m = [], [], 0.0, 0.0
+    most_off = max((off + other.off for other in others), default=0.0)
     while True:
         middle, radius = _ball(corners)
-        certain, band = _judged(middle, radius, others, ends)
-        final = certain | (radius <= FINEST * size)
+        alike, certain, in_vain, band = _judged(middle, radius, others, off, ends)
+        final = certain | (alike & in_vain) | (radius <= FINEST * size)
         over = time.monotonic() >= ends
         if over or len(corners) + sum(map(len, done)) > MOST:
             final[:] = True
-        sampled_m = max(sampled_m, float(radius[final & ~certain].max(initial=0.0)))
+        sampled_m = max(sampled_m, float(radius[final & ~alike].max(initial=0.0)))
+        if (final & ~certain).any():
+            off_m = most_off
         done.append(corners[final])
         of_done.append(band[final])
         corners = _divided(corners[~final])
         if not len(corners):
-            return Bands(np.concatenate(done), np.concatenate(of_done), sampled_m)
+            return Bands(np.concatenate(done), np.concatenate(of_done), sampled_m, off_m)
 
 
 def _ball(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,30 +138,44 @@ def _ball(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _judged(
-    middle: np.ndarray, radius: np.ndarray, others: Sequence[Other], ends: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return of which balls (n,) all points have one band, and the band (n,) of each middle.
+    middle: np.ndarray, radius: np.ndarray, others: Sequence[Other], off: float, ends: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return what is known of the points of balls (n,), and the band (n,) of each middle.
 
-    What is not known is certain, too: there is no time to know more.
+    First of which balls all points have one band; second of which they have it however the shapes
+    are off; third of which not even the middle has. What is not known is the first two, too: there
+    is no time to know more.
     """
-    worst = np.full(len(middle), ABOVE)
-    best, band = worst.copy(), worst.copy()
+    # The nearest and the farthest band of what is drawn, of the shapes, and of a middle of these.
+    drawn, shapes, middles = (np.full((2, len(middle)), ABOVE) for _ in range(3))
+    band = drawn[0].copy()
     known = np.ones(len(middle), bool)
     for other in others:
         warn, stop = max(other.limits.warn, other.limits.stop), other.limits.stop
+        widened = other.model.deviation
+        reach = float(radius.max(initial=0.0)) + widened + (off if np.isfinite(off) else 0.0)
         found = engine.closest_points(
             other.model,
             other.pose,
             middle,
-            max_distance=BEYOND * (warn + float(radius.max(initial=0.0))) + 1e-9,
+            max_distance=BEYOND * (warn + reach) + 1e-9,
             budget_s=max(ends - time.monotonic(), 0.0),
             signed=True,
         )
         known &= found.done
-        worst = np.minimum(worst, _band(found.lower - radius, warn, stop))
-        best = np.minimum(best, _band(found.upper + radius, warn, stop))
-        band = np.minimum(band, _band(found.lower, warn, stop))
-    return (worst == best) | ~known, np.where(known, band, UNKNOWN)
+        # Of the triangles as they are shown: without what they are off.
+        lower, upper = found.lower + widened, found.upper - widened
+        band = np.minimum(band, _band(np.minimum(lower, upper), warn, stop))
+        more = off if np.isfinite(other.off) else np.inf
+        for found_bands, low, high, by in (
+            (drawn, lower, upper, radius),
+            (shapes, found.lower, found.upper, radius + more),
+            (middles, found.lower, found.upper, more),
+        ):
+            outer = np.stack((_band(low - by, warn, stop), _band(high + by, warn, stop)))
+            np.minimum(found_bands, outer, out=found_bands)
+    alike, certain, settled = (low == high for low, high in (drawn, shapes, middles))
+    return alike | ~known, certain | ~known, ~settled, np.where(known, band, UNKNOWN)
 
 
 def _band(clearance: np.ndarray, warn: float, stop: float) -> np.ndarray:

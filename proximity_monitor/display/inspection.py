@@ -85,7 +85,7 @@ class Inspect:
         self._frame = frame
         looks = {} if sitting is not None else self._choice.looks
         wanted = [name for name, look in looks.items() if look.bands]
-        self._banding.show(frame, parts, wanted, now_s)
+        self._banding.show(frame, parts, wanted, now_s, self._choice.at_s is not None)
         self._legend.content = self._banding.legend()
         on = f"a section is on; {WHOLE} ends it" if self._plane is not None else ""
         self._note.content = f'<div class="pm pm-small" id="pm-section">{on}</div>' if on else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
@@ -173,6 +175,8 @@ class Part:
         colour: np.ndarray,
         corners: np.ndarray,
         normals: np.ndarray | None = None,
+        solid: bool = True,
+        off: float = 0.0,
     ) -> None:
         """Keep what is told.
 
@@ -181,11 +185,15 @@ class Part:
             colour: (4,) red, green, blue, opacity.
             corners: (3n, 3) of the triangles, metres.
             normals: (3n, 3) unit normals of the surface there; None: all triangles are flat.
+            solid: whether the body has an inside; of points and lines it means nothing.
+            off: metres; how far the triangles are at most from the body; inf: not known.
         """
         self.pose = pose
         self.colour = colour
         self.corners = corners
         self.normals = normals
+        self.solid = solid
+        self.off = off
 
     def looks_like(self, other: Part) -> bool:
         """Whether both have the same triangles and normals."""
@@ -227,9 +235,14 @@ def _part(reader: Reader) -> Part:
     reader.skip(1, reader.count())
     told = reader.array("f4", 2 * reader.count()).reshape(-1, 2)  # its coordinates
     normals = from_octahedral(told) if count and len(told) == count else None
-    reader.text()  # text
+    told_of = reader.text()
     reader.text()  # mesh_resource
     reader.text()  # mesh_file: name and data
     reader.skip(1, reader.count())
     reader.byte()  # mesh_use_embedded_materials
-    return Part(pose if added else None, colour, corners, normals)
+    try:
+        of = json.loads(told_of)
+        solid, off = bool(of["solid"]), math.inf if of["off_m"] is None else float(of["off_m"])
+    except (TypeError, KeyError, ValueError) as error:
+        raise ValueError(f"~/parts does not tell of a body what is read here: {error}") from error
+    return Part(pose if added else None, colour, corners, normals, solid, off)

@@ -54,4 +54,4 @@ class Snapshot:
             np.array([self.stamp_s]),
             ("",),
         )
-        return Frame(self.stamp_s, self.poses, told)
+        return Frame(self.stamp_s, self.poses, told, whole=False)

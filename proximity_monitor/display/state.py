@@ -193,6 +193,8 @@ class Frame:
     """(m, 7) poses of the moving bodies in the scene's order: x y z in metres, quaternion w x y z;
     all zeros if a body has no pose."""
     pairs: Pairs
+    whole: bool = True
+    """Whether these are all pairs that were listed then."""
 
     def pose(self, row: int) -> np.ndarray | None:
         """Return a body's pose (7,), or None."""

@@ -21,6 +21,10 @@ class Look(NamedTuple):
     """(3 n, 3) of the triangles, metres, model frame."""
     normals: np.ndarray
     """(3 n, 2) the surface's normals there as `cdr.as_octahedral`; (0, 2) where all is flat."""
+    solid: bool
+    """Whether the body has an inside."""
+    off: float
+    """Metres: how far the triangles are at most from what the body stands for; inf: not known."""
 
 
 class Looks:
@@ -45,4 +49,6 @@ def _drawn(model: engine.Model) -> Look:
     return Look(
         shown.corners().reshape(-1, 3),
         np.empty((0, 2)) if normals is None else as_octahedral(normals.reshape(-1, 3)),
+        model.is_solid,
+        shown.off + model.deviation,
     )

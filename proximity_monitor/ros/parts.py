@@ -9,11 +9,15 @@ viewer. It is published when a viewer appears and, while there is one, up to fiv
 a body moved. Every message is complete, so the latched one is right for late viewers. The stamp is
 zero, which viewers take as "now": the message is older than the poses in it. Normals of curved
 bodies stand in `uv_coordinates`, as `cdr.as_octahedral` has them: a marker has no other place for
-them, and viewers heed it where there is a texture alone.
+them, and viewers heed it where there is a texture alone. Nor do they heed the `text` of triangles:
+JSON with `solid`, whether the body has an inside, and `off_m`, how far the triangles are at most
+from what it stands for; null where that is not known.
 """
 
 from __future__ import annotations
 
+import json
+import math
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -69,11 +73,15 @@ class PartsMessage:
             RuntimeError: the middleware lays messages out in a way that cannot be spliced.
         """
         self._index = {body.name: i for i, body in enumerate(bodies)}
-        template = _Template(bodies, frame)
         known = Looks() if looks is None else looks
         every = [known.of(models[body.name]) for body in bodies]
+        markers = [
+            _marker(i, body, look, frame)
+            for i, (body, look) in enumerate(zip(bodies, every, strict=True))
+        ]
+        template = _Template(markers)
         # Two triangles of each body show whether the splice works, and are read quickly.
-        few = [Look(look.corners[:6], look.normals[:6]) for look in every]
+        few = [look._replace(corners=look.corners[:6], normals=look.normals[:6]) for look in every]
         self._bytes, self._places = template.filled(few)
         self._prove(few)
         self._bytes, self._places = template.filled(every)
@@ -120,14 +128,13 @@ class PartsMessage:
 class _Template:
     """The serialised array with one triangle a body, and where in it everything is."""
 
-    def __init__(self, bodies: Sequence[Body], frame: str) -> None:
-        markers = [_marker(i, body, frame) for i, body in enumerate(bodies)]
+    def __init__(self, markers: Sequence[Marker]) -> None:
         self._data = bytes(serialize_message(MarkerArray(markers=markers)))
         self._places, self._lists = [], []
         """Of each marker where its action and pose stand; and where, in its lists of points and of
         normals, their number and their first element."""
         at = 0
-        for i in range(len(bodies)):
+        for i in range(len(markers)):
             key = self._found(_KEY.pack(i, Marker.TRIANGLE_LIST, _PENDING), at)
             action, end = key + 8, key + _KEY.size - _ENCAPSULATION
             self._places.append((action, _ENCAPSULATION + (end + 7) // 8 * 8))
@@ -167,7 +174,7 @@ class _Template:
         return struct.unpack_from("<I", self._data, at)[0]
 
 
-def _marker(i: int, body: Body, frame: str) -> Marker:
+def _marker(i: int, body: Body, look: Look, frame: str) -> Marker:
     marker = Marker(type=Marker.TRIANGLE_LIST, action=_PENDING, ns="parts", id=i)
     marker.header.frame_id = frame
     marker.scale.x = marker.scale.y = marker.scale.z = 1.0
@@ -176,6 +183,8 @@ def _marker(i: int, body: Body, frame: str) -> Marker:
     marker.pose.orientation = Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
     marker.points = [Point(x=x, y=y, z=z) for x, y, z in _PLACEHOLDER.tolist()]
     marker.uv_coordinates = [UVCoordinate(u=u, v=v) for u, v in _NORMALS.tolist()]
+    off_m = look.off if math.isfinite(look.off) else None
+    marker.text = json.dumps({"solid": look.solid, "off_m": off_m})
     return marker
 
 

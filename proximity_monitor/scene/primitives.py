@@ -175,5 +175,5 @@ def _mesh_of(primitive: Primitive, scale: float, name: str, how: dict[str, Any])
         primitive = Sphere(primitive.radius, _SUBDIVISIONS)
     if isinstance(primitive, Cylinder) and primitive.segments is None:
         primitive = replace(primitive, segments=_SEGMENTS)
-    vertices, faces, _ = _shape(primitive, scale).display_mesh(0.0)
-    return engine.shapes.triangles(vertices, faces, name=name, **how)
+    shown = _shape(primitive, scale).display_mesh(0.0)
+    return engine.shapes.triangles(shown.vertices, shown.faces, name=name, **how)

@@ -77,8 +77,7 @@ def engine_block(a: str, b: str) -> StudyScene:
     poses = {name: np.array([frame[name] for frame in frames]) for name in frames[0]}
     meshes = {}
     for body in description.bodies:
-        vertices, faces, _ = load_model(body, description.unit).display_mesh(0.0)
-        meshes[body.name] = (vertices, faces)
+        meshes[body.name] = load_model(body, description.unit).display_mesh(0.0)[:2]
         if not body.moving:
             poses[body.name] = np.tile(body.pose, (steps, 1, 1))
     tracks = [

@@ -5,6 +5,7 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
+from proximity_monitor import engine
 from proximity_monitor.display.bands import (
     ABOVE,
     BELOW_STOP,
@@ -48,7 +49,7 @@ def area(corners):
 
 def test_a_point_over_the_middle_of_a_plate_makes_bands_where_the_plate_has_no_corner():
     place = np.array([0.7, 1.1, 0.05])
-    corners, of, sampled_m = bands(PLATE, [point(*place)], budget_s=60.0)
+    corners, of, sampled_m, _ = bands(PLATE, [point(*place)], budget_s=60.0)
     assert area(corners).sum() == pytest.approx(4.0)
     assert 0.0 < sampled_m <= 2.0 * FINEST
     far = distances(corners, place, np.random.default_rng(3))
@@ -59,7 +60,7 @@ def test_a_point_over_the_middle_of_a_plate_makes_bands_where_the_plate_has_no_c
 
 
 def test_where_no_point_is_near_a_limit_every_band_is_certain():
-    _, of, sampled_m = bands(PLATE, [point(0.5, 0.5, 0.4)], budget_s=60.0)
+    _, of, sampled_m, _ = bands(PLATE, [point(0.5, 0.5, 0.4)], budget_s=60.0)
     assert (of == ABOVE).all()
     assert sampled_m == 0.0
 
@@ -67,7 +68,7 @@ def test_where_no_point_is_near_a_limit_every_band_is_certain():
 def test_a_fit_is_clear_although_its_gap_is_finer_than_the_finest_triangle():
     above = part(PLATE + np.array([0.0, 0.0, 1e-3]))
     tight = Other(model_of(above, False), np.eye(4), Thresholds(6e-4, 1e-4, 0.0))
-    _, of, sampled_m = bands(PLATE, [tight], budget_s=60.0)
+    _, of, sampled_m, _ = bands(PLATE, [tight], budget_s=60.0)
     assert (of == ABOVE).all()
     assert 1e-3 < sampled_m <= 2.0 * FINEST
 
@@ -77,16 +78,16 @@ def test_the_worst_of_all_parts_counts_each_with_its_own_limits():
         point(0.5, 0.5, 0.2, limits=Thresholds(0.25, 0.22, 0.0)),
         point(0.5, 0.5, 0.15, limits=Thresholds(0.1, 0.05, 0.0)),
     ]
-    _, of, _ = bands(PLATE, there, budget_s=60.0)
+    _, of, _, _ = bands(PLATE, there, budget_s=60.0)
     assert (of == BELOW_STOP).any()
-    _, of, _ = bands(PLATE, there[1:], budget_s=60.0)
+    _, of, _, _ = bands(PLATE, there[1:], budget_s=60.0)
     assert (of == ABOVE).all()
     assert (bands(PLATE, []).band == ABOVE).all()
 
 
 def test_without_time_nothing_is_said_to_be_above():
     many = np.concatenate([PLATE] * 20_000)
-    _, of, _ = bands(many, [point(9.0, 9.0, 9.0)] * 3, budget_s=0.0)
+    _, of, _, _ = bands(many, [point(9.0, 9.0, 9.0)] * 3, budget_s=0.0)
     assert (of == UNKNOWN).sum() > len(many) // 2
     assert (of != BELOW_STOP).all()
 
@@ -104,5 +105,62 @@ def test_what_is_inside_a_solid_is_below_stop():
     assert model.is_solid
     assert model_of(solid, False) is model
     turned = matrix(np.array([0.3, 0, 0, 0.6, 0, 0.8, 0]))
-    _, of, _ = bands(PLATE, [Other(model, turned, LIMITS)], budget_s=60.0)
+    _, of, _, _ = bands(PLATE, [Other(model, turned, LIMITS)], budget_s=60.0)
     assert (of == BELOW_STOP).all()
+
+
+BALL = engine.SolidOfRevolution([engine.Curve([[0, -1], [2, -1], [2, 1], [0, 1]])])
+
+
+def drawn(model, tolerance):
+    """A body as the page gets it."""
+    shown = model.display_mesh(tolerance)
+    corners = shown.corners().reshape(-1, 3)
+    return Part(HERE, np.ones(4), corners, solid=model.is_solid, off=shown.off)
+
+
+def other(part, *place, limits=LIMITS):
+    return Other(model_of(part, False), matrix(np.array([*place, 1, 0, 0, 0])), limits, part.off)
+
+
+def test_deep_inside_a_curved_solid_is_below_stop_though_its_triangles_do_not_close():
+    part = drawn(BALL, 0.02)
+    tiny = PLATE * 0.01
+    assert (
+        engine.signed_distance(
+            BALL, np.eye(4), engine.shapes.points(tiny.reshape(-1, 3)), np.eye(4)
+        ).upper
+        < -0.3
+    )
+    found = bands(tiny, [other(part, 0, 0, 0)], budget_s=60.0)
+    assert (found.band == BELOW_STOP).all()
+    assert found.off_m == found.sampled_m == 0.0
+
+
+def test_what_is_no_solid_is_clear_inside():
+    low = np.array([[-5.0, -5, -5]])
+    box = engine.shapes.box([10, 10, 10], solid=False).display_mesh(0.0).corners()
+    part = Part(HERE, np.ones(4), box.reshape(-1, 3), solid=False)
+    _, of, _, _ = bands(PLATE + low * 0.2, [other(part, 0, 0, 0)], budget_s=60.0)
+    assert (of == ABOVE).all()
+
+
+@pytest.mark.parametrize("own", [0.0, 0.02])
+def test_no_band_is_certain_that_depends_on_how_far_what_is_drawn_is_off(own):
+    square = drawn(engine.TriangleMesh(PLATE.reshape(-1, 3), np.arange(6).reshape(2, 3)), 0.0)
+    for gap, off, certain in ((0.2, 0.05, True), (0.11, 0.05, False), (0.29, 0.05, False)):
+        square.off = off - own
+        there = Other(
+            engine.shapes.triangles(
+                PLATE.reshape(-1, 3), np.arange(6).reshape(2, 3), deviation=square.off
+            ),
+            matrix(np.array([0, 0, gap, 1, 0, 0, 0])),
+            LIMITS,
+            square.off,
+        )
+        found = bands(PLATE, [there], budget_s=60.0, off=own)
+        assert (found.band == BELOW_WARN).all()  # of what is drawn
+        assert found.off_m == (0.0 if certain else pytest.approx(off))
+    square.off = np.inf
+    unknown = Other(model_of(square, False), np.eye(4), LIMITS, np.inf)
+    assert bands(PLATE, [unknown], budget_s=60.0).off_m == np.inf

@@ -345,16 +345,16 @@ def spread(mesh, count=8):
 def test_triangles_to_show_are_within_their_tolerance(tolerance):
     ball = ParametricSurface(sphere_patches()).display_mesh(tolerance)
     ring = ParametricSurface(torus_patches()).display_mesh(tolerance)
-    assert np.abs(np.linalg.norm(spread(ball), axis=1) - 1.0).max() <= tolerance
+    assert np.abs(np.linalg.norm(spread(ball), axis=1) - 1.0).max() <= ball.off <= tolerance
     x, y, z = spread(ring).T
-    assert np.abs(np.hypot(np.hypot(x, y) - 1.0, z) - 0.3).max() <= tolerance
+    assert np.abs(np.hypot(np.hypot(x, y) - 1.0, z) - 0.3).max() <= ring.off <= tolerance
     np.testing.assert_allclose(ball.normals, ball.vertices, atol=1e-5)
     assert len(ring.faces) * tolerance < 200.0  # as many as needed, no more
     for made, larger in ((bumps(4), 1.0), (patch(6, decades=0.5), 30.0)):
         shown = made.display_mesh(tolerance * larger)
         mesh = engine.TriangleMesh(shown.vertices, shown.faces)
         found = engine.closest_points(mesh, np.eye(4), sampled(made, 50))
-        assert found.upper.max() <= tolerance * larger
+        assert found.upper.max() <= min(shown.off, tolerance * larger)
 
 
 def test_faces_to_show_point_to_the_side_of_their_normals():
@@ -371,6 +371,7 @@ def test_faces_to_show_point_to_the_side_of_their_normals():
 def test_what_is_flat_is_shown_as_it_is_and_the_finest_has_an_end():
     square = Patch(np.array([[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]]]))
     assert len(square.display_mesh(0.0).faces) == 2
+    assert square.display_mesh(0.0).off < 1e-11
     raised = engine.Patch(np.stack(np.meshgrid([0, 1, 2], [0, 1, 2, 3], [5.0]), -1)[:, :, 0])
     assert len(raised.display_mesh(0.0).faces) == 2
     assert 1000 < len(ParametricSurface(sphere_patches()).display_mesh(0.0).faces) <= 120_000

@@ -174,6 +174,7 @@ def test_what_is_shown_is_what_is_left():
     knots = np.repeat([0.0, 10.0], 2), np.repeat([0.0, 5.0], 2)
     patch = Patch(control, *knots, trim=HOLE)
     shown = patch.display_mesh(1e-3)
+    assert math.isinf(shown.off)
     a, b, c = shown.corners().transpose(1, 0, 2)
     turned = np.cross(b - a, c - a)[:, 2]
     assert (turned >= -1e-12).all()  # as the patch's normal

@@ -179,7 +179,11 @@ def test_every_corner_of_every_body_is_in_the_parts():
         points = [(p.x, p.y, p.z) for p in marker.points]
         assert np.array_equal(points, model.vertices[model.faces].reshape(-1, 3))
         assert marker.pose.position.y == -2.5
-        assert (marker.id, marker.action, marker.text) == (i, Marker.ADD, "")
+        assert (marker.id, marker.action, marker.text) == (
+            i,
+            Marker.ADD,
+            '{"solid": false, "off_m": 0.0}',
+        )
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (1, 2, 0)])
@@ -187,7 +191,7 @@ def test_normals_of_curved_bodies_are_in_the_parts_and_read_by_the_page(order):
     rng = np.random.default_rng(6)
     shapes = (
         engine.TriangleMesh(rng.normal(size=(3, 3)), [[0, 1, 2]]),
-        engine.Patch(rng.normal(size=(4, 3, 3))),
+        engine.Patch(rng.normal(size=(4, 3, 3)), deviation=0.5),
         engine.Patch(rng.normal(size=(2, 5, 3))),
     )
     models = {f"body{i}": shapes[k] for i, k in enumerate(order)}
@@ -195,6 +199,7 @@ def test_normals_of_curved_bodies_are_in_the_parts_and_read_by_the_page(order):
     told = read_parts(PartsMessage(bodies, models, "world").serialised())
     for part, model in zip(told, models.values(), strict=True):
         shown = model.display_mesh(ROUNDNESS * model.radius)
+        assert (part.solid, part.off) == (model.is_solid, shown.off + model.deviation)
         np.testing.assert_array_equal(part.corners, shown.corners().reshape(-1, 3))
         normals = shown.corner_normals()
         if normals is None:

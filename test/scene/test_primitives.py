@@ -230,6 +230,12 @@ def test_pictures_of_swept_models_lie_on_their_surfaces():
             assert (away.upper < 1e-12).all()
             inside = engine.closest_points(model, np.eye(4), drawn.corners().mean(axis=1))
             assert (inside.upper <= tolerance).all()
+            core = np.linalg.norm(drawn.vertices, axis=1).max() - shape.radius
+            ends = np.linspace([0, 0, -core], [0, 0, core], 200)
+            axis = engine.shapes.polyline(ends)
+            middles = engine.closest_points(axis, np.eye(4), drawn.corners().mean(axis=1))
+            depth = shape.radius - middles.lower.min()  # of the faces below the surface
+            assert 0.9 * drawn.off < depth <= drawn.off <= tolerance
             assert volume(mesh) < enclosed
         assert volume(mesh) == pytest.approx(enclosed, rel=0.02)
         assert sizes == sorted(set(sizes)), "the finer, the more"

@@ -160,10 +160,12 @@ class TriangleMesh(Model):
         Their corners lie on the surface and their faces inside. Where there are many balls they are
         rough ones, so that all together have some 60,000 triangles at most.
         """
-        shown = self.vertices, self.faces
-        if self.swept_radius > 0.0:
-            shown = tessellated(*shown, self.swept_radius, tolerance)[:2]
-        return DisplayMesh(*shown)
+        if not self.swept_radius > 0.0:
+            return DisplayMesh(self.vertices, self.faces, off=0.0)
+        *shown, within = tessellated(self.vertices, self.faces, self.swept_radius, tolerance)
+        # What rounding does to the corners is less than this.
+        rounding = 1e-14 * (self.radius + float(np.abs(self.centre).max()))
+        return DisplayMesh(*shown, off=self.swept_radius - within + rounding)
 
     @staticmethod
     def feature(element: int, parameters: NDArray[np.float64]) -> Feature:

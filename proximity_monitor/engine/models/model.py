@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,6 +44,9 @@ class DisplayMesh(NamedTuple):
     """(m, 3) indices of vertices; outward faces have their corners counter-clockwise."""
     normals: NDArray[np.float64] | None = None
     """(n, 3) unit normals of the surface at the vertices; None: each face is flat."""
+    off: float = math.inf
+    """Metres: no point of the triangles is farther from the surface, and none of the surface from
+    them; inf: it is not known."""
 
     def corners(self) -> NDArray[np.float64]:
         """The corners of the faces (m, 3, 3), metres."""

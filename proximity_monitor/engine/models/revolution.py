@@ -171,7 +171,7 @@ class SolidOfRevolution(Surface):
         if not self.profile.leftward:
             return made
         faces = np.ascontiguousarray(made.faces[:, ::-1])
-        return DisplayMesh(made.vertices, faces, -made.normals)
+        return made._replace(faces=faces, normals=-made.normals)
 
     def describe(self, length: Callable[[float], str]) -> str:
         """Its curves and control points, and how far these are from the axis."""

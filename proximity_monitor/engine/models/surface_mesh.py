@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -59,7 +60,23 @@ def tessellated_surface(nets: Sequence[Net], tolerance: float) -> DisplayMesh:
         np.concatenate(vertices),
         np.concatenate(faces).astype(np.int32),
         None if curves else np.concatenate(normals),
+        max(_off(*each) for each in zip(nets, bends, steps, strict=True)),
     )
+
+
+def _off(
+    net: Net, bends: tuple[NDArray[np.float64], ...], steps: tuple[NDArray[np.int64], ...]
+) -> float:
+    """How far the triangles are from the patch, by the formula above and for rounding.
+
+    Along its trims they end at chords, and how far off these are is not bounded here.
+    """
+    if net.trim is not None:
+        return math.inf
+    uu, uv, vv = bends
+    h, k = 1.0 / steps[0][:, None], 1.0 / steps[1]
+    bent = (h * h * uu + 2.0 * h * k * uv + k * k * vv) / 8.0
+    return float(bent.max()) + 1e-12 * float(np.abs(net.points).max())
 
 
 def _grid(
