@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from proximity_monitor import engine
 from proximity_monitor.engine import Curve, ModelError, SolidOfRevolution
 from proximity_monitor.engine.models.profile import checked_profile
 
@@ -116,8 +117,6 @@ def arc(*control):
 
 LEGAL = {
     "corners on the axis": polyline([0, 0], [1, 0.5], [0, 1], [1, 1.5], [0, 2]),
-    "along the axis": polyline([0, 0], [1, 0], [1, 1], [0, 1], [0, 2], [1, 2], [1, 3], [0, 3]),
-    "closed along the axis": polyline([0, 0], [1, 0], [1, 1], [0, 1], [0, 0]),
     "loop with a corner on the axis": polyline([1, 0], [0, 0.5], [1, 1], [2, 0.5], [1, 0]),
     "begins and ends at one place": polyline([0, 0], [1, -1], [1, 1], [0, 0]),
     "begins and ends nearly there": polyline([0, 0], [1, -1], [1, 1], [0, 1e-11]),
@@ -267,3 +266,91 @@ def test_random_profiles_against_samples():
         assert truth == ("cross near" in found)
         crossed += truth
     assert 50 < crossed < 150
+
+
+def test_a_curve_that_is_torn_within():
+    torn = Curve([[0, 0], [1, 0], [1.5, 1], [0, 1]], [0, 0, 1, 1, 2, 2])
+    with pytest.raises(
+        ModelError, match=r"curves\[0\]: is torn at t = 1: .* 1.12 m from .*\[1.0, 0"
+    ):
+        SolidOfRevolution([torn])
+    whole = SolidOfRevolution([Curve([[0, 0], [1, 0], [1, 0], [0, 1]], [0, 0, 1, 1, 2, 2])])
+    with pytest.raises(ModelError, match="is torn"):
+        whole.deform(torn.control_points[:, :2])
+    assert whole.revision == 0
+
+
+@pytest.mark.parametrize("first", range(4))
+def test_what_is_closed_along_the_axis_has_no_boundary_there(first):
+    sides = polyline([0, 0], [1, 0], [1, 1], [0, 1], [0, 0])
+    made = SolidOfRevolution(sides[first:] + sides[:first])
+    points = np.array([[0, 0, 0.5], [0.1, 0, 0.5], [0.3, 0, 0.5]])
+    found = engine.closest_points(made, np.eye(4), points, signed=True)
+    np.testing.assert_allclose(found.upper, -0.5, atol=1e-12)
+    assert [len(net.points) for net in made.profile.nets] == [2, 2, 2]
+    np.testing.assert_array_equal(made.control_points[0], [0, 0, 0])
+    ball = engine.shapes.sphere(0.2)
+    middle = np.eye(4)
+    middle[2, 3] = 0.5
+    assert engine.distance(made, np.eye(4), ball, middle).upper == pytest.approx(0.3, abs=1e-12)
+
+
+def test_what_runs_along_the_axis_otherwise_is_refused():
+    corners = [[0, 0], [1, 0], [1, 1], [0, 1], [0, 2], [1, 2], [1, 3], [0, 3]]
+    with pytest.raises(ModelError, match=r"curves\[3\]: runs along the axis from t = 0 to 1"):
+        SolidOfRevolution(polyline(*corners))
+    sketch = Curve([*corners[:4], [0, 0]], [0, 0, 1, 2, 3, 4, 4])
+    with pytest.raises(ModelError, match=r"curves\[0\]: runs along the axis from t = 3 to 4"):
+        SolidOfRevolution([sketch])
+
+
+@pytest.mark.parametrize("skew", [1.0, 1e-2, 1e-3, 1e-6, 1e6])
+def test_which_side_is_inside_does_not_depend_on_weights(skew):
+    wall = [[1, 1], [3, 0.5], [1, 0]]
+    inner = Curve([[1, 0], [1.3, 0.5], [1, 1]])
+    for curves, leftward in (
+        ([inner, Curve(wall, weights=[1, skew, skew**2])], False),
+        (
+            [Curve(wall[::-1], weights=[skew**2, skew, 1]), Curve([[1, 1], [1.3, 0.5], [1, 0]])],
+            True,
+        ),
+    ):
+        made = SolidOfRevolution(curves)
+        assert made.profile.leftward is leftward
+        # Its patches look outward, so that a compound with another solid holds both.
+        disc = engine.shapes.cylinder(1.5, 0.1)
+        both = engine.shapes.compound(
+            [engine.shapes.Part(each, np.eye(4), (1.0, 1.0, 1.0)) for each in (made, disc)]
+        )
+        inside = engine.closest_points(both, np.eye(4), np.array([[1.4, 0, 0.5]]), signed=True)
+        assert inside.lower[0] < -0.2
+
+
+def test_the_side_of_random_stars_with_random_weights():
+    random = np.random.default_rng(8)
+    for i in range(60):
+        degrees = random.integers(1, 6, random.integers(3, 6))
+        steps = np.cumsum(random.uniform(0.05, 1.0, degrees.sum()))
+        angles = 2.0 * np.pi * np.append(0.0, steps) / steps[-1]
+        radius = random.uniform(*((0.2, 1.0) if i % 2 else (0.999, 1.0)), len(angles) - 1)
+        points = np.append(radius, radius[0])[:, None] * np.stack(
+            [np.cos(angles), np.sin(angles)], axis=1
+        )
+        points[-1] = points[0]
+        starts = np.append(0, np.cumsum(degrees))
+        if i % 3 == 0:
+            points, starts = points[::-1], starts[-1] - starts[::-1]
+        nets = [
+            Curve(
+                points[low : high + 1] + np.array([2.0, 0.0]),
+                weights=10.0 ** random.uniform(-5.0, 5.0, high - low + 1),
+            ).nets[0]
+            for low, high in itertools.pairwise(starts)
+        ]
+        assert checked_profile(nets, "star").leftward is (i % 3 != 0)
+
+
+@pytest.mark.parametrize("length", [1e-300, 1e-160, 1.0, 1e30])
+def test_an_axis_of_any_length(length):
+    made = SolidOfRevolution(polyline([0, 0], [1, 0], [1, 1], [0, 1]), axis=np.full(3, length))
+    np.testing.assert_allclose(made.axis, 3**-0.5, rtol=1e-15)

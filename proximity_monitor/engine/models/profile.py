@@ -20,6 +20,7 @@ from ..kernels.revolution.crossing import first_crossing
 from .bezier import bernstein
 from .checks import ModelError
 from .nurbs import HIGHEST_DEGREE, Net, frozen
+from .orientation import balanced, runs_leftward
 
 Reals = NDArray[np.float64]
 
@@ -61,13 +62,19 @@ def checked_profile(nets: Sequence[Net], name: str) -> Profile:
     pieces = tuple(frozen(net.pieces()[:, 0, :, 0][..., [0, 1, 3]]) for net in nets)
     all_of = _together(pieces)
     _check_axis(nets, all_of, near, name)
-    closed = _check_ends(pieces, near, name)
+    closed = _check_ends(nets, pieces, near, name)
     _check_simple(all_of, size, name)
-    area = sum(_area(own, pieces[0][0, 0], closed) for own in pieces)
+    area = sum(_area(balanced(own), pieces[0][0, 0], closed) for own in pieces)
     wide, high, _ = np.ptp(np.concatenate([net.points for net in nets]), axis=0)
     if not abs(area) > JOINED * wide * high + _AREA_ROUNDING * size * (wide + high):
         raise ModelError(f"{name}: curves: they enclose no area, so there is no solid")
-    return Profile(tuple(nets), closed, size, area > 0.0, pieces)
+    _check_along_axis(nets, pieces, near, name)
+    leftward = runs_leftward(pieces, size, not closed)
+    if leftward is None:
+        raise ModelError(
+            f"{name}: curves: it cannot be told on which side of them the solid is; is it a sliver?"
+        )
+    return Profile(tuple(nets), closed, size, leftward, pieces)
 
 
 class _Pieces(NamedTuple):
@@ -106,8 +113,49 @@ def _check_axis(nets: Sequence[Net], all_of: _Pieces, near: float, name: str) ->
         )
 
 
-def _check_ends(pieces: Sequence[Reals], near: float, name: str) -> bool:
+def off_axis(nets: Sequence[Net]) -> list[Net]:
+    """The curves of a profile without those along the axis, if the others still follow each other.
+
+    These go on in their order, from where the axis is left.
+    """
+    near = JOINED * max((float(np.abs(net.points).max()) for net in nets), default=0.0)
+    is_off = [bool((net.points[:, 0] > near).any()) for net in nets]
+    begins = [i for i, off in enumerate(is_off) if off and not is_off[i - 1]]
+    is_loop = np.linalg.norm(nets[0].points[0] - nets[-1].points[-1]) <= near
+    if len(begins) != 1 or (is_off[0] and is_off[-1] and not is_loop):
+        return list(nets)
+    turned = [*range(begins[0], len(nets)), *range(begins[0])]
+    return [nets[i] for i in turned if is_off[i]]
+
+
+def _check_along_axis(nets: Sequence[Net], pieces: Sequence[Reals], near: float, name: str) -> None:
+    """Refuse pieces along the axis: a boundary there would be inside the solid."""
+    for k, own in enumerate(pieces):
+        points = own[..., :2] / own[..., 2:]
+        along = (points[..., 0] <= near).all(axis=1) & (np.ptp(points[..., 1], axis=1) > near)
+        if along.any():
+            i = int(along.argmax())
+            spans = nets[k].spans[0]
+            raise ModelError(
+                f"{name}: curves[{k}]: runs along the axis from t = {spans.low[i]:.6g} to "
+                f"{spans.high[i]:.6g}, within the solid; leave that out: a profile may begin and "
+                "end on the axis, and what is on both sides of it is a solid each (a compound)"
+            )
+
+
+def _check_ends(nets: Sequence[Net], pieces: Sequence[Reals], near: float, name: str) -> bool:
     """Whether the curves are a loop; else they begin and end on the axis."""
+    for k, own in enumerate(pieces):
+        # Where a knot is repeated often enough, a curve may be torn.
+        begins, ends = (own[1:, 0, :2] / own[1:, 0, 2:], own[:-1, -1, :2] / own[:-1, -1, 2:])
+        gaps = np.linalg.norm(begins - ends, axis=1)
+        if gaps.max(initial=0.0) > near:
+            i = int(gaps.argmax())
+            t = nets[k].spans[0].low[i + 1]
+            raise ModelError(
+                f"{name}: curves[{k}]: is torn at t = {t:.6g}: there it goes on {gaps[i]:.3g} m "
+                f"from where it ended, {ends[i].tolist()}"
+            )
     ends = [(own[0, 0, :2] / own[0, 0, 2], own[-1, -1, :2] / own[-1, -1, 2]) for own in pieces]
     for i in range(1, len(ends)):
         gap = float(np.linalg.norm(ends[i][0] - ends[i - 1][1]))

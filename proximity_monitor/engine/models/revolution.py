@@ -19,7 +19,7 @@ from .mesh import largest_norm
 from .model import DisplayMesh, Feature
 from .nurbs import Net, frozen
 from .patch import Curve
-from .profile import QUARTERS, Profile, checked_profile, revolved
+from .profile import QUARTERS, Profile, checked_profile, off_axis, revolved
 from .revolution_hierarchy import RevolutionHierarchy
 from .surface import Surface
 
@@ -38,7 +38,9 @@ class SolidOfRevolution(Surface):
         curves: of the profile, each a `Curve` with control points (n, 2), rho and z in metres: the
             distance from the axis and the height along it. Each begins where the one before it
             ends. They run from the axis to the axis, or around in a loop off it; they may have
-            corners, and may touch the axis, but not cross it or themselves.
+            corners, and may touch the axis, but not cross it or themselves. Whole curves along the
+            axis, as they close a loop, are left out, for they bound nothing; curves and control
+            points are then counted from where the axis is left.
         origin: (3,) metres, model frame: where on the axis z is 0.
         axis: (3,) along which z grows; of any length.
         name: what messages call it.
@@ -76,7 +78,7 @@ class SolidOfRevolution(Surface):
         self._frame = _frame(origin, axis, name)
         deviation = checked_length(deviation, name, "deviation")
         deviation = max(deviation, *(curve.deviation for curve in given))
-        self.profile = checked_profile([curve.nets[0] for curve in given], name)
+        self.profile = checked_profile(off_axis([curve.nets[0] for curve in given]), name)
         nets = [revolved(net, self._frame) for net in self.profile.nets]
         size = max(float(np.abs(net.points).max()) for net in nets)
         super().__init__(nets, name, deviation + _ROUNDING * size, solid=True)
@@ -211,10 +213,12 @@ def _frame(origin: ArrayLike, axis: ArrayLike, name: str) -> NDArray[np.float64]
         if array.shape != (3,) or not (np.abs(array) <= LARGEST_COORDINATE).all():
             raise ModelError(f"{name}: {what} = {given!r}: expected three finite metres")
         made[:3, 3 if what == "origin" else 2] = array
-    length = float(np.linalg.norm(made[:3, 2]))
-    if not length > 0.0:
+    largest = float(np.abs(made[:3, 2]).max())
+    if not largest > 0.0:
         raise ModelError(f"{name}: axis = {axis!r}: has no length")
-    z = made[:3, 2] / length
+    # Without its power of two, for squares of what is tiny or huge are lost.
+    z = np.ldexp(made[:3, 2], -math.frexp(largest)[1])
+    z /= np.linalg.norm(z)
     x = np.eye(3)[0 if abs(z[0]) < 0.9 else 1]
     x = x - (x @ z) * z
     x /= np.linalg.norm(x)

@@ -1,0 +1,135 @@
+"""Which way a closed curve runs, proven where it is farthest along some direction.
+
+All of it but a short stretch stays below the farthest point along d. On that stretch let every
+control point be to the left of the one before, seen along a direction u that does not point down.
+Then a ray along u from a point of it that is above all the rest meets the curve nowhere else, so
+that the outside is there, to the right. That is so for any stretch that is short enough, except at
+a cusp; there, or where two places are equally far, another direction tells.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .loops import halved
+
+Reals = NDArray[np.float64]
+
+_DIRECTIONS = 12
+"""Directions that are tried."""
+_TURN = 2.4
+"""Radians from one to the next, so that no two are alike or askew to a drawing's axes."""
+_HALVINGS = 60
+_MOST = 24
+"""Pieces of a stretch; where more are about equally far, the next direction is tried."""
+_SLACK = 1e-13
+"""A share of the size, above what rounding does to points of pieces."""
+
+
+def balanced(pieces: Reals) -> Reals:
+    """The same pieces (..., n, 3), with parameters in which the weights of both ends are alike."""
+    degree = pieces.shape[-2] - 1
+    ratio = (pieces[..., :1, 2:] / pieces[..., -1:, 2:]) ** (1.0 / max(degree, 1))
+    return pieces * ratio ** np.arange(degree + 1.0)[:, None]
+
+
+def runs_leftward(curves: Sequence[Reals], size: float, closing: bool) -> bool | None:
+    """Whether a simple closed curve has what it encloses on its left; None: it cannot be told.
+
+    Args:
+        curves: of each the Bezier pieces (s, n, 3): x w, y w and w; one begins where another ends.
+        size: the largest coordinate.
+        closing: whether a straight line leads from the last end to the first begin.
+    """
+    slack = _SLACK * size
+    pieces = [piece for own in curves for piece in balanced(own)]
+    if closing:
+        pieces.append(np.stack([pieces[-1][-1], pieces[0][0]]))
+    points = [piece[:, :2] / piece[:, 2:] for piece in pieces]
+    whole = [i for i, each in enumerate(points) if np.ptp(each, axis=0).max() > slack]
+    starts = np.cumsum([0] + [len(points[i]) for i in whole])
+    flat = np.concatenate([points[i] for i in whole])
+    for k in range(_DIRECTIONS):
+        along = np.array([math.cos(_TURN * k + 0.3), math.sin(_TURN * k + 0.3)])
+        reach = flat @ along
+        best = float(max(reach[starts[:-1]].max(), reach[starts[1:] - 1].max()))
+        far = np.flatnonzero(np.maximum.reduceat(reach, starts[:-1]) >= best - slack)
+        if len(far) > _MOST:
+            continue
+        gaps = np.flatnonzero(np.diff(far, append=far[0] + len(whole)) > 1)
+        far = np.roll(far, -int(gaps[0]) - 1) if len(gaps) else far
+        follows = np.diff(far, prepend=-2) % len(whole) == 1
+        found = _turn([pieces[whole[i]] for i in far], follows, along, best, slack)
+        if found is not None:
+            return found
+    return None
+
+
+def _turn(
+    stretch: list[Reals], follows: NDArray[np.bool_], along: Reals, best: float, slack: float
+) -> bool | None:
+    """Whether pieces that hold all that is far along d run leftward.
+
+    Args:
+        stretch: in their order.
+        follows: (m,) whether each begins where the one before it ends; the first one does not.
+        along: (2,) d.
+        best: how far an end of one of them is along d; all other pieces are nearer.
+        slack: what counts for nothing.
+    """
+    for _ in range(_HALVINGS):
+        points = [piece[:, :2] / piece[:, 2:] for piece in stretch]
+        if follows[1:].all() and len(points) > 1:
+            steps = np.concatenate([np.diff(each, axis=0) for each in points])
+            ways = np.array([each[-1] - each[0] for each in points])
+            is_best = np.array([each[-1] for each in points[:-1]]) @ along >= best
+            first, last = _unit(steps), _unit(steps[::-1])
+            for u in (along, np.array([first[1] + last[1], -first[0] - last[0]])):
+                found = _side(u if u @ along >= 0.0 else -u, steps, ways, is_best, slack)
+                if found is not None:
+                    return found
+        stretch = [half for piece in stretch for half in halved(balanced(piece))]
+        reach = [piece[:, :2] @ along / piece[:, 2] for piece in stretch]
+        best = max(best, *(float(max(each[0], each[-1])) for each in reach))
+        far = np.flatnonzero([each.max() >= best - slack for each in reach])
+        if len(far) > _MOST:
+            return None
+        joined = np.repeat(follows, 2)
+        joined[1::2] = True
+        follows = joined[far] & (np.diff(far, prepend=-2) == 1)
+        stretch = [stretch[i] for i in far]
+    return None
+
+
+def _side(
+    u: Reals, steps: Reals, ways: Reals, is_best: NDArray[np.bool_], slack: float
+) -> bool | None:
+    """Which way a stretch runs, seen along u; None where that does not tell.
+
+    Args:
+        u: (2,) from its farthest point nothing that is left out lies ahead.
+        steps: (k, 2) from each control point to the next.
+        ways: (m, 2) from where each piece begins to where it ends.
+        is_best: (m - 1,) whether two pieces meet at that point.
+        slack: what counts for nothing.
+    """
+    rounding = slack * float(np.abs(u).max())
+    left = u[0] * steps[:, 1] - u[1] * steps[:, 0]
+    side = 1.0 if left.sum() > 0.0 else -1.0
+    if not (side * left >= -rounding).all():
+        return None
+    away = side * (u[0] * ways[:, 1] - u[1] * ways[:, 0])
+    # What goes back a little on its way does not come back that far.
+    clear = np.minimum(away[:-1], away[1:]) > 4.0 * len(steps) * rounding
+    return side > 0.0 if (clear & is_best).any() else None
+
+
+def _unit(ways: Reals) -> Reals:
+    """The unit vector along the first (k, 2) that has a length."""
+    lengths = np.hypot(*ways.T)
+    i = int(np.argmax(lengths > 0.0))
+    return ways[i] / max(float(lengths[i]), 1e-300)
