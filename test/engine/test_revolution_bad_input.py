@@ -354,3 +354,33 @@ def test_the_side_of_random_stars_with_random_weights():
 def test_an_axis_of_any_length(length):
     made = SolidOfRevolution(polyline([0, 0], [1, 0], [1, 1], [0, 1]), axis=np.full(3, length))
     np.testing.assert_allclose(made.axis, 3**-0.5, rtol=1e-15)
+
+
+def test_what_deform_is_given_back_far_from_the_origin():
+    pin = polyline([0, 0], [0.05, 0], [0.05, 0.1], [0, 0.1])
+    for far in (1e4, 1e6):
+        made = SolidOfRevolution(pin, origin=(far, -far, far), axis=(1, 2, 3))
+        assert made.deform(made.control_points) <= 1e-14 * far
+        assert made.deform(made.control_points + 0.3 * made.axis) == pytest.approx(0.3)
+
+
+def test_what_are_no_curves_and_no_sizes():
+    for given in (LINE, None, 3):
+        with pytest.raises(ModelError, match="curves: expected a list of them"):
+            SolidOfRevolution(given)
+    made = SolidOfRevolution(polyline([0, 0], [1, 0], [1, 1], [0, 1]))
+    with pytest.raises(ModelError, match=r"control_points\[0\] = \[inf"):
+        made.deform(np.full((6, 3), np.inf))
+    shapes = engine.shapes
+    for wrong, what in (
+        (lambda: shapes.box((1, 1)), "size"),
+        (lambda: shapes.box("abc"), "size"),
+        (lambda: shapes.torus(1, -0.2), "small"),
+        (lambda: shapes.cone(1, 1, -1), "height"),
+        (lambda: shapes.capsule(0.1, -1), "length"),
+        (lambda: shapes.cylinder(1, -1, 6), "height"),
+    ):
+        with pytest.raises(ModelError, match=what):
+            wrong()
+    with pytest.raises(ModelError, match=r"knots\[1\] = 0.0: repeated more than 3 times"):
+        Curve([[0, 0], [5, 5], [1, 0], [1, 1]], [-1, 0, 0, 0, 0, 1, 1])

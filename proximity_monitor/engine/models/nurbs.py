@@ -210,6 +210,11 @@ def _checked_knots(knots: ArrayLike | None, count: int, what: str) -> NDArray[np
         raise ModelError(
             f"{what}: knots {degree} and {count}, between which the parameter lies, are both {low}"
         )
+    _refuse(
+        given == np.append(given[degree + 1 :], np.full(degree + 1, np.inf)), given, what,
+        f"repeated more than {degree + 1} times, the degree and 1; a control point would count for "
+        "nothing",
+    )  # fmt: skip
     if not math.isfinite(float(given[-1]) - float(given[0])):
         raise ModelError(f"{what}: from {given[0]} to {given[-1]} is farther than a float reaches")
     return given

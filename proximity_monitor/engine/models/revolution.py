@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -69,6 +69,8 @@ class SolidOfRevolution(Surface):
         deviation: float = 0.0,
     ) -> None:
         ahead.want(self.kind)
+        if isinstance(curves, Curve) or not isinstance(curves, Iterable):
+            raise ModelError(f"{name}: curves: expected a list of them, got {curves!r}")
         given = tuple(curves)
         for i, curve in enumerate(given):
             if not isinstance(curve, Curve):
@@ -134,7 +136,7 @@ class SolidOfRevolution(Surface):
         """
         given = as_reals(points, f"{self.name}: control_points", error=ModelError)
         if given.ndim == 2 and given.shape[1] == 3:
-            given = self._in_plane(given)
+            given = self._in_plane(checked_vertices(given, self.name, "control_points"))
         made = np.column_stack((given, np.zeros(len(given)))) if given.ndim == 2 else given
         moved = checked_vertices(made, self.name, "control_points")
         before = np.concatenate([net.points for net in self.profile.nets])
@@ -154,7 +156,10 @@ class SolidOfRevolution(Surface):
         """The coordinates rho and z (n, 2) of points (n, 3) in the half-plane where theta is 0."""
         placed = (points - self.origin) @ self._frame[:3, :3]
         off = np.abs(placed[:, 1])
-        if off.size and not off.max() <= 1e-9 * np.abs(placed).max():
+        # Far from the model's origin, coordinates have no finer places; what is on the axis stays.
+        rounding = _ROUNDING * max(np.abs(points).max(initial=0.0), np.abs(self.origin).max())
+        placed[np.abs(placed[:, 0]) <= rounding, 0] = 0.0
+        if off.size and not off.max() <= 1e-9 * np.abs(placed).max() + rounding:
             worst = int(off.argmax())
             raise ModelError(
                 f"{self.name}: control_points[{worst}] = {points[worst].tolist()}: {off[worst]:.3g}"

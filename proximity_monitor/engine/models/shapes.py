@@ -15,8 +15,9 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arguments import as_count
-from .checks import ModelError, checked_vertices
+from ..arguments import as_count, as_reals
+from ..kernels.base.rounding import LARGEST_COORDINATE
+from .checks import ModelError, checked_length, checked_vertices
 from .compound import Part, compound
 from .facets import Facets, How, deviation_of, icosphere
 from .mesh import TriangleMesh
@@ -98,12 +99,15 @@ def polyline(
 
 def box(size: Sequence[float], *, name: str = "box", **how: Unpack[How]) -> Model:
     """An axis-aligned box around the origin; `size` (x, y, z) in metres."""
+    given = as_reals(size, f"{name}: size", error=ModelError)
+    if given.shape != (3,) or not ((given >= 0.0) & (given <= LARGEST_COORDINATE)).all():
+        raise ModelError(f"{name}: size = {size!r}: must be three numbers of metres, none below 0")
     corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
     quads = np.array(
         [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     )
     faces = np.concatenate((quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]))
-    return triangles(corners * size, faces, name=name, **how)
+    return triangles(corners * given, faces, name=name, **how)
 
 
 def cylinder(
@@ -129,6 +133,8 @@ def cylinder(
         return cone(radius, radius, height, name=name, **how)
     if as_count(segments, "segments") < 3:
         raise ModelError(f"{name}: segments = {segments}: a prism has 3 sides at least")
+    radius = checked_length(radius, name, "radius")
+    height = checked_length(height, name, "height")
     larger = 2.0 * radius / (1.0 + math.cos(math.pi / segments))
     turn = np.arange(segments) * (2.0 * math.pi / segments)
     ring = np.stack((np.cos(turn), np.sin(turn), np.zeros(segments)), axis=1) * larger
@@ -166,7 +172,7 @@ def sphere(
 
 def capsule(radius: float, length: float, *, name: str = "capsule", **how: Unpack[How]) -> Model:
     """All points within `radius` of a segment along z, centred on the origin; metres. Exact."""
-    ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * length
+    ends = np.array([[0, 0, -0.5], [0, 0, 0.5]]) * checked_length(length, name, "length")
     return polyline(ends, radius=radius, name=name, **how)
 
 
@@ -185,7 +191,8 @@ def cone(
     Raises:
         ModelError: as for `SolidOfRevolution`.
     """
-    end = 0.5 * height
+    low, high = checked_length(low, name, "low"), checked_length(high, name, "high")
+    end = 0.5 * checked_length(height, name, "height")
     corners = [(0.0, -end), (low, -end), (high, end), (0.0, end)]
     proper = [pair for pair in pairwise(corners) if pair[0] != pair[1]]
     return _turned([Curve(pair) for pair in proper], name, how)
@@ -203,6 +210,7 @@ def torus(large: float, small: float, *, name: str = "torus", **how: Unpack[How]
     Raises:
         ModelError: as for `SolidOfRevolution`.
     """
+    large, small = checked_length(large, name, "large"), checked_length(small, name, "small")
     rim = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0)]
     points = [(large + small * x, small * z) for x, z in rim]
     knots = [0, 0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 4]
