@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 import math
-import re
 from html import escape
 from typing import NamedTuple
 
@@ -105,10 +104,8 @@ def silent_bodies(frame: Frame) -> dict[str, str]:
     found: dict[str, float] = {}
     pairs = frame.pairs
     for i in (pairs.level == STALE).nonzero()[0]:
-        said = re.findall(r"[\w./-]+", pairs.silent[i])
-        silent = [name for name in pairs.names[i] if name in said]
         age = frame.stamp_s - pairs.stamp_s[i]
-        for name in silent:
+        for name in pairs.silent_bodies.get(i, pairs.names[i]):
             # With two silent bodies, the stamp belongs to the one that is silent for longer.
             known = found.get(name, math.inf)
             found[name] = age if math.isinf(known) else min(known, age)

@@ -73,6 +73,7 @@ class Inbox:
         """Begin without messages."""
         self._lock = threading.Lock()
         self._news = News()
+        self._turn = 0  # so many scenes have begun
         self._parts = b""
         self._pairs: dict[bytes, bytes] = {}  # by stamp, of ticks whose poses have not come
         self._poses: dict[bytes, bytes] = {}
@@ -112,18 +113,19 @@ class Inbox:
     def judge(self, kind: str, error: str | None) -> None:
         """Remember why the last message of a kind could not be read; None: it was read."""
         with self._lock:
-            others = {k: v for k, v in self._news.unreadable.items() if k != kind}
-            told = others if error is None else others | {kind: error}
-            self._news = replace(self._news, unreadable=told)
+            self._judge(kind, error)
 
-    def forget(self) -> None:
-        """Forget what belonged to another scene."""
+    def begin(self, scene: SceneInfo) -> None:
+        """Begin with a scene; what belonged to another is forgotten, also what is being read."""
         with self._lock:
+            self._turn += 1
             self._parts = b""
             self._pairs.clear()
             self._poses.clear()
             self._matched.clear()
-            self._news = replace(self._news, parts=None, frame=None, passed=(), unreadable={})
+            self._news = replace(
+                self._news, scene=scene, parts=None, frame=None, passed=(), unreadable={}
+            )
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until a tick has come that is not read yet, but no longer than so many seconds.
@@ -136,32 +138,40 @@ class Inbox:
         """Return the news, after reading what came since the last call."""
         self._came.clear()
         with self._lock:
-            matched, scene = tuple(self._matched), self._news.scene
+            matched, scene, turn = tuple(self._matched), self._news.scene, self._turn
             self._matched.clear()
             parts, self._parts = self._parts, b""
         if scene is not None:
-            come = [
-                self.news.frame
-                for tick in matched
-                if self._take("tick", partial(_tick, *tick, scene))
-            ]
-            self.tell(passed=tuple(come[:-1]))
+            taken = (self._take("tick", turn, partial(_tick, *tick, scene)) for tick in matched)
+            come = [found["frame"] for found in taken if found]
+            with self._lock:
+                if turn == self._turn:
+                    self._news = replace(self._news, passed=tuple(come[:-1]))
         if parts:
-            self._take("parts", lambda: {"parts": read_parts(parts)})
+            self._take("parts", turn, lambda: {"parts": read_parts(parts)})
         return self.news
 
-    def _take(self, kind: str, read: Callable[[], Mapping[str, object]]) -> bool:
-        """Read a message; return whether it is news."""
+    def _take(
+        self, kind: str, turn: int, read: Callable[[], Mapping[str, object]]
+    ) -> Mapping[str, object]:
+        """Read a message that came in a turn; return what is news."""
         try:
-            found = read()
+            found, error = read(), None
         except OfAnotherSceneError:
-            return False  # the scene's own message is under way, or the next tick is
-        except ValueError as error:  # from a monitor of another version, or from no monitor at all
-            self.judge(kind, str(error))
-            return False
-        self.judge(kind, None)
-        self.tell(**found)
-        return True
+            return {}  # the scene's own message is under way, or the next tick is
+        except ValueError as refused:  # from a monitor of another version, or from no monitor
+            found, error = {}, str(refused)
+        with self._lock:
+            if turn != self._turn:
+                return {}  # another scene has begun meanwhile
+            self._judge(kind, error)
+            self._news = replace(self._news, **found)
+        return found
+
+    def _judge(self, kind: str, error: str | None) -> None:
+        others = {k: v for k, v in self._news.unreadable.items() if k != kind}
+        told = others if error is None else others | {kind: error}
+        self._news = replace(self._news, unreadable=told)
 
     def _match(self, data: bytes, own: dict[bytes, bytes], other: dict[bytes, bytes]) -> None:
         """A tick is complete when both messages with its stamp have come."""

@@ -150,7 +150,7 @@ class ProximityDisplay(Node):
         before, self._scene = self._scene, scene
         if before is None or before.key != scene.key:
             self._topics = {body.name: body.topic for body in scene.bodies if body.topic}
-            self._inbox.forget()
+            self._inbox.begin(scene)
             self._holds.release()
             self._hear_parts(True)
         self._inbox.judge("scene", None)

@@ -64,11 +64,13 @@ def read_pairs(data: bytes, scene: SceneInfo) -> tuple[float, Pairs]:
             rows[name].astype(np.float64) for name in ("lower", "upper", "age_s", "stamp")
         )
         points = np.stack([rows[name] for name in _POINTS], axis=1).reshape(-1, 2, 3)
-        silent = _silent(rows, names, level, scene.words)
+        silent, mute = _silent(rows, names, level, scene.words)
         features = _features(rows, level, scene.words)
     except IndexError as error:
         raise ValueError(f"~/pairs is not what is read here: {error}") from error
-    return stamp_s, Pairs(names, lower, upper, points, status, level, age, stamp, silent, features)
+    return stamp_s, Pairs(
+        names, lower, upper, points, status, level, age, stamp, silent, features, mute
+    )
 
 
 def _rows(reader: Reader, count: int) -> np.ndarray:
@@ -113,9 +115,9 @@ def _known(bodies: Sequence[str]) -> dict[int, tuple[str, str]]:
 
 def _silent(
     rows: np.ndarray, names: PairNames, level: np.ndarray, words: Sequence[str]
-) -> tuple[str, ...]:
-    """Return for each pair why its bodies are silent."""
-    found = [""] * len(rows)
+) -> tuple[tuple[str, ...], Mapping[int, tuple[str, ...]]]:
+    """Return for each pair why its bodies are silent, and by row which are."""
+    found, mute = [""] * len(rows), {}
     for i in np.flatnonzero(level == STALE).tolist():
         codes = rows["silent_a"][i], rows["silent_b"][i]
         told = {
@@ -123,8 +125,8 @@ def _silent(
             for name, code in zip(names[i], codes, strict=True)
             if code
         }
-        found[i] = silence(told, told)
-    return tuple(found)
+        found[i], mute[i] = silence(told, told), tuple(told)
+    return tuple(found), mute
 
 
 def _features(

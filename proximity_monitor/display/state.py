@@ -168,6 +168,8 @@ class Pairs:
     features: Mapping[int, tuple[str, str]] = field(default_factory=dict)
     """By row of a pair at warn or stop, on what its closest points lie, as ``patch 4 1 0.8``: the
     kind of element, which one, and where on it."""
+    silent_bodies: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
+    """By row of a stale pair, which of its bodies are silent."""
 
     def __len__(self) -> int:
         """How many pairs are listed."""

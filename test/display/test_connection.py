@@ -50,7 +50,7 @@ SCENE = SceneInfo(
 )
 
 
-def frame(level=(0, 0, 0), status=(0, 0, 0), silent=("", "", ""), stamps=(9.5, 9.0, 8.0)):
+def frame(level=(0, 0, 0), status=(0, 0, 0), silent=("", "", ""), stamps=(9.5, 9.0, 8.0), mute=None):
     lower = np.array([0.3, 0.2, 0.01])
     told = Pairs(
         NAMES,
@@ -62,6 +62,7 @@ def frame(level=(0, 0, 0), status=(0, 0, 0), silent=("", "", ""), stamps=(9.5, 9
         np.zeros(3),
         np.array(stamps),
         silent,
+        silent_bodies=mute or {},
     )
     return Frame(10.0, np.zeros((0, 7)), told)
 
@@ -129,18 +130,23 @@ def test_the_state_of_the_connection(changes, state, text):
 
 
 def test_silent_bodies_are_named_with_how_long():
-    silent = ("", "no recent pose of c", "no recent pose of b and c")
-    told = connection(news(frame=frame(level=(0, STALE, STALE), silent=silent)), NOW)
+    mute = {1: ("c",), 2: ("b", "c")}
+    told = connection(news(frame=frame(level=(0, STALE, STALE), mute=mute)), NOW)
     assert told.state is ConnectionState.STALE
     # c by the pair in which it alone is silent; of b no more is known than of the two.
     assert told.text == "no recent pose: c for 1.0 s, b for 2.0 s"
 
 
 def test_a_body_that_never_had_a_pose_is_named():
-    silent = ("", "no pose yet of c", "")
     stamps = (9.5, np.nan, 9.0)
-    told = connection(news(frame=frame((0, STALE, 0), silent=silent, stamps=stamps)), NOW)
+    told = connection(news(frame=frame((0, STALE, 0), mute={1: ("c",)}, stamps=stamps)), NOW)
     assert told.text == "no recent pose: c never given"
+
+
+def test_nothing_is_live_with_a_stale_pair_of_which_no_silent_body_is_told():
+    told = connection(news(frame=frame((0, STALE, 0))), NOW)
+    assert told.state is ConnectionState.STALE
+    assert told.text == "no recent pose: a for 1.0 s, c for 1.0 s"
 
 
 LIVE = Connection(ConnectionState.LIVE, "")

@@ -18,6 +18,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from proximity_monitor import engine
 from proximity_monitor.cdr import as_octahedral, from_octahedral
 from proximity_monitor.display import state
+from proximity_monitor.display.connection import silent_bodies
 from proximity_monitor.display.inbox import Inbox
 from proximity_monitor.display.received import (
     OfAnotherSceneError,
@@ -26,7 +27,7 @@ from proximity_monitor.display.received import (
     read_poses,
 )
 from proximity_monitor.display.signs import feature
-from proximity_monitor.display.state import LEVELS, STATUSES, Body, SceneInfo, Unit
+from proximity_monitor.display.state import LEVELS, STATUSES, Body, Frame, SceneInfo, Unit
 from proximity_monitor.ros.pairs_message import PairsMessage, checksum
 from proximity_monitor.ros.poses_message import PosesMessage
 from proximity_monitor.ros.scene_message import SceneMessage
@@ -102,7 +103,16 @@ def test_pairs_are_read_as_the_monitor_writes_them(frame):
     np.testing.assert_array_equal(read.stamp_s, [4.0, 4.0, np.nan, 4.0])
     np.testing.assert_array_equal(read.age_s, [0.25, 0.25, np.nan, 0.25])
     assert read.silent == ("", "no recent pose of block", "no pose yet of a and b", "")
+    assert read.silent_bodies == {1: ("block",), 2: ("a", "b")}
     np.testing.assert_array_equal(read.touching, [False, False, False, True])
+
+
+@pytest.mark.parametrize("names", [("bolt (left)", "M8×40"), ("pose", "arm")])
+def test_silent_bodies_are_known_whatever_they_are_called(names):
+    silent = [pair(0, PairStatus.EXACT, 0.1, 0.1, names[1:], names)]
+    read = read_pairs(*told(silent, {0: Level.STALE}))[1]
+    assert read.silent_bodies == {0: names[1:]}
+    assert silent_bodies(Frame(5.5, np.zeros((2, 7)), read)) == {names[1]: "for 1.5 s"}
 
 
 def test_features_of_near_pairs_are_read_as_the_monitor_writes_them():
