@@ -105,7 +105,7 @@ def _problem(error: Exception, path: Path, unsaved: bool) -> str:
 
 
 def decided(pairs: Pairs, row: int | None, status: str, comment: str) -> Decision:
-    """Return the decision that somebody takes now about a pair as it is; None: beyond its range."""
+    """Return the decision that somebody takes now about a pair as it is; None: not listed."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     if row is None:
         return Decision(status, comment, decided=now)

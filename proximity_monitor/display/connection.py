@@ -25,6 +25,7 @@ from proximity_monitor.display.signs import (
     unproved,
 )
 from proximity_monitor.display.state import BOUNDED, STALE, STOP, WARN, Frame, Pairs, SceneInfo
+from proximity_monitor.display.unlisted import Unlisted, unlisted
 
 GONE_S = 3.5
 """Seconds without diagnostics, which come each second, after which the monitor is gone."""
@@ -141,18 +142,26 @@ def pill(told: Connection, choice: Choice, newest_s: float = 0.0) -> str:
     )
 
 
-def banner(frame: Frame, scene: SceneInfo, choice: Choice, told: Connection) -> str:
+def banner(
+    frame: Frame,
+    scene: SceneInfo,
+    choice: Choice,
+    told: Connection,
+    left: Unlisted | None = None,
+) -> str:
     """Return a banner with the worst pair that is not clear, or that all are clear.
 
     It always takes the same room, so that nothing moves under the pointer. It is green only if all
-    pairs are clear, the hidden ones too.
+    pairs are clear, the hidden ones too, and names those that it speaks of.
 
     Args:
         frame: the last tick.
         scene: its scene.
         choice: which pairs are hidden.
         told: whether the tick is current: pairs that were clear may not be so any more.
+        left: the pairs that the tick does not list; None: nobody has said why.
     """
+    left = left or unlisted(frame.pairs, scene, None)
     pairs, order = frame.pairs, urgent_first(frame.pairs, scene)
     wrong = order[((pairs.level != 0) | pairs.touching)[order]]
     hidden = np.array([pairs.names[i] in choice.ignored for i in wrong], bool)
@@ -168,12 +177,17 @@ def banner(frame: Frame, scene: SceneInfo, choice: Choice, told: Connection) -> 
         return _boxed(HIDDEN_SIGN, f"{when}{count}: {told_first}", "")
     if not told.current:
         return _boxed(STALE_SIGN, told.text, "")
-    text = "the one pair" if scene.pairs == 1 else f"all {scene.pairs} pairs"
+    if left.unsure:
+        return _boxed(STALE_SIGN, f"{when}{'; '.join(left.lines)}", "")
+    which = " listed" if left.unexplained else " watched" if left.unwatched else ""
+    count = scene.pairs - left.unexplained - left.unwatched
+    text = f"the one{which} pair" if count == 1 else f"all {count}{which} pairs"
     if choice.ignored:
         text += f", {len(choice.ignored)} of them hidden"
     if len(pairs):
         a, b = pairs.names[i := int(np.argmin(np.nan_to_num(pairs.lower, nan=np.inf)))]
-        text += f"; nearest {a} - {b}: {clearance(pairs, i, scene.unit)}"
+        nearest = "nearest" if len(pairs) == scene.pairs else "nearest of those listed"
+        text += f"; {nearest} {a} - {b}: {clearance(pairs, i, scene.unit)}"
     return _boxed(CLEAR_SIGN, when + text, "")
 
 

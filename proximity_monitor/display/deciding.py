@@ -12,6 +12,7 @@ from proximity_monitor.display.decisions import NEW, STATUSES
 from proximity_monitor.display.order import KINDS, kinds
 from proximity_monitor.display.signs import clearance
 from proximity_monitor.display.state import Pairs, SceneInfo
+from proximity_monitor.display.unlisted import reason
 
 
 class Deciding:
@@ -70,7 +71,7 @@ class Deciding:
         line = f"{' - '.join(self._pair)}: {told(decision, state, scene.unit) or NEW}"
         when = f", decided {decision.decided}" if decision.decided else ""
         if row is None:
-            when += "; now beyond its range"
+            when += f"; now {reason(self._pair, self._pairs, scene)}"
         elif self._choice.at_s is not None:
             then = clearance(self._pairs, row, scene.unit)
             when += f"; what you keep is about this moment: {then}"

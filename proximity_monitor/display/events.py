@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from proximity_monitor.display.choice import PairName
-from proximity_monitor.display.signs import CLEAR_SIGN, Sign, clearance, sign
+from proximity_monitor.display.signs import CLEAR_SIGN, Sign, all_unproved, clearance, sign
 from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import Frame, Pairs, SceneInfo
+from proximity_monitor.display.unlisted import sign_of
 
 MOST = 2000
 """How many events are kept; beyond it the oldest go."""
@@ -27,18 +28,18 @@ class Event(NamedTuple):
     """A change of a pair's state."""
 
     number: int
-    """Of the session, from 0."""
+    """Of the display, from 0: no later session has it again, so an old page means no other."""
     stamp_s: float
     pair: PairName
     before: Sign
     after: Sign
     clearance: str
     then: Snapshot | None
-    """The pair then; None: beyond its range."""
+    """The pair then; None: it was not listed."""
 
     @property
     def lower(self) -> float:
-        """Metres, as is `upper`; NaN: beyond the pair's range, or without a pose."""
+        """Metres, as is `upper`; NaN: not listed, or without a pose."""
         return math.nan if self.then is None else self.then.lower
 
     @property
@@ -59,19 +60,21 @@ class Events:
     def __init__(self) -> None:
         """Begin without events."""
         self._last: Frame | None = None
-        self._count = 0
+        self._unknown: dict[PairName, Sign] = {}  # not listed, and not known to be clear
+        self._count = self._first = 0
         self.all: list[Event] = []
         """The oldest first."""
         self.lost = 0
-        """How many of the oldest were dropped."""
+        """How many of the session's oldest were dropped."""
         self.pictures: Mapping[int, bytes] = {}
         """PNG files of events, by their numbers: those that browsers have taken."""
 
     def clear(self) -> None:
         """Begin anew."""
         self._last = None
+        self._unknown = {}
         self.all = []
-        self._count = self.lost = 0
+        self._first, self.lost = self._count, 0
         self.pictures = {}
 
     def note(self, frame: Frame, scene: SceneInfo) -> bool:
@@ -80,22 +83,24 @@ class Events:
         if before is None:
             return False
         found = []
-        for pair in _changed(before.pairs, frame.pairs):
-            was, now = (_sign(pairs, pair, scene) for pairs in (before.pairs, frame.pairs))
+        for pair in dict.fromkeys((*_changed(before.pairs, frame.pairs, scene), *self._unknown)):
+            was = self._unknown.pop(pair, None) or _sign(before.pairs, pair, scene)
+            now, row = _sign(frame.pairs, pair, scene), frame.pairs.places.get(pair)
+            if row is None and now is not CLEAR_SIGN:
+                self._unknown[pair] = now
             if was.word != now.word:
-                row = frame.pairs.places.get(pair)
                 told = "" if row is None else clearance(frame.pairs, row, scene.unit)
                 then = None if row is None else Snapshot.of(frame, row)
                 found.append(Event(self._count, frame.stamp_s, pair, was, now, told, then))
                 self._count += 1
         most = max(min(MOST, BYTES // max(frame.poses.nbytes, 1)), 1)
         self.all = (self.all + found)[-most:]
-        self.lost = self._count - len(self.all)
+        self.lost = self._count - len(self.all) - self._first
         return bool(found)
 
     def at(self, number: int) -> Event | None:
         """Return an event by its number, if it is still kept."""
-        i = number - self.lost
+        i = number - self._first - self.lost
         return self.all[i] if 0 <= i < len(self.all) else None
 
     def keep(self, event: Event, picture: bytes) -> None:
@@ -105,15 +110,16 @@ class Events:
             self.pictures = dict(kept[-PICTURES:])
 
 
-def _changed(before: Pairs, after: Pairs) -> list[PairName]:
-    """Return the pairs whose state may have changed; those beyond their range are clear."""
+def _changed(before: Pairs, after: Pairs, scene: SceneInfo) -> list[PairName]:
+    """Return the pairs whose state may have changed; those that come and are clear were so."""
     if before.names == after.names:
-        return [after.names[i] for i in np.flatnonzero(_differ(before, after, slice(None)))]
+        differ = _differ(before, after, scene, slice(None), slice(None))
+        return [after.names[i] for i in np.flatnonzero(differ)]
     known = (before.places.get(name, -1) for name in after.names)
     was = np.fromiter(known, int, len(after))
     came = was < 0
     changed = came & _unclear(after)
-    changed[~came] = _differ(before, after, ~came, was[~came])
+    changed[~came] = _differ(before, after, scene, ~came, was[~came])
     gone = (before.names[i] for i in np.flatnonzero(_unclear(before)))
     return [
         *(name for name in gone if name not in after.places),
@@ -126,13 +132,14 @@ def _unclear(pairs: Pairs) -> np.ndarray:
 
 
 def _differ(
-    before: Pairs, after: Pairs, now: np.ndarray | slice, was: np.ndarray | slice = slice(None)
+    before: Pairs, after: Pairs, scene: SceneInfo, now: np.ndarray | slice, was: np.ndarray | slice
 ) -> np.ndarray:
     """Return whether what decides on a sign differs between rows of two ticks."""
     same = (before.level[was] == after.level[now]) & (before.status[was] == after.status[now])
-    return ~(same & (before.touching[was] == after.touching[now]))
+    same &= before.touching[was] == after.touching[now]
+    return ~same | (all_unproved(before, scene)[was] != all_unproved(after, scene)[now])
 
 
 def _sign(pairs: Pairs, pair: PairName, scene: SceneInfo) -> Sign:
     row = pairs.places.get(pair)
-    return CLEAR_SIGN if row is None else sign(pairs, row, scene)  # else it is beyond its range
+    return sign_of(pair, pairs, scene) if row is None else sign(pairs, row, scene)

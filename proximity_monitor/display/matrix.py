@@ -20,7 +20,7 @@ NAME = 16
 
 
 def matrix(pairs: Pairs, scene: SceneInfo, highlighted: PairName | None = None) -> str:
-    """Return the matrix as HTML; pairs that are not listed are beyond their range."""
+    """Return the matrix as HTML; pairs that are not listed have no mark."""
     named: dict[str, None] = {}
     for i in urgent_first(pairs, scene):
         if len(named) >= PARTS:

@@ -163,11 +163,16 @@ class ProximityDisplay(Node):
             self.get_logger().error(str(error))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        schedule = f"{self.monitor.lstrip('/')}: schedule"
-        for status in message.status:
-            if status.name == schedule:
-                told = {each.key: each.value for each in status.values}
-                self._inbox.put_health(Health(told | {"message": status.message}))
+        told = {
+            status.name: {each.key: each.value for each in status.values}
+            | {"message": status.message}
+            for status in message.status
+        }
+        schedule, clearance = (
+            told.get(f"{self.monitor.lstrip('/')}: {task}") for task in ("schedule", "clearance")
+        )
+        if schedule is not None:
+            self._inbox.put_health(Health(schedule, clearance or {}))
 
     def _publish_held(self) -> None:
         held = self._holds.poses

@@ -37,6 +37,7 @@ from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
 from proximity_monitor.display.timeline import Timeline
 from proximity_monitor.display.turns import Turns
+from proximity_monitor.display.unlisted import unlisted
 from proximity_monitor.display.view import View, place
 
 TABLE_S = 0.08
@@ -71,6 +72,7 @@ class Page:
         self._parts: Parts | None = None
         self._lines: Lines | None = None
         self._labels: Labels | None = None
+        self._session_number = self._session.number
         self._drawn: tuple = ()
         self._listed: tuple = ()
         self._sat: Sitting | None = None
@@ -146,6 +148,9 @@ class Page:
             self._build(news)
         elif news.parts is not before.parts:
             self._parts.reshape(news.parts, scene.deforming)
+        if self._session_number != self._session.number:
+            self._session_number = self._session.number
+            self._choice.at_s = self._choice.seen = None  # there is no such moment any more
         at = self._choice.at_s
         frame = news.frame if at is None else self._at(at)
         self._shown = Shown(scene, frame, news.parts, news.frame)
@@ -160,16 +165,20 @@ class Page:
         self._inspect.show(frame, news.parts, now_s, self._portraits.sitting)
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S
-            self._banner.content = banner(news.frame, scene, choice, told)
+            left = unlisted(news.frame.pairs, scene, news.health)
+            self._banner.content = banner(news.frame, scene, choice, told, left)
             self._limits.show(scene, news.health, news.refusal, now_s)
             self._deciding.show(frame.pairs, scene)
             if told.current:
                 self._beat.show(news.frame, patience_s(scene) - (now_s - news.frame_at_s))
-        listed = (frame, scene, self._conflicts.all, replace(choice))
+        left = unlisted(frame.pairs, scene, news.health if choice.at_s is None else None)
+        listed = (frame, scene, self._conflicts.all, replace(choice), left)
         # Only what is new takes its turn: else the next tick would wait for it.
         if now_s >= self._table_due_s and listed != self._listed:
             self._listed = listed
-            self._table.content = told = table(frame.pairs, scene, choice, self._conflicts.all)
+            self._table.content = told = table(
+                frame.pairs, scene, choice, self._conflicts.all, left
+            )
             self._matrix.content = matrix(frame.pairs, scene, choice.pair)
             self._table_due_s = now_s + min(max(TABLE_S, CHARACTER_S * len(told)), LONGEST_S)
         self._timeline.show(scene, now_s)

@@ -94,8 +94,8 @@ class Pages:
         for frame in (*news.passed, news.frame):  # no tick is lost, but only the last is shown
             if frame is shared.session.newest or len(frame.poses) != len(news.scene.moving):
                 continue
-            if shared.session.span_s[1] > frame.stamp_s:
-                shared.events.clear()  # the clock went back, and a new session begins
+            if shared.session.ends_with(frame):
+                shared.events.clear()
             shared.session.add(frame, keep=shared.events.note(frame, news.scene))
         shared.tried.note(news.scene, news.frame, news.health)
         shared.conflicts.follow(news.scene, time.monotonic())

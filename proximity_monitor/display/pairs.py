@@ -24,6 +24,7 @@ from proximity_monitor.display.signs import (
     unproved,
 )
 from proximity_monitor.display.state import STALE, STOP, UNKNOWN, WARN, Pairs, SceneInfo
+from proximity_monitor.display.unlisted import Unlisted, unlisted
 
 FULL_ROWS = 100
 """So many rows tell all; later ones take one line."""
@@ -38,10 +39,22 @@ def gap(pairs: Pairs, row: int) -> np.ndarray:
 
 
 def table(
-    pairs: Pairs, scene: SceneInfo, choice: Choice, decisions: Decisions | None = None
+    pairs: Pairs,
+    scene: SceneInfo,
+    choice: Choice,
+    decisions: Decisions | None = None,
+    left: Unlisted | None = None,
 ) -> str:
-    """Return the list as HTML, with what people decided about pairs."""
-    decisions = decisions or {}
+    """Return the list as HTML, with what people decided about pairs.
+
+    Args:
+        pairs: of the tick that is shown.
+        scene: of the tick.
+        choice: which pairs are listed and how.
+        decisions: about pairs of the scene.
+        left: the pairs that the tick does not list; None: nobody has said why.
+    """
+    decisions, left = decisions or {}, left or unlisted(pairs, scene, None)
     found = listing(pairs, scene, choice, decisions)
     states = kinds(pairs)
     head = (
@@ -60,7 +73,7 @@ def table(
             body.append((_row if count <= FULL_ROWS else _line)(pairs, i, scene, choice, told))
     return (
         f'<div class=pm {PRESSES}><table class=pm-table id="pm-pairs">{head}{"".join(body)}</table>'
-        f"{_rest(pairs, scene, found)}{_ignored(pairs, scene, choice)}</div>"
+        f"{_rest(pairs, found, left)}{_ignored(pairs, scene, choice)}</div>"
     )
 
 
@@ -140,7 +153,7 @@ def _bar(pairs: Pairs, i: int, scene: SceneInfo) -> str:
     )
 
 
-def _rest(pairs: Pairs, scene: SceneInfo, found: Listing) -> str:
+def _rest(pairs: Pairs, found: Listing, left: Unlisted) -> str:
     more, wrong = [], found.left_out
     if len(pairs) and not any(rows for _, rows in found.groups):
         more.append("no pair is left by the search, the filter and what is hidden")
@@ -148,8 +161,7 @@ def _rest(pairs: Pairs, scene: SceneInfo, found: Listing) -> str:
         more.append(f"{found.more_clear} more that are clear: search for them")
     if found.clear_left_out:
         more.append(f"{found.clear_left_out} that are clear are left out by the filter")
-    if (beyond := scene.pairs - len(pairs)) > 0:
-        more.append(f"{beyond} beyond their range")
+    more += left.lines
     told = f"<div class='pm-small pm-dim'>{'; '.join(more)}</div>" if more else ""
     if wrong:
         are = "pair is" if wrong == 1 else "pairs are"

@@ -98,7 +98,9 @@ class Plot:
         else:
             self._plot.data = tuple(data)
         grey = "; grey: not known" if cover.any() else ""
-        title = "smallest clearance of all pairs" if pair is None else " - ".join(pair)
+        all_listed = len(self._session.newest.pairs) == scene.pairs
+        which = "all" if all_listed else "the listed"
+        title = f"smallest clearance of {which} pairs" if pair is None else " - ".join(pair)
         own = "" if shared is not None else "; a highlighted pair has its own thresholds"
         what = f"lower and upper bound [{unit.symbol}] over time [s]"
         told = escape(f"{title}: {what}{grey}{own}")

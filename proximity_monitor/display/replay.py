@@ -17,19 +17,25 @@ from proximity_monitor.display.session import Session
 from proximity_monitor.display.signs import clearance, length, sign
 from proximity_monitor.display.state import Frame, SceneInfo
 from proximity_monitor.display.style import STYLE
+from proximity_monitor.display.unlisted import reason, sign_of
 from proximity_monitor.display.view import View
 
 CONTROLS = "56px"
 """Height of what is below the report: play, pause and seek."""
 
 FRAMES = 400
-"""How many moments of the session it contains at most."""
+"""How many moments of the session it contains at most, beside the last."""
+
+PAUSE_S = 10.0
+"""Seconds after which it goes on at the latest, however long no tick came."""
 
 
 def replay_html(
     scene: SceneInfo, parts: Sequence[Part], session: Session, choice: Choice, camera: np.ndarray
 ) -> str:
     """Return the document.
+
+    It ends with the session's last tick. Longer pauses than `PAUSE_S` are cut to that.
 
     Args:
         scene: of the session.
@@ -40,6 +46,9 @@ def replay_html(
     """
     kept = session.frames
     frames = kept[:: -(-len(kept) // FRAMES)]
+    played = f"{len(frames)} of {len(kept)} kept ticks"
+    if frames[-1] is not session.newest:
+        frames.append(session.newest)
     # A server of its own that nobody connects to, so that no open page plays along.
     server = serving.serve("127.0.0.1", 0, "")
     try:
@@ -52,28 +61,34 @@ def replay_html(
             views.show(frame, {}, choice, choice.pair or ())
             lines.show(frame.pairs, scene, choice)
             labels.show([*lines.labels, *views.labels()], View.looking(*camera), lines.tips)
-            recorder.insert_sleep(after.stamp_s - frame.stamp_s)
+            recorder.insert_sleep(min(after.stamp_s - frame.stamp_s, PAUSE_S))
         document = recorder.as_html()
     finally:
         serving.stop(server)
-    beside = report(scene, session, frames[-1], f"{len(frames)} of {len(kept)} kept ticks")
+    if max(np.diff([frame.stamp_s for frame in frames]), default=0.0) > PAUSE_S:
+        played += f", pauses cut to {PAUSE_S:.0f} s"
+    beside = report(scene, session, frames[-1], played)
     return document.replace("</body>", f"{beside}</body>", 1)
 
 
 def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
-    """Return the table of all pairs: the smallest clearance of the session, and the last one.
+    """Return the table of all pairs that were listed: the smallest clearance, and the last one.
 
     Args:
         scene: of the session.
         session: with at least one frame.
-        last: the last moment that is played.
+        last: its last tick.
         played: how much of the session is.
     """
     unit, pairs = scene.unit, last.pairs
     rows = []
-    for i, (a, b) in enumerate(pairs.names):
+    for a, b in dict.fromkeys((*pairs.names, *session.pairs)):
         found, limits = session.worst((a, b)), scene.thresholds_of((a, b))
-        shown = sign(pairs, i, scene)
+        i = pairs.places.get((a, b))
+        if i is None:
+            shown, end = sign_of((a, b), pairs, scene), reason((a, b), pairs, scene)
+        else:
+            shown, end = sign(pairs, i, scene), clearance(pairs, i, unit)
         least = found[1].upper if found is not None else float("inf")
         when = f"{found[1].stamp_s - session.span_s[0]:.1f} s" if found is not None else ""
         rows.append(
@@ -81,7 +96,7 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
                 least,
                 f"<tr><td>{escape(a)} - {escape(b)}</td>"
                 f"<td class=pm-num>{length(least, unit)}</td><td class=pm-num>{when}</td>"
-                f"<td class=pm-num>{clearance(pairs, i, unit)}</td>"
+                f"<td class=pm-num>{end}</td>"
                 f'<td class=pm-sign style="color:{shown.colour}">{shown.glyph} {shown.word}</td>'
                 f"<td class=pm-num>{length(limits.warn, unit)}</td>"
                 f"<td class=pm-num>{length(limits.stop, unit)}</td></tr>",
@@ -96,8 +111,8 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
         f"bottom:{CONTROLS};max-height:40vh;overflow:auto;background:#fffe;color:#222;"
         "padding:8px 12px;"
         'border:1px solid #8886;border-radius:6px;z-index:10">'
-        f"<summary><b>{escape(scene.name)}</b>: {len(pairs)} pairs, {end - start:.1f} s"
-        f" (plays {played}), nearest first</summary><table class=pm-table><tr><th>pair</th>"
+        f"<summary><b>{escape(scene.name)}</b>: {len(rows)} pairs that were listed,"
+        f" {end - start:.1f} s (plays {played}), nearest first</summary><table class=pm-table><tr><th>pair</th>"
         "<th class=pm-num>smallest</th><th class=pm-num>at</th><th class=pm-num>at the end</th>"
         "<th>state at the end</th><th class=pm-num>warn</th><th class=pm-num>stop</th></tr>"
         f"{''.join(row for _, row in rows)}</table></details>"

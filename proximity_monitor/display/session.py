@@ -14,7 +14,14 @@ from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import STALE, Frame, Pairs
 
 PERIOD_S = 0.1
-"""Least seconds between two kept ticks."""
+"""A tick is kept each so many seconds at most."""
+
+EARLY = 0.2
+"""By so many periods a kept tick may come too early, so that of ten ticks a second all are kept."""
+
+LEAP_S, FIRST_LEAP_S = 86_400.0, 10.0
+"""A tick that is so much later than the one before is of another clock, such as that of a recording
+that is played again. The other holds for a tick at 0, which came before any clock was heard."""
 
 BYTES = 64_000_000
 """Bytes that the kept ticks may take; beyond it each second one goes."""
@@ -33,26 +40,32 @@ class Session:
         """Begin without frames."""
         self._frames: list[Frame] = []
         self._bytes = 0
-        self._period_s = PERIOD_S
+        self._period_s, self._due_s = PERIOD_S, -np.inf
         # By pair and ignored pairs: stamp, lower and upper bound of each kept frame.
         self._curves: dict[tuple[PairName | None, frozenset[PairName]], array] = {}
         self._smallest = Smallest()
+        self.number = 0
+        """So many sessions were before this one."""
         self.newest: Frame | None = None
         """The last added frame, kept or not."""
 
     def add(self, frame: Frame, *, keep: bool = False) -> None:
-        """Remember a tick. A clock that went back begins a new session.
+        """Remember a tick. One of another clock begins a new session.
 
         Args:
             frame: the tick.
             keep: whether to keep it even if one shortly before was kept.
         """
-        if self._frames and frame.stamp_s < self._frames[-1].stamp_s:
+        if self.ends_with(frame):
             self.clear()
         self.newest = frame
         self._smallest.note(frame)
-        due_s = self._frames[-1].stamp_s + self._period_s if self._frames else -np.inf
-        if frame.stamp_s < due_s and not keep:
+        late_s = frame.stamp_s - self._due_s
+        if late_s >= -EARLY * self._period_s:
+            # It is due again a period after it was, unless ticks are rarer than that.
+            begin_s = self._due_s if late_s < self._period_s else frame.stamp_s
+            self._due_s = begin_s + self._period_s
+        elif not keep:
             return
         self._frames.append(frame)
         for of, curve in list(self._curves.items()):
@@ -61,10 +74,18 @@ class Session:
         while self._bytes > BYTES and len(self._frames) > 2:
             self._thin()
 
+    def ends_with(self, frame: Frame) -> bool:
+        """Return whether a tick is of another clock: it is earlier than the last, or far later."""
+        if not self._frames:
+            return False
+        before_s = self.newest.stamp_s
+        return not 0.0 <= frame.stamp_s - before_s <= (LEAP_S if before_s else FIRST_LEAP_S)
+
     def clear(self) -> None:
         """Begin anew."""
+        self.number += 1
         self._frames = []
-        self._bytes, self._period_s = 0, PERIOD_S
+        self._bytes, self._period_s, self._due_s = 0, PERIOD_S, -np.inf
         self._curves.clear()
         self.forget_worst()
 
@@ -105,6 +126,11 @@ class Session:
             return None if found is None else (pair, found)
         return self._smallest.least(ignored)
 
+    @property
+    def pairs(self) -> list[PairName]:
+        """The pairs that a tick listed, since the smallest clearances began."""
+        return self._smallest.pairs
+
     def knows(self, pair: PairName) -> bool:
         """Return whether a tick listed a pair, since the smallest clearances began."""
         return pair in self._smallest
@@ -118,9 +144,10 @@ class Session:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return stamps, lower and upper bounds (n,), in metres, for a plot.
 
-        They belong to a pair or, without one, to the smallest clearance of all pairs that are not
-        ignored. If several ticks fall on one point, the nearest is shown; NaN is a gap. It goes
-        through the whole session only for pairs that were not asked for lately.
+        They belong to a pair or, without one, to the smallest clearance of all listed pairs that
+        are not ignored, which is not known while one of these is stale. If several ticks fall on
+        one point, the nearest is shown; NaN is a gap, and has a point of its own. It goes through
+        the whole session only for pairs that were not asked for lately.
         """
         wanted = (pair, frozenset(ignored))
         kept = self._curves.pop(wanted, None)
@@ -136,14 +163,23 @@ class Session:
         step = -(-len(stamps) // POINTS)
         if step > 1:
             starts = np.arange(0, len(stamps), step)
-            stamps = stamps[starts]
-            bounds = np.fmin.reduceat(bounds, starts, axis=0)
+            ends = np.append(starts[1:], len(stamps)) - 1
+            unknown = np.logical_or.reduceat(np.isnan(bounds[:, 0]), starts)
+            least = np.fmin.reduceat(bounds, starts, axis=0)
+            gaps = np.flatnonzero(unknown & ~np.isnan(least[:, 0]))
+            stamps = np.insert(stamps[starts], gaps + 1, stamps[ends[gaps]])
+            bounds = np.insert(least, gaps + 1, np.nan, axis=0)
         return stamps, bounds[:, 0], bounds[:, 1]
 
     def _thin(self) -> None:
-        """Keep each second tick of the whole session, and from now on half as many."""
-        self._frames = self._frames[-1::-2][::-1]
+        """Keep each second tick of the whole session, and from now on half as many.
+
+        The first stays, because the times of the session count from it.
+        """
+        first, *rest = self._frames
+        self._frames = [first, *rest[-1::-2][::-1]]
         self._bytes = sum(map(_size, self._frames))
+        self._due_s += self._period_s
         self._period_s *= 2.0
         self._curves.clear()
 
@@ -159,8 +195,7 @@ def _bounds(
     for name in ignored:
         if name in pairs.places:
             keep[pairs.places[name]] = False
-    keep &= ~np.isnan(pairs.lower) & (pairs.level != STALE)
-    if not keep.any():
+    if not keep.any() or (pairs.level[keep] == STALE).any():
         return np.nan, np.nan
     return float(pairs.lower[keep].min()), float(pairs.upper[keep].min())
 

@@ -42,7 +42,7 @@ class Sign(NamedTuple):
     def kind(self) -> str:
         """The state of the pairs that have it, one of `order.KINDS`."""
         word = self.word.rstrip("?").lower()
-        return "contact" if word == "overlap" else word
+        return {"overlap": "contact", "unwatched": "stale"}.get(word, word)
 
 
 CLEAR_SIGN = Sign("●", "clear", fresh.fading(fresh.GREEN))
@@ -54,6 +54,7 @@ CONTACT_SIGN = Sign("✖", "CONTACT", fresh.fading("#9008ac"))
 OVERLAP_SIGN = Sign("✖", "OVERLAP", CONTACT_SIGN.colour)
 HIDDEN_SIGN = Sign("◍", "hidden", fresh.GREY)
 STALE_SIGN = Sign("?", "stale", fresh.GREY)
+UNWATCHED_SIGN = Sign("○", "unwatched", fresh.GREY)
 SIGNS = (
     OVERLAP_SIGN, CONTACT_SIGN, STOP_SIGN, STOP_UNPROVED_SIGN, WARN_SIGN, WARN_UNPROVED_SIGN,
     STALE_SIGN, CLEAR_SIGN,
@@ -89,6 +90,19 @@ def unproved(pairs: Pairs, row: int, scene: SceneInfo) -> bool:
     limits = scene.thresholds_of(pairs.names[row])
     limit = limits.stop if pairs.level[row] == STOP else limits.warn
     return bool(pairs.lower[row] <= limit < pairs.upper[row])
+
+
+def all_unproved(pairs: Pairs, scene: SceneInfo) -> np.ndarray:
+    """Return for all pairs (k,) whether they are `unproved`; those that are clear or stale are not.
+
+    Args:
+        pairs: of a tick.
+        scene: has the limits.
+    """
+    warn, stop = scene.limits_of(pairs.names)
+    limit = np.where(pairs.level == STOP, stop, warn)
+    near = (pairs.level == STOP) | (pairs.level == WARN)
+    return near & (pairs.lower <= limit) & (limit < pairs.upper)
 
 
 def mark(shown: Sign) -> str:

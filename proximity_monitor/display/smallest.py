@@ -65,6 +65,12 @@ class Smallest:
             poses[()] = frame.poses
             self._moments["poses"][at] = poses
 
+    @property
+    def pairs(self) -> list[PairName]:
+        """The pairs that a tick listed."""
+        with self._lock:
+            return list(self._places)
+
     def __contains__(self, pair: PairName) -> bool:
         """Whether a tick listed a pair."""
         return pair in self._places

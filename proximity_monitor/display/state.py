@@ -181,6 +181,11 @@ class Pairs:
         return places(self.names)  # looked up once, because it hashes all names
 
     @cached_property
+    def silent_names(self) -> frozenset[str]:
+        """All bodies that are silent, as far as their pairs are listed."""
+        return frozenset(name for bodies in self.silent_bodies.values() for name in bodies)
+
+    @cached_property
     def touching(self) -> np.ndarray:
         """(k,) whether the bodies certainly touch, cross or overlap."""
         return (self.status == INTERSECTING) | (self.status == OVERLAPPING) | (self.upper <= 0.0)
@@ -210,6 +215,8 @@ class Health:
 
     schedule: Mapping[str, str] = field(default_factory=dict)
     """Values by key; "message" is the summary."""
+    clearance: Mapping[str, str] = field(default_factory=dict)
+    """The same of the pairs."""
 
     def number(self, key: str) -> float:
         """Return a value as a number; NaN if there is none."""

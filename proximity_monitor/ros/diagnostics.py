@@ -151,7 +151,13 @@ class Health:
         kinds = dict(zip(PairStatus, statuses, strict=True))
         values = {f"pairs {each.value}": str(count[each]) for each in Level}
         values.update({f"pairs {each.value}": str(kinds[each]) for each in PairStatus})
-        values["pairs beyond range"] = str(tick.far) if tick is not None else "nan"
+        for key in ("pairs beyond range", "pairs not listed", "pairs not watched"):
+            values[key] = "nan"
+        if tick is not None:
+            values["pairs beyond range"] = str(tick.far)
+            values["pairs not listed"] = str(tick.unsure)
+            known = len(pairs) + tick.far + tick.unsure
+            values["pairs not watched"] = str(state.watched - known)
         values["pairs watched"] = str(state.watched)
         values["pairs that cannot see containment"] = str(state.unseen.count)
         if state.unseen.count:

@@ -50,7 +50,9 @@ SCENE = SceneInfo(
 )
 
 
-def frame(level=(0, 0, 0), status=(0, 0, 0), silent=("", "", ""), stamps=(9.5, 9.0, 8.0), mute=None):
+def frame(
+    level=(0, 0, 0), status=(0, 0, 0), silent=("", "", ""), stamps=(9.5, 9.0, 8.0), mute=None
+):
     lower = np.array([0.3, 0.2, 0.01])
     told = Pairs(
         NAMES,

@@ -10,13 +10,17 @@ import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from page_alone import NAMES, SCENE, frame
+import ticks
+from page_alone import NAMES, PARTS, SCENE, frame
+from viser.infra import StateSerializer
 
-from proximity_monitor.display import report
+from proximity_monitor.display import replay, report
+from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.events import Events
 from proximity_monitor.display.export import events_csv, pairs_csv
 from proximity_monitor.display.found import conflicts, find, moment
+from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.portraits import Sitting, _aimed, _close
 from proximity_monitor.display.report import conflicts_csv, report_html
 from proximity_monitor.display.session import Session
@@ -201,3 +205,25 @@ def test_a_large_gap_has_no_second_picture():
     ends = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, 0.5)])
     view = _aimed(ends, np.array([0.0, 3.0, 1.0]), 1.0, (960, 600))
     assert _close(Sitting(None, NAMES, view), ends, 0.04) is None
+
+
+def test_a_replay_s_table_has_pairs_that_are_not_listed_at_the_end():
+    _, session, _ = told((0.01, STOP))
+    gone = replace(frame(1e9 + 60.0), pairs=ticks.pairs([], [], names=()))
+    session.add(gone)
+    text = re.sub("<[^>]*>", " ", replay.report(SCENE, session, gone, ""))
+    assert re.search(r"i&gt;a - b\s+10.000 mm\s+0.0 s\s+beyond its range\s+● clear", text)
+
+
+def test_a_replay_ends_with_the_session_and_waits_for_no_clock(monkeypatch):
+    monkeypatch.setattr(replay, "FRAMES", 2)
+    slept, shown = [], []
+    monkeypatch.setattr(StateSerializer, "insert_sleep", lambda _, pause_s: slept.append(pause_s))
+    monkeypatch.setattr(Parts, "show", lambda _, frame, *rest: shown.append(frame.stamp_s))
+    session = Session()
+    for stamp_s in (0.0, 1.0, 2.0, 3000.0, 3000.01):
+        session.add(frame(1e9 + stamp_s))
+    document = replay.replay_html(SCENE, PARTS, session, Choice(), np.eye(3)[:2])
+    assert [stamp_s - 1e9 for stamp_s in shown] == pytest.approx([0.0, 2.0, 3000.01])
+    assert slept == [2.0, 10.0, 0.0]
+    assert "plays 2 of 4 kept ticks, pauses cut to 10 s" in document

@@ -43,3 +43,8 @@ def test_every_pair_is_counted_once_listed_or_not():
         "0", "2", "2", "1",
     ]  # fmt: skip
     assert told.message == "2 pairs at warn, 2 stale"
+    others = [counts[f"pairs {which}"] for which in ("beyond range", "not listed", "not watched")]
+    assert others == ["2", "2", "0"]
+    attached = Tick(near[:1], 0.0, 0.0, (), 0, far=2)
+    told = Health("monitor", "cell")._clearance(NodeState(**nothing | given | {"tick": attached}))
+    assert {each.key: each.value for each in told.values}["pairs not watched"] == "2"

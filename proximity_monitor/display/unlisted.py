@@ -1,0 +1,79 @@
+"""What is known about pairs that a tick does not list.
+
+Most are certainly beyond their range. But pairs of bodies that are attached to each other are not
+watched, and where very many bodies are silent, the monitor lists only some of their pairs.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from proximity_monitor.display.choice import PairName
+from proximity_monitor.display.signs import CLEAR_SIGN, STALE_SIGN, UNWATCHED_SIGN, Sign
+from proximity_monitor.display.state import Health, Pairs, SceneInfo
+
+_TOLD = {
+    CLEAR_SIGN: "beyond its range",
+    STALE_SIGN: "not listed, without a recent pose",
+    UNWATCHED_SIGN: "not watched while one is attached to the other",
+}
+
+
+class Unlisted(NamedTuple):
+    """How many pairs are not listed, by what is known about them."""
+
+    far: int = 0
+    """Certainly beyond their range."""
+    unsure: int = 0
+    """Of silent bodies."""
+    unwatched: int = 0
+    unexplained: int = 0
+    """Nobody has said why."""
+
+    @property
+    def lines(self) -> list[str]:
+        """For people, what is not 0."""
+        told = {
+            "beyond their range": self.far,
+            "without a recent pose and not listed": self.unsure,
+            "not watched, of bodies that are attached to each other": self.unwatched,
+            "not listed": self.unexplained,
+        }
+        return [f"{count} {what}" for what, count in told.items() if count]
+
+
+def unlisted(pairs: Pairs, scene: SceneInfo, health: Health | None) -> Unlisted:
+    """Count the pairs that a tick does not list.
+
+    Args:
+        pairs: of the tick.
+        scene: of the tick.
+        health: of that time, at most a second older; None: not known.
+    """
+    left = scene.pairs - len(pairs)
+    told = {} if health is None else health.clearance
+    unsure, unwatched = (told.get(f"pairs {kind}", "") for kind in ("not listed", "not watched"))
+    if not (unsure.isdecimal() and unwatched.isdecimal()):
+        return Unlisted(unexplained=left)
+    unsure = min(int(unsure), left)
+    unwatched = min(int(unwatched), left - unsure)
+    return Unlisted(left - unsure - unwatched, unsure, unwatched)
+
+
+def sign_of(pair: PairName, pairs: Pairs, scene: SceneInfo) -> Sign:
+    """Return the sign of a pair that a tick does not list."""
+    if _root(pair[0], scene) == _root(pair[1], scene):
+        return UNWATCHED_SIGN
+    return CLEAR_SIGN if pairs.silent_names.isdisjoint(pair) else STALE_SIGN
+
+
+def reason(pair: PairName, pairs: Pairs, scene: SceneInfo) -> str:
+    """Return why a tick does not list a pair, for people."""
+    return _TOLD[sign_of(pair, pairs, scene)]
+
+
+def _root(name: str, scene: SceneInfo) -> str:
+    """Return the body that a body moves with."""
+    while name in scene.attachments:
+        name = scene.attachments[name]
+    return name

@@ -1,0 +1,82 @@
+"""A session ends where its clock does, and so does all that pages show of it."""
+
+import numpy as np
+import pytest
+import ticks
+from page_alone import NAMES, frame, page_of
+from raw_browser import RawBrowser
+
+from proximity_monitor.display import serving
+from proximity_monitor.display.session import LEAP_S, Session
+from proximity_monitor.display.state import STALE, STOP
+
+
+@pytest.fixture
+def page(monkeypatch, tmp_path):
+    server = serving.serve("127.0.0.1", 0, "test")
+    browser = RawBrowser(server)
+    yield page_of(server, browser.client, monkeypatch, tmp_path / "conflicts.json")
+    browser.close()
+    serving.stop(server)
+
+
+def test_what_a_page_shows_of_an_older_session_ends_with_it(page):
+    page.tell(frame=frame(100.0))
+    page.tell(frame=frame(101.0, 0.01, STOP))
+    (first,) = page.events.all
+    page.all._on_word(f"event:{first.number}")
+    assert (page.choice.at_s, page.choice.pair) == (101.0, NAMES)
+    page.tell(frame=frame(2.0))
+    assert page.choice.at_s is page.choice.seen is None
+    assert page.all._shown.frame.stamp_s == 2.0
+    # A press on its row, which the browser may still show, goes to no other event.
+    page.tell(frame=frame(3.0, 0.01, STOP))
+    (second,) = page.events.all
+    page.all._on_word(f"event:{first.number}")
+    assert page.choice.at_s is None
+    assert (page.events.at(second.number), page.events.lost) == (second, 0)
+
+
+@pytest.mark.parametrize("first, then", [(0.0, 30.0), (0.0, 1.7e9), (50.0, 51.0 + LEAP_S)])
+def test_a_tick_of_another_clock_begins_a_new_session(first, then):
+    session = Session()
+    session.add(ticks.frame(first, [0.1, 0.1]))
+    session.add(ticks.frame(then, [0.3, 0.3]))
+    assert session.span_s == (then, then)
+    session.add(ticks.frame(then + 3600.0, [0.3, 0.3]))
+    assert session.span_s == (then, then + 3600.0)
+
+
+def test_ten_ticks_a_second_are_all_kept_though_some_come_early():
+    session = Session()
+    for i in range(100):
+        session.add(ticks.frame(1.7e9 + 0.1 * i + 0.001 * (i % 3), [0.2, 0.3]))
+    assert len(session.frames) == 100
+
+
+def test_the_smallest_clearance_of_all_is_not_known_while_a_counted_pair_is_stale():
+    session = Session()
+    session.add(ticks.frame(0.0, [0.2, 0.3]))
+    session.add(ticks.frame(1.0, [0.2, 0.01], level=np.array([0, STALE])))
+    assert np.isnan(session.series()[1]).tolist() == [False, True]
+    assert session.series(ignored={("a", "c")})[1].tolist() == [0.2, 0.2]
+
+
+def test_a_gap_that_is_shorter_than_a_point_of_the_plot_is_seen_and_hides_no_dip():
+    session = Session()
+    for i in range(6000):
+        level = STALE if 3003 <= i < 3008 else 0
+        session.add(ticks.frame(float(i), [0.01 if i == 3001 else 0.2, 0.3], level=level))
+    stamps, lower, _ = session.series(("a", "b"))
+    assert np.isnan(lower).sum() == 1
+    assert np.nanmin(lower) == 0.01
+    assert (np.diff(stamps) > 0.0).all()
+
+
+def test_the_times_of_a_thinned_session_count_from_its_first_tick(monkeypatch):
+    monkeypatch.setattr("proximity_monitor.display.session.BYTES", 100_000)
+    session = Session()
+    for i in range(500):
+        session.add(ticks.frame(100.0 + i, [0.2, 0.3]))
+    assert session.thinned_s is not None
+    assert session.span_s[0] == 100.0
