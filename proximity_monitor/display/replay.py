@@ -112,7 +112,8 @@ def report(scene: SceneInfo, session: Session, last: Frame, played: str) -> str:
         "padding:8px 12px;"
         'border:1px solid #8886;border-radius:6px;z-index:10">'
         f"<summary><b>{escape(scene.name)}</b>: {len(rows)} pairs that were listed,"
-        f" {end - start:.1f} s (plays {played}), nearest first</summary><table class=pm-table><tr><th>pair</th>"
+        f" {end - start:.1f} s (plays {played}), nearest first</summary>"
+        "<table class=pm-table><tr><th>pair</th>"
         "<th class=pm-num>smallest</th><th class=pm-num>at</th><th class=pm-num>at the end</th>"
         "<th>state at the end</th><th class=pm-num>warn</th><th class=pm-num>stop</th></tr>"
         f"{''.join(row for _, row in rows)}</table></details>"
