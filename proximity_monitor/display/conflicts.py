@@ -7,6 +7,7 @@ each change, so what others wrote in it stays. What cannot be written is kept he
 from __future__ import annotations
 
 import threading
+from contextlib import suppress
 from datetime import UTC, datetime
 from html import escape
 from pathlib import Path
@@ -67,8 +68,7 @@ class Conflicts:
             unsaved, self._due_s = self._unsaved, now_s + LOOK_S
         try:
             if unsaved:
-                told = decisions.merged(decisions.read(self.path), unsaved, scene.name)
-                decisions.write(self.path, told)
+                self._write(unsaved, scene.name)
                 self._seen = self
             if (seen := _look(self.path)) != self._seen:
                 self._known, self._seen = decisions.decisions(decisions.read(self.path)), seen
@@ -79,7 +79,17 @@ class Conflicts:
         except (OSError, ValueError) as error:
             self.problem = _problem(error, self.path, bool(unsaved))
 
+    def _write(self, unsaved: Unsaved, scene: str) -> None:
+        with decisions.alone(self.path):
+            told = decisions.merged(decisions.read(self.path), unsaved, scene)
+            decisions.write(self.path, told)
+
     def _begin(self, scene: SceneInfo) -> None:
+        if self._unsaved and self.path is not None:
+            # Else they wait until that scene comes back.
+            with suppress(OSError, ValueError), self._lock:
+                self._write(self._unsaved, self._where[1])
+                self._unsaved = {}
         with self._lock:
             if self._where is not None:
                 self._waiting[self._where] = self._unsaved

@@ -1,4 +1,8 @@
-"""The panel in which people decide about the highlighted pair."""
+"""The panel in which people decide about the highlighted pair.
+
+Others may decide about it meanwhile. Fields that nobody touched follow. What was typed stays, and
+is not kept before the person has seen what the others decided.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,7 @@ import viser
 
 from proximity_monitor.display.choice import Choice, PairName
 from proximity_monitor.display.conflicts import UNDECIDED, Conflicts, decided, told
-from proximity_monitor.display.decisions import NEW, STATUSES
+from proximity_monitor.display.decisions import NEW, STATUSES, Decision
 from proximity_monitor.display.order import KINDS, kinds
 from proximity_monitor.display.signs import clearance
 from proximity_monitor.display.state import Pairs, SceneInfo
@@ -23,6 +27,8 @@ class Deciding:
         self._conflicts = conflicts
         self._choice = choice
         self._pair: PairName | None = None  # in the fields
+        self._known = (NEW, "")  # what the fields had before anybody touched them
+        self._clash = ""
         self._pairs: Pairs | None = None
         self._folder = gui.add_folder("Status of the pair", expand_by_default=False)
         with self._folder:
@@ -36,10 +42,11 @@ class Deciding:
 
         @self._keep.on_click
         def _(_) -> None:
-            if self._pair is not None:
+            if self._pair is not None and self._agrees():
                 row = self._pairs.places.get(self._pair)
-                decision = decided(self._pairs, row, self._status.value, self._comment.value)
+                decision = decided(self._pairs, row, *self._typed)
                 conflicts.decide(self._pair, decision)
+                self._known = self._typed
 
     def show(self, pairs: Pairs, scene: SceneInfo) -> None:
         """Follow the highlighted pair; what is typed stays while that is the same.
@@ -51,18 +58,41 @@ class Deciding:
             scene: of these.
         """
         pair, self._pairs = self._choice.pair, pairs
-        decision = UNDECIDED if pair is None else self._conflicts.all.get(frozenset(pair))
-        decision = decision or UNDECIDED
-        if pair != self._pair:
-            self._pair = pair
-            self._status.value, self._comment.value = decision.status, decision.comment
+        decision = self._decision(pair)
+        if pair != self._pair or self._typed == self._known:
+            self._pair, self._known = pair, (decision.status, decision.comment)
+            if self._typed != self._known:
+                self._status.value, self._comment.value = self._known
+                self._clash = ""
         row = pairs.places.get(pair)
         problem = escape(self._conflicts.problem)
         self._folder.visible = pair is not None or bool(problem)
         self._note.content = (
             f'<div class="pm pm-small" id="pm-decided">{escape(self._line(decision, scene, row))}'
+            f'<div class="pm-unproved">{escape(self._clash)}</div>'
             f'<div class="pm-unproved">{problem}</div></div>'
         )
+
+    @property
+    def _typed(self) -> tuple[str, str]:
+        return self._status.value, self._comment.value
+
+    def _decision(self, pair: PairName | None) -> Decision:
+        known = UNDECIDED if pair is None else self._conflicts.all.get(frozenset(pair))
+        return known or UNDECIDED
+
+    def _agrees(self) -> bool:
+        """Return whether the person knows what is decided; if not, tell it, and so it is known."""
+        decision = self._decision(self._pair)
+        before, self._known = self._known, (decision.status, decision.comment)
+        agrees = before == self._known
+        self._clash = (
+            ""
+            if agrees
+            else f"Not kept: somebody else has decided {': '.join(filter(None, self._known))}"
+            " meanwhile. Press again to keep yours in its place."
+        )
+        return agrees
 
     def _line(self, decision, scene: SceneInfo, row: int | None) -> str:
         if self._pair is None:

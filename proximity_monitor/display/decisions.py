@@ -9,15 +9,22 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.order import KINDS
-from proximity_monitor.display.state import SceneInfo
+from proximity_monitor.display.state import SceneInfo, refuse_surrogates
 from proximity_monitor.scene import bundled
 from proximity_monitor.scene.paths import bundled_names
+
+try:
+    import fcntl
+except ImportError:  # not a POSIX system
+    fcntl = None
 
 NEW, ACCEPTED, IGNORED = STATUSES = ("new", "accepted", "ignored")
 
@@ -29,6 +36,11 @@ BYTES = 20_000_000
 
 FAR_M = 1e9
 """No number in it is beyond that."""
+
+
+_FORGOTTEN = (
+    "What is decided here is forgotten at the end: start the display with -p conflicts:=FILE"
+)
 
 
 class Decision(NamedTuple):
@@ -45,7 +57,10 @@ class Decision(NamedTuple):
     """The moment, ISO 8601, in UTC; empty: never."""
 
     def outgrown(self, state: str) -> bool:
-        """Return whether a pair is in a worse state now than it was accepted or ignored in."""
+        """Return whether a pair is in a worse state now than it was accepted or ignored in.
+
+        An overlap is no worse than a touch: both are contact.
+        """
         if self.status == NEW or self.state not in KINDS or state not in KINDS:
             return False
         return state != "stale" and KINDS.index(state) < KINDS.index(self.state)
@@ -65,6 +80,13 @@ def place(scene: SceneInfo, given: str) -> tuple[Path | None, str]:
         given: the path that a person chose; empty: beside the scene's file or, because bundled
             scenes belong to the package, in the person's own folder of data.
     """
+    try:
+        return _place(scene, given)
+    except (OSError, RuntimeError) as error:  # a folder that may not be read, or a circle of links
+        return None, f"{given or scene.path}: {error}. {_FORGOTTEN}"
+
+
+def _place(scene: SceneInfo, given: str) -> tuple[Path | None, str]:
     if given:
         return Path(given).expanduser().absolute(), ""
     path = Path(scene.path)
@@ -72,10 +94,7 @@ def place(scene: SceneInfo, given: str) -> tuple[Path | None, str]:
         data = Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share")
         return data / "proximity_monitor" / f"{path.parent.name}{SUFFIX}", ""
     if not scene.path or not path.is_file():
-        return None, (
-            f"The scene {scene.path or scene.name} is not on this machine, so what is decided here"
-            " is forgotten at the end: start the display with -p conflicts:=FILE"
-        )
+        return None, f"The scene {scene.path or scene.name} is not on this machine. {_FORGOTTEN}"
     return path.with_suffix(SUFFIX), ""
 
 
@@ -96,6 +115,7 @@ def read(path: Path) -> dict[str, Any]:
         told = json.loads(data)
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
+    refuse_surrogates(told)
     if not isinstance(told, dict) or told.get("version") != VERSION:
         raise ValueError(f"it is not of version {VERSION}")
     if not isinstance(told.get("conflicts"), list):
@@ -132,23 +152,55 @@ def decisions(told: Mapping[str, Any]) -> Decisions:
 
 def merged(told: Mapping[str, Any], unsaved: Unsaved, scene: str) -> dict[str, Any]:
     """Return a file's content with decisions put in; what else it has stays."""
-    kept = [each for each in told["conflicts"] if frozenset((each["a"], each["b"])) not in unsaved]
-    for (a, b), each in unsaved.values():
-        if each.status != NEW or each.comment:
-            bounds = {"lower_m": each.lower, "upper_m": each.upper}
-            words = {"status": each.status, "comment": each.comment, "state": each.state}
-            kept.append({"a": a, "b": b, **words, **bounds, "decided": each.decided})
+    kept, before = [], {}
+    for entry in told["conflicts"]:
+        key = frozenset((entry["a"], entry["b"]))
+        if key in unsaved:
+            before[key] = entry
+        else:
+            kept.append(entry)
+    for key, ((a, b), each) in unsaved.items():
+        bounds = {"lower_m": each.lower, "upper_m": each.upper}
+        words = {"status": each.status, "comment": each.comment, "state": each.state}
+        entry = {"a": a, "b": b, **words, **bounds, "decided": each.decided}
+        others = {what: x for what, x in before.get(key, {}).items() if what not in entry}
+        if others or each.status != NEW or each.comment:
+            kept.append(entry | others)
     return {"scene": scene, **told, "conflicts": kept}
+
+
+@contextmanager
+def alone(path: Path) -> Iterator[None]:
+    """Keep other displays from the folder of a file, so that none writes between read and write.
+
+    Raises:
+        OSError: another has it now, or there can be no such folder.
+    """
+    folder = path.resolve().parent
+    folder.mkdir(parents=True, exist_ok=True)
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise BlockingIOError(error.errno, "another display writes there now") from error
+        yield
+    finally:
+        os.close(handle)
 
 
 def write(path: Path, told: Mapping[str, Any]) -> None:
     """Replace a file as a whole: who reads meanwhile, or after a crash, finds one or the other.
 
+    Its permissions stay.
+
     Raises:
         OSError: it cannot be written; then it is as it was.
     """
     path = path.resolve()  # a link stays one
-    path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         with beside.open("w", encoding="utf-8") as file:
@@ -156,6 +208,8 @@ def write(path: Path, told: Mapping[str, Any]) -> None:
             file.write("\n")
             file.flush()
             os.fsync(file.fileno())
+        if path.exists():
+            shutil.copymode(path, beside)
         os.replace(beside, path)
     finally:
         beside.unlink(missing_ok=True)

@@ -62,19 +62,33 @@ class Intake:
         if kind == PICTURE:
             return known
         if not known or len(raw) > BYTES or not bounded(told):
+            if kind == "GuiUpdateMessage":
+                self._put_back(told["uuid"])
             return False
         if kind == "TransformControlsUpdateMessage":
             return any(told["wxyz"])
         return kind != "GuiUpdateMessage" or self._legal(told["uuid"], told["updates"])
 
     def _legal(self, uuid: str, updates: dict[str, Any]) -> bool:
-        if self.server is None or updates.keys() != {"value"}:
-            return False
+        found = self._input(uuid)
+        return found is not None and updates.keys() == {"value"} and legal(found, updates["value"])
+
+    def _put_back(self, uuid: str) -> None:
+        """Give a browser the text that is known here, so that it shows none that was dropped."""
+        found = self._input(uuid)
+        if isinstance(found, viser.GuiTextHandle):
+            # Setting a `value` that is the same already would tell the browser nothing.
+            known = _messages.GuiUpdateMessage(uuid, {"value": found.value})
+            found._impl.gui_api._websock_interface.queue_message(known)
+
+    def _input(self, uuid: str) -> Any:
+        """Return an input of any page by its identifier; None: there is none."""
+        if self.server is None:
+            return None
         owners = (self.server, *self.server.get_clients().values())
         # viser has no public way from an input's identifier to the input.
         inputs = (owner.gui._gui_input_handle_from_uuid.get(uuid) for owner in owners)
-        found = next((each for each in inputs if each is not None), None)
-        return found is not None and legal(found, updates["value"])
+        return next((each for each in inputs if each is not None), None)
 
 
 def bounded(value: Any) -> bool:

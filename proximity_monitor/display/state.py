@@ -22,6 +22,19 @@ STATUSES = tuple(status.value for status in PairStatus)
 _, _, BOUNDED, INTERSECTING, OVERLAPPING, UNKNOWN = range(len(STATUSES))
 
 
+def refuse_surrogates(told: Any) -> None:
+    """Refuse content of JSON in which a text is not Unicode, which no browser could be told.
+
+    Raises:
+        ValueError: a text in it has half of a surrogate pair.
+    """
+    try:
+        json.dumps(told, ensure_ascii=False).encode()
+    except UnicodeEncodeError as error:
+        half = error.object[error.start].encode("ascii", "backslashreplace").decode()
+        raise ValueError(f"a text in it is not Unicode: it has {half} alone") from error
+
+
 @dataclass(frozen=True)
 class Unit:
     """The length unit that people read."""
@@ -76,6 +89,7 @@ class SceneInfo:
         """
         try:
             told: dict[str, Any] = json.loads(text)
+            refuse_surrogates(told)
             limits = told["own_thresholds"]
             return cls(
                 name=told["name"],

@@ -14,6 +14,7 @@ from page_alone import NAMES, SCENE, frame, words
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.conflicts import LOOK_S, Conflicts, decided, told
 from proximity_monitor.display.decisions import Decision, place
+from proximity_monitor.display.decisions import alone as alone_in
 from proximity_monitor.display.listing import listing
 from proximity_monitor.display.pairs import table
 from proximity_monitor.display.state import STOP, WARN
@@ -83,8 +84,9 @@ def test_what_others_wrote_in_the_file_stays_and_is_seen(scene, beside):
         '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "fine"}]}',
         '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "new", "upper_m": NaN}]}',
         b"\xff\xfe{}",
+        '{"version": 1, "conflicts": [{"a": "x", "b": "y", "status": "new", "state": "\\ud83d"}]}',
     ],
-    ids=["cut", "list", "deep", "version", "status", "nan", "bytes"],
+    ids=["cut", "list", "deep", "version", "status", "nan", "bytes", "half a pair"],
 )
 def test_a_file_that_cannot_be_read_is_named_and_left_and_nothing_is_lost(scene, beside, content):
     data = content if isinstance(content, bytes) else content.encode()
@@ -118,6 +120,52 @@ def test_a_file_that_cannot_be_written_is_named_and_nothing_is_lost(scene, tmp_p
     assert one.problem == ""
     assert one.all == {frozenset(PAIR): FITS}
     assert (folder / "file.json").is_file()
+
+
+def test_a_scene_without_a_place_leaves_the_file_of_the_one_before_alone(scene, beside):
+    one = following(scene)
+    circle = beside.with_name("circle.yaml")
+    circle.symlink_to(circle)
+    there = replace(scene, name="circle", path=str(circle))
+    one.follow(there, 1.0)
+    one.decide(PAIR, FITS)
+    one.follow(there, 2.0)
+    assert (one.path, beside.exists()) == (None, False)
+    assert str(circle) in one.problem and "conflicts:=FILE" in one.problem
+    nobody = Conflicts("~nobody_at_all/x.json")
+    nobody.follow(scene, 0.0)
+    assert "~nobody_at_all/x.json" in nobody.problem
+
+
+def test_what_was_decided_just_before_another_scene_came_is_written(scene, beside):
+    one = following(scene)
+    one.decide(PAIR, FITS)
+    one.follow(replace(scene, name="other", path=str(beside.with_name("other.yaml"))), 0.0)
+    assert following(scene).all == {frozenset(PAIR): FITS}
+
+
+def test_no_other_display_writes_between_read_and_write(scene, beside):
+    one = following(scene)
+    one.decide(PAIR, FITS)
+    with alone_in(beside):
+        one.follow(scene, 0.0)
+        assert f"{beside}: another display writes there now" in one.problem
+    one.follow(scene, 2.0 * LOOK_S)
+    assert one.problem == ""
+    assert following(scene).all == {frozenset(PAIR): FITS}
+
+
+def test_what_others_wrote_in_a_decision_and_who_may_read_it_stay(scene, beside):
+    entry = {"a": NAMES[0], "b": NAMES[1], "status": "new", "comment": "x", "ticket": "PM-17"}
+    beside.write_text(json.dumps({"version": 1, "conflicts": [entry]}))
+    beside.chmod(0o660)
+    one = following(scene)
+    for decision in (FITS, Decision()):
+        one.decide(NAMES, decision)
+        one.follow(scene, 0.0)
+        (after,) = json.loads(beside.read_text())["conflicts"]
+        assert (after["ticket"], after["status"]) == ("PM-17", decision.status)
+    assert beside.stat().st_mode & 0o777 == 0o660
 
 
 def test_bundled_scenes_have_theirs_in_a_person_s_own_folder(monkeypatch, tmp_path):
@@ -182,3 +230,29 @@ def test_the_panel_keeps_what_is_decided_about_the_highlighted_pair(alone):
     alone.choice.pair = NAMES
     alone.tell(frame=frame(4.0))
     assert (panel._status.value, panel._comment.value) == ("accepted", "as drawn")
+
+
+def press(panel):
+    for callback in panel._keep._impl.update_cb:
+        callback(None)
+
+
+def test_what_another_browser_decided_is_not_overwritten_unseen(alone):
+    panel, conflicts = alone.all._deciding, alone.pages._shared.conflicts
+    alone.choice.pair = NAMES
+    alone.tell(frame=frame(1.0))
+    conflicts.decide(NAMES, FITS)
+    alone.tell(frame=frame(2.0))
+    assert (panel._status.value, panel._comment.value) == FITS[:2], "nobody touched them"
+    panel._comment.value = "no, it does not fit"
+    conflicts.decide(NAMES, FITS._replace(status="ignored"))
+    alone.tell(frame=frame(3.0))
+    assert panel._comment.value == "no, it does not fit"
+    press(panel)
+    alone.tell(frame=frame(4.0))
+    assert "somebody else has decided ignored: a press fit" in words(panel._note)
+    assert conflicts.all[frozenset(NAMES)].comment == FITS.comment
+    press(panel)
+    alone.tell(frame=frame(5.0))
+    assert "somebody else" not in words(panel._note)
+    assert conflicts.all[frozenset(NAMES)][:2] == ("accepted", "no, it does not fit")

@@ -11,7 +11,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 
 from raw_browser import CAMERA, RawBrowser
 
-from proximity_monitor.display.intake import TEXT, Intake
+from proximity_monitor.display.intake import BYTES, TEXT, Intake
 
 BAD = (
     "nobody at all",
@@ -141,3 +141,18 @@ GIZMO = {"name": "/gizmo", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [0.0, 0.0, 
 )
 def test_only_messages_of_the_page_s_own_kinds_are_read(sent, taken):
     assert Intake().takes(sent) is taken
+
+
+@pytest.mark.parametrize("size", [TEXT + 1, BYTES + 1])
+def test_a_text_that_is_too_long_is_put_back_where_it_was_typed(
+    size, page, raw, server, monkeypatch
+):
+    search = next(each for each in raw.inputs() if getattr(each, "label", "") == "Search")
+    raw.set(search, "die")
+    raw.heard(server)
+    told = []
+    monkeypatch.setattr(search._impl.gui_api._websock_interface, "queue_message", told.append)
+    raw.set(search, "x" * size)
+    raw.heard(server)
+    updates = [(each.uuid, each.updates) for each in told if hasattr(each, "updates")]
+    assert updates == [(search._impl.uuid, {"value": "die"})]
