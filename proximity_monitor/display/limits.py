@@ -23,6 +23,12 @@ HAND_S = 1.0
 HEADROOM = 4.0
 """A slider of a length reaches up to so many times its first value."""
 
+LEAST_M = 1e-3
+"""A slider of a length reaches at least so far, in metres."""
+
+_REL_TOP = 50.0
+"""Of the slider of the relative error, in percent."""
+
 Values = Mapping[str, float]
 
 
@@ -49,7 +55,7 @@ class LimitsPanel:
             }
         with gui.add_folder("Accuracy and its cost"):
             self._budget = gui.add_slider("Budget [ms]", 0.0, 50.0, 0.5, 0.0)
-            self._rel = gui.add_slider("Relative error [%]", 0.0, 50.0, 0.5, 0.0)
+            self._rel = gui.add_slider("Relative error [%]", 0.0, _REL_TOP, 0.5, 0.0)
             self._abs = gui.add_slider("Absolute error", 0.0, 1.0, 0.001, 0.0)
             self._cost = gui.add_html("")
         self._refusal = gui.add_html("")
@@ -61,6 +67,9 @@ class LimitsPanel:
 
     def show(self, scene: SceneInfo, health: Health | None, refusal: str, now_s: float) -> None:
         """Send new settings, and show those in force and their cost."""
+        if self._scene is not None and self._scene.key != scene.key:
+            # What was moved since that scene has gone was meant for it.
+            self._wanted, self._asked_in, self._asked_s = {}, None, -math.inf
         if self._wanted:
             if now_s >= self._asked_s + ASK_S:
                 self._asked_s, self._asked_in = now_s, scene
@@ -74,29 +83,30 @@ class LimitsPanel:
         self._refusal.content = told if refusal else ""
 
     def _follow(self, scene: SceneInfo) -> None:
-        """Move the sliders to the settings in force, with new scales for another pair or scene."""
+        """Move the sliders to the settings in force.
+
+        They have new scales for another pair or scene, and where a setting is beyond the scale.
+        """
         pair = self._choice.pair
         own = pair in scene.own_thresholds and scene.own_parameters
         prefix = f"pairs.{safe(pair[0])}.{safe(pair[1])}" if own else "thresholds"
         limits = scene.own_thresholds[pair] if own else scene.thresholds
         to_unit, symbol = 1.0 / scene.unit.to_metre, scene.unit.symbol
         values = {name: getattr(limits, name) * to_unit for name in self._lengths}
-        if self._scene is None or prefix != self._prefix or self._scene.key != scene.key:
-            self._prefix = prefix
-            top = _round_up(HEADROOM * max(*values.values(), 1e-9))
-            for name, slider in self._lengths.items():
-                slider.label = f"{name} [{symbol}]"
-                _scale(slider, top, 1000)
-            self._abs.label = f"Absolute error [{symbol}]"
-            warn = scene.thresholds.warn * to_unit
-            _scale(self._abs, _round_up(max(warn, 1e-9)), 1000)
-            _scale(self._budget, _round_up(2e3 / scene.settings["rate_hz"]), 200)
-        self._scene = scene
+        anew = self._scene is None or prefix != self._prefix or self._scene.key != scene.key
+        self._prefix, self._scene = prefix, scene
+        least = LEAST_M * to_unit
+        longest = max(values.values())
+        anew_lengths = anew or longest > self._lengths["warn"].max  # they share a scale
         for name, slider in self._lengths.items():
-            slider.value = _within(values[name], slider)
-        self._budget.value = _within(scene.settings["budget_ms"], self._budget)
-        self._rel.value = _within(100.0 * (scene.settings["rel_err"] or 0.0), self._rel)
-        self._abs.value = _within((scene.settings["abs_err"] or 0.0) * to_unit, self._abs)
+            slider.label = f"{name} [{symbol}]"
+            _set(slider, values[name], HEADROOM * max(longest, least), 1000, anew_lengths)
+        self._abs.label = f"Absolute error [{symbol}]"
+        top = max(scene.thresholds.warn * to_unit, least)
+        settings = scene.settings
+        _set(self._abs, (settings["abs_err"] or 0.0) * to_unit, top, 1000, anew)
+        _set(self._budget, settings["budget_ms"], 2e3 / settings["rate_hz"], 200, anew)
+        _set(self._rel, 100.0 * (settings["rel_err"] or 0.0), _REL_TOP, 100, anew)
         whose = f"of {escape(' - '.join(pair))}" if own else "of all pairs without their own"
         self._whose.content = f"<div class='pm pm-small pm-dim'>{whose}</div>"
 
@@ -139,10 +149,10 @@ def _round_up(value: float) -> float:
     return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value)
 
 
-def _scale(slider: viser.GuiSliderHandle, top: float, steps: int) -> None:
-    slider.max, slider.step = top, top / steps
-    slider.precision = max(0, math.ceil(-math.log10(slider.step)))
-
-
-def _within(value: float, slider: viser.GuiSliderHandle) -> float:
-    return float(min(max(value, slider.min), slider.max))
+def _set(slider: viser.GuiSliderHandle, value: float, top: float, steps: int, anew: bool) -> None:
+    """Move a slider, with a scale up to `top` at least if it begins anew or is too short."""
+    if anew or value > slider.max:
+        slider.max = _round_up(max(top, value))
+        slider.step = slider.max / steps
+        slider.precision = max(0, math.ceil(-math.log10(slider.step)))
+    slider.value = float(max(value, slider.min))

@@ -8,6 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -47,7 +48,8 @@ class ProximityDisplay(Node):
             node_options: for `rclpy.node.Node`, such as parameter_overrides.
 
         Raises:
-            rclpy.exceptions.ParameterException: a parameter is of another type or no legal value.
+            rclpy.exceptions.ParameterException: a parameter is of another type or no legal value,
+                such as a name that no node can have.
         """
         super().__init__("proximity_display", **node_options)
         self._inbox = inbox
@@ -57,17 +59,16 @@ class ProximityDisplay(Node):
         self._publishers_of: dict[str, object] = {}
         self._parts = None
         text = "Name of the monitor's node, in this node's namespace unless it begins with a slash."
-        self._declare("monitor", "proximity_monitor", text)
+        self.monitor = self._declare_node("monitor", "proximity_monitor", text)
         text = "Address to listen on. There is no login: whoever reaches it can move the bodies."
         self.host = self._declare("host", "127.0.0.1", text)
         text = "Name of a player, which leaves the bodies that are held here alone."
-        self._player = self.resolve_topic_name(self._declare("player", "proximity_player", text))
+        self._player = self._declare_node("player", "proximity_player", text)
         ports = [IntegerRange(from_value=0, to_value=65535)]
         text = "Port of the page; 0: any that is free. Where it is taken, the next free one."
         self.port = self._declare("port", 8080, text, integer_range=ports)
         text = "File with the status of conflicts; empty: beside the scene's file."
         self.conflicts = self._declare("conflicts", "", text)
-        self.monitor = self.resolve_topic_name(self.get_parameter("monitor").value)
 
         def hear(kind, topic, take, qos, raw=False):
             return self.create_subscription(kind, f"{self.monitor}/{topic}", take, qos, raw=raw)
@@ -139,6 +140,16 @@ class ProximityDisplay(Node):
     def _declare(self, name: str, default, text: str, **limits):
         descriptor = ParameterDescriptor(description=text, read_only=True, **limits)
         return self.declare_parameter(name, default, descriptor).value
+
+    def _declare_node(self, name: str, default: str, text: str) -> str:
+        """Declare the name of a node, and return it with its namespace."""
+        value = self._declare(name, default, text)
+        try:
+            return self.resolve_topic_name(value)
+        except RuntimeError as error:
+            why = str(error).partition(", at ")[0]  # else a place in ROS's own source follows
+            reason = f"no node can have this name: {why}"
+            raise InvalidParameterValueException(name, value, reason) from error
 
     def _on_scene(self, message: String) -> None:
         try:

@@ -9,7 +9,7 @@ from html import escape
 import viser
 
 from proximity_monitor.display.inbox import News
-from proximity_monitor.display.state import Playing
+from proximity_monitor.display.state import Playing, SceneInfo
 
 ASK_S = 0.2
 """Seconds between two requests to the player while a slider is dragged."""
@@ -22,8 +22,6 @@ LEAST_S = 60.0
 
 SPEED_MOST = 1000.0
 """The player takes no higher speed."""
-
-PLAY, PAUSE = "Play", "Pause"
 
 NONE = "No player publishes a motion."
 ENDED = (
@@ -38,12 +36,15 @@ class PlayerPanel:
     def __init__(self, gui: viser.GuiApi, ask: Callable[[Mapping[str, float]], None]) -> None:
         """Add it at this place of the GUI; `ask` sends parameters to the player."""
         self._ask = ask
+        self._scene: SceneInfo | None = None
         self._playing: Playing | None = None
         self._wanted: dict[str, float] = {}
         self._asked_s = -math.inf
         with gui.add_folder("Motion"):
             self._note = gui.add_html("")
-            self._play = gui.add_button(PAUSE, icon=viser.Icon.PLAYER_PAUSE)
+            # Two buttons: one for both would do the other thing for who presses it a moment late.
+            self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY)
+            self._pause = gui.add_button("Pause", icon=viser.Icon.PLAYER_PAUSE)
             self._speed = gui.add_number(
                 "Speed",
                 1.0,
@@ -56,9 +57,11 @@ class PlayerPanel:
 
         @self._play.on_click
         def _(_) -> None:
-            if self._playing is not None:
-                playing = self._playing.speed > 0.0
-                self._wanted["speed"] = 0.0 if playing else self._speed.value or 1.0
+            self._wanted["speed"] = self._speed.value or 1.0
+
+        @self._pause.on_click
+        def _(_) -> None:
+            self._wanted["speed"] = 0.0
 
         @self._speed.on_update
         def _(event: viser.GuiEvent) -> None:
@@ -74,7 +77,10 @@ class PlayerPanel:
     def show(self, news: News, now_s: float) -> None:
         """Send what is wanted, and follow the player."""
         before, self._playing = self._playing, news.playing
-        for each in (self._play, self._speed, self._seek):
+        if self._scene is not None and self._scene.key != news.scene.key:
+            self._wanted.clear()  # it was meant for the motion of that scene
+        self._scene = news.scene
+        for each in (self._play, self._pause, self._speed, self._seek):
             each.disabled = news.playing is None
         if news.playing is None:
             self._wanted.clear()
@@ -91,10 +97,7 @@ class PlayerPanel:
         self._note.content = _note(_line(news.playing, news.frame.stamp_s) + refused)
 
     def _follow(self, playing: Playing, stamp_s: float) -> None:
-        paused = playing.speed == 0.0
-        self._play.label = PLAY if paused else PAUSE
-        self._play.icon = viser.Icon.PLAYER_PLAY if paused else viser.Icon.PLAYER_PAUSE
-        if not paused:
+        if playing.speed:
             self._speed.value = playing.speed
         moment = playing.at(stamp_s)
         end = playing.period_s or max(LEAST_S, 10.0 ** math.ceil(math.log10(max(moment, 1.0))))

@@ -6,6 +6,7 @@ import contextlib
 import http
 import io
 import socket
+import threading
 import time
 import warnings
 from collections.abc import Iterator
@@ -28,6 +29,9 @@ that follow, for seconds. By a clock that stands still it shows each as soon as 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 """The names under which only this machine can reach itself."""
 
+_STARTING = threading.Lock()
+"""While a server starts, functions of libraries are others: one at a time may change them."""
+
 _TURN_S, _LOOK_S = 0.01, 0.0005
 """Seconds that a sender may take to have its turn, and between two looks whether it had."""
 
@@ -49,7 +53,7 @@ def serve(host: str, port: int, title: str) -> viser.ViserServer:
     # A browser may go in the middle of a step of its page; the next step knows.
     warnings.filterwarnings("ignore", r"Queued a \w+ on a closed connection")
     intake = Intake()
-    with _guarded(intake), contextlib.redirect_stdout(io.StringIO()):  # it prints a banner
+    with _STARTING, _guarded(intake), _silence():  # it prints a banner
         server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
     intake.server = server
     _infra.time = _STILL
@@ -69,7 +73,7 @@ def light(server: viser.ViserServer) -> None:
 
 def stop(server: viser.ViserServer) -> None:
     """End the server."""
-    with contextlib.redirect_stdout(io.StringIO()):
+    with _STARTING, _silence():
         server.stop()
 
 
@@ -102,6 +106,10 @@ def wake(server: viser.ViserServer) -> None:
                 buffer.message_event.set()
 
     server.get_event_loop().call_soon_threadsafe(set_again)
+
+
+def _silence() -> contextlib.AbstractContextManager:
+    return contextlib.redirect_stdout(io.StringIO())
 
 
 @contextlib.contextmanager

@@ -248,6 +248,8 @@ class Playing:
     """Seconds of motion a second; 0: it stands still."""
     period_s: float | None
     """Seconds after which it repeats or rests; None: it does neither."""
+    repeats: bool = True
+    """Whether it repeats after its period."""
 
     @classmethod
     def read(cls, text: str) -> Playing:
@@ -268,4 +270,6 @@ class Playing:
     def at(self, stamp_s: float) -> float:
         """Return the moment at a stamp, within the period."""
         moment = self.moment_s + max(stamp_s - self.stamp_s, 0.0) * self.speed
-        return moment % self.period_s if self.period_s else moment
+        if not self.period_s:
+            return moment
+        return moment % self.period_s if self.repeats else min(moment, self.period_s)

@@ -73,10 +73,10 @@ class Tried:
 def _named(settings: Mapping[str, float | None], symbol: str, to_metre: float) -> str:
     rel, absolute = settings["rel_err"], settings["abs_err"]
     errors = []
-    if rel is None and absolute is None:
-        errors.append("as the scene says")
     if rel:
         errors.append(f"{100.0 * rel:g} %")
     if absolute:
         errors.append(f"{absolute / to_metre:.{DECIMALS.get(symbol, 4)}g} {symbol}")
+    if rel is None or absolute is None:  # each pair may have its own
+        errors.append("as the scene says")
     return f"{' or '.join(errors) or 'exact'}, {settings['budget_ms']:g} ms"

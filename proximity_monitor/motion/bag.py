@@ -66,6 +66,11 @@ class Bag(Motion):
         """Seconds of motion until the bag's end; None if it holds a single moment."""
         return self._length_s / self._rate or None
 
+    @property
+    def repeats(self) -> bool:
+        """Whether it plays in a loop."""
+        return self._loop
+
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Return the latest poses (4, 4), model to world in metres, at t seconds.
 

@@ -23,6 +23,11 @@ class Motion(Protocol):
     def period_s(self) -> float | None:
         """Seconds after which the motion repeats or rests; None if it does neither."""
 
+    @property
+    def repeats(self) -> bool:
+        """Whether the motion begins again after its period; else it rests."""
+        return True
+
     def seek(self, t: float) -> None:
         """Prepare for times from t seconds on, however long that takes.
 

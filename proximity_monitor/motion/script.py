@@ -53,6 +53,11 @@ class Script(Motion):
         """The time of the latest of all keys, seconds; None if nothing moves."""
         return self._end_s or None
 
+    @property
+    def repeats(self) -> bool:
+        """Whether it plays in a loop."""
+        return self._loop
+
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Return the poses (4, 4), model to world in metres, of all bodies at t seconds.
 

@@ -38,6 +38,11 @@ class Together(Motion):
         periods = [part.period_s for part in self._parts]
         return None if None in periods else max(periods)
 
+    @property
+    def repeats(self) -> bool:
+        """Whether any part goes on after its period."""
+        return any(part.repeats for part in self._parts)
+
     def seek(self, t: float) -> None:
         """Make all parts ready for times from t seconds on.
 

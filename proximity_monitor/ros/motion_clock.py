@@ -30,12 +30,13 @@ class MotionClock:
         self._begin_s = self._from_s = moment_s
         self._from_ns = now_ns
 
-    def told(self, now_ns: int, period_s: float | None) -> str:
+    def told(self, now_ns: int, period_s: float | None, repeats: bool) -> str:
         """Return what others need to know the moment at any later time: JSON for ``~/motion``.
 
         ``moment_s`` seconds of motion at the node's time ``stamp_s``, ``speed`` of them a second
-        from then on, and ``period_s`` after which it repeats or rests, null if it does neither.
+        from then on, ``period_s`` after which it repeats or rests, null if it does neither, and
+        whether it ``repeats``.
         """
         self.read(now_ns)
         told = {"moment_s": self._from_s, "stamp_s": self._from_ns * 1e-9, "speed": self.speed}
-        return json.dumps(told | {"period_s": period_s})
+        return json.dumps(told | {"period_s": period_s, "repeats": repeats})

@@ -185,7 +185,8 @@ class ProximityPlayer(Node):
         """Tell the moment of the motion where it does not follow from what was told."""
         if self._told_from_ns is None or now_ns < self._told_from_ns:
             self._told_from_ns = now_ns
-            told = self._motion_clock.told(now_ns, self._motion.period_s)
+            moves = self._motion
+            told = self._motion_clock.told(now_ns, moves.period_s, moves.repeats)
             self._to_tell.publish(String(data=told))
 
     def _publish(self) -> None:

@@ -17,6 +17,7 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 import rclpy
 from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -298,3 +299,10 @@ def test_a_scene_of_another_version_is_said_to_be_unreadable(display):
 def test_the_node_s_own_parameters_can_be_read(display):
     assert display.node.get_parameter("host").value == "127.0.0.1"
     assert "port" in display.node.list_parameters([], 0).names
+
+
+@pytest.mark.parametrize("parameter", ["monitor", "player"])
+def test_a_name_that_no_node_can_have_is_refused(rclpy_context, parameter):
+    given = [Parameter(parameter, value="a b")]
+    with pytest.raises(ParameterException, match=f"(?s)a b.*no node can have.*{parameter}"):
+        ProximityDisplay(Inbox(), Holds(), parameter_overrides=given)

@@ -18,6 +18,7 @@ from page_alone import HERE, NAMES, SCENE, THERE, drag, frame, words
 from raw_browser import RawBrowser
 
 from proximity_monitor.display import pages as all_pages
+from proximity_monitor.display import tried
 from proximity_monitor.display.state import STOP, Health
 
 
@@ -169,6 +170,20 @@ def test_what_was_tried_in_one_scene_is_not_told_in_another(page):
     told = words(page.all._limits._cost)
     assert "1.25 ms a tick" in told
     assert "1.25 2.50" not in told.split("tried in this scene")[1]
+
+
+@pytest.mark.parametrize(
+    "rel, absolute, told",
+    [
+        (None, 0.0, "as the scene says, 5 ms"),
+        (None, 0.001, "1 mm or as the scene says, 5 ms"),
+        (0.02, None, "2 % or as the scene says, 5 ms"),
+        (0.0, 0.0, "exact, 5 ms"),
+    ],
+)
+def test_what_each_pair_has_of_its_own_is_not_called_exact(rel, absolute, told):
+    settings = {"rel_err": rel, "abs_err": absolute, "budget_ms": 5.0}
+    assert tried._named(settings, "mm", 0.001) == told
 
 
 def test_a_browser_that_goes_lets_go_what_it_holds(page, server):

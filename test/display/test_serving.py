@@ -1,14 +1,17 @@
 """Whom the page's server answers."""
 
 import socket
+import sys
 import time
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
 import viser
+import websockets.asyncio.server
 from deadlines import DEADLINE_S
 from raw_browser import RawBrowser
 from websockets.exceptions import InvalidStatus
@@ -106,3 +109,17 @@ def test_what_is_handed_over_is_sent_before_the_next_block_ends(server, raw):
                 time.sleep(0.001)
             early += f"number {i}" in str(browser.last)
     assert early >= 0.7 * rounds  # on a busy machine it may give up before a sender has its turn
+
+
+def test_servers_that_start_at_once_leave_no_function_of_a_library_changed():
+    plain, out = websockets.asyncio.server.serve, sys.stdout
+
+    def start_and_stop():
+        for _ in range(3):
+            serving.stop(serving.serve("127.0.0.1", 0, "test"))
+
+    with ThreadPoolExecutor(3) as threads:
+        for each in [threads.submit(start_and_stop) for _ in range(3)]:
+            each.result()
+    assert websockets.asyncio.server.serve is plain
+    assert sys.stdout is out

@@ -86,6 +86,11 @@ def test_what_is_no_scene_is_refused_with_the_way_out(text):
         SceneInfo.read(text)
 
 
+def test_a_text_that_no_browser_can_be_told_makes_it_unreadable():
+    with pytest.raises(ValueError, match=r"not Unicode: it has \\ud83d alone"):
+        SceneInfo.read(json.dumps(TOLD | {"description": "ok \ud83d"}))
+
+
 def test_numbers_bear_their_unit():
     assert length(0.00002, MM) == "0.020 mm"
     assert length(-0.5, Unit("m", 1.0)) == "-0.50000 m"
@@ -254,6 +259,8 @@ def test_the_moment_of_a_motion_follows_from_what_its_player_told():
     assert [playing.at(stamp_s) for stamp_s in (9.0, 10.0, 11.0, 13.0)] == [2.0, 2.0, 2.5, 0.5]
     endless = Playing.read(json.dumps(MOTION | {"period_s": None}))
     assert endless.at(13.0) == 3.5
+    resting = Playing.read(json.dumps(MOTION | {"repeats": False}))
+    assert resting.at(13.0) == resting.period_s
 
 
 @pytest.mark.parametrize(

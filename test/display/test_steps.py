@@ -22,7 +22,7 @@ from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.limits import ASK_S, HAND_S, LimitsPanel
 from proximity_monitor.display.player_panel import ENDED, NONE
 from proximity_monitor.display.received import Part
-from proximity_monitor.display.state import STALE, STOP, Thresholds, Unit
+from proximity_monitor.display.state import STALE, STOP, Playing, Thresholds, Unit
 from proximity_monitor.display.tried import Tried
 from proximity_monitor.ros.pairs_message import PairsMessage, checksum
 from proximity_monitor.scene.alerts import Level
@@ -103,6 +103,26 @@ def test_a_player_that_has_ended_is_told_from_none(page):
     assert words(note) == NONE
     page.tell(player_ended=True)
     assert words(note) == ENDED
+
+
+def test_each_button_of_the_motion_does_one_thing_however_late_it_is_pressed(page, monkeypatch):
+    monkeypatch.setattr("proximity_monitor.display.player_panel.ASK_S", 0.0)
+    panel = page.all._player
+    for speed in (1.0, 0.0):  # another browser paused it, which this one may not show yet
+        page.tell(playing=Playing(0.0, 0.0, speed, 10.0))
+        press(panel._pause)
+        page.tell()
+    press(panel._play)
+    page.tell()
+    assert page.asked == [{"speed": 0.0}, {"speed": 0.0}, {"speed": 1.0}]
+    press(panel._pause)
+    page.tell(scene=replace(SCENE, name="another"))
+    assert len(page.asked) == 3, "it was meant for the motion of the scene before"
+
+
+def press(button):
+    for callback in button._impl.update_cb:
+        callback(None)
 
 
 def test_a_banner_does_not_outlive_its_scene(page):
@@ -218,14 +238,31 @@ def show(panel, scene, now_s, refusal=""):
     panel.all.show(scene, None, refusal, now_s)
 
 
-def test_a_threshold_beyond_its_slider_is_not_lowered_with_another(panel):
+def test_a_slider_shows_what_is_in_force_however_far_and_another_leaves_it(panel):
     show(panel, SCENE, 0.0)
-    far = replace(SCENE, thresholds=Thresholds(7.0, 0.02, 0.0))
+    settings = SCENE.settings | {"budget_ms": 900.0, "rel_err": 0.8, "abs_err": 2.0}
+    far = replace(SCENE, thresholds=Thresholds(7.0, 0.02, 0.0), settings=settings)
     show(panel, far, 10.0)
-    assert panel.lengths["warn"].value == panel.lengths["warn"].max == 500.0
-    set_by_hand(panel, "stop", 30.0)
+    assert panel.lengths["warn"].value == 7000.0
+    made = panel.all
+    assert (made._budget.value, made._rel.value, made._abs.value) == (900.0, 80.0, 2000.0)
+    set_by_hand(panel, "stop", 800.0)
     show(panel, far, 20.0)
-    assert panel.asked == [{"thresholds.stop": pytest.approx(0.03)}]
+    assert panel.asked == [{"thresholds.stop": pytest.approx(0.8)}]
+
+
+def test_the_sliders_of_a_scene_of_contacts_alone_can_be_used(panel):
+    show(panel, replace(SCENE, thresholds=Thresholds(0.0, 0.0, 0.0)), 0.0)
+    assert panel.lengths["warn"].max == 5.0  # mm
+    assert panel.all._abs.max == 1.0
+
+
+def test_what_was_moved_before_another_scene_came_is_not_asked_of_it(panel):
+    show(panel, SCENE, 0.0)
+    set_by_hand(panel, "warn", 200.0)
+    show(panel, replace(SCENE, name="another", thresholds=Thresholds(0.005, 0.001, 0.0)), 0.01)
+    assert panel.asked == []
+    assert panel.lengths["warn"].value == 5.0
 
 
 def test_warn_and_stop_push_each_other(panel):
@@ -265,10 +302,11 @@ def test_a_slider_is_not_pulled_from_the_hand(panel):
 
 def test_sliders_have_the_unit_of_the_scene(panel):
     show(panel, SCENE, 0.0)
-    show(panel, replace(SCENE, unit=Unit("in", 0.0254)), 10.0)
+    inches = replace(SCENE, unit=Unit("in", 0.0254))
+    show(panel, inches, 10.0)
     assert panel.lengths["warn"].label == "warn [in]"
     set_by_hand(panel, "warn", 10.0)
-    show(panel, SCENE, 20.0)
+    show(panel, inches, 20.0)
     assert panel.asked == [{"thresholds.warn": pytest.approx(0.254)}]
 
 

@@ -93,6 +93,7 @@ def test_it_begins_again_after_the_latest_key_of_all(load):
     made = load(SCRIPT)
     assert made.period_s == 4.0
     assert made.describe() == "script: 4 bodies, 4 s in a loop"
+    assert made.repeats
     first, later, before = made.poses(1.25), made.poses(9.25), made.poses(-2.75)
     for name, pose in first.items():
         assert np.array_equal(pose, later[name])
@@ -103,6 +104,7 @@ def test_it_begins_again_after_the_latest_key_of_all(load):
 def test_played_once_it_rests_at_its_end(load):
     made = load(SCRIPT.replace("script:", "script:\n    loop: false"))
     assert made.describe() == "script: 4 bodies, 4 s once"
+    assert not made.repeats
     end = made.poses(4.0)
     assert end["cart"][:3, 3] == pytest.approx([0.0, 1.0, 0.5])
     for name, pose in made.poses(1e6).items():
