@@ -115,9 +115,9 @@ def _decided(decisions: Decisions, pair: PairName) -> tuple[str, str]:
 
 
 def csv_of(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table as CSV."""
+    """Return a table as CSV (RFC 4180), whatever the texts in it are."""
     out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
+    writer = csv.writer(out, lineterminator="\r\n")  # what is in it is quoted in texts
     writer.writerow(head)
     writer.writerows(rows)
     return out.getvalue()

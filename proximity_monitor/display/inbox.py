@@ -75,8 +75,8 @@ class Inbox:
         self._news = News()
         self._turn = 0  # so many scenes have begun
         self._parts = b""
-        self._pairs: dict[bytes, bytes] = {}  # by stamp, of ticks whose poses have not come
-        self._poses: dict[bytes, bytes] = {}
+        self._pairs: deque[bytes] = deque(maxlen=UNREAD)  # of ticks whose poses have not come
+        self._poses: deque[bytes] = deque(maxlen=UNREAD)
         self._matched: deque[tuple[bytes, bytes, float]] = deque(maxlen=UNREAD)
         self._came = threading.Event()
 
@@ -173,15 +173,19 @@ class Inbox:
         told = others if error is None else others | {kind: error}
         self._news = replace(self._news, unreadable=told)
 
-    def _match(self, data: bytes, own: dict[bytes, bytes], other: dict[bytes, bytes]) -> None:
-        """A tick is complete when both messages with its stamp have come."""
-        stamp = bytes(data[_STAMP])
-        if stamp not in other:
-            own[stamp] = data
-            while len(own) > UNREAD:
-                del own[next(iter(own))]
+    def _match(self, data: bytes, own: deque[bytes], other: deque[bytes]) -> None:
+        """A tick is complete when both messages with its stamp have come.
+
+        Each topic is in order. So what came before a half that is matched has lost its other half;
+        if it stayed, a clock that repeats its stamp would match it with a later tick's.
+        """
+        if all(each[_STAMP] != data[_STAMP] for each in other):
+            own.append(data)
             return
-        pairs, poses = (data, other.pop(stamp)) if own is self._pairs else (other.pop(stamp), data)
+        own.clear()
+        while (half := other.popleft())[_STAMP] != data[_STAMP]:
+            pass
+        pairs, poses = (data, half) if own is self._pairs else (half, data)
         self._matched.append((pairs, poses, time.monotonic()))
         self._came.set()
 

@@ -191,7 +191,7 @@ class Page:
         frame, seen = self._session.at(stamp_s), self._choice.seen
         if seen is not None and frame.stamp_s != stamp_s:
             pair, then = seen
-            if (pair, then.stamp_s) == (self._choice.pair, stamp_s):
+            if (pair, then.stamp_s) == (self._choice.pair, stamp_s) and then.placed:
                 return then.frame(pair)
         return frame
 
@@ -280,7 +280,6 @@ class Page:
 
     def _on_word(self, word: str) -> None:
         what, _, name = word.partition(":")
-        pair, choice = as_pair(name), self._choice
         if what == "unfilter":
             self._filters.clear()
         elif what == "event":
@@ -289,14 +288,22 @@ class Page:
             self._event_list.turn(name)
         elif what == conflict_list.TURN:
             self._conflict_list.turn(name)
-        elif what == "conflict":
-            self._conflict_list.go(pair)
-        elif (
-            self._shown is None
-            or pair not in self._shown.frame.pairs.places.keys() | choice.ignored
-        ):
-            return  # it has gone since, or a browser sent what was not pressed
-        elif what == "ignore":
+        elif self._shown is not None:
+            self._on_pair(what, name)
+
+    def _on_pair(self, what: str, name: str) -> None:
+        """Do what was pressed at a pair; one that is not there was not pressed, or has gone."""
+        choice, bodies = self._choice, self._shown.scene.names
+        if what == "conflict":
+            pair = as_pair(name, lambda pair: pair[0] in bodies and pair[1] in bodies)
+            if pair is not None:
+                self._conflict_list.go(pair)
+            return
+        there = self._shown.frame.pairs.places.keys() | choice.ignored
+        pair = as_pair(name, there.__contains__)
+        if pair is None:
+            return
+        if what == "ignore":
             choice.ignore(pair)
         elif what == "pick":
             choice.pair = None if choice.pair == pair else pair
@@ -319,7 +326,7 @@ class Page:
     def _return_to_worst(self) -> None:
         """Hold the two bodies of the worst pair where they were."""
         found = self._session.worst(self._choice.pair, self._choice.ignored)
-        if found is None:
+        if found is None or not found[1].placed:
             return
         pair, worst = found
         self._choice.at_s = None

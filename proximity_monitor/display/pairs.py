@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from html import escape
 
 import numpy as np
@@ -186,7 +187,14 @@ def _ignored(pairs: Pairs, scene: SceneInfo, choice: Choice) -> str:
     return f"<div class=pm-small>hidden here, press to watch again: {', '.join(links)}</div>"
 
 
-def as_pair(name: str) -> PairName:
-    """Return the pair's names from a pressed word."""
-    a, _, b = name.partition(" - ")
-    return a, b
+def as_pair(name: str, known: Callable[[PairName], bool]) -> PairName | None:
+    """Return the pair's names from a pressed word; None: no pair that is known is called so.
+
+    Args:
+        name: of both bodies, as the list has it. The name of a body may have a hyphen too.
+        known: whether there is such a pair.
+    """
+    parts = name.split(" ")
+    cuts = (i for i, part in enumerate(parts) if part == "-")
+    pairs = ((" ".join(parts[:i]), " ".join(parts[i + 1 :])) for i in cuts)
+    return next(filter(known, pairs), None)

@@ -63,7 +63,7 @@ class ReportFiles:
         pictures = {
             each.pair: portraits(each.worst, each.pair)
             for each in found[:PICTURES]
-            if each.worst is not None
+            if each.worst is not None and each.worst.placed
         }
         of_events = dict(events.pictures)
         for event in pictured(found):

@@ -1,6 +1,7 @@
 """The smallest clearance and the worst state of each pair in the session.
 
-They are in columns, because a tick may change thousands.
+They are in columns, because a tick may change thousands. Pairs share the poses of a tick. Where all
+poses would take too much memory, those of the pairs that were farthest apart are forgotten.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from proximity_monitor.display.choice import PairName
 from proximity_monitor.display.order import CLEAR_KIND, STALE_KIND, kinds
 from proximity_monitor.display.snapshot import Snapshot
 from proximity_monitor.display.state import STALE, Frame, PairNames
+
+BYTES = 64_000_000
+"""Bytes that the poses may take."""
 
 _MOMENT = np.dtype(
     [
@@ -39,6 +43,10 @@ class Smallest:
         self._places: dict[PairName, int] = {}
         self._moments = np.empty(0, _MOMENT)
         self._last: tuple[PairNames, np.ndarray] = ((), np.empty(0, int))
+        self._bytes = (
+            0  # of the poses of all ticks since they were counted, so that or less is kept
+        )
+        self._bodies = 0
 
     def clear(self) -> None:
         """Begin anew."""
@@ -46,6 +54,7 @@ class Smallest:
             self._places = {}
             self._moments = np.empty(0, _MOMENT)
             self._last = ((), np.empty(0, int))
+            self._bytes = 0
 
     def note(self, frame: Frame) -> None:
         """Take a tick. What is stale does not count."""
@@ -64,6 +73,10 @@ class Smallest:
             poses = np.empty((), object)
             poses[()] = frame.poses
             self._moments["poses"][at] = poses
+            self._bodies = len(frame.poses)
+            self._bytes += frame.poses.nbytes if len(at) else 0
+            if self._bytes > BYTES:
+                self._forget_poses()
 
     @property
     def pairs(self) -> list[PairName]:
@@ -109,10 +122,24 @@ class Smallest:
             places = self._places
             at = np.fromiter((places.setdefault(n, len(places)) for n in names), int, len(names))
             more = np.zeros(len(places) - len(self._moments), _MOMENT)
-            more["upper"], more["worst"] = np.inf, CLEAR_KIND
+            more["upper"], more["worst"], more["poses"] = np.inf, CLEAR_KIND, None
             self._moments = np.concatenate((self._moments, more))
             self._last = (names, at)
         return self._last[1]
+
+    def _forget_poses(self) -> None:
+        """Keep poses in half of their memory, those of the pairs that were nearest."""
+        poses, kept, size = self._moments["poses"], set(), 0
+        for row in np.argsort(self._moments["upper"]).tolist():
+            each = poses[row]
+            if each is None or id(each) in kept:
+                continue
+            if size + each.nbytes > BYTES // 2:
+                poses[row] = None
+            else:
+                kept.add(id(each))
+                size += each.nbytes
+        self._bytes = size
 
     def _snapshot(self, row: int) -> Snapshot | None:
         found = self._moments[row]
@@ -122,7 +149,7 @@ class Smallest:
             float(found["lower"]),
             float(found["upper"]),
             float(found["stamp_s"]),
-            found["poses"],
+            np.zeros((self._bodies, 7)) if found["poses"] is None else found["poses"],
             found["points"].copy(),
             int(found["status"]),
             int(found["level"]),

@@ -19,13 +19,18 @@ class Snapshot:
     """Metres; surely reached."""
     stamp_s: float
     poses: np.ndarray
-    """(m, 7) poses of the moving bodies at that tick."""
+    """(m, 7) poses of the moving bodies at that tick; all zeros where they are forgotten."""
     points: np.ndarray
     """(2, 3) the closest points then."""
     status: int
     """A position in `state.STATUSES`."""
     level: int
     """A position in `state.LEVELS`."""
+
+    @property
+    def placed(self) -> bool:
+        """Whether it is known where the bodies were."""
+        return not len(self.poses) or bool(self.poses[:, 3:].any())
 
     @classmethod
     def of(cls, frame: Frame, row: int) -> Snapshot:

@@ -81,7 +81,7 @@ class Timeline:
 
     def _tell_worst(self, scene: SceneInfo) -> None:
         found = self._session.worst(self._choice.pair, self._choice.ignored)
-        self._return.disabled = found is None
+        self._return.disabled = found is None or not found[1].placed
         if found is None:
             self._worst.content = ""
             return

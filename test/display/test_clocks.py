@@ -80,3 +80,19 @@ def test_the_times_of_a_thinned_session_count_from_its_first_tick(monkeypatch):
         session.add(ticks.frame(100.0 + i, [0.2, 0.3]))
     assert session.thinned_s is not None
     assert session.span_s[0] == 100.0
+
+
+def test_poses_of_the_smallest_clearances_stay_bounded_and_those_of_the_nearest_known(monkeypatch):
+    monkeypatch.setattr("proximity_monitor.display.smallest.BYTES", 100 * 2 * 7 * 8)
+    names = tuple(("a", f"p{i}") for i in range(400))
+    session = Session()
+    lower = np.full(len(names), 9.0)
+    for i in range(len(names)):
+        lower[i] = 0.001 * (1 + (i * 7) % 400)  # each at its own tick
+        session.add(ticks.frame(1.0 + i, lower.copy(), names=names))
+    worst = [session.worst(name)[1] for name in names]
+    known = [each for each in worst if each.placed]
+    assert 50 <= len({id(each.poses) for each in known}) <= 100
+    assert all(each.placed for each in sorted(worst, key=lambda each: each.upper)[:50])
+    assert all((each.poses == each.stamp_s).all() for each in known)
+    assert all(each.upper < 9.0 and not each.poses.any() for each in worst if not each.placed)

@@ -12,6 +12,11 @@ from proximity_monitor.display.inbox import Inbox
 NEXT = replace(SCENE, name="the next")
 
 
+def half(tick, stamp="1"):
+    """A message of a stamp, which tells its tick."""
+    return bytes(11) + f"{stamp}{tick}".encode()
+
+
 @pytest.mark.parametrize("kind", ["read_parts", "_tick"])
 def test_what_is_being_read_when_another_scene_begins_is_not_taken_for_its_own(kind, monkeypatch):
     inbox = Inbox()
@@ -27,9 +32,26 @@ def test_what_is_being_read_when_another_scene_begins_is_not_taken_for_its_own(k
     if kind == "read_parts":
         inbox.put_parts(b"meshes")
     else:
-        for put in (inbox.put_pairs, inbox.put_poses):
-            put(bytes(12))
-            put(bytes(11) + b"1")
+        for tick in "12":
+            for put in (inbox.put_pairs, inbox.put_poses):
+                put(half(tick))
     news = inbox.read()
     assert (news.scene, news.parts, news.frame, news.passed) == (NEXT, None, None, ())
     assert not news.unreadable
+
+
+def test_each_message_goes_with_the_one_of_its_tick_also_where_a_stamp_comes_again():
+    inbox = Inbox()
+    for put, tick in (
+        (inbox.put_pairs, "1"), (inbox.put_pairs, "2"),  # of a clock that stands still
+        (inbox.put_poses, "1"), (inbox.put_poses, "2"), (inbox.put_pairs, "3"),
+        (inbox.put_poses, "3"),
+    ):  # fmt: skip
+        put(half(tick))
+    inbox.put_poses(half("lost", "2"))
+    inbox.put_pairs(half("4", "3"))
+    inbox.put_poses(half("4", "3"))
+    inbox.put_pairs(half("5", "2"))  # its clock went back
+    inbox.put_poses(half("5", "2"))
+    told = [(pairs[12:], poses[12:]) for pairs, poses, _ in inbox._matched]
+    assert told == [(tick.encode(),) * 2 for tick in "12345"]

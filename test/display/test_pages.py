@@ -8,17 +8,20 @@ import time
 from collections import deque
 from dataclasses import replace
 
+import numpy as np
 import pytest
+import ticks
 from deadlines import DEADLINE_S
 
 pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
-from page_alone import HERE, NAMES, SCENE, THERE, drag, frame, words
+from page_alone import CORNERS, HERE, NAMES, SCENE, THERE, drag, frame, words
 from raw_browser import RawBrowser
 
 from proximity_monitor.display import pages as all_pages
 from proximity_monitor.display import tried
+from proximity_monitor.display.received import Part
 from proximity_monitor.display.state import STOP, Health
 
 
@@ -170,6 +173,27 @@ def test_what_was_tried_in_one_scene_is_not_told_in_another(page):
     told = words(page.all._limits._cost)
     assert "1.25 ms a tick" in told
     assert "1.25 2.50" not in told.split("tried in this scene")[1]
+
+
+def test_a_pair_is_found_by_its_names_whatever_hyphens_they_have(page):
+    bodies = ("x -", "y", "x", "- z", "p - q")
+    pairs = (("x -", "y"), ("x", "- z"), ("y", "p - q"))
+    scene = replace(
+        SCENE, pairs=3, bodies=tuple(replace(SCENE.bodies[0], name=name) for name in bodies)
+    )
+    told = ticks.frame(1.0, [0.3] * 3, names=pairs)
+    parts = [Part(HERE, np.ones(4), CORNERS)] * len(bodies)
+    page.tell(scene=scene, parts=parts, frame=replace(told, poses=np.tile(HERE, (5, 1))))
+    for pair in pairs:
+        page.all._on_word(f"ignore:{' - '.join(pair)}")
+    assert page.choice.ignored == frozenset(pairs)
+    for what in ("ignore", "pick", "conflict"):
+        page.all._on_word(f"{what}:no such - pair")
+        page.all._on_word(f"{what}:nothing")
+    assert page.choice.ignored == frozenset(pairs)
+    assert page.choice.pair is None
+    page.all._on_word("conflict:p - q - y")
+    assert page.choice.pair == ("p - q", "y")
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from proximity_monitor.display import replay, report
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.decisions import Decision
 from proximity_monitor.display.events import Events
-from proximity_monitor.display.export import events_csv, pairs_csv
+from proximity_monitor.display.export import csv_of, events_csv, pairs_csv
 from proximity_monitor.display.found import conflicts, find, moment
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.portraits import Sitting, _aimed, _close
@@ -227,3 +227,9 @@ def test_a_replay_ends_with_the_session_and_waits_for_no_clock(monkeypatch):
     assert [stamp_s - 1e9 for stamp_s in shown] == pytest.approx([0.0, 2.0, 3000.01])
     assert slept == [2.0, 10.0, 0.0]
     assert "plays 2 of 4 kept ticks, pauses cut to 10 s" in document
+
+
+@pytest.mark.parametrize("text", ["one\rtwo", "one\r\ntwo", 'a "b", c', "\ud7ff"])
+def test_every_text_comes_back_from_a_table(text):
+    table = csv_of(["a", "b"], [["x", text], ["y", "z"]])
+    assert list(csv.reader(io.StringIO(table, newline="")))[1:] == [["x", text], ["y", "z"]]
