@@ -54,6 +54,21 @@ class Body:
     point: bool
     mesh: str
     """A checksum, which differs for different meshes."""
+    solid: bool = True
+    """Whether its model encloses a volume."""
+    colour: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
+    """Red, green, blue, opacity."""
+    pose: tuple[float, ...] | None = None
+    """x y z in metres and quaternion w x y z of a fixed body; None: it moves."""
+    range: float = math.inf
+    """Metres; its pairs that are not listed are certainly farther apart."""
+
+    @classmethod
+    def read(cls, told: Mapping[str, Any]) -> Body:
+        """Read one of ~/scene's bodies; lists become tuples, so that bodies can be compared."""
+        values = {key: tuple(x) if isinstance(x, list) else x for key, x in told.items()}
+        least = values.get("range")
+        return cls(**values | {"range": math.inf if least is None else least})
 
 
 @dataclass(frozen=True)
@@ -96,7 +111,7 @@ class SceneInfo:
                 description=told["description"],
                 frame=told["frame"],
                 unit=Unit(**told["unit"]),
-                bodies=tuple(Body(**body) for body in told["bodies"]),
+                bodies=tuple(map(Body.read, told["bodies"])),
                 deforming=frozenset(told["deforming"]),
                 pairs=told["pairs"],
                 thresholds=Thresholds(**told["thresholds"]),

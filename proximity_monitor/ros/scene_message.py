@@ -12,7 +12,11 @@ a body's control points arrive for the first time, or when there is a new word.
 ``unit``            ``symbol`` and ``to_metre``
 ``bodies``          in the scene's order (that of the markers of ``~/parts``): ``name``,
                     ``moving``, ``topic`` (its full name) of its PoseStamped or null where none are
-                    taken in, ``point``, whether it is a single point, and ``mesh``, a checksum
+                    taken in, ``point``, whether it is a single point, ``mesh``, a checksum,
+                    ``solid``, whether its model encloses a volume, ``colour`` (red, green, blue,
+                    opacity), ``pose`` (x y z, quaternion w x y z) where it is fixed, else null, and
+                    ``range``: its pairs that ``~/pairs`` does not list are farther apart; null: all
+                    are listed
 ``checksum``        of the bodies' names, CRC-32, which ``~/pairs`` bears too
 ``words``           texts that ``~/pairs`` has numbers for; new ones are appended
 ``deforming``       names of the bodies whose control points have arrived since the start
@@ -29,6 +33,7 @@ a body's control points arrive for the first time, or when there is a new word.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
@@ -36,6 +41,7 @@ from std_msgs.msg import String
 
 from proximity_monitor import engine
 from proximity_monitor.ros.pairs_message import checksum
+from proximity_monitor.ros.parts import to_quaternion
 from proximity_monitor.ros.scene_parameters import MAX_PAIRS, Settings
 from proximity_monitor.scene import Body, Scene, Thresholds
 from proximity_monitor.scene.description import Point
@@ -52,9 +58,17 @@ class SceneMessage:
     ) -> None:
         """Take the scene that is watched, its models, and what returns a topic's full name."""
         self._scene = scene
-        self._bodies = [_body(body, models[body.name], full_name) for body in scene.bodies]
+        self._own = []
+        ranges = {body.name: math.inf for body in scene.bodies}
+        for i, pair in enumerate(scene.pairs):
+            if pair.own_thresholds:
+                self._own.append(i)
+            for name in (pair.a, pair.b):
+                ranges[name] = min(ranges[name], pair.range)
+        self._bodies = [
+            _body(body, models[body.name], full_name, ranges[body.name]) for body in scene.bodies
+        ]
         self._checksum = checksum([body.name for body in scene.bodies])
-        self._own = [i for i, pair in enumerate(scene.pairs) if pair.own_thresholds]
         with_own = set(self._own)
         self._common = next((i for i in range(len(scene.pairs)) if i not in with_own), None)
 
@@ -103,7 +117,14 @@ class SceneMessage:
         return String(data=json.dumps(told))
 
 
-def _body(body: Body, model: engine.Model, full_name: Callable[[str], str]) -> dict[str, Any]:
+def _body(
+    body: Body, model: engine.Model, full_name: Callable[[str], str], least: float
+) -> dict[str, Any]:
+    """Return what is told of a body; `least` is the smallest range of its pairs, metres."""
+    pose = None
+    if body.pose is not None:
+        x, y, z, w = to_quaternion(body.pose[:3, :3])
+        pose = [*body.pose[:3, 3].tolist(), w, x, y, z]
     return {
         "name": body.name,
         "moving": body.moving,
@@ -111,6 +132,10 @@ def _body(body: Body, model: engine.Model, full_name: Callable[[str], str]) -> d
         "topic": None if body.topic is None else full_name(body.topic),
         "point": isinstance(body.primitive, Point),
         "mesh": model.digest(),
+        "solid": model.is_solid,
+        "colour": list(body.colour),
+        "pose": pose,
+        "range": least if math.isfinite(least) else None,
     }
 
 

@@ -310,14 +310,39 @@ def test_the_scene_is_read_as_the_monitor_writes_it(tmp_path):
     topics = [body.topic for body in scene.bodies]
     assert topics == [None, "/left/bodies/ball/pose", "/left/hand"]
     assert [body.point for body in scene.bodies] == [False, False, True]
+    assert [body.solid for body in scene.bodies] == [True, True, False]
+    table, ball, _ = scene.bodies
+    assert table.pose == pytest.approx((0.0, 0.0, -0.025, 1.0, 0.0, 0.0, 0.0))
+    assert ball.pose is None
+    assert len(ball.colour) == 4
     in_bulk = described(tmp_path, SCENE, body_topics=False)
     assert [body.topic for body in in_bulk.bodies] == [None] * 3
 
 
-def test_another_mesh_makes_it_another_scene(tmp_path):
+@pytest.mark.parametrize(
+    "before, after",
+    [
+        ("radius: 100}}", "radius: 101}}"),
+        ("0, -25]}", "0, -26]}"),
+        ("0, -25]}", "0, -25]}, colour: [1, 0, 0, 1]"),
+        ("moving: true}", "moving: true, colour: [1, 0, 0, 1]}"),
+    ],
+)
+def test_what_looks_otherwise_or_stands_elsewhere_makes_it_another_scene(tmp_path, before, after):
     key = described(tmp_path, SCENE).key
     assert described(tmp_path, SCENE).key == key
-    assert described(tmp_path, SCENE.replace("radius: 100", "radius: 101")).key != key
+    assert described(tmp_path, SCENE.replace(before, after)).key != key
+
+
+def test_the_least_range_of_a_body_s_pairs_is_told(tmp_path):
+    watch = """
+pairs:
+  watch:
+    - {between: [table, ball], thresholds: {warn: 20, stop: 10}}
+    - {between: [table, cursor], thresholds: {warn: 20, stop: 10}, range: 300}
+"""
+    scene = described(tmp_path, SCENE + watch, thresholds=(Thresholds(0.02, 0.01, 0),) * 2)
+    assert [body.range for body in scene.bodies] == pytest.approx([0.3, np.inf, 0.3])
 
 
 def test_another_serialisation_is_refused():
