@@ -12,6 +12,9 @@ SHARP = 30.0
 SMOOTH = 10.0
 """Degrees between a surface's own normals at one place, up to which it is smooth there."""
 
+LOCKED = 1e-9
+"""Radians from a pitch of 90 degrees, below which nobody sees about which axis a part rolls."""
+
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
@@ -43,12 +46,21 @@ def from_degrees(roll: float, pitch: float, yaw: float) -> np.ndarray:
 
 
 def to_degrees(quaternion: np.ndarray) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw, in degrees; pitch within -90 to 90."""
+    """Return roll, pitch and yaw, in degrees; pitch within -90 to 90, the others to 180.
+
+    At a pitch of 90 or -90 degrees they all turn about one axis, and yaw is 0.
+    """
     w, x, y, z = quaternion.tolist()
-    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return math.degrees(roll), math.degrees(pitch), math.degrees(yaw)
+    # Half the sum of roll and yaw, half their difference, and how well each of them is known.
+    half_sum, sum_known = math.atan2(x + z, w - y), math.hypot(x + z, w - y)
+    half_less, less_known = math.atan2(x - z, w + y), math.hypot(x - z, w + y)
+    if sum_known < LOCKED:
+        half_sum = half_less
+    elif less_known < LOCKED:
+        half_less = half_sum
+    pitch = math.degrees(2.0 * math.atan2(less_known, sum_known)) - 90.0
+    roll, yaw = (math.degrees(angle) for angle in (half_sum + half_less, half_sum - half_less))
+    return math.remainder(roll, 360.0), pitch, math.remainder(yaw, 360.0)
 
 
 def shared(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

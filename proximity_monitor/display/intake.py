@@ -23,6 +23,9 @@ TEXT = 2000
 FAR = 1e9
 """No number is beyond it."""
 
+TURN = 1e-3
+"""No quaternion is shorter; those of handles are of unit length but for rounding."""
+
 PICTURE = "GetRenderResponseMessage"
 KINDS = {
     name: getattr(_messages, name)
@@ -66,7 +69,7 @@ class Intake:
                 self._put_back(told["uuid"])
             return False
         if kind == "TransformControlsUpdateMessage":
-            return any(told["wxyz"])
+            return math.hypot(*told["wxyz"]) > TURN
         return kind != "GuiUpdateMessage" or self._legal(told["uuid"], told["updates"])
 
     def _legal(self, uuid: str, updates: dict[str, Any]) -> bool:

@@ -65,13 +65,22 @@ def test_a_scene_is_read():
     assert scene.thresholds_of(("a", "c")) == Thresholds(0.2, 0.1, 0.0)
 
 
+def last_body(**changed):
+    return {"bodies": [*TOLD["bodies"][:2], TOLD["bodies"][2] | changed]}
+
+
 @pytest.mark.parametrize(
     "changed, other",
     [
         ({"name": "cell_2"}, True),
         ({"frame": "base"}, True),
         ({"unit": {"symbol": "in", "to_metre": 0.0254}}, True),
-        ({"bodies": [*TOLD["bodies"][:2], TOLD["bodies"][2] | {"mesh": "4"}]}, True),
+        (last_body(mesh="4"), True),
+        (
+            {"bodies": [TOLD["bodies"][0] | {"pose": [1, 0, 0, 1, 0, 0, 0]}, *TOLD["bodies"][1:]]},
+            True,
+        ),
+        ({"bodies": [TOLD["bodies"][0] | {"colour": [1, 0, 0, 1]}, *TOLD["bodies"][1:]]}, True),
         ({"settings": {"rate_hz": 10.0}, "deforming": ["b"]}, False),
     ],
 )
@@ -234,6 +243,17 @@ def test_degrees_and_quaternions_agree(angles):
     turn = from_degrees(*angles)
     np.testing.assert_allclose(to_degrees(turn), angles, atol=1e-9)
     assert np.linalg.norm(turn) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("pitch", [90.0, -90.0, 90.0 - 1e-8, 89.9999, 90.0005])
+@pytest.mark.parametrize("roll, yaw", [(30.0, 0.0), (30.0, 10.0), (123.0, -77.0), (0.0, 180.0)])
+def test_angles_of_a_part_that_points_straight_up_or_down_are_its_own(roll, pitch, yaw):
+    turn = from_degrees(roll, pitch, yaw)
+    told = to_degrees(turn)
+    there = abs(turn @ from_degrees(*told))
+    assert np.degrees(2.0 * np.arccos(min(1.0, there))) < 1e-5
+    if abs(pitch) == 90.0:
+        assert told[2] == 0.0
 
 
 def test_roll_pitch_and_yaw_turn_about_fixed_axes_in_this_order():
