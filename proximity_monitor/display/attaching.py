@@ -8,7 +8,6 @@ from html import escape
 import viser
 
 from proximity_monitor.display.choice import Choice
-from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.scene.naming import safe
 
@@ -21,13 +20,12 @@ class Attaching:
     def __init__(
         self,
         gui: viser.GuiApi,
-        hand: Hand,
         choice: Choice,
         ask: Callable[[Mapping[str, str]], None],
     ) -> None:
         """Add it at this place of the GUI; `ask` sends parameters to the monitor."""
         self._choice = choice
-        self._asked = False
+        self._asked = ""
         self._told: tuple = ()
         self._parent = gui.add_dropdown(
             "Attached to", (NOTHING,), hint="They move together from now on, for all browsers"
@@ -39,9 +37,8 @@ class Attaching:
             child, parent = self._choice.body, self._parent.value
             if event.client is None or child is None:
                 return
-            hand.release(child)  # else it would be shown where the hand left it
-            self._asked = True
-            ask({f"attachments.{safe(child)}": "" if parent == NOTHING else parent})
+            self._asked = f"attachments.{safe(child)}"
+            ask({self._asked: "" if parent == NOTHING else parent})
 
     def show(self, news: News) -> None:
         """Follow what is in force."""
@@ -55,5 +52,5 @@ class Attaching:
             self._told = (child, parent, news.refusal)
             self._parent.value = parent
         self._parent.disabled = child is None
-        told = f"not taken: {news.refusal}" if self._asked and news.refusal else ""
+        told = f"not taken: {news.refusal}" if self._asked in news.refused else ""
         self._refusal.content = f'<div class="pm pm-small pm-unproved">{escape(told)}</div>'

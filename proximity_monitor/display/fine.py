@@ -8,6 +8,7 @@ import numpy as np
 import viser
 
 from proximity_monitor.display.geometry import (
+    IDENTITY,
     conjugate,
     from_rotation_vector,
     multiply,
@@ -43,6 +44,8 @@ class Fine:
             self._turn = gui.add_number("Turn step [deg]", 1.0, min=0.0, max=90.0)
             shifts = gui.add_button_group("Step by", SHIFTS)
             turns = gui.add_button_group("Turn by", TURNS)
+        self._start = self._hand = IDENTITY  # the part's pose, and where the hand was last
+        self._shift, self._turned = np.zeros(3), np.zeros(3)  # of the drag so far
         key = gui.add_command("Finer drags", hotkey="F")
 
         @shifts.on_click
@@ -70,24 +73,31 @@ class Fine:
     def _steps(self) -> tuple[float, float]:
         return self._step.value * self._unit.to_metre, np.radians(self._turn.value)
 
-    def followed(self, start: np.ndarray, hand: np.ndarray) -> np.ndarray:
+    def grip(self, start: np.ndarray, hand: np.ndarray) -> None:
+        """Begin a drag of what is at a pose (7,), with the handles at another; metres."""
+        self._start, self._hand = start, hand
+        self._shift, self._turned = np.zeros(3), np.zeros(3)
+
+    def followed(self, hand: np.ndarray) -> np.ndarray:
         """Return where a drag takes a part: its pose (7,) for where the hand has the handles.
 
+        Each move of the hand counts by the gear of its own time. A drag turns about one axis, so
+        that turns add up, beyond half a turn as well.
+
         Args:
-            start: the handles' pose at the drag's begin; metres.
-            hand: their pose now.
+            hand: the handles' pose (7,) now; metres.
         """
-        gear = 10.0 ** -GEARS.index(self._gear.value)
-        back = conjugate(start[3:])
-        shift = gear * rotate(back, hand[:3] - start[:3])
-        turn = gear * to_rotation_vector(multiply(back, hand[3:]))
+        gear, before, self._hand = 10.0 ** -GEARS.index(self._gear.value), self._hand, hand
+        self._shift += gear * rotate(conjugate(self._start[3:]), hand[:3] - before[:3])
+        self._turned += gear * to_rotation_vector(multiply(conjugate(before[3:]), hand[3:]))
+        shift, turn = self._shift, self._turned
         if self._snap.value:
             step, angle = self._steps()
             shift = np.round(shift / step) * step if step > 0.0 else shift
             size = np.linalg.norm(turn)
             if angle > 0.0 and size > 0.0:
                 turn = turn * (np.round(size / angle) * angle / size)
-        return stepped(start, shift, turn)
+        return stepped(self._start, shift, turn)
 
 
 def stepped(pose: np.ndarray, shift: np.ndarray, turn: np.ndarray) -> np.ndarray:

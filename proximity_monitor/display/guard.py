@@ -2,39 +2,79 @@
 
 A clearance shrinks by no more than a body moves. So from the pose of the last tick a body may move
 by as much as its smallest certified lower bound is above the limit. Each tick allows the next move,
-and no pose that is published comes nearer than the limit, as long as the other bodies rest.
+and no pose that is published comes nearer than the limit, as long as the other bodies rest. What is
+attached to a body moves with it, so its bounds count as well, and how far it reaches.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from proximity_monitor.display.geometry import between, rotate
+from proximity_monitor.display.geometry import between, conjugate, moved, multiply, rotate
+from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.state import UNKNOWN, Frame, SceneInfo
 
 FREE, AT_STOP, AT_CONTACT = "nowhere", "at stop", "at contact"
 
-_HALVINGS = 30
+SURELY = 1.02
+"""A part may reach beyond the triangles that are shown, by less than this."""
+
+_HALVINGS = 40
 
 
-def slack(name: str, frame: Frame, scene: SceneInfo, where: str) -> float:
-    """Return how far a body may move from where it is in a tick, in metres.
+def carried(name: str, attachments: Mapping[str, str]) -> frozenset[str]:
+    """Return a body with all that move with it, by the parent's name of each attached one."""
+    found, new = frozenset(), frozenset({name})
+    while new:
+        found |= new
+        new = frozenset(child for child, parent in attachments.items() if parent in new) - found
+    return found
 
-    Not positive: it is at the limit, or nearer. Pairs that are not listed are beyond their range,
-    which is never smaller than warn.
+
+def slack(group: Collection[str], frame: Frame, scene: SceneInfo, where: str) -> float:
+    """Return how far bodies that move together may move from where they are in a tick, in metres.
+
+    Not positive: they are at the limit, or nearer. Pairs that are not listed are beyond their
+    range, which counts as `warn` and the hysteresis at least.
     """
+
+    def limit(pair: tuple[str, str]) -> float:
+        return scene.thresholds_of(pair).stop if where == AT_STOP else 0.0
+
+    def meets(pair: tuple[str, str]) -> bool:
+        return (pair[0] in group) != (pair[1] in group)
+
     pairs, found = frame.pairs, math.inf
     for i, pair in enumerate(pairs.names):
-        if name in pair:
-            limit = scene.thresholds_of(pair).stop if where == AT_STOP else 0.0
+        if meets(pair):
             known = pairs.status[i] != UNKNOWN
-            found = min(found, float(pairs.lower[i]) - limit if known else 0.0)
-    if len(pairs) < scene.pairs:
-        every = [scene.thresholds, *scene.own_thresholds.values()]
-        found = min(found, *(x.warn - (x.stop if where == AT_STOP else 0.0) for x in every))
+            found = min(found, float(pairs.lower[i]) - limit(pair) if known else 0.0)
+    beyond = min((body.range for body in scene.bodies if body.name in group), default=math.inf)
+    if len(pairs) < scene.pairs and beyond < math.inf:
+        own = [pair for pair in scene.own_thresholds.keys() - pairs.places.keys() if meets(pair)]
+        for limits in (scene.thresholds, *map(scene.thresholds_of, own)):
+            stop = limits.stop if where == AT_STOP else 0.0
+            found = min(found, max(beyond, limits.warn + limits.hysteresis) - stop)
     return found
+
+
+def radius_of(
+    name: str, group: Collection[str], frame: Frame, scene: SceneInfo, parts: Parts
+) -> float:
+    """Return that of a ball about a body's centre that holds all that move with it, in metres.
+
+    Infinite: the pose of one of them is not known.
+    """
+    poses = {each: frame.pose(scene.moving.index(each)) for each in group}
+    if any(pose is None for pose in poses.values()):
+        return math.inf
+    centres = {x: moved(pose, parts[x].centre / parts.scale)[:3] for x, pose in poses.items()}
+    sizes = {x: np.linalg.norm(parts[x].high - parts[x].low) / 2.0 / parts.scale for x in group}
+    away = {x: np.linalg.norm(centre - centres[name]) for x, centre in centres.items()}
+    return max(float(away[each] + SURELY * sizes[each]) for each in group)
 
 
 def reach(before: np.ndarray, after: np.ndarray, centre: np.ndarray, radius: float) -> float:
@@ -47,8 +87,8 @@ def reach(before: np.ndarray, after: np.ndarray, centre: np.ndarray, radius: flo
         radius: of a ball about it that contains the body, metres.
     """
     shift = after[:3] - before[:3] + rotate(after[3:], centre) - rotate(before[3:], centre)
-    cosine = min(1.0, abs(float(before[3:] @ after[3:])))  # of half the angle between them
-    return float(np.linalg.norm(shift)) + 2.0 * math.sqrt(1.0 - cosine * cosine) * radius
+    sine = np.linalg.norm(multiply(conjugate(before[3:]), after[3:])[1:])  # of half the angle
+    return float(np.linalg.norm(shift)) + 2.0 * float(sine) * radius
 
 
 def farthest(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -22,6 +22,7 @@ class Holds:
         self._lock = threading.RLock()
         self._poses: dict[str, np.ndarray] = {}
         self._owners: dict[str, Hand] = {}
+        self._attached: frozenset[str] = frozenset()
         self.on_move: Callable[[], None] = lambda: None
         """Called after a body was moved, in whatever thread."""
 
@@ -36,6 +37,13 @@ class Holds:
         with self._lock:
             return self._owners.get(name)
 
+    def follow(self, attached: Iterable[str]) -> None:
+        """Let bodies that are attached to others go, whoever holds them; no hand may take them."""
+        with self._lock:
+            self._attached = frozenset(attached)
+            for name in self._attached & self._owners.keys():
+                self._owners[name].release(name)
+
     def release(self) -> None:
         """Release all bodies to their own sources."""
         with self._lock:
@@ -44,7 +52,7 @@ class Holds:
 
 
 class Hand:
-    """One browser's hand, with its own undo. It moves only what no other hand holds."""
+    """One browser's hand, with its own undo. It moves only what it `may`."""
 
     def __init__(self, holds: Holds, name: str) -> None:
         """Begin with nothing held; `name` is what the others read of the owner."""
@@ -77,10 +85,16 @@ class Hand:
         with self._lock:
             return bool(self._before)
 
-    def take(self, name: str, now: np.ndarray) -> bool:
-        """Begin a step with a body, and hold it where it is; return whether no other hand does."""
+    def may(self, name: str) -> bool:
+        """Return whether it may move a body: no other hand holds it, nor is it attached."""
         with self._lock:
-            if self._gone or self.other(name) is not None:
+            attached = name in self._holds._attached
+            return not (self._gone or attached or self.other(name) is not None)
+
+    def take(self, name: str, now: np.ndarray) -> bool:
+        """Begin a step with a body, and hold it where it is; return whether it `may`."""
+        with self._lock:
+            if not self.may(name):
                 return False
             poses = self._holds._poses
             self._before.append((name, poses.get(name, now)))
@@ -98,18 +112,18 @@ class Hand:
                 other.release(name)
                 self.take(name, pose)
 
-    def move(self, name: str, pose: np.ndarray) -> None:
-        """Move a body in this hand within a step."""
+    def move(self, name: str, pose: np.ndarray) -> bool:
+        """Move a body in this hand within a step; return whether it is in this hand."""
         with self._lock:
             if not self._has(name):
-                return
+                return False
             self._holds._poses[name] = pose
         self._holds.on_move()
+        return True
 
-    def place(self, name: str, pose: np.ndarray, now: np.ndarray) -> None:
-        """Hold a body at a pose, as one step; `now` is where it is."""
-        if self.take(name, now):
-            self.move(name, pose)
+    def place(self, name: str, pose: np.ndarray, now: np.ndarray) -> bool:
+        """Hold a body at a pose, as one step; `now` is where it is. Return whether it `may`."""
+        return self.take(name, now) and self.move(name, pose)
 
     def undo(self) -> str | None:
         """Undo a step; return the body, which stays held where the step began."""

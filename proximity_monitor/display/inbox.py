@@ -46,6 +46,8 @@ class News:
     """Other publishers on the topics of the bodies that are held here."""
     refusal: str = ""
     """Why the monitor refused the last parameters; empty if it took them."""
+    refused: frozenset[str] = frozenset()
+    """The names of those."""
     playing: Playing | None = None
     """The motion of the player; None: there is no player."""
     player_ended: bool = False

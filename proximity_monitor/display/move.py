@@ -12,9 +12,10 @@ import viser
 
 from proximity_monitor.display.attaching import Attaching
 from proximity_monitor.display.choice import Choice
+from proximity_monitor.display.drag import Drag, Room
 from proximity_monitor.display.fine import Fine, stepped
-from proximity_monitor.display.geometry import IDENTITY, from_degrees, moved, to_degrees
-from proximity_monitor.display.guard import AT_CONTACT, AT_STOP, FREE, farthest, slack
+from proximity_monitor.display.geometry import from_degrees, moved, to_degrees
+from proximity_monitor.display.guard import AT_CONTACT, AT_STOP, FREE
 from proximity_monitor.display.holds import Hand
 from proximity_monitor.display.inbox import News
 from proximity_monitor.display.parts import Parts
@@ -24,11 +25,10 @@ from proximity_monitor.display.state import Frame, Pairs, SceneInfo
 NOBODY = "(none)"
 LET_GO = "Let go: its own source moves it"
 
+_UNTOLD = (None, b"")
+
 NEAREST = 4
 """How many clearances of the part are told beside its handles."""
-
-SURELY = 1.02
-"""A part may reach beyond the triangles that are shown, by less than this."""
 
 HANDLES = 130.0
 """Length of the handles in pixels: at every zoom they are as large."""
@@ -54,15 +54,11 @@ class Move:
         self._choice = choice
         self._scene: SceneInfo | None = None
         self._parts: Parts | None = None
-        self._frame: Frame | None = None
-        self._gizmo: viser.TransformControlsHandle | None = None
-        self._dragging: str | None = None  # a drag stays with its body, whatever is chosen
-        self._grip = IDENTITY  # of the handles when the drag began
-        self._target: np.ndarray | None = None  # where a drag that may stop wants the part
         self._newest: Frame | None = None
+        self._gizmo: viser.TransformControlsHandle | None = None
         self._hidden = False
         self._edited = False  # typed numbers wait for their button
-        self._told: tuple[str | None, bytes] = (None, b"")  # in the fields
+        self._told = _UNTOLD  # whose pose the fields say
         self._seen: tuple[str | None, bytes] = (None, b"")
         self._moved_s = -math.inf
         gui = client.gui
@@ -82,8 +78,9 @@ class Move:
         self._stop = gui.add_dropdown(
             "Drags stop", (FREE, AT_STOP, AT_CONTACT), hint="By certified bounds, of each tick anew"
         )
-        self._attaching = Attaching(gui, hand, choice, ask)
+        self._attaching = Attaching(gui, choice, ask)
         self._fine = Fine(gui, self._on_step)
+        self._drag = Drag(hand, self._fine)
         command = gui.add_command("Undo the last move", hotkey="Z", modifier="cmd/ctrl")
         self._who.on_update(self._on_who)
         self._turn.precision = 3
@@ -99,8 +96,8 @@ class Move:
     def begin(self, scene: SceneInfo, parts: Parts) -> None:
         """Take a scene; the gizmo is made anew."""
         self._scene, self._parts = scene, parts
-        self._frame = self._newest = None
-        self._dragging = self._target = None  # the old gizmo reports no end
+        self._newest, self._told = None, _UNTOLD  # what the fields say may be in another unit
+        self._drag.end()  # the old gizmo reports no end
         names = tuple(body.name for body in scene.bodies if body.topic is not None)
         self._who.options = (NOBODY, *names)
         self._fine.begin(scene.unit)
@@ -111,8 +108,7 @@ class Move:
             "/gizmo", scale=HANDLES, fixed=True, line_width=3.0, depth_test=False, visible=False
         )
         self._gizmo.on_update(self._on_drag)
-        if self._choice.body is None and len(names) == 1:
-            self.pick(names[0])
+        self.pick(names[0] if len(names) == 1 else None)
 
     def pick(self, name: str | None) -> None:
         """Choose the body at the gizmo."""
@@ -125,27 +121,28 @@ class Move:
 
     def show(self, frame: Frame, news: News) -> None:
         """Let gizmo and numbers follow the body."""
-        self._frame, self._newest = frame, news.frame
+        self._scene, self._newest = news.scene, news.frame
         self._advance()
-        name = self._choice.body
+        name, live = self._choice.body, self._choice.at_s is None
         self._near.content = _clearances(name, frame.pairs, self._scene)
-        pose = None if name is None else self._pose(name)
-        live = self._choice.at_s is None
+        pose = None
+        if name is not None:
+            pose = self._pose(name) if live else frame.pose(self._scene.moving.index(name))
         other, own = self._hand.other(name), self._hand.own
         parent = None if name is None else news.scene.attachments.get(name)
-        free = not (other or parent)
+        free = self._may(name)
         self._attaching.show(news)
-        self._gizmo.visible = pose is not None and live and free and not self._hidden
+        self._gizmo.visible = pose is not None and free and not self._hidden
         self._apply.disabled = not free
         self._reset.disabled = name not in own
         self._release.disabled = name not in own and other is None
         self._release.label = LET_GO if other is None else f"Take it over from {other.name}"
         self._undo.disabled = not self._hand.can_undo
-        self._note.content = _note(name, own, other, parent, news.rivals)
-        if pose is not None and self._dragging is None:
+        self._note.content = _note(name, own, other, parent, news.rivals, live)
+        if pose is not None and self._drag.body is None:
             at = moved(pose, self._parts[name].centre / self._parts.scale)
             self._gizmo.position, self._gizmo.wxyz = at[:3] * self._parts.scale, at[3:]
-            if (self._rests(name, pose) or name in own) and not self._edited:
+            if (self._rests(name, pose) or name in own or not live) and not self._edited:
                 self._tell(pose)
         self._now.content = self._where(name, pose)
 
@@ -155,11 +152,16 @@ class Move:
         if hidden and self._gizmo is not None:
             self._gizmo.visible = False
 
+    def _may(self, name: str | None) -> bool:
+        """Return whether this page may move a part: none while it looks back."""
+        return name is not None and self._choice.at_s is None and self._hand.may(name)
+
     def _pose(self, name: str) -> np.ndarray | None:
+        """Return where a part is now, whatever moment is shown."""
         held = self._hand.poses.get(name)
-        if held is not None or self._frame is None:
+        if held is not None or self._newest is None:
             return held
-        return self._frame.pose(self._scene.moving.index(name))
+        return self._newest.pose(self._scene.moving.index(name))
 
     def _rests(self, name: str, pose: np.ndarray) -> bool:
         """Return whether a part has not moved for a while, or has just been chosen."""
@@ -181,7 +183,8 @@ class Move:
         if pose is None or (name, pose.tobytes()) == self._told:
             return ""
         place, turn = (", ".join(map(repr, each)) for each in self._numbers(pose))
-        now = f"now at {place} {escape(self._scene.unit.symbol)}, turned by {turn} deg"
+        when = "now" if self._choice.at_s is None else "then"
+        now = f"{when} at {place} {escape(self._scene.unit.symbol)}, turned by {turn} deg"
         return f'<div class="pm pm-small pm-dim" id="pm-now">{now}</div>'
 
     def _numbers(self, pose: np.ndarray) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -192,65 +195,59 @@ class Move:
         return place, tuple(round(float(angle), 3) for angle in to_degrees(pose[3:]))
 
     async def _on_drag(self, event: viser.TransformControlsEvent) -> None:
+        scale, turned = self._parts.scale, np.array(event.target.wxyz)
+        at = np.array(event.target.position) / scale
+        handles = np.concatenate((at, turned / np.linalg.norm(turned)))
         if event.phase == "start":
+            self._drag.end()
             name = self._choice.body
-            pose = None if name is None else self._pose(name)
-            taken = pose is not None and self._hand.take(name, pose)
-            self._dragging = name if taken else None
-            if taken:
-                self._grip = moved(pose, self._parts[name].centre / self._parts.scale)
-        name = self._dragging
-        if name is None:
+            if self._may(name) and (pose := self._pose(name)) is not None:
+                self._drag.begin(name, pose, handles, self._parts[name].centre / scale)
+        if (name := self._drag.body) is None:
             return
-        scale, centre = self._parts.scale, self._parts[name].centre
-        turned = np.array(event.target.wxyz) / np.linalg.norm(event.target.wxyz)
-        at = np.concatenate((np.array(event.target.position) / scale, turned))
-        self._target = moved(self._fine.followed(self._grip, at), -centre / scale)
+        self._drag.follow(handles, self._parts[name].centre / scale)
         self._advance()
         if event.phase == "end":
-            self._dragging = self._target = None
+            self._drag.end()
 
     def _advance(self) -> None:
         """Move the dragged part towards where the hand wants it, as far as it may."""
-        name, target = self._dragging, self._target
-        if name is None or target is None:
-            return
-        now, row = self._hand.poses.get(name), self._scene.moving.index(name)
-        if self._stop.value != FREE and now is not None:
-            seen = None if self._newest is None else self._newest.pose(row)
-            if seen is None:
-                return
-            part, scale = self._parts[name], self._parts.scale
-            room = slack(name, self._newest, self._scene, self._stop.value)
-            radius = SURELY * float(np.linalg.norm(part.high - part.low)) / 2.0 / scale
-            target = farthest(seen, now, target, part.centre / scale, radius, room)
-        self._hand.move(name, target)
-        if name == self._choice.body:
-            self._tell(target)
+        newest = self._newest
+        room = None if newest is None else Room(newest, self._scene, self._parts)
+        moved_to = self._drag.advance(room, self._stop.value)
+        if moved_to is not None and moved_to[0] == self._choice.body:
+            self._tell(moved_to[1])
+
+    def _place(self, placed: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Hold the chosen part where this puts it from where it is now, if it may be moved."""
+        name = self._choice.body
+        if self._may(name) and (now := self._pose(name)) is not None:
+            self._hand.place(name, placed(now), now)
+        self._edited = False
 
     def _on_step(self, shift: np.ndarray, turn: np.ndarray) -> None:
-        name = self._choice.body
-        now = None if name is None else self._pose(name)
-        if now is not None:
-            centre = self._parts[name].centre / self._parts.scale
-            self._hand.place(name, moved(stepped(moved(now, centre), shift, turn), -centre), now)
-        self._edited = False
+        def stepped_from(now: np.ndarray) -> np.ndarray:
+            centre = self._parts[self._choice.body].centre / self._parts.scale
+            return moved(stepped(moved(now, centre), shift, turn), -centre)
+
+        self._place(stepped_from)
 
     def _on_who(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._choose(None if self._who.value == NOBODY else self._who.value)
 
     def _on_typed(self, event: viser.GuiEvent) -> None:
-        self._edited |= event.client is not None
+        if event.client is not None:
+            self._edited, self._told = True, _UNTOLD
 
     def _on_apply(self, _) -> None:
-        name = self._choice.body
-        now = None if name is None else self._pose(name)
-        if now is not None:
+        def typed(_: np.ndarray) -> np.ndarray:
             place = np.array(self._position.value) * self._scene.unit.to_metre
             pose = np.concatenate((place, from_degrees(*self._turn.value)))
-            self._hand.place(name, pose, now)
-        self._edited = False
+            self._told = (self._choice.body, pose.tobytes())  # other angles may say the same
+            return pose
+
+        self._place(typed)
 
     def _on_undo(self, _) -> None:
         if (name := self._hand.undo()) is not None:
@@ -287,9 +284,12 @@ def _note(
     other: Hand | None,
     parent: str | None,
     rivals: tuple[str, ...],
+    live: bool,
 ) -> str:
     if name is None:
         text = "Click a part, then drag its arrows, planes and arcs."
+    elif not live:
+        text = "looking back: parts can be moved where the page is live"
     elif other is not None:
         text = f"▲ held by {escape(other.name)}, another view of this page"
     elif parent is not None:

@@ -96,15 +96,18 @@ class ProximityDisplay(Node):
             parameters=[Parameter(name, value=v).to_parameter_msg() for name, v in values.items()]
         )
 
+        def refuse(reason: str) -> None:
+            self._inbox.tell(refusal=reason, refused=frozenset(values if reason else ()))
+
         def on_answer(future) -> None:
             result = future.result().result
-            self._inbox.tell(refusal="" if result.successful else result.reason)
+            refuse("" if result.successful else result.reason)
 
         if self._to_monitor.service_is_ready():
-            self._inbox.tell(refusal="")
+            refuse("")
             self._to_monitor.call_async(request).add_done_callback(on_answer)
         else:
-            self._inbox.tell(refusal=f"{self._to_monitor.srv_name} does not answer")
+            refuse(f"{self._to_monitor.srv_name} does not answer")
 
     def reset_minima_of_monitor(self) -> None:
         """Ask it to forget the smallest clearances; the inbox gets its answer. Any thread may."""
