@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Collection
 from html import escape
 from typing import NamedTuple
 
@@ -116,20 +117,25 @@ def silent_bodies(frame: Frame) -> dict[str, str]:
     }
 
 
-def pill(told: Connection, choice: Choice, newest_s: float = 0.0) -> str:
+def pill(
+    told: Connection, choice: Choice, newest_s: float = 0.0, deforming: Collection[str] = ()
+) -> str:
     """Return the state as HTML; while the page looks back it says that and never that it is live.
 
     Args:
         told: the state of the connection.
         choice: the moment that is shown.
         newest_s: the stamp of the newest tick.
+        deforming: bodies of whose shapes only the present one is known.
     """
     glyph, colour = _PILLS[told.state]
     state, text = told.state.value, escape(told.text)
     name, reason, title = f"{glyph} {state}", text, text
     if choice.at_s is not None:
         now = "" if told.state is ConnectionState.LIVE else f"; now {state}: {text}"
-        text = f"looking back by {newest_s - choice.at_s:.1f} s: only the banner is of now{now}"
+        shapes = f" and the shape of {escape(', '.join(sorted(deforming)))}" if deforming else ""
+        which = f"only the banner{shapes} {'are' if deforming else 'is'} of now"
+        text = f"looking back by {newest_s - choice.at_s:.1f} s: {which}{now}"
         state, name, reason, title, colour = "past", "◀ past", text, text, _PAST
     if told.current:  # else it is known here why
         then = "" if choice.at_s is None else f"{text}; "

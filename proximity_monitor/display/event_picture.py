@@ -81,11 +81,11 @@ class EventPicture:
         looks = (self._choice.at_s, self._choice.pair) == (event.stamp_s, event.pair)
         if event.sight is not None and looks:
             self._busy, self._tried, self._problem = True, event, ""
-            threading.Thread(target=self._take, args=(event,), daemon=True).start()
+            threading.Thread(target=self._take, args=(event, self._parts()), daemon=True).start()
 
-    def _take(self, event: Event) -> None:
+    def _take(self, event: Event, parts: Parts | None) -> None:
         try:
-            image = self._portraits.take(event.sight.frame(event.pair), event.pair, self._parts())
+            image = self._portraits.take(event.sight.frame(event.pair), event.pair, parts)
             self._events.keep(event, png(image))
         except Exception as error:  # whatever a browser does is told where the picture would be
             self._problem = f"There is no picture: {type(error).__name__}: {error}"

@@ -120,7 +120,8 @@ class Page:
     def step(self, news: News, told: Connection, now_s: float) -> None:
         """Bring the page up to date; the part in the hand and its numbers come first."""
         with self._client.atomic():
-            self._pill.content = pill(told, self._choice, self._session.span_s[1])
+            deforming = () if news.scene is None else news.scene.deforming
+            self._pill.content = pill(told, self._choice, self._session.span_s[1], deforming)
             if news.complete:
                 self._begin_step(news)
             else:
@@ -128,9 +129,12 @@ class Page:
         if news.complete:
             if self._choice.body is not None:
                 serving.hand_over(self._client)
+            sitting = self._portraits.sitting
             with self._client.atomic():
-                self._show(news, told, now_s)
+                self._show(news, told, now_s, sitting)
         self._client.flush()  # else it waits for what else may come
+        if news.complete:
+            self._portraits.note(sitting)
 
     def admit(self, fault: str, now_s: float) -> None:
         """Show an error of the page's own, and for a while after the last; empty: there is none."""
@@ -146,7 +150,7 @@ class Page:
         scene, before = news.scene, self._shown
         if before is None or before.scene.key != scene.key:
             self._build(news)
-        elif news.parts is not before.parts:
+        elif news.parts is not before.parts or scene.deforming != before.scene.deforming:
             self._parts.reshape(news.parts, scene.deforming)
         if self._session_number != self._session.number:
             self._session_number = self._session.number
@@ -154,15 +158,14 @@ class Page:
         at = self._choice.at_s
         frame = news.frame if at is None else self._at(at)
         self._shown = Shown(scene, frame, news.parts, news.frame)
-        self._portraits.follow()
         self._move.show(frame, news)
 
-    def _show(self, news: News, told: Connection, now_s: float) -> None:
+    def _show(self, news: News, told: Connection, now_s: float, sitting: Sitting | None) -> None:
         scene, frame, choice = news.scene, self._shown.frame, self._choice
-        self._draw(frame, scene)
+        self._draw(frame, scene, sitting)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
-        self._inspect.show(frame, news.parts, now_s, self._portraits.sitting)
+        self._inspect.show(frame, news.parts, now_s, sitting)
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S
             left = unlisted(news.frame.pairs, scene, news.health)
@@ -195,9 +198,9 @@ class Page:
                 return then.frame(pair)
         return frame
 
-    def _draw(self, frame: Frame, scene: SceneInfo) -> None:
+    def _draw(self, frame: Frame, scene: SceneInfo, sitting: Sitting | None) -> None:
         """Bring the picture up to date: parts, lines and labels."""
-        choice, sitting = self._choice, self._portraits.sitting
+        choice = self._choice
         held = self.hand.poses if choice.at_s is None else {}
         view, cut = View.of(self._client.camera), None
         if sitting is not None:
@@ -217,12 +220,12 @@ class Page:
     def _build(self, news: News) -> None:
         """Begin with a scene."""
         self._client.scene.reset()
-        self._portraits.sitting = None  # it was of the previous scene
         self._choice.ignored = frozenset()
         self._choice.pair = self._choice.body = self._choice.at_s = None
         self._filters.begin(news.scene)
         focal = View.of(self._client.camera).focal
         self._parts = Parts(self._client, news.scene, news.parts, focal)
+        self._portraits.begin(self._parts)
         self._parts.show(news.frame, {}, self._choice, ())
         self._lines = Lines(self._client, self._parts.scale, self._parts.size)
         self._labels = Labels(self._client.scene, "/distances")
@@ -324,7 +327,7 @@ class Page:
         place(client.camera, middle + distance * away, middle)
 
     def _return_to_worst(self) -> None:
-        """Hold the two bodies of the worst pair where they were."""
+        """Hold the two bodies of the worst pair where they were; say which of them cannot be."""
         found = self._session.worst(self._choice.pair, self._choice.ignored)
         if found is None or not found[1].placed:
             return
@@ -332,8 +335,15 @@ class Page:
         self._choice.at_s = None
         self._choice.pair = pair
         scene = self._shown.scene
-        for name in pair:
-            if name in scene.moving and scene.body(name).topic is not None:
-                row = scene.moving.index(name)
-                there, now = worst.poses[row], self._session.newest.pose(row)
-                self.hand.place(name, there, there if now is None else now)
+        for name in [name for name in pair if name in scene.moving]:
+            row = scene.moving.index(name)
+            there, now = worst.poses[row], self._session.newest.pose(row)
+            if scene.body(name).topic is None:
+                why = "its poses come from elsewhere"
+            elif self.hand.place(name, there, there if now is None else now):
+                continue
+            elif (other := self.hand.other(name)) is not None:
+                why = f"{other.name} holds it: take it over first"
+            else:
+                why = f"it is attached to {scene.attachments.get(name)}: detach it first"
+            self._client.add_notification("Not returned", f"{name}: {why}", color="red")

@@ -63,16 +63,23 @@ class Portraits:
         self._client = client
         self._hide_gizmo = hide_gizmo
         self._one_at_a_time = threading.Lock()
-        self._shown: Sitting | None = None
+        self._lock = threading.Lock()  # of what follows
+        self._parts: Parts | None = None
         self._is_shown = threading.Event()
         self.sitting: Sitting | None = None
         """What the page has to show; None: what its user looks at."""
 
-    def follow(self) -> None:
-        """Note that the page's step before has shown the sitting; comes first in each step."""
-        if self.sitting is not None and self._shown is self.sitting:
-            self._is_shown.set()
-        self._shown = self.sitting
+    def begin(self, parts: Parts) -> None:
+        """Take the parts of another scene; of the previous one there is no picture any more."""
+        with self._lock:
+            self._parts, self.sitting = parts, None
+            self._is_shown.set()  # so that nobody waits for it
+
+    def note(self, sitting: Sitting | None) -> None:
+        """Take what a step of the page has shown, after its end: one that failed has shown none."""
+        with self._lock:
+            if sitting is not None and sitting is self.sitting:
+                self._is_shown.set()
 
     def take(self, frame: Frame, pair: PairName, parts: Parts) -> np.ndarray:
         """Return a picture (height, width, 3), on white; not for the thread of the page's steps.
@@ -80,19 +87,19 @@ class Portraits:
         Args:
             frame: the moment, with that pair.
             pair: stands out.
-            parts: of the page.
+            parts: of the page, when that was a moment of its scene.
 
         Raises:
-            RuntimeError, TimeoutError: the browser sent none.
+            RuntimeError, TimeoutError: the browser sent none, or the page has another scene now.
         """
-        return self._take(self._whole(frame, pair, parts))
+        return self._take(self._whole(frame, pair, parts), parts)
 
     def take_with_gap(self, frame: Frame, pair: PairName, parts: Parts) -> list[np.ndarray]:
         """Return that picture and, if the gap is small on it, one of the gap; see `take`."""
         whole = self._whole(frame, pair, parts)
         ends = frame.pairs.points[frame.pairs.places[pair]] * parts.scale
         close = _close(whole, ends, DETAIL * parts.size)
-        return [self._take(each) for each in (whole, close) if each is not None]
+        return [self._take(each, parts) for each in (whole, close) if each is not None]
 
     def _whole(self, frame: Frame, pair: PairName, parts: Parts) -> Sitting:
         camera = self._client.camera
@@ -101,22 +108,31 @@ class Portraits:
         view = _aimed(ends, np.array(camera.position), parts.size, size)
         return Sitting(frame, pair, view)
 
-    def _take(self, sitting: Sitting) -> np.ndarray:
+    def _take(self, sitting: Sitting, parts: Parts) -> np.ndarray:
         with self._one_at_a_time:
-            self._is_shown.clear()
+            with self._lock:
+                self._check(parts)
+                self._is_shown.clear()
+                self.sitting = sitting
             self._hide_gizmo(True)
-            self.sitting = sitting
             try:
                 if not self._is_shown.wait(PATIENCE_S):
                     raise TimeoutError("the page did not show the moment")
                 for _ in range(TRIALS):
+                    self._check(parts)
                     self._render(sitting.view, TRIAL)
                 image = self._render(sitting.view, sitting.view.size)
+                self._check(parts)
             finally:
-                self.sitting = None
+                with self._lock:
+                    self.sitting = None
                 self._hide_gizmo(False)
         opaque = image[..., 3:] / 255.0
         return np.round(image[..., :3] * opaque + 255.0 * (1.0 - opaque)).astype(np.uint8)
+
+    def _check(self, parts: Parts) -> None:
+        if parts is not self._parts:
+            raise RuntimeError("the scene has changed meanwhile: ask again in the new one")
 
     def _render(self, view: View, size: tuple[int, int]) -> np.ndarray:
         width, height = size

@@ -55,7 +55,10 @@ class ReportFiles:
         return conflicts(find(shown.scene, *about), *about)
 
     def _report(self, shown: Shown, _: viser.ClientHandle) -> bytes:
-        found, events, parts = self._found(shown), self._shared.events, self._parts()
+        parts = (
+            self._parts()
+        )  # first: if the scene changes now, there is no picture of what is found
+        found, events = self._found(shown), self._shared.events
 
         def portraits(of: Snapshot, pair: PairName) -> list[bytes]:
             return [*map(png, self._portraits.take_with_gap(of.frame(pair), pair, parts))]

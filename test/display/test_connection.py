@@ -280,6 +280,8 @@ def test_who_looks_back_is_told_what_is_of_now():
     assert "every number is of the present poses" in pill(told, Choice())
     assert "looking back" in pill(told, Choice(at_s=3.0))
     assert "present poses" not in pill(told, Choice(at_s=3.0))
+    deformed = pill(told, Choice(at_s=3.0), 15.5, {"<hose", "belt"})
+    assert "only the banner and the shape of &lt;hose, belt are of now" in deformed
     past = pill(told, Choice(at_s=3.0), newest_s=15.5)
     assert 'data-state="past"' in past
     assert "by 12.5 s" in past
