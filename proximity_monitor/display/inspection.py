@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from html import escape
 
 import numpy as np
 import viser
 
 from proximity_monitor.display.banding import Banding
-from proximity_monitor.display.choice import PLAIN, Choice
+from proximity_monitor.display.choice import PLAIN, Choice, PairName
 from proximity_monitor.display.parts import Parts
 from proximity_monitor.display.portraits import Sitting
 from proximity_monitor.display.received import Part
@@ -33,6 +34,7 @@ class Inspect:
         self._section: Section | None = None
         self._parts: Parts | None = None
         self._frame: Frame | None = None
+        self._problem: tuple[PairName | None, str] = (None, "")  # of a button, for a pair
         buttons = client.gui.add_button_group(
             "Gap", (ZOOM, SECTION, WHOLE), hint="Of the chosen pair; without one, the nearest"
         )
@@ -58,13 +60,7 @@ class Inspect:
 
         @self._whose.on_update
         def _(_) -> None:
-            # Of all parts it shows what they have in common.
-            looks = [self._choice.looks.get(name, PLAIN) for name in self._named()]
-            opacities = {look.opacity for look in looks} - {None}
-            if len(opacities) == 1:
-                self._opacity.value = opacities.pop()
-            self._edges.value = all(look.edges for look in looks)
-            self._bands.value = all(look.bands for look in looks)
+            self._tell_looks()
 
         self._fields = {"opacity": self._opacity, "edges": self._edges, "bands": self._bands}
         for field in self._fields.values():
@@ -77,6 +73,8 @@ class Inspect:
         self._banding = Banding(self._client.scene, parts, scene)
         self._choice.looks = {}
         self._whose.options = (EVERY, *(body.name for body in scene.bodies))
+        self._whose.value = EVERY
+        self._tell_looks()
 
     def show(
         self, frame: Frame, parts: Sequence[Part], now_s: float, sitting: Sitting | None = None
@@ -88,7 +86,11 @@ class Inspect:
         self._banding.show(frame, parts, wanted, now_s, self._choice.at_s is not None)
         self._legend.content = self._banding.legend()
         on = f"a section is on; {WHOLE} ends it" if self._plane is not None else ""
-        self._note.content = f'<div class="pm pm-small" id="pm-section">{on}</div>' if on else ""
+        pair, problem = self._problem
+        told = [on, escape(problem) if pair == self._choice.pair else ""]
+        lines = "<br>".join(filter(None, told))
+        note = f'<div class="pm pm-small" id="pm-section">{lines}</div>'
+        self._note.content = note if lines else ""
         plane = self._plane if sitting is None else sitting.cut
         if plane is not self._section.plane:
             self._section.aim(plane)
@@ -100,13 +102,16 @@ class Inspect:
         return self._plane
 
     def gap(self) -> np.ndarray | None:
-        """Return the closest points (2, 3) of the chosen or nearest pair, in the page's units."""
+        """Return the closest points (2, 3) of the highlighted pair, in the page's units.
+
+        Without one, those of the nearest pair. None: they are not known.
+        """
         if self._frame is None:
             return None
         pairs = self._frame.pairs
         known = ~np.isnan(pairs.points).any(axis=(1, 2)) & ~self._choice.ignores(pairs.names)
         row = pairs.places.get(self._choice.pair)
-        if row is None:
+        if self._choice.pair is None:
             rows = np.flatnonzero(known)
             row = rows[np.argmin(pairs.lower[rows])] if len(rows) else None
         if row is None or not known[row]:
@@ -114,7 +119,10 @@ class Inspect:
         return pairs.points[row] * self._parts.scale
 
     def _do(self, what: str) -> None:
-        camera, ends = self._client.camera, self.gap()
+        camera, ends, pair = self._client.camera, self.gap(), self._choice.pair
+        whose = "any pair" if pair is None else " - ".join(pair)
+        lacks = ends is None and what != WHOLE
+        self._problem = pair, f"the closest points of {whose} are not known now" if lacks else ""
         if what == WHOLE:
             self._plane = None
             self._look_at_all()
@@ -122,6 +130,18 @@ class Inspect:
             zoom(camera, ends)
         elif ends is not None:
             self._plane = Plane(ends.mean(axis=0), facing(ends, np.array(camera.position)))
+
+    def _tell_looks(self) -> None:
+        """Show how the chosen part looks, or what all parts have in common."""
+        looks = {name: self._choice.looks.get(name, PLAIN) for name in self._named()}
+        opacities = {
+            self._parts[name].usual_opacity if look.opacity is None else look.opacity
+            for name, look in looks.items()
+        }
+        if len(opacities) == 1:
+            self._opacity.value = opacities.pop()
+        self._edges.value = all(look.edges for look in looks.values())
+        self._bands.value = all(look.bands for look in looks.values())
 
     def _on_look(self, event: viser.GuiEvent) -> None:
         if event.client is None:

@@ -66,6 +66,7 @@ class PartView:
         self.movable = body.topic is not None
         self.pose = IDENTITY if part.pose is None else part.pose
         self.point = body.point
+        self.solid = body.solid
         self.colour = tuple(round(255 * c) for c in part.colour[:3])
         self.shape = 0
         """Differs after each change of shape or of coats."""
@@ -153,7 +154,13 @@ class PartView:
         self._reshaped = True
         before = self.whole
         self.whole = whole = shape_of(part, scale, before, detailed=False)
-        if not np.array_equal(whole.triangles, before.triangles):
+        if self.levels or whole.flat != before.flat:  # those were of the shape before
+            shown, self.levels = self.mesh.visible, ()
+            self.mesh.remove()
+            name = f"{self.path}/mesh"
+            self.mesh = self._meshed(self._api, name, whole.corners, whole.triangles, self.opacity)
+            self.mesh.visible = shown
+        elif not np.array_equal(whole.triangles, before.triangles):
             self.mesh.faces = whole.triangles.astype(np.uint32)
         self.shape += 1
         self.mesh.vertices = whole.corners.astype(np.float32)

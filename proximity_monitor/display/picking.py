@@ -6,7 +6,9 @@ handles behind it, so a part could not be moved by handles that it covers.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import viser
@@ -34,31 +36,49 @@ def listen(
     @api.on_click()
     def _(event: viser.SceneClickEvent) -> None:
         views, direction = parts(), np.array(event.ray_direction)
-        origin = past(np.array(event.ray_origin), direction, section())
-        if views is not None and (name := part_under(origin, direction, views)) is not None:
+        if views is None:
+            return
+        ray = kept(np.array(event.ray_origin), direction, section())
+        if (name := part_under(ray, views)) is not None:
             on_pick(name)
 
 
-def past(origin: np.ndarray, direction: np.ndarray, plane: Plane | None) -> np.ndarray:
-    """Return where a ray leaves the half that a section cuts away (3,); NaN: nowhere."""
-    height = 0.0 if plane is None else (origin - plane.middle) @ plane.normal
+class Ray(NamedTuple):
+    """In the page's units."""
+
+    origin: np.ndarray
+    """(3,)"""
+    direction: np.ndarray
+    """(3,) of any length."""
+    end: float = math.inf
+    """Where it ends, in lengths of its direction; negative: it is empty."""
+
+
+def kept(origin: np.ndarray, direction: np.ndarray, plane: Plane | None) -> Ray:
+    """Return the part of a ray in the half that a section leaves."""
+    if plane is None:
+        return Ray(origin, direction)
+    height, rise = (origin - plane.middle) @ plane.normal, direction @ plane.normal
+    crossing = -height / rise if rise != 0.0 else math.inf
     if height <= 0.0:
-        return origin
-    fall = -direction @ plane.normal
-    return origin + height / fall * direction if fall > 0.0 else np.full(3, np.nan)
+        return Ray(origin, direction, crossing if rise > 0.0 else math.inf)
+    if rise >= 0.0:
+        return Ray(origin, direction, -math.inf)
+    return Ray(origin + crossing * direction, direction)
 
 
-def part_under(origin: np.ndarray, direction: np.ndarray, parts: Parts) -> str | None:
+def part_under(ray: Ray, parts: Parts) -> str | None:
     """Return the first movable part on a ray, unless an opaque fixed part is before it.
 
     Args:
-        origin: (3,) in the page's units.
-        direction: (3,) of any length.
+        ray: of the pointer.
         parts: where they are shown.
     """
-    hits = [(_distance(origin, direction, view, parts.scale), view) for view in parts.shown()]
+    hits = [
+        (_distance(ray.origin, ray.direction, view, parts.scale), view) for view in parts.shown()
+    ]
     for distance, view in sorted(hits, key=lambda hit: hit[0]):
-        if np.isinf(distance):
+        if np.isinf(distance) or distance > ray.end:
             break
         if view.movable:
             return view.name

@@ -49,7 +49,7 @@ class Cut(NamedTuple):
     triangles: np.ndarray
     """(m, 3) of vertices."""
     outline: np.ndarray
-    """(k, 2, 3) where the plane meets it."""
+    """(k, 2, 3) where the plane meets it; seen against the normal, its inside is to the left."""
 
 
 def cut(vertices: np.ndarray, triangles: np.ndarray, plane: Plane) -> Cut:
@@ -73,16 +73,16 @@ def cut(vertices: np.ndarray, triangles: np.ndarray, plane: Plane) -> Cut:
     high = height[turned]
     share = high[:, :1] / (high[:, :1] - high[:, 1:])  # the signs differ, so it is not 0 / 0
     first, others = vertices[turned[:, 0], None], vertices[turned[:, 1:]]
-    outline = first + share[..., None] * (others - first)
+    met = first + share[..., None] * (others - first)
     new = len(vertices) + np.arange(2 * len(mixed)).reshape(-1, 2)
     tips = high[:, 0] <= 0.0  # of these the first corner stays, of the others the two others
     tip = np.column_stack((turned[tips, 0], new[tips]))
     p, q, b, c = (*new[~tips].T, *turned[~tips, 1:].T)
     rest = np.concatenate((np.column_stack((p, b, c)), np.column_stack((p, c, q))))
     return Cut(
-        np.concatenate((vertices, outline.reshape(-1, 3))),
+        np.concatenate((vertices, met.reshape(-1, 3))),
         np.concatenate((kept, tip, rest)),
-        outline,
+        np.where(tips[:, None, None], met[:, ::-1], met),
     )
 
 
@@ -100,7 +100,8 @@ def behind(segments: np.ndarray, plane: Plane) -> np.ndarray:
 def hatching(outline: np.ndarray, plane: Plane, spacing: float, slant: float) -> np.ndarray:
     """Return lines (m, 2, 3) within an outline (k, 2, 3), near the plane's middle.
 
-    A line that meets the outline an odd number of times is left out: the mesh is open there.
+    Inside is where the outline winds round, so that shells may overlap. A line that does not leave
+    as often as it enters is left out: the mesh is open there.
     """
     u = np.cross(plane.normal, np.eye(3)[np.argmin(np.abs(plane.normal))])
     u /= np.linalg.norm(u)
@@ -118,13 +119,14 @@ def hatching(outline: np.ndarray, plane: Plane, spacing: float, slant: float) ->
     (x0, y0), (x1, y1) = flat[of, 0].T, flat[of, 1].T
     x = x0 + (x1 - x0) * (line - y0) / (y1 - y0)
     order = np.lexsort((x, line))
-    line, x = line[order], x[order]
-    met = np.bincount(line + LINES, minlength=2 * LINES + 1)
-    even = (met % 2 == 0)[line + LINES]
-    line, x = line[even].reshape(-1, 2), np.clip(x[even].reshape(-1, 2), -2 * LINES, 2 * LINES)
-    inside = x[:, 0] < x[:, 1]
-    line, x = line[inside], x[inside]
-    return plane.middle + spacing * (x[..., None] * x_axis + line[..., None] * y_axis)
+    line, x, up = line[order], x[order], np.where(y0 < y1, 1, -1)[order]
+    left = np.bincount(line + LINES, up, minlength=2 * LINES + 1) != 0
+    x = np.clip(x, -2 * LINES, 2 * LINES)
+    line, x, up = (each[~left[line + LINES]] for each in (line, x, up))
+    winds = np.cumsum(up)[:-1] != 0  # at the end of each line it is 0
+    inside = winds & (x[:-1] < x[1:])
+    line, x = line[:-1][inside], np.column_stack((x[:-1], x[1:]))[inside]
+    return plane.middle + spacing * (x[..., None] * x_axis + line[:, None, None] * y_axis)
 
 
 class Section:
@@ -183,9 +185,9 @@ class Section:
         if view.edges_wanted and len(edges) and not view.coats:
             nodes.append(_lines(self._api, f"{name}/cut_edges", edges, EDGE, 1.0))
         if len(outline):
-            lines = hatching(outline, plane, spacing, math.radians(45.0 if i % 2 else 135.0))
             nodes.append(_lines(self._api, f"{name}/outline", outline, _OUTLINE, 2.5))
-            if len(lines):
+            lines = hatching(outline, plane, spacing, math.radians(45.0 if i % 2 else 135.0))
+            if view.solid and len(lines):
                 dark = tuple(int(0.6 * c) for c in view.colour)
                 nodes.append(_lines(self._api, f"{name}/hatching", lines, dark, 1.2))
 

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from ticks import scene_and_frame
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
@@ -18,22 +19,17 @@ from proximity_monitor.display.geometry import (
     rotate,
     to_rotation_vector,
 )
-from proximity_monitor.display.guard import AT_CONTACT, AT_STOP, farthest, reach, slack
 from proximity_monitor.display.labels import Label, extent, places, short
 from proximity_monitor.display.matrix import PARTS, matrix
-from proximity_monitor.display.picking import first_hit, past
+from proximity_monitor.display.picking import first_hit, kept
 from proximity_monitor.display.section import LINES, Plane, behind, cut, hatching
 from proximity_monitor.display.session import Session
 from proximity_monitor.display.state import (
     STOP,
-    UNKNOWN,
     WARN,
     Body,
     Frame,
     Pairs,
-    SceneInfo,
-    Thresholds,
-    Unit,
 )
 from proximity_monitor.display.view import View, facing
 
@@ -66,6 +62,8 @@ def test_a_section_cuts_a_mesh_into_two_that_make_the_whole():
         whole = area(near.vertices, near.triangles) + area(far.vertices, far.triangles)
         assert whole == pytest.approx(24.0)
         np.testing.assert_allclose((near.outline - plane.middle) @ plane.normal, 0.0, atol=1e-12)
+        start, end = np.moveaxis(near.outline - plane.middle, 1, 0)
+        assert (np.cross(start, end) @ plane.normal).sum() > -1e-12  # its inside is to the left
         # It keeps which side of a triangle is outside: the cut mesh's normals are those before.
         a, b, c = np.moveaxis(kept, 1, 0)
         outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), kept.mean(axis=1))
@@ -109,6 +107,21 @@ def test_hatching_leaves_out_what_is_open():
     opened = hatching(outline[1:], plane, 0.1, 0.4)
     assert len(opened) < len(hatching(outline, plane, 0.1, 0.4))
     assert (np.abs(opened[..., :2]) < 0.5 + 1e-9).all()
+
+
+def test_shells_that_overlap_are_hatched_as_one():
+    vertices, triangles = box()
+    both = np.concatenate((vertices, vertices + np.array([1.0, 0, 0])))
+    plane = Plane(np.array([0.5, 0, 0.01]), np.array([0, 0, 1.0]))
+
+    def hatched(*shells):
+        outline = cut(both, np.concatenate(shells), plane).outline
+        lines = hatching(outline, plane, 0.05, 0.4)
+        return 0.05 * np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum()
+
+    assert hatched(triangles, triangles + 8) == pytest.approx(6.0, rel=0.02)
+    inner = triangles[:, ::-1] + 8  # turned inwards it is a cavity where it is within the first
+    assert hatched(triangles, inner) == pytest.approx(4.0, rel=0.02)
 
 
 def test_edges_end_at_the_plane():
@@ -185,60 +198,6 @@ def test_a_ray_meets_the_nearest_triangle_or_none():
 def pose_of(rng):
     turn = rng.normal(size=4)
     return np.concatenate((rng.normal(size=3), turn / np.linalg.norm(turn)))
-
-
-def test_no_point_of_a_ball_moves_farther_than_it_is_said_to():
-    rng = np.random.default_rng(7)
-    for share in (1e-6, 1e-2, 0.5, 1.0):
-        before, other, centre = pose_of(rng), pose_of(rng), rng.normal(size=3)
-        after = between(before, other, share)
-        points = rng.normal(size=(2000, 3))
-        points = centre + 0.7 * points / np.linalg.norm(points, axis=1)[:, None]
-        moved = [pose[:3] + rotate(pose[3:], points) for pose in (before, after)]
-        most = np.linalg.norm(moved[1] - moved[0], axis=1).max()
-        bound = reach(before, after, centre, 0.7)
-        assert most <= bound * (1.0 + 1e-12)
-        assert most > 0.3 * bound
-
-
-def test_a_guarded_drag_goes_as_far_as_the_bounds_allow_and_then_on_with_the_next_tick():
-    rng, centre = np.random.default_rng(8), np.array([0.1, 0.0, 0.2])
-    now, target = pose_of(rng), pose_of(rng)
-    assert farthest(now, now, target, centre, 0.5, np.inf) is target
-    for slack_m in (0.2, 0.01, 1e-6):
-        there = farthest(now, now, target, centre, 0.5, slack_m)
-        assert slack_m * 0.999 < reach(now, there, centre, 0.5) < slack_m
-    for slack_m in (0.0, -1.0):
-        np.testing.assert_array_equal(farthest(now, now, target, centre, 0.5, slack_m), now)
-
-
-def scene_and_frame(*, unlisted=0):
-    names = (("a", "b"), ("c", "a"), ("b", "c"))
-    limits = {("c", "a"): Thresholds(0.05, 0.03, 0.0)}
-    told = Pairs(
-        names, np.array([0.3, 0.04, 0.001]), np.ones(3), np.zeros((3, 2, 3)), np.zeros(3, np.int8),
-        np.zeros(3, np.int8), np.zeros(3), np.zeros(3), ("",) * 3,
-    )  # fmt: skip
-    scene = SceneInfo(
-        "s", "", "w", Unit("m", 1.0), (), frozenset(), 3 + unlisted, Thresholds(0.1, 0.02, 0.0),
-        limits, True, {},
-    )  # fmt: skip
-    return scene, Frame(0.0, np.zeros((0, 7)), told)
-
-
-@pytest.mark.parametrize(
-    "where, unlisted, room",
-    [(AT_STOP, 0, 0.01), (AT_CONTACT, 0, 0.04), (AT_CONTACT, 1, 0.04), (AT_STOP, 1, 0.01)],
-)
-def test_a_part_s_room_is_that_of_its_own_pairs(where, unlisted, room):
-    scene, frame = scene_and_frame(unlisted=unlisted)
-    assert slack("a", frame, scene, where) == pytest.approx(room)
-    # b is 0.001 from c; if a pair is not listed, then it is beyond its warn.
-    scene, frame = scene_and_frame(unlisted=1)
-    frame.pairs.lower[:] = 9.0
-    assert slack("a", frame, scene, AT_CONTACT) == pytest.approx(0.05)
-    frame.pairs.status[0] = UNKNOWN
-    assert slack("a", frame, scene, AT_CONTACT) == 0.0
 
 
 def test_turns_and_their_vectors_agree():
@@ -384,11 +343,11 @@ def test_many_parts_leave_a_matrix_of_the_most_urgent():
 def test_a_click_goes_through_what_a_section_cuts_away():
     plane = Plane(np.array([0, 0, 1.0]), np.array([0, 0, 1.0]))
     above, down = np.array([0.5, 0, 3.0]), np.array([0, 0.1, -1.0])
-    np.testing.assert_allclose(past(above, down, plane), (0.5, 0.2, 1.0))
-    assert np.isnan(past(above, -down, plane)).all()
+    ray = kept(above, down, plane)
+    np.testing.assert_allclose(ray.origin, (0.5, 0.2, 1.0))
+    assert np.isinf(ray.end)
+    assert kept(above, -down, plane).end < 0.0
     below = np.array([0.5, 0, -3.0])
-    np.testing.assert_array_equal(past(below, -down, plane), below)
-    np.testing.assert_array_equal(past(above, down, None), above)
-    vertices, triangles = box()
-    low, high, corners = np.full(3, -1.0), np.full(3, 1.0), vertices[triangles]
-    assert np.isinf(first_hit(past(above, -down, plane), -down, low, high, corners))
+    assert np.isinf(kept(below, down, plane).end)
+    assert kept(below, -down, plane).end == 4.0  # what is beyond the plane is cut away
+    assert np.isinf(kept(above, down, None).end)
