@@ -54,8 +54,6 @@ class Body:
     point: bool
     mesh: str
     """A checksum, which differs for different meshes."""
-    solid: bool = True
-    """Whether its model encloses a volume."""
     colour: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)
     """Red, green, blue, opacity."""
     pose: tuple[float, ...] | None = None

@@ -13,10 +13,9 @@ a body's control points arrive for the first time, or when there is a new word.
 ``bodies``          in the scene's order (that of the markers of ``~/parts``): ``name``,
                     ``moving``, ``topic`` (its full name) of its PoseStamped or null where none are
                     taken in, ``point``, whether it is a single point, ``mesh``, a checksum,
-                    ``solid``, whether its model encloses a volume, ``colour`` (red, green, blue,
-                    opacity), ``pose`` (x y z, quaternion w x y z) where it is fixed, else null, and
-                    ``range``: its pairs that ``~/pairs`` does not list are farther apart; null: all
-                    are listed
+                    ``colour`` (red, green, blue, opacity), ``pose`` (x y z, quaternion w x y z)
+                    where it is fixed, else null, and ``range``: its pairs that ``~/pairs`` does not
+                    list are farther apart; null: all are listed
 ``checksum``        of the bodies' names, CRC-32, which ``~/pairs`` bears too
 ``words``           texts that ``~/pairs`` has numbers for; new ones are appended
 ``deforming``       names of the bodies whose control points have arrived since the start
@@ -132,7 +131,6 @@ def _body(
         "topic": None if body.topic is None else full_name(body.topic),
         "point": isinstance(body.primitive, Point),
         "mesh": model.digest(),
-        "solid": model.is_solid,
         "colour": list(body.colour),
         "pose": pose,
         "range": least if math.isfinite(least) else None,

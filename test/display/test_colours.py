@@ -107,7 +107,7 @@ def test_lines_are_told_apart_as_they_are_drawn(who):
 
 def test_no_state_differs_by_colour_alone():
     all_signs = [each for name, each in vars(signs).items() if name.endswith("_SIGN")]
-    assert len(all_signs) == 9
+    assert len(all_signs) == 10
     assert len({each.word for each in all_signs}) == len(all_signs)
     # Contact and overlap are one state.
     assert len({each.glyph for each in all_signs}) == len(all_signs) - 1

@@ -33,8 +33,9 @@ def cubes(*sizes):
 
 
 def test_only_what_encloses_a_volume_is_hatched(page):
-    bodies = tuple(replace(body, solid=body.name == "b") for body in SCENE.bodies)
-    page.tell(scene=replace(SCENE, name="solids", bodies=bodies), parts=cubes(1.0, 1.0))
+    parts = cubes(1.0, 1.0)
+    parts[0].solid = False
+    page.tell(scene=replace(SCENE, name="solids"), parts=parts)
     page.all._inspect._plane = LEVEL
     page.tell(frame=frame(1.0))
     nodes = page.all._inspect._section._nodes

@@ -310,7 +310,6 @@ def test_the_scene_is_read_as_the_monitor_writes_it(tmp_path):
     topics = [body.topic for body in scene.bodies]
     assert topics == [None, "/left/bodies/ball/pose", "/left/hand"]
     assert [body.point for body in scene.bodies] == [False, False, True]
-    assert [body.solid for body in scene.bodies] == [True, True, False]
     table, ball, _ = scene.bodies
     assert table.pose == pytest.approx((0.0, 0.0, -0.025, 1.0, 0.0, 0.0, 0.0))
     assert ball.pose is None
@@ -382,6 +381,7 @@ def test_the_monitor_s_own_pose_messages_are_those_of_rclpy(frame):
 
 def marker(i, triangles, **fields):
     points = [Point(x=float(i), y=float(k), z=0.5) for k in range(3 * triangles)]
+    fields = {"text": '{"solid": false, "off_m": null}'} | fields
     made = Marker(id=i, ns="parts"[:i], type=Marker.TRIANGLE_LIST, points=points, **fields)
     made.header.frame_id = "cell"[: i + 1]
     made.pose.position.x = i + 0.5
@@ -390,10 +390,16 @@ def marker(i, triangles, **fields):
     return made
 
 
+@pytest.mark.parametrize("text", ["bolt", "[]", "{}", '{"solid": true, "off_m": "far"}'])
+def test_parts_of_another_version_are_refused(text):
+    with pytest.raises(ValueError, match="~/parts does not tell of a body"):
+        read_parts(serialize_message(MarkerArray(markers=[marker(0, 1, text=text)])))
+
+
 def test_parts_are_read_as_rclpy_writes_them():
     markers = [
         marker(0, 1),
-        marker(1, 2, text="bolt", mesh_resource="x"),
+        marker(1, 2, text='{"solid": true, "off_m": 0.25}', mesh_resource="x"),
         marker(2, 0, action=Marker.DELETE),
         marker(3, 3, colors=[ColorRGBA()] * 9),
         marker(4, 1, action=Marker.DELETE),
@@ -402,6 +408,8 @@ def test_parts_are_read_as_rclpy_writes_them():
     markers[3].texture.data = [1]
     parts = read_parts(serialize_message(MarkerArray(markers=markers)))
     assert [len(part.corners) for part in parts] == [3, 6, 0, 9, 3]
+    assert [part.solid for part in parts] == [False, True, False, False, False]
+    assert [part.off for part in parts] == [np.inf, 0.25, np.inf, np.inf, np.inf]
     assert [part.pose is None for part in parts] == [False, False, True, False, True]
     np.testing.assert_array_equal(parts[3].corners[-1], [3.0, 8.0, 0.5])
     np.testing.assert_array_equal(parts[1].pose, [1.5, 0, 0, 1, 0, 0, 0])
