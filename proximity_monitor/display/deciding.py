@@ -61,9 +61,8 @@ class Deciding:
         decision = self._decision(pair)
         if pair != self._pair or self._typed == self._known:
             self._pair, self._known = pair, (decision.status, decision.comment)
-            if self._typed != self._known:
-                self._status.value, self._comment.value = self._known
-                self._clash = ""
+            self._status.value, self._comment.value = self._known
+            self._clash = ""
         row = pairs.places.get(pair)
         problem = escape(self._conflicts.problem)
         self._folder.visible = pair is not None or bool(problem)

@@ -156,9 +156,13 @@ class SceneInfo:
         """Return warn (k,) and stop (k,) in metres of pairs, given by their names."""
         known = self._limits.get("last")
         if known is None or known[0] is not names:  # most ticks share their names
-            each = [self.thresholds_of(name) for name in names]
-            both = np.array([(limits.warn, limits.stop) for limits in each]).reshape(-1, 2)
-            known = self._limits["last"] = (names, both[:, 0], both[:, 1])
+            warn, stop = (
+                np.full(len(names), x) for x in (self.thresholds.warn, self.thresholds.stop)
+            )
+            own = self.own_thresholds
+            for i in [i for i, name in enumerate(names) if name in own] if own else ():
+                warn[i], stop[i] = own[names[i]].warn, own[names[i]].stop
+            known = self._limits["last"] = (names, warn, stop)
         return known[1:]
 
     @cached_property
