@@ -1,13 +1,14 @@
 """Bodies that dynamics asks whole: curved ones, which rest on several contacts, and soft ones."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
-from dynamics_bodies import DOWN, IMPULSE, STEP_S, at, moving, nearest, on_floor
+from dynamics_bodies import DOWN, IMPULSE, STEP_S, at, box_arrays, moving, nearest, on_floor
 
 from proximity_monitor import motion, scene
-from proximity_monitor.engine import Curve, SolidOfRevolution
+from proximity_monitor.engine import Curve, SolidOfRevolution, TriangleMesh, shapes
 from proximity_monitor.motion.dynamics import Forces, RigidBody, World
 from proximity_monitor.motion.dynamics.memory import Contacts, Memory, Seen
 from proximity_monitor.motion.dynamics.pieces import cut
@@ -35,6 +36,36 @@ def test_what_is_curved_is_one_piece_and_what_is_flat_is_cut():
     flat = on_floor([]).bodies[0].model
     assert len(cut(flat).models) == 12
     assert cut(flat, deforming=True).models == [flat]
+    ball = shapes.sphere(0.1)  # a point that a ball sweeps: its triangles only look like it
+    assert cut(ball).models == [ball]
+
+
+def test_a_ball_rolls_on_its_own_surface():
+    world = on_floor([moving(shapes.sphere(0.5), at((0, 0, 0.5003)), (0.4, 0.1, 0))], friction=0.5)
+    for _ in range(60):
+        world.step()
+        assert nearest(world) > 0.0
+    assert world.poses()[0, 2, 3] == pytest.approx(0.5 + MARGIN, abs=0.1 * MARGIN)
+    assert world.poses()[0, 0, 3] > 0.03
+
+
+@pytest.mark.parametrize("soft", [False, True])
+def test_what_a_surface_may_be_off_is_kept_free(soft):
+    deviation = 5.0 * MARGIN
+    if soft:
+        model = shapes.sphere(0.05, deviation=deviation)
+    else:
+        model = TriangleMesh(*box_arrays(0.1, 0.1, 0.1), deviation=deviation)
+    thing = moving(model, at((0.0, 0.0, 0.05 + 1.3 * deviation)))
+    if soft:
+        rest = model.control_points
+        thing = dataclasses.replace(thing, shape=lambda t: rest)
+    world = on_floor([thing])
+    for _ in range(60):
+        world.step()
+        assert world.clearance() <= nearest(world) - 2.0 * deviation
+    assert world.poses()[0, 2, 3] == pytest.approx(0.05 + deviation + MARGIN, abs=0.5 * MARGIN)
+    assert world.stops == 0
 
 
 def test_a_ring_that_fell_aslant_lies_on_either_side():

@@ -1,6 +1,7 @@
 """Contacts from the engine's closest points: one for each pair of pieces that are near.
 
-Bodies that are a piece each have more: those that were nearest a little before (see `memory`).
+Where a surface may be off by a deviation, its contacts are so far outside of it. Bodies that are a
+piece each have more: those that were nearest a little before (see `memory`).
 """
 
 from __future__ import annotations
@@ -62,6 +63,7 @@ class ContactFinder:
         self._assembly = engine.Assembly([model for part in each for model in part.models])
         self._soft = [(self._first[i], models[i]) for i in np.flatnonzero(deforming)]
         whole = np.array([not len(part.corners) for part in each])
+        self._deviation = np.array([model.deviation for model in models])
         self._error = _WHOLE_ERROR * kept * whole[self._owner]
         self._memory = Memory(
             whole[pairs].all(axis=1) & (not every),
@@ -152,6 +154,10 @@ class ContactFinder:
                 if len(at):
                     facing = contacts.points[at, 1 - side]
                     found = engine.closest_points(model, pose, facing).points
+                    apart = facing - found
+                    gaps = np.linalg.norm(apart, axis=1, keepdims=True)
+                    off = np.minimum(self._deviation[self._owner[row]], gaps)
+                    found = found + np.divide(off, gaps, where=gaps > 0.0, out=0.0 * gaps) * apart
                     local[at, side] = (found - pose[:3, 3]) @ pose[:3, :3]
         turn, place = poses[contacts.bodies, :3, :3], poses[contacts.bodies, :3, 3]
         points = np.einsum("ksij,ksj->ksi", turn, local) + place
@@ -226,7 +232,9 @@ class ContactFinder:
         error = self._error[rows[:, 1:]].max(axis=1, initial=0.0)
         found = self._assembly.distances(poses[self._owner], rows[:, 1:], abs_err=error)
         np.minimum.at(self.lower, rows[:, 0], found.lower)
-        within = np.flatnonzero((found.upper <= reach[rows[:, 0]]) & (found.lower > 0.0))
+        off = self._deviation[self.pairs[rows[:, 0]]]
+        nearest = found.upper - 2.0 * off.sum(axis=1)  # the upper bound has the deviations on top
+        within = np.flatnonzero((nearest <= reach[rows[:, 0]]) & (found.lower > 0.0))
         keys = rows[within]
         points = np.stack((found.points_a[within], found.points_b[within]), axis=1)
         bodies = self.pairs[keys[:, 0]]
@@ -238,12 +246,15 @@ class ContactFinder:
                 poses, bodies, faces, found.parameters[within], points,
                 self._corners, self._places, self._place_first, self._around, kept,
             )  # fmt: skip
-        bodies, points, keys = bodies[kept], points[kept], keys[kept]
+        bodies, points, keys, off = bodies[kept], points[kept], keys[kept], off[within][kept]
         apart = points[:, 0] - points[:, 1]
         gaps = np.sqrt((apart * apart).sum(axis=1))
+        normals = apart / gaps[:, None]
+        points += off[:, :, None] * np.stack((-normals, normals), axis=1)
+        gaps -= off.sum(axis=1)
         turn, place = poses[bodies, :3, :3], poses[bodies, :3, 3]
         local = np.einsum("ksji,ksj->ksi", turn, points - place)
-        return bodies, points, apart / gaps[:, None], gaps, keys, local
+        return bodies, points, normals, gaps, keys, local
 
 
 def _placed(

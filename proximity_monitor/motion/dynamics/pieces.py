@@ -1,7 +1,8 @@
 """A model's triangles cut into pieces: each pair of them gives two bodies one contact point.
 
-A model with a curved surface, or one that deforms, is a single piece: itself. Its distances are its
-own, not those of triangles that look like it; see `memory` for its contact points.
+Only a mesh that no ball sweeps and that does not deform is its own triangles. Any other model is a
+single piece: itself. Its distances are its own, not those of triangles that look like it; see
+`memory` for its contact points.
 """
 
 from __future__ import annotations
@@ -49,9 +50,10 @@ class Pieces:
 def cut(model: engine.Model, deforming: bool = False) -> Pieces:
     """Cut the triangles of a model into at most MOST pieces of about equal size, or leave it whole.
 
-    It stays whole where it is `deforming`, or curved, which its normals tell.
+    It stays whole where it is `deforming`, or its surface is not that of triangles.
     """
-    if deforming or model.display_mesh(model.radius).normals is not None:
+    flat = isinstance(model, engine.TriangleMesh) and model.swept_radius == 0.0
+    if deforming or not flat:
         return _whole(model)
     mesh = model.display_mesh(0.0)
     vertices, faces, _ = mesh
@@ -64,7 +66,8 @@ def cut(model: engine.Model, deforming: bool = False) -> Pieces:
     for i, part in enumerate(parts):
         used, own = np.unique(faces[part], return_inverse=True)
         name = f"{model.name}, piece {i}"
-        models.append(engine.shapes.triangles(vertices[used], own.reshape(-1, 3), name=name))
+        how = {"name": name, "deviation": model.deviation}
+        models.append(engine.TriangleMesh(vertices[used], own.reshape(-1, 3), **how))
         boxes.append([*vertices[used].min(axis=0), *vertices[used].max(axis=0)])
     places = mesh.welded().astype(np.int64)
     first = np.concatenate(([0], np.cumsum(np.bincount(places.reshape(-1)))))

@@ -18,8 +18,8 @@ class RigidBody:
 
     Attributes:
         name: its name in messages.
-        model: its shape; it encloses a volume unless the body is an obstacle. A flat one is cut
-            into pieces, a curved one or one that deforms is asked whole.
+        model: its shape; it encloses a volume unless the body is an obstacle. A mesh of flat faces
+            is cut into pieces; one that is curved, swept by a ball or deforms is asked whole.
         pose: (4, 4) model to world at the start, metres.
         density: kilograms per cubic metre; None for an obstacle, which never moves.
         velocity: (3,) metres per second, of the centre of mass.
