@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from proximity_monitor.engine import Model
     from proximity_monitor.scene import Scene
 
-    Maker = Callable[[Mapping[str, Any], Scene, Mapping[str, Model], bool], Motion]
+    Maker = Callable[
+        [Mapping[str, Any], Scene, Mapping[str, Model], bool, Callable[[], bool]], Motion
+    ]
 
 __all__ = [
     "Bag",
@@ -35,17 +37,22 @@ __all__ = [
 ]
 
 _EFFECTS: dict[str, Maker] = {
-    "slider_crank": lambda settings, scene, models, live: SliderCrank(**settings),
-    "script": lambda settings, scene, models, live: Script(**settings),
-    "bag": lambda settings, scene, models, live: Bag(**settings, frame=scene.frame),
+    "slider_crank": lambda settings, scene, models, *how: SliderCrank(**settings),
+    "script": lambda settings, scene, models, *how: Script(**settings),
+    "bag": lambda settings, scene, models, *how: Bag(**settings, frame=scene.frame),
     "dynamics": dynamics.from_settings,
-    "deform": lambda settings, scene, models, live: deform.from_settings(settings, scene, models),
+    "deform": lambda settings, scene, models, *how: deform.from_settings(settings, scene, models),
 }
-"""Makers of effects, maker(settings, scene, models, live), by key in a scene's `motion` section."""
+"""Makers of effects, maker(settings, scene, models, live, stopped), by key in a scene's `motion`
+section."""
 
 
 def from_scene(
-    scene: Scene, models: Mapping[str, Model] | None = None, *, live: bool = False
+    scene: Scene,
+    models: Mapping[str, Model] | None = None,
+    *,
+    live: bool = False,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> Motion:
     """Return the motion that a scene's `motion` section describes: all of its effects together.
 
@@ -55,6 +62,8 @@ def from_scene(
             they are loaded when an effect needs them.
         live: poses are wanted in real time, so an effect that cannot keep up falls behind, as its
             settings say. Otherwise poses depend only on the time that is asked for.
+        stopped: whether the program is to end: a motion that computes for long asks it between
+            its steps, and then returns early, with poses of any time.
 
     Raises:
         ValueError: the scene has no such section, or an effect cannot be made, for example because
@@ -67,7 +76,7 @@ def from_scene(
         )
     shapes = _Models(scene) if models is None else models
     effects = [
-        _EFFECTS[name](settings, scene, shapes, live)
+        _EFFECTS[name](settings, scene, shapes, live, stopped)
         for name, settings in scene.motion.items()
         if name != "deform" or "dynamics" not in scene.motion  # which then deforms its bodies
     ]

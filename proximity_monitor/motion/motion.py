@@ -12,7 +12,7 @@ class Motion(Protocol):
 
     An implementation derives from this class, and so has no control points and no joints unless it
     says otherwise. It may be stateful: asking for a time advances it to there, and a time before
-    the last one starts it again from the beginning.
+    the last one starts it again from the beginning, or, in real time, waits there.
     """
 
     @property

@@ -111,11 +111,12 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
     # A demo is of no use to others on the network.
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     console = Console()
+    ended = False
     with ros([], "proximity_monitor demo") as stop, ExitStack() as stack:
         try:
             described = load_scene(find_scene(scene))
             with _progress(), interruptible():
-                moves = motion.from_scene(described, live=True)
+                moves = motion.from_scene(described, live=True, stopped=lambda: ended or stop.asked)
         except (OSError, ValueError) as error:
             print(error, file=sys.stderr)
             return 1
@@ -135,7 +136,7 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         view = _view(picture, console, stack)
         started, allowed = time.monotonic(), math.inf if seconds is None else seconds
         watched: float | None = None  # since when there is a picture
-        ended = played = False
+        played = False
 
         def over() -> bool:
             nonlocal watched

@@ -22,7 +22,7 @@ from proximity_monitor.ros.parameters import AS_SCENE, declare_one
 from proximity_monitor.ros.played import as_cloud, as_joint_state, set_pose
 from proximity_monitor.ros.poses_message import PosesMessage
 from proximity_monitor.ros.qos import LATCHED, LATEST
-from proximity_monitor.ros.spin import interruptible, ros, spin
+from proximity_monitor.ros.spin import asked_to_stop, interruptible, ros, spin
 from proximity_monitor.scene import Scene, load_scene
 from proximity_monitor.scene.opening import find_scene
 from proximity_monitor.scene.state import PoseSample
@@ -72,7 +72,7 @@ class ProximityPlayer(Node):
         scene = load_scene(find_scene(values["scene"]), descriptions.wait)
         descriptions.forget()
         with interruptible():  # it may read a long recording, or simulate the part that is left out
-            self._motion = moves if moves is not None else motion.from_scene(scene, live=True)
+            self._motion = moves or motion.from_scene(scene, live=True, stopped=asked_to_stop)
             self._motion.seek(values["seek_s"])
         self._frame = values["fixed_frame"] or scene.frame
         self._motion_clock = MotionClock(values["speed"], values["seek_s"])

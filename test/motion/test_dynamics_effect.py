@@ -87,6 +87,14 @@ def test_it_begins_again_after_its_period(tmp_path):
     assert same(first, made.poses(30.1))
 
 
+def test_the_end_of_a_period_is_its_own(tmp_path):
+    text = SCENE + "    period_s: 0.3\n"
+    made, free = load(tmp_path, text), load(tmp_path, SCENE)
+    assert same(made.poses(0.3), free.poses(0.3))
+    assert same(made.poses(0.6), free.poses(0.3))
+    assert same(made.poses(0.6025), free.poses(0.0025))
+
+
 def test_limits_make_a_live_motion_late_and_no_different(tmp_path):
     text = SCENE + CONTACTS + "    max_substeps: 3\n"
     free, late = load(tmp_path, text), load(tmp_path, text, live=True)
@@ -114,6 +122,54 @@ def test_a_live_motion_begins_later_without_being_late(tmp_path, limit):
     assert made.lag_s == pytest.approx(0.1, abs=0.003)  # the limits hold from there on
     assert same(made.poses(0.3), sought)  # the clock ran back
     assert made.lag_s == 0.0
+
+
+def test_a_live_motion_that_is_late_is_sought_without_being_late(tmp_path):
+    text = SCENE + CONTACTS
+    free, made = load(tmp_path, text), load(tmp_path, text + "    max_substeps: 1\n", live=True)
+    for k in range(1, 21):
+        made.poses(0.01 * k)
+    assert made.lag_s == pytest.approx(0.15)
+    for moment in (0.4, 0.1):
+        made.seek(moment)
+        assert made.lag_s == 0.0
+        assert same(made.poses(moment), free.poses(moment))
+
+
+@pytest.mark.parametrize("limit", ["max_substeps: 9", "budget_ms: 5000"])
+def test_a_live_motion_waits_where_the_clock_is_set_back(tmp_path, limit):
+    text = SCENE + CONTACTS
+    free, made = load(tmp_path, text), load(tmp_path, text + f"    {limit}\n", live=True)
+    made.seek(0.2)
+    now = made.poses(0.21)
+    assert same(now, free.poses(0.21))
+    assert same(made.poses(0.2051), now)
+    assert same(made.poses(0.2149), free.poses(0.2149))
+    assert made.lag_s == 0.0
+
+
+def test_a_live_motion_has_a_limit_unless_the_scene_names_one(tmp_path):
+    made = load(tmp_path, "rate_hz: 500" + SCENE, live=True)
+    made.poses(1e6)
+    assert made.lag_s > 9e5
+
+
+def test_nobody_waits_for_a_motion_that_is_stopped(tmp_path):
+    asked = []
+
+    def stopped():
+        asked.append(True)
+        return len(asked) > 20
+
+    made = load(tmp_path, SCENE, stopped=stopped)
+    made.seek(1e9)
+    made.poses(1e9)
+    fast = SCENE.replace("[200, 0, 0]", "[0, 0, 1.0e+6]") + CONTACTS
+    asked.clear()
+    made = load(tmp_path, fast, stopped=stopped)
+    made.poses(1.0)  # a single step has more parts than that
+    assert made.world.time_s <= 0.0025 * 20
+    assert len(asked) < 25
 
 
 def test_what_moves_beside_it_begins_later_as_well(tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -19,13 +19,22 @@ if TYPE_CHECKING:
 __all__ = ["ContactLaw", "Dynamics", "Forces", "RigidBody", "World", "from_settings"]
 
 
+_LONGEST_S = 0.1
+"""The longest time for computing where a scene gives no limit: its player publishes as often."""
+
+
 def from_settings(
-    settings: Mapping[str, Any], scene: Scene, models: Mapping[str, Model], live: bool
+    settings: Mapping[str, Any],
+    scene: Scene,
+    models: Mapping[str, Model],
+    live: bool,
+    stopped: Callable[[], bool],
 ) -> Dynamics:
     """Return the effect that the section `motion.dynamics` of a scene describes.
 
     Where bodies deform as well, by `motion.deform`, it moves the surfaces of those that touch. Its
-    time limits hold if it is `live`; otherwise each pose belongs exactly to the requested time.
+    time limits hold if it is `live`, and if the scene has none, computing may take as long as it
+    is between two poses; otherwise each pose belongs exactly to the requested time.
 
     Raises:
         ValueError: a body that has to move encloses no volume, or two touch at the start; the
@@ -52,9 +61,13 @@ def from_settings(
             for name in ("gravity", "friction", "restitution", "linear_damping", "angular_damping")
         },
     )
-    limits = ("max_substeps", "budget_s") if live else ()
-    times = {name: settings[name] for name in ("substep_s", "period_s", *limits)}
+    times = {name: settings[name] for name in ("substep_s", "period_s")}
+    if live:
+        limits = {name: settings[name] for name in ("max_substeps", "budget_s")}
+        if set(limits.values()) == {None}:
+            limits["budget_s"] = min(1.0 / scene.rate_hz, _LONGEST_S)
+        times |= limits
     try:
-        return Dynamics(bodies, forces, **times, deform=soft)
+        return Dynamics(bodies, forces, **times, deform=soft, stopped=stopped)
     except ValueError as error:
         raise ValueError(f"{scene.path}: motion.{error}") from None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from time import perf_counter
 
 import numpy as np
@@ -19,10 +19,12 @@ class Dynamics(Motion):
     """Rigid bodies whose motion is simulated as time goes on.
 
     The simulation advances in steps of `substep_s`, and a pose belongs to the step nearest to the
-    requested time. So the motion is the same, bit by bit, whichever times are requested. If a limit
-    (`max_substeps`, `budget_s`) ends a call early, the simulated time falls behind by `lag_s` and
-    stays behind: the motion is slower, but no different. Up to the time that was given to `seek`
-    there is no limit.
+    requested time. So the motion is the same, bit by bit, whichever times are requested.
+
+    With a limit (`max_substeps`, `budget_s`) it is for real time. If the limit ends a call early,
+    the simulated time falls behind by `lag_s` and stays behind: the motion is slower, but no
+    different. Up to the time that was given to `seek` there is no limit. Bodies wait where a clock
+    is set back: they begin again only at a time that is not after the one given to `seek`.
     """
 
     def __init__(
@@ -35,6 +37,7 @@ class Dynamics(Motion):
         budget_s: float | None = None,
         period_s: float | None = None,
         deform: Deform | None = None,
+        stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         """Put the bodies at their start, and compile everything that they may need.
 
@@ -47,6 +50,8 @@ class Dynamics(Motion):
                 most; None: no limit.
             period_s: seconds after which all begins again; None: never.
             deform: gives bodies their shapes, at simulated times; None: no body deforms.
+            stopped: whether nobody waits for the motion any more. It is asked all the time; from
+                then on calls return early, and poses are no more those of the requested time.
 
         Raises:
             ValueError: a body that has to move encloses no volume, or two touch at the start.
@@ -55,6 +60,8 @@ class Dynamics(Motion):
         self._deform = deform
         self._names = tuple(body.name for body in bodies if body.density is not None)
         self._rows = [i for i, body in enumerate(bodies) if body.density is not None]
+        self._stopped = stopped
+        self._live = max_substeps is not None or budget_s is not None
         self._most = math.inf if max_substeps is None else max_substeps
         self._budget_s = math.inf if budget_s is None else budget_s
         self._steps_a_period = None if period_s is None else max(1, round(period_s / substep_s))
@@ -65,7 +72,7 @@ class Dynamics(Motion):
 
     def _restart(self) -> None:
         self.world.restart()
-        self._asked_s = 0.0
+        self._asked = 0
         self._lost = 0
         self._done = 0
 
@@ -92,7 +99,10 @@ class Dynamics(Motion):
             ValueError: t is not finite.
         """
         self._sought = self._steps_until(t)
-        self.poses(t)
+        if self._sought < self._done:
+            self._restart()
+        self._asked, self._lost = self._sought, 0
+        self._advance(self._sought)
 
     def poses(self, t: float) -> dict[str, np.ndarray]:
         """Simulate up to t seconds and return the poses (4, 4) of all bodies that move.
@@ -101,10 +111,10 @@ class Dynamics(Motion):
             ValueError: t is not finite.
         """
         steps = self._steps_until(t)
-        if t < self._asked_s:
+        if steps < self._asked and not (self._live and steps > self._sought):
             self._restart()
-        self._asked_s = t
-        self._advance(steps - self._lost)
+        self._asked = max(steps, self._asked)
+        self._advance(self._asked - self._lost)
         poses = self.world.poses()
         return {name: poses[row] for name, row in zip(self._names, self._rows, strict=True)}
 
@@ -148,21 +158,25 @@ class Dynamics(Motion):
 
     def _advance(self, target: int) -> None:
         """Simulate until `target` steps are done since the start, or a limit is reached."""
-        period = self._steps_a_period
-        if period is not None and target // period > self._done // period:
-            self._done = target // period * period
+        if self._passes(target) > self._passes(self._done):
+            self._done = self._passes(target) * self._steps_a_period
             self.world.restart()
-        while self._done < min(target, self._sought):
+        while self._done < min(target, self._sought) and not self._stopped():
             self._step()
         deadline, most = perf_counter() + self._budget_s, self._done + self._most
-        while self._done < target:
+        while self._done < target and not self._stopped():
             if self._done >= most or perf_counter() >= deadline:
                 self._lost += target - self._done
                 break
             self._step()
 
+    def _passes(self, steps: int) -> int:
+        """How many periods are over before the last of these steps: a period has its end, too."""
+        period = self._steps_a_period
+        return 0 if period is None else max(steps - 1, 0) // period
+
     def _step(self) -> None:
-        self.world.step()
+        self.world.step(self._stopped)
         self._done += 1
 
 

@@ -9,7 +9,7 @@ from the velocities again.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -111,12 +111,15 @@ class World:
         self._too_near = np.empty(0, np.bool_)
         self._cannot_pay = False
 
-    def step(self) -> None:
-        """Go on by `step_s`, in several steps where bodies are too fast for one."""
+    def step(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Go on by `step_s`, in several steps where bodies are too fast for one.
+
+        Those may be many. Once it is `stopped`, which is asked before each, the rest is left out.
+        """
         self._steps += 1
         self._reshape()
         left, taken_back = self.step_s, 0
-        while left > 0.0:
+        while left > 0.0 and not stopped():
             h = left / self._parts(left)
             gently = False
             while not self._go(h, gently):
