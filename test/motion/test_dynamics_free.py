@@ -103,6 +103,28 @@ def test_a_symmetric_top_precesses_at_its_closed_form():
     assert coarse / fine == pytest.approx(4.0, rel=0.02)  # second order
 
 
+@pytest.mark.parametrize("speed", [1.0, 600.0, 17000.0])
+def test_a_spin_about_a_principal_axis_is_exact_however_fast(speed):
+    world = World([moving(box(*SIZE), np.eye(4), spin=(0.0, 0.0, speed))], Forces(), 0.01)
+    for _ in range(10):
+        world.step()
+    turn = at((0.0, 0.0, 0.0), angle=0.1 * speed)
+    assert world.poses()[0] == pytest.approx(turn, abs=1e-12 * (100.0 + speed))
+
+
+def test_a_fast_tumbling_box_keeps_its_energy_and_its_way():
+    spin = np.array([30.0, 600.0, 20.0])  # six radians in a step of ten milliseconds
+    poses = []
+    for step_s in (0.01, 0.00001):
+        world = World([moving(box(*SIZE), np.eye(4), spin=spin)], Forces(), step_s)
+        energy = world.energy()
+        for _ in range(round(0.01 / step_s)):
+            world.step()
+        assert world.energy() == pytest.approx(energy, rel=1e-11)
+        poses.append(world.poses()[0])
+    assert poses[0] == pytest.approx(poses[1], abs=0.01)
+
+
 def test_damping_decays_as_named():
     body = moving(box(*SIZE), np.eye(4), (2.0, 0.0, 0.0), (0.0, 0.0, 3.0))
     world = World([body], Forces(linear_damping=0.5), STEP_S)

@@ -23,6 +23,13 @@ micrometre in a second."""
 _LEAST_TURN = 1e-15
 """Radians: the iteration for the midpoint ends here, below the last digit of an orientation."""
 
+_PART = 0.1
+"""Radians: a body that turns farther in a step does so in several parts, each about an axis of its
+own. So the iteration converges, fast."""
+
+_MOST_PARTS = 100_000
+"""Of a turn: more would take longer than anybody waits for a step."""
+
 
 @helper
 def _times(m, x):
@@ -75,45 +82,73 @@ def orient(turn, inverse_inertia_body, rotation, inverse_inertia):
                 inverse_inertia[i, k, column] = x[k]
 
 
+@helper
+def _half_turn(start, spin, inverse_inertia, h):
+    """Vector part k Ω / 2 of a turn for h seconds, and the momentum (M₀ + M₁) / 2 in its middle.
+
+    `start` is M₀, `spin` a first guess of Ω.
+    """
+    half = middle = start
+    # A contraction, as h times the spin is small; if it is not, fifty rounds are done.
+    for _ in range(50):
+        size = math.sqrt(dot(spin, spin))
+        k = math.tan(0.5 * h * size) / size if size > 0.0 else 0.0
+        half = (k * spin[0], k * spin[1], k * spin[2])
+        # (M₀ + M₁) / 2 is M₀ turned back halfway: m + half × m = M₀, solved for m.
+        along, weight = dot(half, start), 1.0 + dot(half, half)
+        side = cross(half, start)
+        middle = (
+            (start[0] + along * half[0] - side[0]) / weight,
+            (start[1] + along * half[1] - side[1]) / weight,
+            (start[2] + along * half[2] - side[2]) / weight,
+        )
+        new = _times(inverse_inertia, middle)
+        moved = abs(new[0] - spin[0]) + abs(new[1] - spin[1]) + abs(new[2] - spin[2])
+        spin = new
+        if moved * h <= _LEAST_TURN:
+            break
+    return half, middle
+
+
 @entry
 def turn_freely(turn, momentum, inverse_inertia_body, rotation, h):
     """Turn each body for h seconds by its angular momentum (n, 3, world), which does not change.
 
     The implicit midpoint rule for Euler's equations, with Cayley's map for the orientation
     (Austin, Krishnaprasad, Wang 1993): with M = Rᵀ L in the body's frame, Ω = I⁻¹ (M₀ + M₁) / 2 and
-    R₁ = R₀ cay(h Ω). Then M₁ - M₀ = h (M₀ + M₁) / 2 × Ω, which is R₁ M₁ = R₀ M₀; the rule keeps
-    quadratic invariants, so the energy M · I⁻¹ M / 2 is kept as well, whatever h is. Cayley's map
-    of h Ω is the rotation of the quaternion (1, h Ω / 2) made unit.
+    R₁ = R₀ cay(k Ω). Then M₁ - M₀ = k (M₀ + M₁) / 2 × Ω, which is R₁ M₁ = R₀ M₀; the rule keeps
+    quadratic invariants, so the energy M · I⁻¹ M / 2 is kept as well, whatever k is. Cayley's map
+    of k Ω is the rotation of the quaternion (1, k Ω / 2) made unit, by 2 atan(k |Ω| / 2). With
+    k = 2 tan(h |Ω| / 2) / |Ω| it is one by h |Ω|, so a turn about a principal axis is exact.
     """
     for i in range(len(turn)):
         start = _times_transposed(rotation[i], momentum[i])
         spin = _times(inverse_inertia_body[i], start)
-        if spin[0] == 0.0 and spin[1] == 0.0 and spin[2] == 0.0:
+        size = math.sqrt(dot(spin, spin))
+        if size == 0.0:
             continue
-        # A contraction if h times the spin is small; if it is not, fifty rounds are done.
-        for _ in range(50):
-            half = (0.5 * h * spin[0], 0.5 * h * spin[1], 0.5 * h * spin[2])
-            # (M₀ + M₁) / 2 is M₀ turned back halfway: m + half × m = M₀, solved for m.
-            along, size = dot(half, start), 1.0 + dot(half, half)
-            side = cross(half, start)
-            middle = (
-                (start[0] + along * half[0] - side[0]) / size,
-                (start[1] + along * half[1] - side[1]) / size,
-                (start[2] + along * half[2] - side[2]) / size,
+        parts = max(1, int(min(math.ceil(h * size / _PART), _MOST_PARTS)))
+        for _ in range(parts):
+            half, middle = _half_turn(start, spin, inverse_inertia_body[i], h / parts)
+            start = (
+                2.0 * middle[0] - start[0],
+                2.0 * middle[1] - start[1],
+                2.0 * middle[2] - start[2],
             )
-            new = _times(inverse_inertia_body[i], middle)
-            moved = abs(new[0] - spin[0]) + abs(new[1] - spin[1]) + abs(new[2] - spin[2])
-            spin = new
-            if moved * h <= _LEAST_TURN:
-                break
-        b, c, d = 0.5 * h * spin[0], 0.5 * h * spin[1], 0.5 * h * spin[2]
-        q0, q1, q2, q3 = turn[i]
-        p0 = q0 - q1 * b - q2 * c - q3 * d
-        p1 = q1 + q0 * b + q2 * d - q3 * c
-        p2 = q2 + q0 * c + q3 * b - q1 * d
-        p3 = q3 + q0 * d + q1 * c - q2 * b
-        size = math.sqrt(p0 * p0 + p1 * p1 + p2 * p2 + p3 * p3)
-        turn[i, 0], turn[i, 1], turn[i, 2], turn[i, 3] = p0 / size, p1 / size, p2 / size, p3 / size
+            spin = _times(inverse_inertia_body[i], start)
+            b, c, d = half
+            q0, q1, q2, q3 = turn[i]
+            p0 = q0 - q1 * b - q2 * c - q3 * d
+            p1 = q1 + q0 * b + q2 * d - q3 * c
+            p2 = q2 + q0 * c + q3 * b - q1 * d
+            p3 = q3 + q0 * d + q1 * c - q2 * b
+            size = math.sqrt(p0 * p0 + p1 * p1 + p2 * p2 + p3 * p3)
+            turn[i, 0], turn[i, 1], turn[i, 2], turn[i, 3] = (
+                p0 / size,
+                p1 / size,
+                p2 / size,
+                p3 / size,
+            )
 
 
 @helper
