@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from proximity_monitor.motion.bag_file import Track, read_tracks
-from proximity_monitor.motion.motion import Motion, counted
+from proximity_monitor.motion.motion import Motion, counted, within_period
 from proximity_monitor.scene.poses import pose_matrices
 
 
@@ -48,6 +48,7 @@ class Bag(Motion):
         """
         recorded = read_tracks(path, topics, frame)
         self._tracks = recorded.tracks
+        self._duration_s = recorded.duration_s
         self._length_s = recorded.duration_s - seek_s
         if self._length_s < 0.0:
             raise ValueError(
@@ -79,10 +80,14 @@ class Bag(Motion):
         """
         if not math.isfinite(t):
             raise ValueError(f"t: {t} is no time")
-        now = t * self._rate
-        if self._loop and self._length_s:
-            now %= self._length_s
-        return _held(self._tracks, now + self._seek_s)
+        end_s = self.period_s
+        if end_s is None:
+            return _held(self._tracks, t * self._rate + self._seek_s)
+        if self._loop:
+            t = within_period(t, end_s)
+        # At the end it is the last pose, whatever rounding makes of the time.
+        now = t * self._rate + self._seek_s if t < end_s else self._duration_s
+        return _held(self._tracks, now)
 
     def describe(self) -> str:
         """Return e.g. ``bag: 5 bodies, recording.mcap, 12.5 s in a loop``."""

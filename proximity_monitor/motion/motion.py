@@ -82,3 +82,8 @@ class Motion(Protocol):
 def counted(number: int, one: str, many: str) -> str:
     """Return e.g. ``1 body`` or ``2 bodies``."""
     return f"{number} {one if number == 1 else many}"
+
+
+def within_period(t: float, period_s: float) -> float:
+    """Return the time within a period, seconds. Its end belongs to it, so that this is shown."""
+    return t % period_s or (period_s if t > 0.0 else 0.0)

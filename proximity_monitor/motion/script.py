@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from proximity_monitor.motion import screw
-from proximity_monitor.motion.motion import Motion, counted
+from proximity_monitor.motion.motion import Motion, counted, within_period
 
 
 class Script(Motion):
@@ -87,7 +87,7 @@ class Script(Motion):
         """The time within the script."""
         if not math.isfinite(t):
             raise ValueError(f"t: {t} is no time")
-        return t % self._end_s if self._loop and self._end_s else t
+        return within_period(t, self._end_s) if self._loop and self._end_s else t
 
 
 def _path(

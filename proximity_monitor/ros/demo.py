@@ -148,8 +148,8 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
         def play() -> None:
             nonlocal ended, played
             try:
-                spin([player], stop, over)
-                played = True
+                spin([player], stop, lambda: over() or player.finished)
+                played = not player.fault
             finally:  # the watch ends as well, be it by an error, which the thread prints
                 ended = True
 
@@ -163,6 +163,8 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
             playing.join()
         view.read()
         stack.close()
+        if player.fault:
+            print(player.fault, file=sys.stderr)
         if not played:
             return 1
         if picture.results or not stop.asked:

@@ -6,7 +6,10 @@ import json
 
 
 class MotionClock:
-    """Seconds of motion by a node's clock, in nanoseconds."""
+    """Seconds of motion by a node's clock, in nanoseconds.
+
+    Such a clock is at 0 until its first time comes, as with `use_sim_time`; the motion waits.
+    """
 
     def __init__(self, speed: float, seek_s: float) -> None:
         """Begin at the first reading, `seek_s` into the motion."""
@@ -17,18 +20,18 @@ class MotionClock:
     def read(self, now_ns: int) -> float:
         """Return the moment; a node's clock that went back begins the motion again."""
         if self._from_ns is None or now_ns < self._from_ns:
-            self._from_ns, self._from_s = now_ns, self._begin_s
-        return self._from_s + (now_ns - self._from_ns) * 1e-9 * self.speed
+            self.seek(now_ns, self._begin_s)
+        return self._from_s + (now_ns - (self._from_ns or now_ns)) * 1e-9 * self.speed
 
     def go_on(self, now_ns: int, speed: float) -> None:
         """Go on from the present moment at another speed; 0 stands still."""
-        self._from_s, self._from_ns = self.read(now_ns), now_ns
+        self._from_s, self._from_ns = self.read(now_ns), now_ns or None
         self.speed = speed
 
     def seek(self, now_ns: int, moment_s: float) -> None:
         """Go on from another moment, where the motion begins from now on, too."""
         self._begin_s = self._from_s = moment_s
-        self._from_ns = now_ns
+        self._from_ns = now_ns or None
 
     def told(self, now_ns: int, period_s: float | None, repeats: bool) -> str:
         """Return what others need to know the moment at any later time: JSON for ``~/motion``.
@@ -38,5 +41,6 @@ class MotionClock:
         whether it ``repeats``.
         """
         self.read(now_ns)
-        told = {"moment_s": self._from_s, "stamp_s": self._from_ns * 1e-9, "speed": self.speed}
+        stamp_s = (self._from_ns or now_ns) * 1e-9
+        told = {"moment_s": self._from_s, "stamp_s": stamp_s, "speed": self.speed}
         return json.dumps(told | {"period_s": period_s, "repeats": repeats})

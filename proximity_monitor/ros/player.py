@@ -74,11 +74,13 @@ class ProximityPlayer(Node):
         with interruptible():  # it may read a long recording, or simulate the part that is left out
             self._motion = moves or motion.from_scene(scene, live=True, stopped=asked_to_stop)
             self._motion.seek(values["seek_s"])
-        self._frame = values["fixed_frame"] or scene.frame
+        self._path, self._frame = scene.path, values["fixed_frame"] or scene.frame
         self._motion_clock = MotionClock(values["speed"], values["seek_s"])
         self._to_seek: float | None = None  # done by the timer, because a parameter must not wait
         self._ends_at = None if values["loop"] else self._motion.period_s
         self.finished = False
+        self.fault = ""
+        """Why the motion could not go on; empty: it can."""
         self._advertise(scene, values["bulk"], values["seek_s"])
         self.add_on_set_parameters_callback(_judged)
         self.add_post_set_parameters_callback(self._on_parameters)
@@ -87,7 +89,7 @@ class ProximityPlayer(Node):
             raise ValueError(
                 f"rate_hz: must be at least 0.1, or -1 for the scene's; not {rate_hz:g}"
             )
-        self._timer = self.create_timer(1.0 / rate_hz, self._publish)
+        self._timer = self.create_timer(1.0 / rate_hz, self._on_timer)
         self.get_logger().info(
             f"{'; '.join(self._motion.describe().splitlines())}, published at {rate_hz:g} Hz"
             f"{' in bulk' if values['bulk'] else ''}, speed {values['speed']:g}"
@@ -184,21 +186,30 @@ class ProximityPlayer(Node):
     def _tell_moment(self, now_ns: int) -> None:
         """Tell the moment of the motion where it does not follow from what was told."""
         if self._told_from_ns is None or now_ns < self._told_from_ns:
-            self._told_from_ns = now_ns
+            self._told_from_ns = now_ns or None  # told again when there is a time
             moves = self._motion
             told = self._motion_clock.told(now_ns, moves.period_s, moves.repeats)
             self._to_tell.publish(String(data=told))
 
-    def _publish(self) -> None:
+    def _on_timer(self) -> None:
+        """Publish; end where the motion does, or cannot go on."""
+        try:
+            self.finished = self._publish()
+        except ValueError as error:
+            self.finished, self.fault = True, f"{self._path}: motion: {error}"
+        if self.finished:
+            self._timer.cancel()
+
+    def _publish(self) -> bool:
+        """Publish the present moment; return whether it is the last one."""
         if self._to_seek is not None:
             self._seek()
         now = self.get_clock().now()
         t = self._motion_clock.read(now.nanoseconds)
         self._tell_moment(now.nanoseconds)
-        if self._ends_at is not None and t > self._ends_at:
-            self._timer.cancel()
-            self.finished = True
-            return
+        last = self._ends_at is not None and t >= self._ends_at
+        if last:
+            t = self._ends_at
         stamp = now.to_msg()
         self._publish_poses(t, Header(stamp=stamp, frame_id=self._frame))
         if self._joints:
@@ -209,6 +220,7 @@ class ProximityPlayer(Node):
             for name, points in self._motion.control_points(t).items():
                 cloud = as_cloud(points, Header(stamp=stamp, frame_id=name))
                 self._controls[name].publish(cloud)
+        return last
 
     def _publish_poses(self, t: float, header: Header) -> None:
         poses = self._motion.poses(t)
@@ -233,7 +245,7 @@ def _judged(parameters: Sequence[Parameter]) -> SetParametersResult:
 
 
 def main(args: Sequence[str] | None = None) -> int:
-    """Run the player until SIGINT, SIGTERM or its motion's end; return 1 if it cannot start."""
+    """Run the player until SIGINT, SIGTERM or its motion's end; return 1 if it cannot play."""
     with ros(args, "proximity_player") as stop:
         try:
             node = ProximityPlayer()
@@ -244,4 +256,7 @@ def main(args: Sequence[str] | None = None) -> int:
             spin([node], stop, lambda: node.finished)
         finally:
             node.destroy_node()
+        if node.fault:
+            print(f"proximity_player: {node.fault}", file=sys.stderr)
+            return 1
     return 0

@@ -93,6 +93,10 @@ def test_it_begins_again_at_its_end(load, taken):
     assert places(made, 4.25) == places(made, 0.25)
     assert places(made, 9.25) == places(made, 1.25)
     assert places(made, -2.75) == places(made, 1.25)
+    last = {"tool": (3, 0, 0), "right": (0, 3, 0), "left": (0, 4, 0)}
+    for end in (4.0, 8.0):  # the last pose is shown before it begins again
+        assert places(made, end) == last
+    assert places(made, 4.0 + 1e-9) == places(made, 0.0)
 
 
 def test_played_once_it_rests_at_its_end(load, taken):
@@ -111,7 +115,14 @@ def test_rate_and_seek(load, taken):
     # What came before the part that is left out is held, as of a latched topic.
     assert places(made, 0.0) == {"tool": (2, 0, 0), "right": (0, 1, 0), "left": (0, 2, 0)}
     assert places(made, 0.2) == {"tool": (2, 0, 0), "right": (0, 3, 0), "left": (0, 4, 0)}
-    assert places(made, 1.375) == places(made, 0.0)
+    assert places(made, 1.376) == places(made, 0.0)
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.7, 1.1, 7.0])
+def test_rounding_does_not_cost_the_last_pose(load, taken, rate):
+    taken(tool=[stamped(0.0, (1, 0, 0)), stamped(0.7, (2, 0, 0)), stamped(12.3, (3, 0, 0))])
+    made = load(f"    rate: {rate}\n    seek_s: 0.1\n    loop: false\n")
+    assert places(made, made.period_s)["tool"] == (3, 0, 0)
 
 
 def test_a_quaternion_is_made_unit_exactly(load, taken):

@@ -162,6 +162,7 @@ def test_a_refitted_mesh_is_as_near_as_a_new_one(tmp_path):
         ("field: stretch", "field: breathe", "axis: does not belong to the field 'breathe'"),
         ("field: stretch", "field: twist, wavelength: 3", "wavelength: does not belong"),
         ("field: stretch", "field: melt", "field: must be one of"),
+        ("amplitude: 0.25", "amplitude: -120", r"amplitude: must be from -10 to 10 for the field"),
         ("amplitude: 0.25, ", "", "the field 'stretch' needs the key 'amplitude'"),
         ("amplitude: 0.25", "amplitude: 0.25, through: [a.json]", "through: does not belong"),
         (

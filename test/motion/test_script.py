@@ -98,7 +98,10 @@ def test_it_begins_again_after_the_latest_key_of_all(load):
     for name, pose in first.items():
         assert np.array_equal(pose, later[name])
         assert np.array_equal(pose, before[name])
-    assert np.array_equal(made.poses(4.0)["cart"], made.poses(0.0)["cart"])
+    at_end = made.poses(4.0)["cart"]
+    assert at_end[:3, 3] == pytest.approx([0.0, 1.0, 0.5])
+    assert np.array_equal(made.poses(8.0)["cart"], at_end)
+    assert made.poses(4.0 + 1e-9)["cart"] == pytest.approx(made.poses(0.0)["cart"], abs=1e-8)
 
 
 def test_played_once_it_rests_at_its_end(load):

@@ -24,6 +24,7 @@ from std_msgs.msg import String
 
 from proximity_monitor import engine, motion
 from proximity_monitor.ros.clouds import read_points
+from proximity_monitor.ros.player import ProximityPlayer
 from proximity_monitor.ros.qos import LATCHED
 from proximity_monitor.scene import load_scene
 
@@ -54,6 +55,10 @@ DOOR = """
   script:
     bodies:
       door: {hinge: {origin: [0, 50, 0], axis: [0, 0, 1], angles_deg: [[0, 0], [2, 720]]}}
+"""
+DRAWER = """
+  script:
+    bodies: {door: {slide: {axis: [1, 0, 0], offsets: [[0, 0], [0.3, 235]]}}}
 """
 URDF = """
 <robot name="swing">
@@ -293,6 +298,41 @@ def test_the_motion_is_paused_resumed_and_sought_while_it_runs(scene, play, list
     assert sought["speed"] == 0.01
     assert not listener.set(process, speed=-1.0)
     assert not listener.set(process, seek_s=math.nan)
+
+
+def play_here(listener, path, moves, **parameters):
+    """Let a player of this process run to its end."""
+    overrides = [
+        Parameter(name, value=v) for name, v in ({"scene": str(path)} | parameters).items()
+    ]
+    player = ProximityPlayer(moves, parameter_overrides=overrides, namespace=listener.namespace)
+    listener.executor.add_node(player)
+    deadline = time.monotonic() + START_DEADLINE_S
+    while not player.finished and time.monotonic() < deadline:
+        listener.executor.spin_once(timeout_sec=0.02)
+    for _ in range(5):
+        listener.executor.spin_once(timeout_sec=0.02)
+    player.destroy_node()
+    return player
+
+
+def test_a_motion_that_is_played_once_ends_at_its_last_pose(scene, listener):
+    path, moves = scene(DRAWER)
+    listener.subscribe(PoseStamped, "doors/front")
+    player = play_here(listener, path, moves, loop=False, rate_hz=33.0)
+    assert player.fault == ""
+    assert listener.heard["doors/front"][-1].pose.position.x == pytest.approx(0.235, abs=1e-15)
+
+
+def test_a_motion_that_cannot_go_on_is_told_and_ends_the_player(scene, listener):
+    path, moves = scene(DRAWER)
+
+    def fail(t):
+        raise ValueError("door: beyond 1e45 m")
+
+    moves.poses = fail
+    player = play_here(listener, path, moves)
+    assert player.fault == f"{path}: motion: door: beyond 1e45 m"
 
 
 def test_joints_are_published_on_the_topic_of_their_robot(scene, play, listener):

@@ -19,6 +19,9 @@ from proximity_monitor.scene.report import Keys, Report, SceneError
 _ACROSS = ("bend", "wave")
 """Fields that also have a direction across the axis."""
 
+_MOST_STRETCH = 10.0
+"""Greatest logarithm of a factor: more than twenty thousand fold is no use, and may overflow."""
+
 _PERPENDICULAR = 1e-3
 """Directions are written with few digits: what is this near to perpendicular is made so."""
 
@@ -72,6 +75,12 @@ def _field(
         amplitude = math.radians(amplitude)
     elif kind == "wave":
         amplitude *= unit.to_metre
+    elif abs(amplitude) > _MOST_STRETCH:
+        report.add(
+            (*keys, "amplitude"),
+            f"must be from -{_MOST_STRETCH:g} to {_MOST_STRETCH:g} for the field '{kind}', as the "
+            f"logarithm of a factor (got {amplitude:g})",
+        )
     return {
         "field": kind,
         "amplitude": amplitude,
