@@ -75,6 +75,11 @@ class Motion(Protocol):
         """
         return {}
 
+    @property
+    def trouble(self) -> str:
+        """What went wrong so far and is no error, and the way out; empty if all is well."""
+        return ""
+
     def describe(self) -> str:
         """Return one line an effect: what runs, on how many bodies and how fast."""
 

@@ -81,6 +81,11 @@ class Together(Motion):
         """
         return {name: each for part in self._parts for name, each in part.joints(t).items()}
 
+    @property
+    def trouble(self) -> str:
+        """What went wrong so far in any part; empty if all is well."""
+        return "; ".join(part.trouble for part in self._parts if part.trouble)
+
     def describe(self) -> str:
         """Return the parts' lines."""
         return "\n".join(part.describe() for part in self._parts)

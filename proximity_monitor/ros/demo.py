@@ -163,8 +163,8 @@ def run(scene: str, *, seconds: float | None = None, speed: float = 1.0, page: b
             playing.join()
         view.read()
         stack.close()
-        if player.fault:
-            print(player.fault, file=sys.stderr)
+        if told := player.fault or moves.trouble:
+            print(told, file=sys.stderr)
         if not played:
             return 1
         if picture.results or not stop.asked:

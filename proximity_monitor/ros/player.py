@@ -81,6 +81,7 @@ class ProximityPlayer(Node):
         self.finished = False
         self.fault = ""
         """Why the motion could not go on; empty: it can."""
+        self._warned = ""
         self._advertise(scene, values["bulk"], values["seek_s"])
         self.add_on_set_parameters_callback(_judged)
         self.add_post_set_parameters_callback(self._on_parameters)
@@ -197,6 +198,9 @@ class ProximityPlayer(Node):
             self.finished = self._publish()
         except ValueError as error:
             self.finished, self.fault = True, f"{self._path}: motion: {error}"
+        if self._motion.trouble != self._warned:
+            self._warned = self._motion.trouble
+            self.get_logger().warning(self._warned)
         if self.finished:
             self._timer.cancel()
 

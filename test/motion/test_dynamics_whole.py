@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,9 +10,10 @@ from dynamics_bodies import DOWN, IMPULSE, STEP_S, at, box_arrays, moving, neare
 
 from proximity_monitor import motion, scene
 from proximity_monitor.engine import Curve, SolidOfRevolution, TriangleMesh, shapes
-from proximity_monitor.motion.dynamics import Forces, RigidBody, World
+from proximity_monitor.motion.dynamics import Dynamics, Forces, RigidBody, World
 from proximity_monitor.motion.dynamics.memory import Contacts, Memory, Seen
 from proximity_monitor.motion.dynamics.pieces import cut
+from proximity_monitor.motion.together import Together
 
 MARGIN = IMPULSE.margin
 HALF = math.sqrt(0.5)
@@ -141,6 +143,23 @@ def test_a_plate_that_grows_lifts_what_lies_on_it():
     for height in heights[:40]:
         world.step()
         assert world.poses()[0][2, 3] == height
+
+
+def test_bodies_that_grow_into_each_other_are_told():
+    ball = shapes.sphere(0.05)
+    rest = ball.control_points
+    sinks = RigidBody(
+        "ball", ball, at((0.0, 0.0, 0.052)), shape=lambda t: rest - [0.0, 0.0, 0.01 * (t > 0.004)]
+    )
+    crate = moving(shapes.box((1.0, 1.0, 0.1)), at((0.0, 0.0, -0.05)), name="crate")
+    forces = Forces(contacts=IMPULSE)
+    made = Dynamics([crate, sinks], forces, substep_s=STEP_S)
+    assert "stopped" not in made.describe()
+    assert made.trouble == Together([made]).trouble == ""
+    made.poses(0.02)
+    assert made.trouble.startswith("dynamics: 'crate' and 'ball' touched, so they are stuck; make")
+    assert Together([made]).trouble == made.trouble
+    assert re.search("stopped [0-9]+ times", made.describe())
 
 
 def test_the_bundled_solid_rings_fall_and_lie_in_the_tray():

@@ -132,6 +132,17 @@ class Dynamics(Motion):
         self._steps_until(t)
         return {} if self._deform is None else self._deform.control_points(self.world.time_s)
 
+    @property
+    def trouble(self) -> str:
+        """Which bodies touched first, though they should not; empty if none did."""
+        if self.world.touched is None:
+            return ""
+        first, second = self.world.touched
+        return (
+            f"dynamics: {first!r} and {second!r} touched, so they are stuck; make the steps "
+            "shorter (substep_ms), the shapes change more slowly, or the margin wider"
+        )
+
     def describe(self) -> str:
         """Return e.g. ``dynamics: 10 bodies, contacts by impulse, damping, steps of 2.5 ms``."""
         named = [counted(len(self._names), "body", "bodies")]
@@ -148,6 +159,8 @@ class Dynamics(Motion):
         named.append(f"steps of {1e3 * self.world.step_s:g} ms")
         if self._lost:
             named.append(f"{self.lag_s:.3g} s late")
+        if self.world.stops:
+            named.append(f"stopped {counted(self.world.stops, 'time', 'times')}")
         deform = "" if self._deform is None else f"\n{self._deform.describe()}"
         return f"dynamics: {', '.join(named)}{deform}"
 

@@ -27,6 +27,7 @@ class RigidBody:
         shape: of a body that deforms: its model's control points (n, 3) at a time in seconds. The
             model is changed, so it is no other body's; its mass and inertia stay. The surface must
             change slowly: in a step by less than a twentieth of the distance that contacts keep.
+            Where bodies touch all the same they are stuck, which `Dynamics.trouble` tells.
     """
 
     name: str
@@ -45,7 +46,7 @@ class ContactLaw:
     Attributes:
         method: by impulses, which stop what would come nearer than the margin; or by a penalty,
             a spring that begins at the margin, with impulses at a quarter of it as a last stop.
-        margin: metres; the distance that is kept. Surfaces never touch.
+        margin: metres; the distance that is kept. Surfaces of rigid bodies never touch.
         stiffness: newtons per metre, of the penalty's spring between two pieces.
     """
 

@@ -2,9 +2,9 @@
 
 Between contacts the rule is velocity Verlet for the centres of mass, exact under constant gravity,
 and the implicit midpoint rule for the rotations, which keeps their energy. Contacts are found at
-both ends of every step, which is taken back and halved where a surface came too near; so surfaces
-never touch. What the contacts' rounding, order and linearisation would add to the energy is taken
-from the velocities again.
+both ends of every step, which is taken back and halved where a surface came too near; so rigid
+bodies never touch. What the contacts' rounding, order and linearisation would add to the energy is
+taken from the velocities again.
 """
 
 from __future__ import annotations
@@ -48,6 +48,8 @@ class World:
         self.step_s = step_s
         self.stops = 0
         """How often bodies were stopped because even the shortest step was too long."""
+        self.touched: tuple[str, str] | None = None
+        """The first two that were stopped because they touch, as only what deforms can."""
         self._mass = [_mass_of(body) for body in bodies]
         self._movable = np.array([body.density is not None for body in bodies])
         self._masses = np.array([m.mass if m else np.inf for m in self._mass])
@@ -308,6 +310,9 @@ class World:
     def _stop(self) -> None:
         """Stop those bodies whose surfaces come too near in any step, however short."""
         self.stops += 1
+        touching = np.flatnonzero(self._too_near & (self._finder.lower <= 0.0))
+        if self.touched is None and len(touching):
+            self.touched = tuple(self.bodies[i].name for i in self._finder.pairs[touching[0]])
         bodies = self._finder.pairs[self._too_near].reshape(-1)
         self.state.velocity[bodies] = 0.0
         self.state.momentum[bodies] = 0.0
