@@ -27,9 +27,6 @@ from proximity_monitor.scene.description import (
 )
 from proximity_monitor.scene.poses import rpy_matrix
 
-_SUBDIVISIONS = 3
-"""Of the icosahedron that a deforming sphere is."""
-
 _SAME = 1e-9
 """Share of a cylinder's height by which a ball may be off its end."""
 
@@ -57,16 +54,16 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
     """
     if not (math.isfinite(body.scale) and body.scale > 0.0):
         raise ValueError(f"body '{body.name}': scale must be greater than 0 (got {body.scale})")
-    how = {"volume": volume, "solid": None if body.solid is True else body.solid}
-    deviation = {"deviation": body.deviation}
+    solid = None if body.solid is True else body.solid
+    how = {"volume": volume, "solid": solid, "deviation": body.deviation}
     if body.primitive is None:
         model = engine.load(
-            body.model, unit=unit.to_metre, scale=body.scale, part=body.part, **deviation, **how
+            body.model, unit=unit.to_metre, scale=body.scale, part=body.part, **how
         )
     elif body.deforming and not isinstance(body.primitive, Cone | Torus):
         model = _mesh_of(body.primitive, body.scale, body.name, how)
     else:
-        model = _shape(body.primitive, body.scale, name=body.name, **deviation, **how)
+        model = _shape(body.primitive, body.scale, name=body.name, **how)
     check_solid(body, model)
     return model
 
@@ -171,9 +168,6 @@ def _part(part: Part, scale: float) -> engine.shapes.Part:
 
 def _mesh_of(primitive: Primitive, scale: float, name: str, how: dict[str, Any]) -> engine.Model:
     """A mesh that begins as a primitive; then its vertices go wherever they are told."""
-    if isinstance(primitive, Sphere) and primitive.subdivisions is None:
-        primitive = Sphere(primitive.radius, _SUBDIVISIONS)
     if isinstance(primitive, Cylinder) and primitive.segments is None:
         primitive = replace(primitive, segments=_SEGMENTS)
-    shown = _shape(primitive, scale).display_mesh(0.0)
-    return engine.shapes.triangles(shown.vertices, shown.faces, name=name, **how)
+    return engine.shapes.unswept(_shape(primitive, scale), name=name, **how)

@@ -313,7 +313,31 @@ def test_a_part_of_a_compound_encloses_what_it_does_whatever_the_others_are(tmp_
 def test_a_deforming_sphere_is_a_mesh():
     body = dataclasses.replace(BODY, primitive=Sphere(0.25), deforming=True)
     mesh = load_model(body, MM)
-    assert len(mesh.faces) == 1280 and mesh.swept_radius == mesh.deviation == 0.0
+    assert len(mesh.faces) == 1280 and mesh.swept_radius == 0.0
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Box((0.2, 0.2, 0.2)), Sphere(0.1), Sphere(0.1, 1), Cylinder(0.1, 0.2), Capsule(0.1, 0.2),
+        Cylinder(0.1, 0.2, 5), Cone(0.1, 0.2, 0.1), Torus(0.1, 0.1), Point(),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("deviation", [0.0, 0.003])
+def test_bounds_of_what_deforms_hold_the_gap_of_its_primitive(shape, deviation):
+    body = dataclasses.replace(with_shape(shape, 1.5), deviation=deviation)
+    still, soft = (
+        load_model(dataclasses.replace(body, deforming=deforming), MM) for deforming in (0, 1)
+    )
+    tip = load_model(with_shape(Point()), MM)
+    for away in np.random.default_rng(1).normal(size=(20, 3)):
+        pose = np.eye(4)
+        pose[:3, 3] = away * 0.4 / np.linalg.norm(away)
+        exact = engine.distance(load_model(with_shape(shape, 1.5), MM), np.eye(4), tip, pose)
+        for model in (still, soft):
+            found = engine.distance(model, np.eye(4), tip, pose)
+            assert found.lower <= exact.upper - deviation + 1e-12
+            assert found.upper >= exact.lower + deviation - 1e-12
 
 
 @pytest.mark.parametrize("shape", [Cone(0.3, 0.4), Torus(0.3, 0.1)])

@@ -182,6 +182,23 @@ def _volume(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> float:
     return float(np.einsum("ij,ij->", a, np.cross(b, c)))
 
 
+def unswept(model: Model, *, name: str = "mesh", **how: Unpack[How]) -> Model:
+    """A mesh as one that no ball sweeps, so that its vertices may go anywhere.
+
+    Args:
+        model: of triangles, and perhaps a ball that sweeps them; such a one becomes a mesh that
+            deviates from it, as the bounds of the new one say.
+        name: what messages call it.
+        how: see `How`; the deviation comes on top of those of the model and of the mesh.
+
+    Raises:
+        ModelError: as for TriangleMesh.
+    """
+    core = model._hierarchy
+    given = Facets(core.vertices, core.faces, core.swept_radius, core.deviation)
+    return _unswept(given).model(name, how)
+
+
 def _unswept(given: Facets) -> Facets:
     """The same as a mesh that nothing sweeps.
 

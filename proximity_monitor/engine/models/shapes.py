@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ..arguments import as_count, as_reals
 from ..kernels.base.rounding import LARGEST_COORDINATE
 from .checks import ModelError, checked_length, checked_vertices
-from .compound import Part, compound
+from .compound import Part, compound, unswept
 from .facets import Facets, How, deviation_of, icosphere
 from .mesh import TriangleMesh
 from .model import Model
@@ -39,6 +39,7 @@ __all__ = [
     "sphere",
     "torus",
     "triangles",
+    "unswept",
 ]
 
 
