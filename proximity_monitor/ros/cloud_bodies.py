@@ -59,7 +59,7 @@ class CloudBodies:
         self._inputs = inputs
         self._frame = frame
         self._replace = replace
-        self._clouds = {body.name: body.cloud for body in bodies if body.cloud is not None}
+        self._clouds = {body.name: body for body in bodies if body.cloud is not None}
         self._fixed = {body.name: PoseSample(body.pose) for body in bodies if not body.moving}
         self._here = PoseSample(np.eye(4))
         self._latest: dict[str, bytes] = {}
@@ -69,13 +69,13 @@ class CloudBodies:
         self._subscriptions = [
             node.create_subscription(
                 PointCloud2,
-                cloud.topic,
+                body.cloud.topic,
                 partial(self._latest.__setitem__, name),
                 POSES,
                 raw=True,
-                event_callbacks=incompatible.subscription(cloud.topic),
+                event_callbacks=incompatible.subscription(body.cloud.topic),
             )
-            for name, cloud in self._clouds.items()
+            for name, body in self._clouds.items()
         ]
 
     def destroy(self) -> None:
@@ -93,10 +93,10 @@ class CloudBodies:
 
     def place(self, samples: Samples, silent: Mapping[str, str]) -> None:
         """Put each cloud where its frame is; `samples` are the poses of the other bodies."""
-        for name, cloud in self._clouds.items():
+        for name, body in self._clouds.items():
             sample = self._here
-            if cloud.frame:
-                sample = self._fixed.get(cloud.frame) or samples[cloud.frame]
+            if frame := body.cloud.frame:
+                sample = self._fixed.get(frame) or samples[frame]
             unseen = self._inputs.shape_stamp_ns(name) is None or name in self._empty
             samples[name] = None if unseen and name in silent else sample
 
@@ -111,9 +111,9 @@ class CloudBodies:
             points = read_points(message)
         except (RuntimeError, ValueError):  # rclpy's RMWError is a RuntimeError
             return Reason.LAYOUT
-        cloud, header = self._clouds[name], message.header
+        body, header = self._clouds[name], message.header
         stamp_ns = header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
-        if header.frame_id != (cloud.frame or self._frame):
+        if header.frame_id != (body.cloud.frame or self._frame):
             return Reason.FRAME
         if reason := self._inputs.judge_shape(name, stamp_ns, now_ns):
             return reason
@@ -125,7 +125,10 @@ class CloudBodies:
             return Reason.TOO_FAR
         self._empty.discard(name)
         if len(finite):
-            self._replace(name, engine.points(finite, radius=cloud.radius, name=name))
+            model = engine.points(
+                finite, radius=body.cloud.radius, name=name, deviation=body.deviation
+            )
+            self._replace(name, model)
             self.built[name] += 1
         else:
             self._empty.add(name)

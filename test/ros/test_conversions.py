@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -12,18 +13,22 @@ pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need R
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from proximity_monitor import engine
 from proximity_monitor.display.received import read_parts
 from proximity_monitor.ros import messages
+from proximity_monitor.ros.cloud_bodies import CloudBodies
 from proximity_monitor.ros.diagnostics import Timing
 from proximity_monitor.ros.looks import ROUNDNESS, Looks
 from proximity_monitor.ros.markers import LABELS, NEAREST, ClearanceMarkers
 from proximity_monitor.ros.parts import PartsMessage, to_quaternion
+from proximity_monitor.ros.played import as_cloud
 from proximity_monitor.scene import Body, Unit, pose_matrix
 from proximity_monitor.scene.alerts import Level
+from proximity_monitor.scene.description import Cloud, Point
 from proximity_monitor.scene.state import PairState, PairStatus, Tick
 
 MM = Unit("millimetre", 0.001, "mm")
@@ -254,3 +259,19 @@ def test_timing_counts_overruns_of_budget_and_period_and_keeps_a_window():
     assert values["search_p50_ms"] == "4.000"
     assert values["tick_p50_ms"] == "5.000"
     assert values["budget_overruns"] == values["period_overruns"] == "20"
+
+
+def test_the_model_of_a_cloud_has_the_deviation_and_the_radius_of_its_body():
+    body = Body(
+        name="scan", model=None, primitive=Point(), scale=1.0, pose=None, topic=None,
+        colour=(1.0, 1.0, 1.0, 1.0), deviation=0.003, cloud=Cloud("scan", 0.01, ""),
+    )  # fmt: skip
+    node, inputs, made = MagicMock(), MagicMock(), {}
+    inputs.judge_shape.return_value = ""
+    clouds = CloudBodies(node, [body], "cell", inputs, MagicMock(), made.__setitem__)
+    arrive = node.create_subscription.call_args.args[2]
+    arrive(serialize_message(as_cloud(np.array([[0.0, 0.0, 0.1]]), Header(frame_id="cell"))))
+    clouds.build(1)
+    tip, here = engine.points([[0.0, 0.0, 0.0]]), np.eye(4)
+    found = engine.distance(made["scan"], here, tip, here)
+    assert found.lower == pytest.approx(0.087) and found.upper == pytest.approx(0.093)

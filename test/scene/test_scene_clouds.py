@@ -34,6 +34,9 @@ def test_a_cloud_has_a_topic_a_radius_in_the_scenes_unit_and_a_frame(load):
         ("frame: hand", "frame: nose", "6: bodies[2].cloud.frame: 'nose' is no body with a pose"),
         ("radius: 5}", "radius: 5}, moving: true", "5: bodies[1]: needs exactly one of 'pose', "),
         ("radius: 5}", "radius: 5}, deforming: true", "5: bodies[1]: needs only one of 'cloud', "),
+        ("radius: 5}", "radius: 5}, scale: 2", "5: bodies[1]: needs only one of 'cloud', 'scale'"),
+        ("radius: 5}", "radius: 5}, parts: false", "5: bodies[1]: needs only one of 'cloud', "),
+        ("radius: 5}", "radius: 5}, moving_parts: [a]", "5: bodies[1]: needs only one of "),
         ("/front/points", "/front/", "5: bodies[1].cloud.topic: must be a topic name"),
     ],
 )
