@@ -7,6 +7,7 @@ is different: `xacro` evaluates its expressions and reads the files that it incl
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +16,9 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 NO_ARGUMENTS: Mapping[str, str] = MappingProxyType({})
+
+_DECLARED = re.compile(rb"""<\?xml[^>]*\sencoding\s*=\s*["']([A-Za-z0-9._-]+)""")
+"""The encoding that a file states; one that is not written in ASCII is left to expat."""
 
 
 class MarkupError(ValueError):
@@ -54,20 +58,33 @@ def read(path: Path, arguments: Mapping[str, str] = NO_ARGUMENTS) -> Lined:
 def parse(text: str | bytes) -> Lined:
     """Return the root of an XML text.
 
+    What parsers of robot descriptions pass over is passed over here as well: empty lines in front,
+    and namespaces. A prefix stays in front of a tag, declared or not, and ``xmlns`` is an attribute
+    like others.
+
     Raises:
         MarkupError: it is none, or has a document type declaration.
     """
     builder = TreeBuilder(element_factory=Lined)
-    parser = expat.ParserCreate(namespace_separator="}")
+    parser = expat.ParserCreate()
+    front = text[: len(text) - len(text.lstrip())]
+    skipped = front.count("\n" if isinstance(front, str) else b"\n")
+    text = text.lstrip()
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        builder.start(tag, attributes).line = parser.CurrentLineNumber
+        builder.start(tag, attributes).line = parser.CurrentLineNumber + skipped
 
     parser.StartElementHandler, parser.EndElementHandler = start, builder.end
     parser.StartDoctypeDeclHandler = _refuse_doctype
     try:
+        if isinstance(text, bytes) and (declared := _DECLARED.match(text)):
+            text = text.decode(declared[1].decode())  # expat knows a few encodings alone
         parser.Parse(text, True)
-    except (expat.ExpatError, ValueError, LookupError) as error:
+    except expat.ExpatError as error:
+        at = f"line {error.lineno + skipped}, column {error.offset}"
+        what = expat.ErrorString(error.code)
+        raise MarkupError(f"is not XML that can be read: {what}: {at}") from None
+    except (ValueError, LookupError) as error:
         raise MarkupError(f"is not XML that can be read: {error}") from None
     return builder.close()
 

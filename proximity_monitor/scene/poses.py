@@ -93,3 +93,17 @@ def rpy_matrix(rpy: Sequence[float]) -> np.ndarray:
             [-sp, cp * sr, cp * cr],
         ]
     )
+
+
+def matrix_rpy(turn: np.ndarray) -> tuple[float, float, float]:
+    """Return the angles of `rpy_matrix`, radians, that make up a (3, 3) rotation.
+
+    Where the pitch is a right angle, roll and yaw are not unique; they go together in any case.
+    """
+    yaw = math.atan2(turn[1, 0], turn[0, 0])
+    sine, cosine = math.sin(yaw), math.cos(yaw)
+    pitch = math.atan2(-turn[2, 0], cosine * turn[0, 0] + sine * turn[1, 0])
+    roll = math.atan2(
+        sine * turn[0, 2] - cosine * turn[1, 2], cosine * turn[1, 1] - sine * turn[0, 1]
+    )
+    return roll, pitch, yaw

@@ -57,9 +57,7 @@ def load_model(body: Body, unit: Unit, *, volume: str = "rss") -> engine.Model:
     solid = None if body.solid is True else body.solid
     how = {"volume": volume, "solid": solid, "deviation": body.deviation}
     if body.primitive is None:
-        model = engine.load(
-            body.model, unit=unit.to_metre, scale=body.scale, part=body.part, **how
-        )
+        model = engine.load(body.model, unit=unit.to_metre, scale=body.scale, part=body.part, **how)
     elif body.deforming and not isinstance(body.primitive, Cone | Torus):
         model = _mesh_of(body.primitive, body.scale, body.name, how)
     else:

@@ -21,9 +21,12 @@ from proximity_monitor.scene import markup
 from proximity_monitor.scene.description import Box, Capsule, Cylinder, Primitive, Sphere
 from proximity_monitor.scene.kinematics import Joint, Kinematics, KinematicsError, Mimic
 from proximity_monitor.scene.markup import NO_ARGUMENTS, MarkupError
-from proximity_monitor.scene.poses import rpy_matrix
-from proximity_monitor.scene.report import shown
+from proximity_monitor.scene.poses import matrix_rpy, pose_matrix, rpy_matrix
+from proximity_monitor.scene.report import meant, shown
 
+_VERSIONS = ("1", "1.0", "1.1", "1.2")
+_PLACE = ("xyz", "rpy", "quat_xyzw")
+"""The attributes of an origin."""
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
 # Metres or radians. Beyond this, float64 rounds by more than a robot's clearances, and products of
 # such numbers could overflow.
@@ -110,7 +113,10 @@ class _Reader:
         self._root, self._name, self._path = root, name, path
         if root.tag != "robot":
             self._fail(f"<{root.tag}>", "a robot description begins with <robot>")
-        if any("xacro" in element.tag for element in root.iter()):
+        if (version := root.get("version", "1.0")) not in _VERSIONS:
+            known = ", ".join(_VERSIONS[1:])
+            self._fail("<robot>", f"version {shown(version)} is not supported; read are {known}")
+        if _has_macros(root):
             self._fail(
                 "the file",
                 "holds xacro macros; let its name end in .xacro, or expand them first: "
@@ -209,7 +215,20 @@ class _Reader:
         if found is None:
             found = Element("origin")
         here, zero = f"{at}, <origin>", (0.0, 0.0, 0.0)
-        return self._vector(found, "xyz", here, zero), self._vector(found, "rpy", here, zero)
+        # One with a colon is another program's.
+        for key in found.attrib:
+            if key not in _PLACE and ":" not in key:
+                self._fail(here, f"unknown attribute '{key}'{meant(key, _PLACE)}")
+        xyz = self._vector(found, "xyz", here, zero)
+        if found.get("quat_xyzw") is None:
+            return xyz, self._vector(found, "rpy", here, zero)
+        if found.get("rpy") is not None:
+            self._fail(here, "needs only one of rpy, quat_xyzw")
+        try:
+            turn = pose_matrix(xyz, self._numbers(found, "quat_xyzw", here, 4, None))
+        except ValueError as error:
+            self._fail(here, f"quat_xyzw {error}")
+        return xyz, matrix_rpy(turn[:3, :3])
 
     def _child(self, element: Element, tag: str, at: str) -> Element:
         found = element.find(tag)
@@ -269,3 +288,18 @@ class _Reader:
 
     def _fail(self, at: str, message: str) -> NoReturn:
         raise UrdfError(f"{self._name}: {at}: {message}")
+
+
+def _has_macros(root: Element) -> bool:
+    """Whether an element is of xacro, by its prefix."""
+    elements = list(root.iter())
+    prefixes = {
+        key.partition(":")[2]
+        for element in elements
+        for key, value in element.attrib.items()
+        if key.startswith("xmlns:") and "xacro" in value
+    }
+    return any(
+        colon and prefix in {"xacro", *prefixes}
+        for prefix, colon, _ in (element.tag.partition(":") for element in elements)
+    )

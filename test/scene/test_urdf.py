@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from proximity_monitor.engine.poses import check_pose
 from proximity_monitor.scene.description import Box, Cylinder, Sphere
+from proximity_monitor.scene.poses import pose_matrix
 from proximity_monitor.scene.urdf import Shape, UrdfError, read_urdf
 
 ROBOT = """<?xml version="1.0"?>
@@ -95,6 +96,40 @@ def test_an_origin_turns_about_fixed_x_then_y_then_z(read):
     np.testing.assert_array_equal(origin[:3, 3], [0.1, 0.2, 0.3])
 
 
+@pytest.mark.parametrize(
+    "quaternion",
+    [
+        "0.1 0.5 -0.5 0.7",
+        "0 0.70710678118654757 0 0.70710678118654757",
+        "0.5 0.5 -0.5 0.5",
+        "0 0 1 0",
+    ],
+)
+def test_an_origin_may_turn_by_a_quaternion(read, quaternion):
+    text = ROBOT.replace('rpy="0.4 0.5 0.6"', f'quat_xyzw="{quaternion}"')
+    origin = read(text.replace("<robot ", '<robot version="1.1" ')).kinematics.free[0].origin
+    expected = pose_matrix((0.1, 0.2, 0.3), [float(each) for each in quaternion.split()])
+    np.testing.assert_allclose(origin, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("<robot ", '<robot xmlns="http://example.org/robots" '),
+        ("<material", "<sensor:camera/><material"),
+        ("<?xml", "\n\n<?xml"),
+        ("<material", "<my_xacro_note/><material"),
+        ('version="1.0"', 'version="1.0" encoding="gb2312"'),
+    ],
+)
+def test_markup_that_parsers_of_robots_pass_over(tmp_path, old, new):
+    path = tmp_path / "lift.urdf"
+    path.write_bytes(ROBOT.replace(old, new).replace("fork", "\u53c9").encode("gb2312"))
+    if "gb2312" not in new:
+        path.write_text(ROBOT.replace(old, new).replace("fork", "\u53c9"), encoding="utf-8")
+    assert [link.name for link in read_urdf(path).links] == ["base", "\u53c9", "frame"]
+
+
 def test_defaults_of_the_format(read):
     text = ROBOT.replace('<axis xyz="0 0 2"/>', "").replace("prismatic", "continuous")
     turning = read(text).kinematics.free[0]
@@ -108,7 +143,20 @@ def test_defaults_of_the_format(read):
 
 
 BROKEN = {
+    "another version": ("<robot ", '<robot version="2.0" ', "<robot>: version '2.0' is not"),
+    "a turn twice": (
+        'rpy="0.4 0.5 0.6"', 'rpy="0 0 1" quat_xyzw="0 0 0 1"',
+        "joint 'raise', <origin>: needs only one of rpy, quat_xyzw",
+    ),
+    "no unit quaternion": (
+        'rpy="0.4 0.5 0.6"', 'quat_xyzw="0 0 1 1"', "<origin>: quat_xyzw must have length 1",
+    ),
+    "an unknown attribute": (
+        'rpy="0 0 1.5"', 'rpz="0 0 1.5"',
+        "link 'base', <collision>, <mesh>, <origin>: unknown attribute 'rpz'; did you mean 'rpy'?",
+    ),
     "not XML": ("</robot>", "", "the file: is not XML that can be read: no element found"),
+    "not XML after an empty line": ("<?xml", "\n<?xml version='1.0'?><?xml", "line 2, column"),
     "another root": ('<robot name="lift">', "<model>", "mismatched tag"),
     "a document type": (
         '<?xml version="1.0"?>',
