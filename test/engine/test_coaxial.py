@@ -282,3 +282,20 @@ def test_nothing_around_a_minimum_is_nearer_than_is_proven(wanted):
         rho, z = np.hypot(x, y).ravel(), z.ravel()
         assert least <= np.hypot(p[:, :1] - rho, p[:, 1:] - z).min() + 1e-13
     assert known > 25
+
+
+def test_no_yes_is_decided_that_no_points_attain():
+    """Where room ends before it is known, as beside axes that are nearly one."""
+    ring = profiled([[0.4, 0], [0.6, -0.2], [0.6, 0.2], [0.4, 0]])
+    plug = profiled([[0, -0.4], [0.3, -0.4], [0, 0.5]])
+    beside = np.eye(4)
+    beside[0, 3] = 1e-4
+    found = engine.distance(ring, np.eye(4), plug, beside)
+    for share in (-0.1, 0.3, 0.5, 0.7, 1.1):
+        clearance = found.lower + share * (found.upper - found.lower)
+        answer = engine.within(ring, np.eye(4), plug, beside, clearance)
+        assert answer.decided == (answer.lower > clearance or answer.upper <= clearance)
+
+
+def profiled(points):
+    return SolidOfRevolution([Curve(ends) for ends in itertools.pairwise(points)])

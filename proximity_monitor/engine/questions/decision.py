@@ -21,7 +21,8 @@ class Clearance:
     Attributes:
         row: (ANSWER,) the answer as numbers in a row, as a search writes them.
         clearance: metres; the clearance in question.
-        ended: whether the search came to an end before its budget did.
+        ended: whether the search came to an end before its budget did, or the room for parts of
+            surfaces.
     """
 
     row: NDArray[np.float64]
@@ -39,7 +40,7 @@ class Clearance:
 
     @property
     def decided(self) -> bool:
-        """False if the budget ended before the answer was known; then `within` may be wrong."""
+        """False if budget or room ended before the answer was known: `within` may be wrong."""
         return self.ended or not self.within or self.upper <= self.clearance
 
     @property

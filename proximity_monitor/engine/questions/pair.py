@@ -183,7 +183,7 @@ class Pair:
         beyond = math.nextafter(clearance, math.inf)
         search = self._search or self._begin_search()
         code = self._run(search, start, budget_s, pose_a, pose_b, stop=clearance, limit=beyond)
-        return Clearance(search.answer, clearance, code == index.ENDED)
+        return Clearance(search.answer, clearance, _is_whole(search, code))
 
     def collide(
         self,
@@ -201,9 +201,9 @@ class Pair:
         code = self._run(search, start, budget_s, pose_a, pose_b, limit=limit, collect=all_contacts)
         first = met(search, pose_a)
         if not (all_contacts and search.answer[index.LOWER] == 0.0 and code != index.CUT):
-            return Collision(search.answer, first, code == index.ENDED)
+            return Collision(search.answer, first, _is_whole(search, code))
         if not are_divided(self.a._hierarchy, self.b._hierarchy):
-            return Collision(search.answer, first, code == index.ENDED)
+            return Collision(search.answer, first, _is_whole(search, code))
         pieces = self._pieces
         if pieces is None or self._asked is None or pieces.question != self._asked:
             pieces = self._pieces = PieceSearch(search, (pose_a, pose_b), self._asked)
@@ -214,7 +214,7 @@ class Pair:
         elif not pieces.answered:
             return Collision(search.answer, first, False)
         found = pieces.met(first)
-        complete = ended and code == index.ENDED and found.decided
+        complete = ended and _is_whole(search, code) and found.decided
         return Collision(search.answer, found, complete)
 
     def _checked_param_err(self, param_err: float) -> float:
@@ -274,3 +274,8 @@ def _pair_of(
     pair.a, pair.b = a, b
     pair._remember(*known)
     return pair
+
+
+def _is_whole(search: Search, code: int) -> bool:
+    """Whether a search came to an end, neither cut by a budget nor short of room for parts."""
+    return bool(code == index.ENDED and search.answer[index.STATUS] != index.OUT_OF_TIME)
