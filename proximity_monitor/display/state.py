@@ -156,10 +156,8 @@ class SceneInfo:
         """Return warn (k,) and stop (k,) in metres of pairs, given by their names."""
         known = self._limits.get("last")
         if known is None or known[0] is not names:  # most ticks share their names
-            warn, stop = (
-                np.full(len(names), x) for x in (self.thresholds.warn, self.thresholds.stop)
-            )
-            own = self.own_thresholds
+            common, own = self.thresholds, self.own_thresholds
+            warn, stop = (np.full(len(names), x, float) for x in (common.warn, common.stop))
             for i in [i for i, name in enumerate(names) if name in own] if own else ():
                 warn[i], stop[i] = own[names[i]].warn, own[names[i]].stop
             known = self._limits["last"] = (names, warn, stop)

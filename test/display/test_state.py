@@ -1,5 +1,6 @@
 """The page's model, without a browser: scene, signs, holds, connection."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -310,3 +311,10 @@ def test_the_names_of_a_tick_are_hashed_once_however_often_rows_are_looked_up():
     for _ in range(100):
         assert pairs.places["a", "b"] == 0
     assert Counted.hashed == before
+
+
+def test_the_limits_of_all_pairs_are_those_of_each():
+    own = {("a", "b"): Thresholds(0.5, 0.25, 0.0)}
+    scene = dataclasses.replace(CELL, thresholds=Thresholds(2, 1, 0), own_thresholds=own)
+    warn, stop = scene.limits_of((("a", "c"), ("a", "b")))
+    assert (warn.tolist(), stop.tolist()) == ([2.0, 0.5], [1.0, 0.25])
