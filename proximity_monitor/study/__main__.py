@@ -127,6 +127,15 @@ def _accuracy(chosen: argparse.Namespace, command: str) -> int:
         print(_INSTALL.format(name=error.name), file=sys.stderr)
         return 1
     try:
+        makers = run.scenes(chosen.data)
+        plan = run.plan(makers, chosen.part, chosen.scene)
+    except FileNotFoundError as error:
+        print(f"--data or PROXIMITY_MONITOR_DATA: {error}", file=sys.stderr)
+        return 2
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 2
+    try:
         chosen.out.mkdir(parents=True, exist_ok=True)
         if chosen.render_only:
             if not any((chosen.out / "accuracy").glob("*.csv")):
@@ -138,18 +147,10 @@ def _accuracy(chosen: argparse.Namespace, command: str) -> int:
                 return 1
             print(f"Wrote {render(chosen.out, run.PARTS)} and its figures.")
             return 0
-        makers = run.scenes(chosen.data)
-        plan = run.plan(makers, chosen.part, chosen.scene)
-    except FileNotFoundError as error:
-        print(f"--data or PROXIMITY_MONITOR_DATA: {error}", file=sys.stderr)
-        return 2
+        return run.run(plan, makers, chosen.out, chosen.quick, command)
     except OSError as error:
         print(f"--out {chosen.out}: {error}", file=sys.stderr)
         return 2
-    except ValueError as error:
-        print(error, file=sys.stderr)
-        return 2
-    return run.run(plan, makers, chosen.out, chosen.quick, command)
 
 
 if __name__ == "__main__":

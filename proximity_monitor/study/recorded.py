@@ -15,6 +15,10 @@ VARIABLE = "PROXIMITY_MONITOR_DATA"
 """The environment variable that names the folder of recorded data."""
 
 
+class RecordedDataError(ValueError):
+    """Recorded data that cannot be read."""
+
+
 def find_falling_tori(data: Path | None, usual: Path) -> Path | None:
     """The folder `falling_tori`, or None if nobody says that there should be one.
 
@@ -35,18 +39,28 @@ def find_falling_tori(data: Path | None, usual: Path) -> Path | None:
 
 
 def falling_tori(folder: Path) -> StudyScene:
-    """The scene in that folder: 2,398 steps along the recorded path."""
+    """The scene in that folder: 2,398 steps along the recorded path.
+
+    Raises:
+        RecordedDataError: a file is missing or damaged; the message names it.
+    """
     meshes, poses = {}, {}
     for name in ("torus1", "torus2"):
-        corners = np.array((folder / f"{name}.tris").read_text().split()[1:], float)
-        meshes[name] = _welded(corners)
-        rows = np.array((folder / f"{name}.path").read_text().split()[1:], float)
-        rows = rows.reshape(-1, 4, 3)
+        meshes[name] = _welded(_triples(folder / f"{name}.tris", 3))
+        rows = _triples(folder / f"{name}.path", 4)
         poses[name] = identities(len(rows))
         poses[name][:, :3, :3] = _orthonormal(rows[:, :3])
         poses[name][:, :3, 3] = rows[:, 3]
     track = Track("torus1", "torus2", poses["torus1"], poses["torus2"])
     return StudyScene(meshes, [track], quick=8)
+
+
+def _triples(file: Path, many: int) -> NDArray[np.float64]:
+    """The rows (k, many, 3) of a file that begins with their number."""
+    try:
+        return np.array(file.read_text().split()[1:], float).reshape(-1, many, 3)
+    except (OSError, ValueError) as error:
+        raise RecordedDataError(f"{file}: does not read as rows of numbers: {error}") from error
 
 
 def _welded(corners: NDArray[np.float64]) -> Mesh:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from proximity_monitor.study.accuracy.data import read_rows
 from proximity_monitor.study.accuracy.findings import findings
 from proximity_monitor.study.accuracy.part import Job, only
 from proximity_monitor.study.accuracy.run import PARTS
-from proximity_monitor.study.accuracy.timing import Timed, blocks
+from proximity_monitor.study.accuracy.timing import Timed, blocks, take_turns
 from proximity_monitor.study.surfaces import SURFACES
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -136,6 +137,73 @@ def test_a_wrong_argument_is_refused_with_the_way_out(
     for words in said:
         assert words in refusal
     assert not list(tmp_path.rglob("*.csv"))
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(run, "PARTS", (replace(cones.PART, measure=lambda job: [{"level": 1}]),))
+    (tmp_path / "accuracy").write_text("not a folder")
+    arguments = ["--quick", "--part", "cones", "--scene", "sheets/facing", "--out", str(tmp_path)]
+    assert command_line.main(["accuracy", *arguments]) == 2
+    assert f"--out {tmp_path}: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", [None, "2 0 0 x", "1 0 0"])
+def test_recorded_data_that_does_not_read_is_told(text, tmp_path, capsys):
+    (tmp_path / "falling_tori").mkdir()
+    if text is not None:
+        (tmp_path / "falling_tori" / "torus1.tris").write_text(text)
+    out = tmp_path / "out"
+    arguments = ["--part", "volumes", "--scene", "falling-tori", "--data", str(tmp_path)]
+    assert command_line.main(["accuracy", *arguments, "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert re.search(r"--data or PROXIMITY_MONITOR_DATA: .*torus1\.tris: does not read", said)
+
+
+def ended_by(error):
+    """A part of one scene whose measuring ends so."""
+
+    def measure(job):
+        raise error
+
+    return replace(cones.PART, measure=measure)
+
+
+def test_an_interrupt_of_compiled_code_is_one_and_costs_no_data(tmp_path, capsys):
+    data = tmp_path / "accuracy" / "cones.csv"
+    data.parent.mkdir()
+    data.write_text((DOCS / "accuracy" / "cones.csv").read_text())
+    kept = data.read_text()
+    makers = {"made": lambda: None}
+    error = SystemError("a kernel returned a result with an exception set")
+    with pytest.raises(SystemError):
+        run.run([(ended_by(error), ["made"])], makers, tmp_path, True, "")
+    error.__cause__ = KeyboardInterrupt()
+    code = run.run([(ended_by(error), ["made"])], makers, tmp_path, True, "")
+    assert code == run.INTERRUPTED
+    assert "Interrupted" in capsys.readouterr().err
+    assert data.read_text() == kept
+
+
+def test_each_begins_its_turn_with_a_question_that_is_not_timed():
+    asked = []
+
+    def asker(name):
+        return lambda steps: [partial(asked.append, (name, i)) for i in steps]
+
+    found = take_turns({"a": asker("a"), "b": asker("b")}, [range(2), range(4, 6)], lambda n: None)
+    assert [len(each.seconds) for each in found.values()] == [4, 4]
+    first = [("a", 5), ("a", 0), ("a", 1), ("b", 5), ("b", 0), ("b", 1)]
+    second = [("b", 1), ("b", 4), ("b", 5), ("a", 1), ("a", 4), ("a", 5)]
+    assert asked == [("a", 5), ("b", 5), *first, *second]
+
+
+def test_what_memory_saves_is_told_of_a_path_alone():
+    rows = read_rows(DOCS / "accuracy" / "orders.csv")
+    path, random = (only(rows, sequence=name) for name in ("verification", "computation"))
+    said = findings({"orders": path})
+    assert "(cave/path, exact)" in said
+    assert findings({"orders": [*path, *random]}) == findings({"orders": [*random, *path]}) == said
+    assert findings({"orders": random}) == ""
 
 
 def test_nothing_can_be_rendered_from_nothing(tmp_path, monkeypatch, capsys):

@@ -17,13 +17,13 @@ _MOST = 0.5
 
 
 def findings(data: Mapping[str, Rows]) -> str:
-    """A list in Markdown, one finding for each part that has data.
+    """A list in Markdown, the findings for which there are data.
 
     Args:
         data: rows by the names of parts.
     """
     said = [
-        find(rows)
+        found
         for name, find in (
             ("tolerance", _first_tolerance),
             ("tolerance", _tenth),
@@ -31,7 +31,7 @@ def findings(data: Mapping[str, Rows]) -> str:
             ("budget", _budget),
             ("growth", _size),
         )
-        if (rows := data.get(name))
+        if (rows := data.get(name)) and (found := find(rows))
     ]
     if not said:
         return ""
@@ -77,9 +77,11 @@ def _tenth(rows: Rows) -> str:
 
 
 def _memory(rows: Rows) -> str:
-    """What a pair that is kept saves along a path."""
-    mine = only(rows, order="depth_first")
-    new, kept = (only(mine, memory=memory)[-1] for memory in ("none", "cached"))
+    """What a pair that is kept saves along a path; empty if no path was measured."""
+    mine = only(rows, order="depth_first", sequence="verification")
+    if not mine:
+        return ""
+    new, kept = (only(mine, memory=memory)[0] for memory in ("none", "cached"))
     return (
         "**Keep one `Pair` for each two bodies.** What it remembers of the last query makes the "
         f"next one along a path take {number(kept['mean_us'] / new['mean_us'], 2)} of the time "

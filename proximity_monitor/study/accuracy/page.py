@@ -26,7 +26,8 @@ is Johnson and Cohen, *A Framework for Efficient Minimum Distance Computations*;
 is Thomas, Turnbull, Ros and Cameron, *Computing Signed Distances between Free-Form Objects*.
 
 Times are processor time of a single query called from Python, on one thread. Whatever is compared
-took turns, block by block, in one process. An opening of a node is {width} bound tests,
+took turns, block by block, in one process; each began its block with a query that is not timed, so
+that it does not pay for what ran before it. An opening of a node is {width} bound tests,
 whether or not all its lanes are filled.
 """
 

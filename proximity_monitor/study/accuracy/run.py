@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-from ..recorded import falling_tori, find_falling_tori
+from ..recorded import VARIABLE, RecordedDataError, falling_tori, find_falling_tori
 from ..scenes import SCENES, StudyScene, growing_tori
 from ..surfaces import SURFACES
 from . import (
@@ -102,12 +102,11 @@ def _asked(name: str, wanted: Sequence[str]) -> bool:
 def run(chosen: Plan, makers: Makers, out: Path, quick: bool, command: str) -> int:
     """Measure, write the data as soon as a scene is done, and render; returns the exit code.
 
-    0, 1 where an answer broke its certificate, or INTERRUPTED by Ctrl-C: then what was measured
-    so far is written and told.
+    0, 1 where an answer broke its certificate, 2 where a folder is of no use, or INTERRUPTED by
+    Ctrl-C: then what was measured so far is written and told. The data of a part replace older ones
+    when its first scene is done.
     """
     console = Console(stderr=True)
-    for part, _ in chosen:
-        (out / "accuracy" / f"{part.name}.csv").unlink(missing_ok=True)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -130,7 +129,13 @@ def run(chosen: Plan, makers: Makers, out: Path, quick: bool, command: str) -> i
         print(f"AN ANSWER BROKE ITS CERTIFICATE: {error}", file=sys.stderr)
         print("No page was written; the data of the scenes before is kept.", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
+    except RecordedDataError as error:
+        print(f"--data or {VARIABLE}: {error}", file=sys.stderr)
+        return 2
+    except (KeyboardInterrupt, SystemError) as error:
+        # In compiled code Ctrl-C comes up as a SystemError that it caused.
+        if KeyboardInterrupt not in (type(error), type(error.__cause__)):
+            raise
         print("Interrupted: what was measured so far is kept.", file=sys.stderr)
         code = INTERRUPTED
     print(f"Wrote {render(out, PARTS)}, its figures, and its data in {out / 'accuracy'}.")

@@ -42,8 +42,10 @@ def take_turns(
 ) -> dict[Key, Timed]:
     """Ask everything, block by block, and each block begins with another asker.
 
-    So a machine that is disturbed is so for all of them. Processor time of this thread is taken,
-    which other programs do not lengthen.
+    So a machine that is disturbed is so for all of them. What an asker leaves in the processor's
+    caches would be felt by the next one; so each begins a block with its last question before,
+    which is not timed, and changes nothing that it remembers. Processor time of this thread is
+    taken, which other programs do not lengthen.
 
     Args:
         askers: who asks what, by what the result shall be called.
@@ -51,16 +53,22 @@ def take_turns(
         advance: is told after each block which share of the work it was.
     """
     for ask in askers.values():  # compiles, and brings the models into memory
-        for query in ask(turns[-1][-1:]):
-            query()
+        _warm(ask, turns[-1])
     results: dict[Key, Timed] = {key: Timed() for key in askers}
     order = list(askers)
     for turn, steps in enumerate(turns):
         first = turn % len(order)
         for key in order[first:] + order[:first]:
+            _warm(askers[key], turns[turn - 1])
             _time(askers[key](steps), results[key])
         advance(1.0 / len(turns))
     return results
+
+
+def _warm(ask: Asker, steps: Sequence[int]) -> None:
+    """Ask the last question of a block, untimed."""
+    for query in ask(steps[-1:]):
+        query()
 
 
 def _time(queries: list[Query], into: Timed) -> None:

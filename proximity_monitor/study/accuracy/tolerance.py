@@ -100,7 +100,7 @@ def _tell(rows: Rows) -> str:
         touch = float(mine[0]["touching"])
         title = f"{scene}, {mine[0]['queries']:,} queries"
         if touch:
-            title += f"; {percent(touch)} more touch and are left out"
+            title += f"; {percent(touch)} of all touch and are left out"
         text.append(folded(title, table(headings, [_cells(row) for row in mine])))
     text.append(_why(rows))
     return "\n".join(text)
