@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import atexit
 import itertools
+import json
 import math
 import os
 import signal
@@ -223,7 +224,8 @@ def _display(chosen: argparse.Namespace) -> int:
     from proximity_monitor.display.run import main
     from proximity_monitor.ending import leave_with
 
-    parameters = "-p", f"host:={chosen.host}", "-p", f"port:={chosen.port}"
+    # A parameter's value is YAML: in quotes whatever is given stays a text.
+    parameters = "-p", f"host:={json.dumps(chosen.host)}", "-p", f"port:={chosen.port}"
     return leave_with(main(["--ros-args", *parameters]))
 
 

@@ -97,10 +97,16 @@ class Reader:
             raise ValueError(_CUT) from error
 
     def text(self) -> str:
-        """Read a string."""
+        """Read a string.
+
+        Raises:
+            ValueError: the message ends within it, or it is not UTF-8.
+        """
         length = self.count()
         at = self.at
         self.at = at + length
+        if self.at > len(self.data):
+            raise ValueError(_CUT)
         return self.data[at : at + length].rstrip(b"\0").decode()
 
     def skip(self, size: int, count: int) -> None:

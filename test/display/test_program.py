@@ -12,9 +12,13 @@ pytest.importorskip("viser", reason="viser is not installed: pip install '.[disp
 from urllib.parse import urlsplit
 
 import viser
+import yaml
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
+from proximity_monitor import __main__ as command_line
+from proximity_monitor import ending
+from proximity_monitor.display import run
 from proximity_monitor.display.serving import foreign
 
 
@@ -64,6 +68,17 @@ def test_an_address_that_is_not_ours_is_refused(launch):
     assert process.ended() == 1
     assert "192.0.2.1" in process.text
     assert "Traceback" not in process.text
+
+
+@pytest.mark.parametrize("host", ["", "[a", "a: b", 'x"y', "::1", "null", "12"])
+def test_any_host_is_taken_for_a_text(host, monkeypatch):
+    """As the value of a parameter it is read as YAML."""
+    given = []
+    monkeypatch.setattr(run, "main", lambda arguments: given.extend(arguments) or 0)
+    monkeypatch.setattr(ending, "leave_with", lambda code: code)
+    assert command_line.main(["display", "--host", host]) == 0
+    (value,) = [each for each in given if each.startswith("host:=")]
+    assert yaml.safe_load(value.removeprefix("host:=")) == host
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from proximity_monitor import engine
+from proximity_monitor import cdr, engine
 from proximity_monitor.cdr import as_octahedral, from_octahedral
 from proximity_monitor.display import state
 from proximity_monitor.display.connection import silent_bodies
@@ -139,6 +139,14 @@ def test_what_a_new_word_means_comes_with_the_scene():
     assert read_pairs(data, scene)[1].silent == ("no recent vertices of block",)
     before = dataclasses.replace(scene, words=())
     assert read_pairs(data, before)[1].silent == ("no news of block",)
+
+
+def test_a_text_that_is_cut_is_no_text():
+    whole = cdr.stamped(0, 0)[:4] + cdr.text("crate")
+    assert cdr.Reader(whole).text() == "crate"
+    for size in (7, 8, 12, 13):
+        with pytest.raises(ValueError, match="ends too early"):
+            cdr.Reader(whole[:size]).text()
 
 
 def test_it_is_a_cloud_of_which_each_point_is_a_pair():
