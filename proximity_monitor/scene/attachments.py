@@ -15,6 +15,7 @@ import numpy as np
 
 from proximity_monitor.scene.description import Body
 from proximity_monitor.scene.relative_motion import Course
+from proximity_monitor.scene.report import meant
 from proximity_monitor.scene.state import PoseSample
 
 Samples = dict[str, PoseSample | None]
@@ -41,7 +42,7 @@ class Attachments:
     def __init__(self, bodies: Sequence[Body]) -> None:
         """Begin with no body of the scene attached."""
         self._fixed = {b.name: PoseSample(b.pose) for b in bodies if not b.moving}
-        self._moving = {body.name for body in bodies if body.posed}
+        self._moving = {body.name: body for body in bodies if body.posed}
         self._parents: dict[str, str] = {}  # each after its own parent
         self._holds: dict[str, _Hold] = {}
 
@@ -67,9 +68,11 @@ class Attachments:
         for child, parent in parents.items():
             if child not in self._moving:
                 return f"{child} is no moving body, so it cannot be attached"
+            if self._moving[child].topic is None:
+                return f"{child} is a robot's link, which moves by its joints; attach the other"
             if parent not in self._moving and parent not in self._fixed:
-                known = ", ".join(sorted({*self._moving, *self._fixed} - {child}))
-                return f"no body is named '{parent}' to attach {child} to; known are {known}"
+                known = sorted({*self._moving, *self._fixed} - {child})
+                return f"no body is named '{parent}' to attach {child} to{meant(parent, known)}"
             chain = [child]
             while chain[-1] in parents:
                 chain.append(parents[chain[-1]])

@@ -26,10 +26,13 @@ from proximity_monitor.scene.description import (
 from proximity_monitor.scene.naming import safe
 from proximity_monitor.scene.paths import model_path
 from proximity_monitor.scene.poses import pose_matrix
-from proximity_monitor.scene.report import Keys, Report, SceneError, shown
+from proximity_monitor.scene.report import Keys, Report, SceneError, listed, shown
 
 _GREY = (0.7, 0.7, 0.7, 1.0)
 _TOPIC = re.compile(r"(~/|/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+
+_LONGEST_TOPIC = 200
+"""Characters; DDS allows 255 with the node's namespace and what ROS adds."""
 
 
 def read_bodies(
@@ -111,11 +114,10 @@ def check_clouds(bodies: tuple[Body, ...], count: int, report: Report) -> None:
     for index, body in enumerate(bodies[:count]):
         if body.cloud is not None and body.cloud.frame and body.cloud.frame not in posed:
             keys = ("bodies", index, "cloud", "frame")
-            known = ", ".join(posed) or "none"
             report.add(
                 keys,
-                f"'{body.cloud.frame}' is no body with a pose; there are {known}; leave 'frame'"
-                " out for the scene's frame",
+                f"'{body.cloud.frame}' is no body with a pose; there are {listed(posed)}; leave"
+                " 'frame' out for the scene's frame",
             )
 
 
@@ -149,7 +151,11 @@ def read_topic(topic: str, keys: Keys, report: Report) -> str:
         report.add(
             keys,
             "must be a topic name: words of letters, digits and underscores, none with a digit in "
-            f"front, joined by single slashes (got '{topic}')",
+            f"front, joined by single slashes (got {shown(topic)})",
+        )
+    elif len(topic) > _LONGEST_TOPIC:
+        report.add(
+            keys, f"must have at most {_LONGEST_TOPIC} characters as a topic (got {len(topic)})"
         )
     return topic
 

@@ -274,3 +274,5 @@ class Scene:
     """One line about what the scene shows."""
     robots: tuple[Robot, ...] = ()
     """Their links are among the bodies."""
+    warnings: tuple[str, ...] = ()
+    """What a user should know of the file, each with the line and the key."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,9 @@ from proximity_monitor.scene.naming import EVERYTHING
 from proximity_monitor.scene.report import Keys, Report
 from proximity_monitor.scene.robots import Robots
 from proximity_monitor.scene.watch import CONTACT, UNWATCHED, PairSettings, WatchedPairs
+
+_ROUNDED = 1e-12
+"""Share of a length by which its sum with another one, and its unit, may round it."""
 
 
 def read_settings(
@@ -45,7 +48,9 @@ def read_settings(
         range=unit.to_metre * data["range"] if "range" in data else defaults.range,
     )
     _check(limits, "range" if "range" in data else "thresholds", keys, unit, report)
-    return limits
+    # What is equal in the file may be unlike once it is in metres.
+    least = thresholds.warn + thresholds.hysteresis
+    return replace(limits, range=max(limits.range, least))
 
 
 def _check(limits: PairSettings, key: str, keys: Keys, unit: Unit, report: Report) -> None:
@@ -65,7 +70,7 @@ def _check(limits: PairSettings, key: str, keys: Keys, unit: Unit, report: Repor
             (*keys, "thresholds"),
             f"warn must not be less than stop (got warn {warn:g}, stop {stop:g} {unit.symbol})",
         )
-    if limits.range < thresholds.warn + thresholds.hysteresis:
+    if most < least * (1.0 - _ROUNDED):
         report.add(
             (*keys, key),
             f"range must not be less than warn + hysteresis, or alerts would be missed (got range "
@@ -193,7 +198,5 @@ class _Names:
 
     def _find(self, name: str, known: Mapping[str, list[int]], keys: Keys) -> list[int]:
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f"did you mean '{near[0]}'?" if near else f"known are {', '.join(known)}"
-            self._report.add(keys, f"nothing is named '{name}'; {hint}")
+            self._report.add(keys, f"nothing is named '{name}'", (name, known))
         return known.get(name, [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 from collections.abc import Collection, Mapping
 from typing import Any, NoReturn
 
@@ -14,6 +15,13 @@ class SceneError(ValueError):
     """A scene cannot be used; the message has one line for each problem."""
 
 
+_TOLD = 20
+"""So many problems are told, and so many names in a list: who has more sees one of a kind."""
+
+Unknown = tuple[str, Collection[str]]
+"""A name, and those that are known in its place."""
+
+
 class Report:
     """Collects the problems of one file, to report them all at once."""
 
@@ -21,16 +29,33 @@ class Report:
         """Start without problems; `name` is the file's name as the user gave it."""
         self.name = name
         self.lines: dict[Keys, int] = {}
-        self._problems: dict[tuple[int, str], Keys] = {}
+        self.texts: dict[Keys, str] = {}
+        """Of scalars, as the file writes them."""
+        self._problems: dict[tuple[int, str], tuple[Keys, Unknown | None]] = {}
+        self._warnings: dict[tuple[int, str], None] = {}
 
-    def add(self, keys: Keys, message: str) -> None:
-        """Note a problem with the value at `keys`."""
-        at = f"{spelled(keys)}: " if keys else ""
-        self._problems[(self.line(keys), f"{at}{message}")] = keys
+    def add(self, keys: Keys, message: str, unknown: Unknown | None = None) -> None:
+        """Note a problem with the value at `keys`.
+
+        If it is an `unknown` name, the message ends with the likeliest known one, or all. That is
+        looked for when the problem is told, because it takes long among thousands.
+        """
+        self._problems[self._at(keys, message)] = keys, unknown
+
+    def warn(self, keys: Keys, message: str) -> None:
+        """Note what a user should know of the value at `keys`, with which the scene can be used."""
+        self._warnings[self._at(keys, message)] = None
+
+    def _at(self, keys: Keys, message: str) -> tuple[int, str]:
+        return self.line(keys), f"{spelled(keys)}: {message}" if keys else message
 
     def places(self) -> set[Keys]:
         """The values about which a problem was noted."""
-        return set(self._problems.values())
+        return {keys for keys, _ in self._problems.values()}
+
+    def warnings(self) -> tuple[str, ...]:
+        """What was warned of, each with the file and the line, sorted by line."""
+        return tuple(f"{self.name}:{line}: {text}" for line, text in sorted(self._warnings))
 
     def line(self, keys: Keys) -> int:
         """The line of a value, or of the innermost mapping or list around a missing one."""
@@ -44,10 +69,15 @@ class Report:
 
     def check(self) -> None:
         """Raise a SceneError if anything was noted, its problems sorted by line."""
-        if self._problems:
-            raise SceneError(
-                "\n".join(f"{self.name}:{line}: {text}" for line, text in sorted(self._problems))
-            )
+        if not self._problems:
+            return
+        told = []
+        for line, text in sorted(self._problems)[:_TOLD]:
+            _, unknown = self._problems[line, text]
+            told.append(f"{self.name}:{line}: {text}{meant(*unknown) if unknown else ''}")
+        if (more := len(self._problems) - _TOLD) > 0:
+            told.append(f"{self.name}: and {more} more")
+        raise SceneError("\n".join(told))
 
     def fail(self, message: str, line: int | None = None) -> NoReturn:
         """Raise a SceneError about the file as a whole, or about one line of its text."""
@@ -63,7 +93,13 @@ def spelled(keys: Keys) -> str:
 def meant(name: str, known: Collection[str]) -> str:
     """Return the end of a sentence about an unknown name: the likeliest known one, or all."""
     near = difflib.get_close_matches(name, known, n=1)
-    return f"; did you mean '{near[0]}'?" if near else f"; known are {', '.join(known) or 'none'}"
+    return f"; did you mean '{near[0]}'?" if near else f"; known are {listed(known)}"
+
+
+def listed(names: Collection[str]) -> str:
+    """Return names in a list, which ends after some with how many more there are."""
+    first = ", ".join(itertools.islice(names, _TOLD)) or "none"
+    return first if len(names) <= _TOLD else f"{first} and {len(names) - _TOLD} more"
 
 
 def shown(value: Any) -> str:

@@ -72,7 +72,11 @@ def _problems(error: ValidationError) -> Iterator[tuple[Keys, str]]:
             yield keys, f"needs only one of {', '.join(map(repr, value['required']))}"
     elif rule == "type":
         kinds = [value] if isinstance(value, str) else value
-        yield keys, f"must be {' or '.join(_TYPES[kind] for kind in kinds)} (got {shown(got)})"
+        way_out = ""
+        if "string" in kinds and isinstance(got, bool | int | float):
+            way_out = "; if it is text, put it in quotes"
+        wanted = " or ".join(_TYPES[kind] for kind in kinds)
+        yield keys, f"must be {wanted} (got {shown(got)}){way_out}"
     elif rule in _LIMITS:
         yield keys, f"{_LIMITS[rule].format(value)} (got {shown(got)})"
     elif rule == "enum":

@@ -19,6 +19,9 @@ _MAX_VALUES = 200_000
 _MAX_DEPTH = 32
 
 _YAML = "tag:yaml.org,2002:"
+_NUMBERS = {_YAML + kind for kind in ("int", "float")}
+_ODD = re.compile(r"[-+]?0[0-7_]+$|[^:]+:")
+"""Octal numbers, and those to the base of sixty, as of minutes and seconds."""
 _SCALARS = {_YAML + kind for kind in ("null", "bool", "int", "float", "str")}
 
 
@@ -109,6 +112,11 @@ class _Reader:
             if not isinstance(key_node, yaml.ScalarNode):
                 self._report.fail("a key must be a plain word, not a list or a mapping", line)
             key = key_node.value
+            if key_node.tag == _YAML + "merge":
+                self._report.add(
+                    (*keys, key), "merge keys are not supported; write the keys out here"
+                )
+                continue
             if not _printable(key):
                 self._report.fail("a key must not contain control characters", line)
             at = (*keys, key)
@@ -125,6 +133,13 @@ class _Reader:
             kind = node.tag.removeprefix(_YAML)
             self._report.add(keys, f"is a YAML {kind}; if it is text, put it in quotes")
             return None
+        if node.tag in _NUMBERS and _ODD.match(node.value):
+            self._report.add(
+                keys,
+                f"{node.value[:40]} would be another number in YAML 1.1; write it without a zero "
+                "in front and without colons, or put it in quotes if it is text",
+            )
+            return None
         try:
             value = self._loader.construct_object(node)
             if isinstance(value, int | float) and not math.isfinite(value):
@@ -137,6 +152,7 @@ class _Reader:
                 keys, f"does not read as {node.tag.removeprefix(_YAML)}: {node.value[:40]!r}"
             )
             return None
+        self._report.texts[keys] = node.value
         if isinstance(value, str) and not _printable(value):
             self._report.add(keys, "must not contain control characters")
             return None

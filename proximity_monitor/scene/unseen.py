@@ -37,7 +37,7 @@ class Unseen:
         what = "pair cannot" if self.count == 1 else "pairs cannot"
         lines = [
             f"{self.count} watched {what} see one body inside the other, as the larger is no "
-            f"solid: {named}{more}; repair its model, or say 'solid: robust'"
+            f"solid: {named}{more}; repair its model, or say 'solid: robust' if it is a mesh"
         ]
         reasons = list(self.reasons.items())
         lines += [f"no solid: {name}: {reason}" for name, reason in reasons[:_NAMED]]

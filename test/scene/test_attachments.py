@@ -37,6 +37,13 @@ def at(**places):
     return made
 
 
+def test_a_link_of_a_robot_is_not_torn_from_it():
+    link = Body("link", None, None, 1.0, None, None, (1, 1, 1, 1))
+    attachments = Attachments([*BODIES, link])
+    assert attachments.refusal({"link": "cup"}).startswith("link is a robot's link, which moves by")
+    assert not attachments.refusal({"cup": "link"})
+
+
 @given(st.tuples(poses, poses, poses, poses))
 def test_a_child_keeps_its_place_on_the_parent_from_the_moment_of_attaching(four):
     hand, cup, later, ignored = four

@@ -185,3 +185,55 @@ def test_bundled_scenes_load():
 def test_unknown_bundled_scene(name):
     with pytest.raises(SceneError, match=r"no bundled scene '.*'; there is .*\bengine\b"):
         bundled(name)
+
+
+def test_a_topic_is_no_longer_than_dds_allows(problems, load):
+    text = "version: 1\nunit: m\nbodies:\n  - {name: a, primitive: {point: {}}, topic: TOPIC}\n"
+    text += "  - {name: b, primitive: {point: {}}, moving: true}\n"
+    assert load(text.replace("TOPIC", "x" * 200)).bodies[0].topic == "x" * 200
+    (found,) = problems(text.replace("TOPIC", "x" * 201))
+    assert found == "4: bodies[0].topic: must have at most 200 characters as a topic (got 201)"
+
+
+def test_of_many_problems_the_first_are_told_soon(problems):
+    names = [f"part_{k:04d}" for k in range(200)]
+    bodies = "".join(
+        f"  - {{name: {n}, primitive: {{point: {{}}}}, moving: true}}\n" for n in names
+    )
+    wrong = "".join(f"      - {name.replace('_', '-')}\n" for name in names)
+    text = f"version: 1\nunit: m\nbodies:\n{bodies}pairs:\n  groups:\n    g:\n{wrong}"
+    found = problems(text)
+    assert len(found) == 21 and found[-1] == " and 180 more"
+    assert found[0].endswith("nothing is named 'part-0000'; did you mean 'part_0000'?")
+    (found, *_) = problems(text.replace("part-", "XY"))
+    assert found.endswith("part_0018, part_0019 and 180 more")
+
+
+def test_a_range_may_equal_what_it_has_to_hold(load):
+    """In binary 0.2 + 0.1 is more than 0.3."""
+    scene = load(
+        "version: 1\nunit: m\nrange: 0.3\nthresholds: {warn: 0.2, hysteresis: 0.1}\nbodies:\n"
+        "  - {name: a, primitive: {point: {}}, moving: true}\n"
+        "  - {name: b, primitive: {point: {}}, moving: true}\n"
+    )
+    (pair,) = scene.pairs
+    assert pair.range == 0.2 + 0.1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("warn: 2", "warn: 010", "4: thresholds.warn: 010 would be another number in YAML 1.1"),
+        ("warn: 2", "warn: 1:30", "4: thresholds.warn: 1:30 would be another number in YAML 1.1"),
+        ("name: a", "name: on", "must be text (got true); if it is text, put it in quotes"),
+        ("moving: true", "<<: {moving: true}", "bodies[0].<<: merge keys are not supported; write"),
+    ],
+)
+def test_what_yaml_makes_of_plain_words_is_told(problems, old, new, told):
+    text = (
+        "version: 1\nunit: m\nbodies: [{name: a, primitive: {point: {}}, moving: true}]\n"
+        "thresholds: {warn: 2}\n"
+    )
+    found = problems(text.replace(old, new))
+    assert any(told in line for line in found), found
+    assert not any("unknown key" in line for line in found)

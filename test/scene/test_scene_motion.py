@@ -80,7 +80,7 @@ FAULTS = {
     "unknown crank": (
         "crank: shaft",
         "crank: shft",
-        "9: motion.slider_crank.crank: no body is named 'shft'; known are block, shaft, piston",
+        "9: motion.slider_crank.crank: no body is named 'shft'; did you mean 'shaft'?",
     ),
     "fixed crank": (
         "crank: shaft",

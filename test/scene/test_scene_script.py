@@ -219,7 +219,7 @@ FAULTS = {
     "unknown body": (
         "      door:",
         "      dor:",
-        "16: motion.script.bodies.dor: no body is named 'dor'; known are block, cart, door, hand",
+        "16: motion.script.bodies.dor: no body is named 'dor'; did you mean 'door'?",
     ),
     "fixed body": (
         "      door:",
@@ -259,6 +259,7 @@ def test_faults(problems, old, new, expected):
 TABLES = {
     "empty": ("", ":1: the first line must name the columns t, x, y, z, qx, qy, qz, qw; t, x"),
     "no header": (ROW, ":1: the first line must name the columns"),
+    "a header too long": (HEAD[:-1] + ",more" * 999 + "\n" + ROW, ":1: a line has more than 4096"),
     "a column missing": ("t,x,y,qx,qy,qz,qw\n", ":1: the first line must name the columns t, x, y"),
     "a column twice": (HEAD.replace("x", "x,x", 1), ":1: the column x stands twice"),
     "no pose": (HEAD, ": has a header, but no pose"),

@@ -24,7 +24,7 @@ class Cast:
     def find(self, name: str, keys: Keys) -> Body | None:
         """Return the body that the value at `keys` names; a problem goes to the report."""
         if name not in self._known:
-            self._report.add(keys, f"no body is named '{name}'; known are {', '.join(self._known)}")
+            self._report.add(keys, f"no body is named '{name}'", (name, self._known))
         return self._known.get(name)
 
     def drive(self, name: str, keys: Keys, *, or_root: bool = False) -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import math
 from array import array
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -37,7 +39,7 @@ def read_poses(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     reader = None
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(iter(lambda: file.readline(_MAX_LINE), ""), strict=True)
+            reader = csv.reader(_lines(file), strict=True)
             header = next(reader, [])
             places = _places(header)
             for row in reader:
@@ -55,6 +57,14 @@ def read_poses(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     table = np.array(numbers).reshape(-1, len(COLUMNS))
     lengths = np.linalg.norm(table[:, 4:], axis=1, keepdims=True)
     return table[:, 0].copy(), table[:, 1:4].copy(), table[:, 4:] / lengths
+
+
+def _lines(file: TextIO) -> Iterator[str]:
+    """The lines of a file, none of which is read whole if it is too long."""
+    while line := file.readline(_MAX_LINE + 1):
+        if len(line) > _MAX_LINE:
+            raise ValueError(f"a line has more than {_MAX_LINE} characters")
+        yield line
 
 
 def _places(header: list[str]) -> list[int]:
