@@ -255,6 +255,8 @@ def _check(chosen: argparse.Namespace) -> int:
         print(f"  pair {pair.a} - {pair.b}: warn {warn:g}, stop {stop:g} {scene.unit.symbol}")
     for line in moves.splitlines():
         print(f"  motion {line}")
+    for line in scene.warnings:
+        print(f"  warning: {line}")
     for line in str(unseen_containment(scene, models)).splitlines():
         print(f"  warning: {line}")
     return 0

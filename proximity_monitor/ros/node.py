@@ -91,6 +91,8 @@ class ProximityMonitor(LifecycleNode):
             f"{scene.path}: {len(scene.bodies)} bodies, {len(scene.pairs)} pairs; preparing the"
             " search"
         )
+        for warning in scene.warnings:
+            self.get_logger().warning(warning)
         declared = self._declared = SceneParameters(self, scene)
         if declared.unadjustable:
             self.get_logger().info(

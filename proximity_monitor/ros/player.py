@@ -25,6 +25,7 @@ from proximity_monitor.ros.qos import LATCHED, LATEST
 from proximity_monitor.ros.spin import asked_to_stop, interruptible, ros, spin
 from proximity_monitor.scene import Scene, load_scene
 from proximity_monitor.scene.opening import find_scene
+from proximity_monitor.scene.robots import joints_of
 from proximity_monitor.scene.state import PoseSample
 
 LEAST = 10.0
@@ -153,14 +154,14 @@ class ProximityPlayer(Node):
                 if name in driven
             }
         joints = self._motion.joints(seek_s)
-        self._joints = {
-            topic: self.create_publisher(JointState, topic, LATEST)
-            for topic in {
-                robot.topic
-                for robot in scene.robots
-                if any(joint.name in joints for joint in robot.kinematics.free)
-            }
-        }
+        names: dict[str, dict[str, str]] = {}
+        owners = joints_of(scene.robots)
+        for called in joints:
+            robot, joint = owners[called][0]
+            names.setdefault(robot.topic, {})[called] = joint.name
+        self._joints = [
+            (self.create_publisher(JointState, topic, LATEST), its) for topic, its in names.items()
+        ]
         self._controls = {
             name: self.create_publisher(PointCloud2, control_topic(name, called), LATEST)
             for name, called in self._motion.control_names.items()
@@ -217,9 +218,10 @@ class ProximityPlayer(Node):
         stamp = now.to_msg()
         self._publish_poses(t, Header(stamp=stamp, frame_id=self._frame))
         if self._joints:
-            joints = as_joint_state(self._motion.joints(t), stamp)
-            for output in self._joints.values():
-                output.publish(joints)
+            positions = self._motion.joints(t)
+            for output, names in self._joints:
+                its = {joint: positions[called] for called, joint in names.items()}
+                output.publish(as_joint_state(its, stamp))
         if self._controls:
             for name, points in self._motion.control_points(t).items():
                 cloud = as_cloud(points, Header(stamp=stamp, frame_id=name))

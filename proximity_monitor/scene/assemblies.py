@@ -44,11 +44,11 @@ def parts_of(
         report.add((*keys, "topic"), message + "'parts: false' if it is one rigid body")
     names = _names(body.name, [each.name for each in placements], {*taken, EVERYTHING})
     loose = set(data.get("moving_parts", ()))
-    for missing in sorted(loose - {*names, *(each.name for each in placements)}):
-        known = ", ".join(names)
-        report.add((*keys, "moving_parts"), f"there is no part '{missing}'; there are {known}")
+    for missing in loose - {*names, *(each.name for each in placements)}:
+        report.add((*keys, "moving_parts"), f"there is no part '{missing}'", (missing, names))
     for name, placed in zip(names, placements, strict=True):
-        moves = body.moving or not loose.isdisjoint((name, placed.name))
+        # A body's own name means it alone; another one of the file means all parts called so.
+        moves = body.moving or name in loose or placed.name in loose.difference(names)
         pose = topic = None
         if moves:
             topic = read_topic(f"bodies/{safe(name)}/pose", keys, report)

@@ -64,7 +64,9 @@ def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe 
     limits = read_settings(data, (), PairSettings(), unit, report)
     defaults = dataclasses.replace(limits, own_thresholds=False)
     bodies, groups = read_bodies(data.get("bodies", []), path.parent, unit, report)
-    robots = read_robots(data.get("robots", []), bodies, path.parent, unit, report, describe)
+    robots = read_robots(
+        data.get("robots", []), bodies, groups, path.parent, unit, report, describe
+    )
     count = len(bodies)
     bodies += robots.bodies
     check_clouds(bodies, count, report)
@@ -84,4 +86,5 @@ def _scene(data: dict[str, Any], path: Path, report: Report, describe: Describe 
         description=data.get("description", ""),
         robots=robots.robots,
         thresholds=defaults.thresholds,
+        warnings=report.warnings(),
     )

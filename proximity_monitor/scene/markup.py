@@ -25,6 +25,25 @@ class MarkupError(ValueError):
     """A file is not XML that can be read; the message says why, without the file's name."""
 
 
+class Arguments(dict[str, str]):
+    """The arguments of xacro files by name, and for which any file asked."""
+
+    def __init__(self, given: Mapping[str, str], asked: set[str] | None = None) -> None:
+        """Take what is given; `asked` is a set to add to."""
+        super().__init__(given)
+        self.asked: set[str] = set() if asked is None else asked
+
+    def __contains__(self, name: object) -> bool:
+        """Whether it is given, or a file has a default."""
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        """The argument."""
+        self.asked.add(name)
+        return super().__getitem__(name)
+
+
 class Lined(Element):
     """An element that knows its line."""
 
@@ -101,8 +120,10 @@ def _expanded(path: Path, arguments: Mapping[str, str]) -> str:
             "needs xacro to be expanded, which is not installed: pip install xacro (it is part of "
             "the extra 'robots'), or sudo apt install ros-$ROS_DISTRO-xacro"
         ) from None
+    asked = arguments.asked if isinstance(arguments, Arguments) else None
     try:
-        return xacro.process_file(str(path), mappings=dict(arguments)).toxml()
+        # A copy, because xacro adds the file's defaults.
+        return xacro.process_file(str(path), mappings=Arguments(arguments, asked)).toxml()
     except Exception as error:  # the file's own expressions can raise anything
         raise MarkupError(f"cannot be expanded by xacro: {_reason(error)}") from error
 

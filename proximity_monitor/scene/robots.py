@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -15,15 +15,18 @@ import numpy as np
 from proximity_monitor.scene.bodies import read_colour, read_pose, read_solid, read_topic
 from proximity_monitor.scene.description import Body, Compound, Part, Robot, Root, Unit
 from proximity_monitor.scene.kinematics import Joint, Kinematics
-from proximity_monitor.scene.markup import is_xacro
+from proximity_monitor.scene.markup import Arguments, is_xacro
 from proximity_monitor.scene.paths import mesh_path, model_path
-from proximity_monitor.scene.report import Keys, Report, SceneError, meant
+from proximity_monitor.scene.report import Keys, Report, SceneError, listed, meant
 from proximity_monitor.scene.robot_pairs import excluded
 from proximity_monitor.scene.srdf import Srdf, SrdfError, read_srdf
 from proximity_monitor.scene.urdf import Link, Urdf, UrdfError, parse_urdf, read_urdf
 
 Describe = Callable[[str], str]
 """Returns the robot description that is published on a topic; it may have to wait for it."""
+
+_ROUNDED = 1e-5
+"""Radians or metres by which a position may be beyond a limit: descriptions round pi to 3.14159."""
 
 _UNFIT = re.compile(r"[^a-z0-9_]")
 
@@ -44,6 +47,7 @@ class Robots:
 def read_robots(
     section: list[dict[str, Any]],
     bodies: tuple[Body, ...],
+    assemblies: Collection[str],
     folder: Path,
     unit: Unit,
     report: Report,
@@ -54,12 +58,13 @@ def read_robots(
     Args:
         section: obeys the schema.
         bodies: the scene's other bodies, whose names are taken.
+        assemblies: the names of groups that hold the parts of one, which are taken as well.
         folder: the scene file's.
         unit: of the base poses; a robot description is in metres and radians.
         report: takes the problems.
         describe: for descriptions that come from topics; None: such a robot is a problem.
     """
-    taken = {body.name for body in bodies}
+    taken = {*assemblies, *(body.name for body in bodies)}
     robots, links, groups, apart = [], [], {}, set()
     for index, data in enumerate(section):
         keys = ("robots", index)
@@ -89,8 +94,9 @@ def _descriptions(
     describe: Describe | None,
 ) -> tuple[Urdf, Srdf | None]:
     """A robot's description, and the pairs of its links that need not be watched."""
-    # Arguments of xacro files are text; xacro reads Python's True for YAML's true.
-    arguments = {name: str(value) for name, value in data.get("xacro_args", {}).items()}
+    # Arguments of xacro files are text, whatever it means in YAML.
+    given = {name: report.texts[*keys, "xacro_args", name] for name in data.get("xacro_args", {})}
+    arguments = Arguments(given)
     key, srdf = "urdf", None
     if not isinstance(data[key], str):
         read_topic(data[key]["topic"], (*keys, key, "topic"), report)
@@ -103,6 +109,9 @@ def _descriptions(
         key = "xacro_args"
         if arguments and not any(is_xacro(Path(str(data.get(each)))) for each in ("urdf", "srdf")):
             raise SceneError("are for xacro files, whose names end in .xacro; remove them")
+        for name in given.keys() - arguments.asked:
+            known = meant(name, sorted(arguments.asked))
+            report.warn((*keys, key, name), f"no xacro file asks for '{name}'{known}")
     except (SceneError, UrdfError, SrdfError) as error:
         report.add((*keys, key), str(error))
         report.check()  # without links nothing that names them can be checked
@@ -149,6 +158,7 @@ class _Reader:
                 self.names[link.name] = self._body_name(link.name)
         if not self.names:
             self._tell_nothing_to_watch()
+        self._warn_of_shapes()
         root = self._root() if "root" in data else None
         self.robot = Robot(
             name=data["name"],
@@ -172,9 +182,27 @@ class _Reader:
         read_topic(topic, (*self._keys, "root", "topic"), self._report)
         return Root(topic, data.get("frame", name))
 
-    def _tell_nothing_to_watch(self) -> NoReturn:
+    def _kinds(self) -> tuple[str, str]:
+        """Which shapes of links are watched, and which are not."""
         wanted = self._data.get("meshes", "collision")
-        other = {"collision": "visual", "visual": "collision"}[wanted]
+        return wanted, {"collision": "visual", "visual": "collision"}[wanted]
+
+    def _warn_of_shapes(self) -> None:
+        wanted, other = self._kinds()
+        links = [
+            link.name
+            for link in self._urdf.links
+            if link.name not in self.names and getattr(link, other)
+        ]
+        if links:
+            self._report.warn(
+                (*self._keys, "meshes"),
+                f"not watched, as they have a {other} shape alone: {listed(links)}; give them a "
+                f"{wanted} shape, or set 'meshes: {other}'",
+            )
+
+    def _tell_nothing_to_watch(self) -> NoReturn:
+        wanted, other = self._kinds()
         way_out = "; remove the robot"
         if any(getattr(link, other) for link in self._urdf.links):
             way_out = f", but some have a {other} shape: set 'meshes: {other}'"
@@ -187,15 +215,16 @@ class _Reader:
     def _start(self, kinematics: Kinematics) -> dict[str, float]:
         """The positions from the file of joints that exist and allow them."""
         start = {}
+        free = {joint.name: joint for joint in kinematics.free}
         for kind in ("angles_deg", "offsets"):
             for name, value in self._data.get(kind, {}).items():
                 keys = (*self._keys, kind, name)
-                if (joint := _joint(name, kind, kinematics.free, keys, self._report)) is None:
+                if (joint := _joint(name, kind, free, keys, self._report)) is None:
                     continue
                 # Converts the file's values to the description's units.
                 factor = math.radians(1.0) if kind == "angles_deg" else self._unit.to_metre
                 start[name] = factor * value
-                if not joint.lower <= start[name] <= joint.upper:
+                if not joint.lower - _ROUNDED <= start[name] <= joint.upper + _ROUNDED:
                     low, high = joint.lower / factor, joint.upper / factor
                     self._report.add(
                         keys, f"must be {low:.6g} to {high:.6g}, its limits (got {value:g})"
@@ -254,21 +283,50 @@ class _Reader:
 
 def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: Report) -> None:
     """Report joints of a `script` that no robot has, or that are of another kind."""
-    free = [joint for robot in robots for joint in robot.kinematics.free]
+    free = joints_of(robots)
     for name, joint in section.get("script", {}).get("joints", {}).items():
+        keys, owned = ("motion", "script", "joints", name), free.get(name, [])
+        if len(owned) > 1:
+            owners = " and ".join(f"'{robot.name}/{joint.name}'" for robot, joint in owned)
+            report.add(keys, f"is a joint of several robots; say {owners}")
+            continue
         (kind,) = joint
-        _joint(name, kind, free, ("motion", "script", "joints", name), report)
+        found = _joint(
+            name, kind, {each: joint for each, [(_, joint), *_] in free.items()}, keys, report
+        )
+        for other in robots if found else ():
+            robot = owned[0][0]
+            names = [each.name for each in other.kinematics.free]
+            if other is not robot and other.topic == robot.topic and found.name in names:
+                report.add(
+                    keys,
+                    f"robots '{robot.name}' and '{other.name}' read '{found.name}' from one topic; "
+                    "give each a topic of its own",
+                )
 
 
-def _joint(name: str, kind: str, free: Sequence[Joint], keys: Keys, report: Report) -> Joint | None:
+def joints_of(robots: Sequence[Robot]) -> dict[str, list[tuple[Robot, Joint]]]:
+    """Return the joints that a script may move by what it calls them: JOINT or ROBOT/JOINT."""
+    found: dict[str, list[tuple[Robot, Joint]]] = {}
+    for robot in robots:
+        for joint in robot.kinematics.free:
+            found.setdefault(joint.name, []).append((robot, joint))
+    for robot in robots:
+        for joint in robot.kinematics.free:
+            found.setdefault(f"{robot.name}/{joint.name}", [(robot, joint)])
+    return found
+
+
+def _joint(
+    name: str, kind: str, free: Mapping[str, Joint], keys: Keys, report: Report
+) -> Joint | None:
     """The joint of a name whose positions the file gives as `kind`: angles_deg or offsets."""
-    by_name = {joint.name: joint for joint in free}
-    if name not in by_name:
-        report.add(keys, f"no joint '{name}' can be set{meant(name, by_name)}")
+    if name not in free:
+        report.add(keys, f"no joint '{name}' can be set", (name, free))
         return None
-    slides = by_name[name].kind == "prismatic"
+    slides = free[name].kind == "prismatic"
     if slides != (kind == "offsets"):
         does, wanted = ("slides", "offsets") if slides else ("turns", "angles_deg")
         report.add(keys, f"'{name}' {does}; its positions are '{wanted}'")
         return None
-    return by_name[name]
+    return free[name]

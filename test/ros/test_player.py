@@ -347,6 +347,17 @@ def test_joints_are_published_on_the_topic_of_their_robot(scene, play, listener)
     assert "script: 1 joint, 2 s in a loop, published" in process.text
 
 
+def test_a_joint_that_several_robots_have_is_published_for_the_one_that_is_named(
+    scene, play, listener
+):
+    other = ROBOT.replace("]", ", {name: other, urdf: swing.urdf, topic: other/states}]")
+    path, _ = scene(PIVOT.replace("pivot:", "swing/pivot:"), more=other)
+    process = play(path, seek_s=0.5, speed=0.0)
+    listener.subscribe(JointState, "swing/states")
+    (message,) = listener.first(process)["swing/states"]
+    assert list(message.name) == ["pivot"]
+
+
 @pytest.mark.parametrize(
     ("effects", "parameters", "told"),
     [

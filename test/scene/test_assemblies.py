@@ -90,7 +90,7 @@ def test_an_assembly_may_be_one_rigid_body(tmp_path):
     ("more", "message"),
     [
         ("topic: there", "topic: an assembly's parts have topics of their own"),
-        ("pose: {position: [0, 0, 0]}, moving_parts: [lid]", "there is no part 'lid'; there are"),
+        ("pose: {position: [0, 0, 0]}, moving_parts: [lid]", "there is no part 'lid'; known are"),
         ("moving: true, parts: false, moving_parts: [lid]", "is no assembly of several parts"),
     ],
 )
@@ -109,6 +109,32 @@ pairs: {{watch: [{{between: [pinion, wheel of another/pinion]}}]}}"""
     assert len(set(names)) == len(names) == 39
     assert {"bolt 2", "wheel of another/bolt 2"} <= set(names)
     assert [(pair.a, pair.b) for pair in made.pairs] == [("pinion", "wheel of another/pinion")]
+
+
+@pytest.mark.parametrize(
+    ("loose", "moving"),
+    [(["bolt"], ["bolt"]), (["bolt 2"], ["bolt 2"]), (["nut - m"], ["nut-m", "nut-m 2"])],
+)
+def test_a_name_means_its_own_body_and_else_all_parts_of_the_file(
+    tmp_path, monkeypatch, loose, moving
+):
+    names = "bolt", "bolt", "nut - m", "nut - m"
+    placed = [
+        engine.Placement(name=name, model=str(k), pose=np.eye(4), colour=None)
+        for k, name in enumerate(names)
+    ]
+    monkeypatch.setattr(engine, "load_placements", lambda *_, **__: placed)
+    scene = load(tmp_path, f"pose: {{position: [0, 0, 0]}}, moving_parts: {loose}")
+    assert [body.name for body in scene.bodies[:-1] if body.moving] == moving
+
+
+def test_a_robot_is_not_called_like_an_assembly(tmp_path, monkeypatch):
+    placed = [engine.Placement(name=name, model=name, pose=np.eye(4), colour=None) for name in "ab"]
+    monkeypatch.setattr(engine, "load_placements", lambda *_, **__: placed)
+    box = '<collision><geometry><box size="1 1 1"/></geometry></collision>'
+    (tmp_path / "one.urdf").write_text(f'<robot name="r"><link name="x">{box}</link></robot>')
+    with pytest.raises(SceneError, match="'gearbox' is taken; each robot needs its own name"):
+        load(tmp_path, "moving: true", "robots: [{name: gearbox, urdf: one.urdf}]\n")
 
 
 NAME = re.compile(json.loads(SCHEMA.read_text(encoding="utf-8"))["$defs"]["name"]["pattern"])

@@ -114,7 +114,6 @@ def test_an_srdf_is_found_like_a_model_file(load, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ('"d"', '"elbow"', "arm.srdf:5: the robot has no link 'elbow'; known are a, b, c, d"),
         ('link1="a" ', "", "arm.srdf:4: <disable_collisions>: needs 'link1' and 'link2'"),
         ("robot", "model", "arm.srdf: <model>: a semantic robot description begins with <robot>"),
         ("</robot>", "", "arm.srdf: is not XML that can be read: no element found: line 7"),
@@ -128,9 +127,11 @@ def test_what_is_wrong_with_an_srdf_is_told_by_its_line(problems, old, new, told
     assert told in found[0]
 
 
-def test_an_unknown_link_is_told_once_and_one_without_shape_is_none(problems, load):
+def test_an_unknown_link_is_told_once_and_one_without_shape_is_none(load):
     twice = SRDF.replace('"c"', '"elbow"').replace('"d"', '"elbow"')
-    assert len(problems("    srdf: arm.srdf\n", arm__srdf=twice)) == 1
+    (told,) = load("    srdf: arm.srdf\n", arm__srdf=twice).warnings
+    assert "yaml:6: robots[0].srdf: " in told
+    assert told.endswith("arm.srdf:4: the robot has no link 'elbow'")
     tool = CHAIN.replace(f'<link name="d">{BOX}</link>', '<link name="d"/>')
     assert watched(load("    srdf: arm.srdf\n", arm__srdf=SRDF.replace('"c"', '"d"'),
                         arm__urdf=tool)) == {"a c"}  # fmt: skip
@@ -189,6 +190,26 @@ def test_without_xacro_the_extra_is_named(problems, monkeypatch):
 def test_arguments_that_no_xacro_file_takes_are_refused(problems):
     (found,) = problems("    xacro_args: {long: true}\n")
     assert found.startswith("6: robots[0].xacro_args: are for xacro files")
+
+
+@needs_xacro
+@pytest.mark.parametrize("value", ["true", "on", "1.10", "1e-3", "0x10", "'010'"])
+def test_arguments_of_xacro_are_the_text_of_the_file(load, value):
+    macro = XACRO.replace('xacro:part name="b"', 'xacro:part name="b_$(arg note)"')
+    macro = macro.replace('link="b"', 'link="b_$(arg note)"')
+    more = f"    xacro_args: {{note: {value}}}\n"
+    scene = load(more, scene=OF_XACRO, arm__urdf__xacro=macro)
+    (joint,) = scene.robots[0].kinematics.joints
+    assert joint.child == f"b_{value.strip(chr(39))}"
+    assert scene.warnings == ()
+
+
+@needs_xacro
+def test_arguments_that_no_file_asks_for_are_warned_of(load):
+    scene = load("    xacro_args: {lon: 1, side: 2}\n", scene=OF_XACRO, arm__urdf__xacro=XACRO)
+    (told,) = scene.warnings
+    at = "robots[0].xacro_args.lon: "
+    assert told.endswith(f"yaml:7: {at}no xacro file asks for 'lon'; did you mean 'long'?")
 
 
 # A topic
@@ -253,6 +274,12 @@ def test_links_without_the_shapes_that_are_asked_for_name_the_others(problems, l
                           "set 'meshes: collision'")  # fmt: skip
     (found,) = problems(arm__urdf=CHAIN.replace(BOX, ""))
     assert found.endswith("no link of arm has a collision shape; remove the robot")
+
+
+def test_links_that_have_the_other_shape_alone_are_warned_of(load):
+    bare = CHAIN.replace(BOX, BOX.replace("collision", "visual"), 1)
+    (told,) = load(arm__urdf=bare).warnings
+    assert "yaml:4: robots[0].meshes: not watched, as they have a visual shape alone: a; " in told
 
 
 # A root that moves

@@ -1,0 +1,87 @@
+"""Where a robot starts, what touches there, and which joints a script moves from there."""
+
+import math
+
+import pytest
+from crane import CRANE, SCENE
+
+from proximity_monitor.scene import SceneError, load_scene
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Write a scene beside a crane and load it."""
+    (tmp_path / "crane").mkdir()
+
+    def write_and_load(text, urdf=CRANE):
+        (tmp_path / "crane" / "crane.urdf").write_text(urdf)
+        path = tmp_path / "scene.yaml"
+        path.write_text(text)
+        return load_scene(path)
+
+    return write_and_load
+
+
+def names_of(pairs):
+    return {frozenset((pair.a, pair.b)) for pair in pairs}
+
+
+def both(*names):
+    return {frozenset(name.split()) for name in names}
+
+
+def test_links_of_which_it_is_open_whether_they_touch_are_watched(load):
+    """The second shape makes the cylinder a mesh, which reaches into the ball beside it."""
+    urdf = """<robot name="r"><link name="a">
+      <collision><geometry><cylinder radius="0.5" length="1"/></geometry></collision>
+      <collision><origin xyz="0 0 2"/><geometry><box size="1 1 1"/></geometry></collision></link>
+      <link name="b"><collision><origin xyz="PLACE 0 0"/><geometry><sphere radius="0.5"/></geometry>
+      </collision></link><joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint>
+      </robot>"""
+    text = (
+        SCENE.split("    angles")[0] + "    exclude_adjacent: false\n    exclude_touching: true\n"
+    )
+    near = load(text, urdf.replace("PLACE", "1.0002"))
+    assert both("crane_a crane_b") < names_of(near.pairs) and near.warnings == ()
+    far = load(text, urdf.replace("PLACE", "0.9"))
+    assert not names_of(far.pairs) & both("crane_a crane_b")
+    assert far.warnings[0].endswith(
+        "exclude_touching: not watched, as they touch where the robot starts: crane_a - crane_b"
+    )
+
+
+def test_a_limit_that_the_description_rounds_may_be_reached(load):
+    urdf = CRANE.replace('lower="-3" upper="3"', 'lower="-3.14159" upper="3.14159"')
+    assert load(SCENE.replace("90", "180"), urdf).robots[0].start["swing"] == math.pi
+    with pytest.raises(SceneError, match=r"must be -180 to 180, its limits \(got 180.01\)"):
+        load(SCENE.replace("90", "180.01"), urdf)
+
+
+SCRIPT = """
+  - {name: lift, urdf: lift.urdf, topic: lift/states}
+motion: {script: {joints: {JOINT: {KIND: [[0, 0]]}}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("joint", "kind", "told"),
+    [
+        ("swing", "angles_deg", "say 'crane/swing' and 'lift/swing'"),
+        ("crane/swing", "offsets", "'crane/swing' turns; its positions are 'angles_deg'"),
+        ("lift/swing", "angles_deg", "'lift/swing' slides; its positions are 'offsets'"),
+        ("crane/swing", "angles_deg", ""),
+        ("lift/swing", "offsets", ""),
+        ("drop", "offsets", "say 'crane/drop' and 'lift/drop'"),
+    ],
+)
+def test_a_joint_of_several_robots_is_named_with_its_robot(load, tmp_path, joint, kind, told):
+    urdf = CRANE.replace('"swing" type="revolute"', '"swing" type="prismatic"')
+    (tmp_path / "lift.urdf").write_text(urdf)
+    text = SCENE + SCRIPT.replace("JOINT", joint).replace("KIND", kind)
+    if told:
+        with pytest.raises(SceneError, match=told):
+            load(text)
+    else:
+        assert list(load(text).motion["script"]["joints"]) == [joint]
+    with pytest.raises(SceneError, match=r"several robots|one topic|its positions"):
+        load(text.replace("lift/states", "joint_states"))
