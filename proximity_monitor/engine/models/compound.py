@@ -112,12 +112,14 @@ def _is_inward(model: Surface) -> bool:
     if not model.is_solid:
         return False
     for share in _FINENESS:
-        vertices, faces, _ = model.display_mesh(share * model.radius)
-        corners = vertices[faces]
+        shown = model.display_mesh(share * model.radius)
+        vertices, faces = shown.vertices, shown.faces
+        corners = shown.corners()
+        thick = shown.off if math.isfinite(shown.off) else share * model.radius
         area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         volume = _volume(vertices, faces)
         # Six times the volume; a layer on the mesh that is as thick as it errs has less.
-        if abs(volume) > 6.0 * share * model.radius * np.linalg.norm(area, axis=1).sum():
+        if abs(volume) > 6.0 * thick * np.linalg.norm(area, axis=1).sum():
             break
     return volume < 0.0
 

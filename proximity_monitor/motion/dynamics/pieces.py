@@ -56,7 +56,7 @@ def cut(model: engine.Model, deforming: bool = False) -> Pieces:
     if deforming or not flat:
         return _whole(model)
     mesh = model.display_mesh(0.0)
-    vertices, faces, _ = mesh
+    vertices, faces = mesh.vertices, mesh.faces
     corners = mesh.corners()
     centres = corners.mean(axis=1)
     parts = [np.arange(len(faces))]
