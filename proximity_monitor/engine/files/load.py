@@ -73,13 +73,8 @@ def load(
         if part is not None and kind not in ASSEMBLIES:
             raise ModelError(f"part = {part!r}: {kind} files have no parts")
         model = read(data, file, Reading(unit, scale, deviation, volume, solid, part))
-    except (FormatError, ModelError) as error:
-        named = str(error) if str(error).startswith(str(file)) else f"{file}: {error}"
-        raise ModelError(named) from None
-    except Exception as error:  # damaged bytes can make a reader fail in any way
-        raise ModelError(
-            f"{file}: not a readable {kind[1:].upper()} file: {type(error).__name__}: {error}"
-        ) from error
+    except Exception as error:
+        raise _refused(file, error) from error
     if not isinstance(model, Model):
         raise ModelError(f"{file}: its reader returned no model but {type(model).__name__}")
     model.name = part or file.stem
@@ -108,10 +103,21 @@ def load_placements(path: str | PathLike[str], *, scale: float = 1.0) -> list[Pl
         return []
     try:
         data, _ = _contents(file, file.suffix.lower())
+    except FormatError as error:
+        raise ModelError(f"{file}: {error}") from None
+    try:
         return step_placements(data, file, scale)
-    except (FormatError, ModelError) as error:
+    except Exception as error:
+        raise _refused(file, error) from error
+
+
+def _refused(file: Path, error: Exception) -> ModelError:
+    """What a reader raised, which damaged bytes can make fail in any way, with the file's name."""
+    if isinstance(error, FormatError | ModelError):
         named = str(error) if str(error).startswith(str(file)) else f"{file}: {error}"
-        raise ModelError(named) from None
+        return ModelError(named)
+    kind = file.suffix[1:].upper()
+    return ModelError(f"{file}: not a readable {kind} file: {type(error).__name__}: {error}")
 
 
 def _contents(file: Path, kind: str) -> tuple[bytes, Reader]:

@@ -11,15 +11,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.Interface import Interface_Static
 from OCP.Message import Message, Message_Gravity
 from OCP.Quantity import Quantity_ColorRGBA, Quantity_TypeOfColor
 from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.StepShape import StepShape_FaceSurface
 from OCP.TCollection import TCollection_AsciiString, TCollection_ExtendedString
 from OCP.TDataStd import TDataStd_Name
 from OCP.TDF import TDF_Label, TDF_Tool
@@ -32,15 +35,39 @@ try:  # 8.0
 except ImportError:  # 7.9
     from OCP.TDF import TDF_LabelSequence as Labels
 
+from .step_checks import StepChecks
 from .step_faces import Face, read_face, shapes_in
 from .step_revolution import Revolution, find_revolution
+from .step_text import StepText
 from .triangles import FormatError
 
 Reals = NDArray[np.float64]
 Colour = tuple[float, float, float, float]
 
-_GIVEN_BY_NOBODY = re.compile(r"(NAUO ?\d*|=>\[[\d:]*\]|\d*|NONE|COMPOUND|SOLID)", re.IGNORECASE)
+_GIVEN_BY_NOBODY = re.compile(r"(NAUO ?\d*|=>\[[\d:]*\]||NONE|COMPOUND|SOLID)", re.IGNORECASE)
 """Names that programs give to what has none."""
+_SETTINGS = {
+    "xstep.cascade.unit": "MM",
+    "read.precision.mode": "File",
+    "read.maxprecision.mode": "Preferred",
+    "read.maxprecision.val": "1.",
+    "read.stdsameparameter.mode": "Off",
+    "read.surfacecurve.mode": "Default",
+    "read.step.product.mode": "ON",
+    "read.step.product.context": "all",
+    "read.step.shape.repr": "All",
+    "read.step.assembly.level": "all",
+    "read.step.shape.relationship": "ON",
+    "read.step.shape.aspect": "ON",
+    "read.step.constructivegeom.relationship": "OFF",
+    "read.step.nonmanifold": "Off",
+    "read.step.ideas": "Off",
+    "read.step.all.shapes": "Off",
+    "read.step.tessellated": "Off",
+    "step.angleunit.mode": "File",
+    "read.step.root.transformation": "ON",
+}
+"""OpenCASCADE's settings are the process's: others in it may have changed them."""
 _COLOURS = (
     XCAFDoc_ColorType.XCAFDoc_ColorSurf, XCAFDoc_ColorType.XCAFDoc_ColorGen,
     XCAFDoc_ColorType.XCAFDoc_ColorCurv,
@@ -70,8 +97,16 @@ def read_parts(file: Path) -> list[Part]:
     """All parts of a STEP file that have faces, in its order.
 
     Raises:
-        FormatError: not readable, no faces, a face that cannot be honoured.
+        FormatError: not readable, damaged, not all of it is read, no faces, a face that cannot be
+            honoured.
     """
+    checks = StepChecks(StepText(file.read_bytes()))
+    with _settings():
+        return _transferred(file, checks)
+
+
+def _transferred(file: Path, checks: StepChecks) -> list[Part]:
+    """All parts of a file, which are those that it states."""
     document = TDocStd_Document(TCollection_ExtendedString("XmlOcaf"))
     XCAFApp_Application.GetApplication_s().InitDocument(document)
     _quiet()
@@ -80,9 +115,60 @@ def read_parts(file: Path) -> list[Part]:
     reader.SetColorMode(True)
     if reader.ReadFile(str(file)) != IFSelect_ReturnStatus.IFSelect_RetDone:
         raise FormatError("OpenCASCADE cannot read it")
+    _check_loaded(reader, checks)
     if not reader.Transfer(document):
         raise FormatError("OpenCASCADE finds no shapes in it")
-    return _Document(document).parts()
+    parts = _Document(document).parts()
+    shapes = {id(part.shape): len(part.shape.faces) for part in parts}
+    brought = min(_faces_made(reader), sum(shapes.values()))
+    if brought < checks.faces:
+        raise FormatError(
+            f"has {checks.faces} faces, of which OpenCASCADE brought {brought}: some of it is "
+            "damaged, or belongs to no part"
+        )
+    if len(parts) < checks.placed:
+        raise FormatError(
+            f"places {checks.placed} parts, of which OpenCASCADE brought {len(parts)}"
+        )
+    return parts
+
+
+@contextmanager
+def _settings() -> Iterator[None]:
+    """OpenCASCADE's settings as this reader needs them, for as long as it reads."""
+    STEPCAFControl_Reader()  # makes them known
+    known = [key for key in _SETTINGS if Interface_Static.IsPresent_s(key)]
+    before = {key: Interface_Static.CVal_s(key) for key in known}
+    try:
+        for key in known:
+            if not Interface_Static.SetCVal_s(key, _SETTINGS[key]):
+                raise FormatError(f"OpenCASCADE knows no {key} = {_SETTINGS[key]}")
+        yield
+    finally:
+        for key, value in before.items():
+            Interface_Static.SetCVal_s(key, value)
+
+
+def _check_loaded(reader: Any, checks: StepChecks) -> None:
+    """Refuse statements of a shape, a place or a unit that OpenCASCADE has read in part alone."""
+    failed = reader.ChangeReader().WS().ModelCheckList()
+    failed.Start()
+    while failed.More():
+        check = failed.Value()
+        if check.HasFailed():
+            number = checks.statement(failed.Number())
+            if number is None or number in checks.relevant:
+                raise FormatError(f"#{number or '?'}: {check.CFail(1)}: it is damaged")
+        failed.Next()
+
+
+def _faces_made(reader: Any) -> int:
+    """Of how many faces of the file OpenCASCADE has made any."""
+    process = reader.ChangeReader().WS().TransferReader().TransientProcess()
+    return sum(
+        isinstance(process.Mapped(i), StepShape_FaceSurface) and process.MapItem(i).HasResult()
+        for i in range(1, process.NbMapped() + 1)
+    )
 
 
 def _quiet() -> None:
@@ -196,12 +282,16 @@ def _entry(label: Any) -> str:
 
 
 def _name(label: Any) -> str:
-    """The name somebody gave to a label; empty: nobody did."""
+    """The name somebody gave to a label; empty: nobody did.
+
+    Programs number the occurrences of a part; a part may have a number for its name.
+    """
     name = TDataStd_Name()
     if not label.FindAttribute(TDataStd_Name.GetID_s(), name):
         return ""
     text = name.Get().ToExtString().strip()
-    return "" if _GIVEN_BY_NOBODY.fullmatch(text) else text
+    numbered = text.isdigit() and XCAFDoc_ShapeTool.IsReference_s(label)
+    return "" if numbered or _GIVEN_BY_NOBODY.fullmatch(text) else text
 
 
 def _matrix(location: Any) -> Reals:

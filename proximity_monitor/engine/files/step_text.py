@@ -1,0 +1,96 @@
+"""The statements of a STEP file and what they name, whatever OpenCASCADE makes of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from functools import cached_property
+
+from .triangles import FormatError
+
+_ASIDE = re.compile(rb"'(?:[^']|'')*'|/\*.*?\*/", re.DOTALL)
+"""Strings and comments, in which anything may stand."""
+_STATEMENT = re.compile(rb"#(\d+)\s*=\s*([^;]*);")
+_NUMBER = re.compile(rb"#(\d+)")
+_TYPE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
+_STRING = re.compile(rb"'(\d+)'")
+_ELSEWHERE = re.compile(rb"\bREFERENCE\s*;")
+
+
+class StepText:
+    """The statements of a file by their number.
+
+    Raises:
+        FormatError: a number that stands for two statements or for none; parts in other files.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self._strings: list[bytes] = []
+        text = _ASIDE.sub(self._kept, data).upper()
+        if _ELSEWHERE.search(text):
+            raise FormatError("takes some of it from other files: save it as one file")
+        self._bodies: dict[int, bytes] = {}
+        for number, body in _STATEMENT.findall(text):
+            if int(number) in self._bodies:
+                raise FormatError(f"#{int(number)} stands for two statements: it is damaged")
+            self._bodies[int(number)] = body
+        for number, body in self._bodies.items():
+            for named in map(int, _NUMBER.findall(body)):
+                if named not in self._bodies:
+                    raise FormatError(f"#{number} names #{named}, which is missing: it is damaged")
+        for number in self.of("DOCUMENT_FILE"):
+            raise FormatError(
+                f"refers to another file, {self.string(number)!r}, which is not read: "
+                "save the assembly as one file"
+            )
+
+    @cached_property
+    def numbers(self) -> list[int]:
+        """Those of all statements, in the file's order."""
+        return list(self._bodies)
+
+    def _kept(self, found: re.Match[bytes]) -> bytes:
+        if found[0].startswith(b"/*"):
+            return b" "
+        self._strings.append(found[0][1:-1])
+        return b"'%d'" % (len(self._strings) - 1)
+
+    def body(self, number: int) -> str:
+        """A statement without its number; each string is a number in quotes."""
+        return self._bodies[number].decode("ascii", "replace")
+
+    def types(self, number: int) -> set[str]:
+        """The types of a statement, and those of the values in it."""
+        return {each.decode() for each in _TYPE.findall(self._bodies[number])}
+
+    def named(self, number: int) -> list[int]:
+        """The statements that one names, in its order."""
+        return [int(each) for each in _NUMBER.findall(self._bodies[number])]
+
+    def string(self, number: int, which: int = 0) -> str:
+        """A string of a statement; empty: it has none."""
+        found = _STRING.findall(self._bodies[number])
+        text = self._strings[int(found[which])] if which < len(found) else b""
+        return text.decode("utf-8", "replace").replace("''", "'")
+
+    @cached_property
+    def _by_type(self) -> dict[str, list[int]]:
+        found: dict[str, list[int]] = {}
+        for number in self._bodies:
+            for each in self.types(number):
+                found.setdefault(each, []).append(number)
+        return found
+
+    def of(self, *types: str) -> list[int]:
+        """The statements of any of these types, each once."""
+        return list(dict.fromkeys(n for each in types for n in self._by_type.get(each, ())))
+
+    def below(self, numbers: Iterable[int]) -> set[int]:
+        """Statements, and all that they name in turn."""
+        found, left = set(), list(numbers)
+        while left:
+            number = left.pop()
+            if number not in found:
+                found.add(number)
+                left += self.named(number)
+        return found
