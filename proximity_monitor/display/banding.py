@@ -59,6 +59,7 @@ class Banding:
 
     def show(
         self,
+        scene: SceneInfo,
         frame: Frame,
         parts: Sequence[Part],
         wanted: Sequence[str],
@@ -68,12 +69,14 @@ class Banding:
         """Colour the parts that are wanted, one after the other, and no other.
 
         Args:
+            scene: with the limits in force.
             frame: the tick that is shown.
             parts: as they are now.
             wanted: names of parts.
             now_s: of a clock that never goes back.
             past: whether the tick is of the past, when what deforms had another shape.
         """
+        self._scene = scene
         for name in self._made.keys() - set(wanted):
             del self._made[name], self._sampled_m[name]
             self._parts[name].coat(self._api, ())

@@ -77,13 +77,18 @@ class Inspect:
         self._tell_looks()
 
     def show(
-        self, frame: Frame, parts: Sequence[Part], now_s: float, sitting: Sitting | None = None
+        self,
+        scene: SceneInfo,
+        frame: Frame,
+        parts: Sequence[Part],
+        now_s: float,
+        sitting: Sitting | None = None,
     ) -> None:
         """Cut the parts where they are now, and colour them by clearance; a picture has its own."""
         self._frame = frame
         looks = {} if sitting is not None else self._choice.looks
         wanted = [name for name, look in looks.items() if look.bands]
-        self._banding.show(frame, parts, wanted, now_s, self._choice.at_s is not None)
+        self._banding.show(scene, frame, parts, wanted, now_s, self._choice.at_s is not None)
         self._legend.content = self._banding.legend()
         on = f"a section is on; {WHOLE} ends it" if self._plane is not None else ""
         pair, problem = self._problem

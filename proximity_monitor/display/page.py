@@ -165,7 +165,7 @@ class Page:
         self._draw(frame, scene, sitting)
         if not self._all_placed and frame.poses[:, 3:].any(axis=1).all():
             self._look_at_all(frame)
-        self._inspect.show(frame, news.parts, now_s, sitting)
+        self._inspect.show(scene, frame, news.parts, now_s, sitting)
         if now_s >= self._due_s:
             self._due_s = now_s + TABLE_S
             left = unlisted(news.frame.pairs, scene, news.health)

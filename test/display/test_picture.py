@@ -1,6 +1,7 @@
 """What the picture of one page shows, without a real browser."""
 
 import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +14,13 @@ from page_alone import CORNERS, HERE, NAMES, SCENE, frame, words
 from test_inspect import box
 
 from proximity_monitor.display import part_view, portraits
+from proximity_monitor.display.choice import Look
 from proximity_monitor.display.inspection import SECTION, ZOOM
 from proximity_monitor.display.picking import kept, part_under
 from proximity_monitor.display.received import Part
 from proximity_monitor.display.section import Plane
+from proximity_monitor.display.state import STALE
+from proximity_monitor.scene import Thresholds
 
 LEVEL = Plane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
 
@@ -143,3 +147,36 @@ def test_a_picture_waits_for_a_step_that_did_not_fail(page, monkeypatch):
     assert not rendered
     monkeypatch.setattr(page.all._labels, "show", sound)
     assert taken(page, page.all._parts, steps).shape == (2, 2, 3)
+
+
+def banded(page, name, wait_s=20.0):
+    """How many triangles of a part have which band, and the legend, once both are of now."""
+    banding = page.all._inspect._banding
+    ends = time.monotonic() + wait_s
+    while True:
+        page.tell()
+        if banding._job is None and name in banding._made and not banding._behind_s:
+            break
+        banding._due_s = 0.0
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+    coats = page.all._parts[name].coats
+    return [len(coat.corners) // 3 for coat in coats], words(page.all._inspect._legend)
+
+
+def test_bands_know_what_is_stale_or_of_one_pair_alone_and_the_limits_in_force(page):
+    parts = cubes(1.0, 1.0)
+    page.tell(scene=replace(SCENE, name="bands"), parts=parts, frame=frame(1.0))
+    page.choice.looks = {"b": Look(bands=True)}
+    page.tell(frame=frame(1.1, level=STALE))
+    assert banded(page, "b")[0][:3] == [0, 0, 0]
+    page.tell(frame=frame(1.2))
+    counts, legend = banded(page, "b")
+    assert counts[:2] == [0, 0] and counts[2] > 0 and counts[3] == 0
+    assert "certain" in legend
+    wide = replace(SCENE, name="bands", thresholds=Thresholds(5.0, 4.0, 0.0))
+    page.tell(scene=wide, frame=frame(1.3))
+    assert banded(page, "b")[0][2:] == [0, 0]
+    then = replace(frame(1.4), whole=False)
+    page.tell(frame=then)
+    assert banded(page, "b")[0][:3] == [0, 0, 0]

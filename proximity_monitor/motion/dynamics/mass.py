@@ -46,7 +46,7 @@ def mass_properties(mesh: DisplayMesh, density: float, closed: bool = False) -> 
     Raises:
         ValueError: the mesh encloses no volume.
     """
-    vertices, faces = mesh.vertices, mesh.faces
+    vertices, faces = mesh[:2]
     if not closed:
         _check_closed(mesh.welded().astype(np.int64))
     middle = vertices.mean(axis=0)

@@ -52,11 +52,10 @@ def cut(model: engine.Model, deforming: bool = False) -> Pieces:
 
     It stays whole where it is `deforming`, or its surface is not that of triangles.
     """
-    flat = isinstance(model, engine.TriangleMesh) and model.swept_radius == 0.0
-    if deforming or not flat:
+    if deforming or model.display_mesh(model.radius).off > 0.0:
         return _whole(model)
     mesh = model.display_mesh(0.0)
-    vertices, faces = mesh.vertices, mesh.faces
+    vertices, faces = mesh[:2]
     corners = mesh.corners()
     centres = corners.mean(axis=1)
     parts = [np.arange(len(faces))]
@@ -67,7 +66,7 @@ def cut(model: engine.Model, deforming: bool = False) -> Pieces:
         used, own = np.unique(faces[part], return_inverse=True)
         name = f"{model.name}, piece {i}"
         how = {"name": name, "deviation": model.deviation}
-        models.append(engine.TriangleMesh(vertices[used], own.reshape(-1, 3), **how))
+        models.append(engine.shapes.triangles(vertices[used], own.reshape(-1, 3), **how))
         boxes.append([*vertices[used].min(axis=0), *vertices[used].max(axis=0)])
     places = mesh.welded().astype(np.int64)
     first = np.concatenate(([0], np.cumsum(np.bincount(places.reshape(-1)))))
