@@ -189,7 +189,7 @@ VALID = {
     "ascii.ply": exported("ply", encoding="ascii"),
     "by_hand.ply": PLY.encode(),
     "big.ply": binary_ply([[0, 1, 2], [1, 3, 2]], ">"),
-    "polygons.ply": binary_ply([[0, 1, 2], [1, 3, 2, 0], [0, 1, 2, 3, 4]]),
+    "polygons.ply": binary_ply([[0, 1, 2], [1, 3, 2, 0], [0, 1, 3, 2, 4]]),
     "box.glb": exported("glb"),
     "strip.glb": triangle_glb(5, 5),
     "fan.glb": triangle_glb(6, 5),

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .polygons import cut_polygons
 from .triangles import (
     FormatError,
     Ints,
@@ -49,6 +50,10 @@ class _Document:
         unit = 1.0 if stated is None else real_list(stated.get("meter", "1"), "<unit meter>", 1)[0]
         if not 0.0 < unit < math.inf:
             raise FormatError(f"<unit meter> is {unit:g}, which is no length")
+        for nested in self._root.iter("unit"):
+            other = real_list(nested.get("meter", "1"), "<unit meter>", 1)[0]
+            if other != unit:
+                raise FormatError(f"has units of {unit:g} m and of {other:g} m: use one unit")
         if self._root.find("library_animations//channel") is not None:
             raise FormatError("has animations, which are not read: export the scene as it stands")
         for shown in self._root.findall("scene/instance_visual_scene"):
@@ -160,9 +165,15 @@ def _geometry(geometry: Element) -> list[Part]:
         if sizes.sum() != len(corners) or (sizes < 0).any():
             raise FormatError(f"{name}: <{kind}> has {len(corners)} corners, not {sizes.sum()}")
         _check_count(element, sizes, name)
-        cut = strips if kind == "tristrips" else fans
-        where = f"{name}: <{kind}>["
-        faces = cut(corners, sizes, len(vertices), lambda i, where=where: f"{where}{i}]: ")
+
+        def where(i: int, kind: str = kind) -> str:
+            return f"{name}: <{kind}>[{i}]: "
+
+        if kind in ("tristrips", "trifans"):
+            cut = strips if kind == "tristrips" else fans
+            faces = cut(corners, sizes, len(vertices), where)
+        else:
+            faces = cut_polygons(vertices, corners, sizes, where)
         found.append((vertices, faces))
     return found
 
@@ -194,6 +205,13 @@ def _source(source: Element, name: str) -> Reals:
     accessor = source.find("technique_common/accessor")
     if array is None or accessor is None:
         raise FormatError(f"{name}: source {source.get('id')!r} has no numbers")
+    if accessor.get("source") != f"#{array.get('id')}":
+        raise FormatError(
+            f"{name}: <accessor source={accessor.get('source')!r}> is not its <float_array>"
+        )
+    names = [param.get("name", "").upper() for param in accessor.findall("param")]
+    if names and names[:3] != ["X", "Y", "Z"]:
+        raise FormatError(f"{name}: <accessor> has params {names}, not X, Y and Z in front")
     what = f"{name}: <float_array>"
     announced = array.get("count")
     count = None if announced is None else int(whole_list(announced, f"{what} count", 1)[0])

@@ -6,14 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from .polygons import cut_polygons
 from .text import Rows, shown, wholes, without_comment, without_mark
-from .triangles import FormatError, Triangles, fans
+from .triangles import FormatError, Triangles
 
 _OTHERS = frozenset(
     b"vt vn vp l p o g s mg usemtl mtllib usemap maplib lod bevel c_interp d_interp shadow_obj "
     b"trace_obj ctech stech cstype deg bmat step curv curv2 parm trim hole scrv sp end con".split()
 )
 """Statements that make no triangles. Any other word is a sign of damage."""
+_NAMES = frozenset(b"o g usemtl mtllib usemap maplib".split())
+"""Statements whose names may end with what else continues a line."""
 _NOT_READ = frozenset(b"surf call csh bsp bzp cdc cdp res".split())
 """Statements that make surfaces of other kinds, or take them from elsewhere."""
 
@@ -30,6 +33,8 @@ def read_obj(data: bytes, _: Path) -> Triangles:
     begun = b""
     for number, line in enumerate(without_mark(data).splitlines(), 1):
         if line.endswith(b"\\") and b"#" not in line:  # goes on in the next line
+            if (begun or line).split(None, 1)[0] in _NAMES:
+                raise FormatError(f"line {number}: a name that ends with \\: is it a part of it?")
             begun += line[:-1] + b" "
             continue
         if begun:
@@ -55,5 +60,5 @@ def read_obj(data: bytes, _: Path) -> Triangles:
     named = wholes(corners, polygons.place)
     # Numbered from 1; zero is none.
     base = np.where(named < 0, np.repeat(np.array(so_far, dtype=np.int64), polygons.sizes), -1)
-    faces = fans(named + base, polygons.sizes, len(points), polygons.where)
+    faces = cut_polygons(points, named + base, polygons.sizes, polygons.where)
     return Triangles(points, faces)

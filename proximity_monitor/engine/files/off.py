@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .polygons import cut_polygons
 from .text import Rows, lines, wholes
-from .triangles import FormatError, Triangles, fans, first, spans
+from .triangles import FormatError, Triangles, first, spans
 
 _HEAD = re.compile(rb"(ST)?(C)?(N)?OFF")
 _EXTRA = (2, 4, 3)
@@ -52,7 +53,7 @@ def read_off(data: bytes, _: Path) -> Triangles:
     which = spans(polygons.starts + 1, counts)
     named = [polygons.words[i] for i in which.tolist()]
     corners = wholes(named, lambda i: polygons.place(which[i]))
-    return Triangles(vertices, fans(corners, counts, vertex_count, polygons.where))
+    return Triangles(vertices, cut_polygons(vertices, corners, counts, polygons.where))
 
 
 def _one_behind_the_other(

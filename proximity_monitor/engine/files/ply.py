@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from .polygons import cut_polygons
 from .text import Rows, lines, shown, wholes, without_mark
-from .triangles import FormatError, Ints, Triangles, fans, first, no_triangles, spans, strips
+from .triangles import FormatError, Ints, Reals, Triangles, first, no_triangles, spans, strips
 
 _TYPES = {
     b"char": "i1", b"uchar": "u1", b"short": "i2", b"ushort": "u2", b"int": "i4", b"uint": "u4",
@@ -59,11 +60,15 @@ def read_ply(data: bytes, _: Path) -> Triangles:
     vertex = found.get("vertex", {})
     if not all(axis in vertex for axis in "xyz"):
         raise FormatError("the vertices have no x, y and z")
+    for element in elements:
+        for prop in element.properties:
+            if element.name == "vertex" and prop.name in ("x", "y", "z") and prop.length:
+                raise FormatError(f"the vertices have a list for {prop.name}, not a number")
     vertices = np.column_stack([vertex[axis].values for axis in "xyz"]).astype(np.float64)
     faces = [no_triangles()]
     for element in elements:
         if element.name in ("face", "tristrips") and element.count:
-            faces.append(_triangles(element, found[element.name], len(vertices)))
+            faces.append(_triangles(element, found[element.name], vertices))
     return Triangles(vertices, np.concatenate(faces))
 
 
@@ -226,7 +231,7 @@ def _truncated(element: _Element) -> FormatError:
     return FormatError(f"ends before the {element.count} of {element.name} are complete: truncated")
 
 
-def _triangles(element: _Element, columns: _Columns, vertex_count: int) -> Ints:
+def _triangles(element: _Element, columns: _Columns, vertices: Reals) -> Ints:
     """The triangles of faces or of strips, in which -1 begins the next one."""
     named = [
         prop for prop in element.properties
@@ -241,10 +246,10 @@ def _triangles(element: _Element, columns: _Columns, vertex_count: int) -> Ints:
         raise FormatError(f"{element.name}[{row_of[bad]}]: {values[bad]:g} is no whole number")
     corners = values.astype(np.int64)
     if element.name == "face":
-        return fans(corners, sizes, vertex_count, lambda i: f"faces[{i}]: ")
+        return cut_polygons(vertices, corners, sizes, lambda i: f"faces[{i}]: ")
     # Rows and restarts both end a strip; a restart may end the row as well.
     kept = corners != -1
     strip_of = (np.cumsum(~kept) + row_of)[kept]
     _, begins, lengths = np.unique(strip_of, return_index=True, return_counts=True)
     row = row_of[kept][begins]
-    return strips(corners[kept], lengths, vertex_count, lambda i: f"tristrips[{row[i]}]: ")
+    return strips(corners[kept], lengths, len(vertices), lambda i: f"tristrips[{row[i]}]: ")

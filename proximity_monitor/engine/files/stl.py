@@ -40,7 +40,7 @@ def read_stl(data: bytes, _: Path) -> Triangles:
             f"a binary STL of {count} triangles has {size} bytes, this file {len(data)}"
         )
     rest = len(data) - size
-    if rest and rest % 50 == 0 and any(data[size:]):
+    if rest >= 50 and any(data[size:]):
         raise FormatError(
             f"{count} triangles are announced, but as many bytes follow as {rest // 50} more have"
         )

@@ -1,4 +1,4 @@
-"""What every reader returns, and how polygons, strips and placed parts become triangles."""
+"""What every reader returns, and how fans, strips and placed parts become triangles."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def check_corners(corners: Ints, sizes: Ints, count: int, where: Where) -> None:
 
 
 def fans(corners: Ints, sizes: Ints, count: int, where: Where) -> Ints:
-    """Polygons as triangles (m, 3): fans from the first corner, right for convex polygons.
+    """Fans as triangles (m, 3), from their first corner; `cut_polygons` takes concave ones too.
 
     Args:
         corners: (k,) indices of vertices, one polygon after the other.
