@@ -77,6 +77,7 @@ BAD = {
     "nan in the second": ("a.stl", STL + STL.replace("1 0 0", "inf 0 0"), r"vertices\[4\] = \[inf"),
     "text": ("a.stl", "This is a letter, not a model." * 10, "a binary STL of"),
     # OBJ
+    "name": ("a.obj", OBJ + "usemtl a\\\nf 1 2 3\nf 1 2 3\n", r"line 4: a name that ends with"),
     "one corner": ("a.obj", OBJ + "f 1 2 3\nf 1\n", "line 5: a face with 1 corners"),
     "no corner": ("a.obj", OBJ + "f 1 2 3\nf", "line 5: a face with 0 corners"),
     "beyond": ("a.obj", OBJ + "f 1 2 3\nf 1 2 4\n", "line 5: corners .* there are 3"),
@@ -122,6 +123,11 @@ BAD = {
     "ply type": ("a.ply", PLY.replace("float z", "flat z"), "line 7: 'property flat z' is no line"),
     "ply element": ("a.ply", PLY.replace("vertex 4", "vertex -4"), "line 4: 'element vertex -4'"),
     "ply order": ("a.ply", PLY.replace("ascii", "middle"), "names no format that is known"),
+    "ply list": (
+        "a.ply",
+        PLY.replace("float z", "list uchar float z").replace(" 0\n", " 1 0\n"),
+        "the vertices have a list for z, not a number",
+    ),
     "ply no z": ("a.ply", PLY.replace("float z", "float w"), "no x, y and z"),
     "ply twice": ("a.ply", PLY.replace("float z", "float x"), "gives a name twice among x, y, x"),
     "ply no list": ("a.ply", PLY.replace("vertex_indices", "edges"), "no list of whole vertex_ind"),

@@ -89,6 +89,21 @@ def test_no_buffer_outside_the_folder_is_opened(load, refused, tmp_path, uri):
     refused("a.gltf", text, r"buffers\[0\] lies outside the file's folder .*embed it")
 
 
+def test_a_buffer_may_be_a_link(load, tmp_path):
+    """As in folders that a build links together."""
+    (tmp_path / "stored").mkdir()
+    (tmp_path / "stored" / "x.bin").write_bytes(triangle_tree()[1])
+    (tmp_path / "linked").mkdir()
+    (tmp_path / "linked" / "part.bin").symlink_to(tmp_path / "stored" / "x.bin")
+    text = gltf(buffers=[{"byteLength": 36, "uri": "sub/../part.bin"}])
+    assert len(load("linked/a.gltf", text).faces) == 1
+
+
+def test_a_primitive_has_positions(refused):
+    text = gltf(meshes=[{"primitives": [{"attributes": {}}]}])
+    refused("a.gltf", text, r"meshes\[0\] has a primitive without POSITION")
+
+
 def test_buffers_that_are_not_there(refused):
     def buffer(**more):
         return gltf(buffers=[{"byteLength": 36, **more}])
@@ -248,6 +263,14 @@ DAE_FLAWS = {
     "accessor": ('count="4" stride', 'count="5" stride', "reaches beyond its 12 numbers"),
     "nan": ("0 0 0 1 0 0", "0 0 0 NaN 0 0", r"vertices\[1\] = \[nan"),
     "unit": ('meter="0.001"', 'meter="0"', "<unit meter> is 0"),
+    "units": (
+        '<geometry id="g">',
+        '<geometry id="g"><asset><unit meter="1"/></asset>',
+        "units of 0.001 m and of 1 m",
+    ),
+    "array": ('source="#a"', 'source="#b"', "<accessor source='#b'> is not its <float_array>"),
+    "order": ('name="X"', 'name="Z"', "params .*, not X, Y and Z"),
+    "unnamed": ('<param name="X"', "<param", "params .*, not X, Y and Z"),
 }
 
 
@@ -285,13 +308,15 @@ def test_items_and_components_are_placed(load):
     np.testing.assert_allclose(corners(mesh)[:12], (turned * [1, 1, -1])[:, ::-1], atol=1e-15)
 
 
-def test_objects_of_the_same_number_may_lie_in_several_models(load):
+def test_objects_of_the_same_number_may_lie_in_several_models(load, refused):
     space = "http://schemas.microsoft.com/3dmanufacturing/production/2015/06"
     link = f'<component xmlns:p="{space}" p:path="/3D/other.model" objectid="1"/>'
     group = f'<object id="1"><components>{link}{link}</components></object>'
     head = f'unit="meter" requiredextensions="p" xmlns:p="{space}"'
     data = packed(model_3mf(group, head=head), other=model_3mf())
     assert np.array_equal(corners(load("a.3mf", data)), np.tile(BOX.triangles, (2, 1, 1)))
+    other = packed(model_3mf(group, head=head), other=model_3mf(head='unit="inch"'))
+    refused("b.3mf", other, "/3D/other.model has the unit 'inch', others 'meter'")
 
 
 BEAMS = "http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"
@@ -315,6 +340,7 @@ MODELS = {
     "motion": (model_3mf(items='<item objectid="1" transform="1 0 0"/>'), "3 numbers, not 12"),
     "nan": (model_3mf(OBJECT.replace('x="0.5"', 'x="nan"', 1)), r"vertices\[\d\] = \[nan"),
     "xml": (model_3mf()[:-9], "its XML is damaged"),
+    "other": (model_3mf(OBJECT.replace('"model"', '"other"')), "object 1 has the type 'other'"),
     "html": ("<html/>", "is no model, but <html>"),
 }
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -130,6 +131,8 @@ class _Document:
             mode = primitive.get("mode", _TRIANGLES)
             if mode in _POINTS_AND_LINES:
                 continue
+            if "POSITION" not in primitive["attributes"]:
+                raise FormatError(f"{name} has a primitive without POSITION")
             vertices = self._accessor(primitive["attributes"]["POSITION"], 3).astype(np.float64)
             check_finite(vertices)
             corners = np.arange(len(vertices))
@@ -194,9 +197,11 @@ class _Document:
             except ValueError as error:
                 raise FormatError(f"{name}: its data is no base64: {error}") from None
         parts = urlsplit(uri)
-        folder = self._folder.resolve()
-        file = (folder / unquote(parts.path)).resolve()
-        if parts.scheme or parts.netloc or not file.is_relative_to(folder):
+        # Of the URI alone: what a folder links to is up to whoever made the folder.
+        inner = os.path.normpath(unquote(parts.path))
+        file = self._folder / inner
+        outside = os.path.isabs(inner) or Path(inner).parts[:1] == ("..",)
+        if parts.scheme or parts.netloc or outside:
             raise FormatError(
                 f"{name} lies outside the file's folder ({uri[:80]!r}): put it there, or embed it"
             )

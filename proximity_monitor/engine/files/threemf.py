@@ -37,6 +37,7 @@ class _Package:
         self._objects: dict[str, dict[str, Element]] = {}
         self._meshes: dict[tuple[str, str], Part] = {}
         self._parts = Parts()
+        self._unit: str | None = None
 
     def triangles(self) -> Triangles:
         """All objects of the build, in its frame."""
@@ -49,12 +50,9 @@ class _Package:
         if not targets:
             raise FormatError("names no model in _rels/.rels")
         model = self._model(targets[0])
-        unit = model.get("unit", "millimeter")
-        if unit not in _UNITS:
-            raise FormatError(f"unit {unit!r} is none of {', '.join(_UNITS)}")
         for item in model.findall("build/item"):
             self._place(targets[0], item, np.eye(4), ())
-        return self._parts.joined(_UNITS[unit])
+        return self._parts.joined(_UNITS[self._unit])
 
     def _read(self, path: str) -> bytes:
         key = path.lower().strip("/")
@@ -68,6 +66,12 @@ class _Package:
         model = parsed(text)
         if model.tag != "model":
             raise FormatError(f"{path} is no model, but <{model.tag}>")
+        unit = model.get("unit", "millimeter")
+        if unit not in _UNITS:
+            raise FormatError(f"{path}: unit {unit!r} is none of {', '.join(_UNITS)}")
+        self._unit = self._unit or unit
+        if unit != self._unit:
+            raise FormatError(f"{path} has the unit {unit!r}, others {self._unit!r}: use one unit")
         for prefix in model.get("requiredextensions", "").split():
             name = text.partition(f"xmlns:{prefix}=".encode())[2][1:].split(b'"')[0].split(b"'")[0]
             if not any(known.encode() in name for known in _KNOWN):
@@ -92,6 +96,8 @@ class _Package:
         if key in within:
             raise FormatError(f"{name} contains itself")
         element = self._objects[path][number]
+        if element.get("type") == "other":
+            raise FormatError(f"{name} has the type 'other', which no build may contain")
         mesh, components = element.find("mesh"), element.find("components")
         if mesh is not None:
             if (path, number) not in self._meshes:
