@@ -202,6 +202,7 @@ VALID = {
     "marked.stl": MARK + STL.encode(),
     "marked.obj": MARK + OBJ.encode() + b"f 1 2 3\n",
     "marked.off": MARK + OFF.encode(),
+    "returns.ply": PLY.replace("\n", "\r").encode(),
     "marked.ply": MARK + PLY.encode(),
     "line.off": b" ".join(exported("off").split()),
     "strips.ply": PLY.replace("face 2", "tristrips 2")

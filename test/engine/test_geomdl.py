@@ -155,6 +155,11 @@ BAD = {
         tree(knotvector_v=[0.0, 1.0, 0.5, 1.0]),
         r"shape.data\[0\]: knots_v\[2\] = 0.5: is less than",
     ),
+    "count": (
+        tree() | {"shape": tree()["shape"] | {"count": 2}},
+        "shape.count = 2, but shape.data has 1",
+    ),
+    "both": (tree() | {"revolution": {}}, "both a shape and a revolution"),
     "overflow": (
         tree(control_points={"points": [[1e300] * 3] * 4}),
         r"shape.data\[0\]: control\[0\]\[0\] = .* at most 1e\+45",
@@ -181,6 +186,8 @@ def test_a_file_that_is_wrong_is_refused_by_its_name_and_key(tmp_path, content, 
 def test_what_surfaces_do_not_take_is_refused(tmp_path, how, message):
     file = tmp_path / "a.json"
     file.write_text(json.dumps(tree()))
+    assert engine.load(file, solid=False).degrees == (1, 1)
+    file.write_text(json.dumps(tree(trims={"count": 0, "data": []})))
     assert engine.load(file, solid=False).degrees == (1, 1)
     with pytest.raises(ModelError, match=rf"a\.json: {message}"):
         engine.load(file, **how)

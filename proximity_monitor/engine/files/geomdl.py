@@ -44,12 +44,16 @@ def read_geomdl(data: bytes, file: Path, how: Reading) -> Surface:
     except (ValueError, RecursionError) as error:
         raise FormatError(f"its JSON is damaged: {error}") from None
     if isinstance(tree, dict) and "revolution" in tree:
+        if "shape" in tree:
+            raise FormatError("has both a shape and a revolution: put them into two files")
         return _revolution(_need(tree, "revolution", dict, ""), file, how)
     shape = _need(tree, "shape", dict, "")
     kind = _need(shape, "type", str, "shape.")
     if kind not in _KINDS:
         raise FormatError(f"shape.type = {kind!r}: read are {' and '.join(map(repr, _KINDS))}")
     made = _shapes(shape, "data", _KINDS[kind], "shape", how)
+    if shape.get("count", len(made)) != len(made):
+        raise FormatError(f"shape.count = {shape['count']!r}, but shape.data has {len(made)}")
     if len(made) == 1 and not how.solid:
         return made[0]
     return ParametricSurface(
@@ -92,7 +96,8 @@ def _shapes(
 def _shape(item: dict[str, Any], ends: tuple[str, ...], name: str, how: Reading) -> Surface:
     """The patch or the curve that an object describes."""
     at = f"{name}."
-    if item.get("trims"):
+    trims = item.get("trims")
+    if trims and trims != {"count": 0, "data": []} and trims != {"count": 0}:
         raise FormatError(f"{at}trims: trimmed surfaces are not read")
     net = _need(item, "control_points", dict, at)
     inside = f"{at}control_points."

@@ -51,7 +51,7 @@ _Table = dict[str, _Columns]
 def read_ply(data: bytes, _: Path) -> Triangles:
     """Read a PLY file."""
     data = without_mark(data)
-    end = re.search(rb"^end_header[ \t]*\r?\n", data, re.MULTILINE)
+    end = re.search(rb"[\r\n]end_header[ \t]*(\r?\n|\r)", data)
     if not re.match(rb"ply\s", data) or end is None:
         raise FormatError("no header from 'ply' to 'end_header'")
     order, elements = _header(data[: end.start()])
