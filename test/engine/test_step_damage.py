@@ -124,6 +124,10 @@ def test_parts_in_other_files_are_refused(tmp_path, text):
     other = "#9000 = DOCUMENT_FILE('wheel.stp','',$,#9001,'',$);\n#9001 = DOCUMENT_TYPE('');\n"
     with pytest.raises(engine.ModelError, match=r"another file, 'wheel\.stp'.*one file"):
         load(tmp_path, added(text, other))
+    assert (
+        load(tmp_path, added(text, other.replace("stp", "pdf"))).is_solid
+        == load(tmp_path, text).is_solid
+    )
     anchors = "REFERENCE;\n#9000=<wheel.stp#1>;\nENDSEC;\nDATA;"
     with pytest.raises(engine.ModelError, match="other files: save it as one file"):
         load(tmp_path, text.replace("DATA;", anchors, 1))

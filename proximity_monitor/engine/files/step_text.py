@@ -14,6 +14,8 @@ _STATEMENT = re.compile(rb"#(\d+)\s*=\s*([^;]*);")
 _NUMBER = re.compile(rb"#(\d+)")
 _TYPE = re.compile(rb"([A-Z][A-Z0-9_]*)\s*\(")
 _STRING = re.compile(rb"'(\d+)'")
+_SHAPES = re.compile(r"\.(stp|step|stpz|stpx|p21|ifc|igs|iges)\Z|\A[^.]*\Z", re.IGNORECASE)
+"""Names of files that may hold a part; others, as drawings and notes, belong to it."""
 _ELSEWHERE = re.compile(rb"\bREFERENCE\s*;")
 
 
@@ -39,10 +41,12 @@ class StepText:
                 if named not in self._bodies:
                     raise FormatError(f"#{number} names #{named}, which is missing: it is damaged")
         for number in self.of("DOCUMENT_FILE"):
-            raise FormatError(
-                f"refers to another file, {self.string(number)!r}, which is not read: "
-                "save the assembly as one file"
-            )
+            name = self.string(number)
+            if _SHAPES.search(name):
+                raise FormatError(
+                    f"refers to another file, {name!r}, which is not read: "
+                    "save the assembly as one file"
+                )
 
     @cached_property
     def numbers(self) -> list[int]:
