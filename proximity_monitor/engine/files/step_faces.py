@@ -66,8 +66,6 @@ def read_face(shape: Any) -> Face:
     """
     face = cast(shape.Oriented(_FORWARD), "Face")
     surface = basis(BRep_Tool.Surface_s(face))
-    if surface is None:
-        raise FormatError("tessellated: it has triangles alone, which are not read")
     try:
         return _read(face, surface, shape.Orientation() == _REVERSED)
     except (FormatError, ModelError) as error:
