@@ -382,5 +382,5 @@ def test_what_are_no_curves_and_no_sizes():
     ):
         with pytest.raises(ModelError, match=what):
             wrong()
-    with pytest.raises(ModelError, match=r"knots\[1\] = 0.0: repeated more than 3 times"):
-        Curve([[0, 0], [5, 5], [1, 0], [1, 1]], [-1, 0, 0, 0, 0, 1, 1])
+    with pytest.raises(ModelError, match=r"knots\[0\] = 0.0: repeated more than 3 times"):
+        Curve([[0, 0], [5, 5], [1, 0], [1, 1], [0, 1]], [0, 0, 0, 0, 1, 1, 1, 1])

@@ -72,7 +72,7 @@ def test_unlike_round_parts_become_a_mesh_whose_deviation_holds():
     made = shapes.compound(
         [shapes.Part(shapes.sphere(0.5), HERE), shapes.Part(shapes.capsule(0.2, 1.0), at)]
     )
-    vertices, faces, _ = made.display_mesh(0.0)
+    vertices, faces = made.display_mesh(0.0)[:2]
     corners = vertices[faces]
     rng = np.random.default_rng(5)
     inner = np.einsum("kfc,fcx->kfx", rng.dirichlet((0.3,) * 3, (20, len(faces))), corners)
