@@ -233,9 +233,11 @@ def test_bad_points_are_counted_by_reason_and_keep_nothing_fresh(soft, body):
     def counted():
         for reason, make in bad.items():
             if soft.rejected(reason) == before[reason]:
-                soft.send(body, make())
-                # Good ones go on as it spins, and one takes the place of what is not read yet.
-                threading.Event().wait(0.05)
+                # A good one before it, which is newer than one that is out of order; each is read
+                # before the next one takes its place.
+                for message in (cloud(rest), make()):
+                    soft.send(body, message)
+                    threading.Event().wait(0.05)
                 soft.peer.executor.spin_once(timeout_sec=0.02)
         return all(soft.rejected(reason) > before[reason] for reason in bad)
 
