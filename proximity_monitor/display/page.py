@@ -112,6 +112,7 @@ class Page:
             self._files = ReportFiles(
                 gui, shared, self._portraits, lambda: self._shown, lambda: self._parts
             )
+        self._turns.hear_all()
 
     def take_up(self) -> None:
         """Do what this browser has asked for; comes before each step."""

@@ -55,9 +55,7 @@ class ReportFiles:
         return conflicts(find(shown.scene, *about), *about)
 
     def _report(self, shown: Shown, _: viser.ClientHandle) -> bytes:
-        parts = (
-            self._parts()
-        )  # first: if the scene changes now, there is no picture of what is found
+        parts = self._parts()  # first: if the scene changes now, nothing found gets its picture
         found, events = self._found(shown), self._shared.events
 
         def portraits(of: Snapshot, pair: PairName) -> list[bytes]:

@@ -43,9 +43,7 @@ class Smallest:
         self._places: dict[PairName, int] = {}
         self._moments = np.empty(0, _MOMENT)
         self._last: tuple[PairNames, np.ndarray] = ((), np.empty(0, int))
-        self._bytes = (
-            0  # of the poses of all ticks since they were counted, so that or less is kept
-        )
+        self._bytes = 0  # of poses that came since they were counted: no fewer than are kept
         self._bodies = 0
 
     def clear(self) -> None:

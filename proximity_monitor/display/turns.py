@@ -35,17 +35,22 @@ class Turns:
     def submit(self, act: Callable[..., object], *given: Any) -> Future:
         """Keep a call. Any thread may call; what is returned tells nothing of the result."""
         target = getattr(given[0], "target", None) if given else None
-        field = target._impl.uuid if hasattr(target, "value") else None
         held = {name: each._impl.value for name, each in list(self._fields.items())}
-        self._waiting.append(_Call(act, given, field, held))
+        field = target._impl.uuid if hasattr(target, "value") else None
+        self._waiting.append(_Call(act, given, field if field in held else None, held))
         return Future()
+
+    def hear_all(self) -> None:
+        """Hear of each field that changes, also of one that only others' calls read.
+
+        Comes when all fields are there.
+        """
+        for each in list(self._fields.values()):
+            if not each._impl.update_cb and hasattr(each, "on_update"):
+                each.on_update(_nothing)
 
     def take_up(self) -> None:
         """Do what has come so far, in its order. An error leaves the rest for the next time."""
-        for each in list(self._fields.values()):
-            # Of a field that only others' calls read, it must be known too when it changes.
-            if not each._impl.update_cb and hasattr(each, "on_update"):
-                each.on_update(_nothing)
         known: dict[str, Any] = {}
         for _ in range(len(self._waiting)):
             call = self._waiting.popleft()

@@ -284,6 +284,7 @@ class _Reader:
 def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: Report) -> None:
     """Report joints of a `script` that no robot has, or that are of another kind."""
     free = joints_of(robots)
+    firsts = {called: owned[0][1] for called, owned in free.items()}
     for name, joint in section.get("script", {}).get("joints", {}).items():
         keys, owned = ("motion", "script", "joints", name), free.get(name, [])
         if len(owned) > 1:
@@ -291,9 +292,7 @@ def check_script(section: Mapping[str, Any], robots: tuple[Robot, ...], report: 
             report.add(keys, f"is a joint of several robots; say {owners}")
             continue
         (kind,) = joint
-        found = _joint(
-            name, kind, {each: joint for each, [(_, joint), *_] in free.items()}, keys, report
-        )
+        found = _joint(name, kind, firsts, keys, report)
         for other in robots if found else ():
             robot = owned[0][0]
             names = [each.name for each in other.kinematics.free]

@@ -347,9 +347,7 @@ def test_joints_are_published_on_the_topic_of_their_robot(scene, play, listener)
     assert "script: 1 joint, 2 s in a loop, published" in process.text
 
 
-def test_a_joint_that_several_robots_have_is_published_for_the_one_that_is_named(
-    scene, play, listener
-):
+def test_a_joint_of_several_robots_is_published_for_the_one_that_is_named(scene, play, listener):
     other = ROBOT.replace("]", ", {name: other, urdf: swing.urdf, topic: other/states}]")
     path, _ = scene(PIVOT.replace("pivot:", "swing/pivot:"), more=other)
     process = play(path, seek_s=0.5, speed=0.0)
@@ -393,9 +391,8 @@ def test_points_of_a_deforming_body_are_a_cloud_in_its_own_frame(
     heard = listener.first(process)
     (cloud,) = heard[topic]
     assert cloud.header.frame_id == "bladder"
-    assert [(field.name, field.datatype) for field in cloud.fields] == [
-        (name, PointField.FLOAT64) for name in "xyz"
-    ]
+    fields = [(field.name, field.datatype) for field in cloud.fields]
+    assert fields == [(name, PointField.FLOAT64) for name in "xyz"]
     points = moves.control_points(0.1)["bladder"]
     assert (cloud.width, cloud.height, cloud.row_step) == (len(points), 1, len(cloud.data))
     assert np.array_equal(read_points(cloud), points)
