@@ -284,18 +284,41 @@ def test_nothing_around_a_minimum_is_nearer_than_is_proven(wanted):
     assert known > 25
 
 
+@pytest.mark.parametrize("off", [1e-9, 1e-7, 1e-5, 1e-3])
+def test_an_end_on_the_axis_beside_an_axis_that_is_nearly_the_same(off):
+    """There the distance from the other axis bends most: to part sectors does not help."""
+    ring = lines((0.4, 0), (0.6, -0.2), (0.6, 0.2), (0.4, 0))
+    plug = lines((0, -0.4), (0.3, -0.4), (0, 0.5))
+    beside = translation(off, 0.0, 0.0)
+    found = engine.distance(ring, IDENTITY, plug, beside)
+    swapped = engine.distance(plug, beside, ring, IDENTITY)
+    assert found.status is swapped.status is Status.EXACT
+    assert found.lower <= swapped.upper and swapped.lower <= found.upper
+    # The nearest point of the cone is that in the plane of both axes, on the ring's near side.
+    cone = np.array([0.9, 0.3]) / math.hypot(0.9, 0.3)
+    assert found.upper == pytest.approx(cone @ (0.4 - off, -0.5), abs=1e-12)
+
+
+def test_steep_lines_that_cross_flat_ones_about_one_axis():
+    """Their chords may seem far apart at first: the minimum has to be looked for all the same."""
+    rng = np.random.default_rng(77)
+    for _ in range(60):
+        narrow, high, below, more = rng.uniform([0.3, 0.4, 0.001, 0.0], [0.6, 0.6, 0.04, 0.05])
+        one = lines((0, 0), (narrow, 0), (0.8, high), (0, high))
+        rim, top = 0.8 + more, high - below
+        other = lines((0, -0.4), (rim, -0.4), (rim - 0.01, top), (0, top))
+        found = engine.distance(one, IDENTITY, other, IDENTITY)
+        assert found.status is Status.INTERSECTING and found.upper < 1e-12
+
+
 def test_no_yes_is_decided_that_no_points_attain():
-    """Where room ends before it is known, as beside axes that are nearly one."""
-    ring = profiled([[0.4, 0], [0.6, -0.2], [0.6, 0.2], [0.4, 0]])
-    plug = profiled([[0, -0.4], [0.3, -0.4], [0, 0.5]])
-    beside = np.eye(4)
-    beside[0, 3] = 1e-4
-    found = engine.distance(ring, np.eye(4), plug, beside)
+    """Where room ends before it is known, as between discs of about one plane."""
+    disc = lines((0, 0), (0.47, 0), (0.47, 1.8e-5), (0, 1.8e-5))
+    cone = lines((0, 0), (0.32, 0), (0, 0.71))
+    below = translation(-8.7e-9, 8.1e-9, -1e-9) @ TURNED
+    found = engine.distance(disc, IDENTITY, cone, below)
+    assert found.status is Status.OUT_OF_TIME
     for share in (-0.1, 0.3, 0.5, 0.7, 1.1):
         clearance = found.lower + share * (found.upper - found.lower)
-        answer = engine.within(ring, np.eye(4), plug, beside, clearance)
+        answer = engine.within(disc, IDENTITY, cone, below, max(clearance, 0.0))
         assert answer.decided == (answer.lower > clearance or answer.upper <= clearance)
-
-
-def profiled(points):
-    return SolidOfRevolution([Curve(ends) for ends in itertools.pairwise(points)])

@@ -59,7 +59,10 @@ def bends_about_axis(arc, sector, motion):
         return np.inf, np.inf
     tilt = np.sqrt(motion[2] * motion[2] + motion[5] * motion[5])
     varied = 1.0 if sector[2] < 0.0 else sector[3]
-    along = 0.5 * tilt * arc.length + abs(arc.half[0]) / wide * off * off / wide
+    # The root is bent most where an arc is near its axis: see `_chord_of_root`.
+    middle, near = abs(arc.middle[0]), max(abs(arc.middle[0]) - abs(arc.half[0]), 0.0)
+    chord = 0.5 * (np.sqrt(near * near + off * off) + np.sqrt(wide * wide + off * off))
+    along = 0.5 * tilt * arc.length + chord - np.sqrt(middle * middle + off * off)
     return along, varied * (off + wide * tilt + off * off / wide)
 
 

@@ -19,10 +19,11 @@ from ..base.state import CELLS_FULL, CUT, ENDED
 from ..base.trees import NONE
 from .around import part_around
 from .bound import bends, facing, half_of, sector_of
-from .bounded import MINIMUM_STEPS, halves_of, part_off, prove
+from .bounded import MINIMUM_STEPS, fineness, gap_along, halves_of, part_off, prove
 from .front import begin_front, end_front, keep_ring
 from .heap import drop_ring
 from .minima import SMALL, find_minimum, measure_rings, nearest_minimum, relative
+from .newton import derivatives_at
 from .reach import arc_at
 
 _SHORT = 1e-13
@@ -94,9 +95,11 @@ def _take_apart(tree_a, tree_b, state, motion):
                 break
             long_b = 0.0
     else:
-        progress.least_cells = min(progress.least_cells, bound)
+        bound = max(bound, _along_own(tree_a, tree_b, state, motion, a, b, angle, half, sector))
+        if bound < progress.limit:
+            progress.least_cells = min(progress.least_cells, bound)
         progress.parted = NONE
-        return steps
+        return steps + MINIMUM_STEPS
     for k in range(2):
         next_a, next_b, next_angle, next_half, next_sector = a, b, angle, half, sector
         if of_a != NONE:
@@ -110,6 +113,34 @@ def _take_apart(tree_a, tree_b, state, motion):
             tree_a, tree_b, state, motion, next_a, next_b, next_angle, next_half, next_sector, bound
         )
     return steps
+
+
+@kernel
+def _along_own(tree_a, tree_b, state, motion, a, b, angle, half, sector):
+    """A lower bound of a pair of which nothing is left to halve, along the way at its own minimum.
+
+    That is looked for here: where chords are long and at an angle, `facing` may be far off, so that
+    they seem too far apart to look for it even if they cross. Minus infinity where there is none.
+    """
+    arc_a = arc_at(tree_a.arcs, state.waiting.arcs_a, a)
+    arc_b = arc_at(tree_b.arcs, state.waiting.arcs_b, b)
+    if arc_a.curve == NONE or arc_b.curve == NONE:
+        return -np.inf
+    _, _, _, at = facing(arc_a, arc_b, sector, half, motion)
+    s = arc_a.low + 0.5 * (1.0 + at[0]) * (arc_a.high - arc_a.low)
+    t = arc_b.low + 0.5 * (1.0 + at[1]) * (arc_b.high - arc_b.low)
+    angle += at[2] * min(half, 1.0)
+    measure_rings(tree_a, tree_b, state, motion, arc_a.curve, arc_b.curve, s, t, angle)
+    found = state.waiting.minima[find_minimum(state, arc_a.curve, arc_b.curve)]
+    curve_a, curve_b = tree_a.curves[arc_a.curve], tree_b.curves[arc_b.curve]
+    way, (_, x, y), _, _, _, _, _ = derivatives_at(
+        curve_a, curve_b, motion, found.s, found.t, found.angle
+    )
+    apart = np.sqrt(way[0] * way[0] + way[1] * way[1])
+    if not apart > 0.0:
+        return -np.inf
+    n, fine = (way[0] / apart, way[1] / apart), fineness(state.progress[0])
+    return gap_along(tree_a, tree_b, state, a, b, sector, motion, n, (x, y), fine)
 
 
 @inlined
