@@ -84,6 +84,14 @@ def test_every_volume_holds_its_triangles(name, kind):
     assert np.array_equal(mesh._hierarchy.tree.triangles, in_order)
 
 
+@pytest.mark.parametrize("power", [-9, 0, 10, 100])
+def test_a_unit_is_no_smaller_than_the_largest_coordinate(power):
+    """That may be the next number after a power of two, whose logarithm is a whole number."""
+    for largest in (2.0**power, np.nextafter(2.0**power, np.inf)):
+        mesh = engine.TriangleMesh(np.eye(3) * largest, [[0, 1, 2]])
+        check_tree(mesh._hierarchy.tree)
+
+
 def test_the_hierarchy_is_frozen():
     for array in sphere(1)._hierarchy.tree:
         with pytest.raises(ValueError, match="read-only"):

@@ -6,6 +6,8 @@ from collections import namedtuple
 
 import numpy as np
 
+from .jit import inlined
+
 DepthFirst = namedtuple("DepthFirst", "pairs bounds")
 """The pairs of volumes still to be looked at (int32, n × 2), as lanes 16 node + lane, and their
 lower bounds (n,) in metres. The next is the last one: of those opened together the nearest."""
@@ -24,6 +26,13 @@ elements are still to be compared; collected (n, 3) every pair that may hold the
 are asked for (n > 0): two triangles and their distance, or ~lane, ~lane and a lower bound; far
 (n,) FAR, what was too far (see coherence.py), nothing where searches do not follow one another.
 """
+
+
+@inlined
+def remembers(state):
+    """Whether a search may use what the one before found: they follow one another."""
+    return state.far.shape[0] > 0
+
 
 Waiting = namedtuple("Waiting", "lanes bounds")
 """Pairs of leaves: their lanes (int32, n × 2) and bounds (n,) metres. They stay where a slice ends,

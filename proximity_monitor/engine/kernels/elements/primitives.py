@@ -7,6 +7,7 @@ import numpy as np
 from ..base.jit import inlined, kernel, shared
 from ..base.lanes import lowest
 from ..base.rounding import OFFSET_MARGIN
+from ..base.state import remembers
 from ..base.trees import LARGEST
 from ..base.vectors import along, moved, scaled, sub
 from .direction import take_direction
@@ -38,7 +39,7 @@ def has_leapt(tree_a, tree_b, state):
     Where nothing is known of that, they have not.
     """
     sizes = tree_a.scale[LARGEST] + tree_b.scale[LARGEST]
-    return state.far.shape[0] > 0 and state.progress[0].step >= _LEAP * sizes
+    return remembers(state) and state.progress[0].step >= _LEAP * sizes
 
 
 @inlined

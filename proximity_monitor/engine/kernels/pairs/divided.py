@@ -8,7 +8,7 @@ from ..base.jit import implements, inlined, kernel, shared
 from ..base.memory import on_stack
 from ..base.motion import slack_of_bounds
 from ..base.rounding import MARGIN_A, MARGIN_B, MARGIN_T, POINT_FLOOR, RESOLUTION
-from ..base.state import CELLS_FULL, CUT, ENDED, Dividing
+from ..base.state import CELLS_FULL, CUT, ENDED, Dividing, remembers
 from ..base.trees import NONE, REVISION, MeshTree, SurfaceTree
 from ..base.vectors import moved, norm, scaled, sub
 from ..elements.errors import points_err
@@ -98,15 +98,12 @@ def _prepare(cells, tree_a, tree_b, state):
     progress.narrow, progress.lasts, progress.review, progress.crowd = 0, 0, 1, 0
     progress.ball[3], progress.ball[4], progress.ball[5] = -np.inf, -np.inf, np.inf
     progress.plane[3], progress.laid = np.inf, np.inf
-    if state.far.shape[0] > 0:
-        progress.futile = max(progress.futile - 1, 0)
-        progress.resting = max(progress.resting - 1, 0)
-    else:
-        progress.futile = progress.resting = 0
+    same = remembers(state)
+    progress.futile = max(progress.futile - 1, 0) if same else 0
+    progress.resting = max(progress.resting - 1, 0) if same else 0
     progress.compared, progress.leaning = 0, NONE
-    progress.due = _FEW if state.far.shape[0] == 0 else _MORE
+    progress.due = _MORE if same else _FEW
     # Cells stand in their model's own frame: they serve again while the models are the same.
-    same = state.far.shape[0] > 0
     shapes = tree_a.scale[REVISION], tree_b.scale[REVISION]
     same = same and progress.shape_a == shapes[0] and progress.shape_b == shapes[1]
     most = _FULL * len(cells.cells_a)
@@ -276,7 +273,7 @@ def _least_undivided(waiting, progress):
 def _has_stayed(tree_a, tree_b, state):
     """Whether the models have moved so little that the points that were nearest are so still."""
     few = _SMALL * (tree_a.scale[2] + tree_b.scale[2])
-    return state.far.shape[0] > 0 and state.progress[0].step < few
+    return remembers(state) and state.progress[0].step < few
 
 
 @inlined

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import entry, implements, inlined, kernel, specialised
-from ..base.state import DepthFirst, Turning
+from ..base.state import DepthFirst, Turning, remembers
 from ..base.trees import RevolutionTree
 from ..elements.primitives import has_leapt
 from ..revolution.minima import keep_same, look_around, measure_again
@@ -33,7 +33,7 @@ def _settle(waiting, tree_a, tree_b, state):
 @implements(stubs.guess, RevolutionTree, RevolutionTree)
 @kernel
 def _guess(tree_a, tree_b, state):
-    if has_leapt(tree_a, tree_b, state) or state.far.shape[0] == 0:  # or may have, for all we know
+    if has_leapt(tree_a, tree_b, state) or not remembers(state):  # or may have, for all we know
         look_around(tree_a, tree_b, state)
     elif state.progress[0].minima == 0:  # else a minimum has been looked for already
         measure_again(tree_a, tree_b, state)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.jit import inlined, kernel
+from ..base.state import remembers
 from ..base.trees import NONE, REVISION
 from ..elements.primitives import has_leapt
 
@@ -30,7 +31,7 @@ def begin_front(tree_a, tree_b, state):
     progress, waiting = state.progress[0], state.waiting
     same = progress.shape_a == tree_a.scale[REVISION] and progress.shape_b == tree_b.scale[REVISION]
     room = 2 * max(progress.arcs_a, progress.arcs_b) < len(waiting.arcs_a)
-    if not (state.far.shape[0] > 0 and same and room):
+    if not (remembers(state) and same and room):
         progress.front = 0
     if progress.front == 0:
         progress.arcs_a = progress.arcs_b = 0
@@ -50,7 +51,7 @@ def forget_front(tree_a, tree_b, state):
     """Begin with the whole, and keep what that is parted into where the next search is near."""
     progress = state.progress[0]
     progress.front = progress.arcs_a = progress.arcs_b = progress.grown = 0
-    near = state.far.shape[0] > 0 and not has_leapt(tree_a, tree_b, state)
+    near = remembers(state) and not has_leapt(tree_a, tree_b, state)
     progress.parted = 0 if near else NONE
 
 

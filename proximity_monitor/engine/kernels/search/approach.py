@@ -14,6 +14,7 @@ import numpy as np
 
 from ..base.jit import inlined, kernel
 from ..base.memory import on_stack
+from ..base.state import remembers
 from ..elements.primitives import enough, has_leapt
 from ..tree.layout import WIDTH
 from .stubs import approach, guess, least_open, settle
@@ -79,7 +80,7 @@ def renew(tree_a, tree_b, state):
     """Bring the nearest points of the search before nearer, if that is due."""
     progress = state.progress[0]
     stale = progress.rel_err * progress.distance + progress.abs_err >= _STALE * progress.distance
-    if state.far.shape[0] > 0 and stale and progress.spent >= _RENEWAL:
+    if remembers(state) and stale and progress.spent >= _RENEWAL:
         progress.spent = 0
         approach(tree_a, tree_b, state, _QUERY, on_stack(WIDTH, np.float32(0.0)))
 

@@ -16,7 +16,7 @@ from ..base.hashing import EMPTY_HASH, mixed, slot
 from ..base.jit import inlined, kernel
 from ..base.lanes import lowest
 from ..base.rounding import TRAVEL_SHARE
-from ..base.state import NO_KEY, SOME
+from ..base.state import NO_KEY, SOME, remembers
 from ..base.trees import REVISION
 from ..base.vectors import dot, scaled
 from ..tree.layout import WIDTH, radius_of, row
@@ -85,7 +85,7 @@ def travel(tree_a, tree_b, state, before, slack):
 @inlined
 def is_coherent(state):
     """Whether the models have moved so little since the last search that its bounds may serve."""
-    return state.far.shape[0] > 0 and state.progress[0].step < 2.0 * state.progress[0].limit
+    return remembers(state) and state.progress[0].step < 2.0 * state.progress[0].limit
 
 
 @inlined

@@ -38,6 +38,7 @@ from ..base.state import (
     TREE_B,
     UPPER,
     WITHIN_TOLERANCE,
+    remembers,
 )
 from ..base.tables import is_tree_of, queries_at, state_at, tree_at
 from ..base.trees import DEVIATION, SWEPT
@@ -94,7 +95,7 @@ def begin(tree_a, tree_b, state, pose_a, pose_b, query):
     apart = np.sqrt(t[9] * t[9] + t[10] * t[10] + t[11] * t[11])
     progress.slack, progress.bound_slack = slacks(tree_a, tree_b, apart, error_a + error_b)
     prepare(state.waiting, tree_a, tree_b, state)
-    if state.far.shape[0] > 0:
+    if remembers(state):
         travel(tree_a, tree_b, state, before, slack)
     progress.upper_slack = progress.slack
     last = progress.distance
