@@ -175,8 +175,8 @@ def _scale(
     given = corners.view()
     given.setflags(write=False)  # as in a tree: kernels need no second form
     _, largest, longest = measure(given, np.empty(3))
-    # The least power of two that is no smaller: dividing by it is exact. A logarithm is rounded, and
-    # may be that of the power below. One for a model at the origin alone.
+    # The least power of two that is no smaller: dividing by it is exact. A rounded logarithm may be
+    # that of the power below. One for a model at the origin alone.
     share, power = math.frexp(largest)
     unit = math.ldexp(1.0, power - (share == 0.5)) if largest > 1e-300 else 1.0
     return np.array([unit, 1.0 / unit, longest, revision, swept, deviation])

@@ -1,10 +1,10 @@
 """How deep a surface reaches into a solid: its deepest point, best first.
 
 Volumes of the surface's hierarchy and pieces of its elements are kept in a heap by a bound of how
-deep they reach. At first that is how far the balls around both models let it be; then the depth of their
-centre and how far they reach from it, or what a plane says above which the solid has nothing
-(`ball_caps`), which is linear, hence largest at a corner. The largest is looked into. Whatever stops the search, no point is deeper than the largest bound that is
-left, or was pruned.
+deep they reach. At first that is how far the balls around both models let it be; then the depth of
+their centre and how far they reach from it, or what a plane says above which the solid has nothing
+(`ball_caps`), which is linear, hence largest at a corner. The largest is looked into. Whatever
+stops the search, no point is deeper than the largest bound that is left, or was pruned.
 """
 
 from __future__ import annotations
