@@ -121,7 +121,7 @@ class Inputs:
         self._last = {name: _Last() for name in (*self.names, *roots)}
         self._shapes: dict[str, tuple[_Input, str]] = {}
         self._frame = frame
-        self._counted: set[bytes] = set()
+        self._counted: frozenset[bytes] = frozenset()
         self._round: frozenset[str] = frozenset()
         self._awaited: set[str] = set()
         self.woken = False
@@ -314,7 +314,7 @@ class Inputs:
     def note_strangers(self, publishers: Iterable[tuple[str, bytes]]) -> list[str]:
         """Take the present publishers of pose topics that no body of the scene listens to.
 
-        The node does not subscribe to such topics, so it counts publishers, each once.
+        The node does not subscribe to such topics, so it counts publishers, each when it comes.
 
         Args:
             publishers: the body that the topic names, and the publisher's identity in the
@@ -323,11 +323,10 @@ class Inputs:
         Returns:
             The names that were not published before.
         """
-        before, names = set(self.strangers), set()
-        for name, identity in publishers:
-            names.add(name)
-            self.rejected[Reason.UNKNOWN_BODY] += identity not in self._counted
-            self._counted.add(identity)
+        before, present = set(self.strangers), tuple(publishers)
+        names = {name for name, _ in present}
+        known, self._counted = self._counted, frozenset(identity for _, identity in present)
+        self.rejected[Reason.UNKNOWN_BODY] += len(self._counted - known)
         self.strangers = sorted(names)
         return sorted(names - before)
 
