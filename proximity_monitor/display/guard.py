@@ -15,7 +15,7 @@ import numpy as np
 
 from proximity_monitor.display.geometry import between, conjugate, moved, multiply, rotate
 from proximity_monitor.display.parts import Parts
-from proximity_monitor.display.state import UNKNOWN, Frame, SceneInfo
+from proximity_monitor.display.state import STALE, UNKNOWN, Frame, SceneInfo
 
 FREE, AT_STOP, AT_CONTACT = "nowhere", "at stop", "at contact"
 
@@ -37,8 +37,8 @@ def carried(name: str, attachments: Mapping[str, str]) -> frozenset[str]:
 def slack(group: Collection[str], frame: Frame, scene: SceneInfo, where: str) -> float:
     """Return how far bodies that move together may move from where they are in a tick, in metres.
 
-    Not positive: they are at the limit, or nearer. Pairs that are not listed are beyond their
-    range, which counts as `warn` and the hysteresis at least.
+    Not positive: they are at the limit, or nearer, or a body that they could meet is silent. Pairs
+    that are not listed are beyond their range, which counts as `warn` and the hysteresis at least.
     """
 
     def limit(pair: tuple[str, str]) -> float:
@@ -50,10 +50,12 @@ def slack(group: Collection[str], frame: Frame, scene: SceneInfo, where: str) ->
     pairs, found = frame.pairs, math.inf
     for i, pair in enumerate(pairs.names):
         if meets(pair):
-            known = pairs.status[i] != UNKNOWN
-            found = min(found, float(pairs.lower[i]) - limit(pair) if known else 0.0)
+            silent = pairs.level[i] == STALE or pairs.status[i] == UNKNOWN
+            found = min(found, 0.0 if silent else float(pairs.lower[i]) - limit(pair))
     beyond = min((body.range for body in scene.bodies if body.name in group), default=math.inf)
     if len(pairs) < scene.pairs and beyond < math.inf:
+        if not pairs.all_silent:
+            return min(found, 0.0)
         own = [pair for pair in scene.own_thresholds.keys() - pairs.places.keys() if meets(pair)]
         for limits in (scene.thresholds, *map(scene.thresholds_of, own)):
             stop = limits.stop if where == AT_STOP else 0.0

@@ -14,6 +14,7 @@ import numpy as np
 from proximity_monitor.scene import Thresholds
 from proximity_monitor.scene.alerts import Level
 from proximity_monitor.scene.state import PairStatus
+from proximity_monitor.scene.watch import LISTED_SILENT
 
 PairNames = tuple[tuple[str, str], ...]
 LEVELS = tuple(level.value for level in Level)
@@ -213,6 +214,19 @@ class Pairs:
     def silent_names(self) -> frozenset[str]:
         """All bodies that are silent, as far as their pairs are listed."""
         return frozenset(name for bodies in self.silent_bodies.values() for name in bodies)
+
+    @cached_property
+    def all_silent(self) -> bool:
+        """Whether it certainly lists all pairs of silent bodies: of very many it lists some."""
+        return np.count_nonzero(self.level == STALE) < LISTED_SILENT
+
+    @cached_property
+    def heard_names(self) -> frozenset[str]:
+        """The bodies that are certainly not silent, as far as their pairs are listed."""
+        told = (
+            i for i, level in enumerate(self.level) if level != STALE or i in self.silent_bodies
+        )
+        return frozenset(name for i in told for name in self.names[i]) - self.silent_names
 
     @cached_property
     def touching(self) -> np.ndarray:

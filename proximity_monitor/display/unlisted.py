@@ -14,7 +14,7 @@ from proximity_monitor.display.state import Health, Pairs, SceneInfo
 
 _TOLD = {
     CLEAR_SIGN: "beyond its range",
-    STALE_SIGN: "not listed, without a recent pose",
+    STALE_SIGN: "not listed, perhaps without a recent pose",
     UNWATCHED_SIGN: "not watched while one is attached to the other",
 }
 
@@ -64,7 +64,11 @@ def sign_of(pair: PairName, pairs: Pairs, scene: SceneInfo) -> Sign:
     """Return the sign of a pair that a tick does not list."""
     if _root(pair[0], scene) == _root(pair[1], scene):
         return UNWATCHED_SIGN
-    return CLEAR_SIGN if pairs.silent_names.isdisjoint(pair) else STALE_SIGN
+    if pairs.all_silent:
+        heard = pairs.silent_names.isdisjoint(pair)
+    else:
+        heard = pairs.heard_names.issuperset(pair)
+    return CLEAR_SIGN if heard else STALE_SIGN
 
 
 def reason(pair: PairName, pairs: Pairs, scene: SceneInfo) -> str:

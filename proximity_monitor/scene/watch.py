@@ -33,7 +33,8 @@ _CHUNK = 4096
 LISTED_SILENT = 250
 """How many pairs of silent bodies are listed although they were far apart when last heard of. One
 by one they are of no use: if a thousand bodies are silent, so are half a million pairs. With this
-limit a crowd whose poses are still to come costs a tick no more than one that is there."""
+limit a crowd whose poses are still to come costs a tick no more than one that is there. A tick that
+lists fewer pairs of silent bodies lists all of them."""
 
 
 @dataclass(frozen=True)
@@ -292,13 +293,15 @@ class NearPairs:
         return self._key(a[wanted], b[wanted])
 
     def _some_of(self, silent: np.ndarray) -> np.ndarray:
-        """The keys of the pairs of silent bodies that are listed."""
+        """The keys of the pairs of silent bodies that are listed; ignored ones take no place."""
         if not self._watched.ruled_finite:
-            return self._key(*self._watched.finite_exceptions_of(silent))[:LISTED_SILENT]
+            keys = self._key(*self._watched.finite_exceptions_of(silent))
+            return np.setdiff1d(keys, self._ignored)[:LISTED_SILENT]
         others, found, count = np.arange(len(silent)), [np.empty(0, np.int64)], 0
         for body in np.flatnonzero(silent):
             others = others[others != body]  # so that no pair is met twice
-            found.append(self._of_finite_range(np.minimum(body, others), np.maximum(body, others)))
+            keys = self._of_finite_range(np.minimum(body, others), np.maximum(body, others))
+            found.append(np.setdiff1d(keys, self._ignored))
             count += len(found[-1])
             if count >= LISTED_SILENT:
                 break

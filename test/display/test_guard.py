@@ -9,6 +9,7 @@ from ticks import scene_and_frame
 
 pytest.importorskip("viser", reason="viser is not installed: pip install '.[display]'")
 
+from proximity_monitor.display import state as states
 from proximity_monitor.display.geometry import IDENTITY, between, from_rotation_vector, rotate
 from proximity_monitor.display.guard import (
     AT_CONTACT,
@@ -20,7 +21,7 @@ from proximity_monitor.display.guard import (
     reach,
     slack,
 )
-from proximity_monitor.display.state import UNKNOWN, Thresholds
+from proximity_monitor.display.state import STALE, UNKNOWN, Thresholds
 
 
 def pose_of(rng):
@@ -67,6 +68,20 @@ def test_a_part_s_room_is_that_of_its_own_pairs(where, unlisted, room):
         assert slack({"a"}, frame, scene, AT_CONTACT) == pytest.approx(beyond)
     frame.pairs.status[0] = UNKNOWN
     assert slack({"a"}, frame, scene, AT_CONTACT) == 0.0
+
+
+def test_silent_parts_leave_no_room_whether_their_pairs_are_listed_or_not(monkeypatch):
+    scene, frame = scene_and_frame(unlisted=1)
+    frame.pairs.lower[:] = 9.0
+    frame.pairs.level[2] = STALE  # b and c
+    assert slack({"a"}, frame, scene, AT_CONTACT) == pytest.approx(0.1)
+    assert slack({"b"}, frame, scene, AT_CONTACT) == 0.0
+    # Of as many silent pairs a tick need not list all.
+    monkeypatch.setattr(states, "LISTED_SILENT", 1)
+    scene, frame = scene_and_frame(unlisted=1)
+    frame.pairs.level[2] = STALE
+    assert slack({"a"}, frame, scene, AT_CONTACT) == 0.0
+    assert slack({"a"}, frame, replace(scene, pairs=3), AT_CONTACT) == pytest.approx(0.04)
 
 
 def test_a_warn_that_is_stop_leaves_room_up_to_the_range():

@@ -7,6 +7,7 @@ import pytest
 from page_alone import SCENE, words
 from ticks import pairs
 
+from proximity_monitor.display import state as states
 from proximity_monitor.display.choice import Choice
 from proximity_monitor.display.connection import Connection, ConnectionState, banner
 from proximity_monitor.display.events import Events
@@ -81,6 +82,15 @@ def test_a_silent_pair_that_is_no_longer_listed_stays_stale_until_its_body_is_he
     assert [(*event.pair, event.after.word) for event in events.all] == [
         ("a", "b", "clear"), ("a", "c", "clear"),
     ]  # fmt: skip
+
+
+def test_a_pair_is_clear_only_if_no_silent_body_s_pairs_are_left_out(monkeypatch):
+    silent = frame(0.0, level=STALE, silent=(("a",), ("a",))).pairs
+    assert reason(("b", "d"), silent, SCENE) == "beyond its range"
+    monkeypatch.setattr(states, "LISTED_SILENT", 2)
+    silent = frame(0.0, level=STALE, silent=(("a",), ("a",))).pairs
+    assert reason(("b", "c"), silent, SCENE) == "beyond its range"  # both are heard
+    assert reason(("b", "d"), silent, SCENE).startswith("not listed")
 
 
 def test_a_bound_that_falls_below_the_limit_proves_what_was_open():
