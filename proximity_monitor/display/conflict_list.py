@@ -87,7 +87,9 @@ def _row(conflict: Conflict, start: float, scene: SceneInfo, choice: Choice) -> 
     if worst is not None:
         least, at = length(worst.upper, scene.unit), f"{worst.stamp_s - start:.1f} s"
     chosen = " pm-chosen" if conflict.pair == choice.pair else ""
-    decided = row_mark(conflict.decision, conflict.state, scene.unit, "was worse in this session")
+    decided = row_mark(
+        conflict.decision, conflict.state, conflict.least, scene.unit, "was worse in this session"
+    )
     return (
         f'<tr class="pm-row{chosen}" {word(f"conflict:{a} - {b}")}>'
         f'<td class=pm-sign style="color:{shown.colour}">{shown.glyph} {shown.word}</td>'

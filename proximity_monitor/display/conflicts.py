@@ -124,12 +124,13 @@ def decided(pairs: Pairs, row: int | None, status: str, comment: str) -> Decisio
     return Decision(status, comment, KINDS[kinds(pairs)[row]], *known, now)
 
 
-def told(decision: Decision, state: str, unit: Unit, worse: str = "worse now") -> str:
+def told(decision: Decision, state: str, upper: float, unit: Unit, worse: str = "worse now") -> str:
     """Return a decision in a line, for people; empty: there is none.
 
     Args:
         decision: about a pair.
         state: of the pair, one of `order.KINDS`.
+        upper: its upper bound, metres.
         unit: of the bounds.
         worse: what is said if that is worse than what was decided about.
     """
@@ -137,13 +138,15 @@ def told(decision: Decision, state: str, unit: Unit, worse: str = "worse now") -
         return ""
     known = decision.upper is not None and decision.status != NEW
     at = f" at {length(decision.upper, unit)}" if known else ""
-    outgrown = f" as {decision.state}, and {worse}" if decision.outgrown(state) else ""
+    outgrown = f" as {decision.state}, and {worse}" if decision.outgrown(state, upper) else ""
     comment = f": {decision.comment}" if decision.comment else ""
     return f"{decision.status}{at}{outgrown}{comment}"
 
 
-def row_mark(decision: Decision, state: str, unit: Unit, worse: str = "worse now") -> str:
+def row_mark(
+    decision: Decision, state: str, upper: float, unit: Unit, worse: str = "worse now"
+) -> str:
     """Return a decision as HTML, for a row of its pair; see `told`."""
-    kind = "pm-unproved" if decision.outgrown(state) else "pm-dim"
-    line = escape(told(decision, state, unit, worse))
+    kind = "pm-unproved" if decision.outgrown(state, upper) else "pm-dim"
+    line = escape(told(decision, state, upper, unit, worse))
     return f'<div class="pm-small pm-decided {kind}">{line}</div>' if line else ""

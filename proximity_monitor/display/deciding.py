@@ -6,6 +6,7 @@ is not kept before the person has seen what the others decided.
 
 from __future__ import annotations
 
+import math
 from html import escape
 
 import viser
@@ -96,8 +97,10 @@ class Deciding:
     def _line(self, decision, scene: SceneInfo, row: int | None) -> str:
         if self._pair is None:
             return "Press a pair in the list to decide about it."
-        state = "" if row is None else KINDS[kinds(self._pairs)[row]]
-        line = f"{' - '.join(self._pair)}: {told(decision, state, scene.unit) or NEW}"
+        state, upper = "", math.nan
+        if row is not None:
+            state, upper = KINDS[kinds(self._pairs)[row]], self._pairs.upper[row]
+        line = f"{' - '.join(self._pair)}: {told(decision, state, upper, scene.unit) or NEW}"
         when = f", decided {decision.decided}" if decision.decided else ""
         if row is None:
             when += f"; now {reason(self._pair, self._pairs, scene)}"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from proximity_monitor.display.choice import PairName
-from proximity_monitor.display.order import KINDS
+from proximity_monitor.display.order import CONTACT_KIND, KINDS
 from proximity_monitor.display.state import SceneInfo, refuse_surrogates
 from proximity_monitor.scene import bundled
 from proximity_monitor.scene.paths import bundled_names
@@ -37,6 +37,9 @@ BYTES = 20_000_000
 FAR_M = 1e9
 """No number in it is beyond that."""
 
+MUCH = 2.0
+"""An overlap is worse than another one if it is this many times as deep. A little deeper it may be
+by the search's tolerance, or by the noise of poses."""
 
 _FORGOTTEN = (
     "What is decided here is forgotten at the end: start the display with -p conflicts:=FILE"
@@ -56,14 +59,22 @@ class Decision(NamedTuple):
     decided: str = ""
     """The moment, ISO 8601, in UTC; empty: never."""
 
-    def outgrown(self, state: str) -> bool:
-        """Return whether a pair is in a worse state now than it was accepted or ignored in.
+    def outgrown(self, state: str, upper: float) -> bool:
+        """Return whether a pair is worse now than when it was accepted or ignored.
 
-        An overlap is no worse than a touch: both are contact.
+        It is in a worse state, or overlaps for certain and did not, or is `MUCH` times as deep.
+
+        Args:
+            state: of the pair now, one of `order.KINDS`; empty: not known.
+            upper: its upper bound now, metres; NaN: not known.
         """
-        if self.status == NEW or self.state not in KINDS or state not in KINDS:
+        if self.status == NEW or self.state not in KINDS or state not in KINDS or state == "stale":
             return False
-        return state != "stale" and KINDS.index(state) < KINDS.index(self.state)
+        if state != self.state or state != KINDS[CONTACT_KIND] or self.upper is None:
+            return KINDS.index(state) < KINDS.index(self.state)
+        if self.upper >= 0.0:
+            return upper < 0.0
+        return self.lower is not None and upper < MUCH * self.lower
 
 
 Decisions = dict[frozenset[str], Decision]

@@ -106,12 +106,13 @@ class EventList:
 
 def _row(event: Event, start: float, decision: Decision, scene: SceneInfo, choice: Choice) -> str:
     a, b = map(escape, event.pair)
+    decided = row_mark(decision, event.after.kind, event.upper, scene.unit, "worse then")
     chosen = " pm-chosen" if (event.pair, event.stamp_s) == (choice.pair, choice.at_s) else ""
     return (
         f'<tr class="pm-row{chosen}" {word(f"event:{event.number}")}>'
         f"<td>{event.stamp_s - start:.1f} s</td>"
         f'<td class=pm-sign style="color:{event.after.colour}">{event.before.glyph}'
         f" {event.before.word} → {event.after.glyph} {event.after.word}</td>"
-        f"<td>{a} - {b}{row_mark(decision, event.after.kind, scene.unit, 'worse then')}</td>"
+        f"<td>{a} - {b}{decided}</td>"
         f"<td class=pm-num>{escape(event.clearance)}</td></tr>"
     )

@@ -34,6 +34,11 @@ class Conflict(NamedTuple):
     events: Sequence[Event]
     """The oldest first."""
 
+    @property
+    def least(self) -> float:
+        """The smallest upper bound in metres; NaN: none is known."""
+        return math.nan if self.worst is None else self.worst.upper
+
     def sign(self, scene: SceneInfo) -> Sign:
         """Return the sign of the worst state."""
         found = [event.after for event in self.events]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from html import escape
@@ -111,8 +112,10 @@ def _section(
     alts = (f"{name} at its smallest clearance", f"a section through the gap of {name} then")
     images = "".join(_image(each, alt) for each, alt in zip(pictures, alts, strict=False))
     row = last.pairs.places.get(pair)
-    now = "" if row is None else KINDS[kinds(last.pairs)[row]]
-    rows = [("status", escape(_decision(conflict, now, unit)))]
+    now, upper = "", math.nan
+    if row is not None:
+        now, upper = KINDS[kinds(last.pairs)[row]], float(last.pairs.upper[row])
+    rows = [("status", escape(_decision(conflict, now, upper, unit)))]
     if conflict.worst is not None:
         rows += _smallest(conflict.worst, pair, scene, start)
     if row is not None:
@@ -147,12 +150,13 @@ def _smallest(
     ]
 
 
-def _decision(conflict: Conflict, now: str, unit: Unit) -> str:
+def _decision(conflict: Conflict, now: str, upper: float, unit: Unit) -> str:
     """Return what was decided and about what, and whether the pair is, or was, worse than that.
 
     Args:
         conflict: has the decision, and the worst state of the session.
         now: the pair's state at the end, one of `order.KINDS`; empty: not known.
+        upper: its upper bound then, metres; NaN: not known.
         unit: of the bounds.
     """
     decision = conflict.decision
@@ -160,9 +164,9 @@ def _decision(conflict: Conflict, now: str, unit: Unit) -> str:
     if decision.status != NEW:
         about = _bounds(decision.lower, decision.upper, unit)
         about += f" as {decision.state}" if decision.state else ""
-    if decision.outgrown(now):
+    if decision.outgrown(now, upper):
         worse = ", and worse now"
-    elif decision.outgrown(conflict.state):
+    elif decision.outgrown(conflict.state, conflict.least):
         worse = ", and was worse in this session"
     when = f" (decided {decision.decided})" if decision.decided else ""
     comment = f": {decision.comment}" if decision.comment else ""

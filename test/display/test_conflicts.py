@@ -17,7 +17,7 @@ from proximity_monitor.display.decisions import Decision, place
 from proximity_monitor.display.decisions import alone as alone_in
 from proximity_monitor.display.listing import listing
 from proximity_monitor.display.pairs import table
-from proximity_monitor.display.state import STOP, WARN
+from proximity_monitor.display.state import OVERLAPPING, STOP, WARN
 from proximity_monitor.scene import bundled
 
 PAIR = ("螺栓 M8×40", 'plate "A" - left')
@@ -195,12 +195,32 @@ def test_a_pair_that_got_worse_since_it_was_accepted_says_so():
     pairs = frame(0.0, 0.05, WARN).pairs
     as_warn = decided(pairs, 0, "accepted", "")
     assert (as_warn.state, as_warn.upper) == ("warn", 0.05)
-    assert told(as_warn, "warn", SCENE.unit) == "accepted at 50.000 mm"
-    assert "worse now" in told(as_warn, "stop", SCENE.unit)
-    assert "worse" not in told(as_warn, "stale", SCENE.unit)
-    assert "worse" not in told(as_warn._replace(status="new"), "stop", SCENE.unit)
+    assert told(as_warn, "warn", 0.05, SCENE.unit) == "accepted at 50.000 mm"
+    assert "worse now" in told(as_warn, "stop", 0.01, SCENE.unit)
+    assert "worse" not in told(as_warn, "stale", 0.05, SCENE.unit)
+    assert "worse" not in told(as_warn._replace(status="new"), "stop", 0.01, SCENE.unit)
     pairs.lower[:] = pairs.upper[:] = np.nan
     assert decided(pairs, 0, "ignored", "").upper is None
+
+
+def test_an_overlap_is_worse_than_a_touch_and_so_is_a_much_deeper_one():
+    touch = Decision("accepted", "", "contact", -0.002, 0.0)
+    assert not touch.outgrown("contact", 0.0)
+    assert touch.outgrown("contact", -1e-4)
+    assert not touch.outgrown("stale", -1e-4)
+    deep = touch._replace(upper=-0.001)
+    assert not deep.outgrown("contact", -0.0039)
+    assert deep.outgrown("contact", -0.0041)
+    assert not deep.outgrown("contact", np.nan)
+    for unknown in (touch._replace(upper=None), deep._replace(lower=None)):
+        assert not unknown.outgrown("contact", -1.0)
+    assert "worse now" in told(touch, "contact", -1e-4, SCENE.unit)
+    pairs = frame(0.0, -1e-4, STOP).pairs
+    pairs.status[:] = OVERLAPPING
+    touching = {frozenset(NAMES): touch}
+    assert "accepted at 0.000 mm as contact, and worse now" in table(
+        pairs, SCENE, Choice(), touching
+    )
 
 
 def test_the_list_tells_and_filters_by_status_but_hides_no_conflict():
