@@ -118,7 +118,11 @@ def silent_bodies(frame: Frame) -> dict[str, str]:
 
 
 def pill(
-    told: Connection, choice: Choice, newest_s: float = 0.0, deforming: Collection[str] = ()
+    told: Connection,
+    choice: Choice,
+    newest_s: float = 0.0,
+    deforming: Collection[str] = (),
+    shown_s: float | None = None,
 ) -> str:
     """Return the state as HTML; while the page looks back it says that and never that it is live.
 
@@ -127,6 +131,7 @@ def pill(
         choice: the moment that is shown.
         newest_s: the stamp of the newest tick.
         deforming: bodies of whose shapes only the present one is known.
+        shown_s: the stamp of the tick that is shown; None: that of the chosen moment.
     """
     glyph, colour = _PILLS[told.state]
     state, text = told.state.value, escape(told.text)
@@ -135,7 +140,9 @@ def pill(
         now = "" if told.state is ConnectionState.LIVE else f"; now {state}: {text}"
         shapes = f" and the shape of {escape(', '.join(sorted(deforming)))}" if deforming else ""
         which = f"only the banner{shapes} {'are' if deforming else 'is'} of now"
-        text = f"looking back by {newest_s - choice.at_s:.1f} s: {which}{now}"
+        shown_s = choice.at_s if shown_s is None else shown_s
+        other = _other_tick(shown_s - choice.at_s)
+        text = f"looking back by {newest_s - shown_s:.1f} s{other}: {which}{now}"
         state, name, reason, title, colour = "past", "◀ past", text, text, _PAST
     if told.current:  # else it is known here why
         then = "" if choice.at_s is None else f"{text}; "
@@ -146,6 +153,13 @@ def pill(
         f'<span class=pm-pill style="background:{colour}">{name}</span>'
         f'<span class="pm-cut pm-small" title="{title}">{reason}</span></div>'
     )
+
+
+def _other_tick(late_s: float) -> str:
+    """Return that the chosen moment's own tick is not shown; empty: it is."""
+    if not late_s:
+        return ""
+    return f", at the tick {abs(late_s):.3g} s {'after' if late_s > 0.0 else 'before'} that moment"
 
 
 def banner(

@@ -122,11 +122,14 @@ class Page:
         """Bring the page up to date; the part in the hand and its numbers come first."""
         with self._client.atomic():
             deforming = () if news.scene is None else news.scene.deforming
-            self._pill.content = pill(told, self._choice, self._session.span_s[1], deforming)
             if news.complete:
                 self._begin_step(news)
             else:
                 self._banner.content = ""  # it spoke of the previous scene
+            shown_s = None if self._shown is None else self._shown.frame.stamp_s
+            self._pill.content = pill(
+                told, self._choice, self._session.span_s[1], deforming, shown_s
+            )
         if news.complete:
             if self._choice.body is not None:
                 serving.hand_over(self._client)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import ticks
-from page_alone import NAMES, frame, page_of
+from page_alone import NAMES, frame, page_of, words
 from raw_browser import RawBrowser
 
 from proximity_monitor.display import serving
@@ -35,6 +35,21 @@ def test_what_a_page_shows_of_an_older_session_ends_with_it(page):
     page.all._on_word(f"event:{first.number}")
     assert page.choice.at_s is None
     assert (page.events.at(second.number), page.events.lost) == (second, 0)
+
+
+def test_a_moment_whose_tick_was_not_kept_is_said_to_be_another_tick_s(page):
+    page.tell(frame=frame(100.0))
+    page.tell(frame=frame(101.0, 0.01, STOP))
+    page.tell(frame=frame(101.5))
+    (event, _) = page.events.all
+    page.session._frames = [each for each in page.session.frames if each.stamp_s != 101.0]
+    page.all._on_word(f"event:{event.number}")
+    page.tell(frame=frame(102.0))
+    assert "looking back by 1.0 s: only" in words(page.all._pill)  # its pair and poses are known
+    page.choice.pair = None
+    page.tell(frame=frame(102.0))
+    assert page.all._shown.frame.stamp_s == 101.5
+    assert "by 0.5 s, at the tick 0.5 s after that moment: only" in words(page.all._pill)
 
 
 @pytest.mark.parametrize("first, then", [(0.0, 30.0), (0.0, 1.7e9), (50.0, 51.0 + LEAP_S)])
