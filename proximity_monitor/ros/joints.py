@@ -145,12 +145,16 @@ class JointInputs:
         self._now_ns = 0
         self._by_topic: dict[str, list[_Joints]] = {}
         for robot in scene.robots:
-            self._by_topic.setdefault(robot.topic, []).append(_Joints(robot))
+            full = node.resolve_topic_name(robot.topic)  # "/a" and "a" may be one
+            self._by_topic.setdefault(full, []).append(_Joints(robot))
         self._subscriptions = [
             node.create_subscription(
-                JointState, topic, lambda message, of=robots: self._take(of, message), POSITIONS
+                JointState,
+                robots[0].robot.topic,  # a full name could be remapped once more
+                lambda message, of=robots: self._take(of, message),
+                POSITIONS,
             )
-            for topic, robots in self._by_topic.items()
+            for robots in self._by_topic.values()
         ]
 
     def destroy(self) -> None:

@@ -154,13 +154,14 @@ class ProximityPlayer(Node):
                 if name in driven
             }
         joints = self._motion.joints(seek_s)
-        names: dict[str, dict[str, str]] = {}
+        named: dict[str, tuple[str, dict[str, str]]] = {}  # by full name of the topic
         owners = joints_of(scene.robots)
         for called in joints:
             robot, joint = owners[called][0]
-            names.setdefault(robot.topic, {})[called] = joint.name
+            full = self.resolve_topic_name(robot.topic)
+            named.setdefault(full, (robot.topic, {}))[1][called] = joint.name
         self._joints = [
-            (self.create_publisher(JointState, topic, LATEST), its) for topic, its in names.items()
+            (self.create_publisher(JointState, topic, LATEST), its) for topic, its in named.values()
         ]
         self._controls = {
             name: self.create_publisher(PointCloud2, control_topic(name, called), LATEST)

@@ -60,7 +60,7 @@ class Sources:
 
         Raises:
             ValueError: /tf is asked for, and tf2_msgs is not installed; or one topic would carry
-                messages of two types.
+                messages of two types, or the poses of two bodies.
         """
         transforms = _transforms_type() if settings.tf else None
         _check_topics(node, scene, models, settings)
@@ -195,8 +195,13 @@ class Sources:
 def _check_topics(
     node: Node, scene: Scene, models: Mapping[str, engine.Model], settings: Settings
 ) -> None:
-    """Refuse two types of messages on one topic, of which the middleware tells nothing."""
+    """Refuse two types of messages on one topic, of which the middleware tells nothing.
+
+    Nor may two bodies share one. The scene's file is checked for that, but only a node knows which
+    names are of one topic.
+    """
     wanted: list[tuple[str, type, str]] = [("poses", PoseArray, "the poses of all bodies")]
+    poses: set[str] = set()  # of bodies
     for robot in scene.robots:
         wanted.append((robot.topic, JointState, f"the joints of {robot.name}"))
         if robot.root is not None:
@@ -204,6 +209,7 @@ def _check_topics(
     for body in scene.bodies:
         if body.topic is not None and settings.body_topics:
             wanted.append((body.topic, PoseStamped, f"the pose of {body.name}"))
+            poses.add(wanted[-1][2])
         if body.cloud is not None:
             wanted.append((body.cloud.topic, PointCloud2, f"the cloud {body.name}"))
         elif body.deforming:
@@ -213,7 +219,7 @@ def _check_topics(
     for topic, kind, whose in wanted:
         full = node.resolve_topic_name(topic)
         other, its = first.setdefault(full, (kind, whose))
-        if other is not kind:
+        if other is not kind or (its != whose and {its, whose} <= poses):
             raise ValueError(
                 f"{scene.path.name}: topic {full} is to carry {its} ({other.__name__}) and {whose} "
                 f"({kind.__name__}); give one of them another topic"

@@ -372,18 +372,19 @@ def test_a_clock_that_stands_is_told_of_while_ticks_take_all_of_the_time(monkeyp
     assert steady[0] < 20 * 0.6 + 0.02 + 0.5 + 0.05
 
 
-def test_one_topic_for_two_types_of_messages_is_refused(rclpy_context, tmp_path):
+@pytest.mark.parametrize(
+    "topic, told", [("poses", "/poses .*the poses of all"), ("/other", "/other .*the pose of a ")]
+)
+def test_one_topic_for_two_types_or_two_bodies_is_refused(rclpy_context, tmp_path, topic, told):
     path = tmp_path / "scene.yaml"
     path.write_text(
         "version: 1\nunit: m\nbodies:\n"
         "  - {name: a, primitive: {sphere: {radius: 1}}, topic: other}\n"
-        "  - {name: b, primitive: {sphere: {radius: 1}}, topic: poses}\n"
+        "  - {name: b, primitive: {sphere: {radius: 1}}, topic: " + topic + "}\n"
     )
     scene, node = load_scene(path), rclpy.create_node("topics")
     settings = SimpleNamespace(tf=False, body_topics=True, frame=scene.frame)
-    with pytest.raises(
-        ValueError, match=r"topic /poses is to carry the poses of all bodies .*of b"
-    ):
+    with pytest.raises(ValueError, match=f"topic {told}.*of b"):
         Sources(
             node, scene, {}, settings, None, None, deform=lambda *_: None, on_poses=lambda: None
         )

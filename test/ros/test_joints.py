@@ -257,7 +257,8 @@ def test_after_the_clock_went_back_everything_is_heard_anew(bench):
     assert bench.joints.missing() == ["turn"]
 
 
-def test_two_robots_may_share_a_topic(rclpy_context, gantry_file, tmp_path):
+@pytest.mark.parametrize("topic", ["joint_states", "/joint_states"])
+def test_two_robots_may_share_a_topic(rclpy_context, gantry_file, tmp_path, topic):
     """Neither counts the other's joints as unknown."""
     from proximity_monitor.scene import load_scene
 
@@ -268,7 +269,8 @@ def test_two_robots_may_share_a_topic(rclpy_context, gantry_file, tmp_path):
     )
     (tmp_path / "lift.urdf").write_text(lift)
     path = tmp_path / "scene.yaml"
-    path.write_text(SCENE.replace("robots:\n", "robots:\n  - {name: lift, urdf: lift.urdf}\n"))
+    lift = f"robots:\n  - {{name: lift, urdf: lift.urdf, topic: {topic}}}\n"
+    path.write_text(SCENE.replace("robots:\n", lift))
     bench = Bench(load_scene(path))
     try:
         bench.tell(run=0.5, lift_run=-0.5)
