@@ -15,6 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from proximity_monitor.ros.bulk import StampedPose
+from proximity_monitor.ros.last import Input, Last
 from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrices, pose_matrix
 from proximity_monitor.scene.relative_motion import Course
 from proximity_monitor.scene.state import NO_POSE_YET, NO_RECENT_POSE, PoseSample
@@ -52,53 +53,6 @@ class Reason:
     )  # fmt: skip
 
 
-class _Input:
-    """An input that must keep arriving: the stamp of its last good message."""
-
-    __slots__ = ("stamp_ns",)
-
-    def __init__(self) -> None:
-        self.forget()
-
-    def forget(self) -> None:
-        self.stamp_ns: int | None = None
-
-    def out_of_order(self, stamp_ns: int) -> bool:
-        return self.stamp_ns is not None and stamp_ns < self.stamp_ns
-
-    def late(self, now_ns: int, timeout_s: float) -> bool:
-        return self.stamp_ns is None or (now_ns - self.stamp_ns) * 1e-9 > timeout_s
-
-
-class _Last(_Input):
-    """The last good pose of one body, and the one before it with another stamp."""
-
-    __slots__ = ("before", "before_ns", "first", "pose", "rests")
-
-    def forget(self) -> None:
-        super().forget()
-        self.rests = False
-        self.pose: np.ndarray | None = None
-        self.before_ns: int | None = None
-        self.before: np.ndarray | None = None
-        self.first: np.ndarray | None = None
-
-    def wakes(self, pose: np.ndarray) -> bool:
-        """Return whether it has rested, and a pose says that it does no more."""
-        rested = self.rests
-        self.rests = self.pose is not None and pose.tobytes() == self.pose.tobytes()
-        return rested and not self.rests
-
-    def keep(self, pose: np.ndarray, stamp_ns: int) -> None:
-        if stamp_ns != self.stamp_ns:
-            # A link's stamp is the oldest of all that its pose depends on, so other joints may move
-            # while it stays the same. The first pose of a stamp belongs to that moment; a later one
-            # would hide motion.
-            self.before, self.before_ns = self.first, self.stamp_ns
-            self.first = pose
-        self.pose, self.stamp_ns = pose, stamp_ns
-
-
 class Inputs:
     """The last good pose of each moving body, how fresh each shape is, and what was refused."""
 
@@ -118,8 +72,8 @@ class Inputs:
         """
         self.names = tuple(bodies)
         """The moving bodies, in the order of bulk messages."""
-        self._last = {name: _Last() for name in (*self.names, *roots)}
-        self._shapes: dict[str, tuple[_Input, str]] = {}
+        self._last = {name: Last() for name in (*self.names, *roots)}
+        self._shapes: dict[str, tuple[Input, str]] = {}
         self._frame = frame
         self._counted: frozenset[bytes] = frozenset()
         self._round: frozenset[str] = frozenset()
@@ -217,7 +171,7 @@ class Inputs:
 
     def expect_shapes(self, shapes: Mapping[str, str]) -> None:
         """Wait for shapes: by body whose shape arrives how it does, such as "vertices"."""
-        self._shapes = {name: (_Input(), what) for name, what in shapes.items()}
+        self._shapes = {name: (Input(), what) for name, what in shapes.items()}
 
     def judge_shape(self, name: str, stamp_ns: int, now_ns: int) -> str | None:
         """Return why a shape's stamp is refused; None if it is not."""
@@ -310,6 +264,29 @@ class Inputs:
             return None
         seconds = (last.stamp_ns - last.before_ns) * 1e-9
         return Course(last.before, last.pose, seconds) if seconds <= self.timeout_s else None
+
+    def together(self, a: str, b: str) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return the last poses (4, 4) of two bodies at one moment, as far as they are known.
+
+        The moment is the stamp of the older pose. The other body's pose then is on the screw motion
+        between its last two. If one of them has rested, its last pose holds for that of the other.
+
+        Args:
+            a: a body whose pose is known.
+            b: another one.
+
+        Returns:
+            Both poses, and by how many seconds they are apart: more than 0 where the body with the
+            newer pose has none from before the moment.
+        """
+        one, other = self._last[a], self._last[b]
+        if not (one.rested or other.rested):
+            moment_ns = min(one.stamp_ns, other.stamp_ns)
+            at = one.at(moment_ns), other.at(moment_ns)
+            if at[0] is None or at[1] is None:
+                return one.pose, other.pose, abs(one.stamp_ns - other.stamp_ns) * 1e-9
+            return *at, 0.0
+        return one.pose, other.pose, 0.0
 
     def note_strangers(self, publishers: Iterable[tuple[str, bytes]]) -> list[str]:
         """Take the present publishers of pose topics that no body of the scene listens to.

@@ -59,7 +59,7 @@ class Whereabouts:
     def samples(self, now_ns: int) -> Samples:
         """Return the poses of all moving bodies; attached ones and clouds are carried."""
         self._look_at_clock(now_ns)
-        samples = self.attachments.carry(self._inputs.samples(now_ns))
+        samples = self.attachments.carry(self._inputs.samples(now_ns), self._together)
         held = self.attachments.held
         self._inputs.attached = frozenset(held)
         silent = self.silent({}, now_ns)
@@ -102,6 +102,16 @@ class Whereabouts:
         """Forget all messages, because the clock went back."""
         self._inputs.forget()
         self.attachments.forget()
+
+    def _together(self, parent: str, child: str) -> tuple[np.ndarray, np.ndarray]:
+        """Return the poses that say where on its parent a child is; tell if they may not."""
+        *poses, apart_s = self._inputs.together(parent, child)
+        if apart_s:
+            self._log.warning(
+                f"{child} is attached to {parent} by poses that are {apart_s:.3g} s apart, and no "
+                "closer ones are known: if both move, attach it again where one of them rests"
+            )
+        return poses[0], poses[1]
 
     def _look_at_clock(self, now_ns: int) -> None:
         if self.clock.update(now_ns, self._inputs.timeout_s):

@@ -1,14 +1,14 @@
 """Attachments: bodies that are carried by others while an assembly step joins them.
 
 A child follows its parent from the moment when both poses are known and fresh. It keeps the pose
-that it has in the parent's frame at that moment, and its own poses are ignored until it is
-detached. A parent may be another body's child; a fixed body may be a parent, but not a child. A
-child is as stale as its parent.
+that it has in the parent's frame, by poses of one moment as far as they are known. Its own poses
+are ignored until it is detached. A parent may be another body's child; a fixed body may be a
+parent, but not a child. A child is as stale as its parent.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,9 @@ from proximity_monitor.scene.report import meant
 from proximity_monitor.scene.state import PoseSample
 
 Samples = dict[str, PoseSample | None]
+
+Together = Callable[[str, str], tuple[np.ndarray, np.ndarray]]
+"""Returns the poses (4, 4) at one moment of two moving bodies that are not carried."""
 
 
 @dataclass(slots=True)
@@ -105,13 +108,15 @@ class Attachments:
             for each in reversed(chain[:-1]):
                 self._parents[each] = parents[each]
 
-    def carry(self, samples: Samples) -> Samples:
+    def carry(self, samples: Samples, together: Together | None = None) -> Samples:
         """Return the poses, with those of the carried bodies replaced.
 
         A waiting child is held from now on if both poses are known and fresh.
 
         Args:
             samples: of all moving bodies by name.
+            together: asked once when a child is held, because samples may be of different moments;
+                None: they are not.
         """
         if not self._parents:
             return samples
@@ -123,7 +128,11 @@ class Attachments:
                 own = carried[child]
                 if own is None or own.stale or above is None or above.stale:
                     continue
-                hold = self._holds[child] = _Hold(_offset(above.pose, own.pose))
+                at = above.pose, own.pose
+                if together is not None and (root := self.root(parent)) not in self._fixed:
+                    base, pose = together(root, child)
+                    at = base @ self._on_root(parent), pose
+                hold = self._holds[child] = _Hold(_offset(*at))
             # A parent that lost its pose, as after a jump of the clock, takes its children along.
             carried[child] = above and PoseSample(hold.put(above.pose), above.stale)
         return carried
@@ -138,11 +147,16 @@ class Attachments:
         """Return the course of a body from that of its `root`."""
         if root is None or name not in self._holds:
             return root
+        offset = self._on_root(name)
+        return Course(root.before @ offset, root.after @ offset, root.seconds)
+
+    def _on_root(self, name: str) -> np.ndarray:
+        """Return the pose of a body in the frame of its `root`."""
         offset = np.eye(4)
         while name in self._holds:
             offset = self._holds[name].offset @ offset
             name = self._parents[name]
-        return Course(root.before @ offset, root.after @ offset, root.seconds)
+        return offset
 
     def forget(self) -> None:
         """Let every child wait again for fresh poses."""

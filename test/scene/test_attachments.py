@@ -65,6 +65,25 @@ def test_a_chain_is_carried_as_one_in_whatever_order_it_was_made():
         assert attachments.root("spoon") == "hand"
 
 
+def test_the_place_of_a_child_is_that_of_one_moment_and_asked_for_once():
+    asked, then = [], {"hand": (0, 0, 1), "cup": (2, 0, 1), "spoon": (2, 3, 1)}
+
+    def together(*names):
+        asked.append(names)
+        return tuple(pose_matrix(then[name], (0, 0, 0, 1)) for name in names)
+
+    attachments = Attachments(BODIES)
+    attachments.want({"cup": "hand", "spoon": "cup"})
+    for _ in range(2):
+        now = attachments.carry(at(hand=(5, 0, 0), cup=(0, 0, 0), spoon=(0, 0, 0)), together)
+        assert now["cup"].pose[:3, 3].tolist() == [7, 0, 0]
+        assert now["spoon"].pose[:3, 3].tolist() == [7, 3, 0]
+    assert asked == [("hand", "cup"), ("hand", "spoon")]
+    attachments.want({"cup": "table"})
+    attachments.carry(at(cup=(1, 2, 4)), together)
+    assert len(asked) == 2, "a fixed body is always where it is"
+
+
 def test_a_fixed_body_carries_and_is_never_stale():
     attachments = Attachments(BODIES)
     attachments.want({"cup": "table"})

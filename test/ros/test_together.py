@@ -1,0 +1,90 @@
+"""Where two bodies were at one moment, by poses with unlike stamps."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not importable: these tests need ROS 2")
+
+from proximity_monitor.ros.bulk import StampedPose
+from proximity_monitor.ros.inputs import Inputs
+from proximity_monitor.ros.whereabouts import Whereabouts
+from proximity_monitor.scene import load_scene
+
+MS = 1_000_000
+SCENE = """
+version: 1
+unit: m
+bodies:
+  - {name: hand, primitive: {sphere: {radius: 1}}, moving: true}
+  - {name: cup, primitive: {sphere: {radius: 1}}, moving: true}
+"""
+
+
+class Cell:
+    """A hand that moves along x, and a cup that it is to carry."""
+
+    def __init__(self, path):
+        path.write_text(SCENE)
+        scene = load_scene(path)
+        self.inputs = Inputs(scene.pairs.names, "world")
+        self.warned = []
+        node = SimpleNamespace(
+            get_clock=lambda: SimpleNamespace(ros_time_is_active=False),
+            get_logger=lambda: SimpleNamespace(warning=self.warned.append),
+        )
+        clouds = SimpleNamespace(place=lambda *_: None, absent=lambda *_: frozenset())
+        self.where = Whereabouts(node, scene, self.inputs, clouds, lambda _: None)
+
+    def tell(self, name, ms, x, turn=0.0):
+        wise = (0.0, 0.0, float(np.sin(turn / 2)), float(np.cos(turn / 2)))
+        pose = StampedPose(ms * MS, "world", (float(x), 0.0, 0.0), wise)
+        assert self.inputs.store(name, pose, 300 * MS) is None
+
+    def attached(self):
+        self.where.attach({"cup": "hand"}, 300 * MS)
+        self.tell("hand", 290, 0.0)
+        return self.where.samples(300 * MS)["cup"].pose[:3, 3]
+
+
+@pytest.fixture
+def cell(tmp_path):
+    return Cell(tmp_path / "scene.yaml")
+
+
+def test_a_hand_that_moved_since_the_cup_s_pose_is_taken_where_it_was_then(cell):
+    cell.tell("cup", 150, 6.0)
+    cell.tell("cup", 200, 7.0)
+    cell.tell("hand", 100, 0.0)
+    cell.tell("hand", 260, 8.0)
+    np.testing.assert_allclose(cell.attached(), (2.0, 0.0, 0.0), atol=1e-12)  # from 5 m
+    assert not cell.warned
+
+
+def test_a_turn_goes_on_evenly_between_the_poses(cell):
+    cell.tell("cup", 150, 0.0)
+    cell.tell("cup", 200, 1.0)
+    cell.tell("hand", 100, 0.0)
+    cell.tell("hand", 250, 0.0, 1.5)
+    found = cell.attached()  # 1 rad back
+    np.testing.assert_allclose(found, (np.cos(1.0), -np.sin(1.0), 0.0), atol=1e-12)
+
+
+def test_what_rests_is_where_it_was(cell):
+    cell.tell("cup", 150, 7.0)
+    cell.tell("cup", 200, 7.0)
+    cell.tell("hand", 250, 4.0)
+    np.testing.assert_allclose(cell.attached(), (3.0, 0.0, 0.0), atol=1e-12)
+    assert not cell.warned
+
+
+def test_poses_that_are_apart_for_all_that_is_known_are_told(cell):
+    cell.tell("cup", 200, 7.0)
+    cell.tell("hand", 220, 4.0)
+    cell.tell("hand", 250, 5.0)
+    np.testing.assert_allclose(cell.attached(), (2.0, 0.0, 0.0), atol=1e-12)
+    assert cell.warned == [
+        "cup is attached to hand by poses that are 0.05 s apart, and no closer ones are known: if"
+        " both move, attach it again where one of them rests"
+    ]
