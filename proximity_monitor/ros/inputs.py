@@ -277,15 +277,15 @@ class Inputs:
 
         Returns:
             Both poses, and by how many seconds they are apart: more than 0 where the body with the
-            newer pose has none from before the moment.
+            newer pose has none from shortly before the moment.
         """
         one, other = self._last[a], self._last[b]
         if not (one.rested or other.rested):
             moment_ns = min(one.stamp_ns, other.stamp_ns)
-            at = one.at(moment_ns), other.at(moment_ns)
+            at = [each.at(moment_ns, self.timeout_s) for each in (one, other)]
             if at[0] is None or at[1] is None:
                 return one.pose, other.pose, abs(one.stamp_ns - other.stamp_ns) * 1e-9
-            return *at, 0.0
+            return at[0], at[1], 0.0
         return one.pose, other.pose, 0.0
 
     def note_strangers(self, publishers: Iterable[tuple[str, bytes]]) -> list[str]:

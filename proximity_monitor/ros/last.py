@@ -65,11 +65,18 @@ class Last(Input):
         """Whether the last two poses of different stamps are the same."""
         return self.before is not None and np.array_equal(self.before, self.pose)
 
-    def at(self, stamp_ns: int) -> np.ndarray | None:
-        """Return the pose (4, 4) at a moment that is not later than the last; None: not known."""
+    def at(self, stamp_ns: int, timeout_s: float) -> np.ndarray | None:
+        """Return the pose (4, 4) at a moment that is not later than the last; None: not known.
+
+        Args:
+            stamp_ns: the moment.
+            timeout_s: nobody knows how it moved between two poses that are farther apart.
+        """
         if stamp_ns == self.stamp_ns:
             return self.pose
         if self.before is None or stamp_ns < self.before_ns:
+            return None
+        if (self.stamp_ns - self.before_ns) * 1e-9 > timeout_s:
             return None
         keys = to_numbers((self.before, self.pose))
         path = through(np.array([0.0, self.stamp_ns - self.before_ns]), keys[:, :3], keys[:, 3:])

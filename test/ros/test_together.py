@@ -79,10 +79,13 @@ def test_what_rests_is_where_it_was(cell):
     assert not cell.warned
 
 
-def test_poses_that_are_apart_for_all_that_is_known_are_told(cell):
+@pytest.mark.parametrize("before_ms, timeout_s", [(220, 0.5), (100, 0.1)])
+def test_poses_that_are_apart_for_all_that_is_known_are_told(cell, before_ms, timeout_s):
+    cell.inputs.timeout_s = timeout_s + 0.1
     cell.tell("cup", 200, 7.0)
-    cell.tell("hand", 220, 4.0)
+    cell.tell("hand", before_ms, 4.0)
     cell.tell("hand", 250, 5.0)
+    cell.inputs.timeout_s = timeout_s
     np.testing.assert_allclose(cell.attached(), (2.0, 0.0, 0.0), atol=1e-12)
     assert cell.warned == [
         "cup is attached to hand by poses that are 0.05 s apart, and no closer ones are known: if"
