@@ -82,6 +82,9 @@ POSES = {
     "perpendicular axes": (0.7, upright(2.0, 0.3, 0.1)),
     "interlocked": (0.7, upright(0.9, 0.1, 0.0)),
     "interlocked, the other side": (0.7, upright(-1.2, 0.0, 0.3)),
+    "around the tube": (0.7, upright(1.0)),
+    "around the tube, of one size": (1.0, upright(1.0)),
+    "nearly around the tube": (0.7, upright(1.0 + 1e-9, 0.0, 1e-9)),
     "equal minima": (0.5, upright(0.0)),
     "equal minima, tilted": (0.5, tilted(0.4)),
     "nearly concentric": (0.5, translation(1e-9, 0.0, 0.0)),
@@ -108,7 +111,12 @@ def bound(motion, around, radius, angle, half):
     return apart, least
 
 
-ask._cache = bound._cache = NullCache()
+@jit.entry
+def beside_tube(motion, around, radius):
+    return circles._around_tube(circles.circles_of(motion, around, 0.0, radius, 0.0))
+
+
+ask._cache = bound._cache = beside_tube._cache = NullCache()
 
 
 def check_circles(around, radius, at, sharp):
@@ -191,6 +199,23 @@ def test_no_point_of_an_interval_is_nearer_than_its_bound():
         assert least >= apart - 1.01 * radius * half - 1e-13
 
 
+def test_no_point_of_a_circle_around_a_tube_is_nearer_than_its_centre_tells():
+    rng, sharp = np.random.default_rng(15), 0
+    turns = np.linspace(0.0, 2.0 * np.pi, 720)
+    for _ in range(400):
+        radius, off = rng.choice([0.3, 0.7, 1.0]), 10.0 ** rng.uniform(-12, 0)
+        at = upright(1.0) @ pose(rng, 0.0) if rng.random() < 0.2 else upright(1.0)
+        at[:3, 3] += off * rng.normal(size=3)
+        at = tilted(10.0 ** rng.uniform(-12, 0)) @ at
+        motion = np.concatenate((at[:3, :3].ravel(), at[:3, 3]))
+        rim = at[:3, :2] @ np.array([np.cos(turns), np.sin(turns)]) * radius + at[:3, 3:]
+        found = np.hypot(np.hypot(rim[0], rim[1]) - 1.0, rim[2]).min()
+        least = beside_tube(motion, 1.0, radius)
+        assert least <= found + 1e-15
+        sharp += least > found - 1e-6
+    assert sharp > 50
+
+
 @pytest.mark.parametrize("thin", [1e-3, 1e-9])
 @pytest.mark.parametrize("name", POSES)
 def test_thin_rings_are_as_far_apart_as_circles(name, thin):
@@ -254,6 +279,16 @@ def test_a_ring_in_the_tube_of_another(at):
     assert found.upper - found.lower <= 1e-10
     signed = engine.signed_distance(torus(1.0, 0.4), IDENTITY, torus(0.95, 0.02), at)
     assert signed.lower <= -0.04 <= signed.upper + 1e-12
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-9])
+def test_a_link_of_a_chain_that_reaches_the_axis_of_the_other(off):
+    """The points beside the axis are the nearest, and none that is easy to find."""
+    at, link = upright(1.0, off), torus(1.0, 0.1)
+    found = engine.distance(link, IDENTITY, link, at)
+    expected = circles_apart(1.0, 1.0, at) - 0.2
+    assert found.status is engine.Status.EXACT
+    assert found.lower <= expected + 1e-14 and found.upper >= expected - 1e-14
 
 
 def test_a_thin_ring_in_a_tube_that_is_nearest_in_two_places():

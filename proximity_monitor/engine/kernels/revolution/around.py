@@ -83,7 +83,7 @@ def part_around(tree_a, tree_b, state, motion, minimum):
     while tree_a.arcs[a].curve == NONE:
         a, beside, first, end = _half_with(tree_a, a, first, end, curve_a)
         floor = begin - beyond(progress)
-        bound = begin - reach_of(tree_a, own_a, beside, fine, n[0], n[1], floor)
+        bound = max(begin - reach_of(tree_a, own_a, beside, fine, n[0], n[1], floor), least)
         if bound >= progress.limit:
             progress.bound_tests += 1
             keep_ring(state, beside, b, angle, math.pi, whole, n, e)

@@ -5,7 +5,9 @@ and stands about the axis z; rho is how far p is off that. Its square g has a mi
 circles are nearest, up to four of them, and none that is easy to tell from the others. So the turn
 is parted into intervals, each of which has a bound by Taylor's formula with a bound of g'': where
 that is positive and g' is almost zero, as around a minimum, the bound is exact. About one axis both
-are zero, and few intervals are enough as well.
+are zero, and few intervals are enough as well. All points are as far from the other circle, too,
+where the centre lies on that and the axis is its tangent, as of links of a chain: what the centre
+tells is the better bound there.
 """
 
 from __future__ import annotations
@@ -214,6 +216,40 @@ def _bound(circles, angle, half):
 
 
 @inlined
+def _around_tube(circles):
+    """How far the circles are apart at least, metres, as far as the second one's centre tells.
+
+    It is exact where that lies on the first circle, and its axis is tangent to it there. With b the
+    way from the centre c to a point, and tau the most that b extends along that tangent, the point
+    is no less than sqrt(b² - tau²) from c in the half-plane of c. Beside that half-plane it is
+    farther from the axis by less than tau, and by less than tau² over twice its distance.
+    """
+    u, v, centre, r = circles.u, circles.v, circles.centre, circles.radius
+    rho, place = math.sqrt(centre[0] * centre[0] + centre[1] * centre[1]), _PLACE * circles.size
+    if not rho > place:
+        return 0.0
+    x, y = -centre[1] / rho, centre[0] / rho
+    tu, tv = u[0] * x + u[1] * y, v[0] * x + v[1] * y
+    tau = r * math.sqrt(tu * tu + tv * tv) + place
+    uu, vv = u[0] * u[0] + u[1] * u[1] + u[2] * u[2], v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+    uv = u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+    squared = r * r * (min(uu, vv) - abs(uv)) * (1.0 - _REST) - tau * tau
+    if not squared > 0.0:
+        return 0.0
+    off, z, low = rho - circles.around, centre[2], rho - circles.reach - place
+    beside = min(tau, 0.5 * tau * tau / low) if low > 0.0 else tau - 2.0 * low
+    return math.sqrt(squared) - math.sqrt(off * off + z * z) - beside - 2.0 * place
+
+
+@inlined
+def _towards_axis(circles):
+    """The angle of the point that is farthest from the centre on its way to the axis."""
+    u, v, centre = circles.u, circles.v, circles.centre
+    x, y = centre[0] * u[0] + centre[1] * u[1], centre[0] * v[0] + centre[1] * v[1]
+    return math.atan2(-y, -x)
+
+
+@inlined
 def _is_hollow(found, k):
     """Whether none of the neighbours of an interval's middle is nearer."""
     return found[k] <= found[(k + 1) % _PARTS] and found[k] <= found[k - 1]
@@ -254,6 +290,13 @@ def distance_of_circles(circles, spare):
     for k in range(_PARTS):
         if _is_hollow(found, k):
             best, at = _minimum_near(circles, (2 * k + 1) * half, best, at)
+    # Beside the axis, rho turns so fast that no step leads there.
+    angle = _towards_axis(circles)
+    if _apart(circles, angle) < best:
+        best, at = _minimum_near(circles, angle, best, at)
+    around = _around_tube(circles)
+    if around >= best - spare:
+        return around, at, best, 1
     least, count, looks = np.inf, 0, 0
     for k in range(_PARTS):
         low = _least_near(circles, found[k], half + _WIDER)
@@ -286,4 +329,4 @@ def distance_of_circles(circles, spare):
             middles[count] = angle + (k - 0.5) * half
             halves[count] = 0.5 * half + _WIDER
             count += 1
-    return max(least, 0.0), at, best, looks
+    return max(least, around, 0.0), at, best, looks
