@@ -316,3 +316,23 @@ def test_a_deviation_leaves_the_sign_open_where_it_decides():
 def test_lengths_that_are_none_are_refused_by_name(what, value):
     with pytest.raises(engine.ModelError, match=f"ball: {what} = "):
         engine.TriangleMesh(np.eye(3), [[0, 1, 2]], name="ball", **{what: value})
+
+
+@pytest.mark.parametrize("tolerance", [{"rel_err": 1.0}, {"abs_err": 1e-3}, {"rel_err": 0.3}])
+@pytest.mark.parametrize("share", [0.3, 0.9, 1.1, 1.4, 3.0])
+def test_a_search_ends_where_the_deviation_is_about_the_gap(share, tolerance):
+    """No tolerance tells the sign there: one search for it followed the other without end."""
+    cube, deviation = engine.TriangleMesh(*_cube()), 4e-4
+    rough, gap = engine.TriangleMesh(*_cube(), deviation=deviation), share * deviation
+    beside, pair = translation(1.0 + gap), engine.Assembly([rough, cube])
+    poses = np.stack((np.eye(4), beside))
+    both = pair.distances(poses, [(0, 1)], signed=True, **tolerance)
+    bounds = [(both.lower[0], both.upper[0])]
+    for budget_s in (None, 0.05):
+        found = engine.signed_distance(
+            rough, poses[0], cube, beside, budget_s=budget_s, **tolerance
+        )
+        bounds.append((found.lower, found.upper))
+    for lower, upper in bounds:
+        assert lower <= gap - deviation and gap + deviation <= upper
+        assert (lower > 0.0) == (share > 1.0)

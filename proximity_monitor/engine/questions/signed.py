@@ -24,6 +24,9 @@ from .slices import deadline_of
 if TYPE_CHECKING:
     from .pair import Pair
 
+_LARGEST, _NONE = {"rel_err": 1.0}, {"rel_err": 0.0}
+"""Tolerances of the surfaces' distance where the one that was asked for does not tell the sign."""
+
 Stage = Callable[["SignedSearch"], "Stage | None"]
 """Does at least one slice of work; returns the next stage, itself if time ran out, None to end."""
 
@@ -293,13 +296,15 @@ class SignedSearch:
             bound_tests, primitive_tests = self._earlier_tests
             bound_tests += found.bound_tests
             primitive_tests += found.primitive_tests
-            if found.lower > 0.0 or found.status is not Status.WITHIN_TOLERANCE:
+            told = found.lower > 0.0 or found.status is not Status.WITHIN_TOLERANCE
+            if told or self._tolerance is _NONE:
                 self._apart_tests = bound_tests, primitive_tests
                 self._found = found
                 return found
             # A tolerance so wide that the surfaces might still meet does not tell the sign. It
-            # allows all between 0 and `upper`, hence whatever is found next.
-            self._tolerance = {"rel_err": 1.0}
+            # allows all between 0 and `upper`, hence whatever is found next. Where the models may
+            # deviate by about as much as they are apart, only the exact distance tells.
+            self._tolerance = _NONE if self._tolerance is _LARGEST else _LARGEST
             self._earlier_tests = bound_tests, primitive_tests
 
     def _inside(self, ended: bool) -> NDArray[np.float64]:
