@@ -124,6 +124,8 @@ def _scalar(schema: Schema) -> str:
         return f"{text}, {schema['minimum']:g} to {schema['maximum']:g}"
     if "minimum" in schema:
         text += f", at least {schema['minimum']:g}"
+    if "x-metres" in schema:
+        text += f", at most {schema['x-metres']:g} m"
     return text + (f", at most {schema['maximum']:g}" if "maximum" in schema else "")
 
 

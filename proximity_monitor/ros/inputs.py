@@ -18,13 +18,14 @@ from proximity_monitor.ros.bulk import StampedPose
 from proximity_monitor.ros.last import Input, Last
 from proximity_monitor.scene.poses import UNIT_LENGTH, pose_matrices, pose_matrix
 from proximity_monitor.scene.relative_motion import Course
+from proximity_monitor.scene.schema import bounds
 from proximity_monitor.scene.state import NO_POSE_YET, NO_RECENT_POSE, PoseSample
 
 FUTURE_TOLERANCE_S = 0.1
 """How far ahead of the node's clock a stamp may be. Synchronised clocks differ by less. A stamp
 that is further ahead would hide for just as long that its source fell silent."""
 
-FURTHEST = 1e9
+_, FURTHEST = bounds("coordinate")
 """Metres from the origin. Beyond this, float64 rounds by more than a ten-thousandth of a mm."""
 
 RIGID = 1e-6

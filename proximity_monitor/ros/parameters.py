@@ -18,11 +18,10 @@ from rclpy.exceptions import InvalidParameterTypeException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from proximity_monitor.scene.schema import bounds
+
 AS_SCENE = -1.0
 """The value of an overriding parameter that leaves the scene file's value in force."""
-
-FURTHEST = 1e6
-"""Metres; larger thresholds and tolerances are typing errors."""
 
 
 class Spec(NamedTuple):
@@ -56,28 +55,27 @@ SPECS: Mapping[str, Spec] = {
         fixed=True,
     ),
     "autostart": Spec(True, "Configure and activate at start, without a manager.", fixed=True),
-    "rate_hz": Spec(AS_SCENE, "Ticks a second; -1: the scene file's.", 0.1, 1000.0, overrides=True),
+    "rate_hz": Spec(
+        AS_SCENE, "Ticks a second; -1: the scene file's.", *bounds("rate_hz"), overrides=True
+    ),
     "budget_ms": Spec(
         AS_SCENE,
         "Time for the searches of one tick, in milliseconds; 0 only certifies bounds; -1: the scene"
         " file's.",
-        0.0,
-        10000.0,
+        *bounds("budget_ms"),
         overrides=True,
     ),
     "rel_err": Spec(
         AS_SCENE,
         "Relative tolerance of all pairs; 0 is exact; -1: each pair's from the scene file.",
-        0.0,
-        1.0,
+        *bounds("tolerance.rel_err"),
         overrides=True,
     ),
     "abs_err": Spec(
         AS_SCENE,
         "Absolute tolerance of all pairs, in metres; 0 is exact; -1: each pair's from the scene"
         " file.",
-        0.0,
-        FURTHEST,
+        *bounds("tolerance.abs_err"),
         overrides=True,
     ),
     "pose_timeout_s": Spec(

@@ -25,13 +25,13 @@ from proximity_monitor.ros.parameters import AS_SCENE, SPECS
 from proximity_monitor.scene import Scene, Thresholds
 from proximity_monitor.scene.attachments import Attachments
 from proximity_monitor.scene.naming import safe
+from proximity_monitor.scene.schema import bounds
 
 MAX_PAIRS = 100
 """How many pairs' own thresholds may become parameters. If a scene has more, none of them does: a
 million parameters would take hours to declare and serve nobody."""
 
 _LIMITS = {"warn": "m", "stop": "m", "hysteresis": "m", "hold_s": "s"}
-_LONGEST_HOLD_S = 3600.0
 
 
 class Settings(NamedTuple):
@@ -137,10 +137,10 @@ class SceneParameters:
     def _declare(self) -> None:
         for prefix, limits in self._groups.items():
             for limit, unit in _LIMITS.items():
-                highest = parameters.FURTHEST if unit == "m" else _LONGEST_HOLD_S
+                least, most = bounds(f"thresholds.{limit}")
                 descriptor = ParameterDescriptor(
                     description=f"{limit} of {_whose(prefix)}, in {unit}; warn >= stop >= 0.",
-                    floating_point_range=[FloatingPointRange(from_value=0.0, to_value=highest)],
+                    floating_point_range=[FloatingPointRange(from_value=least, to_value=most)],
                 )
                 default = float(getattr(limits, limit))
                 parameters.declare_one(self._node, f"{prefix}.{limit}", default, descriptor)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import difflib
 import functools
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from jsonschema import Draft202012Validator, ValidationError
+from jsonschema.validators import extend
 
+from proximity_monitor.scene.description import UNITS, Unit
 from proximity_monitor.scene.report import Keys, Report, shown
 
 _TYPES = {
@@ -29,15 +32,44 @@ _LIMITS = {
 
 
 @functools.cache
-def _validator() -> Draft202012Validator:
-    path = Path(__file__).with_name("schema.json")
-    return Draft202012Validator(json.loads(path.read_text(encoding="utf-8")))
+def _schema() -> dict[str, Any]:
+    return json.loads(Path(__file__).with_name("schema.json").read_text(encoding="utf-8"))
+
+
+def bounds(key: str) -> tuple[float, float]:
+    """Return the least and the greatest number that a key allows; of lengths, in metres.
+
+    Args:
+        key: one of the file's, or of a definition of the schema: ``rate_hz``, ``thresholds.warn``.
+    """
+    found = {"properties": _schema()["$defs"] | _schema()["properties"]}
+    for name in key.split("."):
+        found = found["properties"][name]
+        found = _schema()["$defs"][found["$ref"].rpartition("/")[2]] if "$ref" in found else found
+    most = found.get("x-metres", found.get("maximum", math.inf))
+    return found.get("minimum", -most), most
+
+
+def _validator(unit: Unit | None) -> Draft202012Validator:
+    """With the limits of lengths, which are in metres; None: the file's unit is not known."""
+
+    def within(
+        validator: Draft202012Validator, most: float, got: Any, _: Any
+    ) -> Iterator[ValidationError]:
+        number = unit is not None and validator.is_type(got, "number")
+        if number and abs(got) * unit.to_metre > most:
+            limit = f"at most {most:g} m" if got > 0 else f"at least {-most:g} m"
+            yield ValidationError(f"must be {limit} (got {got:g} {unit.symbol})")
+
+    return extend(Draft202012Validator, {"x-metres": within})(_schema())
 
 
 def check(data: Any, report: Report) -> None:
     """Add to the report whatever the schema forbids."""
     unreadable = report.places()
-    for error in _validator().iter_errors(data):
+    unit = data.get("unit") if isinstance(data, dict) else None
+    known = UNITS.get(unit) if isinstance(unit, str) else None
+    for error in _validator(known).iter_errors(data):
         for keys, message in _problems(error):
             if keys not in unreadable:
                 report.add(keys, message)

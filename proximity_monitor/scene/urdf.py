@@ -23,6 +23,7 @@ from proximity_monitor.scene.kinematics import Joint, Kinematics, KinematicsErro
 from proximity_monitor.scene.markup import NO_ARGUMENTS, MarkupError
 from proximity_monitor.scene.poses import matrix_rpy, pose_matrix, rpy_matrix
 from proximity_monitor.scene.report import meant, shown
+from proximity_monitor.scene.schema import bounds
 
 _VERSIONS = ("1", "1.0", "1.1", "1.2")
 _PLACE = ("xyz", "rpy", "quat_xyzw")
@@ -30,7 +31,7 @@ _PLACE = ("xyz", "rpy", "quat_xyzw")
 _KINDS = ("fixed", "revolute", "continuous", "prismatic")
 # Metres or radians. Beyond this, float64 rounds by more than a robot's clearances, and products of
 # such numbers could overflow.
-_LARGEST = 1e9
+_, _LARGEST = bounds("coordinate")
 _Vector = tuple[float, float, float]
 
 
@@ -278,7 +279,7 @@ class _Reader:
             numbers = ()
         if len(numbers) != count or not all(abs(number) <= most for number in numbers):
             wanted = "a number" if count == 1 else f"{count} numbers"
-            size = "" if most > _LARGEST else " of at most 1e9"
+            size = "" if most > _LARGEST else f" of at most {_LARGEST:g}"
             self._fail(at, f"{key} must be {wanted}{size} (got {shown(text)})")
         return numbers
 

@@ -237,3 +237,27 @@ def test_what_yaml_makes_of_plain_words_is_told(problems, old, new, told):
     found = problems(text.replace(old, new))
     assert any(told in line for line in found), found
     assert not any("unknown key" in line for line in found)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("position: [0, 0, 0]", "position: [0, -1e300, 0]",
+         "10: bodies[0].pose.position[1]: must be at least -1e+09 m (got -1e+300 mm)"),
+        ("warn: 5", "warn: 1.1e9", "4: thresholds.warn: must be at most 1e+06 m (got 1.1e+09 mm)"),
+        ("stop: 1", "hysteresis: 1e300", "5: thresholds.hysteresis: must be at most 1e+06 m"),
+        ("warn: 3", "stop: 1e10", "23: pairs.watch[0].thresholds.stop: must be at most 1e+06 m"),
+        ("unit: mm", "unit: mm\ntolerance: {abs_err: 1e10}", "3: tolerance.abs_err: must be at mo"),
+        ("unit: mm", "unit: mm\nrange: 1e13", "3: range: must be at most 1e+09 m"),
+        ("size: [1, 1, 1]", "size: [1, 1e13, 1]", "primitive.box.size[1]: must be at most 1e+09 m"),
+        ("moving: true", "deviation: 1e13\n    moving: true", "deviation: must be at most 1e+09 m"),
+    ],
+)  # fmt: skip
+def test_lengths_have_limits_in_metres(problems, old, new, told):
+    assert told in problems(TEXT.replace(old, new))[0]
+
+
+@pytest.mark.parametrize(("unit", "most"), [("m", 1e6), ("mm", 1e9), ("in", 39370078)])
+def test_a_length_may_equal_its_limit(load, unit, most):
+    scene = load(TEXT.replace("unit: mm", f"unit: {unit}").replace("warn: 5", f"warn: {most!r}"))
+    assert 1e6 - 0.03 < scene.thresholds.warn <= 1e6

@@ -170,13 +170,13 @@ BROKEN = {
     "no name": ('<link name="frame"/>', "<link/>", "a link: needs the attribute 'name'"),
     "a bad size": (
         'size="0.4 0.3 0.1"', 'size="0.4 0.3"',
-        r"link 'base', <collision>, <box>: size must be 3 numbers of at most 1e9 \(got '0.4 0.3'",
+        r"link 'base', <collision>, <box>: size must be 3 numbers of at most 1e\+09 \(got '0.4 ",
     ),
     "not a number": (
         'radius="0.02"', 'radius="thick"',
-        "link 'fork', <collision>, <cylinder>: radius must be a number of at most 1e9",
+        r"link 'fork', <collision>, <cylinder>: radius must be a number of at most 1e\+09",
     ),
-    "not finite": ('radius="0.2"', 'radius="inf"', "radius must be a number of at most 1e9"),
+    "not finite": ('radius="0.2"', 'radius="inf"', r"radius must be a number of at most 1e\+09"),
     "far": ('xyz="0 0 0.25"', 'xyz="0 0 1e200"', "xyz must be 3 numbers of at most"),
     "a limit that is none": ('lower="-0.1"', 'lower="nan"', "lower must be a number"),
     "negative": ('radius="0.02"', 'radius="-1"', "sizes must be greater than 0"),

@@ -11,8 +11,10 @@ from typing import TextIO
 
 import numpy as np
 
+from proximity_monitor.scene.description import Unit
 from proximity_monitor.scene.poses import UNIT_LENGTH
 from proximity_monitor.scene.report import SceneError, shown
+from proximity_monitor.scene.schema import bounds
 
 COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 
@@ -20,16 +22,20 @@ COLUMNS = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 _MAX_ROWS = 500_000
 # Lines of eight numbers are shorter; without a limit a file without line ends is read whole.
 _MAX_LINE = 4096
-# Seconds, eleven days: larger times are stamps of a clock. The schema has the same limit.
-_LATEST = 1e6
-_FURTHEST = 1e9
+# Seconds, eleven days: larger times are stamps of a clock.
+_, _LATEST = bounds("time")
+_, _FURTHEST = bounds("coordinate")
 
 
-def read_poses(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def read_poses(path: Path, unit: Unit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Read a table with the columns t, x, y, z, qx, qy, qz, qw, in any order, and maybe others.
 
+    Args:
+        path: the file.
+        unit: its lengths'.
+
     Returns:
-        Times (n,) in seconds, increasing; positions (n, 3) in the file's unit; quaternions (n, 4)
+        Times (n,) in seconds, increasing; positions (n, 3) in metres; quaternions (n, 4)
         x, y, z, w of length 1.
 
     Raises:
@@ -44,7 +50,7 @@ def read_poses(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             places = _places(header)
             for row in reader:
                 if row:
-                    numbers.extend(_numbers(row, places, len(header), numbers))
+                    numbers.extend(_numbers(row, places, len(header), numbers, unit))
     except OSError as error:
         raise SceneError(f"{path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
@@ -56,7 +62,7 @@ def read_poses(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise SceneError(f"{path}: has a header, but no pose")
     table = np.array(numbers).reshape(-1, len(COLUMNS))
     lengths = np.linalg.norm(table[:, 4:], axis=1, keepdims=True)
-    return table[:, 0].copy(), table[:, 1:4].copy(), table[:, 4:] / lengths
+    return table[:, 0].copy(), unit.to_metre * table[:, 1:4], table[:, 4:] / lengths
 
 
 def _lines(file: TextIO) -> Iterator[str]:
@@ -81,7 +87,9 @@ def _places(header: list[str]) -> list[int]:
     return [names.index(name) for name in COLUMNS]
 
 
-def _numbers(row: list[str], places: list[int], width: int, before: array) -> list[float]:
+def _numbers(
+    row: list[str], places: list[int], width: int, before: array, unit: Unit
+) -> list[float]:
     """The numbers of one row, in the order of COLUMNS; `before` holds those of earlier rows."""
     if len(before) == _MAX_ROWS * len(COLUMNS):
         raise ValueError(f"more than {_MAX_ROWS} poses")
@@ -102,8 +110,10 @@ def _numbers(row: list[str], places: list[int], width: int, before: array) -> li
     if before and not t > (last := before[-len(COLUMNS)]):
         raise ValueError(f"t must be later than in the row before, {last:g} (got {t:g})")
     for name, number in zip(COLUMNS[1:4], numbers[1:4], strict=True):
-        if abs(number) > _FURTHEST:
-            raise ValueError(f"{name} must be within {_FURTHEST:g} of 0 (got {number:g})")
+        if abs(number) * unit.to_metre > _FURTHEST:
+            raise ValueError(
+                f"{name} must be within {_FURTHEST:g} m of 0 (got {number:g} {unit.symbol})"
+            )
     length = math.hypot(*numbers[4:])
     if abs(length - 1.0) > UNIT_LENGTH:
         raise ValueError(f"the quaternion must have length 1 (got {length:.6g})")

@@ -83,13 +83,13 @@ def _key_poses(
 
 def _table(text: str, keys: Keys, unit: Unit, report: Report, folder: Path) -> dict[str, Any]:
     try:
-        times, positions, quaternions = read_poses(model_path(text, folder))
+        times, positions, quaternions = read_poses(model_path(text, folder), unit)
     except SceneError as error:
         report.add(keys, str(error))
         return {}
     return {
         "times": frozen(times),
-        "positions": metres(positions, unit),
+        "positions": frozen(positions),
         "quaternions": frozen(quaternions),
     }
 
