@@ -42,12 +42,31 @@ def test_links_of_which_it_is_open_whether_they_touch_are_watched(load):
         SCENE.split("    angles")[0] + "    exclude_adjacent: false\n    exclude_touching: true\n"
     )
     near = load(text, urdf.replace("PLACE", "1.0002"))
-    assert both("crane_a crane_b") < names_of(near.pairs) and near.warnings == ()
+    assert both("crane_a crane_b") < names_of(near.pairs)
+    assert "watched, as it is open whether they touch where the robot starts" in near.warnings[0]
+    assert near.warnings[0].endswith("name in 'exclude' those that do: crane_a - crane_b")
+    apart = load(text, urdf.replace("PLACE", "1.1"))
+    assert both("crane_a crane_b") < names_of(apart.pairs) and apart.warnings == ()
     far = load(text, urdf.replace("PLACE", "0.9"))
     assert not names_of(far.pairs) & both("crane_a crane_b")
     assert far.warnings[0].endswith(
         "exclude_touching: not watched, as they touch where the robot starts: crane_a - crane_b"
     )
+
+
+@pytest.mark.parametrize(
+    ("place", "watched"), [("1", False), ("1.00000001", False), ("1.000009", True), ("0.9", False)]
+)
+def test_links_that_are_drawn_touching_may_be_apart_by_what_descriptions_round(
+    load, place, watched
+):
+    urdf = f"""<robot name="r"><link name="a"><collision><geometry><sphere radius="0.5"/></geometry>
+      </collision></link><link name="b"><collision><geometry><sphere radius="0.5"/></geometry>
+      </collision></link><joint name="j" type="revolute"><origin xyz="{place} 0 0"/>
+      <parent link="a"/><child link="b"/></joint></robot>"""
+    text = SCENE.split("    angles")[0] + "    exclude_adjacent: false\n"
+    pairs = names_of(load(text + "    exclude_touching: true\n", urdf).pairs)
+    assert (both("crane_a crane_b") < pairs) == watched
 
 
 def test_a_limit_that_the_description_rounds_may_be_reached(load):
